@@ -1,0 +1,348 @@
+"""The actuator: what a TOML file of geometries/ says, as frozen records in SI units."""
+
+import hashlib
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from msl_fem.constants import COPPER_RESISTIVITY
+from msl_fem.errors import ActuatorError, QuantityError
+from msl_fem.quantity import format_quantity, parse_quantity
+
+
+def _reads(unit: str) -> BeforeValidator:
+    """A validator that takes the text of a file, or an SI number given from Python."""
+
+    def read(given: object) -> float:
+        if isinstance(given, float) or (isinstance(given, int) and not isinstance(given, bool)):
+            return float(given)
+        try:
+            return parse_quantity(given, unit)  # type: ignore[arg-type]
+        except QuantityError as err:
+            raise ValueError(str(err)) from err
+
+    return BeforeValidator(read)
+
+
+Length = Annotated[float, _reads("m"), Field(gt=0)]
+Clearance = Annotated[float, _reads("m"), Field(ge=0)]
+Mass = Annotated[float, _reads("kg"), Field(gt=0)]
+Stiffness = Annotated[float, _reads("N/m"), Field(ge=0)]
+Damping = Annotated[float, _reads("N s/m"), Field(ge=0)]
+Force = Annotated[float, _reads("N")]
+Frequency = Annotated[float, _reads("Hz"), Field(gt=0)]
+Voltage = Annotated[float, _reads("V"), Field(gt=0)]
+Current = Annotated[float, _reads("A"), Field(gt=0)]
+Resistance = Annotated[float, _reads("ohm"), Field(gt=0)]
+PositionNoise = Annotated[float, _reads("m"), Field(ge=0)]
+CurrentNoise = Annotated[float, _reads("A"), Field(ge=0)]
+Fraction = Annotated[float, Field(gt=0, le=1)]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Coil(_Record):
+    """The coil on the centre leg: `turns` in each half window, a rectangle `width` by `height`."""
+
+    turns: Annotated[int, Field(gt=0)]
+    width: Length
+    height: Length
+    leg_clearance: Clearance
+    face_clearance: Clearance
+    fill_factor: Annotated[float, Field(gt=0, lt=1)]
+
+
+class Iron(_Record):
+    """Names of irons (see `msl_fem.material.load_iron`) and the stacking factors of their laminations."""
+
+    core: str
+    armature: str
+    stacking_factor: Fraction = 1.0
+    core_stacking_factor: Fraction | None = None
+    armature_stacking_factor: Fraction | None = None
+
+    @property
+    def core_stacking(self) -> float:
+        return self.core_stacking_factor or self.stacking_factor
+
+    @property
+    def armature_stacking(self) -> float:
+        return self.armature_stacking_factor or self.stacking_factor
+
+
+class Air(_Record):
+    """The air box, A = 0 on it: beyond the core's half width, below the armature, above the yoke."""
+
+    side: Length
+    bottom: Length
+    top: Length
+
+
+class ECore(_Record):
+    """A laminated E-core with its coil on the centre leg, facing a flat armature."""
+
+    kind: Literal["e-core"]
+    centre_leg_width: Length
+    outer_leg_width: Length
+    window_width: Length
+    window_height: Length
+    yoke_thickness: Length
+    armature_thickness: Length
+    armature_overhang: Clearance = 0.0
+    stack_depth: Length
+    pole_chamfer: Clearance = 0.0
+    coil: Coil
+    iron: Iron
+    air: Air | None = None
+
+    @model_validator(mode="after")
+    def _coil_fits_its_window(self) -> "ECore":
+        for name, used, window in (
+            ("width", self.coil.leg_clearance + self.coil.width, self.window_width),
+            ("height", self.coil.face_clearance + self.coil.height, self.window_height),
+        ):
+            if used > window * (1 + 1e-9):
+                raise ValueError(
+                    f"coil.{name} with its clearance is {format_quantity(used, 'm')}, more than the "
+                    f"window's {format_quantity(window, 'm')}; make the coil smaller or the window larger"
+                )
+        largest = min(self.centre_leg_width / 2, self.outer_leg_width) / 2
+        if self.pole_chamfer > largest:
+            raise ValueError(
+                f"pole_chamfer {format_quantity(self.pole_chamfer, 'm')} is above "
+                f"{format_quantity(largest, 'm')}, a quarter of the thinnest pole; make it smaller"
+            )
+        return self
+
+    @property
+    def half_width(self) -> float:
+        return self.centre_leg_width / 2 + self.window_width + self.outer_leg_width
+
+    @property
+    def height(self) -> float:
+        """From the pole faces to the back of the yoke."""
+        return self.window_height + self.yoke_thickness
+
+    @property
+    def armature_half_width(self) -> float:
+        return self.half_width + self.armature_overhang
+
+    @property
+    def air_box(self) -> Air:
+        """The stated air box, or one of the proportions of E1's: its cut moves the force by less than 1e-4."""
+        if self.air is not None:
+            return self.air
+        w = self.half_width
+        return Air(side=2.0 * w, bottom=2.2 * w, top=2.2 * w)
+
+    @property
+    def coil_section(self) -> float:
+        """Cross section of one coil side in m2."""
+        return self.coil.width * self.coil.height
+
+    @property
+    def mean_turn_length(self) -> float:
+        """Length of the middle turn: the straight sides and a circular arc at each corner."""
+        straight = 2 * (self.stack_depth + self.centre_leg_width)
+        return straight + 2 * math.pi * (self.coil.leg_clearance + self.coil.width / 2)
+
+    @property
+    def winding_resistance(self) -> float:
+        """Resistance of the coil at 20 degC from its copper section: R = rho N^2 l_turn / (k_fill A_coil)."""
+        return (
+            COPPER_RESISTIVITY
+            * self.coil.turns**2
+            * self.mean_turn_length
+            / (self.coil.fill_factor * self.coil_section)
+        )
+
+
+class TableMagnet(_Record):
+    """A magnet known by a measured or foreign table."""
+
+    kind: Literal["table"]
+    table: str
+
+
+class MeshMagnet(_Record):
+    """A magnet whose section is a mesh with named regions."""
+
+    kind: Literal["mesh"]
+    mesh: str
+
+
+class Sides(_Record):
+    """How many magnets pull, and how those of a side are connected."""
+
+    count: Literal[1, 2]
+    magnets_per_side: Annotated[int, Field(gt=0)]
+    connection: Literal["series", "parallel"] = "series"
+    polarity: Literal["opposing", "aiding"] = "opposing"
+
+
+class Motion(_Record):
+    """The moving mass on its suspension; `range` is plus and minus about the nominal gap."""
+
+    moving_mass: Mass
+    stiffness: Stiffness = 0.0
+    damping: Damping = 0.0
+    nominal_gap: Length | None = None
+    range: Length | None = None
+    constant_force: Force = 0.0
+
+    @model_validator(mode="after")
+    def _range_leaves_a_gap(self) -> "Motion":
+        if self.nominal_gap is not None and self.range is not None and self.range >= self.nominal_gap:
+            raise ValueError(
+                f"range {format_quantity(self.range, 'm')} must be below nominal_gap "
+                f"{format_quantity(self.nominal_gap, 'm')}, or the faces touch"
+            )
+        return self
+
+
+class Drive(_Record):
+    """The power amplifier of a side; limits are per side, the resistance is that of one magnet's coil."""
+
+    kind: Literal["current", "voltage", "force"]
+    bandwidth: Frequency | None = None
+    voltage_limit: Voltage | None = None
+    current_limit: Current | None = None
+    coil_resistance: Resistance | None = None
+
+
+class PositionSensor(_Record):
+    noise: PositionNoise = 0.0
+    bandwidth: Frequency | None = None
+    resolution: PositionNoise = 0.0
+
+
+class CurrentSensor(_Record):
+    noise: CurrentNoise = 0.0
+
+
+class Controller(_Record):
+    rate: Frequency
+    delay_samples: Annotated[int, Field(ge=0)] = 0
+
+
+class Actuator(_Record):
+    """An actuator file. Sections that an actuator lacks are None; SI units throughout."""
+
+    schema_version: Literal[1] = Field(alias="schema")
+    name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9_. -]+$")]
+    magnet: Annotated[ECore | TableMagnet | MeshMagnet, Field(discriminator="kind")] | None = None
+    sides: Sides | None = None
+    motion: Motion | None = None
+    drive: Drive | None = None
+    position_sensor: PositionSensor = PositionSensor()
+    current_sensor: CurrentSensor = CurrentSensor()
+    controller: Controller | None = None
+    sources: dict[str, str] = {}
+    file: Path | None = Field(default=None, exclude=True)
+
+    @model_validator(mode="after")
+    def _sections_belong_together(self) -> "Actuator":
+        if self.magnet is not None and self.motion is not None and self.motion.nominal_gap is None:
+            raise ValueError("motion.nominal_gap is missing; an actuator with a magnet needs it")
+        if self.magnet is None and self.drive is not None and self.drive.kind != "force":
+            raise ValueError(
+                f"drive.kind is '{self.drive.kind}' but there is no [magnet]; use kind = \"force\""
+            )
+        return self
+
+    @property
+    def folder(self) -> Path:
+        """Where relative names in the file are looked up."""
+        return self.file.parent if self.file else Path()
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the content: equal for equal actuators, whatever the file's comments."""
+        return hashlib.sha256(self.model_dump_json(exclude={"sources"}).encode()).hexdigest()
+
+    def e_core(self) -> ECore:
+        """The magnet, where it is an E-core; ActuatorError otherwise."""
+        if not isinstance(self.magnet, ECore):
+            kind = self.magnet.kind if self.magnet else "none"
+            raise ActuatorError(
+                f"{self.name}: the field solution needs [magnet] kind = \"e-core\", this one is '{kind}'"
+            )
+        return self.magnet
+
+    def coil_resistance(self) -> float:
+        """Resistance of one magnet's coil in ohm: as stated in [drive], else from the winding."""
+        if self.drive is not None and self.drive.coil_resistance is not None:
+            return self.drive.coil_resistance
+        return self.e_core().winding_resistance
+
+
+def load_actuator(path: str | Path) -> Actuator:
+    """The actuator that a TOML file describes.
+
+    Raises
+    ------
+    ActuatorError : no such file, not TOML, an unknown or a missing key, a wrong unit, a value out of its range;
+        the message names the file and the key path
+    """
+    file = Path(path)
+    try:
+        text = file.read_bytes().decode("utf-8")
+    except (OSError, ValueError) as err:
+        raise ActuatorError(f"{path}: cannot be read ({_reason(err)}); give an actuator file (TOML)") from err
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as err:
+        raise ActuatorError(f"{path}: not valid TOML: {err}") from err
+    return parse_actuator(content, file=file)
+
+
+def parse_actuator(content: dict[str, Any], *, file: Path | None = None) -> Actuator:
+    """The actuator that a parsed TOML document describes; raises as `load_actuator`."""
+    if "file" in content:
+        raise ActuatorError(f"{file or 'actuator'}: file: unknown key; remove it")
+    _refuse_bare_numbers(content, file)
+    try:
+        return Actuator.model_validate({**content, "file": file})
+    except ValidationError as err:
+        raise ActuatorError(f"{file or 'actuator'}: {_first_complaint(err)}") from err
+
+
+_PURE_NUMBERS = {
+    "schema", "turns", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor",
+    "count", "magnets_per_side", "delay_samples",
+}  # fmt: skip
+
+
+def _refuse_bare_numbers(content: dict[str, Any], file: Path | None, path: str = "") -> None:
+    for key, value in content.items():
+        if isinstance(value, dict):
+            _refuse_bare_numbers(value, file, f"{path}{key}.")
+        elif isinstance(value, int | float) and not isinstance(value, bool) and key not in _PURE_NUMBERS:
+            raise ActuatorError(
+                f'{file or "actuator"}: {path}{key}: {value} has no unit; write a text with one, like "0.6 mm"'
+            )
+
+
+def _first_complaint(err: ValidationError) -> str:
+    first = err.errors()[0]
+    path = ".".join(str(p) for p in first["loc"] if p not in ("e-core", "table", "mesh"))
+    kind = first["type"]
+    if kind == "extra_forbidden":
+        said = "unknown key; check its spelling or remove it"
+    elif kind == "missing":
+        said = "is missing"
+    else:
+        said = first["msg"].removeprefix("Value error, ")
+        if not isinstance(first["input"], dict | BaseModel) and kind != "value_error":
+            said += f", not {first['input']!r}"
+    more = f" (and {err.error_count() - 1} more)" if err.error_count() > 1 else ""
+    return f"{path + ': ' if path else ''}{said}{more}"
+
+
+def _reason(err: Exception) -> str:
+    return err.strerror or "error" if isinstance(err, OSError) else str(err)

@@ -1,0 +1,89 @@
+"""Texts with units ("0.6 mm") to SI numbers and back, at the places where people read or write."""
+
+import math
+import re
+from functools import lru_cache
+
+import pint
+
+from msl_fem.errors import QuantityError
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
+_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*([A-Za-zµμΩ%][A-Za-zµμΩ0-9 */^.·-]{{0,40}})?\s*")
+_EXAMPLES = {"": "0.96", "m": "0.6 mm", "A": "5 A", "T": "1.2 T", "Hz": "2.5 kHz", "s": "4 s"}
+
+
+@lru_cache(maxsize=1)
+def _registry() -> pint.UnitRegistry:
+    return pint.UnitRegistry()
+
+
+@lru_cache(maxsize=512)
+def _factor(unit_text: str, unit: str) -> float:
+    """The factor from the unit written to the unit wanted."""
+    registry = _registry()
+    try:
+        one = registry.Quantity(1.0, registry.parse_units(unit_text.replace("·", "*")))
+        if not one._is_multiplicative:
+            raise QuantityError(f"unit '{unit_text}' has an offset; use '{unit}'")
+        return float(one.to(unit or "dimensionless").magnitude)
+    except QuantityError:
+        raise
+    except pint.DimensionalityError as err:
+        wanted = f"a unit like '{unit}'" if unit else "a number without a unit"
+        raise QuantityError(f"unit '{unit_text}' has the wrong dimension; expected {wanted}") from err
+    except Exception as err:  # pint raises errors of many kinds on a text that is no unit
+        raise QuantityError(f"'{unit_text}' is not a unit; expected one like '{unit}'") from err
+
+
+def parse_quantity(text: str, unit: str) -> float:
+    """The SI value of a text such as "0.6 mm".
+
+    Parameters
+    ----------
+    text : a number and a unit; a dimensionless quantity (`unit` "") may stand without one
+    unit : the SI unit that fixes the dimension, such as "m" or "N s/m"
+
+    Raises
+    ------
+    QuantityError : not a number, no unit, an unknown unit, one of the wrong dimension, or not finite
+    """
+    match = _QUANTITY.fullmatch(text) if isinstance(text, str) else None
+    example = _EXAMPLES.get(unit, f"1 {unit}")
+    if match is None:
+        raise QuantityError(f'{text!r} is not a quantity; write a number and a unit, like "{example}"')
+    number, unit_text = match.groups()
+    if unit_text is None and unit:
+        raise QuantityError(f'{text!r} has no unit; write one, like "{example}"')
+    value = float(number) * (_factor(unit_text.strip(), unit) if unit_text else 1.0)
+    if not math.isfinite(value):
+        raise QuantityError(f"{text!r} is not finite")
+    return value
+
+
+def parse_quantities(text: str, unit: str) -> list[float]:
+    """The SI values of a list such as "0.5, 1, 2 A"; an element without a unit takes that of the next one that has one.
+
+    Raises
+    ------
+    QuantityError : as in `parse_quantity`, or an empty list
+    """
+    values: list[float] = []
+    unit_text = ""
+    for element in reversed(text.split(",")):
+        match = _QUANTITY.fullmatch(element)
+        if match and match.group(2):
+            unit_text = match.group(2)
+        elif match and unit_text:
+            element = f"{element} {unit_text}"
+        values.append(parse_quantity(element, unit))
+    return values[::-1]
+
+
+def format_quantity(value: float, unit: str, *, digits: int = 4) -> str:
+    """A text for people, with an SI prefix: 0.0006 m -> "0.6 mm"."""
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g} {unit}".rstrip()
+    exponent = min(max(math.floor(math.log10(abs(value) * (1 + 1e-12)) / 3) * 3, -9), 6)
+    prefix = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}[exponent]
+    return f"{value / 10.0**exponent:.{digits}g} {prefix}{unit}".rstrip()

@@ -1,0 +1,198 @@
+"""The magnetic table, the waist between field solutions and models: a frozen record with one interpolant."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from msl_fem.coenergy_surface import CoenergySurface, fit_coenergy_surface
+from msl_fem.errors import OutOfTable, TableError
+from msl_fem.quantity import format_quantity
+from msl_fem.whole_file import whole_file
+
+Array = NDArray[np.float64]
+SCHEMA = 1
+INTERPOLANT = "C3 quintic Hermite coenergy spline"
+NODES = {
+    "coenergy": ("J", "coenergy W'"),
+    "flux_linkage": ("Wb", "flux linkage, dW'/di"),
+    "force": ("N", "force, attractive positive, -dW'/dgap by virtual work"),
+    "incremental_inductance": ("H", "incremental inductance, d2W'/di2"),
+    "force_current_slope": ("N/A", "dF/di = -dlambda/dgap"),
+    "force_gap_slope": ("N/m", "dF/dgap"),
+}
+EXTRAS = {"force_stress_tensor": ("N", "force by the Maxwell stress tensor in mid-gap")}
+SECTION = "flux_density_"
+
+
+@dataclass(frozen=True, eq=False)
+class MagneticTable:
+    """Force and flux of one magnet over gap and current, with exact derivatives and a stated error.
+
+    Arrays have the shape (n_gap, n_current) and belong to one magnet of the full stack depth; the first current is 0,
+    and negative currents follow from symmetry. Evaluation never extrapolates.
+
+    Attributes
+    ----------
+    gap, current : (n_gap,) m and (n_current,) A, increasing
+    nodes : the arrays named in `NODES`
+    extras : force_stress_tensor (N) and flux_density_<section> (T, mean over the section, in the iron)
+    mesh_error, interpolation_error : relative to the table's largest force; nan where not known
+    reciprocity_error : largest |dF/di + dlambda/dgap| by independent differences of force and flux, of full scale
+    provenance : how the table came to be
+    """
+
+    gap: Array
+    current: Array
+    nodes: Mapping[str, Array]
+    extras: Mapping[str, Array] = field(default_factory=dict)
+    mesh_error: float = float("nan")
+    interpolation_error: float = float("nan")
+    reciprocity_error: float = float("nan")
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    @cached_property
+    def surface(self) -> CoenergySurface:
+        """The interpolant."""
+        return fit_coenergy_surface(self.gap, self.current, dict(self.nodes))
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections whose flux density is stored."""
+        return tuple(name.removeprefix(SECTION) for name in self.extras if name.startswith(SECTION))
+
+    @property
+    def rectangle(self) -> str:
+        """The table's range, for messages."""
+        return (
+            f"gap {self.gap[0] * 1e3:.3g} ... {self.gap[-1] * 1e3:.3g} mm, "
+            f"current up to {self.current[-1]:.3g} A in size"
+        )
+
+    def evaluate(self, current: ArrayLike, gap: ArrayLike) -> dict[str, Array]:
+        """The quantities of `NODES` at (current, gap), broadcast together; currents may be negative.
+
+        Raises
+        ------
+        OutOfTable : a point outside the rectangle or not a number
+        """
+        i, g = np.asarray(current, dtype=float), np.asarray(gap, dtype=float)
+        values = self.surface(i, g)
+        if np.isnan(values).any():
+            self._complain(*np.broadcast_arrays(i, g))
+        return dict(zip(NODES, values, strict=True))
+
+    def _complain(self, i: Array, g: Array) -> None:
+        bad_gap = ~((g >= self.gap[0]) & (g <= self.gap[-1]))
+        if bad_gap.any():
+            raise OutOfTable(
+                f"gap {format_quantity(float(g[bad_gap].flat[0]), 'm')} lies outside the table's "
+                f"{self.gap[0] * 1e3:.4g} ... {self.gap[-1] * 1e3:.4g} mm (currents up to {self.current[-1]:g} A); "
+                "extend the sweep (--gaps) or clip the request"
+            )
+        bad = ~(np.abs(i) <= self.current[-1])
+        worst = format_quantity(float(i[bad].flat[0]), "A") if bad.any() else "nan"
+        raise OutOfTable(
+            f"current {worst} lies outside the table's {-self.current[-1]:g} ... {self.current[-1]:g} A "
+            f"(gaps {self.gap[0] * 1e3:.4g} ... {self.gap[-1] * 1e3:.4g} mm); "
+            "extend the sweep (--currents) or clip the request"
+        )
+
+    def force(self, current: ArrayLike, gap: ArrayLike) -> Array:
+        """Force in N, attractive positive; raises OutOfTable."""
+        return self.evaluate(current, gap)["force"]
+
+    def flux_linkage(self, current: ArrayLike, gap: ArrayLike) -> Array:
+        """Flux linkage in Wb; raises OutOfTable."""
+        return self.evaluate(current, gap)["flux_linkage"]
+
+
+def _check(table: MagneticTable) -> None:
+    shape = (table.gap.size, table.current.size)
+    if table.gap.ndim != 1 or table.current.ndim != 1 or table.gap.size < 2 or table.current.size < 3:
+        raise TableError(f"a table needs at least 2 gaps and 3 currents (0 included), this one has {shape}")
+    if not (np.diff(table.gap) > 0).all() or not (np.diff(table.current) > 0).all() or table.gap[0] <= 0:
+        raise TableError("gaps must be positive and increasing, currents increasing")
+    if table.current[0] != 0:
+        raise TableError(f"the first current must be 0, it is {table.current[0]:g} A")
+    for name in NODES:
+        if name not in table.nodes:
+            raise TableError(f"variable '{name}' is missing; a table has {', '.join(NODES)}")
+    for name, values in {**table.nodes, **table.extras}.items():
+        if values.shape != shape:
+            raise TableError(f"variable '{name}' has shape {values.shape}, expected (gap, current) = {shape}")
+        if name in NODES and not np.isfinite(values).all():
+            m, n = np.argwhere(~np.isfinite(values))[0]
+            raise TableError(
+                f"variable '{name}' is not finite at gap {table.gap[m]:g} m, current {table.current[n]:g} A"
+            )
+
+
+def write_table(table: MagneticTable, path: str | Path) -> Path:
+    """The NetCDF-4 file written; it appears whole or not at all."""
+    units = NODES | EXTRAS
+    variables = {}
+    for name, values in {**table.nodes, **table.extras}.items():
+        section = name.removeprefix(SECTION).replace("_", " ")
+        unit, long_name = units.get(name, ("T", f"mean flux density in the iron, {section}"))
+        variables[name] = (("gap", "current"), np.asarray(values), {"units": unit, "long_name": long_name})
+    data = xr.Dataset(
+        variables,
+        coords={
+            "gap": ("gap", table.gap, {"units": "m", "long_name": "air gap between pole faces and armature"}),
+            "current": ("current", table.current, {"units": "A", "long_name": "coil current of one magnet"}),
+        },
+        attrs={
+            "schema": SCHEMA,
+            "title": "force and flux of one magnet over gap and current",
+            "interpolant": INTERPOLANT,
+            "mesh_error": table.mesh_error,
+            "interpolation_error": table.interpolation_error,
+            "reciprocity_error": table.reciprocity_error,
+            "provenance": json.dumps(dict(table.provenance), sort_keys=True),
+        },
+    )
+    target = Path(path)
+    with whole_file(target) as partial:
+        data.to_netcdf(partial, engine="h5netcdf")
+    return target
+
+
+def read_table(path: str | Path) -> MagneticTable:
+    """The table in a NetCDF file.
+
+    Raises
+    ------
+    TableError : no such file, not NetCDF, or a variable is missing or contradicts the others
+    """
+    if not Path(path).is_file():
+        raise TableError(f"{path}: no such file; make a table with 'msl-fem table'")
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as data:
+            content = data.load()
+            arrays = {str(k): v.transpose("gap", "current").values.astype(float) for k, v in content.items()}
+            gap, current = content["gap"].values.astype(float), content["current"].values.astype(float)
+            attributes = dict(content.attrs)
+            provenance = json.loads(attributes.get("provenance", "{}"))
+            errors = [
+                float(attributes.get(k, "nan")) for k in ("mesh_error", "interpolation_error", "reciprocity_error")
+            ]
+    except Exception as err:  # the HDF5 stack raises errors of many kinds on a damaged file
+        raise TableError(
+            f"{path}: not a magnetic table ({err or type(err).__name__}); make one with 'msl-fem table'"
+        ) from err
+    try:
+        nodes = {k: v for k, v in arrays.items() if k in NODES}
+        extras = {k: v for k, v in arrays.items() if k not in NODES}
+        return MagneticTable(gap, current, nodes, extras, *errors, provenance)
+    except TableError as err:
+        raise TableError(f"{path}: {err}") from err

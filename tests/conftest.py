@@ -1,0 +1,54 @@
+"""Fixtures that several parts share."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.table import MagneticTable
+
+ROOT = Path(__file__).parent.parent
+
+
+def saturating_reluctance(current: np.ndarray, gap: np.ndarray) -> dict[str, np.ndarray]:
+    """A closed-form magnet: W' = L(g) s (sqrt(s^2 + i^2) - s), L = a/(g + b), s = c + d g, and its derivatives.
+
+    Linear for i << s (inductance L), saturated beyond; of about the size of the reference actuator's magnet.
+    """
+    a, b, c, d = 1.08e-5, 3e-5, 2.0, 8e3
+    i, g = np.broadcast_arrays(np.asarray(current, float), np.asarray(gap, float))
+    ind, ind_g, ind_gg = a / (g + b), -a / (g + b) ** 2, 2 * a / (g + b) ** 3
+    s = c + d * g
+    r = np.sqrt(s**2 + i**2)
+    f, f_i, f_ii = s * (r - s), s * i / r, s**3 / r**3
+    f_g, f_gg = d * (r + s**2 / r - 2 * s), d**2 * (3 * s / r - s**3 / r**3 - 2)
+    f_ig = d * (i / r - s**2 * i / r**3)
+    return {
+        "coenergy": ind * f,
+        "flux_linkage": ind * f_i,
+        "force": -(ind_g * f + ind * f_g),
+        "incremental_inductance": ind * f_ii,
+        "force_current_slope": -(ind_g * f_i + ind * f_ig),
+        "force_gap_slope": -(ind_gg * f + 2 * ind_g * f_g + ind * f_gg),
+    }
+
+
+def closed_form_table(*, n_gap: int = 20, n_current: int = 20) -> MagneticTable:
+    """The closed-form magnet as a table, 0.05 ... 1.2 mm and 0 ... 12 A."""
+    gap, current = np.geomspace(5e-5, 1.2e-3, n_gap), 12.0 * np.linspace(0, 1, n_current) ** 1.5
+    nodes = saturating_reluctance(*np.meshgrid(current, gap))
+    centre_leg = nodes["flux_linkage"] / (200 * 0.01 * 0.02)
+    return MagneticTable(
+        gap, current, nodes, {"flux_density_centre_leg": centre_leg, "flux_density_yoke": 0.9 * centre_leg}
+    )
+
+
+@pytest.fixture(scope="session")
+def table() -> MagneticTable:
+    return closed_form_table()
+
+
+@pytest.fixture(scope="session")
+def servo() -> Actuator:
+    return load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")
