@@ -6,47 +6,29 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from msl_fem.constants import COPPER_RESISTIVITY
-from msl_fem.errors import ActuatorError, QuantityError
-from msl_fem.quantity import format_quantity, parse_quantity
+from msl_fem.errors import ActuatorError
+from msl_fem.quantity import format_quantity
+from msl_fem.schema import FrozenModel, In, bare_number, first_complaint, reason
 
-
-def _reads(unit: str) -> BeforeValidator:
-    """A validator that takes the text of a file, or an SI number given from Python."""
-
-    def read(given: object) -> float:
-        if isinstance(given, float) or (isinstance(given, int) and not isinstance(given, bool)):
-            return float(given)
-        try:
-            return parse_quantity(given, unit)  # type: ignore[arg-type]
-        except QuantityError as err:
-            raise ValueError(str(err)) from err
-
-    return BeforeValidator(read)
-
-
-Length = Annotated[float, _reads("m"), Field(gt=0)]
-Clearance = Annotated[float, _reads("m"), Field(ge=0)]
-Mass = Annotated[float, _reads("kg"), Field(gt=0)]
-Stiffness = Annotated[float, _reads("N/m"), Field(ge=0)]
-Damping = Annotated[float, _reads("N s/m"), Field(ge=0)]
-Force = Annotated[float, _reads("N")]
-Frequency = Annotated[float, _reads("Hz"), Field(gt=0)]
-Voltage = Annotated[float, _reads("V"), Field(gt=0)]
-Current = Annotated[float, _reads("A"), Field(gt=0)]
-Resistance = Annotated[float, _reads("ohm"), Field(gt=0)]
-PositionNoise = Annotated[float, _reads("m"), Field(ge=0)]
-CurrentNoise = Annotated[float, _reads("A"), Field(ge=0)]
+Length = Annotated[float, In("m"), Field(gt=0)]
+Clearance = Annotated[float, In("m"), Field(ge=0)]
+Mass = Annotated[float, In("kg"), Field(gt=0)]
+Stiffness = Annotated[float, In("N/m"), Field(ge=0)]
+Damping = Annotated[float, In("N s/m"), Field(ge=0)]
+Force = Annotated[float, In("N")]
+Frequency = Annotated[float, In("Hz"), Field(gt=0)]
+Voltage = Annotated[float, In("V"), Field(gt=0)]
+Current = Annotated[float, In("A"), Field(gt=0)]
+Resistance = Annotated[float, In("ohm"), Field(gt=0)]
+PositionNoise = Annotated[float, In("m"), Field(ge=0)]
+CurrentNoise = Annotated[float, In("A"), Field(ge=0)]
 Fraction = Annotated[float, Field(gt=0, le=1)]
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Coil(_Record):
+class Coil(FrozenModel):
     """The coil on the centre leg: `turns` in each half window, a rectangle `width` by `height`."""
 
     turns: Annotated[int, Field(gt=0)]
@@ -57,7 +39,7 @@ class Coil(_Record):
     fill_factor: Annotated[float, Field(gt=0, lt=1)]
 
 
-class Iron(_Record):
+class Iron(FrozenModel):
     """Names of irons (see `msl_fem.material.load_iron`) and the stacking factors of their laminations."""
 
     core: str
@@ -75,7 +57,7 @@ class Iron(_Record):
         return self.armature_stacking_factor or self.stacking_factor
 
 
-class Air(_Record):
+class Air(FrozenModel):
     """The air box, A = 0 on it: beyond the core's half width, below the armature, above the yoke."""
 
     side: Length
@@ -83,7 +65,7 @@ class Air(_Record):
     top: Length
 
 
-class ECore(_Record):
+class ECore(FrozenModel):
     """A laminated E-core with its coil on the centre leg, facing a flat armature."""
 
     kind: Literal["e-core"]
@@ -162,21 +144,21 @@ class ECore(_Record):
         )
 
 
-class TableMagnet(_Record):
+class TableMagnet(FrozenModel):
     """A magnet known by a measured or foreign table."""
 
     kind: Literal["table"]
     table: str
 
 
-class MeshMagnet(_Record):
+class MeshMagnet(FrozenModel):
     """A magnet whose section is a mesh with named regions."""
 
     kind: Literal["mesh"]
     mesh: str
 
 
-class Sides(_Record):
+class Sides(FrozenModel):
     """How many magnets pull, and how those of a side are connected."""
 
     count: Literal[1, 2]
@@ -185,7 +167,7 @@ class Sides(_Record):
     polarity: Literal["opposing", "aiding"] = "opposing"
 
 
-class Motion(_Record):
+class Motion(FrozenModel):
     """The moving mass on its suspension; `range` is plus and minus about the nominal gap."""
 
     moving_mass: Mass
@@ -205,7 +187,7 @@ class Motion(_Record):
         return self
 
 
-class Drive(_Record):
+class Drive(FrozenModel):
     """The power amplifier of a side; limits are per side, the resistance is that of one magnet's coil."""
 
     kind: Literal["current", "voltage", "force"]
@@ -215,22 +197,22 @@ class Drive(_Record):
     coil_resistance: Resistance | None = None
 
 
-class PositionSensor(_Record):
+class PositionSensor(FrozenModel):
     noise: PositionNoise = 0.0
     bandwidth: Frequency | None = None
     resolution: PositionNoise = 0.0
 
 
-class CurrentSensor(_Record):
+class CurrentSensor(FrozenModel):
     noise: CurrentNoise = 0.0
 
 
-class Controller(_Record):
+class Controller(FrozenModel):
     rate: Frequency
     delay_samples: Annotated[int, Field(ge=0)] = 0
 
 
-class Actuator(_Record):
+class Actuator(FrozenModel):
     """An actuator file. Sections that an actuator lacks are None; SI units throughout."""
 
     schema_version: Literal[1] = Field(alias="schema")
@@ -242,7 +224,7 @@ class Actuator(_Record):
     position_sensor: PositionSensor = PositionSensor()
     current_sensor: CurrentSensor = CurrentSensor()
     controller: Controller | None = None
-    sources: dict[str, str] = {}
+    sources: dict[str, str] = Field(default_factory=dict)
     file: Path | None = Field(default=None, exclude=True)
 
     @model_validator(mode="after")
@@ -250,9 +232,7 @@ class Actuator(_Record):
         if self.magnet is not None and self.motion is not None and self.motion.nominal_gap is None:
             raise ValueError("motion.nominal_gap is missing; an actuator with a magnet needs it")
         if self.magnet is None and self.drive is not None and self.drive.kind != "force":
-            raise ValueError(
-                f"drive.kind is '{self.drive.kind}' but there is no [magnet]; use kind = \"force\""
-            )
+            raise ValueError(f"drive.kind is '{self.drive.kind}' but there is no [magnet]; use kind = \"force\"")
         return self
 
     @property
@@ -293,7 +273,7 @@ def load_actuator(path: str | Path) -> Actuator:
     try:
         text = file.read_bytes().decode("utf-8")
     except (OSError, ValueError) as err:
-        raise ActuatorError(f"{path}: cannot be read ({_reason(err)}); give an actuator file (TOML)") from err
+        raise ActuatorError(f"{path}: cannot be read ({reason(err)}); give an actuator file (TOML)") from err
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as err:
@@ -305,44 +285,16 @@ def parse_actuator(content: dict[str, Any], *, file: Path | None = None) -> Actu
     """The actuator that a parsed TOML document describes; raises as `load_actuator`."""
     if "file" in content:
         raise ActuatorError(f"{file or 'actuator'}: file: unknown key; remove it")
-    _refuse_bare_numbers(content, file)
+    complaint = bare_number(content, _PURE_NUMBERS)
+    if complaint:
+        raise ActuatorError(f"{file or 'actuator'}: {complaint}")
     try:
         return Actuator.model_validate({**content, "file": file})
     except ValidationError as err:
-        raise ActuatorError(f"{file or 'actuator'}: {_first_complaint(err)}") from err
+        raise ActuatorError(f"{file or 'actuator'}: {first_complaint(err, unions=('magnet',))}") from err
 
 
 _PURE_NUMBERS = {
     "schema", "turns", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor",
     "count", "magnets_per_side", "delay_samples",
 }  # fmt: skip
-
-
-def _refuse_bare_numbers(content: dict[str, Any], file: Path | None, path: str = "") -> None:
-    for key, value in content.items():
-        if isinstance(value, dict):
-            _refuse_bare_numbers(value, file, f"{path}{key}.")
-        elif isinstance(value, int | float) and not isinstance(value, bool) and key not in _PURE_NUMBERS:
-            raise ActuatorError(
-                f'{file or "actuator"}: {path}{key}: {value} has no unit; write a text with one, like "0.6 mm"'
-            )
-
-
-def _first_complaint(err: ValidationError) -> str:
-    first = err.errors()[0]
-    path = ".".join(str(p) for p in first["loc"] if p not in ("e-core", "table", "mesh"))
-    kind = first["type"]
-    if kind == "extra_forbidden":
-        said = "unknown key; check its spelling or remove it"
-    elif kind == "missing":
-        said = "is missing"
-    else:
-        said = first["msg"].removeprefix("Value error, ")
-        if not isinstance(first["input"], dict | BaseModel) and kind != "value_error":
-            said += f", not {first['input']!r}"
-    more = f" (and {err.error_count() - 1} more)" if err.error_count() > 1 else ""
-    return f"{path + ': ' if path else ''}{said}{more}"
-
-
-def _reason(err: Exception) -> str:
-    return err.strerror or "error" if isinstance(err, OSError) else str(err)

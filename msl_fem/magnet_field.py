@@ -1,0 +1,148 @@
+"""The field of one actuator's magnet: section, irons, mesh and model put together, at a stated accuracy."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.actuator import Actuator, ECore
+from msl_fem.errors import InputError
+from msl_fem.magnetostatics import FieldModel, FieldSolution, NewtonSettings, field_response, solve_field
+from msl_fem.material import AnalyticIron, Iron, laminated, load_iron
+from msl_fem.mesh import MeshSize, TriangleMesh, triangulate
+from msl_fem.postprocess import FieldQuantities, Probes, evaluate_field
+from msl_fem.quantity import format_quantity
+from msl_fem.section import Section, e_core_section
+
+Array = NDArray[np.float64]
+Accuracy = Literal["fast", "normal", "fine"]
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """Mesh sizes and polynomial degree of an accuracy level, and the factor of its error estimate.
+
+    The force's relative error is estimated as `safety` times the larger of the relative changes of force and coenergy
+    with one polynomial degree more on the same mesh; the factor covers E1's 60 reference points.
+    """
+
+    size: MeshSize
+    order: int
+    safety: float
+
+
+LEVELS: dict[str, Discretisation] = {
+    "fast": Discretisation(MeshSize(corner=0.1, gap=1.5, iron=0.6, growth=0.5), 2, 2.5),
+    "normal": Discretisation(MeshSize(corner=0.02), 2, 1.6),
+    "fine": Discretisation(MeshSize(corner=0.01), 3, 12.0),
+}
+
+
+@dataclass(frozen=True)
+class PointResult:
+    """One field solution of one magnet: `quantities`, the force's error estimate, and what it took.
+
+    Attributes
+    ----------
+    force_error_estimate : relative to the force, see `Discretisation`
+    notes : what the reader must know: an iron's curve that was cut, a result that rests on a saturation tail
+    """
+
+    current: float
+    gap: float
+    quantities: FieldQuantities
+    force_error_estimate: float
+    unknowns: int
+    newton_iterations: int
+    residual_trail: tuple[float, ...]
+    notes: tuple[str, ...] = ()
+
+
+class MagnetField:
+    """A magnet's section meshed for gaps near `mesh.gap`, ready to be solved at any current and gap.
+
+    Raises ActuatorError, MaterialError or ComputationError (mesher).
+    """
+
+    def __init__(self, magnet: ECore, mesh: TriangleMesh, *, folder: Path, order: int) -> None:
+        self.magnet, self.folder, self.order = magnet, folder, order
+        self.section: Section = e_core_section(magnet, mesh.gap)
+        self.irons: dict[str, Iron | AnalyticIron] = {
+            region: laminated(load_iron(name, folder=folder), stacking)
+            for region, (name, stacking) in self.section.iron.items()
+        }
+        self.model = FieldModel(mesh, self.irons, turns_density=self.section.turns_density, order=order)
+        self.probes = Probes(self.model, self.section)
+
+    def solve(self, current: float, gap: float, *, start: Array | None = None) -> FieldSolution:
+        """The field at a coil current and a gap; raises NotConverged."""
+        return solve_field(self.model, current, gap, start=start, settings=NewtonSettings())
+
+    def slope(self, solution: FieldSolution) -> Array:
+        """dA/di at the last solution: the predictor of the next current."""
+        return field_response(self.model, solution).by_current
+
+    def quantities(self, solution: FieldSolution) -> FieldQuantities:
+        """The numbers of the last solution."""
+        return evaluate_field(self.probes, solution)
+
+    def refined(self) -> "MagnetField":
+        """The same mesh with one polynomial degree more."""
+        return MagnetField(self.magnet, self.model.mesh, folder=self.folder, order=self.order + 1)
+
+
+def magnet_mesh(magnet: ECore, gap: float, accuracy: Accuracy = "normal") -> TriangleMesh:
+    """The mesh of a magnet at a gap, for an accuracy level."""
+    return triangulate(e_core_section(magnet, gap), LEVELS[accuracy].size)
+
+
+def field_of(actuator: Actuator, gap: float, *, accuracy: Accuracy = "normal") -> MagnetField:
+    """The field of an actuator's magnet, meshed at `gap`."""
+    magnet = actuator.e_core()
+    return MagnetField(magnet, magnet_mesh(magnet, gap, accuracy), folder=actuator.folder, order=LEVELS[accuracy].order)
+
+
+def _relative_change(coarse: FieldQuantities, fine: FieldQuantities) -> float:
+    pairs = [(coarse.force, fine.force), (coarse.coenergy, fine.coenergy)]
+    return max(abs(c - f) / abs(f) if f else 0.0 for c, f in pairs)
+
+
+def check_point(actuator: Actuator, current: float, gap: float) -> None:
+    """InputError unless the gap is positive and of the section's size, and the current finite."""
+    magnet = actuator.e_core()
+    largest = magnet.half_width
+    if not 0 < gap <= largest:
+        raise InputError(
+            f"gap {format_quantity(gap, 'm')} is not allowed; it must be above 0 and at most the core's half width, "
+            f"{format_quantity(largest, 'm')}"
+        )
+    if not np.isfinite(current):
+        raise InputError(f"current {current} A is not a finite number")
+
+
+def solve(actuator: Actuator, current: float, gap: float, *, accuracy: Accuracy = "normal") -> PointResult:
+    """One field solution, with the force's error estimated by one polynomial degree more on the same mesh.
+
+    Raises
+    ------
+    InputError : a gap that is not positive or larger than the core's half width, an unknown accuracy
+    ComputationError : the mesher or Newton's iteration failed
+    """
+    if accuracy not in LEVELS:
+        raise InputError(f"accuracy '{accuracy}' is unknown; choose one of {', '.join(LEVELS)}")
+    check_point(actuator, current, gap)
+    field = field_of(actuator, gap, accuracy=accuracy)
+    solution = field.solve(current, gap)
+    quantities = field.quantities(solution)
+    finer = field.refined()
+    better = finer.quantities(finer.solve(current, gap))
+    error = LEVELS[accuracy].safety * _relative_change(quantities, better)
+    notes = tuple(dict.fromkeys(iron.note for iron in field.irons.values() if iron.note))
+    if quantities.rests_on_tail:
+        regions = " and ".join(quantities.rests_on_tail)
+        notes += (f"more than 1 % of the {regions} lies beyond the B-H curve's last point, on its saturation tail",)
+    return PointResult(
+        current, gap, quantities, error, field.model.free.size, len(solution.trail), solution.trail, notes
+    )

@@ -1,0 +1,331 @@
+"""Plane nonlinear magnetostatics with the vector potential A_z: weak form, exact tangent, damped Newton.
+
+It knows regions, irons and turns, nothing of E-cores. Minimise Pi(A) = W(A; g) - i f.A, W the field energy per unit
+depth, f the flux linkage per unit depth of a unit potential (e.g. Bastos and Sadowski, Electromagnetic Modeling by
+Finite Element Methods, 2003, ch. 4). W is convex, so Newton with a line search ends at the one solution.
+
+The gap enters through one strip of air of height g, whose elements stretch with s = g / g_mesh:
+W_strip = (A.S_x A s + A.S_y A / s) / 2 exactly, so every derivative with respect to the gap is exact as well.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import qdldl
+from numpy.typing import NDArray
+from scipy import sparse
+from skfem import Basis, ElementTriP2, ElementTriP3, ElementTriP4, MeshTri
+
+from msl_fem.constants import MU_0
+from msl_fem.errors import NotConverged
+from msl_fem.material import AnalyticIron, Iron
+from msl_fem.mesh import TriangleMesh
+
+Array = NDArray[np.float64]
+ELEMENTS = {2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
+STRIP = "strip"
+
+
+@dataclass(frozen=True)
+class NewtonSettings:
+    """When Newton's iteration ends.
+
+    Attributes
+    ----------
+    tolerance : on the energy norm of the step over that of the field, per iteration
+    iterations : most steps before NotConverged
+    """
+
+    tolerance: float = 1e-7
+    iterations: int = 60
+
+
+@dataclass(frozen=True, eq=False)
+class FieldSolution:
+    """A converged field: nodal potential per unit depth, where it belongs, and how Newton got there.
+
+    Attributes
+    ----------
+    potential : (n_dof,) A_z in Wb/m at the free and fixed degrees of freedom
+    current, gap : A, m
+    trail : relative energy norm of each Newton step
+    """
+
+    potential: Array
+    current: float
+    gap: float
+    trail: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class FieldResponse:
+    """Derivatives of the potential: dA/di and dA/dgap, (n_dof,) each, by back-substitution of the last tangent."""
+
+    by_current: Array
+    by_gap: Array
+
+
+class _IronElements:
+    """The elements of one iron: stored gradients, and where their matrices land in the pattern."""
+
+    def __init__(self, basis: Basis, iron: "Iron | AnalyticIron") -> None:
+        self.iron = iron
+        self.dofs = basis.element_dofs
+        gradients = np.stack([basis.basis[k][0].grad for k in range(basis.Nbfun)])  # (local, 2, element, point)
+        self.gradient = np.ascontiguousarray(gradients.transpose(2, 0, 3, 1))  # (element, local, point, 2)
+        self.weight = basis.dx  # (element, point)
+
+    def flux_density(self, potential: Array) -> tuple[Array, Array]:
+        """Gradient of A (element, point, 2), and its size |B| (element, point)."""
+        local = potential[self.dofs].T
+        n_element, n_local, n_point, _ = self.gradient.shape
+        flat = self.gradient.reshape(n_element, n_local, 2 * n_point)
+        gradient = np.matmul(local[:, None, :], flat).reshape(n_element, n_point, 2)
+        return gradient, np.sqrt(gradient[..., 0] ** 2 + gradient[..., 1] ** 2)
+
+    def residual_and_tangent(self, potential: Array) -> tuple[Array, Array]:
+        """Element vectors (element, local) and matrices (element, local, local)."""
+        gradient, b = self.flux_density(potential)
+        h, slope = self.iron.magnetise(b)
+        floor = np.maximum(b, 1e-12)
+        nu = np.where(b > 1e-12, h / floor, slope)
+        unit = gradient / floor[..., None]
+        n_element, n_local, n_point, _ = self.gradient.shape
+        flat = self.gradient.reshape(n_element, n_local, 2 * n_point)
+        force = (gradient * (nu * self.weight)[..., None]).reshape(n_element, 2 * n_point, 1)
+        vector = np.matmul(flat, force)[..., 0]
+        # T = nu I + (dH/dB - nu) n n^T; as two rank-wise products to keep one matmul: sqrt weights on the gradients
+        across = self.gradient[..., 0] * unit[:, None, :, 0] + self.gradient[..., 1] * unit[:, None, :, 1]
+        isotropic = flat * np.repeat(nu * self.weight, 2, axis=1)[:, None, :]
+        matrix = np.matmul(isotropic, flat.transpose(0, 2, 1))
+        extra = across * ((slope - nu) * self.weight)[:, None, :]
+        matrix += np.matmul(extra, across.transpose(0, 2, 1))
+        return vector, matrix
+
+    def energy(self, potential: Array) -> float:
+        """Integral of w(|B|) per unit depth, J/m."""
+        _, b = self.flux_density(potential)
+        return float(np.sum(self.iron.energy_density(b) * self.weight))
+
+
+class FieldModel:
+    """A discretised section: everything that does not depend on current, gap or field, made once.
+
+    Parameters
+    ----------
+    mesh : triangles with region names; one region may be called "strip"
+    irons : region name to iron; every other region is vacuum
+    turns_density : region name to turns per area in 1/m2, signed
+    order : polynomial degree of the potential, 2 or 3
+    """
+
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        irons: "Mapping[str, Iron | AnalyticIron]",
+        *,
+        turns_density: Mapping[str, float],
+        order: int = 2,
+    ) -> None:
+        self.mesh, self.order = mesh, order
+        self.skfem_mesh = MeshTri(np.ascontiguousarray(mesh.points), np.ascontiguousarray(mesh.triangles))
+        element = ELEMENTS[order]()
+        whole = Basis(self.skfem_mesh, element, intorder=2 * order - 2)
+        self.basis = whole
+        self.n_dof = whole.N
+        fixed = whole.get_dofs().all()
+        self.free = np.setdiff1d(np.arange(self.n_dof), fixed)
+        linear = [n for n in mesh.names if n not in irons and n != STRIP]
+        rest = mesh.elements(*linear)
+        s_x, s_y = self._stiffness(mesh.elements(STRIP))
+        rest_x, rest_y = self._stiffness(rest)
+        self.irons = {
+            name: _IronElements(Basis(self.skfem_mesh, element, intorder=2 * order, elements=mesh.elements(name)), iron)
+            for name, iron in irons.items()
+        }
+        self.source = self._source(turns_density)
+        self._pattern([s_x, s_y, rest_x + rest_y])
+        self._solver: qdldl.Solver | None = None
+
+    def _stiffness(self, elements: NDArray[np.int64]) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
+        """Integrals of dA/dx dA'/dx and dA/dy dA'/dy over mu_0, each (n_dof, n_dof)."""
+        if elements.size == 0:
+            empty = sparse.csc_matrix((self.n_dof, self.n_dof))
+            return empty, empty
+        basis = Basis(self.skfem_mesh, ELEMENTS[self.order](), intorder=2 * self.order - 2, elements=elements)
+        gradient = np.stack([basis.basis[k][0].grad for k in range(basis.Nbfun)])
+        rows = np.repeat(basis.element_dofs, basis.Nbfun, axis=0).ravel()
+        columns = np.tile(basis.element_dofs, (basis.Nbfun, 1)).ravel()
+        both = []
+        for direction in (0, 1):
+            g = gradient[:, direction]
+            values = np.einsum("aep,bep,ep->abe", g, g, basis.dx / MU_0, optimize=True)
+            both.append(sparse.csc_matrix((values.ravel(), (rows, columns)), shape=(self.n_dof, self.n_dof)))
+        return both[0], both[1]
+
+    def _source(self, turns_density: Mapping[str, float]) -> Array:
+        """f (n_dof,): flux linkage per unit depth is f.A, and i f is the load."""
+        load = np.zeros(self.n_dof)
+        for name, density in turns_density.items():
+            basis = Basis(
+                self.skfem_mesh, ELEMENTS[self.order](), intorder=2 * self.order, elements=self.mesh.elements(name)
+            )
+            for k in range(basis.Nbfun):
+                np.add.at(load, basis.element_dofs[k], density * (basis.basis[k][0].value * basis.dx).sum(axis=1))
+        return load
+
+    def _pattern(self, linear: list[sparse.csc_matrix]) -> None:
+        """One fixed pattern of the upper triangle over the free degrees of freedom, and maps into it."""
+        number = np.full(self.n_dof, -1)
+        number[self.free] = np.arange(self.free.size)
+        places = []
+        for part in self.irons.values():
+            n_local = part.dofs.shape[0]
+            local = number[part.dofs]
+            rows = np.repeat(local, n_local, axis=0).T  # (element, local * local)
+            columns = np.tile(local, (n_local, 1)).T
+            places.append((rows, columns))
+        coordinates = [m.tocoo() for m in linear]
+        keys = []
+        for rows, columns in [
+            *((number[c.row], number[c.col]) for c in coordinates),
+            *((r.ravel(), c.ravel()) for r, c in places),
+        ]:
+            used = (rows >= 0) & (columns >= 0) & (rows <= columns)
+            keys.append((used, columns[used].astype(np.int64) * self.free.size + rows[used]))
+        unique, inverse = np.unique(np.concatenate([k for _, k in keys]), return_inverse=True)
+        self.nnz = unique.size
+        columns, rows = np.divmod(unique, self.free.size)
+        starts = np.searchsorted(columns, np.arange(self.free.size + 1))
+        self._empty = sparse.csc_matrix(
+            (np.zeros(self.nnz), rows.astype(np.int32), starts.astype(np.int32)), shape=(self.free.size,) * 2
+        )
+        pieces = np.split(inverse, np.cumsum([k.size for _, k in keys])[:-1])
+        stiffness = []
+        for matrix, (used, _), piece in zip(coordinates, keys, pieces, strict=False):
+            stiffness.append(np.bincount(piece, matrix.data[used], minlength=self.nnz))
+        self.strip_x, self.strip_y, self.rest = stiffness
+        self._iron_maps = [
+            (np.flatnonzero(used), piece)
+            for (used, _), piece in zip(keys[len(linear) :], pieces[len(linear) :], strict=True)
+        ]
+        self._full = [m.tocsr() for m in linear]
+
+    def _matrix(self, data: Array) -> sparse.csc_matrix:
+        return sparse.csc_matrix((data, self._empty.indices, self._empty.indptr), shape=self._empty.shape)
+
+    def linear_product(self, potential: Array, gap: float) -> Array:
+        """The product of the linear regions' stiffness at a gap with a potential, (n_dof,)."""
+        s = gap / self.mesh.gap
+        x, y, rest = self._full
+        return s * (x @ potential) + (y @ potential) / s + rest @ potential
+
+    def strip_products(self, potential: Array, gap: float) -> tuple[Array, Array]:
+        """First and second derivative with respect to the gap of `linear_product`, (n_dof,) each."""
+        s = gap / self.mesh.gap
+        x, y, _ = self._full
+        y_product = y @ potential
+        return (x @ potential - y_product / s**2) / self.mesh.gap, 2 * y_product / s**3 / self.mesh.gap**2
+
+    def assemble(self, potential: Array, gap: float) -> tuple[Array, Array]:
+        """Gradient of W (n_dof,), and its second derivative's values on the pattern (nnz,)."""
+        s = gap / self.mesh.gap
+        data = s * self.strip_x + self.strip_y / s + self.rest
+        gradient = self.linear_product(potential, gap)
+        for part, (used, piece) in zip(self.irons.values(), self._iron_maps, strict=True):
+            vector, matrix = part.residual_and_tangent(potential)
+            gradient += np.bincount(part.dofs.T.ravel(), vector.ravel(), minlength=self.n_dof)
+            data += np.bincount(piece, matrix.reshape(-1)[used], minlength=self.nnz)
+        return gradient, data
+
+    def energy(self, potential: Array, gap: float) -> float:
+        """Field energy W per unit depth in J/m."""
+        linear = 0.5 * float(potential @ self.linear_product(potential, gap))
+        return linear + sum(part.energy(potential) for part in self.irons.values())
+
+    def back_substitute(self, right: Array) -> Array:
+        """The last tangent's inverse times `right`, both (n_dof,); fixed entries are zero."""
+        out = np.zeros(self.n_dof)
+        out[self.free] = self._solver.solve(right[self.free])
+        return out
+
+    def factor(self, data: Array) -> None:
+        """Factor the tangent whose values on the pattern are given."""
+        matrix = self._matrix(data)
+        if self._solver is None:
+            self._solver = qdldl.Solver(matrix, upper=True)  # orders the unknowns, once for all gaps and currents
+        else:
+            self._solver.update(matrix, upper=True)
+
+
+def solve_field(
+    model: FieldModel,
+    current: float,
+    gap: float,
+    *,
+    start: Array | None = None,
+    settings: NewtonSettings | None = None,
+) -> FieldSolution:
+    """The field at a coil current (A) and a gap (m).
+
+    After it, `model` holds the tangent's factors of the last iteration: `field_response` uses them.
+
+    Raises
+    ------
+    NotConverged : the steps did not fall below the tolerance; the message has the trail
+    """
+    settings = settings or NewtonSettings()
+    potential = np.zeros(model.n_dof) if start is None else start.copy()
+    load = current * model.source
+    gradient, data = model.assemble(potential, gap)
+    trail: list[float] = []
+    for _ in range(settings.iterations):
+        model.factor(data)
+        residual = gradient - load
+        step = -model.back_substitute(residual)
+        descent = -float(step @ residual)
+        potential, gradient, data = _line_search(model, potential, step, gap=gap, load=load, descent=descent)
+        scale = float(potential @ gradient)
+        trail.append((descent / scale) ** 0.5 if scale > 0 and descent > 0 else 0.0)
+        if trail[-1] <= settings.tolerance:
+            return FieldSolution(potential, current, gap, tuple(trail))
+    raise NotConverged(
+        f"the field at {current:g} A and gap {gap * 1e3:g} mm did not converge in {settings.iterations} Newton steps; "
+        f"relative steps {', '.join(f'{t:.1e}' for t in trail[-6:])}; check the iron's B-H curve or start nearer"
+    )
+
+
+def _line_search(
+    model: FieldModel, potential: Array, step: Array, *, gap: float, load: Array, descent: float
+) -> tuple[Array, Array, Array]:
+    """Potential, gradient and tangent where the energy's slope along the step is small enough.
+
+    Along the step Pi is convex with slope -descent at 0: the full step is taken unless the slope there says that it
+    overshot by more than half; then the root of the slope is bracketed (regula falsi, Illinois).
+    """
+    low, low_slope, high, high_slope = 0.0, -descent, 1.0, 0.0
+    t = 1.0
+    for _ in range(30):
+        trial = potential + t * step
+        gradient, data = model.assemble(trial, gap)
+        slope = float(step @ (gradient - load))
+        if abs(slope) <= 0.5 * descent or (t == 1.0 and slope < 0) or descent <= 0:
+            break
+        if slope > 0:
+            high, high_slope = t, slope
+            low_slope /= 2
+        else:
+            low, low_slope = t, slope
+            high_slope /= 2
+        t = low - low_slope * (high - low) / (high_slope - low_slope)
+    return trial, gradient, data
+
+
+def field_response(model: FieldModel, solution: FieldSolution) -> FieldResponse:
+    """dA/di and dA/dgap at a solution that was the last one `model` solved, by two back-substitutions.
+
+    The tangent is that of the last Newton step, whose distance from the solution is quadratically small.
+    """
+    first, _ = model.strip_products(solution.potential, solution.gap)
+    return FieldResponse(model.back_substitute(model.source), -model.back_substitute(first))

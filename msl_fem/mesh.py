@@ -1,0 +1,164 @@
+"""A section to a triangle mesh with named regions, graded at the corners where the field is singular."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from netgen.geom2d import SplineGeometry
+from numpy.typing import NDArray
+
+from msl_fem.errors import ComputationError
+from msl_fem.section import Section
+
+Array = NDArray[np.float64]
+TOLERANCE = 1e-9  # of the box: two vertices closer than this are one
+
+
+@dataclass(frozen=True)
+class MeshSize:
+    """Element sizes, as fractions of the section.
+
+    Attributes
+    ----------
+    corner : size at the corners that face the gap, of the gap
+    gap : largest size in the strip under the iron, of the gap
+    iron : largest size in the iron, of the thinnest iron
+    growth : how fast sizes grow away from a corner (0: not at all, 1: at once)
+    """
+
+    corner: float = 0.02
+    gap: float = 1.0
+    iron: float = 0.5
+    growth: float = 0.35
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """Straight-edged triangles.
+
+    Attributes
+    ----------
+    points : (2, n_point) in m
+    triangles : (3, n_triangle) point indices
+    region : (n_triangle,) index into `names`
+    names : region names
+    gap : the gap of these coordinates in m
+    """
+
+    points: Array
+    triangles: NDArray[np.int64]
+    region: NDArray[np.int64]
+    names: tuple[str, ...]
+    gap: float
+
+    def elements(self, *names: str) -> NDArray[np.int64]:
+        """Indices of the triangles in the regions named."""
+        wanted = [k for k, name in enumerate(self.names) if name in names]
+        return np.flatnonzero(np.isin(self.region, wanted))
+
+    def at_gap(self, gap: float) -> Array:
+        """Coordinates (2, n_point) at another gap: the strip stretched, what lies above it shifted."""
+        x, y = self.points
+        moved = np.where(y <= 0, y, np.where(y >= self.gap, y + gap - self.gap, y * gap / self.gap))
+        return np.stack([x, moved])
+
+
+def triangulate(section: Section, size: MeshSize | None = None) -> TriangleMesh:
+    """A conforming mesh of the section.
+
+    Raises
+    ------
+    ComputationError : the mesher gave up
+    """
+    size = size or MeshSize()
+    vertices, edges = _subdivide(section)
+    iron = [r for r in section.regions if r.name in section.iron]
+    thin = min(min(np.ptp(np.array(r.vertices), axis=0)) for r in iron)
+    box = float(np.abs(vertices).max())
+    scale = box  # netgen works best on sizes near one
+    geometry = SplineGeometry()
+    strength = {tuple(np.round(c[:2], 12)): c[2] for c in section.corners}
+    for x, y in vertices:
+        near = strength.get((round(x, 12), round(y, 12)))
+        # The strip's ends and other plain points take their size from the surroundings.
+        local = 1e9 if near is None else size.corner * section.gap / near**1.5 / scale
+        geometry.AppendPoint(x / scale, y / scale, maxh=local)
+    names = tuple(dict.fromkeys(r.name for r in section.regions))
+    for start, end, left, right in edges:
+        at_gap = "strip" in (left, right) and ({left, right} & (section.iron.keys() | {"window"}))
+        geometry.Append(
+            ["line", start, end],
+            leftdomain=names.index(left) + 1 if left else 0,
+            rightdomain=names.index(right) + 1 if right else 0,
+            bc="box" if not (left and right) else "inner",
+            maxh=size.gap * section.gap / scale if at_gap else 1e9,
+        )
+    for k, name in enumerate(names):
+        geometry.SetMaterial(k + 1, name)
+        geometry.SetDomainMaxH(k + 1, (size.iron * thin if name in section.iron else 0.15 * box) / scale)
+    try:
+        mesh = geometry.GenerateMesh(maxh=0.2, grading=size.growth)
+    except Exception as err:  # netgen raises bare exceptions
+        raise ComputationError(f"the mesher failed on the section at gap {section.gap:g} m: {err}") from err
+    return _from_netgen(mesh, scale, names, section.gap)
+
+
+def _from_netgen(mesh: object, scale: float, names: tuple[str, ...], gap: float) -> TriangleMesh:
+    points = np.array(mesh.Coordinates(), dtype=float)[:, :2].T * scale  # type: ignore[attr-defined]
+    elements = mesh.Elements2D().NumPy()  # type: ignore[attr-defined]
+    triangles = elements["nodes"][:, :3].T.astype(np.int64) - 1
+    region = elements["index"].astype(np.int64) - 1
+    for line in (0.0, gap):  # exactly on the strip's edges, whatever the mesher's rounding
+        near = np.abs(points[1] - line) < TOLERANCE * scale
+        points[1, near] = line
+    return TriangleMesh(points, triangles, region, names, gap)
+
+
+def _subdivide(section: Section) -> tuple[Array, list[tuple[int, int, str, str]]]:
+    """Vertices (n, 2) and elementary edges (start, end, region to the left, to the right; "" outside)."""
+    every = np.array([v for r in section.regions for v in r.vertices])
+    tolerance = TOLERANCE * np.abs(every).max()
+    vertices: list[Array] = []
+    for v in every:
+        if not any(np.abs(v - w).max() < tolerance for w in vertices):
+            vertices.append(v)
+    points = np.array(vertices)
+    pairs = set()
+    for region in section.regions:
+        ring = np.array(region.vertices)
+        for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+            on = _on_segment(points, a, b, tolerance)
+            pairs |= {tuple(sorted(pair)) for pair in zip(on[:-1], on[1:], strict=True)}
+    edges = []
+    for start, end in sorted(pairs):
+        a, b = points[start], points[end]
+        normal = np.array([a[1] - b[1], b[0] - a[0]])
+        offset = normal / np.linalg.norm(normal) * 100 * tolerance
+        left, right = (_region_at((a + b) / 2 + sign * offset, section) for sign in (1, -1))
+        if left != right:
+            edges.append((int(start), int(end), left, right))
+    used = sorted({k for edge in edges for k in edge[:2]})
+    number = {old: new for new, old in enumerate(used)}
+    return points[used], [(number[s], number[e], left, right) for s, e, left, right in edges]
+
+
+def _on_segment(points: Array, a: Array, b: Array, tolerance: float) -> list[int]:
+    """Indices of the points on the segment a-b, in order."""
+    along = b - a
+    length = np.linalg.norm(along)
+    t = (points - a) @ along / length
+    off = np.abs((points - a) @ np.array([-along[1], along[0]])) / length
+    on = np.flatnonzero((off < tolerance) & (t > -tolerance) & (t < length + tolerance))
+    return [int(k) for k in on[np.argsort(t[on])]]
+
+
+def _region_at(point: Array, section: Section) -> str:
+    """The topmost region that covers the point (even-odd rule), "" outside all."""
+    for region in reversed(section.regions):
+        ring = np.array(region.vertices)
+        (x0, y0), (x1, y1) = ring.T, np.roll(ring, -1, axis=0).T
+        crosses = (y0 > point[1]) != (y1 > point[1])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = x0 + (point[1] - y0) * (x1 - x0) / (y1 - y0)
+        if np.count_nonzero(crosses & (point[0] < at)) % 2:
+            return region.name
+    return ""

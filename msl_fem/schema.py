@@ -1,0 +1,80 @@
+"""What the files that people write have in common: quantities with units, no unknown keys, one clear complaint."""
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
+from pydantic_core import CoreSchema, core_schema
+
+from msl_fem.errors import QuantityError
+from msl_fem.quantity import parse_quantity
+
+
+@dataclass(frozen=True)
+class In:
+    """Annotation of a float: the text of a file with a unit of this dimension, or an SI number given from Python."""
+
+    unit: str
+
+    def read(self, given: object) -> float:
+        """The SI value; ValueError where the text is not a quantity of this dimension, or not finite."""
+        if isinstance(given, float) or (isinstance(given, int) and not isinstance(given, bool)):
+            if not math.isfinite(given):
+                raise ValueError(f"{given} is not finite")
+            return float(given)
+        try:
+            return parse_quantity(given, self.unit)  # type: ignore[arg-type]
+        except QuantityError as err:
+            raise ValueError(str(err)) from err
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+
+class FrozenModel(BaseModel):
+    """A section of a file: frozen, and an unknown key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def bare_number(content: Mapping[Any, Any], pure: Collection[str], *, path: str = "") -> str | None:
+    """The complaint about the first number without a unit (keys named in `pure` need none), or None."""
+    for key, value in content.items():
+        inner = dict(enumerate(value)) if isinstance(value, list) else value
+        if isinstance(inner, dict):
+            said = bare_number(inner, pure, path=f"{path}{key}.")
+            if said:
+                return said
+        elif isinstance(value, bool):
+            return f"{path}{key}: {str(value).lower()} is not what is expected here; write a number or a text"
+        elif isinstance(value, int | float) and key not in pure:
+            return f'{path}{key}: {value} has no unit; write a text with one, like "0.6 mm"'
+    return None
+
+
+def first_complaint(err: ValidationError, *, unions: Collection[str] = ()) -> str:
+    """One line: the key path, what is wrong with it, and how many complaints more there are.
+
+    `unions` names the keys that hold one of several kinds: pydantic puts the kind into the path, the file does not.
+    """
+    first = err.errors()[0]
+    loc = first["loc"]
+    path = ".".join(str(p) for k, p in enumerate(loc) if k == 0 or loc[k - 1] not in unions)
+    kind = first["type"]
+    if kind == "extra_forbidden":
+        said = "unknown key; check its spelling or remove it"
+    elif kind == "missing":
+        said = "is missing"
+    else:
+        said = first["msg"].removeprefix("Value error, ")
+        if not isinstance(first["input"], dict | BaseModel) and kind != "value_error":
+            said += f", not {first['input']!r}"
+    more = f" (and {err.error_count() - 1} more)" if err.error_count() > 1 else ""
+    return f"{path + ': ' if path else ''}{said}{more}"
+
+
+def reason(err: Exception) -> str:
+    """Why a file could not be read, without its path (which the caller names)."""
+    return err.strerror or "error" if isinstance(err, OSError) else str(err)

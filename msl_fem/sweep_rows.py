@@ -1,0 +1,172 @@
+"""Rows of a sweep (one gap, increasing currents), solved in this process or in several, each row once."""
+
+import multiprocessing
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.actuator import ECore
+from msl_fem.errors import ComputationError, NotConverged
+from msl_fem.magnet_field import MagnetField
+from msl_fem.magnetostatics import FieldSolution
+from msl_fem.mesh import TriangleMesh
+from msl_fem.sweep_cache import RowCache, content_key
+from msl_fem.table import EXTRAS, NODES, SECTION
+
+Array = NDArray[np.float64]
+Arrays = dict[str, Array]
+Progress = Callable[[int, int], None]
+SCALARS = (*NODES, *EXTRAS)
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a process needs to solve rows: the magnet and its meshes' sizes are in the mesh already."""
+
+    magnet: ECore
+    mesh: TriangleMesh
+    folder: Path
+    order: int
+
+
+@dataclass(frozen=True)
+class Row:
+    """One gap (m) and its currents (A), increasing; `refine` solves with one polynomial degree more."""
+
+    gap: float
+    currents: tuple[float, ...]
+    refine: bool = False
+
+
+class RowSolver:
+    """Solves rows of a job; the model, and the refined one where it is needed, are made once."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self._fields: dict[bool, MagnetField] = {}
+
+    def field(self, refine: bool = False) -> MagnetField:
+        """The field model of the job's degree, or of one more."""
+        if refine not in self._fields:
+            job = self.job
+            self._fields[refine] = MagnetField(job.magnet, job.mesh, folder=job.folder, order=job.order + refine)
+        return self._fields[refine]
+
+    def solve(self, row: Row) -> Arrays:
+        """Arrays (n_current,) of a row's quantities; a point that does not converge is nan.
+
+        Along the row each field starts from the tangent prediction of the one before; a point that fails from there
+        is tried once more from zero.
+        """
+        started = time.process_time()
+        field = self.field(row.refine)
+        points: list[dict[str, float]] = []
+        state: tuple[Array, Array, float] | None = None
+        for current in row.currents:
+            start = state[0] + state[1] * (current - state[2]) if state is not None else None
+            try:
+                solution = _solve_from(field, current, row.gap, start)
+            except NotConverged:
+                points.append({})
+                state = None
+                continue
+            points.append(_numbers(field, solution))
+            state = (solution.potential, field.slope(solution), current)
+        names = dict.fromkeys(name for point in points for name in point)
+        arrays = {name: np.array([point.get(name, np.nan) for point in points]) for name in names or ("force",)}
+        return arrays | {"cpu_seconds": np.array(time.process_time() - started)}
+
+
+def _solve_from(field: MagnetField, current: float, gap: float, start: Array | None) -> FieldSolution:
+    """The solution from a start, or else from zero."""
+    try:
+        return field.solve(current, gap, start=start)
+    except NotConverged:
+        if start is None:
+            raise
+        return field.solve(current, gap)
+
+
+def _numbers(field: MagnetField, solution: FieldSolution) -> dict[str, float]:
+    quantities = field.quantities(solution)
+    numbers = {name: float(getattr(quantities, name)) for name in SCALARS}
+    numbers |= {SECTION + name: value.mean for name, value in quantities.flux_density.items()}
+    return numbers | {"tail": float(bool(quantities.rests_on_tail)), "newton_iterations": len(solution.trail)}
+
+
+def solve_rows(
+    job: Job,
+    rows: list[Row],
+    *,
+    workers: int,
+    cache: RowCache | None,
+    key: str,
+    resume: bool,
+    progress: Progress | None,
+) -> list[Arrays]:
+    """The rows' arrays, in order; finished rows go to the cache at once, and with `resume` come from it.
+
+    Raises
+    ------
+    ComputationError : a worker process died; finished rows are in the cache
+    """
+    keys = [content_key({"job": key, "gap": r.gap, "currents": r.currents, "refine": r.refine}) for r in rows]
+    found: dict[int, Arrays] = {}
+    if cache is not None and resume:
+        for n, row_key in enumerate(keys):
+            stored = cache.get(row_key)
+            if stored is not None:
+                found[n] = stored | {"reused": np.array(True)}
+    missing = [n for n in range(len(rows)) if n not in found]
+    if progress:
+        progress(len(found), len(rows))
+    for n, arrays in _solve_each(job, [(n, rows[n]) for n in missing], workers):
+        if cache is not None and np.isfinite(arrays["force"]).all():
+            cache.put(keys[n], arrays)
+        found[n] = arrays
+        if progress:
+            progress(len(found), len(rows))
+    return [found[n] for n in range(len(rows))]
+
+
+def _solve_each(job: Job, rows: list[tuple[int, Row]], workers: int) -> Iterator[tuple[int, Arrays]]:
+    if workers <= 1 or len(rows) < 2:
+        solver = RowSolver(job)
+        for n, row in rows:
+            yield n, solver.solve(row)
+        return
+    pool = ProcessPoolExecutor(
+        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker, initargs=(job,)
+    )
+    try:
+        # the dearest rows first, so that no process waits for a late one
+        order = sorted(rows, key=lambda item: -len(item[1].currents) * (4 if item[1].refine else 1))
+        futures = {pool.submit(_solve_in_worker, row): n for n, row in order}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    except BrokenProcessPool as err:
+        raise ComputationError(
+            "a worker process of the sweep died (out of memory, or killed); finished rows are kept: "
+            "run again with --resume, with fewer --workers if memory is short"
+        ) from err
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+_worker: RowSolver | None = None
+
+
+def _start_worker(job: Job) -> None:
+    global _worker
+    _worker = RowSolver(job)
+
+
+def _solve_in_worker(row: Row) -> Arrays:
+    assert _worker is not None, "the pool's initialiser has run"
+    return _worker.solve(row)
