@@ -1,13 +1,12 @@
 """Files of named columns, CSV or NetCDF, read with full precision and every doubtful cell refused."""
 
 import csv
-import warnings
+import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -43,43 +42,57 @@ def read_columns(path: Path) -> dict[str, Column]:
         return _read_netcdf(path) if path.suffix == ".nc" else _read_csv(path)
     except RecordError:
         raise
-    except (pd.errors.ParserError, pd.errors.ParserWarning) as err:
-        said = str(err).strip().removeprefix("Error tokenizing data. C error: ")
-        raise RecordError(f"{path}: rows of unequal length ({said}); give each row one cell a column") from err
-    except (OSError, ValueError) as err:
+    except (OSError, ValueError, csv.Error) as err:
         raise RecordError(f"{path}: cannot be read ({reason(err)}); write it as CSV in UTF-8 or NetCDF") from err
 
 
 def _read_csv(path: Path) -> dict[str, Column]:
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        names = [name.strip() for name in next(csv.reader(stream), [])]
+    header, _, body = path.read_text(encoding="utf-8-sig").partition("\n")
+    names = [name.strip() for name in next(csv.reader([header], skipinitialspace=True), [])]
     double = next((name for k, name in enumerate(names) if name and name in names[:k]), None)
     if not any(names) or double:
-        raise RecordError(
-            f"{path}: row 1: {f'column {double} is there twice' if double else 'no column names'}; "
-            "name each column once in the first row"
-        )
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", pd.errors.ParserWarning)
-        frame = pd.read_csv(
-            path, header=None, skiprows=1, names=range(len(names)), index_col=False, skip_blank_lines=False,
-            skipinitialspace=True, encoding="utf-8-sig", float_precision="round_trip", low_memory=False,
-        )  # fmt: skip
-    filled = np.flatnonzero(frame.notna().any(axis=1))
-    frame = frame.iloc[: filled[-1] + 1 if filled.size else 0]
-    columns = {}
+        said = f"column {double} is there twice" if double else "there are no column names"
+        raise RecordError(f"{path}: row 1: {said}; name each column once in the first row")
+    columns = _numeric_columns(body, width=len(names)) or _cell_columns(body, width=len(names), path=path)
     for k, name in enumerate(names):
-        if name:
-            columns[name] = _cells(frame[k])
-        elif frame[k].notna().any():
+        if not name and columns[k].size and (columns[k].dtype.kind == "f" or any(columns[k])):
             raise RecordError(f"{path}: row 1: column {k + 1} has no name; name it or remove it")
-    return columns
+    return {name: columns[k] for k, name in enumerate(names) if name}
 
 
-def _cells(column: Any) -> Column:
-    if column.dtype.kind in "iuf" or column.isna().all():
-        return column.to_numpy(dtype=np.float64)
-    return column.fillna("").astype(str).to_numpy(dtype=object)
+def _numeric_columns(body: str, *, width: int) -> list[Column] | None:
+    """The columns of a text of numbers alone, fast; None where a cell or a row is anything else."""
+    if not body.strip():
+        return None
+    try:
+        values = np.loadtxt(io.StringIO(body), delimiter=",", comments=None, quotechar='"', ndmin=2)
+    except ValueError:
+        return None
+    whole = values.shape == (body.rstrip("\n").count("\n") + 1, width)  # no empty rows were skipped
+    return list(np.ascontiguousarray(values.T)) if whole else None
+
+
+def _cell_columns(body: str, *, width: int, path: Path) -> list[Column]:
+    """The columns of any text, cell by cell: numbers where all cells are, else the texts."""
+    rows = [row or [""] * width for row in csv.reader(io.StringIO(body), skipinitialspace=True)]
+    while rows and not any(cell.strip() for cell in rows[-1]):
+        rows.pop()
+    for k, row in enumerate(rows):
+        if len(row) != width:
+            raise RecordError(f"{place(path, k)}: {len(row)} cells under {width} names; give each column one")
+    cells = [[row[k].strip() for row in rows] for k in range(width)]
+    return [
+        np.array([float(cell) for cell in column]) if all(map(_is_number, column)) else np.array(column, dtype=object)
+        for column in cells
+    ]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell  # Python alone takes "1_000"
 
 
 def _read_netcdf(path: Path) -> dict[str, Column]:
@@ -98,10 +111,10 @@ def numbers(column: Column, name: str, file: Path | str) -> NDArray[np.float64]:
     if column.dtype.kind == "f":
         bad = np.flatnonzero(~np.isfinite(column))
     else:
-        bad = np.flatnonzero(~np.isfinite(pd.to_numeric(pd.Series(column), errors="coerce").to_numpy(dtype=float)))
+        bad = np.array([k for k, cell in enumerate(column) if not (_is_number(cell) and np.isfinite(float(cell)))])
     if bad.size:
         cell = column[bad[0]]
-        missing = cell == "" or cell != cell
+        missing = str(cell).lower() in ("", "nan")
         said = "the value is missing" if missing else f"{str(cell)!r} is not a finite number"
         raise RecordError(f"{place(file, int(bad[0]))}, column {name}: {said}; write a number or cut the run there")
     return np.asarray(column, dtype=np.float64)

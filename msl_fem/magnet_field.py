@@ -130,6 +130,13 @@ def solve(actuator: Actuator, current: float, gap: float, *, accuracy: Accuracy 
     InputError : a gap that is not positive or larger than the core's half width, an unknown accuracy
     ComputationError : the mesher or Newton's iteration failed
     """
+    return solve_with_field(actuator, current, gap, accuracy=accuracy)[0]
+
+
+def solve_with_field(
+    actuator: Actuator, current: float, gap: float, *, accuracy: Accuracy = "normal"
+) -> tuple[PointResult, MagnetField, FieldSolution]:
+    """As `solve`, with the field itself for pictures."""
     if accuracy not in LEVELS:
         raise InputError(f"accuracy '{accuracy}' is unknown; choose one of {', '.join(LEVELS)}")
     check_point(actuator, current, gap)
@@ -143,6 +150,6 @@ def solve(actuator: Actuator, current: float, gap: float, *, accuracy: Accuracy 
     if quantities.rests_on_tail:
         regions = " and ".join(quantities.rests_on_tail)
         notes += (f"more than 1 % of the {regions} lies beyond the B-H curve's last point, on its saturation tail",)
-    return PointResult(
-        current, gap, quantities, error, field.model.free.size, len(solution.trail), solution.trail, notes
-    )
+    unknowns, iterations = field.model.free.size, len(solution.trail)
+    point = PointResult(current, gap, quantities, error, unknowns, iterations, solution.trail, notes)
+    return point, field, solution

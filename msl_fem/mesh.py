@@ -55,9 +55,12 @@ class TriangleMesh:
         wanted = [k for k, name in enumerate(self.names) if name in names]
         return np.flatnonzero(np.isin(self.region, wanted))
 
-    def at_gap(self, gap: float) -> Array:
-        """Coordinates (2, n_point) at another gap: the strip stretched, what lies above it shifted."""
-        x, y = self.points
+    def at_gap(self, gap: float, points: Array | None = None) -> Array:
+        """Coordinates (2, n) at another gap, of the mesh's points or of `points` at this mesh's gap.
+
+        The strip is stretched, what lies above it shifted.
+        """
+        x, y = self.points if points is None else points
         moved = np.where(y <= 0, y, np.where(y >= self.gap, y + gap - self.gap, y * gap / self.gap))
         return np.stack([x, moved])
 

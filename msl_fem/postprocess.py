@@ -108,6 +108,16 @@ def evaluate_field(probes: Probes, solution: FieldSolution) -> FieldQuantities:
     )
 
 
+def triangle_flux_density(model: FieldModel, solution: FieldSolution) -> Array:
+    """(2, n_triangle) mean B_x, B_y of each triangle in T, at the solution's gap."""
+    gradient = model.basis.interpolate(solution.potential).grad  # (2, triangle, point)
+    weight = model.basis.dx
+    mean = (gradient * weight).sum(axis=2) / weight.sum(axis=1)
+    stretch = np.ones(mean.shape[1])
+    stretch[model.mesh.elements(STRIP)] = model.mesh.gap / solution.gap
+    return np.stack([mean[1] * stretch, -mean[0]])
+
+
 def _gradient_maps(
     model: FieldModel, points: Array, elements: NDArray[np.int64]
 ) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:

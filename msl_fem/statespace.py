@@ -38,12 +38,16 @@ class StateSpace:
         wanted = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
         for name, shape in wanted.items():
             if getattr(self, name).shape != shape:
-                raise InputError(f"{name} has the shape {getattr(self, name).shape}, with the others it must be {shape}")
+                raise InputError(
+                    f"{name} has the shape {getattr(self, name).shape}, with the others it must be {shape}"
+                )
         for kind, names, size in (("states", self.states, n), ("inputs", self.inputs, m), ("outputs", self.outputs, p)):
             if names and len(names) != size:
                 raise InputError(f"{len(names)} names of {kind} for {size}; name all or none")
         if self.sampling_period is not None and not self.sampling_period > 0:
-            raise InputError(f"sampling_period {self.sampling_period:g} s must be positive, or None for continuous time")
+            raise InputError(
+                f"sampling_period {self.sampling_period:g} s must be positive, or None for continuous time"
+            )
 
     @property
     def poles(self) -> NDArray[np.complex128]:
@@ -75,6 +79,8 @@ class StateSpace:
         InputError : the system is sampled already
         """
         if self.sampling_period is not None:
-            raise InputError(f"the system is sampled already, with {self.sampling_period:g} s; start from continuous time")
+            raise InputError(
+                f"the system is sampled already, with {self.sampling_period:g} s; start from continuous time"
+            )
         a, b, c, d, _ = cont2discrete((self.A, self.B, self.C, self.D), period, method="zoh")
         return StateSpace(a, b, c, d, float(period), self.states, self.inputs, self.outputs)

@@ -15,13 +15,13 @@ _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def quantity_text(value: float, unit: str) -> str:
-    """The shortest text with a prefixed unit that parses back to exactly `value`: 5e-8 m -> "50 nm"."""
-    for digits in (4, 7, 10, 17):
+    """A text that parses back to `value`: with a prefix where that is short ("50 nm", to 5e-16 of it), else exactly."""
+    for digits in (4, 7, 10):
         text = format_quantity(value, unit, digits=digits)
         try:
-            if parse_quantity(text, unit) == value:
+            if abs(parse_quantity(text, unit) - value) <= 5e-16 * abs(value):
                 return text
-        except QuantityError:  # no prefix fits this unit: "kkg", or a unit that is a product
+        except QuantityError:  # no prefix fits this unit: "kkg"
             break
     return f"{float(value)!r} {unit}".rstrip()
 

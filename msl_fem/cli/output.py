@@ -1,0 +1,105 @@
+"""What commands print: one JSON object or a table on stdout, progress and errors on stderr, and the exit status."""
+
+import contextlib
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from msl_fem.errors import ComputationError, InputError
+
+ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
+COMPUTATION_FAILED, INPUT_WRONG, INTERRUPTED = 1, 2, 130
+
+
+def print_result(result: Mapping[str, Any], *, as_json: bool, title: str) -> None:
+    """One JSON object on stdout, or a table of its fields for people."""
+    if as_json:
+        sys.stdout.write(json.dumps(plain(result), allow_nan=False) + "\n")
+        return
+    table = Table(title=title, title_justify="left", show_header=False, box=None, padding=(0, 2, 0, 0))
+    for name, value in _rows(plain(result)):
+        table.add_row(name, value)
+    Console(highlight=False).print(table)
+
+
+def _rows(result: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    for name, value in result.items():
+        if isinstance(value, Mapping):
+            yield from _rows(value, f"{prefix}{name}.")
+        elif isinstance(value, list) and len(value) > 8:
+            yield prefix + name, f"{_text(value[0])} ... {_text(value[-1])} ({len(value)} values)"
+        elif isinstance(value, list):
+            yield prefix + name, ", ".join(map(_text, value))
+        else:
+            yield prefix + name, _text(value)
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def plain(value: Any) -> Any:
+    """Lists, dicts, numbers and texts of a result; what is not finite becomes None."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if isinstance(value, bool | int | str | None) else str(value)
+
+
+@contextlib.contextmanager
+def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar on stderr that counts finished work and estimates the rest; the block calls it with (finished, all)."""
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=ERRORS) as progress:
+        task = progress.add_task(what, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def say(text: str) -> None:
+    """A line of news on stderr."""
+    ERRORS.print(text, markup=False)
+
+
+def run_guarded(app: Callable[[], None]) -> int:
+    """The exit status of a command: 0 done, 1 the computation failed, 2 the input is wrong, 130 interrupted."""
+    try:
+        app()
+    except InputError as err:
+        say(f"error: {_one_line(err)}")
+        return INPUT_WRONG
+    except ComputationError as err:
+        say(f"failed: {_one_line(err)}")
+        return COMPUTATION_FAILED
+    except KeyboardInterrupt:
+        say("interrupted: files are whole; run the same command again (table and study: with --resume) to go on")
+        return INTERRUPTED
+    except BrokenPipeError:
+        return COMPUTATION_FAILED
+    except OSError as err:
+        say(f"error: {err.filename or 'file'}: {err.strerror or err}")
+        return INPUT_WRONG
+    except SystemExit as leaving:
+        return leaving.code if isinstance(leaving.code, int) else (INPUT_WRONG if leaving.code else 0)
+    return 0
+
+
+def _one_line(err: Exception) -> str:
+    return " ".join(str(err).split())

@@ -1,0 +1,114 @@
+"""docs/architecture.md is true: the import order, who may use which library, who may open files."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "msl_fem"
+DOCUMENT = ROOT / "docs" / "architecture.md"
+ORDER = re.findall(r"^\d+\. `(msl_fem\.[a-z_]+)`", DOCUMENT.read_text(), flags=re.MULTILINE)
+SIBLINGS = {"msl_fem.identification", "msl_fem.control", "msl_fem.diagnosis"}
+USERS = {
+    "skfem": {"msl_fem.mesh", "msl_fem.magnetostatics", "msl_fem.postprocess"},
+    "netgen": {"msl_fem.mesh"},
+    "matplotlib": {"msl_fem.report"},
+    "plotly": {"msl_fem.report"},
+    "pyvista": {"msl_fem.report"},
+}
+FILE_USERS = {
+    "msl_fem.whole_file", "msl_fem.actuator", "msl_fem.schema", "msl_fem.material", "msl_fem.table", "msl_fem.record",
+    "msl_fem.operating_map", "msl_fem.coupled_model", "msl_fem.sweep_cache", "msl_fem.export", "msl_fem.report",
+    "msl_fem.cli",
+}  # fmt: skip
+FILE_CALLS = {"open", "read_text", "read_bytes", "write_text", "write_bytes", "open_dataset", "read_csv", "to_csv"}
+
+
+def modules() -> dict[str, ast.Module]:
+    found = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        name = ".".join(["msl_fem", *path.relative_to(PACKAGE).with_suffix("").parts]).removesuffix(".__init__")
+        found[name] = ast.parse(path.read_text())
+    return found
+
+
+MODULES = modules()
+
+
+def entry(module: str) -> str:
+    """The list's entry that a module belongs to."""
+    return ".".join(module.split(".")[:2])
+
+
+def imports(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute"
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                yield inner if inner in MODULES else str(node.module)
+
+
+def test_every_module_stands_in_the_list() -> None:
+    assert {entry(name) for name in MODULES} - {"msl_fem"} == set(ORDER)
+
+
+@pytest.mark.parametrize("module", [name for name in MODULES if name != "msl_fem"])
+def test_a_module_imports_only_from_those_before_it(module: str) -> None:
+    here = ORDER.index(entry(module))
+    for imported in imports(MODULES[module]):
+        if imported.startswith("msl_fem."):
+            assert ORDER.index(entry(imported)) <= here, f"{module} imports {imported}"
+            assert imported != "msl_fem", f"{module} imports the package's door"
+            pair = {entry(module), entry(imported)}
+            assert not (len(pair) == 2 and pair <= SIBLINGS), f"{module} imports its sibling {imported}"
+
+
+def test_no_import_cycle() -> None:
+    edges = {name: {i for i in imports(tree) if i in MODULES and i != name} for name, tree in MODULES.items()}
+    done: set[str] = set()
+
+    def visit(name: str, path: tuple[str, ...]) -> None:
+        assert name not in path, f"cycle: {' -> '.join([*path[path.index(name) :], name])}"
+        if name not in done:
+            for other in edges[name]:
+                visit(other, (*path, name))
+            done.add(name)
+
+    for name in MODULES:
+        visit(name, ())
+
+
+@pytest.mark.parametrize("library", USERS)
+def test_a_library_is_used_only_where_it_belongs(library: str) -> None:
+    users = {entry(name) for name, tree in MODULES.items() if any(i.split(".")[0] == library for i in imports(tree))}
+    assert users <= USERS[library]
+
+
+def test_files_are_opened_only_by_readers_and_writers() -> None:
+    for name, tree in MODULES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call):
+                called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+                assert called not in FILE_CALLS or entry(name) in FILE_USERS, f"{name} calls {called}"
+
+
+def test_names_say_what_is_inside() -> None:
+    for name in MODULES:
+        assert not {"utils", "helpers", "common", "core", "misc"} & set(name.split(".")), name
+
+
+def test_the_model_half_needs_no_finite_elements() -> None:
+    """From control, no path of imports leads to the field half."""
+    reached, todo = set(), ["msl_fem.control", *(n for n in MODULES if n.startswith("msl_fem.control."))]
+    while todo:
+        for imported in imports(MODULES[todo.pop()]):
+            if imported in MODULES and imported not in reached:
+                reached.add(imported)
+                todo.append(imported)
+    assert not {entry(name) for name in reached} & {"msl_fem.mesh", "msl_fem.magnetostatics", "msl_fem.sweep"}
