@@ -1,0 +1,39 @@
+"""Design of magnetic-levitation actuators: field solutions, tables, maps, coupled models, identification, control.
+
+The verbs of the command line as functions of records; results carry the JSON's field names. Each is loaded when it is
+first used, so that a control engineer needs no finite elements.
+"""
+
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+_VERBS = {
+    "load_actuator": "msl_fem.actuator",
+    "solve": "msl_fem.magnet_field",
+    "sweep": "msl_fem.sweep",
+    "read_table": "msl_fem.table",
+    "write_table": "msl_fem.table",
+    "operating_map": "msl_fem.operating_map",
+    "load_record": "msl_fem.record",
+    "write_record": "msl_fem.record",
+    "simulate": "msl_fem.coupled_model",
+    "identify": "msl_fem.identification",
+    "design_controller": "msl_fem.control",
+}
+__all__ = sorted(_VERBS)
+
+try:
+    __version__ = version("msl-fem")
+except PackageNotFoundError:  # a checkout that is not installed
+    __version__ = "0"
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _VERBS:
+        raise AttributeError(f"module 'msl_fem' has no attribute '{name}'")
+    return getattr(import_module(_VERBS[name]), name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]
