@@ -1,9 +1,10 @@
 """A section to a triangle mesh with named regions, graded at the corners where the field is singular."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from netgen.geom2d import SplineGeometry
+from netgen.meshing import NgException
 from numpy.typing import NDArray
 
 from msl_fem.errors import ComputationError
@@ -11,6 +12,7 @@ from msl_fem.section import Section
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-9  # of the box: two vertices closer than this are one
+GROWTH_CHANGES = (1.0, 0.94, 1.06, 0.88, 1.13, 0.8, 1.2, 0.7)
 
 
 @dataclass(frozen=True)
@@ -68,11 +70,27 @@ class TriangleMesh:
 def triangulate(section: Section, size: MeshSize | None = None) -> TriangleMesh:
     """A conforming mesh of the section.
 
+    The mesher's advancing front gets stuck on about one section in a hundred; it is then tried again with sizes that
+    grow a little faster or slower.
+
     Raises
     ------
-    ComputationError : the mesher gave up
+    ComputationError : the mesher gave up on every attempt
     """
     size = size or MeshSize()
+    for change in GROWTH_CHANGES:
+        try:
+            return _triangulate(section, replace(size, growth=size.growth * change))
+        except NgException as err:
+            reason = err
+    raise ComputationError(
+        f"the mesher failed on the section at gap {section.gap * 1e3:g} mm in {len(GROWTH_CHANGES)} attempts ({reason}); "
+        "change a dimension slightly, or choose another accuracy"
+    ) from reason
+
+
+def _triangulate(section: Section, size: MeshSize) -> TriangleMesh:
+    """One attempt; raises netgen's NgException."""
     vertices, edges = _subdivide(section)
     iron = [r for r in section.regions if r.name in section.iron]
     thin = min(min(np.ptp(np.array(r.vertices), axis=0)) for r in iron)
@@ -98,10 +116,7 @@ def triangulate(section: Section, size: MeshSize | None = None) -> TriangleMesh:
     for k, name in enumerate(names):
         geometry.SetMaterial(k + 1, name)
         geometry.SetDomainMaxH(k + 1, (size.iron * thin if name in section.iron else 0.15 * box) / scale)
-    try:
-        mesh = geometry.GenerateMesh(maxh=0.2, grading=size.growth)
-    except Exception as err:  # netgen raises bare exceptions
-        raise ComputationError(f"the mesher failed on the section at gap {section.gap:g} m: {err}") from err
+    mesh = geometry.GenerateMesh(maxh=0.2, grading=size.growth)
     return _from_netgen(mesh, scale, names, section.gap)
 
 

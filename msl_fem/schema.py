@@ -3,13 +3,14 @@
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
 from pydantic_core import CoreSchema, core_schema
 
 from msl_fem.errors import QuantityError
 from msl_fem.quantity import parse_quantity
+from msl_fem.toml_text import quantity_text
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,31 @@ class FrozenModel(BaseModel):
     """A section of a file: frozen, and an unknown key is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def document(model: BaseModel) -> dict[str, Any]:
+    """The model as a file states it: texts with units, aliases as keys, nothing where there is nothing."""
+    content: dict[str, Any] = {}
+    for name, info in type(model).model_fields.items():
+        value = getattr(model, name)
+        if value is None or info.exclude or value == {}:
+            continue
+        unit = _unit((info.annotation, *info.metadata))
+        if isinstance(value, BaseModel):
+            value = document(value)
+        elif isinstance(value, float) and unit:
+            value = quantity_text(value, unit)
+        content[info.alias or name] = value
+    return content
+
+
+def _unit(parts: tuple[Any, ...]) -> str:
+    """The unit of the first `In` within an annotation and its metadata, "" without one."""
+    for part in parts:
+        unit = part.unit if isinstance(part, In) else _unit(get_args(part))
+        if unit:
+            return unit
+    return ""
 
 
 def bare_number(content: Mapping[Any, Any], pure: Collection[str], *, path: str = "") -> str | None:

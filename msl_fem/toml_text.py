@@ -1,15 +1,12 @@
-"""Records to TOML text that a person can read and that reads back to the same numbers."""
+"""Values to TOML text that a person can read and that reads back to the same numbers."""
 
 import json
 import re
 from collections.abc import Mapping
-from typing import Any, get_args
-
-from pydantic import BaseModel
+from typing import Any
 
 from msl_fem.errors import QuantityError
 from msl_fem.quantity import format_quantity, parse_quantity
-from msl_fem.schema import In
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -24,31 +21,6 @@ def quantity_text(value: float, unit: str) -> str:
         except QuantityError:  # no prefix fits this unit: "kkg"
             break
     return f"{float(value)!r} {unit}".rstrip()
-
-
-def document(model: BaseModel) -> dict[str, Any]:
-    """The model as a file states it: texts with units, aliases as keys, nothing where there is nothing."""
-    content: dict[str, Any] = {}
-    for name, info in type(model).model_fields.items():
-        value = getattr(model, name)
-        if value is None or info.exclude or value == {}:
-            continue
-        unit = _unit((info.annotation, *info.metadata))
-        if isinstance(value, BaseModel):
-            value = document(value)
-        elif isinstance(value, float) and unit:
-            value = quantity_text(value, unit)
-        content[info.alias or name] = value
-    return content
-
-
-def _unit(parts: tuple[Any, ...]) -> str:
-    """The unit of the first `In` within an annotation and its metadata, "" without one."""
-    for part in parts:
-        unit = part.unit if isinstance(part, In) else _unit(get_args(part))
-        if unit:
-            return unit
-    return ""
 
 
 def toml_text(content: Mapping[str, Any]) -> str:

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
-from msl_fem.column_file import Column, numbers, place, read_columns
 from msl_fem.errors import RecordError
-from msl_fem.record import Record, Role, Run, StaticMap, read_only
-from msl_fem.record_checks import check_columns, check_record, check_run, doubtful_sensors, known_columns
-from msl_fem.rig_file import RIG_FILE, STATIC_FILE, RigFile, RunEntry, read_rig, rig_actuator
+from msl_fem.record.checks import check_columns, check_record, check_run, doubtful_sensors, known_columns
+from msl_fem.record.column_file import Column, numbers, place, read_columns
+from msl_fem.record.record import Record, Role, Run, StaticMap, read_only
+from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RigFile, RunEntry, read_rig, rig_actuator
 
 STATIC_NUMBERS = ("gap_m", "current_A", "force_N", "flux_linkage_Wb", "sequence")
 STATIC_WORDS = {"direction": ("up", "down"), "role": ("fit", "held-out")}

@@ -1,0 +1,146 @@
+"""Files of named columns, CSV or NetCDF, read with full precision and every doubtful cell refused."""
+
+import csv
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from msl_fem.errors import RecordError
+from msl_fem.schema import reason
+
+Column = NDArray[Any]
+FIRST_ROW = {".csv": 2, ".nc": 0}
+"""Row of the first sample: a spreadsheet counts from 1 and has the names there; NetCDF counts from 0."""
+
+
+def place(file: Path | str, sample: int) -> str:
+    """Where a sample stands in its file, for messages."""
+    row = FIRST_ROW.get(Path(file).suffix, 0)
+    return f"{file}: row {row + sample}" + (f" (sample {sample})" if row else "")
+
+
+def read_columns(path: Path) -> dict[str, Column]:
+    """The columns of a file by name, (n_row,) each: float64, or the cells' texts where one is not a number.
+
+    A CSV file has its names in the first row and commas between the cells. A NetCDF file has one variable a column, all
+    over the dimension `time`. Numbers are rounded correctly to float64.
+
+    Raises
+    ------
+    RecordError : no such file, another format, no or double column names, rows of unequal length
+    """
+    if path.suffix not in FIRST_ROW:
+        raise RecordError(f"{path}: the ending '{path.suffix}' is unknown; use .csv or .nc (NetCDF)")
+    if not path.is_file():
+        raise RecordError(f"{path}: no such file; name one that is there")
+    try:
+        return _read_netcdf(path) if path.suffix == ".nc" else _read_csv(path)
+    except RecordError:
+        raise
+    except (OSError, ValueError, csv.Error) as err:
+        raise RecordError(f"{path}: cannot be read ({reason(err)}); write it as CSV in UTF-8 or NetCDF") from err
+
+
+def _read_csv(path: Path) -> dict[str, Column]:
+    header, _, body = path.read_text(encoding="utf-8-sig").partition("\n")
+    names = [name.strip() for name in next(csv.reader([header], skipinitialspace=True), [])]
+    double = next((name for k, name in enumerate(names) if name and name in names[:k]), None)
+    if not any(names) or double:
+        said = f"column {double} is there twice" if double else "there are no column names"
+        raise RecordError(f"{path}: row 1: {said}; name each column once in the first row")
+    columns = _numeric_columns(body, width=len(names)) or _cell_columns(body, width=len(names), path=path)
+    for k, name in enumerate(names):
+        if not name and columns[k].size and (columns[k].dtype.kind == "f" or any(columns[k])):
+            raise RecordError(f"{path}: row 1: column {k + 1} has no name; name it or remove it")
+    return {name: columns[k] for k, name in enumerate(names) if name}
+
+
+def _numeric_columns(body: str, *, width: int) -> list[Column] | None:
+    """The columns of a text of numbers alone, fast; None where a cell or a row is anything else."""
+    if not body.strip():
+        return None
+    try:
+        values = np.loadtxt(io.StringIO(body), delimiter=",", comments=None, quotechar='"', ndmin=2)
+    except ValueError:
+        return None
+    whole = values.shape == (body.rstrip("\n").count("\n") + 1, width)  # no empty rows were skipped
+    return list(np.ascontiguousarray(values.T)) if whole else None
+
+
+def _cell_columns(body: str, *, width: int, path: Path) -> list[Column]:
+    """The columns of any text, cell by cell: numbers where all cells are, else the texts."""
+    rows = [row or [""] * width for row in csv.reader(io.StringIO(body), skipinitialspace=True)]
+    while rows and not any(cell.strip() for cell in rows[-1]):
+        rows.pop()
+    for k, row in enumerate(rows):
+        if len(row) != width:
+            raise RecordError(f"{place(path, k)}: {len(row)} cells under {width} names; give each column one")
+    cells = [[row[k].strip() for row in rows] for k in range(width)]
+    return [
+        np.array([float(cell) for cell in column]) if all(map(_is_number, column)) else np.array(column, dtype=object)
+        for column in cells
+    ]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell  # Python alone takes "1_000"
+
+
+def _read_netcdf(path: Path) -> dict[str, Column]:
+    with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as dataset:
+        columns = {}
+        for name, variable in dataset.variables.items():
+            if variable.dims != ("time",):
+                raise RecordError(f"{path}: {name} has the dimensions {variable.dims}; it must have `time` alone")
+            numeric = variable.dtype.kind in "iuf"
+            columns[str(name)] = variable.to_numpy().astype(np.float64 if numeric else object)
+    return columns
+
+
+def numbers(column: Column, name: str, file: Path | str) -> NDArray[np.float64]:
+    """The column as float64; RecordError naming file, row and column of the first cell that is not a finite number."""
+    if column.dtype.kind == "f":
+        bad = np.flatnonzero(~np.isfinite(column))
+    else:
+        bad = np.array([k for k, cell in enumerate(column) if not (_is_number(cell) and np.isfinite(float(cell)))])
+    if bad.size:
+        cell = column[bad[0]]
+        missing = str(cell).lower() in ("", "nan")
+        said = "the value is missing" if missing else f"{str(cell)!r} is not a finite number"
+        raise RecordError(f"{place(file, int(bad[0]))}, column {name}: {said}; write a number or cut the run there")
+    return np.asarray(column, dtype=np.float64)
+
+
+def write_columns(path: Path, columns: Mapping[str, Column]) -> None:
+    """Writes columns (n_row,) under their names, as CSV or NetCDF by the path's ending.
+
+    CSV cells carry nine significant digits (a relative rounding of at most 5e-10, four decades below the noise of a
+    16-bit sensor, at half the length of a full float64), the time twelve, so that rounding is no jitter. NetCDF keeps
+    float64 as it is. The unit attribute of NetCDF is the name's last part.
+    """
+    if path.suffix == ".nc":
+        dataset = xr.Dataset({name: ("time", values) for name, values in columns.items()})
+        for name in columns:
+            dataset[name].attrs["units"] = name.rpartition("_")[2]
+        packed = {n: {"zlib": True, "shuffle": True} for n, v in columns.items() if v.dtype.kind == "f"}
+        dataset.to_netcdf(path, engine="h5netcdf", encoding=packed)
+        return
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(columns)
+        texts = [
+            [(("%.12g" if name == "time_s" else "%.9g") % v) for v in values.tolist()]
+            if values.dtype.kind == "f"
+            else [str(v) for v in values]
+            for name, values in columns.items()
+        ]
+        writer.writerows(zip(*texts, strict=True))

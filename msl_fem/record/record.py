@@ -1,0 +1,190 @@
+"""A record of measured or simulated data: the rig as believed, its runs and its static map, frozen."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from msl_fem.actuator import Actuator, CurrentNoise, Frequency, PositionNoise
+from msl_fem.errors import RecordError
+from msl_fem.schema import FrozenModel, In
+
+Array = NDArray[np.float64]
+Role = Literal["fit", "held-out"]
+Origin = Literal["measured", "simulated"]
+Tolerated = Annotated[float, In(""), Field(ge=0, lt=1)]
+
+
+class Sampling(FrozenModel):
+    """Sampling of the runs; `hold` says how inputs run between samples."""
+
+    rate: Frequency
+    hold: Literal["zero-order", "linear"] = "zero-order"
+
+
+class Noise(FrozenModel):
+    """One sigma of each instrument, from its data sheet; None where nobody knows."""
+
+    position: PositionNoise | None = None
+    current: CurrentNoise | None = None
+    voltage: Annotated[float, In("V"), Field(ge=0)] | None = None
+    force: Annotated[float, In("N"), Field(ge=0)] | None = None
+    flux_linkage: Annotated[float, In("Wb"), Field(ge=0)] | None = None
+
+
+class Tolerance(FrozenModel):
+    """One sigma, relative, of how well the believed parameters are known."""
+
+    moving_mass: Tolerated = 0.005
+    stiffness: Tolerated = 0.02
+    damping: Tolerated = 0.2
+    coil_resistance: Tolerated = 0.01
+    nominal_gap: Tolerated = 0.005
+    position_gain: Tolerated = 0.002
+    magnetic_scale: Tolerated = 0.002
+    table: Tolerated = 0.001
+
+
+def read_only(values: ArrayLike) -> Array:
+    """A float64 copy that cannot be written to."""
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+def _texts_or_numbers(values: ArrayLike) -> NDArray[Any]:
+    array = np.array(values)
+    array = array.astype(str if array.dtype.kind in "OUS" else np.float64)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One dynamic run, sampled in equal steps.
+
+    Attributes
+    ----------
+    name : of the run, the file's name without its ending
+    excitation : in words, or as an excitation's SPEC
+    role : "fit" or "held-out"
+    columns : (n_sample,) each, by RECORDS' names with the SI unit in them; read-only; `time_s` is always there
+    extra : columns of the file that the format does not know; kept, not used
+    file_format : "csv" or "nc" (NetCDF)
+    """
+
+    name: str
+    excitation: str
+    role: Role
+    columns: Mapping[str, Array]
+    extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    file_format: Literal["csv", "nc"] = "csv"
+
+    def __post_init__(self) -> None:
+        frozen = {name: read_only(values) for name, values in self.columns.items()}
+        if "time_s" not in frozen:
+            raise RecordError(f"run {self.name}: column time_s is missing")
+        extra = {name: _texts_or_numbers(values) for name, values in self.extra.items()}
+        for name, values in {**frozen, **extra}.items():
+            if values.shape != (frozen["time_s"].size,):
+                raise RecordError(
+                    f"run {self.name}: column {name} has the shape {values.shape}, "
+                    f"time_s has {frozen['time_s'].shape}; give one value a sample"
+                )
+        object.__setattr__(self, "columns", frozen)
+        object.__setattr__(self, "extra", extra)
+
+    def __getitem__(self, column: str) -> Array:
+        """The column (n_sample,); RecordError where the run has none of this name."""
+        try:
+            return self.columns[column]
+        except KeyError:
+            raise RecordError(f"run {self.name} has no column {column}; it has {', '.join(self.columns)}") from None
+
+    def __contains__(self, column: object) -> bool:
+        return column in self.columns
+
+    @property
+    def file(self) -> str:
+        return f"{self.name}.{self.file_format}"
+
+    @property
+    def time(self) -> Array:
+        """Instants of the samples in s, (n_sample,)."""
+        return self.columns["time_s"]
+
+    @property
+    def sampling_period(self) -> float:
+        """Mean step of the time in s."""
+        return float((self.time[-1] - self.time[0]) / (self.time.size - 1))
+
+
+@dataclass(frozen=True, eq=False)
+class StaticMap:
+    """Quasi-static rows of one magnet in the order of measurement, (n_row,) each.
+
+    Attributes
+    ----------
+    gap, current : m, A
+    force, flux_linkage : N, Wb; None where not measured, one of them is there
+    role : "fit" or "held-out", a row
+    direction : "up" or "down", a row; None where not stated
+    sequence : number of the loop that a row belongs to; None where there is one
+    extra : columns that the format does not know
+    """
+
+    gap: Array
+    current: Array
+    force: Array | None
+    flux_linkage: Array | None
+    role: NDArray[np.str_]
+    direction: NDArray[np.str_] | None = None
+    sequence: Array | None = None
+    extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+    def rows(self, role: Role) -> NDArray[np.intp]:
+        """Indices of the rows with this role, in order."""
+        return np.flatnonzero(self.role == role)
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """The data of a rig and what is believed about it.
+
+    Attributes
+    ----------
+    origin : "measured" or "simulated"
+    actuator : with what rig.toml states in place of its own values
+    sampling : None for a static-only rig
+    noise, tolerance : one sigma
+    controller : law and gains as rig.toml states them (texts with units), None where not known
+    runs, static : the data; one of both is there
+    warnings : what is odd about the data without being refused
+    folder : where it was read from
+    """
+
+    origin: Origin
+    actuator: Actuator
+    sampling: Sampling | None = None
+    noise: Noise = field(default_factory=Noise)
+    tolerance: Tolerance = field(default_factory=Tolerance)
+    controller: Mapping[str, Any] | None = None
+    runs: tuple[Run, ...] = ()
+    static: StaticMap | None = None
+    warnings: tuple[str, ...] = ()
+    folder: Path | None = None
+
+    def runs_of(self, role: Role) -> tuple[Run, ...]:
+        """The runs with this role, in the order of rig.toml."""
+        return tuple(run for run in self.runs if run.role == role)
+
+    def run(self, name: str) -> Run:
+        """The run of this name; RecordError where there is none."""
+        for run in self.runs:
+            if run.name == name:
+                return run
+        raise RecordError(f"no run '{name}' in the record; it has {', '.join(r.name for r in self.runs)}")

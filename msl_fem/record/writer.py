@@ -1,0 +1,161 @@
+"""A record to a folder that stands on its own, whole or not at all."""
+
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from msl_fem.actuator import Actuator
+from msl_fem.errors import RecordError
+from msl_fem.record.checks import check_record, check_run
+from msl_fem.record.column_file import Column, write_columns
+from msl_fem.record.reader import static_map
+from msl_fem.record.record import Record, StaticMap
+from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RigFile, read_rig
+from msl_fem.schema import document, first_complaint, reason
+from msl_fem.toml_text import toml_text
+
+ACTUATOR_FILE = "actuator.toml"
+
+
+def write_record(record: Record, folder: str | Path) -> None:
+    """Writes rig.toml, the actuator, static.csv and the runs into a folder; whole or not at all.
+
+    The folder needs nothing outside it: what rig.toml had stated about the actuator goes into its `actuator.toml`. A
+    record that stands there is replaced, measured data by measured data only, and nothing that is not part of it is
+    destroyed. CSV cells carry nine significant digits (see `write_columns`); rig.toml, actuator.toml, NetCDF: all.
+
+    Raises
+    ------
+    RecordError : `load_record` would refuse the record; the folder holds something else or cannot be written
+    """
+    folder = Path(folder).absolute()
+    check_record(record, rig_file=folder / RIG_FILE)
+    for run in record.runs:
+        assert record.sampling is not None  # check_record saw to it
+        check_run(run, record.actuator, record.sampling, file=folder / run.file)
+    if record.static is not None:
+        static_map(_static_columns(record.static), role=None, file=folder / STATIC_FILE)
+    rig_text = _rig_text(record, folder)
+    _check_target(record, folder)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as partial:
+            new = Path(partial) / "new"
+            new.mkdir()
+            _write_files(record, new)
+            (new / RIG_FILE).write_text(rig_text, encoding="utf-8")
+            _put_in_place(new, folder, aside=Path(partial) / "old")
+    except OSError as err:
+        raise RecordError(f"{folder}: cannot be written ({reason(err)}); choose another folder") from err
+
+
+def _put_in_place(new: Path, folder: Path, *, aside: Path) -> None:
+    if folder.exists():
+        folder.rename(aside)
+    try:
+        new.rename(folder)
+    except BaseException:
+        if aside.exists():
+            aside.rename(folder)
+        raise
+
+
+def _check_target(record: Record, folder: Path) -> None:
+    """RecordError where writing would destroy something else than an old record."""
+    if not folder.exists() and not folder.is_symlink():
+        return
+    if folder.is_symlink() or not folder.is_dir():
+        raise RecordError(f"{folder}: is there and is no folder; choose another one")
+    there = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
+    if not there:
+        return
+    if RIG_FILE not in there:
+        raise RecordError(f"{folder}: holds files and is no record; choose another folder")
+    rig = read_rig(folder)
+    if rig.origin == "measured" and record.origin != "measured":
+        raise RecordError(f"{folder}: holds measured data, which simulated data never replace; choose another folder")
+    companions = _companions(record.actuator).values()  # of an equal actuator, where the record is written anew
+    own = {RIG_FILE, STATIC_FILE, ACTUATOR_FILE, rig.actuator, *companions, *(entry.file for entry in rig.run)}
+    if there - own:
+        raise RecordError(
+            f"{folder}: holds {', '.join(sorted(there - own))} beside the record; move it away or choose another folder"
+        )
+
+
+def _rig_text(record: Record, folder: Path) -> str:
+    """rig.toml; what is at its default is stated too, for the person who reads."""
+    content: dict[str, Any] = {"schema": 1, "origin": record.origin, "actuator": ACTUATOR_FILE}
+    if record.sampling is not None:
+        content["sampling"] = document(record.sampling)
+    content["noise"] = document(record.noise)
+    content["tolerance"] = record.tolerance.model_dump()
+    if record.controller is not None:
+        content["controller"] = dict(record.controller)
+    if record.runs:
+        content["run"] = [{"file": r.file, "excitation": r.excitation, "role": r.role} for r in record.runs]
+    if record.static is not None:
+        content["static"] = {}
+    try:
+        RigFile.model_validate(content)
+        return toml_text(content)
+    except ValidationError as err:
+        raise RecordError(f"{folder / RIG_FILE}: {first_complaint(err)}") from err
+    except TypeError as err:
+        raise RecordError(f"{folder / RIG_FILE}: controller: {err}; give texts, numbers and lists of them") from err
+
+
+def _write_files(record: Record, folder: Path) -> None:
+    """The actuator, static.csv and the runs."""
+    taken = {RIG_FILE, STATIC_FILE, ACTUATOR_FILE}
+    for name in (*_companions(record.actuator).values(), *(run.file for run in record.runs)):
+        if name in taken:
+            raise RecordError(f"{name}: two files of the record have this name; rename one of them")
+        taken.add(name)
+    for source, name in _companions(record.actuator).items():
+        shutil.copyfile(source, folder / name)
+    (folder / ACTUATOR_FILE).write_text(_actuator_text(record.actuator), encoding="utf-8")
+    for run in record.runs:
+        (folder / run.file).parent.mkdir(parents=True, exist_ok=True)
+        write_columns(folder / run.file, {**run.columns, **run.extra})
+    if record.static is not None:
+        write_columns(folder / STATIC_FILE, _static_columns(record.static))
+
+
+def _file_keys(content: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
+    """The sections and keys of an actuator's document that name files."""
+    magnet = content.get("magnet", {})
+    iron = magnet.get("iron", {})
+    curves = [(iron, key) for key in ("core", "armature") if iron.get(key, "").endswith(".csv")]
+    return [(magnet, key) for key in ("table", "mesh") if key in magnet] + curves
+
+
+def _companions(actuator: Actuator) -> dict[Path, str]:
+    """Files that the actuator names, and what they are called beside actuator.toml."""
+    named = [section[key] for section, key in _file_keys(document(actuator))]
+    return {actuator.folder / name: Path(name).name for name in named}
+
+
+def _actuator_text(actuator: Actuator) -> str:
+    """The actuator as TOML that looks for its files beside itself."""
+    content = document(actuator)
+    for section, key in _file_keys(content):
+        section[key] = Path(section[key]).name
+    return toml_text(content)
+
+
+def _static_columns(static: StaticMap) -> dict[str, Column]:
+    """The columns of static.csv, those that the map has."""
+    columns = {
+        "gap_m": static.gap,
+        "current_A": static.current,
+        "force_N": static.force,
+        "flux_linkage_Wb": static.flux_linkage,
+        "direction": static.direction,
+        "role": static.role,
+        "sequence": static.sequence,
+        **static.extra,
+    }
+    return {name: values for name, values in columns.items() if values is not None}

@@ -1,0 +1,216 @@
+"""Records are written whole, stand on their own, read back the same, and destroy nothing."""
+
+import dataclasses
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from record_cases import RATE, columns
+
+import msl_fem.record.writer
+from msl_fem.actuator import Actuator
+from msl_fem.errors import RecordError
+from msl_fem.record.column_file import Column
+from msl_fem.record.reader import load_record
+from msl_fem.record.record import Noise, Record, Run, Sampling, StaticMap, Tolerance
+from msl_fem.record.writer import write_record
+
+STATIC = StaticMap(
+    gap=np.array([1e-3, 1e-3, 2e-3]),
+    current=np.array([0.0, 1.0 / 3.0, 2.0]),
+    force=np.array([0.0, 1.5, 2.5]),
+    flux_linkage=None,
+    role=np.array(["fit", "held-out", "fit"]),
+    direction=np.array(["up", "down", "up"]),
+)
+
+
+@pytest.fixture
+def record(servo: Actuator) -> Record:
+    return Record(
+        origin="simulated",
+        actuator=servo.model_copy(update={"motion": servo.motion.model_copy(update={"moving_mass": 0.87})}),
+        sampling=Sampling(rate=RATE),
+        noise=Noise(position=50e-9, current=2e-3),
+        tolerance=Tolerance(stiffness=0.03),
+        controller={"law": 'pid "fast"', "kp": "1 A/m", "gains": [[1.0, 2.0], [0.5, 0.25]], "form": {"ideal": True}},
+        runs=(
+            Run("noise", "sine:frequency=2 Hz", "fit", columns(), {"humidity": np.full(1000, 0.4)}),
+            Run("sweep", "swept sine", "held-out", columns(seed=2), file_format="nc"),
+        ),
+        static=STATIC,
+    )
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_record_reads_back(record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_record(record, tmp_path / "deep" / "r")
+    monkeypatch.chdir(tmp_path)  # far from geometries/: the folder stands on its own
+    again = load_record(tmp_path / "deep" / "r")
+    for field in ("origin", "sampling", "tolerance", "controller"):
+        assert getattr(again, field) == getattr(record, field), field
+    assert (again.noise.position, again.noise.current) == pytest.approx((50e-9, 2e-3), rel=1e-15)
+    assert again.actuator.digest == record.actuator.digest
+    assert again.actuator.sources == record.actuator.sources
+    for before, after in zip(record.runs, again.runs, strict=True):
+        assert (after.name, after.excitation, after.role, after.file) == (
+            before.name, before.excitation, before.role, before.file,
+        )  # fmt: skip
+        tolerance = 5e-9 if after.file.endswith(".csv") else 0.0
+        for name, values in before.columns.items():
+            assert np.abs(after[name] - values).max() <= tolerance * np.abs(values).max(), name
+    assert again.runs[0].extra["humidity"].tolist() == [0.4] * 1000
+    assert again.static is not None
+    assert again.static.role.tolist() == STATIC.role.tolist()
+    assert again.static.current == pytest.approx(STATIC.current, rel=5e-9)
+    assert again.static.direction is not None
+    assert again.static.direction.tolist() == ["up", "down", "up"]
+
+
+def test_writing_what_was_read_changes_nothing(record: Record, tmp_path: Path) -> None:
+    write_record(record, tmp_path / "a")
+    write_record(load_record(tmp_path / "a"), tmp_path / "b")
+    assert names(tmp_path / "a") == names(tmp_path / "b")
+    for name in names(tmp_path / "a"):
+        if not name.endswith(".nc"):
+            assert (tmp_path / "a" / name).read_text() == (tmp_path / "b" / name).read_text(), name
+
+
+def test_rig_toml_is_for_people(record: Record, tmp_path: Path) -> None:
+    write_record(record, tmp_path / "r")
+    rig = tomllib.loads((tmp_path / "r" / "rig.toml").read_text())
+    assert rig["sampling"] == {"rate": "10 kHz", "hold": "zero-order"}
+    assert rig["noise"] == {"position": "50 nm", "current": "2 mA"}
+    assert rig["run"][0] == {"file": "noise.csv", "excitation": "sine:frequency=2 Hz", "role": "fit"}
+
+
+def test_files_that_the_actuator_names_come_along(record: Record, tmp_path: Path) -> None:
+    source = tmp_path / "lab"
+    (source / "curves").mkdir(parents=True)
+    (source / "curves" / "mine.csv").write_text("H_A_per_m,B_T\n0,0\n100,1\n")
+    core = record.actuator.e_core()
+    magnet = core.model_copy(update={"iron": core.iron.model_copy(update={"core": "curves/mine.csv"})})
+    moved = record.actuator.model_copy(update={"magnet": magnet, "file": source / "a.toml"})
+    write_record(dataclasses.replace(record, actuator=moved), tmp_path / "r")
+    again = load_record(tmp_path / "r").actuator
+    assert (again.e_core().iron.core, again.e_core().iron.armature) == ("mine.csv", "m19")
+    assert (again.folder / "mine.csv").read_text() == (source / "curves" / "mine.csv").read_text()
+
+
+def test_an_old_record_is_replaced_and_no_trace_is_left(record: Record, tmp_path: Path) -> None:
+    write_record(record, tmp_path / "r")
+    write_record(dataclasses.replace(record, runs=record.runs[:1], static=None), tmp_path / "r")
+    assert names(tmp_path / "r") == ["actuator.toml", "noise.csv", "rig.toml"]
+    assert names(tmp_path) == ["r"]
+
+
+def test_an_empty_folder_is_filled(record: Record, tmp_path: Path) -> None:
+    (tmp_path / "r").mkdir()
+    write_record(record, tmp_path / "r")
+    load_record(tmp_path / "r")
+
+
+def test_a_folder_of_other_files_is_left_alone(record: Record, tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(RecordError, match="holds files and is no record"):
+        write_record(record, tmp_path)
+    assert names(tmp_path) == ["thesis.tex"]
+
+
+def test_what_lies_beside_an_old_record_is_left_alone(record: Record, tmp_path: Path) -> None:
+    write_record(record, tmp_path / "r")
+    (tmp_path / "r" / "photos").mkdir()
+    (tmp_path / "r" / "photos" / "bench.jpg").write_text("")
+    with pytest.raises(RecordError, match=r"holds photos/bench\.jpg beside the record"):
+        write_record(record, tmp_path / "r")
+
+
+def test_measured_data_are_never_replaced_by_simulated(record: Record, tmp_path: Path) -> None:
+    measured = dataclasses.replace(record, origin="measured")
+    write_record(measured, tmp_path / "r")
+    with pytest.raises(RecordError, match="holds measured data"):
+        write_record(record, tmp_path / "r")
+    write_record(measured, tmp_path / "r")
+    assert load_record(tmp_path / "r").origin == "measured"
+
+
+@pytest.mark.parametrize("target", [None, "nowhere", "empty"])
+def test_a_file_or_a_link_is_no_place_for_a_record(record: Record, tmp_path: Path, target: str | None) -> None:
+    (tmp_path / "empty").mkdir()
+    if target is None:
+        (tmp_path / "r").write_text("x")
+    else:
+        (tmp_path / "r").symlink_to(tmp_path / target)
+    with pytest.raises(RecordError, match="is there and is no folder"):
+        write_record(record, tmp_path / "r")
+
+
+@pytest.mark.parametrize("exists", [False, True])
+def test_a_write_that_fails_leaves_what_was_there(
+    record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, exists: bool
+) -> None:
+    """Ctrl-C in the middle of the second run: the old record stands, and no half of the new one."""
+    folder = tmp_path / "r"
+    if exists:
+        write_record(record, folder)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()} if exists else {}
+    write = msl_fem.record.writer.write_columns
+
+    def interrupted(path: Path, table: dict[str, Column]) -> None:
+        if path.name == "sweep.nc":
+            raise KeyboardInterrupt
+        write(path, table)
+
+    monkeypatch.setattr(msl_fem.record.writer, "write_columns", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_record(dataclasses.replace(record, origin="measured"), folder)
+    assert names(tmp_path) == (["r"] if exists else [])
+    if exists:
+        assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize("exists", [False, True])
+def test_a_last_step_that_fails_puts_the_old_record_back(
+    record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, exists: bool
+) -> None:
+    if exists:
+        write_record(record, tmp_path / "r")
+    rename = Path.rename
+
+    def failing(self: Path, target: Path) -> Path:
+        if self.name == "new":
+            raise PermissionError(13, "no")
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", failing)
+    with pytest.raises(RecordError, match=r"cannot be written \(no\)"):
+        write_record(record, tmp_path / "r")
+    assert names(tmp_path) == (["r"] if exists else [])
+    if exists:
+        load_record(tmp_path / "r")
+
+
+def spoilt(record: Record, **changed: np.ndarray) -> Record:
+    run = Run("noise", "", "fit", {**columns(), **changed})
+    return dataclasses.replace(record, runs=(run,))
+
+
+def test_what_could_not_be_read_is_not_written(record: Record, tmp_path: Path) -> None:
+    nan = columns()["position_m"] * np.where(np.arange(1000) == 3, np.nan, 1)
+    bad_static = dataclasses.replace(STATIC, gap=-STATIC.gap)
+    for bad, said in (
+        (spoilt(record, position_m=nan), r"noise\.csv: row 5 \(sample 3\), column position_m"),
+        (spoilt(record, time_s=columns()["time_s"] * 2), "rig.toml states"),
+        (dataclasses.replace(record, static=bad_static), r"static\.csv: row 3 \(sample 1\), column gap_m|row 2"),
+        (dataclasses.replace(record, runs=record.runs[1:], static=None), 'role "fit"'),
+        (dataclasses.replace(record, controller={"gain": np.eye(2)}), "controller: ndarray has no TOML form"),
+        (dataclasses.replace(record, runs=(dataclasses.replace(record.runs[0], name="../x"),)), "leaves the record"),
+        (dataclasses.replace(record, runs=(dataclasses.replace(record.runs[0], name="static"),)), "have this name"),
+    ):
+        with pytest.raises(RecordError, match=said):
+            write_record(bad, tmp_path / "r")
+        assert names(tmp_path) == []
