@@ -246,6 +246,7 @@ class FieldModel:
 
     def back_substitute(self, right: Array) -> Array:
         """The last tangent's inverse times `right`, both (n_dof,); fixed entries are zero."""
+        assert self._solver is not None, "a tangent has been factored"
         out = np.zeros(self.n_dof)
         out[self.free] = self._solver.solve(right[self.free])
         return out

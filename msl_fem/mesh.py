@@ -1,6 +1,7 @@
 """A section to a triangle mesh with named regions, graded at the corners where the field is singular."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from netgen.geom2d import SplineGeometry
@@ -92,27 +93,28 @@ def triangulate(section: Section, size: MeshSize | None = None) -> TriangleMesh:
 def _triangulate(section: Section, size: MeshSize) -> TriangleMesh:
     """One attempt; raises netgen's NgException."""
     vertices, edges = _subdivide(section)
+    at_corner = _corner_sizes(section, size, vertices)
     iron = [r for r in section.regions if r.name in section.iron]
     thin = min(min(np.ptp(np.array(r.vertices), axis=0)) for r in iron)
     box = float(np.abs(vertices).max())
     scale = box  # netgen works best on sizes near one
     geometry = SplineGeometry()
-    strength = {tuple(np.round(c[:2], 12)): c[2] for c in section.corners}
-    for x, y in vertices:
-        near = strength.get((round(x, 12), round(y, 12)))
+    for k, (x, y) in enumerate(vertices):
         # The strip's ends and other plain points take their size from the surroundings.
-        local = 1e9 if near is None else size.corner * section.gap / near**1.5 / scale
-        geometry.AppendPoint(x / scale, y / scale, maxh=local)
+        geometry.AppendPoint(x / scale, y / scale, maxh=at_corner.get(k, 1e9) / scale)
     names = tuple(dict.fromkeys(r.name for r in section.regions))
     for start, end, left, right in edges:
         at_gap = "strip" in (left, right) and ({left, right} & (section.iron.keys() | {"window"}))
-        geometry.Append(
-            ["line", start, end],
-            leftdomain=names.index(left) + 1 if left else 0,
-            rightdomain=names.index(right) + 1 if right else 0,
-            bc="box" if not (left and right) else "inner",
-            maxh=size.gap * section.gap / scale if at_gap else 1e9,
-        )
+        between = _graded(vertices[start], vertices[end], (at_corner.get(start), at_corner.get(end)), size.growth)
+        chain = [start, *(geometry.AppendPoint(x / scale, y / scale) for x, y in between), end]
+        for a, b in zip(chain[:-1], chain[1:], strict=True):
+            geometry.Append(
+                ["line", a, b],
+                leftdomain=names.index(left) + 1 if left else 0,
+                rightdomain=names.index(right) + 1 if right else 0,
+                bc="inner" if left and right else "box",
+                maxh=size.gap * section.gap / scale if at_gap else 1e9,
+            )
     for k, name in enumerate(names):
         geometry.SetMaterial(k + 1, name)
         geometry.SetDomainMaxH(k + 1, (size.iron * thin if name in section.iron else 0.15 * box) / scale)
@@ -120,9 +122,37 @@ def _triangulate(section: Section, size: MeshSize) -> TriangleMesh:
     return _from_netgen(mesh, scale, names, section.gap)
 
 
-def _from_netgen(mesh: object, scale: float, names: tuple[str, ...], gap: float) -> TriangleMesh:
-    points = np.array(mesh.Coordinates(), dtype=float)[:, :2].T * scale  # type: ignore[attr-defined]
-    elements = mesh.Elements2D().NumPy()  # type: ignore[attr-defined]
+def _corner_sizes(section: Section, size: MeshSize, vertices: Array) -> dict[int, float]:
+    """Element size at each vertex that is a corner to grade to, in m."""
+    sizes = {}
+    for x, y, strength in section.corners:
+        k = int(np.argmin(np.hypot(vertices[:, 0] - x, vertices[:, 1] - y)))
+        sizes[k] = size.corner * section.gap / strength**1.5
+    return sizes
+
+
+def _graded(start: Array, end: Array, sizes: tuple[float | None, float | None], growth: float) -> Array:
+    """Points (n, 2) inside an edge whose distances grow from the sizes at its ends by 1 + `growth`, None: no size.
+
+    The mesher finds an edge's sizes by sampling it, and can step over those at a corner; these points do not let it.
+    """
+    along = end - start
+    length = float(np.linalg.norm(along))
+    reach = length / 2 if None not in sizes else length
+    places = [np.empty(0)]
+    for size, backwards in zip(sizes, (False, True), strict=True):
+        if size is not None:
+            n = max(1, round(np.log1p(growth * reach / size) / np.log1p(growth)))
+            series = np.expm1(np.log1p(growth) * np.arange(1, n + 1))
+            place = reach * series / series[-1]
+            place = place[:-1] if backwards or reach == length else place  # the middle once, the far end not at all
+            places.append(length - place[::-1] if backwards else place)
+    return start + np.concatenate(places)[:, None] * along / length
+
+
+def _from_netgen(mesh: Any, scale: float, names: tuple[str, ...], gap: float) -> TriangleMesh:
+    points = np.array(mesh.Coordinates(), dtype=float)[:, :2].T * scale
+    elements = mesh.Elements2D().NumPy()
     triangles = elements["nodes"][:, :3].T.astype(np.int64) - 1
     region = elements["index"].astype(np.int64) - 1
     for line in (0.0, gap):  # exactly on the strip's edges, whatever the mesher's rounding

@@ -183,9 +183,8 @@ def read_table(path: str | Path) -> MagneticTable:
             gap, current = content["gap"].values.astype(float), content["current"].values.astype(float)
             attributes = dict(content.attrs)
             provenance = json.loads(attributes.get("provenance", "{}"))
-            errors = [
-                float(attributes.get(k, "nan")) for k in ("mesh_error", "interpolation_error", "reciprocity_error")
-            ]
+            names = ("mesh_error", "interpolation_error", "reciprocity_error")
+            errors = {name: float(attributes.get(name, "nan")) for name in names}
     except Exception as err:  # the HDF5 stack raises errors of many kinds on a damaged file
         raise TableError(
             f"{path}: not a magnetic table ({err or type(err).__name__}); make one with 'msl-fem table'"
@@ -193,6 +192,6 @@ def read_table(path: str | Path) -> MagneticTable:
     try:
         nodes = {k: v for k, v in arrays.items() if k in NODES}
         extras = {k: v for k, v in arrays.items() if k not in NODES}
-        return MagneticTable(gap, current, nodes, extras, *errors, provenance)
+        return MagneticTable(gap, current, nodes, extras, **errors, provenance=provenance)
     except TableError as err:
         raise TableError(f"{path}: {err}") from err

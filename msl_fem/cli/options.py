@@ -11,6 +11,7 @@ from msl_fem.quantity import parse_quantities
 ActuatorFile = Annotated[Path, typer.Argument(metavar="ACTUATOR", help="Actuator file (TOML).")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 AccuracyLevel = Annotated[str, typer.Option("--accuracy", help="fast, normal or fine.")]
+TableFile = Annotated[Path | None, typer.Option("--table", help="Table of the magnet; without, it is computed.")]
 Current = Annotated[str, typer.Option("--current", help='Coil current, like "5 A".')]
 Gap = Annotated[str, typer.Option("--gap", help='Air gap, like "0.5 mm".')]
 

@@ -5,6 +5,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.whole_file import whole_file
 
 ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
 COMPUTATION_FAILED, INPUT_WRONG, INTERRUPTED = 1, 2, 130
@@ -26,6 +28,16 @@ def print_result(result: Mapping[str, Any], *, as_json: bool, title: str) -> Non
     table = Table(title=title, title_justify="left", show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, value in _rows(plain(result)):
         table.add_row(name, value)
+    Console(highlight=False).print(table)
+
+
+def print_columns(columns: Mapping[str, list[str]], *, title: str) -> None:
+    """A table for people, by columns of texts."""
+    table = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0))
+    for name in columns:
+        table.add_column(name, justify="right")
+    for row in zip(*columns.values(), strict=True):
+        table.add_row(*row)
     Console(highlight=False).print(table)
 
 
@@ -71,6 +83,27 @@ def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
     with Progress(*columns, console=ERRORS) as progress:
         task = progress.add_task(what, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+@contextlib.contextmanager
+def stages_bar() -> Iterator[Callable[[str, int, int], None]]:
+    """A bar on stderr for each stage; the block calls it with (stage, finished, all)."""
+    columns = (TextColumn("{task.description:16}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=ERRORS) as progress:
+        tasks: dict[str, Any] = {}
+
+        def tell(stage: str, done: int, total: int) -> None:
+            if stage not in tasks:
+                tasks[stage] = progress.add_task(stage, total=total)
+            progress.update(tasks[stage], completed=done, total=total)
+
+        yield tell
+
+
+def write_json(content: dict[str, Any], path: Path) -> None:
+    """A JSON file, whole or not at all."""
+    with whole_file(path) as partial:
+        partial.write_text(json.dumps(plain(content), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def say(text: str) -> None:

@@ -41,8 +41,11 @@ class SampledRun:
         return np.ascontiguousarray(np.vstack([np.asarray(row, dtype=float) for row in rows]))
 
 
-def check_runs(runs: Sequence[SampledRun]) -> None:
-    """Nothing; raises InputError that names run and channel when the runs cannot be used together."""
+def check_runs(runs: Sequence[SampledRun], *, moving: bool = True) -> None:
+    """Nothing; raises InputError that names run and channel when the runs cannot be used together.
+
+    With `moving`, no channel may be constant over all runs.
+    """
     if not runs:
         raise InputError("no run was given: identification needs at least one run of input/output data")
     first = runs[0]
@@ -60,7 +63,8 @@ def check_runs(runs: Sequence[SampledRun]) -> None:
                 f"run {run.name!r} is sampled every {run.sampling_period:g} s but run {first.name!r} every "
                 f"{first.sampling_period:g} s: one discrete-time model needs one rate; resample one of them"
             )
-    _check_movement(runs)
+    if moving:
+        _check_movement(runs)
 
 
 def check_length(runs: Sequence[SampledRun], *, samples_needed: int, longest_lag: int) -> None:

@@ -39,7 +39,8 @@ class ArmaxOrders:
     @property
     def input_lags(self) -> tuple[range, ...]:
         """Delays at which each input enters; only for orders that went through `for_inputs`."""
-        assert isinstance(self.nb, tuple) and isinstance(self.nk, tuple)
+        assert isinstance(self.nb, tuple)
+        assert isinstance(self.nk, tuple)
         return tuple(range(nk, nk + nb) for nb, nk in zip(self.nb, self.nk, strict=True))
 
     @property

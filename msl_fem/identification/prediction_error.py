@@ -1,11 +1,13 @@
 """One-step prediction errors of ARMAX and their sensitivities to the coefficients.
 
 Predictor and gradient: L. Ljung, System Identification, 2nd ed., eqs. (4.18), (10.51)-(10.53); H. M. Gutierrez and
-P. I. Ro, IEEE Trans. Magn. 34(5), 1998, eqs. (7)-(11). The errors before the first equation are unknown and 1/C may
-remember them for as long as the whole record (white sensor noise on a lightly damped, oversampled plant puts C's
-zeros next to A's). So the initial state of 1/C is free, run by run: nc pulses on the first nc equations. The errors
-are linear in the pulses, which are solved for exactly at every trial of the coefficients (variable projection,
-Golub & Pereyra, SIAM J. Numer. Anal. 10, 1973).
+P. I. Ro, IEEE Trans. Magn. 34(5), 1998, eqs. (7)-(11). The nc errors before the first full equation are unknown, and
+1/C may remember them for the whole record: white sensor noise on a lightly damped, oversampled plant puts C's zeros
+next to A's. So they are estimated with the rest, run by run, exactly at every trial of the coefficients (the errors
+are linear in them: variable projection, Golub & Pereyra, SIAM J. Numer. Anal. 10, 1973), and count in the cost like
+all other errors. The objective is that of exact maximum likelihood, the cost times det(H'H)^(1/n) with H the response
+to the unknown errors (G. E. P. Box and G. M. Jenkins, Time Series Analysis, app. A7.4): it does not change when zeros
+of C are mirrored at the unit circle, whereas the bare cost falls without end as they leave it.
 """
 
 from __future__ import annotations
@@ -18,17 +20,23 @@ from scipy.signal import lfilter
 
 from msl_fem.identification.data import FloatArray
 from msl_fem.identification.polynomials import ArmaxOrders, Polynomials
-from msl_fem.identification.regression import LaggedColumn, lagged_blocks, triangular_factor
+from msl_fem.identification.regression import LaggedColumn, lagged_blocks, r_factor, triangular_factor
 
 FORGOTTEN = 1e-17  # a pulse response below this part of its peak no longer reaches double precision
+DETERMINANT_STEP = 1e-7  # of C's coefficients, for the central difference of the log determinant
 
 
 @dataclass(frozen=True, eq=False)
 class PredictionErrors:
-    """Errors (n_samples - longest_lag,) from the first full equation on, and the pulses (nc,) that start 1/C."""
+    """Errors from `longest_lag - nc` on, shape (nc + n_equations,), the first nc of them estimated.
+
+    `log_determinant` is that of H'H, H the response of the errors to the first nc of them; n_equations =
+    n_samples - longest_lag.
+    """
 
     errors: FloatArray
-    pulses: FloatArray
+    log_determinant: float
+    n_equations: int
 
     @property
     def cost(self) -> float:
@@ -49,35 +57,58 @@ def equation_error(signals: FloatArray, polynomials: Polynomials, orders: ArmaxO
 
 
 def prediction_errors(signals: FloatArray, polynomials: Polynomials, orders: ArmaxOrders) -> PredictionErrors:
-    """One-step prediction errors with the best initial state of 1/C; C must have no zero outside the unit circle."""
-    errors = lfilter([1.0], polynomials.c, equation_error(signals, polynomials, orders))
-    if orders.nc == 0:
-        return PredictionErrors(errors, np.zeros(0))
+    """One-step prediction errors with the best nc errors before the first full equation."""
+    nc = orders.nc
+    known = np.concatenate([np.zeros(nc), equation_error(signals, polynomials, orders)])
+    errors = lfilter([1.0], polynomials.c, known)
+    if nc == 0:
+        return PredictionErrors(errors, 0.0, errors.size)
     response = pulse_response(polynomials.c, errors.size)
-    remembered = min(_memory(polynomials.c, errors.size) + orders.nc, errors.size)
-    columns = [(0, lag) for lag in range(orders.nc)]
-    stacked = np.vstack([response, errors])
-    factor = triangular_factor(
-        lagged_blocks(stacked, [*columns, (1, 0)], first=0, last=remembered), orders.nc + 1
-    )
+    factor = _pulse_factor(response, nc, errors=errors)
     pulses = -np.linalg.solve(factor[:-1, :-1], factor[:-1, -1])
     for lag, pulse in enumerate(pulses):
-        errors[lag:remembered] += pulse * response[: remembered - lag]
-    return PredictionErrors(errors, pulses)
+        stop = min(lag + response.size, errors.size)
+        errors[lag:stop] += pulse * response[: stop - lag]
+    return PredictionErrors(errors, _log_determinant(factor), errors.size - nc)
+
+
+def log_determinant_gradient(c: FloatArray, n_errors: int) -> FloatArray:
+    """Derivatives of log det(H'H) by c_1 ... c_nc, shape (nc,), by central differences."""
+    gradient = np.zeros(c.size - 1)
+    for i in range(gradient.size):
+        step = np.zeros(c.size)
+        step[i + 1] = DETERMINANT_STEP
+        ahead, behind = (
+            _log_determinant(_pulse_factor(pulse_response(moved, n_errors), c.size - 1))
+            for moved in (c + step, c - step)
+        )
+        gradient[i] = (ahead - behind) / (2.0 * DETERMINANT_STEP)
+    return gradient
 
 
 def pulse_response(c: FloatArray, n_samples: int) -> FloatArray:
-    """Response of 1/C to a unit pulse, shape (n_samples,)."""
-    pulse = np.zeros(n_samples)
+    """Response of 1/C to a unit pulse for as long as it is remembered, at most n_samples."""
+    pulse = np.zeros(_memory(c, n_samples))
     pulse[0] = 1.0
     return lfilter([1.0], c, pulse)
+
+
+def _pulse_factor(response: FloatArray, nc: int, *, errors: FloatArray | None = None) -> FloatArray:
+    """Triangular factor of [responses to a pulse in each of the first nc samples, errors], (nc + 1, nc + 1)."""
+    target = np.zeros(response.size) if errors is None else errors[: response.size]
+    columns = [*((0, lag) for lag in range(nc)), (1, 0)]
+    return triangular_factor(lagged_blocks(np.vstack([response, target]), columns, first=0), nc + 1)
+
+
+def _log_determinant(factor: FloatArray) -> float:
+    return 2.0 * float(np.sum(np.log(np.abs(np.diag(factor)[:-1]))))
 
 
 def _memory(c: FloatArray, n_samples: int) -> int:
     """Samples after which 1/C has forgotten a pulse to rounding, at most n_samples."""
     slowest = float(np.max(np.abs(np.roots(c)), initial=0.0))
     if slowest == 0.0:
-        return c.size
+        return min(c.size, n_samples)
     if slowest >= 1.0:
         return n_samples
     return min(n_samples, c.size + int(1.5 * np.log(FORGOTTEN) / np.log(slowest)))
@@ -86,10 +117,10 @@ def _memory(c: FloatArray, n_samples: int) -> int:
 def sensitivity_signals(
     signals: FloatArray, polynomials: Polynomials, errors: FloatArray, *, extra: FloatArray | None = None
 ) -> FloatArray:
-    """Rows whose delayed copies are the errors' derivatives: y/C, -u_k/C, -1/C, -e/C, pulse response, e, extra.
+    """Rows whose delayed copies are the errors' derivatives: y/C, -u_k/C, -1/C, -e/C, pulse/C, e, extra/C.
 
-    `extra` (n_samples,) is a further derivative before filtering with 1/C, such as that of the inputs to a gap
-    offset. Shape (nu + 5 or nu + 6, n_samples); rows of e and of the pulse start at the first full equation.
+    `extra` (n_samples,) is a further derivative of the equation error, such as that of the inputs to a gap offset.
+    Shape (nu + 5 or nu + 6, n_samples); the rows of e and of the pulse start at the first error.
     """
     n_samples = signals.shape[1]
     first = n_samples - errors.size
@@ -127,7 +158,7 @@ def jacobian_factor(
     errors: Sequence[FloatArray],
     extra: Sequence[FloatArray] | None = None,
 ) -> FloatArray:
-    """Triangular factor of [Jacobian, errors] over all runs, with each run's pulses eliminated.
+    """Triangular factor of [Jacobian, errors] over all runs, with each run's first nc errors eliminated.
 
     Shape (n_parameters + 1, n_parameters + 1), one more with `extra` (one signal a run).
     """
@@ -135,9 +166,25 @@ def jacobian_factor(
     columns = [*columns, (row_error, 0)]
     total = np.zeros((0, len(columns) - orders.nc))
     for index, (signals, error) in enumerate(zip(runs, errors, strict=True)):
-        rows = sensitivity_signals(
-            signals, polynomials, error, extra=None if extra is None else extra[index]
-        )
-        factor = triangular_factor(lagged_blocks(rows, columns, first=orders.longest_lag), len(columns))
-        total = np.linalg.qr(np.vstack([total, factor[orders.nc :, orders.nc :]]), mode="r")
+        rows = sensitivity_signals(signals, polynomials, error, extra=None if extra is None else extra[index])
+        first = orders.longest_lag - orders.nc
+        factor = triangular_factor(lagged_blocks(rows, columns, first=first), len(columns))
+        total = r_factor(np.vstack([total, factor[orders.nc :, orders.nc :]]))
     return total
+
+
+def cost_gradient(
+    signals: FloatArray, polynomials: Polynomials, orders: ArmaxOrders, *, errors: FloatArray
+) -> FloatArray:
+    """Gradient of half the cost of one run by the coefficients, shape (n_parameters,).
+
+    The errors are orthogonal to the pulse responses, so the transients that delayed copies differ by do not count.
+    """
+    columns, row_error = sensitivity_columns(orders)
+    rows = sensitivity_signals(signals, polynomials, errors)
+    first = signals.shape[1] - errors.size
+    gradient = np.zeros(orders.n_parameters)
+    for j, (row, lag) in enumerate(columns[orders.nc :]):
+        start = max(first, lag)
+        gradient[j] = rows[row, start - lag : rows.shape[1] - lag] @ rows[row_error, start:]
+    return gradient

@@ -9,7 +9,7 @@ sec. 5.2 and 5.3).
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,11 +39,16 @@ def lagged_blocks(
         yield block
 
 
+def r_factor(matrix: FloatArray) -> FloatArray:
+    """The triangular factor of a matrix (n_rows, n_columns), shape (min(n_rows, n_columns), n_columns)."""
+    return np.asarray(np.linalg.qr(matrix, mode="r"), dtype=float)
+
+
 def triangular_factor(blocks: Iterable[FloatArray], n_columns: int) -> FloatArray:
     """Upper triangular R (n_columns, n_columns) with R'R = M'M for the matrix M whose row blocks are given."""
     factor = np.zeros((0, n_columns))
     for block in blocks:
-        factor = np.linalg.qr(np.vstack([factor, block]), mode="r")
+        factor = r_factor(np.vstack([factor, block]))
     missing = n_columns - factor.shape[0]
     return np.vstack([factor, np.zeros((missing, n_columns))]) if missing else factor
 
@@ -81,6 +86,17 @@ class ScaledFactor:
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = np.where(self.kept > 0.0, s / (s**2 + ridge), 0.0)
         return (self.right.T @ (gain * self.target)) / self.scale
+
+    def with_gradient(self, gradient: FloatArray) -> ScaledFactor:
+        """The same matrix with the right side whose M'r is `gradient`."""
+        with np.errstate(divide="ignore"):
+            inverse = np.where(self.kept > 0.0, 1.0 / self.singular_values, 0.0)
+        return replace(self, target=inverse * (self.right @ (gradient / self.scale)))
+
+    def gram(self) -> FloatArray:
+        """M'M with unscaled columns."""
+        half = (self.singular_values[:, None] * self.right) * self.scale
+        return half.T @ half
 
     def inverse_gram(self) -> FloatArray:
         """(M'M)^-1 on the directions above rounding."""

@@ -37,7 +37,7 @@ def draw_field(field: MagnetField, solution: FieldSolution, *, title: str) -> Fi
         axes.tricontour(triangles, potential, levels=levels, colors="white", linewidths=0.5, linestyles="solid")
         corner_x, corner_y = mesh.at_gap(solution.gap) * 1e3
         outlines = _region_edges(side * corner_x, corner_y, mesh.triangles, region)
-        axes.add_collection(LineCollection(outlines, colors="black", linewidths=0.8))
+        axes.add_collection(LineCollection(list(outlines), colors="black", linewidths=0.8))
     magnet = field.magnet
     half, margin = max(magnet.half_width, magnet.armature_half_width) * 1e3, 0.2 * magnet.half_width * 1e3
     axes.set_xlim(-half - margin, half + margin)

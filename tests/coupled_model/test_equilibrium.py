@@ -62,6 +62,22 @@ def test_a_spring_alone_rests_under_its_load(servo: Actuator, table: MagneticTab
         equilibria(loose, table, currents=(0.0, 0.0))
 
 
+def test_two_equilibria_about_to_merge_are_both_found(servo: Actuator, table: MagneticTable) -> None:
+    """At a force that nearly pulls the mover in, a stable and an unstable equilibrium are 0.1 um apart."""
+
+    def pull(x: float) -> dict[str, np.ndarray]:
+        return table.evaluate(0.8, 6e-4 - x)
+
+    fold = float(brentq(lambda x: 1.4e5 + 2 * float(pull(x)["force_gap_slope"]), 0.0, 4e-4))
+    load = 1.4e5 * fold - 2 * float(pull(fold)["force"])
+    pair = equilibria(changed(servo, motion={"constant_force": load - 1e-6}), table, currents=(0.8, 0.0))[-2:]
+    assert [e.stable for e in pair] == [True, False]
+    assert pair[0].position < fold < pair[1].position
+    assert pair[1].position - pair[0].position < 3e-7
+    beyond = equilibria(changed(servo, motion={"constant_force": load + 1e-6}), table, currents=(0.8, 0.0))
+    assert not any(abs(e.position - fold) < 1e-5 for e in beyond)
+
+
 def test_a_slow_run_ends_at_the_resting_point(servo: Actuator, table: MagneticTable) -> None:
     damped = changed(servo, motion={"damping": 700.0})
     run = simulate(damped, table, Inputs(np.tile([0.55, 0.1], (3000, 1)), 1e4))
@@ -189,6 +205,7 @@ def test_an_excitation_beyond_the_stable_region_is_refused_with_the_limit(
     [
         ("sine:channel=differential,frequency=2 Hz,amplitude=1 A,duration=0.6 s", 0.65),
         ("sine:channel=1,frequency=2 Hz,bias=0.5 A,amplitude=0.5 A,duration=0.6 s", 0.7),
+        ("sine:channel=2,frequency=2 Hz,bias=0.5 A,amplitude=0.5 A,duration=0.6 s", 0.7),
     ],
 )
 def test_a_slow_signal_is_judged_as_the_run_goes(

@@ -11,8 +11,7 @@ from msl_fem.coupled_model.inputs import Inputs
 from msl_fem.coupled_model.recording import NamedRun, simulation_record
 from msl_fem.coupled_model.simulate import simulate
 from msl_fem.errors import InputError
-from msl_fem.record_reader import load_record
-from msl_fem.record_writer import write_record
+from msl_fem.record import load_record, write_record
 from msl_fem.table import MagneticTable
 
 

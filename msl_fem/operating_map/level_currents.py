@@ -142,7 +142,7 @@ def operating_map(
         allowance=_allowance(table, wanted, gaps, roots),
         current_max=float(table.current[-1]),
         actuator=str(provenance.get("actuator", "")) if actuator is None else actuator,
-        digest=str(provenance.get("actuator_digest", "")) if digest is None else digest,
+        digest=str(provenance.get("actuator_sha256", "")) if digest is None else digest,
         warnings=_monotone_or_why_not(wanted, gaps, current),
     )
 

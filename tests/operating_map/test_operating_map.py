@@ -10,8 +10,8 @@ from conftest import closed_form_table, saturating_reluctance
 from scipy.optimize import brentq
 
 from msl_fem.errors import InputError, OutOfTable, TableError
-from msl_fem.map_file import map_to_json, read_map, write_map
 from msl_fem.operating_map import OperatingMap, operating_map
+from msl_fem.operating_map.map_file import map_to_json, read_map, write_map
 from msl_fem.table import MagneticTable
 
 CENTRE_LEG = 200 * 0.01 * 0.02  # turns x section of the fixture's centre leg, which its yoke follows at 0.9
@@ -114,7 +114,7 @@ def test_a_table_without_usable_sections_is_refused(table):
 
 
 def test_name_and_digest_come_from_the_provenance_or_the_caller(table):
-    known = dataclasses.replace(table, provenance={"actuator": "a magnet", "actuator_digest": "ab12"})
+    known = dataclasses.replace(table, provenance={"actuator": "a magnet", "actuator_sha256": "ab12"})
     found = operating_map(known, levels=(1.2,), gap=table.gap[[3, 9]])
     assert (found.actuator, found.digest) == ("a magnet", "ab12")
     named = operating_map(known, levels=(1.2,), gap=table.gap[[3, 9]], actuator="other", digest="")

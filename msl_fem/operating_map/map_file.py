@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.errors import InputError
-from msl_fem.operating_map import OperatingMap
+from msl_fem.operating_map.level_currents import OperatingMap
 from msl_fem.whole_file import whole_file
 
 Array = NDArray[np.float64]

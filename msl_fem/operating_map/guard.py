@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from msl_fem.operating_map import OperatingMap
+from msl_fem.operating_map.level_currents import OperatingMap
 from msl_fem.quantity import format_quantity
 
 Array = NDArray[np.float64]

@@ -8,8 +8,8 @@ import pytest
 from conftest import closed_form_table
 from test_operating_map import true_current
 
-from msl_fem.guard import REGIONS, Guard, limit_at, region_of
 from msl_fem.operating_map import operating_map
+from msl_fem.operating_map.guard import REGIONS, Guard, limit_at, region_of
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,20 @@
+"""The console script's entry: one BLAS thread a process, set before anything loads a BLAS."""
+
+import os
+import sys
+
+# Small dense problems lose time to a BLAS's own threads; parallel work here is by processes.
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
+
+def main() -> None:
+    """Run the command line and leave with its exit status."""
+    from msl_fem.cli.app import app
+    from msl_fem.cli.output import run_guarded
+
+    sys.exit(run_guarded(app))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,79 @@
+"""The command `simulate`: the coupled model alone, written as a record."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
+from msl_fem.cli.output import print_result, progress_bar
+from msl_fem.cli.sweeping import table_for
+from msl_fem.coupled_model import (
+    NamedRun,
+    Simulation,
+    refused_unless_borne,
+    simulation_record,
+)
+from msl_fem.coupled_model.excitation import Excitation, load_excitations
+from msl_fem.coupled_model.inputs import DRIVE_UNIT
+from msl_fem.errors import InputError
+from msl_fem.record import write_record
+from msl_fem.table import MagneticTable
+
+
+def command(
+    actuator: ActuatorFile,
+    excitation: Annotated[str, typer.Option(help='Like "sine:channel=1,...", or a TOML file with several.')],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Record folder to write.")],
+    table: TableFile = None,
+    rate: Annotated[str, typer.Option(help="Samples a second.")] = "10 kHz",
+    seed: Annotated[int, typer.Option(help="Of the sensors' noise.")] = 1,
+    json: Json = False,
+) -> None:
+    """The coupled model under an excitation, written as a record."""
+    it = load_actuator(actuator)
+    if it.drive is None:
+        raise InputError(f'{it.name} has no [drive]; add one with kind = "current", "voltage" or "force"')
+    excitations = load_excitations(excitation, unit=DRIVE_UNIT[it.drive.kind])
+    sampling = read_option("--rate", rate, "Hz")
+    magnet_table = table_for(it, table)
+    generator = np.random.default_rng(seed)
+    runs: list[NamedRun] = []
+    with progress_bar("runs") as progress:
+        for n, one in enumerate(excitations):
+            progress(n, len(excitations))
+            run = _open_loop(it, magnet_table, one, rate=sampling, generator=generator)
+            name = one.name.replace("-", "_") + (f"_{n + 1}" if len(excitations) > 1 else "")
+            runs.append(NamedRun(name, one.spec, one.role, run))
+        progress(len(excitations), len(excitations))
+    record = simulation_record(it, runs)
+    write_record(record, output)
+    fields = {
+        "record": str(output),
+        "runs": {
+            run.name: {
+                "samples": run.simulation.time.size,
+                "position_rms_m": float(np.std(run.simulation.position)),
+                "position_peak_m": float(np.abs(run.simulation.position).max()),
+                "samples_at_current_limit": run.simulation.samples_at_current_limit,
+                "samples_at_voltage_limit": run.simulation.samples_at_voltage_limit,
+            }
+            for run in runs
+        },
+    }
+    print_result(fields, as_json=json, title=f"{it.name}: record {output}")
+
+
+def _open_loop(
+    actuator: Actuator,
+    table: MagneticTable | None,
+    excitation: Excitation,
+    *,
+    rate: float,
+    generator: np.random.Generator,
+) -> Simulation:
+    if excitation.loop == "closed":
+        raise InputError(f"{excitation.name}: loop=closed is run by 'msl-fem control'; leave it out here")
+    return refused_unless_borne(actuator, table, excitation, rate=rate, generator=generator)

@@ -1,0 +1,56 @@
+"""The command `study`: the whole chain, its files, and one report."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from msl_fem.actuator import load_actuator
+from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json
+from msl_fem.cli.output import print_result, stages_bar, write_json
+from msl_fem.cli.sweeping import checked_accuracy, default_workers
+from msl_fem.errors import InputError
+from msl_fem.identification import model_to_json
+from msl_fem.operating_map import write_map
+from msl_fem.record import write_record
+from msl_fem.report.page import write_page
+from msl_fem.report.study_page import headline_numbers, study_page
+from msl_fem.study import StudySettings, run_study
+from msl_fem.sweep_cache import RowCache
+from msl_fem.table import write_table
+
+
+def command(
+    actuator: ActuatorFile,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the results.")] = Path("study"),
+    accuracy: AccuracyLevel = "normal",
+    workers: Annotated[int, typer.Option(min=0, help="Processes; 0: one a core.")] = 0,
+    resume: Annotated[bool, typer.Option(help="Take finished rows of an interrupted table.")] = False,
+    json: Json = False,
+) -> None:
+    """Tables, map, coupled model, simulated record, ARMAX, closed loop, one report."""
+    it = load_actuator(actuator)
+    if output.exists() and not output.is_dir():
+        raise InputError(f"{output} is a file; name a folder with -o")
+    cache = RowCache(output / ".rows")
+    settings = StudySettings(checked_accuracy(accuracy), workers or default_workers(), cache.folder, resume)
+
+    def keep(name: str, result: Any) -> None:
+        if name == "table":
+            write_table(result, output / "table.nc")
+            cache.clear()
+        elif name == "map":
+            write_map(result, output / "map.json")
+        elif name == "record":
+            write_record(result, output / "record")
+        elif name == "model":
+            write_json(model_to_json(result.model), output / "armax.json")
+
+    with stages_bar() as progress:
+        done = run_study(it, settings=settings, progress=progress, keep=keep)
+        report = write_page(study_page(done), output / "report.html")
+    files = {"report": str(report), "table": str(output / "table.nc"), "map": str(output / "map.json")}
+    more = {"record": str(output / "record"), "model": str(output / "armax.json")}
+    fields = {**files, **more, "seconds": done.seconds, **headline_numbers(done)}
+    write_json(fields, output / "study.json")
+    print_result(fields, as_json=json, title=f"{it.name}: study in {output}")

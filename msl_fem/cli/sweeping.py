@@ -1,0 +1,38 @@
+"""How commands run a sweep: accuracy, processes, progress, the default table of an actuator."""
+
+import os
+from pathlib import Path
+from typing import cast
+
+from msl_fem.actuator import Actuator, TableMagnet
+from msl_fem.cli.output import progress_bar, say
+from msl_fem.errors import InputError
+from msl_fem.magnet_field import LEVELS, Accuracy
+from msl_fem.sweep import SweepSettings, default_grid, sweep
+from msl_fem.table import MagneticTable, read_table
+
+
+def checked_accuracy(text: str) -> Accuracy:
+    """The accuracy level of that name; InputError otherwise."""
+    if text not in LEVELS:
+        raise InputError(f"accuracy '{text}' is unknown; choose one of {', '.join(LEVELS)}")
+    return cast(Accuracy, text)
+
+
+def default_workers() -> int:
+    """One process a core that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def table_for(actuator: Actuator, given: Path | None) -> MagneticTable | None:
+    """The table given, that the actuator names, or a computed one; None for a rig without magnets."""
+    if actuator.magnet is None:
+        return None
+    if given is not None:
+        return read_table(given)
+    if isinstance(actuator.magnet, TableMagnet):
+        return read_table(actuator.folder / actuator.magnet.table)
+    say("no --table given: computing the default one ('msl-fem table' keeps it)")
+    with progress_bar("field solutions, rows") as progress:
+        settings = SweepSettings(workers=default_workers())
+        return sweep(actuator, *default_grid(actuator), settings=settings, progress=progress)[0]

@@ -1,0 +1,275 @@
+"""The loop: controller at its rate around the coupled model, compiled as one."""
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from msl_fem.actuator import Actuator
+from msl_fem.control.controller import (
+    D_HAT,
+    FORCE,
+    INNOVATION,
+    N_DISCOURAGED,
+    N_FORCE_LIMITED,
+    N_PREFERRED,
+    N_VIOLATION,
+    V_HAT,
+    ControllerParameters,
+    controller_state,
+    controller_step,
+)
+from msl_fem.control.design import ControllerDesign
+from msl_fem.control.inverse import force_limits
+from msl_fem.coupled_model.kernel import advance
+from msl_fem.coupled_model.plant import CURRENT_DRIVE, PlantParameters, Surface, plant_parameters, surface_of
+from msl_fem.coupled_model.state import I1, I2, NOT_FINITE, OK, OUTSIDE_RANGE, SENSOR, X, initial_state
+from msl_fem.coupled_model.step_size import fastest_rate
+from msl_fem.errors import ComputationError, InputError
+from msl_fem.operating_map.guard import REGIONS
+from msl_fem.quantity import format_quantity
+from msl_fem.table import MagneticTable
+
+Array = NDArray[np.float64]
+
+# Columns of the compiled loop's output
+(_POSITION, _MEASURED, _CURRENT_1, _CURRENT_2, _VOLTAGE_1, _VOLTAGE_2, _COMMAND_1, _COMMAND_2, _VELOCITY_HAT,
+ _DISTURBANCE_HAT, _INNOVATION, _FORCE) = range(12)  # fmt: skip
+_N_OUT = 12
+_STEP_OF_FASTEST = 0.42  # of the plant's fastest time constant: within 20 nm of steps a tenth as long, in motion
+_NO_CURRENT = 1e-18  # A
+
+
+class ReferenceArrays(Protocol):
+    """What a closed loop is to follow: time in s, position in m, its derivatives in m/s and m/s2, (n_sample,)."""
+
+    @property
+    def time(self) -> Array: ...
+    @property
+    def position(self) -> Array: ...
+    @property
+    def velocity(self) -> Array: ...
+    @property
+    def acceleration(self) -> Array: ...
+
+
+@dataclass(frozen=True, eq=False)
+class TruePlant:
+    """What the controller acts on: an actuator and its table, of which the controller knows nothing."""
+
+    actuator: Actuator
+    table: MagneticTable
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoopRun:
+    """A run that stayed within the table and the travel from beginning to end.
+
+    Attributes
+    ----------
+    time, reference, position, measured : (n_sample,) s and m; samples taken before the instant's command acts
+    current, command : (n_sample, 2) A of the sides; the command is the one computed at the sample, not yet delayed
+    voltage : (n_sample, 2) V of the sides, mean over the sample's period
+    force, velocity_hat, disturbance_hat, innovation : (n_sample,) N, m/s, N, m of the controller
+    region_counts : number of commands by the guard's region of what was wanted; `unacceptable` ones were cut
+    force_limited : number of commands cut for the drive's or the table's current
+    tracking_rms : m, of position - reference over the run
+    peak_current : A, the largest of a side
+    copper_loss : W, mean of R i^2 of all sides
+    """
+
+    time: Array
+    reference: Array
+    position: Array
+    measured: Array
+    current: Array
+    command: Array
+    voltage: Array
+    force: Array
+    velocity_hat: Array
+    disturbance_hat: Array
+    innovation: Array
+    region_counts: dict[str, int]
+    force_limited: int
+    tracking_rms: float
+    peak_current: float
+    copper_loss: float
+
+    @property
+    def guard_violations(self) -> int:
+        """Commands that the guard forbade."""
+        return self.region_counts["unacceptable"]
+
+    def to_json(self) -> dict[str, Any]:
+        """The JSON object of the run's figures."""
+        return {
+            "tracking_rms_m": self.tracking_rms,
+            "peak_current_A": self.peak_current,
+            "copper_loss_W": self.copper_loss,
+            "guard_violations": self.guard_violations,
+            "region_counts": dict(self.region_counts),
+            "force_limited": self.force_limited,
+            "seconds": float(self.time[-1] - self.time[0]),
+        }
+
+
+class _Inputs(NamedTuple):
+    """What comes from outside: reference (n, 3), sensor noise (n,) m, disturbance (n,) N; steps of sensor and time."""
+
+    reference: Array
+    noise: Array
+    disturbance: Array
+    resolution: float
+    step: float
+    n_step: int
+
+
+def run_closed_loop(
+    design: ControllerDesign, reference: ReferenceArrays, *, plant: TruePlant,
+    generator: np.random.Generator | None = None, disturbance: Array | None = None,
+) -> ClosedLoopRun:  # fmt: skip
+    """The run of a controller on a plant that rests without currents when it begins.
+
+    Parameters
+    ----------
+    reference : samples at the loop's rate
+    generator : of the position sensor's noise; without one there is none
+    disturbance : (n_sample,) N on the mass, held over the samples
+
+    Raises
+    ------
+    InputError : a reference that is not at the loop's rate, or needs positions or forces outside the believed domain;
+        the plant has no current drive
+    ComputationError : the plant left its table or its travel or was not finite; such a run is not returned
+    """
+    wanted = _checked(design, reference)
+    n = wanted.shape[0]
+    true, surface = plant_parameters(plant.actuator), surface_of(plant.table)
+    if true.drive != CURRENT_DRIVE:
+        raise InputError(f'{plant.actuator.name}: the controller commands currents; use drive.kind = "current"')
+    sensor = plant.actuator.position_sensor
+    period = design.law.plant.period
+    n_step = max(1, math.ceil(fastest_rate(true, plant.table) * period / _STEP_OF_FASTEST))
+    inputs = _Inputs(
+        reference=wanted,
+        noise=np.zeros(n) if generator is None else np.asarray(generator.normal(0.0, sensor.noise, n)),
+        disturbance=np.zeros(n) if disturbance is None else np.ascontiguousarray(disturbance, dtype=float),
+        resolution=sensor.resolution,
+        step=period / n_step,
+        n_step=n_step,
+    )
+    if inputs.disturbance.shape != (n,):
+        raise InputError(f"the disturbance has shape {inputs.disturbance.shape}; the reference has {n} samples")
+    state = initial_state(true, 0.0, 0.0, _resting_position(true), 0.0)
+    memory, out = controller_state(design.parameters), np.zeros((n, _N_OUT))
+    status, done = _loop(surface, true, state, design.parameters, memory, inputs, out)
+    if status != OK:
+        raise ComputationError(_why(status, done * period, state, plant))
+    return _result(reference, true, memory, out)
+
+
+@njit(cache=True, error_model="numpy")
+def _loop(
+    surface: Surface, plant: PlantParameters, state: Array, parameters: ControllerParameters, memory: Array,
+    inputs: _Inputs, out: Array,
+) -> tuple[int, int]:  # fmt: skip
+    """(status, samples done); a row of `out` a sample."""
+    waiting = np.zeros((parameters.delay + 1, 2))
+    voltage, command = np.zeros(2), np.zeros(2)
+    for k in range(out.shape[0]):
+        measured = state[SENSOR] + inputs.noise[k]
+        if inputs.resolution > 0:
+            measured = inputs.resolution * np.round(measured / inputs.resolution)
+        controller_step(parameters, memory, inputs.reference[k], measured, command)
+        row = out[k]
+        row[_POSITION], row[_MEASURED], row[_CURRENT_1], row[_CURRENT_2] = state[X], measured, state[I1], state[I2]
+        row[_COMMAND_1], row[_COMMAND_2] = command[0], command[1]
+        row[_VELOCITY_HAT], row[_DISTURBANCE_HAT] = memory[V_HAT], memory[D_HAT]
+        row[_INNOVATION], row[_FORCE] = memory[INNOVATION], memory[FORCE]
+        for j in range(parameters.delay):
+            waiting[j] = waiting[j + 1]
+        waiting[parameters.delay] = command
+        status = advance(
+            surface, plant, state, waiting[0], inputs.disturbance[k], inputs.step, inputs.n_step, voltage
+        )  # fmt: skip
+        row[_VOLTAGE_1], row[_VOLTAGE_2] = voltage[0], voltage[1]
+        for j in range(I1, I2 + 1):  # an idle side's current decays for ever; numbers below 1e-300 are slow to compute
+            if abs(state[j]) < _NO_CURRENT:
+                state[j] = 0.0
+        if status != OK:
+            return status, k
+    return OK, out.shape[0]
+
+
+def _checked(design: ControllerDesign, reference: ReferenceArrays) -> Array:
+    """(n_sample, 3) of the reference, which the believed plant can follow at rest and in motion."""
+    r, v, a = (np.asarray(x, dtype=float) for x in (reference.position, reference.velocity, reference.acceleration))
+    time, plant = np.asarray(reference.time, dtype=float), design.law.plant
+    if not (r.shape == v.shape == a.shape == time.shape and r.ndim == 1 and r.size >= 2):
+        raise InputError("a reference needs time, position, velocity, acceleration of one length, at least 2 samples")
+    if not all(np.isfinite(x).all() for x in (r, v, a)):
+        raise InputError("a reference's samples must be finite numbers")
+    if np.abs(np.diff(time) - plant.period).max() > 1e-6 * plant.period:
+        raise InputError(f"the reference must be sampled at the loop's rate of {1 / plant.period:g} Hz")
+    low, high = design.reach
+    if r.min() < low * (1 + 1e-9) or r.max() > high * (1 + 1e-9):
+        raise InputError(
+            f"the reference goes from {format_quantity(r.min(), 'm')} to {format_quantity(r.max(), 'm')}, beyond the "
+            f"{format_quantity(low, 'm')} ... {format_quantity(high, 'm')} that the magnets can hold within travel, "
+            "guard, drive and table; lower its amplitude"
+        )
+    p = design.parameters
+    force = plant.mass * a + plant.damping * v + plant.stiffness * r - p.constant_force
+    lowest, highest = force_limits(p.inverse, r)
+    beyond = np.flatnonzero((force < lowest) | (force > highest))
+    if beyond.size:
+        k = beyond[0]
+        raise InputError(
+            f"the reference needs {force[k]:.4g} N at {time[k]:.4g} s, x = {format_quantity(r[k], 'm')}, outside the "
+            f"{lowest[k]:.4g} ... {highest[k]:.4g} N that guard, drive and table allow; lower amplitude or frequency"
+        )
+    return np.ascontiguousarray(np.stack([r, v, a], axis=1))
+
+
+def _resting_position(plant: PlantParameters) -> float:
+    """Where the suspension holds the mover without currents; the middle where there is no suspension."""
+    return plant.constant_force / plant.stiffness if plant.stiffness > 0 else 0.0
+
+
+def _why(status: int, time: float, state: Array, plant: TruePlant) -> str:
+    reason = {NOT_FINITE: "is not finite", OUTSIDE_RANGE: "reached the end of its travel"}.get(
+        status, f"left its table ({plant.table.rectangle})"
+    )
+    return (
+        f"{plant.actuator.name}: after {time:.4g} s the plant {reason}, last at x = {format_quantity(state[X], 'm')} "
+        f"with {state[I1]:.4g} A and {state[I2]:.4g} A: the loop does not hold it; lower the reference, or wish for "
+        "another bandwidth"
+    )
+
+
+def _result(reference: ReferenceArrays, plant: PlantParameters, memory: Array, out: Array) -> ClosedLoopRun:
+    current = out[:, [_CURRENT_1, _CURRENT_2]]
+    position, wanted = out[:, _POSITION].copy(), np.array(reference.position, dtype=float)
+    return ClosedLoopRun(
+        time=np.array(reference.time, dtype=float),
+        reference=wanted,
+        position=position,
+        measured=out[:, _MEASURED].copy(),
+        current=current,
+        command=out[:, [_COMMAND_1, _COMMAND_2]],
+        voltage=out[:, [_VOLTAGE_1, _VOLTAGE_2]],
+        force=out[:, _FORCE].copy(),
+        velocity_hat=out[:, _VELOCITY_HAT].copy(),
+        disturbance_hat=out[:, _DISTURBANCE_HAT].copy(),
+        innovation=out[:, _INNOVATION].copy(),
+        region_counts={
+            name: int(memory[n]) for name, n in zip(REGIONS, (N_PREFERRED, N_DISCOURAGED, N_VIOLATION), strict=True)
+        },
+        force_limited=int(memory[N_FORCE_LIMITED]),
+        tracking_rms=float(np.sqrt(np.mean((position - wanted) ** 2))),
+        peak_current=float(np.abs(current).max()),
+        copper_loss=float(plant.resistance * np.mean(np.sum(current**2, axis=1))),
+    )

@@ -1,0 +1,201 @@
+"""One step of the controller, compiled: estimate, decide on a force, turn it into currents, ask the guard.
+
+    u = u_model + K (xi_model - xi_hat) - K_i sum(y - x_model)     with the reference feedforward
+    u = -K xi_hat - K_i sum(y - r)                                 without: the source paper's LQR with integral
+
+With the feedforward the loop has two degrees of freedom: xi_model is the believed plant under u_model = u_ff +
+K_model (xi_ref - xi_model), where u_ff = m r'' + c r' + k r, taken one `lead` ahead, is the force that the reference
+needs. Regulator and integral act on deviations from this promised response and not on the reference's own jumps (model
+following: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sec. 4.5). Positive u pulls towards +x and is
+side 1's, negative side 2's.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from msl_fem.control.inverse import Inverse, magnet_current, magnet_current_limit, magnet_force
+from msl_fem.operating_map.guard import limit_at
+
+Array = NDArray[np.float64]
+
+# The state: the filter's prediction for the coming sample (m, m/s, N) and its last estimate, the integral (m, summed
+# over samples), the last innovation (m) and force (N); then counts of commands by what the guard says of what was
+# wanted, and of commands that were cut for the drive or the table; and whether a first sample was taken.
+X_PREDICTED, V_PREDICTED, D_PREDICTED, V_HAT, D_HAT, INTEGRAL, INNOVATION, FORCE = range(8)
+N_PREFERRED, N_DISCOURAGED, N_VIOLATION, N_FORCE_LIMITED, STARTED = range(8, 13)
+N_FIXED = 13
+# After these: the known states of the believed plant (n - 2), the followed model (n), the feedforward's queue (delay).
+
+
+class ControllerParameters(NamedTuple):
+    """All that `controller_step` knows: belief, gains, guard."""
+
+    inverse: Inverse
+    model_a: Array  # (n, n) of the believed plant
+    model_b: Array  # (n,)
+    gain: Array  # (n,)
+    integral_gain: float
+    model_gain: Array  # (n,) of the model's own state feedback
+    filter_prediction: Array  # (3, n + 2)
+    filter_gain: Array  # (2,)
+    mass: float
+    stiffness: float
+    damping: float
+    constant_force: float  # N, believed to act along +x
+    delay: int
+    lead: float  # s, of the feedforward
+    gap_lead: float  # s: the inverse takes the gap as it will be then; 0 takes the measured gap
+    feedforward: bool
+
+
+def controller_state(parameters: ControllerParameters) -> Array:
+    """The state before the first sample."""
+    n = parameters.model_a.shape[0]
+    return np.zeros(N_FIXED + (n - 2) + n + parameters.delay)
+
+
+@njit(cache=True, error_model="numpy")
+def controller_step(
+    parameters: ControllerParameters, state: Array, reference: Array, measured: float, command: Array
+) -> None:
+    """Side currents in A into command (2,), to act `delay` samples later; the state is updated.
+
+    Parameters
+    ----------
+    reference : (3,) position, velocity, acceleration wanted now
+    measured : m
+    """
+    p = parameters
+    n = p.model_a.shape[0]
+    known, model = state[N_FIXED : N_FIXED + n - 2], state[N_FIXED + n - 2 : N_FIXED + 2 * n - 2]
+    queue = state[N_FIXED + 2 * n - 2 :]
+    if state[STARTED] == 0.0:
+        state[STARTED] = 1.0
+        state[X_PREDICTED] = measured
+        model[0] = measured
+        known[:] = p.constant_force  # the mover has rested, with no current
+        model[2:] = p.constant_force
+        queue[:] = p.constant_force
+    _estimate(p, state, measured)
+    wanted, error = _law(p, state, reference, measured, model, known, queue)
+    given = _currents(p, state, wanted - p.constant_force, measured, command) + p.constant_force
+    state[FORCE] = given
+    # Anti-windup: the integral stands while the force is cut and the error would push it further.
+    cut = wanted - given
+    if abs(cut) <= 1e-9 * (1.0 + abs(wanted)) or cut * p.integral_gain * error > 0:
+        state[INTEGRAL] += error
+    _predict(p, state, measured, given, known)
+
+
+@njit(cache=True, error_model="numpy")
+def _estimate(p: ControllerParameters, state: Array, measured: float) -> None:
+    innovation = measured - state[X_PREDICTED]
+    state[INNOVATION] = innovation
+    state[V_HAT] = state[V_PREDICTED] + p.filter_gain[0] * innovation
+    state[D_HAT] = state[D_PREDICTED] + p.filter_gain[1] * innovation
+
+
+@njit(cache=True, error_model="numpy")
+def _law(
+    p: ControllerParameters, state: Array, reference: Array, measured: float, model: Array, known: Array, queue: Array
+) -> tuple[float, float]:
+    """(force wanted, error that the integral takes); moves the model and the feedforward's queue on."""
+    n = p.model_a.shape[0]
+    force = -p.integral_gain * state[INTEGRAL] - p.gain[0] * measured - p.gain[1] * state[V_HAT]
+    for j in range(2, n):
+        force -= p.gain[j] * known[j - 2]
+    if not p.feedforward:
+        return force, measured - reference[0]
+    promised = _model_force(p, reference, model, queue)
+    force += promised
+    error = measured - model[0]
+    following = np.empty(n)
+    for row in range(n):
+        force += p.gain[row] * model[row]
+        following[row] = p.model_b[row] * promised
+        for j in range(n):
+            following[row] += p.model_a[row, j] * model[j]
+    model[:] = following
+    return force, error
+
+
+@njit(cache=True, error_model="numpy")
+def _model_force(p: ControllerParameters, reference: Array, model: Array, queue: Array) -> float:
+    """u_ff + K_model (xi_ref - xi_model); moves the feedforward's queue on.
+
+    xi_ref is the state of a plant that follows: position, velocity, the force needed now, the feedforward under way.
+    """
+    n = p.model_a.shape[0]
+    r, v, a = reference[0], reference[1], reference[2]
+    ahead = p.stiffness * (r + p.lead * (v + 0.5 * p.lead * a)) + p.damping * (v + p.lead * a) + p.mass * a
+    force = ahead + p.model_gain[0] * r + p.model_gain[1] * v
+    n_lag = n - 2 - p.delay
+    if n_lag == 1:
+        force += p.model_gain[2] * (p.stiffness * r + p.damping * v + p.mass * a)
+    for j in range(p.delay):
+        force += p.model_gain[2 + n_lag + j] * queue[j]
+        queue[j] = queue[j + 1] if j + 1 < p.delay else ahead
+    for j in range(n):
+        force -= p.model_gain[j] * model[j]
+    return float(force)
+
+
+@njit(cache=True, error_model="numpy")
+def _predict(p: ControllerParameters, state: Array, measured: float, given: float, known: Array) -> None:
+    """The filter's prediction of the next sample, and the known states there."""
+    n = p.model_a.shape[0]
+    for row in range(3):
+        f = p.filter_prediction[row]
+        value = f[0] * measured + f[1] * state[V_HAT] + f[2] * state[D_HAT] + f[n + 1] * given
+        for j in range(n - 2):
+            value += f[3 + j] * known[j]
+        state[X_PREDICTED + row] = value
+    following = np.empty(n - 2)
+    for row in range(n - 2):
+        following[row] = p.model_b[2 + row] * given
+        for j in range(n - 2):
+            following[row] += p.model_a[2 + row, 2 + j] * known[j]
+    known[:] = following
+
+
+@njit(cache=True, error_model="numpy")
+def _currents(p: ControllerParameters, state: Array, force: float, measured: float, command: Array) -> float:
+    """Side currents for a force of the magnets, into command; returns the force that the belief expects of them.
+
+    A current that the guard's last level forbids is cut to it and counted as a violation, one beyond the drive or the
+    table is cut and counted apart. The guard judges at the measured gap and at the gap to come, the stricter counts.
+    """
+    inverse = p.inverse
+    command[0] = command[1] = 0.0
+    side = 0 if force >= 0 else 1
+    if force == 0.0:
+        state[N_PREFERRED] += 1
+        return 0.0
+    if side >= inverse.sides:
+        state[N_FORCE_LIMITED] += 1
+        return 0.0
+    toward = 1.0 - 2.0 * side
+    last = inverse.guard.limit.shape[0] - 1
+    now = inverse.nominal_gap - toward * measured
+    gap = now - toward * p.gap_lead * state[V_HAT]
+    if not limit_at(inverse.guard, last, gap) >= 0:
+        gap = now  # what is to come cannot be judged: the measured gap can, or nothing
+    allowed = min(limit_at(inverse.guard, last, now), limit_at(inverse.guard, last, gap))
+    if not allowed >= 0:
+        state[N_VIOLATION] += 1
+        return 0.0
+    largest = min(magnet_current_limit(inverse, gap), allowed)
+    most = inverse.magnets * magnet_force(inverse.surface, largest, gap)
+    given = abs(force)
+    if not given <= most:
+        state[N_VIOLATION if allowed <= inverse.current_limit else N_FORCE_LIMITED] += 1
+        current, given = largest, most
+    else:
+        current = magnet_current(inverse.surface, given / inverse.magnets, gap, largest)
+        mild = min(limit_at(inverse.guard, 0, now), limit_at(inverse.guard, 0, gap))
+        state[N_PREFERRED if current <= mild else N_DISCOURAGED] += 1
+    command[side] = current / inverse.current_share
+    return toward * given

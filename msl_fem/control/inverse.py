@@ -1,0 +1,181 @@
+"""The exact input transformation: from a wanted force to coil currents, one side pulling at a time.
+
+Gutierrez and Ro (IEEE Trans. Magnetics 34(5), 1998, eqs. 15 to 18): u = F_1(i_1, g_1) - F_2(i_2, g_2) is the new input,
+and i = f^-1(abs(u)/n, g) for the n magnets of the side that pulls; the other side carries no current, so there is no
+bias. The force of one magnet grows with its current, so the inverse exists up to the force at the largest current.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from msl_fem.coenergy_surface import evaluate
+from msl_fem.coupled_model.plant import PlantParameters, Surface
+from msl_fem.errors import InputError
+from msl_fem.operating_map.guard import Guard, GuardArrays, limit_at
+from msl_fem.quantity import format_quantity
+
+Array = NDArray[np.float64]
+_FORCE, _SLOPE = 2, 4  # rows of an evaluation of the surface
+_ITERATIONS = 60
+
+
+class Inverse(NamedTuple):
+    """What the compiled inverse needs: the belief's table, the guard, and how magnets make a side."""
+
+    surface: Surface
+    guard: GuardArrays
+    nominal_gap: float  # m
+    magnets: int  # a side
+    current_share: float  # magnet current over side current
+    current_limit: float  # A, of a magnet: the drive's and the table's end, whichever is lower
+    sides: int
+
+
+def inverse_of(plant: PlantParameters, guard: Guard, surface: Surface) -> Inverse:
+    """The compiled inverse of a believed plant.
+
+    Raises
+    ------
+    InputError : the force of a magnet does not grow with the current somewhere below the guard's last limit
+    """
+    end = min(plant.current_share * plant.current_limit, float(surface.current[-1]))
+    inverse = Inverse(surface, guard.arrays, plant.nominal_gap, plant.magnets, plant.current_share, end, plant.sides)
+    low, high = guard.arrays.gap[0], guard.arrays.gap[-1]
+    if low < surface.gap[0] or high > surface.gap[-1]:
+        raise InputError(
+            f"the map's gaps {low * 1e3:.4g} ... {high * 1e3:.4g} mm reach beyond the table's "
+            f"{surface.gap[0] * 1e3:.4g} ... {surface.gap[-1] * 1e3:.4g} mm; make the map of this table"
+        )
+    out = np.empty(6)
+    for gap in np.linspace(low, high, 4 * surface.gap.size):
+        top = magnet_current_limit(inverse, gap)
+        for current in np.linspace(0, top, 4 * surface.current.size)[1:]:
+            evaluate(*surface, current, gap, out)
+            if not out[_SLOPE] > 0:
+                raise InputError(
+                    f"the table's force does not grow with the current at {current:.4g} A, gap "
+                    f"{format_quantity(float(gap), 'm')}: no unique current gives a wanted force; lower the levels of "
+                    "the operating map, or make the table with more currents"
+                )
+    return inverse
+
+
+@njit(cache=True, error_model="numpy")
+def magnet_current_limit(inverse: Inverse, gap: float) -> float:
+    """The largest current of a magnet in A that drive, table and the guard's last level allow; 0 outside the map."""
+    allowed = limit_at(inverse.guard, inverse.guard.limit.shape[0] - 1, gap)
+    return min(allowed, inverse.current_limit) if allowed > 0 else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def magnet_force(surface: Surface, current: float, gap: float) -> float:
+    """Force of a magnet in N; nan outside the table."""
+    out = np.empty(6)
+    evaluate(surface.gap, surface.current, surface.coefficients, current, gap, out)
+    return float(out[_FORCE])
+
+
+@njit(cache=True, error_model="numpy")
+def magnet_current(surface: Surface, force: float, gap: float, largest: float) -> float:
+    """The current of a magnet in A between 0 and `largest` that gives a force in N at the gap.
+
+    Newton on the square root of the force, which is nearly straight in the current (F = const i^2 without saturation),
+    kept inside a shrinking bracket. The force must lie between 0 and that at `largest`, inside the table; nan
+    where it does not.
+    """
+    out = np.empty(6)
+    inside = evaluate(surface.gap, surface.current, surface.coefficients, largest, gap, out)
+    if not (inside and 0.0 <= force <= out[_FORCE]):
+        return np.nan
+    if force == 0.0:
+        return 0.0
+    low, high = 0.0, largest
+    current = largest * np.sqrt(force / out[_FORCE])
+    wanted = np.sqrt(force)
+    for _ in range(_ITERATIONS):
+        evaluate(surface.gap, surface.current, surface.coefficients, current, gap, out)
+        if out[_FORCE] > force:
+            high = current
+        else:
+            low = current
+        root = np.sqrt(max(out[_FORCE], 0.0))
+        following = current + (wanted - root) * 2.0 * root / out[_SLOPE] if out[_SLOPE] > 0 else low
+        if not low < following < high:
+            following = 0.5 * (low + high)
+        if abs(following - current) <= 1e-13 * largest:
+            return float(following)
+        current = following
+    return float(current)
+
+
+@dataclass(frozen=True)
+class ForceDomain:
+    """Forces on the mover that the input transformation can give at a position.
+
+    Attributes
+    ----------
+    position : m
+    lowest, highest : N, negative pulls towards -x; 0 where a side is missing
+    current_lowest, current_highest : A, the side currents that give them
+    """
+
+    position: float
+    lowest: float
+    highest: float
+    current_lowest: float
+    current_highest: float
+
+
+def force_domain(inverse: Inverse, position: float) -> ForceDomain:
+    """The domain of the inverse at a position in m: the last level of the guard, the drive and the table bound it."""
+    limits = np.array([_side_limit(inverse, j, position) for j in range(2)])
+    return ForceDomain(position, -limits[1, 1], limits[0, 1], limits[1, 0], limits[0, 0])
+
+
+@njit(cache=True, error_model="numpy")
+def _side_limit(inverse: Inverse, side: int, position: float) -> tuple[float, float]:
+    """(current A, force N) of a side at its limit; zeros for a missing side and outside the map."""
+    if side >= inverse.sides:
+        return 0.0, 0.0
+    gap = inverse.nominal_gap - (1.0 - 2.0 * side) * position
+    limit = magnet_current_limit(inverse, gap)
+    if not limit > 0.0:
+        return 0.0, 0.0
+    return limit / inverse.current_share, inverse.magnets * magnet_force(inverse.surface, limit, gap)
+
+
+@njit(cache=True, error_model="numpy")
+def force_limits(inverse: Inverse, position: Array) -> Array:
+    """(2, n) N: lowest and highest force of `force_domain` at positions (n,) in m."""
+    out = np.empty((2, position.size))
+    for n in range(position.size):
+        out[0, n] = -_side_limit(inverse, 1, position[n])[1]
+        out[1, n] = _side_limit(inverse, 0, position[n])[1]
+    return out
+
+
+def held_stiffness(inverse: Inverse, force: float, position: float) -> float:
+    """dF/dx in N/m of the magnets' force at a position, the currents being held that give `force` there.
+
+    Raises
+    ------
+    InputError : the force lies outside the domain at the position
+    """
+    if force == 0.0:
+        return 0.0
+    domain = force_domain(inverse, position)
+    if not domain.lowest <= force <= domain.highest:
+        raise InputError(
+            f"{force:.4g} N at x = {position * 1e3:.4g} mm is outside the {domain.lowest:.4g} ... "
+            f"{domain.highest:.4g} N that the magnets may give there; ask for a smaller travel"
+        )
+    gap = inverse.nominal_gap - np.sign(force) * position
+    limit = magnet_current_limit(inverse, gap)
+    current = magnet_current(inverse.surface, abs(force) / inverse.magnets, gap, limit)
+    out = np.empty(6)
+    evaluate(*inverse.surface, current, gap, out)
+    return float(-inverse.magnets * out[5])

@@ -1,0 +1,141 @@
+"""The reduced-order Kalman filter: velocity and disturbance force from the measured position.
+
+The position is taken as measured, only what is not measured is estimated (Franklin, Powell, Workman, Digital Control
+of Dynamic Systems, 3rd ed., sec. 8.2.3): with b = (velocity, disturbance) and known inputs s,
+
+    x-[k+1] = Phi_xx y[k] + Phi_xb b[k] + Gamma_x s,     b-[k+1] = Phi_bx y[k] + Phi_bb b[k] + Gamma_b s
+    nu[k+1] = y[k+1] - x-[k+1],                          b[k+1] = b-[k+1] + L nu[k+1]
+
+The position noise n enters twice, in y[k+1] and in y[k], so nu is not white and the gain of the Riccati equation with
+white noise is not the best. The error covariance is known exactly for any L: with e' = b - b_hat + L n,
+
+    e'[k+1] = A_L e'[k] - (A_L L + Phi_bx - L Phi_xx) n[k] + (w_b - L w_x),    A_L = Phi_bb - L Phi_xb
+
+has white noises alone. L is the gain of least velocity variance among all filters of this order (optimal reduced-order
+estimation: Bernstein and Hyland, IEEE Trans. Automatic Control 30, 1985), found from the Riccati gain downhill.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, solve_discrete_are, solve_discrete_lyapunov
+from scipy.optimize import minimize
+
+from msl_fem.control.believed_plant import BelievedPlant
+from msl_fem.errors import ComputationError, InputError
+from msl_fem.statespace import StateSpace
+
+Array = NDArray[np.float64]
+_X, _B = slice(0, 1), slice(1, 3)
+
+
+@dataclass(frozen=True)
+class FilterNoise:
+    """One-sigma levels that the filter expects.
+
+    Attributes
+    ----------
+    position : m, of a measurement
+    force : N, error of the force over one sample, white
+    disturbance : N, change of the disturbance force from one sample to the next
+    """
+
+    position: float
+    force: float
+    disturbance: float
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedOrderFilter:
+    """The filter of a believed plant.
+
+    Attributes
+    ----------
+    prediction : (3, n) position, velocity and disturbance at the next sample, over (position, velocity, disturbance,
+        then the states of the believed plant from the third on, then the command)
+    gain : (2,) 1/s and N/m, of the innovation on velocity and disturbance
+    covariance : (2, 2) of the errors of velocity and disturbance, stationary
+    innovation_variance : m^2
+    """
+
+    prediction: Array
+    gain: Array
+    covariance: Array
+    innovation_variance: float
+
+
+def reduced_order_filter(plant: BelievedPlant, noise: FilterNoise) -> ReducedOrderFilter:
+    """The stationary filter for the noise levels.
+
+    Raises
+    ------
+    InputError : a noise level is not positive
+    ComputationError : the Riccati equation of the first guess has no solution
+    """
+    for name in ("position", "force", "disturbance"):
+        if not getattr(noise, name) > 0:
+            raise InputError(f"the filter's {name} noise is {getattr(noise, name):g}; it must be positive")
+    prediction = _prediction(plant)
+    phi = prediction[:, :3]
+    push = _held_force(plant)
+    process = noise.force**2 * np.outer(push, push)
+    process[2, 2] += noise.disturbance**2
+    scale = np.array([1.0, plant.mass / plant.period])  # of velocity and disturbance gains
+    first = _riccati_gain(phi, process, noise.position) / scale
+
+    def velocity_variance(gain: Array) -> float:
+        found = _stationary(phi, gain * scale, process, noise.position)
+        return 1e9 if found is None else found[0][0, 0]
+
+    best = minimize(lambda g: np.log(velocity_variance(g)), first, method="Nelder-Mead", options={"xatol": 1e-4})
+    gain = best.x * scale
+    found = _stationary(phi, gain, process, noise.position)
+    if found is None:
+        raise ComputationError(f"no stable filter for {noise}; raise the force noise or lower the position noise")
+    return ReducedOrderFilter(prediction, gain, *found)
+
+
+def _prediction(plant: BelievedPlant) -> Array:
+    """Rows position, velocity, disturbance of the sampled plant with a constant disturbance force added."""
+    model = plant.sampled()
+    push = _held_force(plant)
+    n = model.A.shape[0]
+    rows = np.zeros((3, n + 2))
+    rows[:2, :2], rows[:, 2] = model.A[:2, :2], push
+    rows[2, 2] = 1.0
+    rows[:2, 3 : n + 1], rows[:2, n + 1] = model.A[:2, 2:], model.B[:2, 0]
+    return rows
+
+
+def _held_force(plant: BelievedPlant) -> Array:
+    """(3,) what a unit force on the mass, held over a sample, adds to position and velocity; the third entry is 0."""
+    a, _ = plant.motion()
+    b = np.array([[0.0], [1.0 / plant.mass]])
+    held = StateSpace(a[:2, :2], b, np.eye(2), np.zeros((2, 1))).sampled(plant.period)
+    return np.array([*held.B[:, 0], 0.0])
+
+
+def _riccati_gain(phi: Array, process: Array, position_noise: float) -> Array:
+    """The gain where the differenced noise is taken as white, of twice the variance and independent."""
+    r = np.array([[process[0, 0] + 2 * position_noise**2]])
+    try:
+        p = solve_discrete_are(phi[_B, _B].T, phi[_X, _B].T, process[_B, _B], r, s=process[_B, _X])
+    except (LinAlgError, ValueError) as err:
+        raise ComputationError(f"the filter's Riccati equation has no solution ({err})") from err
+    gain = (phi[_B, _B] @ p @ phi[_X, _B].T + process[_B, _X]) / (phi[_X, _B] @ p @ phi[_X, _B].T + r)
+    return np.asarray(gain[:, 0])
+
+
+def _stationary(phi: Array, gain: Array, process: Array, position_noise: float) -> tuple[Array, float] | None:
+    """Error covariance (2, 2) and innovation variance of the filter with a gain; None where it is not stable."""
+    column, r = gain[:, None], position_noise**2
+    a = phi[_B, _B] - column @ phi[_X, _B]
+    if np.abs(np.linalg.eigvals(a)).max() >= 1 - 1e-9:
+        return None
+    by_noise = a @ column + phi[_B, _X] - column @ phi[_X, _X]
+    mix = np.hstack([-column, np.eye(2)])
+    inner = solve_discrete_lyapunov(a, r * by_noise @ by_noise.T + mix @ process @ mix.T)
+    innovation = phi[_X, _B] @ inner @ phi[_X, _B].T + process[0, 0] + r
+    innovation += r * (phi[_X, _B] @ column + phi[_X, _X]) ** 2
+    return inner + r * column @ column.T, float(innovation[0, 0])

@@ -1,0 +1,157 @@
+"""The closed loop near a frozen position, as linear sampled systems: sensitivity, stability, response to a reference.
+
+Near a position x_0 that the magnets hold, a current's force grows by kappa = dF/dx with the position. The input
+transformation takes this off again, but late, by way of the measured position: with u the linear law's force
+
+    f = H (u - kappa x_used) + kappa x,      H: delay, hold and lag of the drive
+
+so the loop is closed around m x'' + c x' + (k - kappa) x. It is opened at the command, where the plant has its input.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from msl_fem.control.believed_plant import BelievedPlant
+from msl_fem.control.kalman import ReducedOrderFilter
+from msl_fem.control.lqr import LqrGains
+from msl_fem.statespace import StateSpace
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class LinearLaw:
+    """The linear part of the controller.
+
+    Attributes
+    ----------
+    plant : what it believes
+    gains, estimator : regulator and filter
+    model_gains : state feedback of the model that the loop follows
+    gap_lead : s, how far ahead the input transformation looks for its gap
+    feedforward : whether the reference acts by feedforward and model following, or by the integral alone
+    """
+
+    plant: BelievedPlant
+    gains: LqrGains
+    model_gains: LqrGains
+    estimator: ReducedOrderFilter
+    gap_lead: float
+    feedforward: bool = True
+
+    def controller(self) -> StateSpace:
+        """Inputs: measured position, a force that is added, the position that the integral is to hold.
+
+        Outputs: the law's force, and the position that the inverse uses.
+        """
+        k, f, gain = self.gains.state, self.estimator.prediction, self.estimator.gain
+        model = self.plant.sampled()
+        known = k.size - 2
+        rows = np.eye(3 + known + 4)  # predicted position, velocity, disturbance; known states; integral; the inputs
+        rest, integral, (y, added, held) = rows[3 : 3 + known], rows[3 + known], rows[-3:]
+        innovation = y - rows[0]
+        velocity, disturbance = rows[1] + gain[0] * innovation, rows[2] + gain[1] * innovation
+        force = added - self.gains.integral * integral - k[0] * y - k[1] * velocity - k[2:] @ rest
+        predicted = f @ np.vstack([y, velocity, disturbance, rest, force])
+        following = model.A[2:, 2:] @ rest + np.outer(model.B[2:, 0], force)
+        moved = np.vstack([predicted, following, integral + y - held])
+        shown = np.vstack([force, y + self.gap_lead * velocity])
+        return StateSpace(moved[:, :-3], moved[:, -3:], shown[:, :-3], shown[:, -3:], self.plant.period)
+
+    def loop_transfer(self, frequency: ArrayLike, *, magnet_stiffness: float = 0.0) -> Complex:
+        """(n_frequency,) open-loop transfer at the plant's input, negative feedback taken out: S = 1/(1 + L)."""
+        plant = self.plant.sampled(magnet_stiffness=magnet_stiffness).response(frequency)[:, 0, 0]
+        law = self.controller().response(frequency)[:, :, 0]
+        return np.asarray(-plant * (law[:, 0] - magnet_stiffness * law[:, 1]))
+
+    def spectral_radius(self, *, magnet_stiffness: float = 0.0) -> float:
+        """Largest closed-loop pole by size; below 1 where the loop is stable."""
+        plant, law = self.plant.sampled(magnet_stiffness=magnet_stiffness), self.controller()
+        c = law.C[0] - magnet_stiffness * law.C[1]
+        d = law.D[0, 0] - magnet_stiffness * law.D[1, 0]
+        a = np.block([[plant.A + d * plant.B @ plant.C, plant.B @ c[None, :]], [law.B[:, :1] @ plant.C, law.A]])
+        return float(np.abs(np.linalg.eigvals(a)).max())
+
+    def peak_sensitivity(self, *, magnet_stiffness: float = 0.0, frequency: Array | None = None) -> float:
+        """max |S| up to half the loop rate; inf where the loop is unstable."""
+        if self.spectral_radius(magnet_stiffness=magnet_stiffness) >= 1:
+            return float("inf")
+        f = grid(self.plant.period) if frequency is None else frequency
+        return float(np.max(1 / np.abs(1 + self.loop_transfer(f, magnet_stiffness=magnet_stiffness))))
+
+    def reference_response(self, frequency: ArrayLike) -> Complex:
+        """(n_frequency,) position over reference on the believed plant, for a sine with its derivatives."""
+        f = np.atleast_1d(np.asarray(frequency, dtype=float))
+        z, jw = np.exp(2j * np.pi * f * self.plant.period), 2j * np.pi * f
+        plant = self.plant.sampled().response(f)[:, 0, 0]
+        by_position, by_force, by_held = self.controller().response(f)[:, 0].T
+        if not self.feedforward:
+            return np.asarray(plant * by_held / (1 - plant * by_position))
+        command = self._feedforward(jw, z)
+        states = self._states(z)  # of the believed plant, over its command
+        promised = command / (1 + self.model_gains.state @ states)
+        followed = (1 + self.gains.state @ states) * promised
+        position = states[0] * promised
+        return np.asarray(plant * (by_force * followed + by_held * position) / (1 - plant * by_position))
+
+    def _feedforward(self, jw: Complex, z: Complex) -> Complex:
+        """u_ff + K_model xi_ref for a reference of amplitude 1."""
+        p, k, lead = self.plant, self.model_gains.state, self.plant.lead
+        ahead = (
+            p.stiffness * (1 + lead * jw + 0.5 * (lead * jw) ** 2) + p.damping * (jw + lead * jw**2) + p.mass * jw**2
+        )
+        total = ahead + k[0] + k[1] * jw
+        n_lag = k.size - 2 - p.delay
+        if n_lag:
+            total = total + k[2] * (p.stiffness + jw * p.damping + jw**2 * p.mass)
+        for j in range(p.delay):
+            total = total + k[2 + n_lag + j] * ahead * z ** (j - p.delay)
+        return np.asarray(total)
+
+    def _states(self, z: Complex) -> Complex:
+        """(n_state, n_frequency) states of the believed plant over its command."""
+        model = self.plant.sampled()
+        resolvent = z[:, None, None] * np.eye(model.A.shape[0]) - model.A
+        return np.asarray(np.linalg.solve(resolvent, model.B.astype(complex)[None])[:, :, 0].T)
+
+
+def grid(period: float, n: int = 400) -> Array:
+    """(n,) frequencies in Hz from 1/2000 of the loop rate up to its half, spaced evenly in their logarithm."""
+    return np.geomspace(5e-4 / period, 0.499 / period, n)
+
+
+def bandwidth(response: Complex, frequency: Array) -> float:
+    """The lowest frequency at which |response| falls below -3 dB, interpolated; nan where it never does."""
+    size = np.abs(response)
+    below = np.flatnonzero(size < np.sqrt(0.5))
+    if not below.size:
+        return float("nan")
+    n = int(below[0])
+    if n == 0:
+        return float(frequency[0])
+    t = (size[n - 1] - np.sqrt(0.5)) / (size[n - 1] - size[n])
+    return float(frequency[n - 1] + t * (frequency[n] - frequency[n - 1]))
+
+
+def flat_band(response: Complex, frequency: Array, *, decibel: float = 1.0) -> float:
+    """The frequency up to which |response| stays within +- `decibel` of 0 dB; 0 where it starts outside."""
+    outside = np.flatnonzero(np.abs(20 * np.log10(np.abs(response))) > decibel)
+    if not outside.size:
+        return float(frequency[-1])
+    return 0.0 if outside[0] == 0 else float(frequency[outside[0] - 1])
+
+
+def sensitivity_bound(plant: BelievedPlant, *, magnet_stiffness: float) -> float:
+    """The least peak sensitivity that any linear controller can reach: exp(p T (delay + 1)), or 1 without such a pole.
+
+    p is the unstable pole of m x'' + c x' + (k - kappa) x. In powers of q = 1/z, S is analytic in the unit disc; it is
+    1 + O(q^(delay + 1)) at q = 0, because a command shows in the position delay + 1 samples later at the earliest; and
+    it is 0 at q_p = exp(-p T). With gamma = max |S|, (S/gamma - 1/gamma)/(1 - S/gamma^2) maps the disc into itself and
+    has a zero of order delay + 1 at 0, so Schwarz's lemma at q_p gives 1/gamma <= q_p^(delay + 1).
+    """
+    k, c, m = plant.stiffness - magnet_stiffness, plant.damping, plant.mass
+    pole = float(np.max(np.roots([m, c, k]).real))
+    return float(np.exp(pole * plant.period * (plant.delay + 1))) if k < 0 else 1.0

@@ -1,0 +1,37 @@
+"""A first-order lag over one step, exact in time: no bandwidth, however high, limits the integrator's step."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True, error_model="numpy")
+def lag_weights(bandwidth: float, step: float, weights: Array) -> None:
+    """Weights (5,) of (y0, x0, x0', x1, x1') in y1, where y' = w (x - y) and x is a cubic between two instants.
+
+    With z = w step and I_k = z int_0^1 exp(-z (1 - s)) s^k ds: y1 = exp(-z) y0 + sum over Hermite's basis, whose
+    powers of s give I_0 ... I_3. I_0 = 1 - exp(-z); by parts I_k = 1 - k I_(k-1)/z, run upwards for z > 1 and
+    downwards from I_20 = 0 below, where the upward recursion cancels. An infinite bandwidth gives y1 = x1.
+    """
+    z = bandwidth * step
+    decay = np.exp(-z)
+    if z > 1.0:
+        i_0 = 1.0 - decay
+        i_1 = 1.0 - i_0 / z
+        i_2 = 1.0 - 2.0 * i_1 / z
+        i_3 = 1.0 - 3.0 * i_2 / z
+    else:
+        i_k = 0.0
+        for k in range(20, 3, -1):
+            i_k = z / k * (1.0 - i_k)
+        i_3 = i_k
+        i_2 = z / 3.0 * (1.0 - i_3)
+        i_1 = z / 2.0 * (1.0 - i_2)
+        i_0 = z * (1.0 - i_1)
+    weights[0] = decay
+    weights[1] = i_0 - 3.0 * i_2 + 2.0 * i_3
+    weights[2] = step * (i_1 - 2.0 * i_2 + i_3)
+    weights[3] = 3.0 * i_2 - 2.0 * i_3
+    weights[4] = step * (i_3 - i_2)

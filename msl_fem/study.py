@@ -1,0 +1,248 @@
+"""The whole chain for one actuator: table, operating map, coupled model, identification, guarded closed loop."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from msl_fem.actuator import Actuator
+from msl_fem.control import (
+    ClosedLoopRun,
+    ControllerDesign,
+    FrequencyResponse,
+    TruePlant,
+    design_controller,
+    frequency_response,
+    run_closed_loop,
+)
+from msl_fem.coupled_model import (
+    Linearisation,
+    NamedRun,
+    Simulation,
+    bearable_run,
+    linearise,
+    simulation_record,
+    stability_limit,
+)
+from msl_fem.coupled_model.excitation import parse_excitation, reference
+from msl_fem.errors import InputError
+from msl_fem.identification import Identification, identify
+from msl_fem.magnet_field import Accuracy, MagnetField, PointResult, solve_with_field
+from msl_fem.magnetostatics import FieldSolution
+from msl_fem.operating_map import OperatingMap, operating_map
+from msl_fem.record import Record
+from msl_fem.sweep import SweepReport, SweepSettings, default_grid, sweep
+from msl_fem.table import MagneticTable
+
+Progress = Callable[[str, int, int], None]
+Keep = Callable[[str, Any], None]
+LOOP_CASES = ("sine", "step", "ramp")
+RECORD_RATE = 1e4  # Hz
+
+
+@dataclass(frozen=True)
+class StudySettings:
+    """How a study runs: accuracy of the table, processes, cache of finished rows, seed of all noise."""
+
+    accuracy: Accuracy = "normal"
+    workers: int = 1
+    cache: Path | None = None
+    resume: bool = False
+    seed: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class FieldStage:
+    """The table, what it took, and one field to look at: at the nominal gap, at the first level's current."""
+
+    table: MagneticTable
+    report: SweepReport
+    point: PointResult
+    field: MagnetField
+    solution: FieldSolution
+
+
+@dataclass(frozen=True, eq=False)
+class ModelStage:
+    """The coupled model at its bias, and its simulated record: noise to fit, a swept sine held out."""
+
+    linearisation: Linearisation
+    stability_limit: float
+    bias: float
+    noise: Simulation
+    sweep: Simulation
+    record: Record
+    excitations: tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class LoopStage:
+    """The controller and its runs on the believed plant: the cases of `LOOP_CASES`, and the frequency response."""
+
+    design: ControllerDesign
+    runs: dict[str, ClosedLoopRun]
+    references: dict[str, str]
+    response: FrequencyResponse
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """The results of all stages, and the seconds that each took."""
+
+    actuator: Actuator
+    field: FieldStage
+    operating_map: OperatingMap
+    model: ModelStage
+    identification: Identification
+    loop: LoopStage
+    seconds: dict[str, float]
+
+
+def run_study(
+    actuator: Actuator,
+    *,
+    settings: StudySettings | None = None,
+    progress: Progress | None = None,
+    keep: Keep | None = None,
+) -> Study:
+    """All stages, one after the other.
+
+    Parameters
+    ----------
+    progress : called with a stage's name and the numbers of its finished and of all parts
+    keep : called with a name and a result ("table", "map", "record", "model") as soon as it is there
+
+    Raises
+    ------
+    InputError : the actuator lacks what a stage needs
+    ComputationError : a stage failed; what was kept stays
+    """
+    settings = settings or StudySettings()
+    tell = progress or (lambda *_: None)
+    hold = keep or (lambda *_: None)
+    _check(actuator)
+    clock = _Clock(tell)
+    with clock.stage("table") as part:
+        grid = default_grid(actuator)
+        sweeping = SweepSettings(settings.accuracy, settings.workers, settings.cache, settings.resume)
+        table, report = sweep(actuator, *grid, settings=sweeping, progress=part)
+        hold("table", table)
+    with clock.stage("map") as part:
+        made_map = operating_map(table, gap=np.union1d(table.gap, _nominal_gap(actuator)))
+        hold("map", made_map)
+        field_stage = _look_at_field(actuator, table, report, made_map)
+    with clock.stage("coupled model") as part:
+        model = _simulated(actuator, table, seed=settings.seed)
+        hold("record", model.record)
+    with clock.stage("identification") as part:
+        identification = identify(model.record)
+        hold("model", identification)
+    with clock.stage("closed loop") as part:
+        loop = _closed_loop(actuator, table, made_map, seed=settings.seed, part=part)
+    return Study(actuator, field_stage, made_map, model, identification, loop, clock.seconds)
+
+
+class _Clock:
+    """Seconds by stage, told as they pass."""
+
+    def __init__(self, tell: Progress) -> None:
+        self.tell = tell
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Callable[[int, int], None]]:
+        self.tell(name, 0, 1)
+        started = time.perf_counter()
+        yield lambda done, total: self.tell(name, done, total)
+        self.seconds[name] = time.perf_counter() - started
+        self.tell(name, 1, 1)
+
+
+def _check(actuator: Actuator) -> None:
+    """InputError for an actuator whose chain cannot be run to its end."""
+    missing = [
+        name
+        for name, section in (
+            ("magnet", actuator.magnet), ("sides", actuator.sides), ("motion", actuator.motion),
+            ("drive", actuator.drive), ("controller", actuator.controller),
+        )
+        if section is None
+    ]  # fmt: skip
+    if missing:
+        raise InputError(
+            f"{actuator.name} has no [{'], ['.join(missing)}]; a study needs them: add them, or use "
+            "'msl-fem table' and "
+            "'msl-fem map' for the magnet alone"
+        )
+
+
+def _look_at_field(actuator: Actuator, table: MagneticTable, report: SweepReport, made: OperatingMap) -> FieldStage:
+    """One field at the nominal gap and the current of the map's first level there (or half the table's largest)."""
+    gap = _nominal_gap(actuator)
+    row = np.where(np.isnan(made.current[0]), made.current_max / 2, made.current[0])
+    current = float(np.interp(gap, made.gap, row))
+    point, magnet_field, solution = solve_with_field(actuator, current, gap)
+    return FieldStage(table, report, point, magnet_field, solution)
+
+
+def _simulated(actuator: Actuator, table: MagneticTable, *, seed: int) -> ModelStage:
+    """Noise and a swept sine about half the stable bias, with amplitudes that the open loop bears."""
+    limit = stability_limit(actuator, table)
+    bias = round(0.5 * min(limit, table.current[-1]), 2)
+    at_bias = linearise(actuator, table, currents=(bias,) * _n_sides(actuator), position=0.0)
+    natural = at_bias.natural_frequency
+    generator = np.random.default_rng(seed)
+    channels = ("independent", "differential") if _n_sides(actuator) == 2 else ("1", "1")
+    same = f"bias={bias} A,duration=4 s"
+    noise_spec = f"band-limited-noise:channel={channels[0]},band={9 * natural:.0f} Hz,seed={seed},{same}"
+    sweep_spec = f"swept-sine:channel={channels[1]},start={natural / 10:.1f} Hz,stop={2.5 * natural:.0f} Hz,{same}"
+    runs = [
+        bearable_run(
+            actuator, table, parse_excitation(f"{spec},amplitude={a:.3g} A"), rate=RECORD_RATE, generator=generator
+        )
+        for spec, a in ((noise_spec, bias / 6), (sweep_spec, bias / 30))
+    ]
+    (noise, noise_excitation), (swept, sweep_excitation) = runs
+    specs = noise_excitation.spec, sweep_excitation.spec
+    record = simulation_record(
+        actuator,
+        [NamedRun("noise", specs[0], "fit", noise), NamedRun("swept_sine", specs[1], "held-out", swept)],
+    )
+    return ModelStage(at_bias, limit, bias, noise, swept, record, specs)
+
+
+def _closed_loop(
+    actuator: Actuator, table: MagneticTable, made: OperatingMap, *, seed: int, part: Callable[[int, int], None]
+) -> LoopStage:
+    """The paper's references at four fifths and two fifths of the range, and small sines over frequency."""
+    assert actuator.motion is not None
+    assert actuator.motion.range is not None
+    assert actuator.controller is not None
+    travel = actuator.motion.range * 1e3
+    specs = {
+        "sine": f"sine:frequency=2 Hz,amplitude={0.8 * travel:.4g} mm,duration=1.5 s",
+        "step": f"step:frequency=3 Hz,amplitude={0.2 * travel:.4g} mm,duration=1 s",
+        "ramp": f"ramp:frequency=5 Hz,amplitude={0.4 * travel:.4g} mm,duration=1 s",
+    }
+    design = design_controller(actuator, table, made)
+    plant = TruePlant(actuator, table)
+    runs = {}
+    for n, name in enumerate(LOOP_CASES):
+        part(n, len(LOOP_CASES) + 1)
+        wanted = reference(parse_excitation(specs[name], unit="m"), rate=actuator.controller.rate)
+        runs[name] = run_closed_loop(design, wanted, plant=plant, generator=np.random.default_rng(seed))
+    return LoopStage(design, runs, specs, frequency_response(design, plant=plant))
+
+
+def _nominal_gap(actuator: Actuator) -> float:
+    assert actuator.motion is not None
+    assert actuator.motion.nominal_gap is not None
+    return actuator.motion.nominal_gap
+
+
+def _n_sides(actuator: Actuator) -> int:
+    return actuator.sides.count if actuator.sides else 1
