@@ -117,7 +117,7 @@ class FieldModel:
     mesh : triangles with region names; one region may be called "strip"
     irons : region name to iron; every other region is vacuum
     turns_density : region name to turns per area in 1/m2, signed
-    order : polynomial degree of the potential, 2 or 3
+    order : polynomial degree of the potential, 2 to 4
     """
 
     def __init__(
@@ -288,11 +288,14 @@ def solve_field(
         descent = -float(step @ residual)
         potential, gradient, data = _line_search(model, potential, step, gap=gap, load=load, descent=descent)
         scale = float(potential @ gradient)
+        if not np.isfinite(descent) or not np.isfinite(scale):
+            trail.append(np.nan)
+            break
         trail.append((descent / scale) ** 0.5 if scale > 0 and descent > 0 else 0.0)
         if trail[-1] <= settings.tolerance:
             return FieldSolution(potential, current, gap, tuple(trail))
     raise NotConverged(
-        f"the field at {current:g} A and gap {gap * 1e3:g} mm did not converge in {settings.iterations} Newton steps; "
+        f"the field at {current:g} A and gap {gap * 1e3:g} mm did not converge in {len(trail)} Newton steps; "
         f"relative steps {', '.join(f'{t:.1e}' for t in trail[-6:])}; check the iron's B-H curve or start nearer"
     )
 
@@ -326,7 +329,7 @@ def _line_search(
 def field_response(model: FieldModel, solution: FieldSolution) -> FieldResponse:
     """dA/di and dA/dgap at a solution that was the last one `model` solved, by two back-substitutions.
 
-    The tangent is that of the last Newton step, whose distance from the solution is quadratically small.
+    The tangent is that before the last Newton step, no farther from the solution than `NewtonSettings.tolerance`.
     """
     first, _ = model.strip_products(solution.potential, solution.gap)
     return FieldResponse(model.back_substitute(model.source), -model.back_substitute(first))

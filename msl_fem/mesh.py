@@ -25,7 +25,7 @@ class MeshSize:
     corner : size at the corners that face the gap, of the gap
     gap : largest size in the strip under the iron, of the gap
     iron : largest size in the iron, of the thinnest iron
-    growth : how fast sizes grow away from a corner (0: not at all, 1: at once)
+    growth : of the size by the distance from a corner; along an edge each element is 1 + growth times the last
     """
 
     corner: float = 0.02
@@ -85,7 +85,7 @@ def triangulate(section: Section, size: MeshSize | None = None) -> TriangleMesh:
         except NgException as err:
             reason = err
     raise ComputationError(
-        f"the mesher failed on the section at gap {section.gap * 1e3:g} mm in {len(GROWTH_CHANGES)} attempts ({reason}); "
+        f"the mesher failed {len(GROWTH_CHANGES)} times on the section at gap {section.gap * 1e3:g} mm ({reason}); "
         "change a dimension slightly, or choose another accuracy"
     ) from reason
 

@@ -136,10 +136,13 @@ def _gradient_maps(
 
 
 def _mid_gap(model: FieldModel) -> tuple[Array, NDArray[np.int64], Array]:
-    """Gauss points (2, n), their elements and weights on the line in mid-gap, element by element."""
+    """Gauss points (2, n), their elements and weights on a line in or near mid-gap, element by element."""
     mesh = model.mesh
     strip = mesh.elements(STRIP)
-    middle = mesh.gap / 2
+    levels = np.unique(mesh.points[1, mesh.triangles[:, strip]]) / mesh.gap
+    above = levels[levels > 0.5 + 1e-6][0]
+    # a node on the line would belong to elements that only touch it: pass between it and the next
+    middle = mesh.gap * (0.5 if np.abs(levels - 0.5).min() > 1e-6 else (0.5 + above) / 2)
     x, y = mesh.points[:, mesh.triangles[:, strip]]  # (3, element) each
     crossings = np.full((3, strip.size), np.nan)
     for k in range(3):

@@ -103,7 +103,7 @@ def sweep(
     Raises
     ------
     InputError : a grid that is too small or has values out of range
-    ComputationError : points that failed; all others are solved and, with a cache, kept
+    ComputationError : points of the grid or of the checks failed; rows without failures are, with a cache, kept
     """
     settings = settings or SweepSettings()
     gap, current = _checked_grid(actuator, gaps, currents)
@@ -134,7 +134,7 @@ def sweep(
     )
     n_gap, n_check = len(groups[0]), len(groups[1])
     grid, checks, refined = done[:n_gap], done[n_gap : n_gap + n_check], done[n_gap + n_check :]
-    _refuse_failures(groups[0], grid)
+    _refuse_failures([row for group in groups for row in group], done)
     stored = [name for name in grid[0] if name in NODES or name in EXTRAS or name.startswith(SECTION)]
     arrays = {name: np.stack([row[name] for row in grid]) for name in stored}
     table = MagneticTable(
@@ -171,9 +171,10 @@ def _checked_grid(actuator: Actuator, gaps: ArrayLike, currents: ArrayLike) -> t
     current = np.unique(np.r_[0.0, np.asarray(currents, dtype=float)])
     for g in gap:
         check_point(actuator, 0.0, float(g))
-    if not np.isfinite(current).all() or current[0] < 0:
+    bad = current[~(np.isfinite(current) & (current >= 0))]
+    if bad.size:
         raise InputError(
-            f"current {current[0]:g} A is not allowed in a table; give currents of 0 or more (negative ones follow by "
+            f"current {bad[0]:g} A is not allowed in a table; give currents of 0 or more (negative ones follow by "
             "symmetry)"
         )
     if gap.size < 2 or current.size < 3:
@@ -204,7 +205,7 @@ def _mesh_error(table: MagneticTable, rows: list[Row], refined: list[Arrays]) ->
     for row, fine in zip(rows, refined, strict=True):
         m = int(np.argmin(np.abs(table.gap - row.gap)))
         coarse = np.interp(row.currents, table.current, table.nodes["force"][m])
-        change = max(change, float(np.nanmax(np.abs(fine["force"] - coarse))))
+        change = max(change, float(np.abs(fine["force"] - coarse).max()))
     return change / float(np.abs(table.nodes["force"]).max())
 
 
@@ -214,7 +215,7 @@ def _interpolation_error(table: MagneticTable, rows: list[Row], checks: list[Arr
     for row, check in zip(rows, checks, strict=True):
         between = table.evaluate(row.currents, row.gap)
         for name in error:
-            error[name] = max(error[name], float(np.nanmax(np.abs(check[name] - between[name]))))
+            error[name] = max(error[name], float(np.abs(check[name] - between[name]).max()))
     relative = {name: value / float(np.abs(table.nodes[name]).max()) for name, value in error.items()}
     return relative["force"], max(relative.values())
 
@@ -226,6 +227,7 @@ def _refuse_failures(rows: list[Row], solved: list[Arrays]) -> None:
         for i, force in zip(row.currents, arrays.get("force", np.full(len(row.currents), np.nan)), strict=True)
         if not np.isfinite(force)
     ]
+    failed = list(dict.fromkeys(failed))
     if failed:
         raise ComputationError(
             f"{len(failed)} points of the sweep did not converge ({', '.join(failed[:5])}"
@@ -247,8 +249,8 @@ def _notes(field: MagnetField, grid: list[Arrays], gap: Array, current: Array) -
 
 
 def _job_key(field: MagnetField, settings: SweepSettings) -> str:
-    """What determines the answers: geometry, irons' points, mesh, degree, solver."""
-    probe = np.linspace(0.0, 2.5, 51)
+    """What determines the answers: geometry, irons' curves, mesh, degree, solver."""
+    probe = np.linspace(0.0, 3.0, 3001)
     irons = {name: iron.magnetise(probe)[0].tolist() for name, iron in field.irons.items()}
     mesh = field.model.mesh
     return content_key(

@@ -29,6 +29,7 @@ NODES = {
 }
 EXTRAS = {"force_stress_tensor": ("N", "force by the Maxwell stress tensor in mid-gap")}
 SECTION = "flux_density_"
+AT_REST = 1e-9  # of the largest value: what a quantity that vanishes without current may have there
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,8 @@ class MagneticTable:
     nodes : the arrays named in `NODES`
     extras : force_stress_tensor (N) and flux_density_<section> (T, mean over the section, in the iron)
     mesh_error, interpolation_error : relative to the table's largest force; nan where not known
-    reciprocity_error : largest |dF/di + dlambda/dgap| by independent differences of force and flux, of full scale
+    reciprocity_error : largest difference of force or flux linkage between independent field solutions at midpoints
+        and the interpolant's derivatives, each of its full scale; nan where not known
     provenance : how the table came to be
     """
 
@@ -135,6 +137,13 @@ def _check(table: MagneticTable) -> None:
             raise TableError(
                 f"variable '{name}' is not finite at gap {table.gap[m]:g} m, current {table.current[n]:g} A"
             )
+    for name in ("coenergy", "flux_linkage", "force", "force_current_slope", "force_gap_slope"):
+        values = np.abs(table.nodes[name])
+        if values[:, 0].max() > AT_REST * values.max():
+            raise TableError(
+                f"variable '{name}' reaches {values[:, 0].max():g} at i = 0; it must vanish there: a table is of a magnet "
+                "without remanence and without permanent magnets"
+            )
 
 
 def write_table(table: MagneticTable, path: str | Path) -> Path:
@@ -167,6 +176,17 @@ def write_table(table: MagneticTable, path: str | Path) -> Path:
     return target
 
 
+def _check_units(content: xr.Dataset, attributes: dict[str, Any]) -> None:
+    """TableError where a schema or a unit is stated and is not ours; a foreign table may state none."""
+    if int(attributes.get("schema", SCHEMA)) != SCHEMA:
+        raise TableError(f"schema {attributes['schema']} is not {SCHEMA}, the one this version reads")
+    wanted = {name: unit for name, (unit, _) in (NODES | EXTRAS).items()} | {"gap": "m", "current": "A"}
+    for name, unit in wanted.items():
+        stated = content.variables[name].attrs.get("units", unit) if name in content.variables else unit
+        if stated != unit:
+            raise TableError(f"variable '{name}' is in '{stated}', expected '{unit}'")
+
+
 def read_table(path: str | Path) -> MagneticTable:
     """The table in a NetCDF file.
 
@@ -182,6 +202,7 @@ def read_table(path: str | Path) -> MagneticTable:
             arrays = {str(k): v.transpose("gap", "current").values.astype(float) for k, v in content.items()}
             gap, current = content["gap"].values.astype(float), content["current"].values.astype(float)
             attributes = dict(content.attrs)
+            _check_units(content, attributes)
             provenance = json.loads(attributes.get("provenance", "{}"))
             names = ("mesh_error", "interpolation_error", "reciprocity_error")
             errors = {name: float(attributes.get(name, "nan")) for name in names}

@@ -15,7 +15,7 @@ def whole_file(target: Path) -> Iterator[Path]:
 
     Raises
     ------
-    InputError : the folder cannot be written
+    InputError : the folder cannot be written, or the target is a folder
     """
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -27,6 +27,9 @@ def whole_file(target: Path) -> Iterator[Path]:
     try:
         yield partial
         partial.chmod(0o644)
-        os.replace(partial, target)
+        try:
+            os.replace(partial, target)
+        except OSError as err:
+            raise InputError(f"{target}: cannot be written ({err.strerror}); choose another name") from err
     finally:
         partial.unlink(missing_ok=True)

@@ -30,7 +30,7 @@ PEAK_SENSITIVITY = 2.0
 """Default bound on max |S| of the believed plant in its middle (ISO 14839-3 zone A ends at 3, 2 leaves 29 deg)."""
 _WORKING_SHARE = 0.8  # of the travel: frozen positions up to here are made as robust as the wishes allow
 _FORCE_ERROR = 0.01  # of the largest force at the nominal gap: white error and change of disturbance a sample
-_LEAST_POSITION_NOISE = 1e-9  # m, where the file states an ideal sensor
+_LEAST_NOISE = 0.06  # of F T^2/m, what an error F of the force moves in a sample
 _MODEL_DAMPING = 1.6  # velocity weight of the model's regulator: steps without overshoot
 _N_FROZEN, _N_REACH = 11, 101
 
@@ -138,7 +138,7 @@ def design_controller(
     check_wish(wish, plant)
     inverse = inverse_of(coupled, Guard(operating_map), surface_of(table))
     reach = _reach(inverse, plant, coupled.constant_force, coupled.travel)
-    estimator = reduced_order_filter(plant, _filter_noise(actuator, inverse))
+    estimator = reduced_order_filter(plant, _filter_noise(actuator, inverse, plant))
     model_gains = lqr_gains(plant, Weights(2 * 2 * np.pi * bandwidth, _MODEL_DAMPING, 0.0))
 
     def law_of(weights: Weights) -> LinearLaw:
@@ -197,13 +197,17 @@ def _reach(inverse: Inverse, plant: BelievedPlant, constant_force: float, travel
     return ends[0], ends[1]
 
 
-def _filter_noise(actuator: Actuator, inverse: Inverse) -> FilterNoise:
-    """Noise of the sensor with its resolution; errors of the force as a share of the largest at the nominal gap."""
-    sensor = actuator.position_sensor
-    position = max(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12)), _LEAST_POSITION_NOISE)
-    domain = force_domain(inverse, 0.0)
+def _filter_noise(actuator: Actuator, inverse: Inverse, plant: BelievedPlant) -> FilterNoise:
+    """Noise of the sensor with its resolution; errors of the force as a share of the largest at the nominal gap.
+
+    A position noise far below what the force error moves in a sample would make the filter a bare difference quotient,
+    which costs phase margin and gains nothing; it is raised to a share of that.
+    """
+    sensor, domain = actuator.position_sensor, force_domain(inverse, 0.0)
     force = _FORCE_ERROR * max(domain.highest, -domain.lowest)
-    return FilterNoise(position=float(position), force=force, disturbance=force)
+    least = _LEAST_NOISE * force * plant.period**2 / plant.mass
+    position = max(float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))), least)
+    return FilterNoise(position=position, force=force, disturbance=force)
 
 
 def _frozen(law: LinearLaw, position: float, magnet_stiffness: float) -> FrozenPosition:

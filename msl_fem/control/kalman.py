@@ -77,23 +77,29 @@ def reduced_order_filter(plant: BelievedPlant, noise: FilterNoise) -> ReducedOrd
         if not getattr(noise, name) > 0:
             raise InputError(f"the filter's {name} noise is {getattr(noise, name):g}; it must be positive")
     prediction = _prediction(plant)
-    phi = prediction[:, :3]
     push = _held_force(plant)
     process = noise.force**2 * np.outer(push, push)
     process[2, 2] += noise.disturbance**2
-    scale = np.array([1.0, plant.mass / plant.period])  # of velocity and disturbance gains
-    first = _riccati_gain(phi, process, noise.position) / scale
+    # Units in which position, velocity and disturbance all count in m/s keep the equations well conditioned.
+    unit = np.array([plant.period, 1.0, plant.mass / plant.period])
+    phi, process = prediction[:, :3] * unit / unit[:, None], process / np.outer(unit, unit)
+    position_variance = (noise.position / unit[0]) ** 2
 
-    def velocity_variance(gain: Array) -> float:
-        found = _stationary(phi, gain * scale, process, noise.position)
-        return 1e9 if found is None else found[0][0, 0]
+    def logarithm_of_velocity_variance(gain: Array) -> float:
+        found = _stationary(phi, gain, process, position_variance)
+        return 1e9 if found is None else float(np.log(found[0][0, 0]))
 
-    best = minimize(lambda g: np.log(velocity_variance(g)), first, method="Nelder-Mead", options={"xatol": 1e-4})
-    gain = best.x * scale
-    found = _stationary(phi, gain, process, noise.position)
+    first = _riccati_gain(phi, process, position_variance)
+    best = minimize(logarithm_of_velocity_variance, first, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-9})
+    found = _stationary(phi, best.x, process, position_variance)
     if found is None:
         raise ComputationError(f"no stable filter for {noise}; raise the force noise or lower the position noise")
-    return ReducedOrderFilter(prediction, gain, *found)
+    return ReducedOrderFilter(
+        prediction=prediction,
+        gain=best.x * unit[1:] / unit[0],
+        covariance=found[0] * np.outer(unit[1:], unit[1:]),
+        innovation_variance=found[1] * unit[0] ** 2,
+    )
 
 
 def _prediction(plant: BelievedPlant) -> Array:
@@ -116,9 +122,9 @@ def _held_force(plant: BelievedPlant) -> Array:
     return np.array([*held.B[:, 0], 0.0])
 
 
-def _riccati_gain(phi: Array, process: Array, position_noise: float) -> Array:
+def _riccati_gain(phi: Array, process: Array, position_variance: float) -> Array:
     """The gain where the differenced noise is taken as white, of twice the variance and independent."""
-    r = np.array([[process[0, 0] + 2 * position_noise**2]])
+    r = np.array([[process[0, 0] + 2 * position_variance]])
     try:
         p = solve_discrete_are(phi[_B, _B].T, phi[_X, _B].T, process[_B, _B], r, s=process[_B, _X])
     except (LinAlgError, ValueError) as err:
@@ -127,9 +133,9 @@ def _riccati_gain(phi: Array, process: Array, position_noise: float) -> Array:
     return np.asarray(gain[:, 0])
 
 
-def _stationary(phi: Array, gain: Array, process: Array, position_noise: float) -> tuple[Array, float] | None:
+def _stationary(phi: Array, gain: Array, process: Array, position_variance: float) -> tuple[Array, float] | None:
     """Error covariance (2, 2) and innovation variance of the filter with a gain; None where it is not stable."""
-    column, r = gain[:, None], position_noise**2
+    column, r = gain[:, None], position_variance
     a = phi[_B, _B] - column @ phi[_X, _B]
     if np.abs(np.linalg.eigvals(a)).max() >= 1 - 1e-9:
         return None

@@ -54,7 +54,7 @@ def refused_unless_borne(
 
     Raises
     ------
-    InputError : the open loop does not bear it; the message names the limit, and an amplitude that was tried and is borne
+    InputError : the open loop does not bear it; the message names the limit, and an amplitude that is borne
     """
     inputs = excitation_inputs(actuator, excitation, rate=rate)
     try:

@@ -50,8 +50,8 @@ def check_open_loop(actuator: Actuator, table: MagneticTable | None, inputs: Inp
             raise InputError(
                 f"{actuator.name}: from t = {start / inputs.rate:.4g} s the inputs make {rms[0]:.3g} A RMS on side 1 "
                 f"and {rms[1]:.3g} A on side 2 (over {window / inputs.rate * 1e3:.3g} ms); the open loop is stable "
-                f"{known}; scale the currents by {_bearable(actuator, table, rms):.2g}, or run in closed loop "
-                "(loop=closed)"
+                f"{known}; scale the currents by {_bearable(actuator, table, rms):.2g}, or follow a "
+                "reference in closed loop ('msl-fem control')"
             )
 
 

@@ -208,5 +208,6 @@ def _complaint(actuator: Actuator, table: MagneticTable | None, status: int, *, 
     known = f" (at x = 0 it is stable up to {limit:.3g} A RMS on all sides)" if math.isfinite(limit) else ""
     return (
         f"{actuator.name}: {STATUS[status]}{rectangle} after t = {time:.6g} s, at {where}; the open loop does not bear "
-        f"these inputs{known}: lower the amplitude or the bias, or run in closed loop (loop=closed)"
+        f"these inputs{known}: lower the amplitude or the bias, or "
+        "follow a reference in closed loop ('msl-fem control')"
     )

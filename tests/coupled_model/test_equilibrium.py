@@ -215,10 +215,23 @@ def test_a_slow_signal_is_judged_as_the_run_goes(
     below, above = excited(servo, spec, scale=bearable), excited(servo, spec, scale=bearable + 0.05)
     check_open_loop(servo, table, below)
     assert simulate(servo, table, below).complete
-    with pytest.raises(InputError, match="run in closed loop"):
+    with pytest.raises(InputError, match="in closed loop"):
         check_open_loop(servo, table, above)
     with pytest.raises(ComputationError):
         simulate(servo, table, above)
+
+
+@pytest.mark.parametrize("columns", [(0, 1), (1, 0)])
+def test_one_side_alone_pulls_in_at_less_than_both(
+    servo: Actuator, table: MagneticTable, columns: tuple[int, int]
+) -> None:
+    """0.75 A on both sides is borne, 0.72 A on one alone is not."""
+    commands = np.full((1500, 2), 0.75)
+    commands[:100] *= np.linspace(0, 1, 100)[:, None]
+    check_open_loop(servo, table, Inputs(commands, 1e4))
+    commands[750:] = [0.0, 0.72]
+    with pytest.raises(InputError, match=r"0\.72 A"):
+        check_open_loop(servo, table, Inputs(commands[:, columns], 1e4))
 
 
 def test_a_voltage_is_judged_by_the_current_that_it_makes(servo: Actuator, table: MagneticTable) -> None:

@@ -1,0 +1,48 @@
+"""What every command shares: plain JSON, exit status, one line for an error."""
+
+import math
+
+import numpy as np
+import pytest
+
+from msl_fem.cli.output import plain, print_result, run_guarded
+from msl_fem.errors import ComputationError, InputError
+
+
+def test_json_holds_nothing_that_is_not_json() -> None:
+    given = {"a": np.float64(math.nan), "b": np.arange(3), "c": (np.int64(1), math.inf), "d": np.bool_(True), 5: None}
+    assert plain(given) == {"a": None, "b": [0, 1, 2], "c": [1, None], "d": True, "5": None}
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "said"),
+    [
+        (InputError("a\n  b"), 2, "error: a b"),
+        (ComputationError("diverged"), 1, "failed: diverged"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+        (OSError(28, "No space left on device", "x.nc"), 2, "error: x.nc: No space left on device"),
+    ],
+)
+def test_an_error_is_one_line_and_a_status(
+    error: BaseException, status: int, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail() -> None:
+        raise error
+
+    assert run_guarded(fail) == status
+    assert said in capsys.readouterr().err
+
+
+def test_a_defect_of_the_program_is_not_hidden() -> None:
+    def fail() -> None:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run_guarded(fail)
+
+
+def test_people_get_a_table(capsys: pytest.CaptureFixture[str]) -> None:
+    print_result({"force_N": 1.5, "flux": {"yoke": [1.0, 2.0]}, "many": list(range(9))}, as_json=False, title="t")
+    printed = capsys.readouterr().out
+    assert "flux.yoke" in printed
+    assert "0 ... 8 (9 values)" in printed

@@ -1,0 +1,48 @@
+"""Figures show the arrays they were given."""
+
+import numpy as np
+import pytest
+
+from msl_fem.operating_map import operating_map
+from msl_fem.report.figures import (
+    MOST_POINTS,
+    Tracking,
+    force_over_current,
+    frequency_response,
+    operating_regions,
+    predicted_position,
+    tracking,
+)
+from msl_fem.table import MagneticTable
+
+
+def test_force_lines_are_the_table(table: MagneticTable) -> None:
+    made = force_over_current(table, gaps=[2e-4, 5e-4])
+    assert [trace.name for trace in made.data] == ["0.2 mm", "0.5 mm"]
+    assert made.data[1].y[-1] == pytest.approx(float(table.force(table.current[-1], 5e-4)))
+
+
+def test_regions_are_bounded_by_the_curves(table: MagneticTable) -> None:
+    made = operating_regions(operating_map(table, levels=(0.5, 1.0)))
+    assert [t.name for t in made.data] == ["preferred", "discouraged", "unacceptable", "0.5 T", "1 T"]
+    low, high = made.data[3].y, made.data[4].y
+    assert (np.asarray(low) < np.asarray(high)).all()
+    np.testing.assert_allclose(made.data[0].y[len(low) :], low[::-1])
+
+
+def test_long_runs_are_thinned_and_rows_do_not_overlap() -> None:
+    time = np.arange(50_000) * 1e-4
+    made = predicted_position(time, np.sin(time), np.sin(time) + 1e-3)
+    assert all(len(trace.x) <= MOST_POINTS for trace in made.data)
+    assert made.layout.yaxis.domain[0] > made.layout.yaxis2.domain[1]
+    run = Tracking(time[:100], np.ones(100), np.zeros(100), np.zeros((100, 2)))
+    three = tracking(run)
+    assert three.layout.yaxis2.domain[0] > three.layout.yaxis3.domain[1]
+    assert three.data[2].y[0] == pytest.approx(1e6)
+
+
+def test_gain_is_in_decibel() -> None:
+    f = np.array([1.0, 10.0])
+    made = frequency_response(f, {"loop": (np.array([1.0, 0.1]), np.array([0.0, -np.pi / 2]))})
+    np.testing.assert_allclose(made.data[0].y, [0, -20])
+    np.testing.assert_allclose(made.data[1].y, [0, -90])

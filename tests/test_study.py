@@ -1,0 +1,101 @@
+"""The whole chain on the reference actuator with a coarse table: its files, its report, its headline numbers."""
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msl_fem import study as study_module
+from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.cli.app import app
+from msl_fem.cli.output import run_guarded
+from msl_fem.errors import InputError
+from msl_fem.operating_map import read_map
+from msl_fem.record import load_record
+from msl_fem.study import run_study
+from msl_fem.table import read_table
+
+ROOT = Path(__file__).parent.parent
+SERVO = ROOT / "geometries" / "fast_tool_servo.toml"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a study that `msl-fem study` made, on a grid of 8 by 14 at accuracy fast."""
+    made = tmp_path_factory.mktemp("study")
+    with pytest.MonkeyPatch.context() as patch:
+        gaps, currents = np.geomspace(5e-5, 1.2e-3, 8), 12 * np.linspace(0, 1, 14) ** 2
+        patch.setattr(study_module, "default_grid", lambda actuator: (gaps, currents))
+        arguments = ["study", str(SERVO), "-o", str(made), "--accuracy", "fast", "--workers", "1", "--json"]
+        assert run_guarded(lambda: app(arguments)) == 0
+    return made
+
+
+def test_every_file_can_be_read_back(folder: Path) -> None:
+    assert read_table(folder / "table.nc").gap.size == 8
+    assert read_map(folder / "map.json").levels.tolist() == [1.2, 1.6]
+    record = load_record(folder / "record")
+    assert {run.name: run.role for run in record.runs} == {"noise": "fit", "swept_sine": "held-out"}
+    assert {p.name for p in folder.iterdir()} == {
+        "table.nc", "map.json", "record", "armax.json", "study.json", "report.html",
+    }  # fmt: skip
+
+
+def test_headline_numbers_are_those_of_a_working_actuator(folder: Path) -> None:
+    found = json.loads((folder / "study.json").read_text())
+    assert set(found["seconds"]) == {"table", "map", "coupled model", "identification", "closed loop"}
+    assert found["armax"]["swept_sine"]["free_run"] > 95
+    assert found["closed_loop"]["sine"]["tracking_rms_m"] < 0.005 * 0.4e-3
+    assert found["closed_loop"]["peak_sensitivity"] < 2
+    assert found["guard_violations"] == 0
+    assert 1.1 < found["coupled_model"]["stability_limit_A"] < 1.3
+    assert 3.5 < found["map_at_nominal_gap_A"]["1.2 T"] < 4.2
+
+
+class _Page(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.titles: list[str] = []
+        self.sources: list[str] = []
+        self.plots = 0
+        self._in_title = False
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        self._in_title = tag == "h2"
+        self.sources += [str(given[k]) for k in ("src", "href") if k in given]
+        self.plots += "plotly-graph-div" in str(given.get("class"))
+
+    def handle_data(self, data: str) -> None:
+        if self._in_title:
+            self.titles.append(data)
+            self._in_title = False
+
+
+def test_the_report_is_self_contained_and_complete(folder: Path) -> None:
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    page = _Page()
+    page.feed(text)
+    assert all(source.startswith("data:") for source in page.sources), "no request leaves the page"
+    assert page.plots == 7
+    for figure in ("Fig. 2", "Fig. 5", "Fig. 6", "Fig. 8", "Fig. 9", "Fig. 11"):
+        assert any(figure in title for title in page.titles), figure
+    found = json.loads((folder / "study.json").read_text())
+    fit = found["armax"]["swept_sine"]["free_run"]
+    assert f"{fit:.2f} %" in text
+    assert re.search(r"<b>0</b><span>guard violations", text)
+
+
+def test_an_actuator_that_lacks_a_stage_is_refused_before_the_work() -> None:
+    magnet_alone = load_actuator(ROOT / "geometries" / "e1.toml")
+    with pytest.raises(InputError, match=r"e1 has no \[sides\], \[motion\], \[drive\], \[controller\]"):
+        run_study(magnet_alone)
+
+
+def test_the_name_of_an_actuator_cannot_carry_markup() -> None:
+    content = load_actuator(SERVO).model_dump(by_alias=True, exclude={"file"})
+    with pytest.raises(ValueError, match="name"):
+        Actuator.model_validate({**content, "name": "<script>"})
