@@ -141,8 +141,8 @@ def _check(table: MagneticTable) -> None:
         values = np.abs(table.nodes[name])
         if values[:, 0].max() > AT_REST * values.max():
             raise TableError(
-                f"variable '{name}' reaches {values[:, 0].max():g} at i = 0; it must vanish there: a table is of a magnet "
-                "without remanence and without permanent magnets"
+                f"variable '{name}' reaches {values[:, 0].max():g} at i = 0; it must vanish there: a table is of a "
+                "magnet without remanence and without permanent magnets"
             )
 
 

@@ -20,7 +20,7 @@ USERS = {
     "pyvista": {"msl_fem.report"},
 }
 FILE_USERS = {
-    "msl_fem.whole_file", "msl_fem.actuator", "msl_fem.schema", "msl_fem.material", "msl_fem.table", "msl_fem.record",
+    "msl_fem.compiled", "msl_fem.whole_file", "msl_fem.actuator", "msl_fem.schema", "msl_fem.material", "msl_fem.table", "msl_fem.record",
     "msl_fem.operating_map", "msl_fem.coupled_model", "msl_fem.sweep_cache", "msl_fem.export", "msl_fem.report",
     "msl_fem.cli",
 }  # fmt: skip

@@ -1,9 +1,9 @@
 """The power amplifier of a side: what becomes of a command, and the voltage it gives."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from msl_fem.compiled import compiled
 from msl_fem.coupled_model.plant import (
     CURRENT_DRIVE,
     FORCE_DRIVE,
@@ -28,7 +28,7 @@ from msl_fem.coupled_model.state import (
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def terminal_voltage(
     p: PlantParameters, current: float, drop: float, inductance: float, target: float, output: float
 ) -> tuple[float, float, int]:
@@ -52,7 +52,7 @@ def terminal_voltage(
     return voltage, (voltage - drop) / inductance, 1
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def take_command(
     surface: Surface, p: PlantParameters, state: Array, command: Array, target: Array, magnet: Array
 ) -> int:
@@ -82,7 +82,7 @@ def take_command(
     return OK
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _jump(surface: Surface, p: PlantParameters, state: Array, target: Array, j: int, magnet: Array) -> bool:
     """Sets the current of side j to its target; False outside the table."""
     gap = p.nominal_gap - (1.0 - 2.0 * j) * state[X]

@@ -13,9 +13,9 @@ in the current, once for each such event, and by O(step^3) in the velocity.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from msl_fem.compiled import compiled
 from msl_fem.coupled_model.drive import take_command, terminal_voltage
 from msl_fem.coupled_model.lag import lag_weights
 from msl_fem.coupled_model.plant import CURRENT_DRIVE, FORCE_DRIVE, PlantParameters, Surface
@@ -51,14 +51,14 @@ OUT_AT_CURRENT_LIMIT_1, OUT_AT_CURRENT_LIMIT_2, OUT_AT_VOLTAGE_LIMIT_1, OUT_AT_V
 N_OUT = 13
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def rates(
     surface: Surface, p: PlantParameters, y: Array, output: Array, target: Array, disturbance: float, dy: Array
 ) -> int:
     """dy/dt of the integrated states; bit j of the answer: side j is at its voltage limit; -1 outside the table.
 
-    `output` (2,) is what a voltage or force drive gives, `target` (2,) what a current loop aims at; dy has N_INTEGRATED
-    entries and six more, which are scratch.
+    `output` (2,) is what a voltage or force drive gives, `target` (2,) what a current loop aims at; dy has
+    N_INTEGRATED entries.
     """
     position, velocity = y[X], y[V]
     external = disturbance + p.constant_force
@@ -69,9 +69,7 @@ def rates(
     for j in range(p.sides):
         toward = 1.0 - 2.0 * j  # side 1 pulls towards +x, side 2 towards -x
         current = y[I1 + j]
-        inside, pull, inductance, flux_slope = side_slopes(
-            surface, p, current, p.nominal_gap - toward * position, dy[N_INTEGRATED:]
-        )
+        inside, pull, inductance, flux_slope = side_slopes(surface, p, current, p.nominal_gap - toward * position)
         if not inside:
             return -1
         drop = p.resistance * current - flux_slope * toward * velocity
@@ -91,7 +89,7 @@ def rates(
     return limited
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def advance(
     surface: Surface, parameters: PlantParameters, state: Array, command: Array, disturbance: float, step: float,
     n_step: int, voltage_mean: Array,
@@ -111,7 +109,7 @@ def advance(
     """
     p = parameters
     target, begin, middle, end, weights = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2), np.empty(5)
-    k = np.zeros((4, N_INTEGRATED + 6))
+    k = np.zeros((4, N_INTEGRATED))
     trial = np.zeros(N_INTEGRATED)
     state[VOLT_SECONDS_1] = state[VOLT_SECONDS_2] = 0.0
     status = take_command(surface, p, state, command, target, trial)
@@ -151,7 +149,7 @@ def advance(
     return status
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _judge(p: PlantParameters, trial: Array, flag: int) -> int:
     """Why a step cannot stand, or OK."""
     for n in range(N_INTEGRATED):
@@ -162,7 +160,7 @@ def _judge(p: PlantParameters, trial: Array, flag: int) -> int:
     return OUTSIDE_RANGE if abs(trial[X]) > p.travel else OK
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def run(
     surface: Surface, parameters: PlantParameters, state: Array, commands: Array, disturbance: Array, step: float,
     n_sub: int, out: Array,

@@ -1,13 +1,14 @@
 """A first-order lag over one step, exact in time: no bandwidth, however high, limits the integrator's step."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from msl_fem.compiled import compiled
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def lag_weights(bandwidth: float, step: float, weights: Array) -> None:
     """Weights (5,) of (y0, x0, x0', x1, x1') in y1, where y' = w (x - y) and x is a cubic between two instants.
 

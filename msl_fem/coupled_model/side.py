@@ -1,30 +1,30 @@
 """One side of the actuator: its equal magnets and their connection, seen from the side's terminals."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from msl_fem.coenergy_surface import evaluate
+from msl_fem.coenergy_surface import evaluate, evaluate_slopes
+from msl_fem.compiled import compiled
 from msl_fem.coupled_model.plant import PlantParameters, Surface
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
-def side_slopes(
-    surface: Surface, p: PlantParameters, current: float, gap: float, magnet: Array
-) -> tuple[bool, float, float, float]:
-    """(inside the table, force N, dlambda/di H, dlambda/dgap Wb/m) of a side at its current; `magnet` (6,) is scratch.
+@compiled
+def side_slopes(surface: Surface, p: PlantParameters, current: float, gap: float) -> tuple[bool, float, float, float]:
+    """(inside the table, force N, dlambda/di H, dlambda/dgap Wb/m) of a side at its current.
 
     The slope of the flux over the gap is minus that of the force over the current, since both are second derivatives
     of one coenergy.
     """
-    inside = evaluate(surface.gap, surface.current, surface.coefficients, p.current_share * current, gap, magnet)
+    inside, force, inductance, force_slope = evaluate_slopes(
+        surface.gap, surface.current, surface.coefficients, p.current_share * current, gap
+    )
     linkages = p.magnets * p.current_share
-    return inside, p.magnets * magnet[2], linkages * p.current_share * magnet[3], -linkages * magnet[4]
+    return inside, p.magnets * force, linkages * p.current_share * inductance, -linkages * force_slope
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def side_flux(
     surface: Surface, p: PlantParameters, current: float, gap: float, magnet: Array
 ) -> tuple[bool, float, float]:

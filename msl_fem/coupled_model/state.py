@@ -1,9 +1,9 @@
 """The state of the coupled model: what stands where, and how a run can end."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from msl_fem.compiled import compiled
 from msl_fem.coupled_model.plant import FORCE_DRIVE, PlantParameters
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ AT_CURRENT_LIMIT_1, AT_CURRENT_LIMIT_2, AT_VOLTAGE_LIMIT_1, AT_VOLTAGE_LIMIT_2 =
 N_STATE = 17
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def initial_state(
     parameters: PlantParameters, current_1: float, current_2: float, position: float, velocity: float
 ) -> Array:

@@ -68,11 +68,11 @@ def test_a_guard_that_forbids_the_operating_point_is_refused():
 
 
 def test_a_weak_magnet_shortens_the_reach():
-    weak = design_controller(servo(drive={"current_limit": 0.6}), TABLE, servo_map())
+    weak = design_controller(servo(drive={"current_limit": 0.68}), TABLE, servo_map())
     assert 0.1e-3 < weak.reach[1] < 0.5e-3
     assert weak.reach[0] == -weak.reach[1]
     limit = weak.law.plant.stiffness * (weak.reach[1] + 0.01e-3)
-    assert limit > 2 * float(TABLE.force(0.6, 0.6e-3 - weak.reach[1] - 0.01e-3))
+    assert limit > 2 * float(TABLE.force(0.68, 0.6e-3 - weak.reach[1] - 0.01e-3))
 
 
 def test_one_side_holds_one_half():
