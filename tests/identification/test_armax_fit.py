@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from armax_cases import CASES, Case, efficiency, fisher_information, mode_polynomial
 
-from msl_fem.identification import ArmaxOrders, OscillatorPrior, SampledRun, SearchSettings, fit_armax
+from msl_fem.identification import ArmaxOrders, OscillatorPrior, SampledRun, SearchSettings, armax, fit_armax
+from msl_fem.identification.start import excerpts
 
 SENSOR_NOISE = replace(CASES[3], name="oversampled, white sensor noise", c=CASES[3].a)
 
@@ -58,6 +59,29 @@ def test_runs_of_one_fit_keep_their_own_start():
         information = sum(fisher_information(case, *part) for part in parts)
         ratios.append(efficiency(case, model.parameters, information))
     assert np.mean(ratios) < 1.6, ratios
+
+
+def test_a_long_record_ends_where_its_excerpt_does_not(monkeypatch):
+    """The search on an excerpt only saves time: the end is that of all data, in a few steps."""
+    case = CASES[3]
+    run, _ = case.run(20_000, np.random.default_rng(8))
+    whole = fit_armax([run], case.orders)
+    monkeypatch.setattr(armax, "EXCERPT_SAMPLES", 6_000)
+    by_excerpt = fit_armax([run], case.orders)
+    assert by_excerpt.convergence.start.endswith("on an excerpt")
+    assert len(by_excerpt.convergence.costs) <= 6
+    assert by_excerpt.n_samples == whole.n_samples
+    assert np.max(np.abs(by_excerpt.parameters - whole.parameters) / whole.standard_errors) < 0.01
+
+
+def test_excerpts_are_spread_over_every_run():
+    runs = [np.arange(2 * n, dtype=float).reshape(2, n) for n in (1_000, 3_000)]
+    assert excerpts(runs, 4_000, longest_lag=2) is runs
+    pieces = excerpts(runs, 400, longest_lag=2)
+    assert [piece.shape for piece in pieces] == [(2, 40)] * 4 + [(2, 75)] * 4
+    assert pieces[0][0, 0] == 0
+    assert pieces[3][0, -1] == 999
+    assert pieces[7][0, -1] == 2_999
 
 
 def test_offset_is_estimated():
