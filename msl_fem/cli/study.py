@@ -7,7 +7,7 @@ import typer
 
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json
-from msl_fem.cli.output import print_result, stages_bar, write_json
+from msl_fem.cli.output import print_result, say, stages_bar, write_json
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
 from msl_fem.errors import InputError
 from msl_fem.identification import model_to_json
@@ -48,9 +48,16 @@ def command(
 
     with stages_bar() as progress:
         done = run_study(it, settings=settings, progress=progress, keep=keep)
-        report = write_page(study_page(done), output / "report.html")
+        page = study_page(done)
+        report = write_page(page, output / "report.html")
     files = {"report": str(report), "table": str(output / "table.nc"), "map": str(output / "map.json")}
     more = {"record": str(output / "record"), "model": str(output / "armax.json")}
     fields = {**files, **more, "seconds": done.seconds, **headline_numbers(done)}
     write_json(fields, output / "study.json")
-    print_result(fields, as_json=json, title=f"{it.name}: study in {output}")
+    if json:
+        print_result(fields, as_json=True, title="")
+        return
+    for note in page.notes:
+        say(f"note: {note}")
+    print_result({label: value for value, label in page.headline}, as_json=False, title=f"{it.name}: study in {output}")
+    print(f"report: {report}")

@@ -83,7 +83,6 @@ def tracking(run: Tracking) -> go.Figure:
 def frequency_response(frequency: Array, curves: Mapping[str, tuple[Array, Array]]) -> go.Figure:
     """Gain in dB and phase in degrees over frequency (the paper's Fig. 11); curves: name to (gain, phase in rad)."""
     made = _two_rows("gain in dB", "phase in °", x="frequency in Hz")
-    made.add_hrect(y0=-1, y1=1, fillcolor=REGION_FILL["preferred"], line_width=0, row=1, col=1)
     for (name, (gain, phase)), colour in zip(curves.items(), SERIES, strict=False):
         made.add_trace(
             line(frequency, 20 * np.log10(gain), name=name, colour=colour, mode="lines+markers"), row=1, col=1
@@ -91,6 +90,7 @@ def frequency_response(frequency: Array, curves: Mapping[str, tuple[Array, Array
         made.add_trace(
             line(frequency, np.degrees(np.unwrap(phase)), name=name, colour=colour, showlegend=False), row=2, col=1
         )
+    made.add_hrect(y0=-1, y1=1, fillcolor=REGION_FILL["preferred"], line_width=0, row=1, col=1)
     made.update_xaxes(type="log")
     return made
 

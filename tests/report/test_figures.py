@@ -46,3 +46,4 @@ def test_gain_is_in_decibel() -> None:
     made = frequency_response(f, {"loop": (np.array([1.0, 0.1]), np.array([0.0, -np.pi / 2]))})
     np.testing.assert_allclose(made.data[0].y, [0, -20])
     np.testing.assert_allclose(made.data[1].y, [0, -90])
+    assert [(shape.y0, shape.y1) for shape in made.layout.shapes] == [(-1, 1)], "the band of 0 dB"
