@@ -172,7 +172,7 @@ class FieldModel:
                 self.skfem_mesh, ELEMENTS[self.order](), intorder=2 * self.order, elements=self.mesh.elements(name)
             )
             for k in range(basis.Nbfun):
-                np.add.at(load, basis.element_dofs[k], density * (basis.basis[k][0].value * basis.dx).sum(axis=1))
+                np.add.at(load, basis.element_dofs[k], density * (basis.basis[k][0] * basis.dx).sum(axis=1))
         return load
 
     def _pattern(self, linear: list[sparse.csc_matrix]) -> None:

@@ -13,6 +13,7 @@ from msl_fem.section import Section
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-9  # of the box: two vertices closer than this are one
+LAYER_RATIO = 1.4  # of a far-field layer's outer to its inner outline
 GROWTH_CHANGES = (1.0, 0.94, 1.06, 0.88, 1.13, 0.8, 1.2, 0.7)
 
 
@@ -119,7 +120,7 @@ def _triangulate(section: Section, size: MeshSize) -> TriangleMesh:
         geometry.SetMaterial(k + 1, name)
         geometry.SetDomainMaxH(k + 1, (size.iron * thin if name in section.iron else 0.15 * box) / scale)
     mesh = geometry.GenerateMesh(maxh=0.2, grading=size.growth)
-    return _from_netgen(mesh, scale, names, section.gap)
+    return _surrounded(_from_netgen(mesh, scale, names, section.gap), section.far)
 
 
 def _corner_sizes(section: Section, size: MeshSize, vertices: Array) -> dict[int, float]:
@@ -159,6 +160,37 @@ def _from_netgen(mesh: Any, scale: float, names: tuple[str, ...], gap: float) ->
         near = np.abs(points[1] - line) < TOLERANCE * scale
         points[1, near] = line
     return TriangleMesh(points, triangles, region, names, gap)
+
+
+def _surrounded(mesh: TriangleMesh, factor: float) -> TriangleMesh:
+    """The mesh with its box widened by a factor, in layers of its own outline; the strip's lines go on straight."""
+    if factor == 1.0:
+        return mesh
+    edges = np.concatenate([mesh.triangles[[0, 1]], mesh.triangles[[1, 2]], mesh.triangles[[2, 0]]], axis=1)
+    _, first, count = np.unique(np.sort(edges, axis=0), axis=1, return_index=True, return_counts=True)
+    outline = first[count == 1]
+    outline = outline[mesh.points[0, edges[:, outline]].max(axis=0) > 0]  # not the symmetry line
+    region = mesh.region[outline % mesh.region.size]
+    nodes, place = np.unique(edges[:, outline], return_inverse=True)
+    x, y = mesh.points[:, nodes]
+    n_layer = int(np.ceil(np.log(factor) / np.log(LAYER_RATIO)))
+    points, triangles = [mesh.points], [mesh.triangles]
+    inner = edges[:, outline]
+    for layer in range(1, n_layer + 1):
+        stretch = factor ** (layer / n_layer)
+        above = mesh.gap + (y - mesh.gap) * stretch
+        points.append(np.stack([x * stretch, np.where(y <= 0, y * stretch, np.where(y >= mesh.gap, above, y))]))
+        outer = mesh.points.shape[1] + (layer - 1) * nodes.size + place.reshape(2, -1)
+        (a, b), (c, d) = inner, outer
+        triangles += [np.stack([a, c, d]), np.stack([a, d, b])]
+        inner = outer
+    return TriangleMesh(
+        np.concatenate(points, axis=1),
+        np.concatenate(triangles, axis=1),
+        np.concatenate([mesh.region, *[region] * (2 * n_layer)]),
+        mesh.names,
+        mesh.gap,
+    )
 
 
 def _subdivide(section: Section) -> tuple[Array, list[tuple[int, int, str, str]]]:

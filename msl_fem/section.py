@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from msl_fem.actuator import ECore
 
 Array = NDArray[np.float64]
+NEAR = 2.0  # half widths of the core around the iron that are painted and meshed freely, if the box is larger
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,7 @@ class Section:
     turns_density : region name to turns per area (1/m2), signed
     depth : stack depth in m
     gap : the gap of these coordinates in m
+    far : the air box is this many times as large as painted; between the two the mesh is stretched radially
     """
 
     regions: tuple[Region, ...]
@@ -51,6 +53,7 @@ class Section:
     turns_density: dict[str, float]
     depth: float
     gap: float
+    far: float = 1.0
 
 
 def _box(name: str, x0: float, y0: float, x1: float, y1: float) -> Region:
@@ -65,9 +68,13 @@ def e_core_section(magnet: ECore, gap: float) -> Section:
     low, wide = -magnet.armature_thickness, magnet.armature_half_width
     air, coil = magnet.air_box, magnet.coil
     left, bottom = centre + coil.leg_clearance, gap + coil.face_clearance
-    edge = max(half, wide) + air.side
+    # the box beyond the strip's lines: half width, depth below y = 0, height above y = gap
+    box = np.array([max(half, wide) + air.side, magnet.armature_thickness + air.bottom, magnet.height + air.top])
+    near = np.array([max(half, wide), magnet.armature_thickness, magnet.height]) + NEAR * half
+    far = max(1.0, float((box / near).min()))
+    edge, below, above = box / far
     regions = [
-        _box("air", 0, low - air.bottom, edge, top + air.top),
+        _box("air", 0, -below, edge, gap + above),
         _box("strip", 0, 0, edge, gap),
         _box("armature", 0, low, wide, 0),
         _box("core", 0, gap, half, top),
@@ -98,4 +105,5 @@ def e_core_section(magnet: ECore, gap: float) -> Section:
         {"coil": coil.turns / magnet.coil_section},
         magnet.stack_depth,
         gap,
+        far,
     )

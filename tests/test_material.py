@@ -29,7 +29,7 @@ def test_curve_rises_at_least_as_fast_as_vacuum(name):
     assert h[0] == 0
     assert (np.diff(h) > 0).all()
     assert (slope > 0).all()
-    if name != "analytic:e1":  # its formula is not held to this: at the knee it is a little steeper than vacuum
+    if name != "analytic:e1":  # a formula made for the purpose; beyond 2 T its dB/dH falls to a third of vacuum's
         assert MU_0 * slope.max() <= 1 + 1.1e-4
 
 
@@ -96,7 +96,7 @@ def test_lamination_mixes_the_fluxes_at_equal_field_strength(name, stacking):
     if not exact:  # between the points the two splines may differ a little
         between = (average[:-1] + average[1:]) / 2
         b_iron = np.array([brentq(excess, 0, b / stacking, args=(b,), xtol=1e-15) for b in between])
-        assert np.abs(stack.iron_flux_density(between) - b_iron).max() < 3e-5
+        assert np.abs(stack.iron_flux_density(between) - b_iron).max() < 1e-4 * (1 - stacking) / 0.2
 
 
 @pytest.mark.parametrize("name", ["analytic:e1", "linear:1000", "m19"])
@@ -128,9 +128,7 @@ def test_e1_iron_follows_its_formula():
 
 def test_origin_is_added_where_it_is_missing():
     b, h = saturating_points()
-    with_origin, without = (
-        iron_from_points(x, y, name="x", source="test") for x, y in ((b, h), (b[1:], h[1:]))
-    )
+    with_origin, without = (iron_from_points(x, y, name="x", source="test") for x, y in ((b, h), (b[1:], h[1:])))
     assert (with_origin.flux_density == without.flux_density).all()
     assert not with_origin.note
 
@@ -192,10 +190,17 @@ def test_what_is_not_a_curve_is_refused(change, word):
 def test_file_of_points_is_read_in_either_order_of_columns(tmp_path):
     b, h = saturating_points()
     for header, rows in (("H_A_per_m,B_T", zip(h, b, strict=True)), ("B_T, H_A_per_m", zip(b, h, strict=True))):
-        (tmp_path / "iron.csv").write_text(header + "\n" + "\n".join(f"{u!r},{v!r}" for u, v in rows) + "\n\n")
+        (tmp_path / "iron.csv").write_text(header + "\n" + "\n".join(f"{u:.17g},{v:.17g}" for u, v in rows) + "\n\n")
         iron = load_iron("iron.csv", folder=tmp_path)
-        assert np.allclose(iron.flux_density, b)
-        assert np.allclose(iron.field_strength, h)
+        assert (iron.flux_density == b).all()
+        assert (iron.field_strength == h).all()
+
+
+def test_byte_order_mark_of_a_spreadsheet_is_no_fault(tmp_path):
+    b, h = saturating_points()
+    rows = "\n".join(f"{u:.17g},{v:.17g}" for u, v in zip(h, b, strict=True))
+    (tmp_path / "iron.csv").write_text("H_A_per_m,B_T\n" + rows, encoding="utf-8-sig")
+    assert (load_iron("iron.csv", folder=tmp_path).flux_density == b).all()
 
 
 @pytest.mark.parametrize(
@@ -203,7 +208,7 @@ def test_file_of_points_is_read_in_either_order_of_columns(tmp_path):
     [
         ("", "first line"),
         ("H,B\n1,2\n", "first line"),
-        ("H_A_per_m,B_T\n0,0\n10;0.5\n", "line 3"),
+        ("H_A_per_m,B_T\n\n0,0\n10;0.5\n", "line 4"),
         ("H_A_per_m,B_T\n0,0\n10,0.5,7\n", "line 3"),
         ("H_A_per_m,B_T\n0,0\n10,much\n", "line 3"),
         ("H_A_per_m,B_T\n", "usable points"),

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, solve_discrete_are
 
 from msl_fem.control.believed_plant import BelievedPlant
 from msl_fem.errors import ComputationError
 
 Array = NDArray[np.float64]
+_DOUBLINGS = 60
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,35 @@ def lqr_gains(plant: BelievedPlant, weights: Weights) -> LqrGains:
     if weights.integral:
         a[n, 0] = 1.0
         cost[n, n] = (weights.integral * w * plant.period) ** 2
-    effort = np.array([[1.0 / (plant.mass * w**2) ** 2]])
-    # Position in units of 1/(m w^2) of force keeps the Riccati equation's entries near one another.
-    try:
-        p = solve_discrete_are(a, b, cost / effort, np.eye(1))
-    except (LinAlgError, ValueError) as err:
+    effort = 1.0 / (plant.mass * w**2) ** 2
+    p = riccati(a, b @ b.T, cost / effort)
+    if p is None:
         raise ComputationError(
-            f"the regulator's Riccati equation has no stabilising solution at {weights} ({err}); change the wish"
-        ) from err
+            f"the regulator's Riccati equation has no stabilising solution at {weights}; change the wish"
+        )
     gain = np.linalg.solve(np.eye(1) + b.T @ p @ b, b.T @ p @ a)[0]
     return LqrGains(gain[:n], float(gain[n]) if weights.integral else 0.0)
+
+
+def riccati(a: Array, g: Array, h: Array) -> Array | None:
+    """The stabilising X = A' X (I + G X)^-1 A + H of a discrete Riccati equation, G = B R^-1 B'; None without it.
+
+    The structure-preserving doubling algorithm (Chu, Fan, Lin, Wang, Int. J. Control 77, 2004) converges quadratically
+    and takes a singular A, which delays bring. SciPy's general solver may start threads for matrices of this size in
+    its triangular solve, which is most of the time of a search that calls it hundreds of times.
+    """
+    one = np.eye(a.shape[0])
+    with np.errstate(all="ignore"):
+        for _ in range(_DOUBLINGS):
+            try:
+                w = np.linalg.solve(one + g @ h, np.hstack([a, g]))
+            except np.linalg.LinAlgError:
+                return None
+            wa, wg = w[:, : a.shape[0]], w[:, a.shape[0] :]
+            step = a.T @ h @ wa
+            a, g, h = a @ wa, g + a @ wg @ a.T, h + 0.5 * (step + step.T)
+            if not np.isfinite(h).all():
+                return None
+            if np.abs(step).max() <= 1e-14 * np.abs(h).max():
+                return h
+    return None

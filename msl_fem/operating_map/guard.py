@@ -19,11 +19,10 @@ REGIONS = ("preferred", "discouraged", "unacceptable")
 
 
 class GuardArrays(NamedTuple):
-    """What the compiled guard needs: gap (n_gap,) m, limit (n_level, n_gap) A of a magnet, current_max A."""
+    """What the compiled guard needs: gap (n_gap,) m and limit (n_level, n_gap) A of a magnet."""
 
     gap: Array
     limit: Array
-    current_max: float
 
 
 @njit(cache=True, error_model="numpy")
@@ -43,7 +42,7 @@ def limit_at(guard: GuardArrays, level: int, gap: float) -> float:
 def region_of(guard: GuardArrays, current: float, gap: float) -> int:
     """PREFERRED, DISCOURAGED or UNACCEPTABLE; the last also for nan and outside the map."""
     size = abs(current)
-    if not (size <= guard.current_max and size <= limit_at(guard, guard.limit.shape[0] - 1, gap)):
+    if not size <= limit_at(guard, guard.limit.shape[0] - 1, gap):
         return UNACCEPTABLE
     return PREFERRED if size <= limit_at(guard, 0, gap) else DISCOURAGED
 
@@ -101,7 +100,7 @@ class Guard:
         m = self.operating_map
         curve = np.where(np.isnan(m.current), m.current_max, m.current) - m.allowance
         ordered = np.minimum.accumulate(np.maximum(curve, 0.0)[::-1], axis=0)[::-1]  # no level's limit above the next's
-        return GuardArrays(m.gap.copy(), np.ascontiguousarray(ordered), m.current_max)
+        return GuardArrays(m.gap.copy(), np.ascontiguousarray(ordered))
 
     def regions(self, current: ArrayLike, gap: ArrayLike) -> NDArray[np.int8]:
         """Numbers of the regions, an index into `REGIONS`, for currents and gaps broadcast together."""

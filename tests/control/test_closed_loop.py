@@ -17,9 +17,11 @@ from control_cases import (
     sine,
     step,
 )  # fmt: skip
+from scipy.signal import lfilter
 
 from msl_fem.control import TruePlant, design_controller, run_closed_loop, with_measured_gap
 from msl_fem.control.controller import INTEGRAL, N_VIOLATION, controller_state, controller_step
+from msl_fem.control.inverse import force_domain
 from msl_fem.coupled_model.excitation import parse_excitation
 from msl_fem.coupled_model.excitation import reference as excitation_reference
 from msl_fem.coupled_model.kernel import advance
@@ -100,12 +102,14 @@ def test_a_constant_disturbance_leaves_no_error():
 
 
 def test_matched_noise_gives_the_innovations_that_the_filter_states():
-    rng, held = noise(5), servo_design().law.estimator
-    level = 0.01 * 433.95
-    kicks = level * rng.standard_normal(6000) + np.clip(np.cumsum(level * rng.standard_normal(6000)), -40, 40) * 0.0
-    run = run_closed_loop(servo_design(), rest(2.4), plant=believed(), generator=rng, disturbance=kicks)
-    ratio = np.mean(run.innovation[300:] ** 2) / held.innovation_variance
-    assert 0.3 < ratio < 1.0, "white force errors alone leave out the disturbance's wandering"
+    """Through the whole loop: position noise, white force errors and a wandering disturbance of the design's sizes."""
+    rng, n = noise(5), 8000
+    level = 0.01 * force_domain(servo_design().parameters.inverse, 0.0).highest
+    wander = lfilter([1.0], [1.0, -0.99], level * rng.standard_normal(n))
+    kicks = level * rng.standard_normal(n) + wander
+    run = run_closed_loop(servo_design(), rest(n / RATE), plant=believed(), generator=rng, disturbance=kicks)
+    ratio = np.mean(run.innovation[300:] ** 2) / servo_design().law.estimator.innovation_variance
+    assert ratio == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_constant_force_that_is_believed_is_carried_from_the_start():

@@ -3,9 +3,10 @@
 import control
 import numpy as np
 import pytest
+from scipy.linalg import solve_discrete_are
 
 from msl_fem.control.believed_plant import BelievedPlant
-from msl_fem.control.lqr import Weights, lqr_gains
+from msl_fem.control.lqr import Weights, lqr_gains, riccati
 from msl_fem.errors import ComputationError
 
 PLANT = BelievedPlant(0.9, 1.4e5, 12.0, 2 * np.pi * 1e3, 4e-4, 1)
@@ -58,6 +59,19 @@ def test_without_integral_weight_there_is_no_integral():
     )
     assert found.integral == 0.0
     np.testing.assert_allclose(found.state, expected[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_riccati_solution_is_scipys(seed):
+    rng = np.random.default_rng(seed)
+    a, b, c = 1.2 * rng.standard_normal((5, 5)), rng.standard_normal((5, 2)), rng.standard_normal((3, 5))
+    a[:, 0] = 0.0  # singular, as with delays
+    np.testing.assert_allclose(riccati(a, b @ b.T, c.T @ c), solve_discrete_are(a, b, c.T @ c, np.eye(2)), rtol=1e-7)
+
+
+def test_a_riccati_equation_without_stabilising_solution_has_none():
+    assert riccati(np.diag([2.0, 0.5]), np.diag([0.0, 1.0]), np.eye(2)) is None
+    assert riccati(np.eye(1), np.zeros((1, 1)), np.eye(1)) is None
 
 
 def test_no_stabilising_solution_is_an_error_with_the_weights():

@@ -7,7 +7,8 @@ import pytest
 from armax_cases import CASES, Case, efficiency, fisher_information, mode_polynomial
 
 from msl_fem.identification import ArmaxOrders, OscillatorPrior, SampledRun, SearchSettings, armax, fit_armax
-from msl_fem.identification.start import excerpts
+from msl_fem.identification.polynomials import polynomials_of
+from msl_fem.identification.start import Start, excerpts
 
 SENSOR_NOISE = replace(CASES[3], name="oversampled, white sensor noise", c=CASES[3].a)
 
@@ -25,13 +26,29 @@ def test_parameter_error_is_at_the_cramer_rao_bound(case):
 
 
 def test_intervals_cover_the_truth():
-    """95 % intervals of all coefficients over 80 fits cover 90 to 98 %."""
-    case, inside = CASES[0], []
-    for seed in range(80):
+    """Over 120 fits, errors over standard errors have unit variance, and 95 % intervals cover 90 to 98 %."""
+    case, scores = CASES[0], []
+    for seed in range(120):
         run, _ = case.run(2_000, np.random.default_rng(1_000 + seed))
         model = fit_armax([run], case.orders)
-        inside.append(np.abs(model.parameters - case.theta) < 1.96 * model.standard_errors)
-    assert 0.90 < np.mean(inside) < 0.98
+        scores.append((model.parameters - case.theta) / model.standard_errors)
+    assert 0.87 < np.mean(np.square(scores)) < 1.15
+    assert 0.90 < np.mean(np.abs(scores) < 1.96) < 0.98
+
+
+def test_of_several_ends_the_lowest_is_taken():
+    """A local minimum that converged does not win over a lower point on the way."""
+    case = CASES[3]
+    run, _ = case.run(3_000, np.random.default_rng(2))
+    orders = case.orders.for_inputs(4)
+    good = polynomials_of(case.theta * (1 + 1e-5), orders)
+    poor = replace(good, a=np.array([1.0, -1.5, 0.6]))
+    starts = [Start("poor", poor), Start("good", good)]
+    settings = SearchSettings(max_iterations=0)
+    for order in (starts, starts[::-1]):
+        found = armax.best_search([run.signals], orders, starts=order, settings=settings)
+        assert not found.convergence.converged
+        assert found.convergence.start == "good"
 
 
 def test_noise_variance_is_that_of_the_innovations():
@@ -62,14 +79,14 @@ def test_runs_of_one_fit_keep_their_own_start():
 
 
 def test_a_long_record_ends_where_its_excerpt_does_not(monkeypatch):
-    """The search on an excerpt only saves time: the end is that of all data, in a few steps."""
+    """The search on an excerpt only saves time: the end is that of all data."""
     case = CASES[3]
     run, _ = case.run(20_000, np.random.default_rng(8))
     whole = fit_armax([run], case.orders)
     monkeypatch.setattr(armax, "EXCERPT_SAMPLES", 6_000)
     by_excerpt = fit_armax([run], case.orders)
     assert by_excerpt.convergence.start.endswith("on an excerpt")
-    assert len(by_excerpt.convergence.costs) <= 6
+    assert len(by_excerpt.convergence.costs) <= 8
     assert by_excerpt.n_samples == whole.n_samples
     assert np.max(np.abs(by_excerpt.parameters - whole.parameters) / whole.standard_errors) < 0.01
 

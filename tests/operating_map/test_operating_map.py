@@ -63,6 +63,15 @@ def test_the_section_that_reaches_a_level_first_is_named(table):
     assert (found.current[:, near] < plain.current[:, near]).all()
 
 
+def test_where_a_section_passes_a_level_more_than_once_the_first_time_counts(table):
+    """Flux that leaves a section for another one as the iron saturates, and comes back."""
+    dented = np.array(table.extras["flux_density_centre_leg"])
+    dented[:, -3:] = [1.0, 0.9, 2.0]
+    rows = slice(6, 13)
+    found = operating_map(with_flux_densities(table, centre_leg=dented), levels=(1.2,), gap=table.gap[rows])
+    np.testing.assert_allclose(found.current[0], [true_current(g, 1.2) for g in found.gap], rtol=0.01)
+
+
 def test_a_level_beyond_the_currents_is_not_reached_and_says_so(table):
     found = operating_map(table, levels=(1.2, 1.9))
     never = np.isnan(found.current)
