@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator, ECore
+from msl_fem.blas_threads import one_blas_thread
 from msl_fem.errors import InputError
 from msl_fem.magnetostatics import FieldModel, FieldSolution, NewtonSettings, field_response, solve_field
 from msl_fem.material import AnalyticIron, Iron, laminated, load_iron
@@ -135,6 +136,7 @@ def solve(actuator: Actuator, current: float, gap: float, *, accuracy: Accuracy 
     return solve_with_field(actuator, current, gap, accuracy=accuracy)[0]
 
 
+@one_blas_thread
 def solve_with_field(
     actuator: Actuator, current: float, gap: float, *, accuracy: Accuracy = "normal"
 ) -> tuple[PointResult, MagnetField, FieldSolution]:

@@ -252,12 +252,16 @@ class FieldModel:
         return out
 
     def factor(self, data: Array) -> None:
-        """Factor the tangent whose values on the pattern are given."""
+        """Factor the tangent whose values on the pattern are given; NotConverged where it is singular."""
         matrix = self._matrix(data)
-        if self._solver is None:
-            self._solver = qdldl.Solver(matrix, upper=True)  # orders the unknowns, once for all gaps and currents
-        else:
-            self._solver.update(matrix, upper=True)
+        try:
+            if self._solver is None:
+                self._solver = qdldl.Solver(matrix, upper=True)  # orders the unknowns, once for all gaps and currents
+            else:
+                self._solver.update(matrix, upper=True)
+        except RuntimeError as err:
+            self._solver = None
+            raise NotConverged(f"the tangent is singular ({err}); check the iron's B-H curve") from err
 
 
 def solve_field(

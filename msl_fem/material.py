@@ -115,13 +115,15 @@ def _flux_density_in_sheets(iron: "Iron | AnalyticIron", b: Array) -> Array:
 def _monotone(b: Array, h: Array) -> BPoly:
     """The cubic on which H and B/mu_0 - H are both monotone, so that 0 <= dH/dB <= 1/mu_0.
 
-    A cubic is monotone where both its slopes are at most three times the secant's (Fritsch and Carlson 1980).
+    A cubic is monotone where both its slopes are at most three times the secant's (Fritsch and Carlson 1980). The slope
+    at B = 0 is that of the odd curve, and none vanishes: an iron of infinite permeability has no field solution.
     """
     secant = np.diff(h) / np.diff(b)
     slack = np.maximum(1 / MU_0 - secant, 0.0)
     least = 1 / MU_0 - 3 * np.minimum(np.r_[slack, slack[-1]], np.r_[slack[0], slack])
     most = 3 * np.minimum(np.r_[secant, secant[-1]], np.r_[secant[0], secant])
-    slopes = np.minimum(np.clip(PchipInterpolator(b, h)(b, 1), least, 1 / MU_0), most)
+    odd = PchipInterpolator(np.r_[-b[1], b], np.r_[-h[1], h])
+    slopes = np.minimum(np.clip(odd(b, 1), np.maximum(least, most / 30), 1 / MU_0), most)
     return BPoly.from_derivatives(b, np.column_stack([h, slopes]))
 
 

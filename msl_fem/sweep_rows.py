@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.actuator import ECore
+from msl_fem.blas_threads import one_blas_thread
 from msl_fem.errors import ComputationError, NotConverged
 from msl_fem.magnet_field import MagnetField
 from msl_fem.magnetostatics import FieldSolution
@@ -58,6 +59,7 @@ class RowSolver:
             self._fields[refine] = MagnetField(job.magnet, job.mesh, folder=job.folder, order=job.order + refine)
         return self._fields[refine]
 
+    @one_blas_thread
     def solve(self, row: Row) -> Arrays:
         """Arrays (n_current,) of a row's quantities; a point that does not converge is nan.
 

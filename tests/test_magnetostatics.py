@@ -12,7 +12,7 @@ from msl_fem.constants import MU_0
 from msl_fem.errors import NotConverged
 from msl_fem.magnet_field import MagnetField, field_of, magnet_mesh
 from msl_fem.magnetostatics import FieldModel, NewtonSettings, field_response, solve_field
-from msl_fem.material import linear_iron, load_iron
+from msl_fem.material import AnalyticIron, linear_iron, load_iron
 from msl_fem.mesh import TriangleMesh
 from msl_fem.postprocess import Probes, evaluate_field
 from msl_fem.section import Section
@@ -340,3 +340,24 @@ def test_negative_current_mirrors_the_field(e1_field):
     assert minus.flux_linkage == pytest.approx(-plus.flux_linkage, rel=1e-10)
     assert minus.coenergy == pytest.approx(plus.coenergy, rel=1e-10)
     assert minus.force_current_slope == pytest.approx(-plus.force_current_slope, rel=1e-8)
+
+
+PERFECT = AnalyticIron(
+    name="perfect",
+    law=lambda b: (np.zeros_like(b), np.zeros_like(b)),
+    energy_law=np.zeros_like,
+    source="test",
+)
+
+
+def test_singular_tangent_is_not_converged(e1_field):
+    """An iron without field strength has no unique field: said as such, and the next is solved as if nothing had been."""
+    model = FieldModel(
+        e1_field.model.mesh,
+        {"core": linear_iron(1000.0), "armature": PERFECT},
+        turns_density=e1_field.section.turns_density,
+    )
+    with pytest.raises(NotConverged, match="B-H curve"):
+        solve_field(model, 3.0, 5e-4)
+    model.irons["armature"].iron = linear_iron(1000.0)
+    assert len(solve_field(model, 3.0, 5e-4).trail) <= 2

@@ -231,3 +231,12 @@ def test_unknown_iron_is_refused_with_the_way_out(tmp_path, name):
 def test_unknown_iron_lists_the_library():
     with pytest.raises(MaterialError, match=r"m19.*steel_1010"):
         load_iron("unobtainium")
+
+
+def test_coarse_points_leave_a_finite_initial_permeability():
+    """A one-sided formula for the slope at B = 0 gives dH/dB = 0 here, and the field problem has no solution."""
+    h, b = np.array([0.0, 100, 300, 1000, 5000, 60000]), np.array([0.0, 1.0, 1.3, 1.5, 1.7, 2.0])
+    iron = iron_from_points(b, h, name="coarse", source="test")
+    _, slope = iron.magnetise(np.array([0.0, 1e-3]))
+    assert (slope > 50).all()
+    assert (slope < 200).all()

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
+from msl_fem.compiled import compiled
 from msl_fem.control.controller import (
     D_HAT,
     FORCE,
@@ -171,7 +171,7 @@ def run_closed_loop(
     return _result(reference, true, memory, out)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _loop(
     surface: Surface, plant: PlantParameters, state: Array, parameters: ControllerParameters, memory: Array,
     inputs: _Inputs, out: Array,

@@ -13,9 +13,9 @@ side 1's, negative side 2's.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from msl_fem.compiled import compiled
 from msl_fem.control.inverse import Inverse, magnet_current, magnet_current_limit, magnet_force
 from msl_fem.operating_map.guard import limit_at
 
@@ -57,7 +57,7 @@ def controller_state(parameters: ControllerParameters) -> Array:
     return np.zeros(N_FIXED + (n - 2) + n + parameters.delay)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def controller_step(
     parameters: ControllerParameters, state: Array, reference: Array, measured: float, command: Array
 ) -> None:
@@ -90,7 +90,7 @@ def controller_step(
     _predict(p, state, measured, given, known)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _estimate(p: ControllerParameters, state: Array, measured: float) -> None:
     innovation = measured - state[X_PREDICTED]
     state[INNOVATION] = innovation
@@ -98,7 +98,7 @@ def _estimate(p: ControllerParameters, state: Array, measured: float) -> None:
     state[D_HAT] = state[D_PREDICTED] + p.filter_gain[1] * innovation
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _law(
     p: ControllerParameters, state: Array, reference: Array, measured: float, model: Array, known: Array, queue: Array
 ) -> tuple[float, float]:
@@ -122,7 +122,7 @@ def _law(
     return force, error
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _model_force(p: ControllerParameters, reference: Array, model: Array, queue: Array) -> float:
     """u_ff + K_model (xi_ref - xi_model); moves the feedforward's queue on.
 
@@ -143,7 +143,7 @@ def _model_force(p: ControllerParameters, reference: Array, model: Array, queue:
     return float(force)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _predict(p: ControllerParameters, state: Array, measured: float, given: float, known: Array) -> None:
     """The filter's prediction of the next sample, and the known states there."""
     n = p.model_a.shape[0]
@@ -161,7 +161,7 @@ def _predict(p: ControllerParameters, state: Array, measured: float, given: floa
     known[:] = following
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _currents(p: ControllerParameters, state: Array, force: float, measured: float, command: Array) -> float:
     """Side currents for a force of the magnets, into command; returns the force that the belief expects of them.
 

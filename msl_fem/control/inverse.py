@@ -9,17 +9,17 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from msl_fem.coenergy_surface import evaluate
+from msl_fem.coenergy_surface import evaluate, evaluate_slopes
+from msl_fem.compiled import compiled
 from msl_fem.coupled_model.plant import PlantParameters, Surface
 from msl_fem.errors import InputError
 from msl_fem.operating_map.guard import Guard, GuardArrays, limit_at
 from msl_fem.quantity import format_quantity
 
 Array = NDArray[np.float64]
-_FORCE, _SLOPE = 2, 4  # rows of an evaluation of the surface
+_GAP_SLOPE = 5  # row of an evaluation of the surface
 _ITERATIONS = 60
 
 
@@ -50,12 +50,10 @@ def inverse_of(plant: PlantParameters, guard: Guard, surface: Surface) -> Invers
             f"the map's gaps {low * 1e3:.4g} ... {high * 1e3:.4g} mm reach beyond the table's "
             f"{surface.gap[0] * 1e3:.4g} ... {surface.gap[-1] * 1e3:.4g} mm; make the map of this table"
         )
-    out = np.empty(6)
     for gap in np.linspace(low, high, 4 * surface.gap.size):
         top = magnet_current_limit(inverse, gap)
         for current in np.linspace(0, top, 4 * surface.current.size)[1:]:
-            evaluate(*surface, current, gap, out)
-            if not out[_SLOPE] > 0:
+            if not evaluate_slopes(*surface, current, gap)[3] > 0:
                 raise InputError(
                     f"the table's force does not grow with the current at {current:.4g} A, gap "
                     f"{format_quantity(float(gap), 'm')}: no unique current gives a wanted force; lower the levels of "
@@ -64,22 +62,21 @@ def inverse_of(plant: PlantParameters, guard: Guard, surface: Surface) -> Invers
     return inverse
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def magnet_current_limit(inverse: Inverse, gap: float) -> float:
     """The largest current of a magnet in A that drive, table and the guard's last level allow; 0 outside the map."""
     allowed = limit_at(inverse.guard, inverse.guard.limit.shape[0] - 1, gap)
     return min(allowed, inverse.current_limit) if allowed > 0 else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def magnet_force(surface: Surface, current: float, gap: float) -> float:
     """Force of a magnet in N; nan outside the table."""
-    out = np.empty(6)
-    evaluate(surface.gap, surface.current, surface.coefficients, current, gap, out)
-    return float(out[_FORCE])
+    _, force, _, _ = evaluate_slopes(surface.gap, surface.current, surface.coefficients, current, gap)
+    return float(force)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def magnet_current(surface: Surface, force: float, gap: float, largest: float) -> float:
     """The current of a magnet in A between 0 and `largest` that gives a force in N at the gap.
 
@@ -87,23 +84,22 @@ def magnet_current(surface: Surface, force: float, gap: float, largest: float) -
     kept inside a shrinking bracket. The force must lie between 0 and that at `largest`, inside the table; nan
     where it does not.
     """
-    out = np.empty(6)
-    inside = evaluate(surface.gap, surface.current, surface.coefficients, largest, gap, out)
-    if not (inside and 0.0 <= force <= out[_FORCE]):
+    most = magnet_force(surface, largest, gap)
+    if not 0.0 <= force <= most:
         return np.nan
     if force == 0.0:
         return 0.0
     low, high = 0.0, largest
-    current = largest * np.sqrt(force / out[_FORCE])
     wanted = np.sqrt(force)
+    current = largest * wanted / np.sqrt(most)
     for _ in range(_ITERATIONS):
-        evaluate(surface.gap, surface.current, surface.coefficients, current, gap, out)
-        if out[_FORCE] > force:
+        _, given, _, slope = evaluate_slopes(surface.gap, surface.current, surface.coefficients, current, gap)
+        if given > force:
             high = current
         else:
             low = current
-        root = np.sqrt(max(out[_FORCE], 0.0))
-        following = current + (wanted - root) * 2.0 * root / out[_SLOPE] if out[_SLOPE] > 0 else low
+        root = np.sqrt(max(given, 0.0))
+        following = current + (wanted - root) * 2.0 * root / slope if slope > 0 else low
         if not low < following < high:
             following = 0.5 * (low + high)
         if abs(following - current) <= 1e-13 * largest:
@@ -136,7 +132,7 @@ def force_domain(inverse: Inverse, position: float) -> ForceDomain:
     return ForceDomain(position, -limits[1, 1], limits[0, 1], limits[1, 0], limits[0, 0])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _side_limit(inverse: Inverse, side: int, position: float) -> tuple[float, float]:
     """(current A, force N) of a side at its limit; zeros for a missing side and outside the map."""
     if side >= inverse.sides:
@@ -148,7 +144,7 @@ def _side_limit(inverse: Inverse, side: int, position: float) -> tuple[float, fl
     return limit / inverse.current_share, inverse.magnets * magnet_force(inverse.surface, limit, gap)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def force_limits(inverse: Inverse, position: Array) -> Array:
     """(2, n) N: lowest and highest force of `force_domain` at positions (n,) in m."""
     out = np.empty((2, position.size))
@@ -178,4 +174,4 @@ def held_stiffness(inverse: Inverse, force: float, position: float) -> float:
     current = magnet_current(inverse.surface, abs(force) / inverse.magnets, gap, limit)
     out = np.empty(6)
     evaluate(*inverse.surface, current, gap, out)
-    return float(-inverse.magnets * out[5])
+    return float(-inverse.magnets * out[_GAP_SLOPE])

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from msl_fem.blas_threads import one_blas_thread
 from msl_fem.errors import ComputationError
 from msl_fem.identification.data import FloatArray, SampledRun, check_length, check_runs
 from msl_fem.identification.excitation import check_excitation, check_feedback
@@ -30,6 +31,7 @@ EXCERPT_SAMPLES = 40_000  # the first guess and the way to its minimum are sough
 NEARLY_COLLINEAR = 1e4  # condition number of the inputs from which the model says so
 
 
+@one_blas_thread
 def fit_armax(
     runs: Sequence[SampledRun],
     orders: ArmaxOrders,

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from msl_fem.compiled import compiled
 from msl_fem.errors import InputError
 from msl_fem.identification.data import FloatArray, SampledRun
 from msl_fem.identification.model import ArmaxModel
@@ -102,7 +102,7 @@ def _recursion(model: ArmaxModel) -> _Recursion:
     return _Recursion(model.polynomials.a, padded, delay, model.polynomials.offset, gap, signs, powers)
 
 
-@njit(cache=True)
+@compiled
 def _free_run(output, values, model, limits, forcing):  # type: ignore[no-untyped-def]
     """Runs the recursion in place from limits[0] on; returns the sample it stopped at and why."""
     first, middle, reach = limits

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from msl_fem.blas_threads import one_blas_thread
 from msl_fem.errors import InputError
 from msl_fem.identification.armax import EXCERPT_SAMPLES, best_search, fit_armax, model_of
 from msl_fem.identification.data import FloatArray, SampledRun, check_runs
@@ -46,6 +47,7 @@ class DeltaSearch:
     max_steps: int = 15
 
 
+@one_blas_thread
 def identify_rational(
     runs: Sequence[SampledRun],
     orders: ArmaxOrders,

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, norm
 
+from msl_fem.blas_threads import one_blas_thread
 from msl_fem.errors import InputError
 from msl_fem.identification.data import FloatArray, SampledRun
 from msl_fem.identification.model import ArmaxModel
@@ -50,6 +51,7 @@ class CorrelationTest:
     p_value: float
 
 
+@one_blas_thread
 def residual_tests(
     model: ArmaxModel, run: SampledRun, *, lags: int = 25, alpha: float = 0.01, fitted: bool = True
 ) -> tuple[CorrelationTest, ...]:

@@ -6,9 +6,9 @@ from functools import cached_property
 from typing import Any, NamedTuple, overload
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from msl_fem.compiled import compiled
 from msl_fem.operating_map.level_currents import OperatingMap
 from msl_fem.quantity import format_quantity
 
@@ -25,7 +25,7 @@ class GuardArrays(NamedTuple):
     limit: Array
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def limit_at(guard: GuardArrays, level: int, gap: float) -> float:
     """The current in A up to which a level is not reached at the gap; nan outside the map."""
     nodes = guard.gap
@@ -38,7 +38,7 @@ def limit_at(guard: GuardArrays, level: int, gap: float) -> float:
     return float((1.0 - t) * limit[m] + t * limit[m + 1])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def region_of(guard: GuardArrays, current: float, gap: float) -> int:
     """PREFERRED, DISCOURAGED or UNACCEPTABLE; the last also for nan and outside the map."""
     size = abs(current)
@@ -47,13 +47,13 @@ def region_of(guard: GuardArrays, current: float, gap: float) -> int:
     return PREFERRED if size <= limit_at(guard, 0, gap) else DISCOURAGED
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _regions(guard: GuardArrays, current: Array, gap: Array, out: NDArray[np.int8]) -> None:
     for n in range(out.size):
         out[n] = region_of(guard, current[n], gap[n])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _limits(guard: GuardArrays, gap: Array, out: Array) -> None:
     for k in range(guard.limit.shape[0]):
         for n in range(gap.size):

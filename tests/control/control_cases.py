@@ -1,5 +1,6 @@
 """The reference actuator's controllers on the closed-form magnet, made once, and references for them."""
 
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
@@ -27,7 +28,25 @@ def servo_map(levels: tuple[float, ...] = (1.2, 1.6)) -> OperatingMap:
 
 @cache
 def servo_design(*, feedforward: bool = True) -> ControllerDesign:
-    return design_controller(servo(), TABLE, servo_map(), feedforward=feedforward)
+    return design_controller(servo(), TABLE, servo_map()) if feedforward else plain(servo_design())
+
+
+def plain(design: ControllerDesign) -> ControllerDesign:
+    """A design without its feedforward."""
+    parameters = design.parameters._replace(feedforward=False)
+    return replace(design, law=replace(design.law, feedforward=False), parameters=parameters)
+
+
+def delayed(delay: int, *, ideal_drive: bool = False) -> Actuator:
+    """The reference actuator with another computation delay, or a drive without lag and voltage limit."""
+    drive = {"bandwidth": None, "voltage_limit": None} if ideal_drive else {}
+    return servo(controller={"delay_samples": delay}, drive=drive)
+
+
+@cache
+def delayed_design(delay: int, *, ideal_drive: bool = False) -> ControllerDesign:
+    actuator = delayed(delay, ideal_drive=ideal_drive)
+    return design_controller(actuator, TABLE, servo_map(), bandwidth=30.0)
 
 
 def believed() -> TruePlant:

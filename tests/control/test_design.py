@@ -11,7 +11,7 @@ from msl_fem.control import design_controller, with_measured_gap
 from msl_fem.errors import ActuatorError, InputError
 
 
-def test_the_default_keeps_its_wishes_and_issue_figures():
+def test_the_default_keeps_its_wishes():
     found = servo_design()
     assert found.feedback_bandwidth >= 59.8
     assert found.peak_sensitivity <= 2.0
@@ -95,6 +95,14 @@ def test_the_json_is_json_and_names_the_law():
     assert content["frozen"][-1]["peak_sensitivity"] is None
     assert content["law"]["states"] == ["position", "velocity", "force", "queue_1"]
     assert len(content["law"]["gain"]) == 4
+
+
+def test_without_the_feedforward_the_feedback_is_the_same():
+    bare = design_controller(servo(), TABLE, servo_map(), feedforward=False)
+    np.testing.assert_array_equal(bare.law.gains.state, servo_design().law.gains.state)
+    assert not bare.parameters.feedforward
+    assert bare.bandwidth == bare.feedback_bandwidth == servo_design().feedback_bandwidth
+    assert bare.flat_band < servo_design().flat_band
 
 
 def test_a_missing_section_is_named():

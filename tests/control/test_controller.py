@@ -1,0 +1,94 @@
+"""One step of the controller against its law written out anew, and at its limits."""
+
+import numpy as np
+import pytest
+from control_cases import delayed_design, plain, servo_design
+
+from msl_fem.control import ControllerDesign
+from msl_fem.control.controller import FORCE, INTEGRAL, N_PREFERRED, N_VIOLATION, controller_state, controller_step
+from msl_fem.control.inverse import magnet_force
+
+
+def forces_of_a_plain_twin(design: ControllerDesign, references: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """(n,) forces of the law as the docstrings of controller and filter state it, with matrices and no limits."""
+    law, p = design.law, design.law.plant
+    model, k, km, lead = p.sampled(), law.gains.state, law.model_gains.state, p.lead
+    n, force_states = k.size, k.size - 2 - p.delay
+    known, followed, sent, predicted, total = np.zeros(n - 2), np.zeros(n), [0.0] * p.delay, np.zeros(3), 0.0
+    followed[0] = predicted[0] = measured[0]
+    out = []
+    for (r, v, a), y in zip(references, measured, strict=True):
+        velocity, disturbance = predicted[1:] + law.estimator.gain * (y - predicted[0])
+        u = -law.gains.integral * total - k @ np.array([y, velocity, *known])
+        if law.feedforward:
+            later = np.array([r + lead * v + lead**2 / 2 * a, v + lead * a, a])
+            ahead = np.array([p.stiffness, p.damping, p.mass]) @ later
+            now = [p.stiffness * r + p.damping * v + p.mass * a][:force_states]
+            promised = ahead + km @ (np.array([r, v, *now, *sent]) - followed)
+            u += promised + k @ followed
+            total += y - followed[0]
+            followed = model.A @ followed + model.B[:, 0] * promised
+            sent = [*sent, ahead][1:] if p.delay else []
+        else:
+            total += y - r
+        predicted = law.estimator.prediction @ np.array([y, velocity, disturbance, *known, u])
+        known = (model.A @ np.array([0.0, 0.0, *known]) + model.B[:, 0] * u)[2:]
+        out.append(u)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("delay", [0, 1, 2])
+@pytest.mark.parametrize("ideal_drive", [False, True])
+@pytest.mark.parametrize("feedforward", [True, False])
+def test_the_force_is_that_of_the_law_written_out(delay, ideal_drive, feedforward):
+    design = delayed_design(delay, ideal_drive=ideal_drive)
+    design = design if feedforward else plain(design)
+    rng, n = np.random.default_rng(delay), 30
+    references = rng.standard_normal((n, 3)) * [1e-7, 1e-4, 0.1]
+    measured = 1e-8 * rng.standard_normal(n)  # without a plant the law need not be stable, so small and short
+    state, command, forces = controller_state(design.parameters), np.zeros(2), np.empty(n)
+    for j in range(n):
+        controller_step(design.parameters, state, references[j], measured[j], command)
+        forces[j] = state[FORCE]
+    assert state[N_PREFERRED] == n
+    np.testing.assert_allclose(forces, forces_of_a_plain_twin(design, references, measured), rtol=1e-8, atol=1e-9)
+
+
+def test_the_currents_give_the_force_at_the_coming_gap():
+    p = servo_design().parameters
+    state, command = controller_state(p), np.zeros(2)
+    for y in (0.0, 1e-6, 3e-6, 6e-6):
+        controller_step(p, state, np.array([0.2e-3, 0.0, 0.0]), y, command)
+    velocity = state[3]
+    assert velocity > 1e-3
+    gap = 0.6e-3 - (6e-6 + p.gap_lead * velocity)
+    assert 2 * magnet_force(p.inverse.surface, command[0], gap) == pytest.approx(state[FORCE], rel=1e-9)
+    assert command[1] == 0.0
+
+
+def test_the_integral_does_not_wind_up_while_the_force_is_cut():
+    parameters = servo_design(feedforward=False).parameters
+    limited = parameters._replace(inverse=parameters.inverse._replace(current_limit=0.2))
+    command, states = np.zeros(2), []
+    for p in (parameters, limited):
+        state = controller_state(p)
+        for _ in range(400):
+            controller_step(p, state, np.array([0.3e-3, 0.0, 0.0]), 0.0, command)
+        states.append(state)
+    free, held = (abs(s[INTEGRAL]) for s in states)
+    assert held < 0.1 * free
+    assert states[1][INTEGRAL] < 0
+    for _ in range(4):  # the error turns: the integral comes back at once
+        controller_step(limited, states[1], np.array([-0.3e-3, 0.0, 0.0]), 0.0, command)
+    assert states[1][INTEGRAL] > 0
+
+
+def test_outside_the_map_nothing_is_commanded_and_a_violation_is_counted():
+    p = servo_design().parameters
+    state, command = controller_state(p), np.zeros(2)
+    for _ in range(2):
+        command[:] = 9.0
+        controller_step(p, state, np.array([0.6e-3, 0.0, 0.0]), 0.58e-3, command)
+        np.testing.assert_array_equal(command, [0.0, 0.0])
+    assert state[N_VIOLATION] == 2
+    assert state[FORCE] == 0.0
