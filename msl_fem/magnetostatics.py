@@ -1,4 +1,4 @@
-"""Plane nonlinear magnetostatics with the vector potential A_z: weak form, exact tangent, damped Newton.
+"""Nonlinear magnetostatics in two dimensions: weak form, exact tangent, damped Newton.
 
 It knows regions, irons and turns, nothing of E-cores. Minimise Pi(A) = W(A; g) - i f.A, W the field energy per unit
 depth, f the flux linkage per unit depth of a unit potential (e.g. Bastos and Sadowski, Electromagnetic Modeling by

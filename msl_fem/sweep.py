@@ -14,7 +14,8 @@ from msl_fem.actuator import Actuator
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.magnet_field import LEVELS, Accuracy, MagnetField, check_point, magnet_mesh
 from msl_fem.sweep_cache import RowCache, content_key
-from msl_fem.sweep_rows import SECTION, Arrays, Job, Progress, Row, RowSolver, solve_rows
+from msl_fem.sweep_cluster import on_cluster
+from msl_fem.sweep_rows import SECTION, Arrays, Job, Progress, Row, RowSolver, in_processes, solve_rows
 from msl_fem.table import EXTRAS, NODES, MagneticTable
 
 Array = NDArray[np.float64]
@@ -31,12 +32,14 @@ class SweepSettings:
     ----------
     accuracy : level of the mesh
     workers : processes; 1 solves in this process
+    scheduler : address of a dask.distributed scheduler, whose workers solve instead
     cache : folder of finished rows; None keeps none
     resume : take finished rows from the cache
     """
 
     accuracy: Accuracy = "normal"
     workers: int = 1
+    scheduler: str | None = None
     cache: Path | None = None
     resume: bool = False
 
@@ -102,8 +105,8 @@ def sweep(
 
     Raises
     ------
-    InputError : a grid that is too small or has values out of range
-    ComputationError : points of the grid or of the checks failed; rows without failures are, with a cache, kept
+    InputError : a grid that is too small or has values out of range; a scheduler that cannot be reached
+    ComputationError : workers died; points of the grid or of the checks failed; rows without failures are, with a cache, kept
     """
     settings = settings or SweepSettings()
     gap, current = _checked_grid(actuator, gaps, currents)
@@ -126,7 +129,7 @@ def sweep(
     done = solve_rows(
         job,
         [row for group in groups for row in group],
-        workers=settings.workers,
+        executor=in_processes(settings.workers) if settings.scheduler is None else on_cluster(settings.scheduler),
         cache=cache,
         key=_job_key(field, settings),
         resume=settings.resume,
@@ -150,7 +153,8 @@ def sweep(
         reciprocity_error=reciprocity_error,
         provenance=_provenance(actuator, field, settings=settings, notes=notes),
     )
-    in_workers = sum(float(row["cpu_seconds"]) for row in done if "reused" not in row) if settings.workers > 1 else 0.0
+    elsewhere = settings.workers > 1 or settings.scheduler is not None
+    in_workers = sum(float(row["cpu_seconds"]) for row in done if "reused" not in row) if elsewhere else 0.0
     report = SweepReport(
         points=gap.size * (current.size - 1),
         failed=0,

@@ -1,6 +1,10 @@
 """Rows of a sweep (one gap, increasing currents), solved in this process or in several, each row once."""
 
+import contextlib
 import multiprocessing
+import os
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -43,6 +47,10 @@ class Row:
     gap: float
     currents: tuple[float, ...]
     refine: bool = False
+
+
+Executor = Callable[[Job, list[tuple[int, Row]]], Iterator[tuple[int, Arrays]]]
+"""Solves numbered rows of a job and yields each row's number and arrays as soon as it is finished, in any order."""
 
 
 class RowSolver:
@@ -106,7 +114,7 @@ def solve_rows(
     job: Job,
     rows: list[Row],
     *,
-    workers: int,
+    executor: Executor,
     cache: RowCache | None,
     key: str,
     resume: bool,
@@ -116,7 +124,7 @@ def solve_rows(
 
     Raises
     ------
-    ComputationError : a worker process died; finished rows are in the cache
+    ComputationError : the executor lost what it runs on; finished rows are in the cache
     """
     keys = [content_key({"job": key, "gap": r.gap, "currents": r.currents, "refine": r.refine}) for r in rows]
     found: dict[int, Arrays] = {}
@@ -128,7 +136,7 @@ def solve_rows(
     missing = [n for n in range(len(rows)) if n not in found]
     if progress:
         progress(len(found), len(rows))
-    for n, arrays in _solve_each(job, [(n, rows[n]) for n in missing], workers):
+    for n, arrays in executor(job, [(n, rows[n]) for n in missing]):
         if cache is not None and np.isfinite(arrays["force"]).all():
             cache.put(keys[n], arrays)
         found[n] = arrays
@@ -137,19 +145,31 @@ def solve_rows(
     return [found[n] for n in range(len(rows))]
 
 
-def _solve_each(job: Job, rows: list[tuple[int, Row]], workers: int) -> Iterator[tuple[int, Arrays]]:
-    if workers <= 1 or len(rows) < 2:
-        solver = RowSolver(job)
-        for n, row in rows:
-            yield n, solver.solve(row)
-        return
+def in_processes(workers: int) -> Executor:
+    """The executor on this machine: so many processes; 1 solves in this process."""
+    return lambda job, rows: (
+        _solve_here(job, rows) if workers <= 1 or len(rows) < 2 else _solve_in_pool(job, rows, workers)
+    )
+
+
+def dearest_first(rows: list[tuple[int, Row]]) -> list[tuple[int, Row]]:
+    """The order in which no process waits for a late, dear row."""
+    return sorted(rows, key=lambda item: -len(item[1].currents) * (4 if item[1].refine else 1))
+
+
+def _solve_here(job: Job, rows: list[tuple[int, Row]]) -> Iterator[tuple[int, Arrays]]:
+    solver = RowSolver(job)
+    for n, row in rows:
+        yield n, solver.solve(row)
+
+
+def _solve_in_pool(job: Job, rows: list[tuple[int, Row]], workers: int) -> Iterator[tuple[int, Arrays]]:
     pool = ProcessPoolExecutor(
         workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker, initargs=(job,)
     )
     try:
-        # the dearest rows first, so that no process waits for a late one
-        order = sorted(rows, key=lambda item: -len(item[1].currents) * (4 if item[1].refine else 1))
-        futures = {pool.submit(_solve_in_worker, row): n for n, row in order}
+        with _deaf_children():
+            futures = {pool.submit(_solve_in_worker, row): n for n, row in dearest_first(rows)}
         for future in as_completed(futures):
             yield futures[future], future.result()
     except BrokenProcessPool as err:
@@ -161,12 +181,35 @@ def _solve_each(job: Job, rows: list[tuple[int, Row]], workers: int) -> Iterator
         pool.shutdown(wait=True, cancel_futures=True)
 
 
+@contextlib.contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Processes started in the block never hear Ctrl-C: the parent alone answers it, and ends them."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 _worker: RowSolver | None = None
 
 
 def _start_worker(job: Job) -> None:
     global _worker
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     _worker = RowSolver(job)
+
+
+def _end_with_parent() -> None:
+    """Leave when the parent was killed: a worker that waits for rows would wait for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _solve_in_worker(row: Row) -> Arrays:

@@ -23,11 +23,16 @@ def command(
     gaps: Annotated[str | None, typer.Option(help='Like "0.1,0.2 mm".')] = None,
     accuracy: AccuracyLevel = "normal",
     workers: Annotated[int, typer.Option(min=0, help="Processes; 0: one a core.")] = 0,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Solve on a dask.distributed cluster.")
+    ] = None,
     resume: Annotated[bool, typer.Option(help="Take finished rows of an interrupted run.")] = False,
     json: Json = False,
 ) -> None:
     """The force/flux table over gap and current; without grids, from the actuator's ranges."""
     it = load_actuator(actuator)
+    if scheduler is not None and workers:
+        raise InputError("give --workers or --scheduler, not both")
     if (currents is None) != (gaps is None):
         raise InputError("give both --currents and --gaps, or neither for the default grid")
     if gaps is not None and currents is not None:
@@ -39,6 +44,7 @@ def command(
     settings = SweepSettings(
         accuracy=checked_accuracy(accuracy),
         workers=workers or default_workers(),
+        scheduler=scheduler,
         cache=cache.folder,
         resume=resume,
     )

@@ -1,0 +1,102 @@
+"""Rows of a sweep solved by the workers of a dask.distributed cluster (the extra `cluster`)."""
+
+import pickle
+import threading
+from collections.abc import Iterator
+from concurrent.futures import CancelledError
+from typing import TYPE_CHECKING, Any
+
+from msl_fem.errors import ComputationError, InputError
+from msl_fem.sweep_rows import Arrays, Executor, Job, Row, RowSolver, dearest_first
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+CONNECT = 5.0
+"""Seconds within which a scheduler must answer, and have a worker."""
+PATIENCE = 10.0
+"""Seconds without a finished row after which is asked whether any worker is left."""
+RETRIES = 3
+"""How often a row is given to a worker anew, beyond the scheduler's own attempts, when workers die with it."""
+GO_ON = "finished rows are kept: run again with --resume"
+
+
+def on_cluster(address: str) -> Executor:
+    """The executor on the workers of the scheduler at `address`, like "tcp://192.168.0.7:8786".
+
+    A row whose worker dies goes to another one. The workers need this package, and files of B-H curves under the same
+    path as here. The executor raises InputError where dask.distributed is not installed or the address gives no
+    cluster, ComputationError where the cluster is lost on the way.
+    """
+    return lambda job, rows: _solve_on_cluster(address, job, rows) if rows else iter(())
+
+
+def _solve_on_cluster(address: str, job: Job, rows: list[tuple[int, Row]]) -> Iterator[tuple[int, Arrays]]:
+    distributed = _distributed()
+    # the workers must be able to unpickle the job without having made it: a message each, no scattered data that
+    # could die with its holder
+    packed = pickle.dumps(job)
+    with _connected(address) as client:
+        waiting = {
+            client.submit(_solve_on_worker, packed, row, retries=RETRIES, pure=False, priority=-place): n
+            for place, (n, row) in enumerate(dearest_first(rows))
+        }
+        try:
+            while waiting:
+                try:
+                    finished = distributed.wait(list(waiting), timeout=PATIENCE, return_when="FIRST_COMPLETED").done
+                except TimeoutError:
+                    _refuse_without_workers(client, address)
+                    continue
+                for future in finished:
+                    yield waiting.pop(future), future.result()
+        except distributed.KilledWorker as err:
+            raise ComputationError(
+                f"workers of the cluster {address} die with a row of the sweep (out of memory?); {GO_ON}, with workers "
+                "of more memory"
+            ) from err
+        except (OSError, CancelledError) as err:
+            raise ComputationError(f"the cluster {address} was lost ({err or type(err).__name__}); {GO_ON}") from err
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ImportError as err:
+        raise InputError(
+            "--scheduler needs dask.distributed, which is not installed; install msl-fem[cluster], or use --workers"
+        ) from err
+    return distributed
+
+
+def _connected(address: str) -> "Client":
+    """A client of a scheduler that has at least one worker."""
+    way_out = "give the address that 'dask scheduler' prints, like tcp://192.168.0.7:8786, or use --workers"
+    try:
+        client: Client = _distributed().Client(address, timeout=CONNECT, set_as_default=False)
+    except (OSError, ValueError, TypeError, ImportError) as err:
+        raise InputError(f"no scheduler answers at '{address}' within {CONNECT:g} s; {way_out}") from err
+    try:
+        client.wait_for_workers(1, timeout=CONNECT)
+    except TimeoutError as err:
+        client.close()
+        raise InputError(
+            f"the scheduler at '{address}' has no workers; start one with 'dask worker {address}'"
+        ) from err
+    return client
+
+
+def _refuse_without_workers(client: "Client", address: str) -> None:
+    if not client.nthreads():
+        raise ComputationError(f"no worker of the cluster {address} is left; {GO_ON}")
+
+
+_own = threading.local()
+
+
+def _solve_on_worker(packed: bytes, row: Row) -> Arrays:
+    """Runs in a worker: one row; each thread keeps the solver of its last job."""
+    if getattr(_own, "packed", None) != packed:
+        _own.solver, _own.packed = RowSolver(pickle.loads(packed)), packed
+    solver: RowSolver = _own.solver
+    return solver.solve(row)

@@ -1,0 +1,69 @@
+"""From a record to an ARMAX model."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from msl_fem.actuator import Actuator
+from msl_fem.coupled_model import NamedRun, excitation_inputs, simulate, simulation_record
+from msl_fem.coupled_model.excitation import parse_excitation
+from msl_fem.errors import InputError
+from msl_fem.identification import ArmaxOrders, ModelChoice, identify
+from msl_fem.record import Record
+from msl_fem.table import MagneticTable
+
+NOISE = "band-limited-noise:channel=independent,band=500 Hz,bias=0.4 A,amplitude=0.06 A,duration=1 s,seed=3"
+SWEEP = "swept-sine:channel=differential,start=5 Hz,stop=140 Hz,bias=0.4 A,amplitude=0.01 A,duration=1 s"
+
+
+@pytest.fixture(scope="module")
+def record(table: MagneticTable, servo: Actuator) -> Record:
+    """Noise to fit and a swept sine held out, of the closed-form magnet."""
+    generator = np.random.default_rng(5)
+    runs = []
+    for name, spec, role in (("noise", NOISE, "fit"), ("sweep", SWEEP, "held-out")):
+        inputs = excitation_inputs(servo, parse_excitation(spec), rate=1e4)
+        runs.append(NamedRun(name, spec, role, simulate(servo, table, inputs, generator=generator)))
+    return simulation_record(servo, runs)
+
+
+def test_the_default_choice_predicts_the_held_out_run(record: Record) -> None:
+    found = identify(record)
+    fits = {fit.run: fit for fit in found.fits}
+    assert found.model.input_names == ("i1^2/g1^2", "i2^2/g2^2")
+    assert fits["sweep"].free_run is not None
+    assert fits["sweep"].free_run > 95
+    assert found.roles == ("fit", "held-out")
+    fields = found.fields()
+    assert fields["fit_percent"]["noise"]["role"] == "fit"
+    assert fields["parameters"]["delta"]["standard_error"] > 0
+    assert fields["noise_standard_deviation"] == pytest.approx(50e-9, rel=0.3)
+
+
+def test_the_held_out_run_takes_no_part_in_the_fit(record: Record) -> None:
+    """A held-out run with another position changes its own fit and nothing of the model."""
+    first = identify(record)
+    columns = {**record.runs[1].columns}
+    columns["position_m"] = columns["position_m"][::-1].copy()
+    spoilt = replace(record, runs=(record.runs[0], replace(record.runs[1], columns=columns)))
+    second = identify(spoilt)
+    np.testing.assert_array_equal(first.model.parameters, second.model.parameters)
+    assert second.fits[1].one_step < first.fits[1].one_step
+
+
+def test_terms_and_orders_can_be_chosen(record: Record) -> None:
+    chosen = ModelChoice(ArmaxOrders(2, 3, 2), ("i1^2/g1^2", "i2^2/g2^2", "i1^2/g1", "i2^2/g2"), delta=False)
+    model = identify(record, choice=chosen).model
+    assert len(model.input_names) == 4
+    assert "delta" not in model.parameter_names
+    assert len(model.polynomials.b[0]) == 3
+
+
+def test_a_record_without_a_fit_run_or_an_input_is_refused(record: Record) -> None:
+    held = tuple(replace(run, role="held-out") for run in record.runs)
+    with pytest.raises(InputError, match="no run with role fit"):
+        identify(replace(record, runs=held))
+    columns = {k: v for k, v in record.runs[0].columns.items() if not k.startswith("current")}
+    with pytest.raises(InputError, match="ARMAX needs position_m and at least one of"):
+        identify(replace(record, runs=(replace(record.runs[0], columns=columns),)))
