@@ -4,8 +4,10 @@ The verbs of the command line as functions of records; results carry the JSON's 
 first used, so that a control engineer needs no finite elements.
 """
 
+import sys
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from types import ModuleType
 from typing import Any
 
 _VERBS = {
@@ -29,11 +31,20 @@ except PackageNotFoundError:  # a checkout that is not installed
     __version__ = "0"
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _VERBS:
-        raise AttributeError(f"module 'msl_fem' has no attribute '{name}'")
-    return getattr(import_module(_VERBS[name]), name)
+class _Door(ModuleType):
+    """The package as a module whose verbs stay functions, where a module has the same name (sweep, operating_map) too."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _VERBS and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _VERBS:
+            raise AttributeError(f"module 'msl_fem' has no attribute '{name}'")
+        return getattr(import_module(_VERBS[name]), name)
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *_VERBS})
 
 
-def __dir__() -> list[str]:
-    return [*globals(), *__all__]
+sys.modules[__name__].__class__ = _Door

@@ -170,6 +170,9 @@ def _currents(p: ControllerParameters, state: Array, force: float, measured: flo
     """
     inverse = p.inverse
     command[0] = command[1] = 0.0
+    if not np.isfinite(force):  # a reading that is no number: no current, and it is counted
+        state[N_VIOLATION] += 1
+        return 0.0
     side = 0 if force >= 0 else 1
     if force == 0.0:
         state[N_PREFERRED] += 1

@@ -83,6 +83,16 @@ def test_the_integral_does_not_wind_up_while_the_force_is_cut():
     assert states[1][INTEGRAL] > 0
 
 
+def test_a_reading_that_is_no_number_switches_the_currents_off():
+    p = servo_design().parameters
+    state, command = controller_state(p), np.zeros(2)
+    for y in (0.0, np.nan, 0.0, 0.0):
+        controller_step(p, state, np.array([0.2e-3, 0.0, 0.0]), y, command)
+        assert (command > 0).any() == (state[N_VIOLATION] == 0)
+        assert np.isfinite(command).all()
+    assert state[N_VIOLATION] == 3
+
+
 def test_outside_the_map_nothing_is_commanded_and_a_violation_is_counted():
     p = servo_design().parameters
     state, command = controller_state(p), np.zeros(2)

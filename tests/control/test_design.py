@@ -75,6 +75,12 @@ def test_a_weak_magnet_shortens_the_reach():
     assert limit > 2 * float(TABLE.force(0.68, 0.6e-3 - weak.reach[1] - 0.01e-3))
 
 
+def test_without_a_suspension_the_reach_ends_where_a_gap_leaves_the_map():
+    free = design_controller(servo(motion={"stiffness": 0.0, "range": 0.59e-3}), TABLE, servo_map())
+    assert free.reach[1] == -free.reach[0] == pytest.approx(0.55e-3, abs=0.006e-3)
+    assert {f.magnet_stiffness for f in free.frozen} == {0.0}
+
+
 def test_one_side_holds_one_half():
     one = design_controller(servo(sides={"count": 1}), TABLE, servo_map())
     assert one.reach == (0.0, 0.5e-3)

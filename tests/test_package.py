@@ -1,0 +1,39 @@
+"""The package's door: its verbs are functions, whatever was imported before."""
+
+import subprocess
+import sys
+
+import pytest
+
+import msl_fem
+
+VERBS = ("load_actuator", "solve", "sweep", "operating_map", "simulate", "identify", "design_controller")
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_verb_is_a_function_every_time(verb: str) -> None:
+    assert callable(getattr(msl_fem, verb))
+    assert callable(getattr(msl_fem, verb)), "and still is after its module was imported"
+    assert verb in dir(msl_fem)
+
+
+def test_modules_of_a_verb_s_name_can_still_be_imported_from() -> None:
+    from msl_fem.operating_map import Guard
+    from msl_fem.sweep import default_grid
+
+    assert Guard.__name__ == "Guard"
+    assert callable(default_grid)
+    with pytest.raises(AttributeError, match="no attribute 'conjure'"):
+        _ = msl_fem.conjure
+
+
+def test_control_needs_no_finite_elements() -> None:
+    """With scikit-fem and netgen made unimportable, the model half works."""
+    code = (
+        "import sys\n"
+        "sys.modules['skfem'] = sys.modules['netgen'] = None\n"
+        "import msl_fem.control, msl_fem.identification, msl_fem.coupled_model, msl_fem.operating_map\n"
+        "import msl_fem; assert callable(msl_fem.simulate) and callable(msl_fem.operating_map)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
