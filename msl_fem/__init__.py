@@ -32,7 +32,7 @@ except PackageNotFoundError:  # a checkout that is not installed
 
 
 class _Door(ModuleType):
-    """The package as a module whose verbs stay functions, where a module has the same name (sweep, operating_map) too."""
+    """The package as a module whose verbs stay functions beside modules of the same name (sweep, operating_map)."""
 
     def __setattr__(self, name: str, value: object) -> None:
         if not (name in _VERBS and isinstance(value, ModuleType)):

@@ -99,6 +99,11 @@ class ECore(FrozenModel):
                 f"pole_chamfer {format_quantity(self.pole_chamfer, 'm')} is above "
                 f"{format_quantity(largest, 'm')}, a quarter of the thinnest pole; make it smaller"
             )
+        if self.air is not None and self.air.side <= self.armature_overhang:
+            raise ValueError(
+                f"air.side {format_quantity(self.air.side, 'm')} counts from the core and must be above armature_overhang "
+                f"{format_quantity(self.armature_overhang, 'm')}; make the air box wider"
+            )
         return self
 
     @property
@@ -156,10 +161,28 @@ class TableMagnet(FrozenModel):
 
 
 class MeshMagnet(FrozenModel):
-    """A magnet whose section is a mesh with named regions."""
+    """A magnet whose whole plane section is a mesh of straight triangles with named regions.
+
+    Regions: core*, armature* (what moves), coil+*, coil-* (turns that carry the current out of the plane, into it) and
+    air*, which surrounds all; A = 0 on the mesh's edge.
+
+    Attributes
+    ----------
+    mesh : a gmsh file with physical names, or another format of meshio with named cell sets; relative to the file
+    length_unit : the length of one unit of the mesh's coordinates, like "1 mm"; metres without it
+    gap : the air gap that the mesh was made at
+    pull : the direction in which the armature is attracted
+    turns : of all regions coil+* together, and of coil-*
+    """
 
     kind: Literal["mesh"]
     mesh: str
+    length_unit: Length = 1.0
+    stack_depth: Length
+    gap: Length
+    pull: Literal["+x", "-x", "+y", "-y"] = "+y"
+    turns: Annotated[int, Field(gt=0)]
+    iron: Iron
 
 
 class Sides(FrozenModel):
@@ -256,6 +279,13 @@ class Actuator(FrozenModel):
             raise ActuatorError(
                 f"{self.name}: the field solution needs [magnet] kind = \"e-core\", this one is '{kind}'"
             )
+        return self.magnet
+
+    def mesh_magnet(self) -> MeshMagnet:
+        """The magnet, where it is a mesh; ActuatorError otherwise."""
+        if not isinstance(self.magnet, MeshMagnet):
+            kind = self.magnet.kind if self.magnet else "none"
+            raise ActuatorError(f"{self.name}: this needs [magnet] kind = \"mesh\", this one is '{kind}'")
         return self.magnet
 
     def coil_resistance(self) -> float:

@@ -69,7 +69,7 @@ def fit_coenergy_surface(gap: Array, current: Array, nodes: dict[str, Array]) ->
         mirrored = make_interp_spline(np.r_[-current[:0:-1], current], np.r_[edge[:0:-1], edge], k=min(5, n_i - 1))
         data[row, :n_i], data[row, n_i : 2 * n_i] = edge, mirrored(current, 1)
         data[row, -1] = curvature(gap[0 if row == -2 else -1], 2) if n_g > 2 else 0.0
-    taylor = np.einsum("mpr,rs,nqs->mnpq", along_gap.taylor, data, along_current.taylor)
+    taylor = np.einsum("mpr,rs,nqs->mnpq", along_gap.taylor, data, along_current.taylor, optimize=True)
     return CoenergySurface(gap, current, np.ascontiguousarray(taylor))
 
 

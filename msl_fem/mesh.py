@@ -14,6 +14,7 @@ from msl_fem.section import Section
 Array = NDArray[np.float64]
 TOLERANCE = 1e-9  # of the box: two vertices closer than this are one
 LAYER_RATIO = 1.4  # of a far-field layer's outer to its inner outline
+GAPS = {"strip", "gap"}  # regions of air whose edges at iron are meshed in fractions of the gap
 GROWTH_CHANGES = (1.0, 0.94, 1.06, 0.88, 1.13, 0.8, 1.2, 0.7)
 
 
@@ -105,7 +106,7 @@ def _triangulate(section: Section, size: MeshSize) -> TriangleMesh:
         geometry.AppendPoint(x / scale, y / scale, maxh=at_corner.get(k, 1e9) / scale)
     names = tuple(dict.fromkeys(r.name for r in section.regions))
     for start, end, left, right in edges:
-        at_gap = "strip" in (left, right) and ({left, right} & (section.iron.keys() | {"window"}))
+        at_gap = {left, right} & GAPS and {left, right} & (section.iron.keys() | {"window"})
         between = _graded(vertices[start], vertices[end], (at_corner.get(start), at_corner.get(end)), size.growth)
         chain = [start, *(geometry.AppendPoint(x / scale, y / scale) for x, y in between), end]
         for a, b in zip(chain[:-1], chain[1:], strict=True):

@@ -53,7 +53,7 @@ class Probes:
         self.scale = 2 * section.depth  # the model is half of the section
         self.cuts = {cut.name: self._cut(cut) for cut in section.cuts}
         points, elements, self.line_weight = _mid_gap(model)
-        self.line_x, self.line_y = _gradient_maps(model, points, elements)
+        self.line_x, self.line_y = gradient_maps(model, points, elements)
 
     def _cut(self, cut: Line) -> tuple[str, sparse.csr_matrix, sparse.csr_matrix]:
         model = self.model
@@ -62,7 +62,7 @@ class Probes:
         points = start[:, None] + (end - start)[:, None] * t
         elements = model.skfem_mesh.element_finder()(*points)
         name = model.mesh.names[model.mesh.region[elements[N_SAMPLE // 2]]]
-        return (name, *_gradient_maps(model, points, elements))
+        return (name, *gradient_maps(model, points, elements))
 
     def section_flux_density(self, potential: Array) -> dict[str, SectionFluxDensity]:
         """|B| in the iron over each cut."""
@@ -109,16 +109,19 @@ def evaluate_field(probes: Probes, solution: FieldSolution) -> FieldQuantities:
 
 
 def triangle_flux_density(model: FieldModel, solution: FieldSolution) -> Array:
-    """(2, n_triangle) mean B_x, B_y of each triangle in T, at the solution's gap."""
-    gradient = model.basis.interpolate(solution.potential).grad  # (2, triangle, point)
-    weight = model.basis.dx
+    """(2, n_triangle) mean B_x, B_y (or B_r, B_z) of each triangle in T, at the solution's gap."""
+    a = model.basis.interpolate(solution.potential)
+    gradient, weight = a.grad, model.basis.dx  # (2, triangle, point)
+    if model.axisymmetric:  # r, phi, z are right-handed: phi points away from the reader of (r, z)
+        r = model.basis.global_coordinates()[0]
+        gradient, weight = -np.stack([gradient[0] + np.asarray(a) / r, gradient[1]]), weight * r
     mean = (gradient * weight).sum(axis=2) / weight.sum(axis=1)
     stretch = np.ones(mean.shape[1])
     stretch[model.mesh.elements(STRIP)] = model.mesh.gap / solution.gap
     return np.stack([mean[1] * stretch, -mean[0]])
 
 
-def _gradient_maps(
+def gradient_maps(
     model: FieldModel, points: Array, elements: NDArray[np.int64]
 ) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
     """Maps (n_point, n_dof) to dA/dx and dA/dy at points (2, n_point) in the elements given, at the mesh's gap."""

@@ -69,7 +69,7 @@ def e_core_section(magnet: ECore, gap: float) -> Section:
     air, coil = magnet.air_box, magnet.coil
     left, bottom = centre + coil.leg_clearance, gap + coil.face_clearance
     # the box beyond the strip's lines: half width, depth below y = 0, height above y = gap
-    box = np.array([max(half, wide) + air.side, magnet.armature_thickness + air.bottom, magnet.height + air.top])
+    box = np.array([half + air.side, magnet.armature_thickness + air.bottom, magnet.height + air.top])
     near = np.array([max(half, wide), magnet.armature_thickness, magnet.height]) + NEAR * half
     far = max(1.0, float((box / near).min()))
     edge, below, above = box / far

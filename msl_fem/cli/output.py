@@ -18,6 +18,7 @@ from msl_fem.whole_file import whole_file
 
 ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
 COMPUTATION_FAILED, INPUT_WRONG, INTERRUPTED = 1, 2, 130
+GO_ON = "interrupted: files are whole; run the same command again (table and study: with --resume) to go on"
 
 
 def print_result(result: Mapping[str, Any], *, as_json: bool, title: str) -> None:
@@ -122,7 +123,7 @@ def run_guarded(app: Callable[[], None]) -> int:
         say(f"failed: {_one_line(err)}")
         return COMPUTATION_FAILED
     except KeyboardInterrupt:
-        say("interrupted: files are whole; run the same command again (table and study: with --resume) to go on")
+        say(GO_ON)
         return INTERRUPTED
     except BrokenPipeError:
         return COMPUTATION_FAILED
@@ -130,6 +131,8 @@ def run_guarded(app: Callable[[], None]) -> int:
         say(f"error: {err.filename or 'file'}: {err.strerror or err}")
         return INPUT_WRONG
     except SystemExit as leaving:
+        if leaving.code == INTERRUPTED:  # what typer makes of Ctrl-C
+            say(GO_ON)
         return leaving.code if isinstance(leaving.code, int) else (INPUT_WRONG if leaving.code else 0)
     return 0
 

@@ -5,36 +5,108 @@ from typing import Annotated, Any
 
 import typer
 
-from msl_fem.actuator import load_actuator
-from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Current, Gap, Json, read_option
+from msl_fem.actuator import MeshMagnet, load_actuator
+from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Current, Json, read_option
 from msl_fem.cli.output import print_result, say
 from msl_fem.cli.sweeping import checked_accuracy
+from msl_fem.errors import InputError
 from msl_fem.export.vtu import write_vtu
 from msl_fem.magnet_field import PointResult, solve_with_field
+from msl_fem.mesh_magnet import solve_mesh_magnet
 from msl_fem.report.field_picture import draw_field, save_picture
+from msl_fem.two_sided import TwoSidedResult, solve_two_sided
+from msl_fem.two_sided_section import TwoSidedPosition
 
 
 def command(
     actuator: ActuatorFile,
     current: Current,
-    gap: Gap,
+    gap: Annotated[
+        str | None, typer.Option(help='Air gap, like "0.5 mm"; a magnet given by a mesh has its own.')
+    ] = None,
+    current_2: Annotated[str | None, typer.Option("--current-2", help="Coil current of side 2: both magnets.")] = None,
+    gap_2: Annotated[str | None, typer.Option("--gap-2", help="Air gap of side 2: both magnets.")] = None,
+    tilt: Annotated[str | None, typer.Option(help='Tilt of the armature between both magnets, like "1 mrad".')] = None,
     accuracy: AccuracyLevel = "normal",
     picture: Annotated[Path | None, typer.Option(help="Write a PNG of |B| and flux lines.")] = None,
     vtu: Annotated[Path | None, typer.Option(help="Write the field for ParaView.")] = None,
     json: Json = False,
 ) -> None:
-    """One field solution of one magnet: force by two routes, flux linkage, coenergy, flux density on sections."""
-    it = load_actuator(actuator)
-    result, field, solution = solve_with_field(
-        it, read_option("--current", current, "A"), read_option("--gap", gap, "m"), accuracy=checked_accuracy(accuracy)
-    )
-    if picture is not None:
-        save_picture(draw_field(field, solution, title=f"{it.name}: {current}, gap {gap}"), picture)
-    if vtu is not None:
-        write_vtu(field, solution, vtu)
-    for note in result.notes:
+    """One field solution of one magnet, or with --current-2 and --gap-2 of both and the armature they share.
+
+    Force by two routes, flux linkage, coenergy, flux density on sections.
+    """
+    it, level = load_actuator(actuator), checked_accuracy(accuracy)
+    amperes, metres = read_option("--current", current, "A"), _read_gap("--gap", gap)
+    two_sided = (current_2, gap_2, tilt) != (None, None, None)
+    from_mesh = isinstance(it.magnet, MeshMagnet)
+    if (two_sided or from_mesh) and (picture or vtu):
+        raise InputError("--picture and --vtu draw the field of one E-core; leave them out here")
+    title = f"{it.name}: one magnet at {current}" + (f", gap {gap}" if gap else "")
+    if two_sided:
+        position, currents = _position(metres, gap_2, tilt), (amperes, _current_2(current_2))
+        found = solve_two_sided(it, currents, position, accuracy=level)
+        _say_notes(found.notes)
+        print_result(two_sided_fields(found), as_json=json, title=f"{it.name}: both magnets")
+        return
+    if from_mesh:
+        result = solve_mesh_magnet(it, amperes, metres, accuracy=level)
+    else:
+        if metres is None:
+            raise InputError('--gap is missing; give the air gap, like --gap "0.5 mm"')
+        result, field, solution = solve_with_field(it, amperes, metres, accuracy=level)
+        if picture is not None:
+            save_picture(draw_field(field, solution, title=f"{it.name}: {current}, gap {gap}"), picture)
+        if vtu is not None:
+            write_vtu(field, solution, vtu)
+    _say_notes(result.notes)
+    print_result(solve_fields(result), as_json=json, title=title)
+
+
+def _read_gap(name: str, text: str | None) -> float | None:
+    return None if text is None else read_option(name, text, "m")
+
+
+def _current_2(text: str | None) -> float:
+    if text is None:
+        raise InputError('--current-2 is missing; give the current of side 2, like --current-2 "0 A"')
+    return read_option("--current-2", text, "A")
+
+
+def _position(gap_1: float | None, gap_2: str | None, tilt: str | None) -> TwoSidedPosition:
+    """Where the armature stands; InputError where a gap is missing."""
+    second = _read_gap("--gap-2", gap_2)
+    if gap_1 is None or second is None:
+        raise InputError('both gaps are needed for both magnets; give --gap "0.5 mm" and --gap-2 "0.5 mm"')
+    return TwoSidedPosition(gap_1, second, 0.0 if tilt is None else read_option("--tilt", tilt, "rad"))
+
+
+def _say_notes(notes: tuple[str, ...]) -> None:
+    for note in notes:
         say(f"note: {note}")
-    print_result(solve_fields(result), as_json=json, title=f"{it.name}: one magnet at {current}, gap {gap}")
+
+
+def two_sided_fields(result: TwoSidedResult) -> dict[str, Any]:
+    """The JSON fields of `solve` with both magnets; the force's error estimate is in N here."""
+    q, (current_1, current_2), position = result.quantities, result.currents, result.position
+    return {
+        "current_1_A": current_1,
+        "current_2_A": current_2,
+        "gap_1_m": position.gap_1,
+        "gap_2_m": position.gap_2,
+        "tilt_rad": position.tilt,
+        "net_force_N": q.net_force,
+        "net_force_stress_tensor_N": q.net_force_stress_tensor,
+        "side_force_N": q.side_force,
+        "torque_Nm": q.torque,
+        "flux_linkage_1_Wb": q.flux_linkage_1,
+        "flux_linkage_2_Wb": q.flux_linkage_2,
+        "coenergy_J": q.coenergy,
+        "net_force_error_estimate_N": result.force_error_estimate,
+        "unknowns": result.unknowns,
+        "newton_iterations": result.newton_iterations,
+        "notes": list(result.notes),
+    }
 
 
 def solve_fields(result: PointResult) -> dict[str, Any]:

@@ -6,11 +6,13 @@ from typing import Annotated
 
 import typer
 
-from msl_fem.actuator import load_actuator
+from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json, read_options
 from msl_fem.cli.output import print_result, progress_bar, say
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
 from msl_fem.errors import InputError
+from msl_fem.measured_table import table_from_measurements
+from msl_fem.record import load_record
 from msl_fem.sweep import SweepSettings, default_grid, sweep
 from msl_fem.sweep_cache import RowCache
 from msl_fem.table import write_table
@@ -27,10 +29,23 @@ def command(
         str | None, typer.Option(metavar="ADDRESS", help="Solve on a dask.distributed cluster.")
     ] = None,
     resume: Annotated[bool, typer.Option(help="Take finished rows of an interrupted run.")] = False,
+    measured: Annotated[
+        Path | None,
+        typer.Option(metavar="RECORD", help="Fit the table to the static.csv of this record; no fields are solved."),
+    ] = None,
     json: Json = False,
 ) -> None:
-    """The force/flux table over gap and current; without grids, from the actuator's ranges."""
+    """The force/flux table over gap and current; without grids, from the actuator's ranges.
+
+    With --measured, one coenergy surface is fitted to the measured forces and flux linkages of one magnet, weighted by
+    the noise that rig.toml states; the table spans the measured gaps and currents and never more.
+    """
     it = load_actuator(actuator)
+    if measured is not None:
+        if scheduler is not None or workers or resume:
+            raise InputError("--measured solves no fields: leave out --workers, --scheduler and --resume")
+        _fit_measured(it, measured, output, gaps=gaps, currents=currents, json=json)
+        return
     if scheduler is not None and workers:
         raise InputError("give --workers or --scheduler, not both")
     if (currents is None) != (gaps is None):
@@ -55,3 +70,28 @@ def command(
     for note in report.notes:
         say(f"note: {note}")
     print_result({"table": str(output), **asdict(report)}, as_json=json, title=f"{it.name}: table {output}")
+
+
+def _fit_measured(
+    it: Actuator, folder: Path, output: Path, *, gaps: str | None, currents: str | None, json: bool
+) -> None:
+    record = load_record(folder)
+    if record.static is None:
+        raise InputError(f"{folder}: the record has no static.csv to fit a table to")
+    made, report = table_from_measurements(
+        record.static,
+        record.noise,
+        gaps=read_options("--gaps", gaps, "m") if gaps is not None else None,
+        currents=read_options("--currents", currents, "A") if currents is not None else None,
+        provenance={
+            "actuator": it.name,
+            "actuator_sha256": it.digest,
+            "record": folder.name,
+            "record_actuator": record.actuator.name,
+            "origin": record.origin,
+        },
+    )
+    write_table(made, output)
+    for note in report.notes:
+        say(f"note: {note}")
+    print_result({"table": str(output), **asdict(report)}, as_json=json, title=f"{it.name}: measured table {output}")

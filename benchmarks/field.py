@@ -1,0 +1,74 @@
+"""E1's 60 points: msl_fem beside NGSolve in one run, alternating, one thread: CPU seconds and largest errors.
+
+    python benchmarks/field.py [--runs 5] [--peer-python PYTHON_WITH_NGSOLVE]
+
+NGSolve comes with the extra `bench`. Its settings are the best found at each error. The result is a Markdown table.
+"""
+
+import argparse
+import csv
+import json
+import os
+import statistics
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+REFERENCE = HERE.parent / "tests" / "reference" / "reference.csv"
+OURS = {"fast": {"accuracy": "fast"}, "normal": {"accuracy": "normal"}, "fine": {"accuracy": "fine"}}
+PEER = {
+    "P3, 2 layers": {"order": 3, "levels": 2, "corner": 1.5},
+    "P3, 2 layers, finer": {"order": 3, "levels": 2, "corner": 1.0},
+    "P4, 3 layers": {"order": 4, "levels": 3, "corner": 1.0},
+    "P5, 4 layers": {"order": 5, "levels": 4, "corner": 1.0},
+}
+
+
+def run(python: str, script: str, settings: dict[str, object]) -> dict[str, object]:
+    """One run in its own process with one thread; its JSON line."""
+    environment = dict(os.environ, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
+    command = [python, str(HERE / script), json.dumps(settings)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    return dict(json.loads(done.stdout.strip().splitlines()[-1]))
+
+
+def errors(found: dict[str, object]) -> tuple[float, float]:
+    """Largest relative error of force and flux linkage over the reference's points, in the order of gaps, currents."""
+    with REFERENCE.open() as stream:
+        rows = sorted(csv.DictReader(stream), key=lambda r: (float(r["gap_mm"]), float(r["current_A"])))
+    out = []
+    for name, column in (("force", "force_N"), ("flux_linkage", "flux_linkage_Wb")):
+        values = found[name]
+        assert isinstance(values, list)
+        out.append(max(abs(v / float(r[column]) - 1) for v, r in zip(values, rows, strict=True)))
+    return out[0], out[1]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--peer-python", default=sys.executable)
+    given = parser.parse_args()
+    seconds: dict[str, list[float]] = {}
+    worst: dict[str, tuple[float, float]] = {}
+    for _ in range(given.runs):
+        for tool, python, script, cases in (
+            ("msl_fem", sys.executable, "ours_field.py", OURS),
+            ("NGSolve", given.peer_python, "peer_ngsolve.py", PEER),
+        ):
+            for name, settings in cases.items():
+                label = f"{tool}, {name}"
+                found = run(python, script, settings)
+                seconds.setdefault(label, []).append(float(str(found["cpu_seconds"])))
+                worst[label] = errors(found)
+    print(
+        "| solver | CPU s, median (min ... max) | largest force error | largest flux error |\n| --- | --- | --- | --- |"
+    )
+    for label, values in seconds.items():
+        spread = f"{statistics.median(values):.2f} ({min(values):.2f} ... {max(values):.2f})"
+        print(f"| {label} | {spread} | {worst[label][0]:.1e} | {worst[label][1]:.1e} |")
+
+
+if __name__ == "__main__":
+    main()
