@@ -101,8 +101,8 @@ class ECore(FrozenModel):
             )
         if self.air is not None and self.air.side <= self.armature_overhang:
             raise ValueError(
-                f"air.side {format_quantity(self.air.side, 'm')} counts from the core and must be above armature_overhang "
-                f"{format_quantity(self.armature_overhang, 'm')}; make the air box wider"
+                f"air.side {format_quantity(self.air.side, 'm')} counts from the core and must be above "
+                f"armature_overhang {format_quantity(self.armature_overhang, 'm')}; make the air box wider"
             )
         return self
 

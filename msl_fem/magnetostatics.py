@@ -360,12 +360,13 @@ def expected_error(trail: Sequence[float]) -> float:
     """The relative error that the last of Newton's steps leaves, from the relative sizes of the steps so far.
 
     Where three steps in a row fall fast, each is a constant times the square of the one before (Kantorovich), and the
-    error is about the step that would come next; else no more can be said than that it is below the last step. Two
-    steps do not tell: the first one from nothing is as large as the field, whatever follows.
+    error is about the step that would come next, which is taken ten times here, for curves that are smooth piece by
+    piece; else no more can be said than that it is below the last step. Two steps do not tell: the first one from
+    nothing is as large as the field, whatever follows.
     """
     last = trail[-1]
     falling = len(trail) >= 3 and last <= 0.3 * trail[-2] and trail[-2] <= 0.3 * trail[-3]
-    return last * (last / trail[-2]) ** 2 if falling and last <= 1e-2 else last
+    return min(last, 10 * last * (last / trail[-2]) ** 2) if falling and last <= 1e-2 else last
 
 
 def _line_search(

@@ -81,10 +81,10 @@ class Outcome:
         """The one line of a user's mistake: exit 2, nothing on stdout, no traceback."""
         assert self.status == 2, (self.status, self.stderr)
         assert self.stdout == ""
-        lines = [line for line in self.stderr.splitlines() if line.strip() and "━" not in line and "/" not in line[:30]]
         assert "Traceback" not in self.stderr
-        assert len([line for line in lines if line.startswith("error:")]) == 1, self.stderr
-        return next(line for line in lines if line.startswith("error:"))
+        errors = [line for line in self.stderr.splitlines() if line.startswith("error:")]
+        assert len(errors) == 1, self.stderr
+        return errors[0]
 
 
 @pytest.fixture
