@@ -24,6 +24,9 @@ PEER = {
     "P5, 4 layers": {"order": 5, "levels": 4, "corner": 1.0},
 }
 
+PAIRS = (("normal", "P3, 2 layers, finer"), ("fine", "P5, 4 layers"))
+"""Ours against the peer's cheapest that is about as exact, or less."""
+
 
 def run(python: str, script: str, settings: dict[str, object]) -> dict[str, object]:
     """One run in its own process with one thread; its JSON line."""
@@ -52,6 +55,7 @@ def main() -> None:
     given = parser.parse_args()
     seconds: dict[str, list[float]] = {}
     worst: dict[str, tuple[float, float]] = {}
+    memory: dict[str, float] = {}
     for _ in range(given.runs):
         for tool, python, script, cases in (
             ("msl_fem", sys.executable, "ours_field.py", OURS),
@@ -62,12 +66,16 @@ def main() -> None:
                 found = run(python, script, settings)
                 seconds.setdefault(label, []).append(float(str(found["cpu_seconds"])))
                 worst[label] = errors(found)
-    print(
-        "| solver | CPU s, median (min ... max) | largest force error | largest flux error |\n| --- | --- | --- | --- |"
-    )
+                memory[label] = float(str(found.get("peak_memory_MB", "nan")))
+    print("| solver | CPU s, median (min ... max) | largest force error | largest flux error | peak memory |")
+    print("| --- | --- | --- | --- | --- |")
     for label, values in seconds.items():
         spread = f"{statistics.median(values):.2f} ({min(values):.2f} ... {max(values):.2f})"
-        print(f"| {label} | {spread} | {worst[label][0]:.1e} | {worst[label][1]:.1e} |")
+        size = f"{memory[label]:.0f} MB" if memory[label] == memory[label] else "-"
+        print(f"| {label} | {spread} | {worst[label][0]:.1e} | {worst[label][1]:.1e} | {size} |")
+    for ours, peer in PAIRS:
+        ratios = [a / b for a, b in zip(seconds[f"msl_fem, {ours}"], seconds[f"NGSolve, {peer}"], strict=True)]
+        print(f"\n{ours} over {peer}: median {statistics.median(ratios):.2f} ({min(ratios):.2f} ... {max(ratios):.2f})")
 
 
 if __name__ == "__main__":

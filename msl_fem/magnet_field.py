@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator, ECore
 from msl_fem.blas_threads import one_blas_thread
+from msl_fem.end_effects import deeper_air
 from msl_fem.errors import InputError
 from msl_fem.magnetostatics import FieldModel, FieldSolution, NewtonSettings, field_response, solve_field
 from msl_fem.material import AnalyticIron, Iron, laminated, load_iron
@@ -38,7 +39,7 @@ class Discretisation:
 
 LEVELS: dict[str, Discretisation] = {
     "fast": Discretisation(MeshSize(corner=0.1, gap=1.5, iron=0.6, growth=0.7), 2),
-    "normal": Discretisation(MeshSize(corner=0.01, gap=2.0, iron=0.5, growth=0.5), 2),
+    "normal": Discretisation(MeshSize(corner=0.02, gap=2.0, iron=0.6, growth=0.5), 2),
     "fine": Discretisation(MeshSize(corner=0.005, gap=1.5, iron=0.5, growth=0.5), 3),
 }
 
@@ -66,17 +67,26 @@ class PointResult:
 class MagnetField:
     """A magnet's section meshed for gaps near `mesh.gap`, ready to be solved at any current and gap.
 
-    Raises ActuatorError, MaterialError or ComputationError (mesher).
+    With `end_effects` the air of strip and window is deeper than the stack. Raises ActuatorError, MaterialError or
+    ComputationError (mesher).
     """
 
-    def __init__(self, magnet: ECore, mesh: TriangleMesh, *, folder: Path, order: int) -> None:
-        self.magnet, self.folder, self.order = magnet, folder, order
+    def __init__(
+        self, magnet: ECore, mesh: TriangleMesh, *, folder: Path, order: int, end_effects: bool = False
+    ) -> None:
+        self.magnet, self.folder, self.order, self.end_effects = magnet, folder, order, end_effects
         self.section: Section = e_core_section(magnet, mesh.gap)
         self.irons: dict[str, Iron | AnalyticIron] = {
             region: laminated(load_iron(name, folder=folder), stacking)
             for region, (name, stacking) in self.section.iron.items()
         }
-        self.model = FieldModel(mesh, self.irons, turns_density=self.section.turns_density, order=order)
+        self.model = FieldModel(
+            mesh,
+            self.irons,
+            turns_density=self.section.turns_density,
+            order=order,
+            air_depth=deeper_air(magnet) if end_effects else None,
+        )
         self.probes = Probes(self.model, self.section)
 
     def solve(self, current: float, gap: float, *, start: Array | None = None) -> FieldSolution:
@@ -93,7 +103,8 @@ class MagnetField:
 
     def refined(self) -> "MagnetField":
         """The same mesh with one polynomial degree more."""
-        return MagnetField(self.magnet, self.model.mesh, folder=self.folder, order=self.order + 1)
+        mesh, order = self.model.mesh, self.order + 1
+        return MagnetField(self.magnet, mesh, folder=self.folder, order=order, end_effects=self.end_effects)
 
 
 def magnet_mesh(magnet: ECore, gap: float, accuracy: Accuracy = "normal") -> TriangleMesh:

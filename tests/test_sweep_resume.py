@@ -37,9 +37,16 @@ def arguments(output: Path, *more: str) -> list[str]:
 
 def start(output: Path, *more: str) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "msl_fem.cli", *arguments(output, *more)]
-    # a session of its own, so that a signal to its group is Ctrl-C in its terminal
+    # A session of its own, so that a signal to its group is Ctrl-C in its terminal; and SIGINT not ignored, as it is in
+    # whatever a shell started in the background.
     return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True, cwd=output.parent
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        cwd=output.parent,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
 
