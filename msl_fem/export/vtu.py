@@ -12,7 +12,7 @@ from msl_fem.whole_file import whole_file
 
 
 def write_vtu(field: MagnetField, solution: FieldSolution, path: Path) -> None:
-    """The half section with A_z (Wb/m, at the corners), B (T, mean of each triangle) and the region's index.
+    """The half section with A_z (Wb/m, at the corners), B (T, mean of each triangle), region index; solid: iron, copper.
 
     Raises
     ------
@@ -24,11 +24,17 @@ def write_vtu(field: MagnetField, solution: FieldSolution, path: Path) -> None:
     potential = solution.potential[model.basis.nodal_dofs[0]]
     b = triangle_flux_density(model, solution)
     cells = [("triangle", mesh.triangles.T)]
+    solid = np.zeros(mesh.region.size, dtype=np.int32)
+    solid[mesh.elements(*model.irons, *field.section.turns_density)] = 1
     data = meshio.Mesh(
         np.column_stack([x, y, np.zeros_like(x)]),
         cells,
         point_data={"A_z": potential},
-        cell_data={"B": [np.column_stack([*b, np.zeros_like(b[0])])], "region": [mesh.region.astype(np.int32)]},
+        cell_data={
+            "B": [np.column_stack([*b, np.zeros_like(b[0])])],
+            "region": [mesh.region.astype(np.int32)],
+            "solid": [solid],
+        },
     )
     with whole_file(path) as partial:
         meshio.write(partial, data, file_format="vtu")

@@ -25,4 +25,4 @@ def test_a_reader_finds_flux_through_the_centre_leg(tmp_path: Path) -> None:
     b_y = read.cell_data["B"][0][leg, 1].mean()
     linkage = field.quantities(solution).flux_linkage
     assert abs(b_y) * 0.01 * 0.02 * 200 == pytest.approx(linkage, rel=0.02)
-    assert set(read.cell_data) == {"B", "region"}
+    assert set(read.cell_data) == {"B", "region", "solid"}
