@@ -12,7 +12,7 @@ from msl_fem.whole_file import whole_file
 
 
 def write_vtu(field: MagnetField, solution: FieldSolution, path: Path) -> None:
-    """The half section with A_z (Wb/m, at the corners), B (T, mean of each triangle), region index; solid: iron, copper.
+    """The half section with A_z (Wb/m, at the corners), B (T, mean of each triangle), region's index; solid: not air.
 
     Raises
     ------
