@@ -25,13 +25,15 @@ Current = Annotated[float, In("A"), Field(gt=0)]
 Resistance = Annotated[float, In("ohm"), Field(gt=0)]
 PositionNoise = Annotated[float, In("m"), Field(ge=0)]
 CurrentNoise = Annotated[float, In("A"), Field(ge=0)]
+Turns = Annotated[int, Field(gt=0, le=1_000_000)]
+LARGEST_MAGNET, THINNEST = 10.0, 1e-3  # m; of the largest length: beyond, the mesher has nothing to hold on to
 Fraction = Annotated[float, Field(gt=0, le=1)]
 
 
 class Coil(FrozenModel):
     """The coil on the centre leg: `turns` in each half window, a rectangle `width` by `height`."""
 
-    turns: Annotated[int, Field(gt=0)]
+    turns: Turns
     width: Length
     height: Length
     leg_clearance: Clearance
@@ -65,6 +67,15 @@ class Air(FrozenModel):
     top: Length
 
 
+_SECTION_LENGTHS = (
+    "centre_leg_width", "outer_leg_width", "window_width", "window_height", "yoke_thickness", "armature_thickness",
+)  # fmt: skip
+
+
+def _metres(value: float) -> str:
+    return format_quantity(value, "m")
+
+
 class ECore(FrozenModel):
     """A laminated E-core with its coil on the centre leg, facing a flat armature."""
 
@@ -81,6 +92,44 @@ class ECore(FrozenModel):
     coil: Coil
     iron: Iron
     air: Air | None = None
+
+    @model_validator(mode="after")
+    def _lengths_belong_to_one_magnet(self) -> "ECore":
+        coil = self.coil
+        lengths = {name: float(getattr(self, name)) for name in _SECTION_LENGTHS}
+        lengths |= {"coil.width": coil.width, "coil.height": coil.height}
+        largest = max(lengths.values())
+        if largest > LARGEST_MAGNET:
+            name = max(lengths, key=lengths.__getitem__)
+            raise ValueError(f"{name} {_metres(largest)} is above {_metres(LARGEST_MAGNET)}; look at its unit")
+        smallest = THINNEST * largest
+        clearances = {
+            "armature_overhang": self.armature_overhang,
+            "pole_chamfer": self.pole_chamfer,
+            "coil.leg_clearance": coil.leg_clearance,
+            "coil.face_clearance": coil.face_clearance,
+        }
+        for name, value in (lengths | {n: v for n, v in clearances.items() if v > 0}).items():
+            if value < smallest:
+                or_zero = ", or 0" if name in clearances else ""
+                raise ValueError(
+                    f"{name} {_metres(value)} is below {_metres(smallest)}, a thousandth of the magnet's largest "
+                    f"length; make it larger{or_zero}"
+                )
+        margins = {f"air.{n}": float(getattr(self.air, n)) for n in ("side", "bottom", "top")} if self.air else {}
+        for name, value in (margins | {"armature_overhang": self.armature_overhang}).items():
+            lowest = smallest if name in margins else 0.0
+            if not lowest <= value <= 100 * largest:
+                raise ValueError(
+                    f"{name} {_metres(value)} is not allowed; with this magnet it must be "
+                    f"{_metres(lowest)} ... {_metres(100 * largest)}"
+                )
+        if not smallest <= self.stack_depth <= LARGEST_MAGNET:
+            raise ValueError(
+                f"stack_depth {_metres(self.stack_depth)} is not allowed; with this magnet it must be "
+                f"{_metres(smallest)} ... {_metres(LARGEST_MAGNET)}"
+            )
+        return self
 
     @model_validator(mode="after")
     def _coil_fits_its_window(self) -> "ECore":
@@ -181,7 +230,7 @@ class MeshMagnet(FrozenModel):
     stack_depth: Length
     gap: Length
     pull: Literal["+x", "-x", "+y", "-y"] = "+y"
-    turns: Annotated[int, Field(gt=0)]
+    turns: Turns
     iron: Iron
 
 
@@ -189,7 +238,7 @@ class Sides(FrozenModel):
     """How many magnets pull, and how those of a side are connected."""
 
     count: Literal[1, 2]
-    magnets_per_side: Annotated[int, Field(gt=0)]
+    magnets_per_side: Annotated[int, Field(gt=0, le=1000)]
     connection: Literal["series", "parallel"] = "series"
     polarity: Literal["opposing", "aiding"] = "opposing"
 
@@ -236,7 +285,7 @@ class CurrentSensor(FrozenModel):
 
 class Controller(FrozenModel):
     rate: Frequency
-    delay_samples: Annotated[int, Field(ge=0)] = 0
+    delay_samples: Annotated[int, Field(ge=0, le=20)] = 0
 
 
 class Actuator(FrozenModel):

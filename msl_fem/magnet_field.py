@@ -1,5 +1,6 @@
 """The field of one actuator's magnet: section, irons, mesh and model put together, at a stated accuracy."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -46,6 +47,8 @@ LEVELS: dict[str, Discretisation] = {
 
 SMALLEST_GAP = 1e-4  # of the core's half width: a thinner strip of air cannot be meshed
 LARGEST_CURRENT_DENSITY = 1e10  # A/m2 in the copper; adiabatic, rho J^2 / (c d) is 5e5 K/s there
+
+MOST_NODES, CLOSEST = 1000, 1e-6  # of a table's gaps or currents; their distance, of the largest
 
 
 @dataclass(frozen=True)
@@ -133,16 +136,33 @@ def check_point(actuator: Actuator, current: float, gap: float) -> None:
     largest = magnet.half_width
     if not SMALLEST_GAP * largest <= gap <= largest:
         raise InputError(
-            f"gap {format_quantity(gap, 'm')} is not allowed; it must be at least "
+            f"gap {format_quantity(gap, 'm')} is not allowed; it must be above 0, at least "
             f"{format_quantity(SMALLEST_GAP * largest, 'm')} and at most the core's half width, "
             f"{format_quantity(largest, 'm')}"
         )
     most = LARGEST_CURRENT_DENSITY * magnet.coil.fill_factor * magnet.coil_section / magnet.coil.turns
     if not abs(current) <= most:
         raise InputError(
-            f"current {format_quantity(current, 'A')} is not allowed; within -{most:.4g} ... {most:.4g} A the copper "
-            f"carries at most {LARGEST_CURRENT_DENSITY:g} A/m2, which melts it in milliseconds; lower it"
+            f"current {format_quantity(current, 'A')} is not allowed; it must be finite and within "
+            f"-{most:.4g} ... {most:.4g} A: there the copper carries {LARGEST_CURRENT_DENSITY:g} A/m2, "
+            "which melts it in milliseconds; lower it"
         )
+
+
+def check_grid(actuator: Actuator, gaps: Sequence[float], currents: Sequence[float]) -> None:
+    """InputError unless a table can be made of these gaps and currents: allowed points, apart, and not too many."""
+    for gap in gaps:
+        check_point(actuator, 0.0, gap)
+    for current in currents:
+        check_point(actuator, current, gaps[0])
+    for name, values, unit in (("gaps", gaps, "m"), ("currents", currents, "A")):
+        given = np.unique([0.0, *values])
+        if given.size > MOST_NODES:
+            raise InputError(f"{given.size} {name} are more than {MOST_NODES}; make the grid coarser")
+        near = np.flatnonzero(np.diff(given) < CLOSEST * np.abs(given).max())
+        if near.size:
+            a, b = (format_quantity(float(v), unit) for v in given[near[0] : near[0] + 2])
+            raise InputError(f"{name} {a} and {b} are closer than {CLOSEST:g} of the largest; leave one of them out")
 
 
 def solve(actuator: Actuator, current: float, gap: float, *, accuracy: Accuracy = "normal") -> PointResult:

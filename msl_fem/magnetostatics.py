@@ -14,7 +14,7 @@ whole. 2 pi r A is the flux through the circle of radius r. Quadratic elements f
 less accurate in the energy norm and one order in B on the axis.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 
@@ -47,6 +47,20 @@ class NewtonSettings:
 
     tolerance: float = 1e-7
     iterations: int = 60
+
+
+@dataclass(frozen=True, eq=False)
+class AirDepth:
+    """How many times deeper than the iron the air is: its field energy at a given A is divided by that.
+
+    Attributes
+    ----------
+    strip : gap (m) to the factor k of the strip, dk/dgap and d2k/dgap2
+    regions : name of another linear region to its factor at points (2, ...) of the mesh; 1 where not named
+    """
+
+    strip: Callable[[float], tuple[float, float, float]] = lambda gap: (1.0, 0.0, 0.0)
+    regions: Mapping[str, Callable[[Array], Array]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +155,7 @@ class FieldModel:
     turns_density : region name to turns per area in 1/m2, signed
     order : polynomial degree of the potential, 2 to 4
     axisymmetric : the mesh lies in the half plane (r, z), r >= 0; results are those of the whole, not per unit depth
+    air_depth : of air that is deeper than the iron; results are per unit depth of the iron
     """
 
     def __init__(
@@ -151,8 +166,10 @@ class FieldModel:
         turns_density: Mapping[str, float],
         order: int = 2,
         axisymmetric: bool = False,
+        air_depth: AirDepth | None = None,
     ) -> None:
         self.mesh, self.order, self.axisymmetric = mesh, order, axisymmetric
+        self.air_depth = air_depth or AirDepth()
         self._linear_degree = 2 * order if axisymmetric else 2 * order - 2  # of |B|^2 r and |B|^2
         self.skfem_mesh = MeshTri(np.ascontiguousarray(mesh.points), np.ascontiguousarray(mesh.triangles))
         element = ELEMENTS[order]()
@@ -188,12 +205,14 @@ class FieldModel:
         return other
 
     def _stiffness(self, elements: NDArray[np.int64]) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
-        """Integrals of dA/dx dA'/dx and dA/dy dA'/dy over mu_0, each (n_dof, n_dof)."""
+        """Integrals of dA/dx dA'/dx and dA/dy dA'/dy over mu_0 (and the air's depth), each (n_dof, n_dof)."""
         if elements.size == 0:
             empty = sparse.csc_matrix((self.n_dof, self.n_dof))
             return empty, empty
         basis = Basis(self.skfem_mesh, ELEMENTS[self.order](), intorder=self._linear_degree, elements=elements)
         gradient, weight = _gradients(basis, self.axisymmetric)
+        if self.air_depth.regions:
+            weight = weight / self._depth_factor(elements, np.asarray(basis.global_coordinates()))
         rows = np.repeat(basis.element_dofs, basis.Nbfun, axis=0).ravel()
         columns = np.tile(basis.element_dofs, (basis.Nbfun, 1)).ravel()
         both = []
@@ -202,6 +221,14 @@ class FieldModel:
             values = np.einsum("aep,bep,ep->abe", g, g, weight / MU_0, optimize=True)
             both.append(sparse.csc_matrix((values.ravel(), (rows, columns)), shape=(self.n_dof, self.n_dof)))
         return both[0], both[1]
+
+    def _depth_factor(self, elements: NDArray[np.int64], points: Array) -> Array:
+        """The air's depth factor (element, point) outside the strip."""
+        factor = np.ones(points.shape[1:])
+        for name, depth in self.air_depth.regions.items():
+            inside = np.isin(elements, self.mesh.elements(name))
+            factor[inside] = depth(points[:, inside])
+        return factor
 
     def _source(self, turns_density: Mapping[str, float]) -> Array:
         """f (n_dof,): flux linkage (per unit depth in the plane) is f.A, and i f is the load."""
@@ -257,21 +284,37 @@ class FieldModel:
 
     def linear_product(self, potential: Array, gap: float) -> Array:
         """The product of the linear regions' stiffness at a gap with a potential, (n_dof,)."""
+        return self._strip_product(potential, gap) / self.air_depth.strip(gap)[0] + self._full[2] @ potential
+
+    def _strip_product(self, potential: Array, gap: float) -> Array:
+        """The strip's share of `linear_product`, were it as deep as the iron."""
         s = gap / self.mesh.gap
-        x, y, rest = self._full
-        return s * (x @ potential) + (y @ potential) / s + rest @ potential
+        x, y, _ = self._full
+        return s * (x @ potential) + (y @ potential) / s
+
+    def strip_energy(self, potential: Array, gap: float) -> float:
+        """Field energy of the strip, as `energy`."""
+        return 0.5 * float(potential @ self._strip_product(potential, gap)) / self.air_depth.strip(gap)[0]
 
     def strip_products(self, potential: Array, gap: float) -> tuple[Array, Array]:
         """First and second derivative with respect to the gap of `linear_product`, (n_dof,) each."""
         s = gap / self.mesh.gap
         x, y, _ = self._full
         y_product = y @ potential
-        return (x @ potential - y_product / s**2) / self.mesh.gap, 2 * y_product / s**3 / self.mesh.gap**2
+        first, second = (x @ potential - y_product / s**2) / self.mesh.gap, 2 * y_product / s**3 / self.mesh.gap**2
+        k, slope, bend = self.air_depth.strip(gap)
+        if not slope and not bend:
+            return first / k, second / k
+        product = self._strip_product(potential, gap)  # (S/k)' and (S/k)''
+        return (
+            first / k - product * slope / k**2,
+            second / k - 2 * first * slope / k**2 + product * (2 * slope**2 / k - bend) / k**2,
+        )
 
     def assemble(self, potential: Array, gap: float) -> tuple[Array, Array]:
         """Gradient of W (n_dof,), and its second derivative's values on the pattern (nnz,)."""
         s = gap / self.mesh.gap
-        data = s * self.strip_x + self.strip_y / s + self.rest
+        data = (s * self.strip_x + self.strip_y / s) / self.air_depth.strip(gap)[0] + self.rest
         gradient = self.linear_product(potential, gap)
         for part, (used, piece) in zip(self.irons.values(), self._iron_maps, strict=True):
             vector, matrix = part.residual_and_tangent(potential)

@@ -14,6 +14,8 @@ from msl_fem.postprocess import TAIL_SHARE, FieldQuantities, SectionFluxDensity
 from msl_fem.quantity import format_quantity
 from msl_fem.virtual_work import BodyForce, MovingBody, boundary_points
 
+LARGEST_AMPERE_TURNS = 1e8  # A: a coil of 1 cm2 of copper melts in milliseconds at 1e6 A
+
 Array = NDArray[np.float64]
 KINDS = ("core", "armature", "coil+", "coil-", "air")
 SAME_GAP = 1e-6  # relative: a gap asked for that differs more is another one
@@ -115,8 +117,11 @@ def solve_mesh_magnet(
             f"gap {format_quantity(gap, 'm')} is not that of the mesh, {format_quantity(magnet.gap, 'm')}; "
             "leave the gap out, or make a mesh at the gap wanted"
         )
-    if not np.isfinite(current):
-        raise InputError(f"current {current} A is not a finite number")
+    most = LARGEST_AMPERE_TURNS / magnet.turns
+    if not abs(current) <= most:
+        raise InputError(
+            f"current {current:g} A is not allowed; it must be finite, within -{most:.4g} ... {most:.4g} A"
+        )
     field = MeshField(actuator, order=LEVELS[accuracy].order)
     solution = field.solve(current)
     found = field.quantities(solution)

@@ -74,10 +74,18 @@ class Probes:
         return out
 
     def force_stress_tensor(self, solution: FieldSolution) -> float:
-        """Integral of (B_y^2 - B_x^2)/(2 mu_0) over the mid-gap line, in N (Maxwell's stress on a plane in air)."""
+        """Integral of (B_y^2 - B_x^2)/(2 mu_0) over the mid-gap line, in N (Maxwell's stress on a plane in air).
+
+        Where the strip is deeper than the iron by a factor k, B is that times the air's own, and the force -W k'/k of a
+        depth that changes with the gap is added, W the strip's energy: no stress in the section's plane knows of it.
+        """
+        k, slope, _ = self.model.air_depth.strip(solution.gap)
         b_y = -(self.line_x @ solution.potential)
         b_x = (self.line_y @ solution.potential) * (self.model.mesh.gap / solution.gap)
-        return self.scale * float(self.line_weight @ (b_y**2 - b_x**2)) / (2 * MU_0)
+        in_plane = self.scale * float(self.line_weight @ (b_y**2 - b_x**2)) / (2 * MU_0) / k
+        if not slope:
+            return in_plane
+        return in_plane - self.scale * self.model.strip_energy(solution.potential, solution.gap) * slope / k
 
 
 def evaluate_field(probes: Probes, solution: FieldSolution) -> FieldQuantities:

@@ -84,6 +84,8 @@ def format_quantity(value: float, unit: str, *, digits: int = 4) -> str:
     """A text for people, with an SI prefix: 0.0006 m -> "0.6 mm"."""
     if value == 0 or not math.isfinite(value):
         return f"{value:g} {unit}".rstrip()
+    if not 1e-12 <= abs(value) < 1e12:
+        return f"{value:.{digits}g} {unit}".rstrip()
     exponent = min(max(math.floor(math.log10(abs(value) * (1 + 1e-12)) / 3) * 3, -9), 6)
     prefix = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}[exponent]
     return f"{value / 10.0**exponent:.{digits}g} {prefix}{unit}".rstrip()

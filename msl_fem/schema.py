@@ -12,6 +12,8 @@ from msl_fem.errors import QuantityError
 from msl_fem.quantity import parse_quantity
 from msl_fem.toml_text import quantity_text
 
+LARGEST = 1e18  # of any quantity in SI units
+
 
 @dataclass(frozen=True)
 class In:
@@ -24,11 +26,18 @@ class In:
         if isinstance(given, float) or (isinstance(given, int) and not isinstance(given, bool)):
             if not math.isfinite(given):
                 raise ValueError(f"{given} is not finite")
-            return float(given)
+            return self._plausible(float(given))
         try:
-            return parse_quantity(given, self.unit)  # type: ignore[arg-type]
+            return self._plausible(parse_quantity(given, self.unit))  # type: ignore[arg-type]
         except QuantityError as err:
             raise ValueError(str(err)) from err
+
+    def _plausible(self, value: float) -> float:
+        """The value; ValueError beyond what any machine has, where squares and products would overflow later."""
+        if abs(value) > LARGEST:
+            limit = f"{LARGEST:g} {self.unit}".rstrip()
+            raise ValueError(f"{value:g} {self.unit} is out of range; in size it must be at most {limit}")
+        return value
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_before_validator_function(self.read, handler(source))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from msl_fem.actuator import Actuator
+from msl_fem.end_effects import METHOD as END_EFFECTS_METHOD
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.magnet_field import LEVELS, Accuracy, MagnetField, check_point, magnet_mesh
 from msl_fem.sweep_cache import RowCache, content_key
@@ -35,6 +36,7 @@ class SweepSettings:
     cache : folder of finished rows; None keeps none
     resume : take finished rows from the cache
     scheduler : address of a dask.distributed scheduler whose workers solve, in place of processes here
+    end_effects : correct for the flux that bulges out of gap and window at the stack's ends
     """
 
     accuracy: Accuracy = "normal"
@@ -42,6 +44,7 @@ class SweepSettings:
     cache: Path | None = None
     resume: bool = False
     scheduler: str | None = None
+    end_effects: bool = False
 
 
 @dataclass(frozen=True)
@@ -114,7 +117,7 @@ def sweep(
     started = time.process_time()
     magnet, level = actuator.e_core(), LEVELS[settings.accuracy]
     mesh = magnet_mesh(magnet, float(np.sqrt(gap[0] * gap[-1])), settings.accuracy)
-    job = Job(magnet, mesh, actuator.folder, level.order)
+    job = Job(magnet, mesh, actuator.folder, level.order, settings.end_effects)
     field = RowSolver(job).field()
     groups = (
         [Row(float(g), tuple(current.tolist())) for g in gap],
@@ -265,6 +268,7 @@ def _job_key(field: MagnetField, settings: SweepSettings) -> str:
             "mesh": [mesh.gap, mesh.points.shape, mesh.points.sum(), LEVELS[settings.accuracy]],
             "solver": [SOLVER_VERSION, field.order],
         }
+        | ({"end_effects": END_EFFECTS_METHOD} if field.end_effects else {})
     )
 
 
@@ -285,6 +289,7 @@ def _provenance(
             "gap_m": field.model.mesh.gap,
         },
         "solver": "plane A_z, damped Newton with exact tangent, virtual work",
+        "end_effects": END_EFFECTS_METHOD if field.end_effects else "none: plane section times stack depth",
         "versions": {"python": platform.python_version()}
         | {name: version(name) for name in ("msl-fem", "numpy", "scipy", "scikit-fem", "netgen-mesher", "qdldl")},
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),

@@ -38,6 +38,7 @@ class Job:
     mesh: TriangleMesh
     folder: Path
     order: int
+    end_effects: bool = False
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,9 @@ class RowSolver:
         """The field model of the job's degree, or of one more."""
         if refine not in self._fields:
             job = self.job
-            self._fields[refine] = MagnetField(job.magnet, job.mesh, folder=job.folder, order=job.order + refine)
+            self._fields[refine] = MagnetField(
+                job.magnet, job.mesh, folder=job.folder, order=job.order + refine, end_effects=job.end_effects
+            )
         return self._fields[refine]
 
     @one_blas_thread

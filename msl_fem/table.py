@@ -29,6 +29,7 @@ NODES = {
 }
 EXTRAS = {"force_stress_tensor": ("N", "force by the Maxwell stress tensor in mid-gap")}
 SECTION = "flux_density_"
+SMALLEST_GAP, LARGEST_GAP, LARGEST_VALUE = 1e-9, 100.0, 1e20  # m, m, SI: beyond are mistakes of units and damaged files
 AT_REST = 1e-9  # of the largest value: what a quantity that vanishes without current may have there
 
 
@@ -137,6 +138,17 @@ def _check(table: MagneticTable) -> None:
             raise TableError(
                 f"variable '{name}' is not finite at gap {table.gap[m]:g} m, current {table.current[n]:g} A"
             )
+    if table.gap[-1] > LARGEST_GAP or table.gap[0] < SMALLEST_GAP:
+        raise TableError(
+            f"gaps of {table.gap[0]:g} ... {table.gap[-1]:g} m are not a magnet's, allowed are "
+            f"{SMALLEST_GAP:g} ... {LARGEST_GAP:g} m; look at the unit"
+        )
+    for name in NODES:
+        if not np.abs(table.nodes[name]).max() < LARGEST_VALUE:
+            raise TableError(
+                f"variable '{name}' reaches {np.abs(table.nodes[name]).max():g} {NODES[name][0]}, above any magnet's "
+                f"({LARGEST_VALUE:g}); look at the unit"
+            )
     for name in ("coenergy", "flux_linkage", "force", "force_current_slope", "force_gap_slope"):
         values = np.abs(table.nodes[name])
         if values[:, 0].max() > AT_REST * values.max():
@@ -188,6 +200,23 @@ def _check_units(content: xr.Dataset, attributes: dict[str, Any]) -> None:
             raise TableError(f"variable '{name}' is in '{stated}', expected '{unit}'")
 
 
+def _belongs(variable: xr.DataArray) -> bool:
+    """Whether a variable is one of a table's; TableError where it is and has other dimensions."""
+    name = str(variable.name)
+    if name not in NODES | EXTRAS and not name.startswith(SECTION):
+        return False
+    if set(variable.dims) != {"gap", "current"}:
+        raise TableError(f"variable '{name}' has dimensions {variable.dims}, expected ('gap', 'current')")
+    return True
+
+
+def _real(variable: xr.DataArray) -> Array:
+    """The values; TableError where they are no real numbers."""
+    if variable.dtype.kind not in "fiu":
+        raise TableError(f"variable '{variable.name}' holds {variable.dtype}, expected real numbers")
+    return np.asarray(variable.values, dtype=float)
+
+
 def read_table(path: str | Path) -> MagneticTable:
     """The table in a NetCDF file.
 
@@ -196,15 +225,18 @@ def read_table(path: str | Path) -> MagneticTable:
     TableError : no such file, not NetCDF, or a variable is missing or contradicts the others
     """
     if not Path(path).is_file():
-        raise TableError(f"{path}: no such file; make a table with 'msl-fem table'")
+        said = "is no file" if Path(path).exists() else "no such file"
+        raise TableError(f"{path}: {said}; make a table with 'msl-fem table'")
     try:
         with xr.open_dataset(path, engine="h5netcdf") as data:
             content = data.load()
-            arrays = {str(k): v.transpose("gap", "current").values.astype(float) for k, v in content.items()}
-            gap, current = content["gap"].values.astype(float), content["current"].values.astype(float)
+            arrays = {str(k): _real(v.transpose("gap", "current")) for k, v in content.items() if _belongs(v)}
+            gap, current = _real(content["gap"]), _real(content["current"])
             attributes = dict(content.attrs)
             _check_units(content, attributes)
-            provenance = json.loads(attributes.get("provenance", "{}"))
+            provenance = json.loads(attributes.get("provenance", "{}")) or {}
+            if not isinstance(provenance, dict):
+                raise TableError("attribute 'provenance' must be a JSON object")
             names = ("mesh_error", "interpolation_error", "reciprocity_error")
             errors = {name: float(attributes.get(name, "nan")) for name in names}
     except Exception as err:  # the HDF5 stack raises errors of many kinds on a damaged file

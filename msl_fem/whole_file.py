@@ -9,6 +9,18 @@ from pathlib import Path
 from msl_fem.errors import InputError
 
 
+def check_target(target: Path) -> None:
+    """InputError, before the work begins, where `whole_file` could not put a file."""
+    if target.is_dir():
+        raise InputError(f"{target}: cannot be written (Is a directory); choose another name")
+    nearest = next(parent for parent in target.absolute().parents if parent.exists())
+    try:
+        with tempfile.TemporaryFile(dir=nearest):
+            return
+    except OSError as err:
+        raise InputError(f"{target}: cannot be written ({err.strerror}); choose another folder") from err
+
+
 @contextlib.contextmanager
 def whole_file(target: Path) -> Iterator[Path]:
     """A temporary path beside `target` that takes its place when the block ends well, and vanishes otherwise.

@@ -244,7 +244,7 @@ def test_the_digest_knows_content_and_not_comments(content: dict[str, Any], serv
 
 
 @given(
-    st.floats(min_value=1e-6, max_value=1.0),
+    st.floats(min_value=1e-4, max_value=1.0),
     st.sampled_from([("mm", 1e-3), ("um", 1e-6), ("m", 1.0), ("inch", 0.0254)]),
 )
 def test_any_unit_of_length_gives_the_same_magnet(width: float, unit: tuple[str, float]) -> None:

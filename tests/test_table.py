@@ -242,7 +242,7 @@ def test_file_of_another_kind_is_one_error(tmp_path, content):
 def test_missing_file_says_how_to_make_one(tmp_path):
     with pytest.raises(TableError, match=r"no such file.*msl-fem table"):
         read_table(tmp_path / "none.nc")
-    with pytest.raises(TableError, match="no such file"):
+    with pytest.raises(TableError, match="is no file"):
         read_table(tmp_path)
 
 

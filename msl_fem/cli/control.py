@@ -21,7 +21,7 @@ from msl_fem.control import (
 from msl_fem.coupled_model.excitation import load_excitations, reference
 from msl_fem.errors import InputError
 from msl_fem.operating_map import OperatingMap, operating_map, read_map
-from msl_fem.record import write_record
+from msl_fem.record import check_record_folder, write_record
 from msl_fem.table import MagneticTable
 
 
@@ -38,21 +38,25 @@ def command(
     peak_sensitivity: Annotated[float | None, typer.Option(help="Bound on max |S|.")] = None,
     feedforward: Annotated[bool, typer.Option(help="Two degrees of freedom, or the paper's integral alone.")] = True,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Record folder of the run.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the sensor's noise.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Of the sensor's noise.")] = 1,
     json: Json = False,
 ) -> None:
     """Design the guarded controller and run it on the believed plant."""
     if model != "table" or design != "lqr":
         raise InputError(f"--model {model} --design {design} is not available; use --model table --design lqr")
     it = load_actuator(actuator)
-    magnet_table = table_for(it, table)
-    if magnet_table is None or it.controller is None:
-        raise InputError(f"{it.name} has no [magnet] or no [controller]; control needs both")
-    regions = read_map(map_file) if map_file is not None else operating_map(magnet_table)
-    made = _design(it, magnet_table, regions, bandwidth, peak_sensitivity, feedforward)
     wanted = load_excitations(reference_, unit="m")
     if len(wanted) != 1:
         raise InputError(f"--reference names {len(wanted)} references; give one")
+    if it.magnet is None or it.controller is None:
+        raise InputError(f"{it.name} has no [magnet] or no [controller]; control needs both")
+    if output is not None:
+        check_record_folder(output)
+    given = read_map(map_file) if map_file is not None else None
+    magnet_table = table_for(it, table)
+    assert magnet_table is not None
+    regions = given if given is not None else operating_map(magnet_table)
+    made = _design(it, magnet_table, regions, bandwidth, peak_sensitivity, feedforward)
     generator = np.random.default_rng(seed)
     run = run_closed_loop(
         made,

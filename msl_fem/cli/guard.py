@@ -23,4 +23,7 @@ def command(
 
 def _or_nan(name: str, text: str, unit: str) -> float:
     """A quantity, or nan where the text says so: a controller's command can be one."""
-    return float("nan") if text.strip().lower().startswith("nan") else read_option(name, text, unit)
+    number, _, unit_text = text.strip().partition(" ")
+    if number.lower() != "nan":
+        return read_option(name, text, unit)
+    return float("nan") * read_option(name, f"1 {unit_text or unit}", unit)

@@ -10,6 +10,7 @@ from msl_fem.cli.output import print_result, say, write_json
 from msl_fem.errors import InputError
 from msl_fem.identification import ArmaxOrders, ModelChoice, identify, model_to_json
 from msl_fem.record import load_record
+from msl_fem.whole_file import check_target
 
 
 def command(
@@ -20,6 +21,8 @@ def command(
     json: Json = False,
 ) -> None:
     """ARMAX with rational inputs, fitted on the record's fit runs and judged on all."""
+    if output is not None:
+        check_target(output)
     it = load_record(record)
     for warning in it.warnings:
         say(f"note: {warning}")

@@ -14,6 +14,7 @@ from msl_fem.errors import InputError
 from msl_fem.operating_map import map_to_json, operating_map, write_map
 from msl_fem.sweep import SweepSettings, default_grid, sweep
 from msl_fem.table import MagneticTable, read_table
+from msl_fem.whole_file import check_target
 
 
 def command(
@@ -28,6 +29,8 @@ def command(
     if criterion != "mean":
         raise InputError(f"criterion '{criterion}' is not available from a table; use mean")
     wanted = read_options("--levels", levels, "T")
+    if output is not None:
+        check_target(output)
     made = operating_map(_table_of(source, accuracy), levels=wanted)
     if output is not None:
         write_map(made, output)

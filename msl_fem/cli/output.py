@@ -18,6 +18,7 @@ from msl_fem.whole_file import whole_file
 
 ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
 COMPUTATION_FAILED, INPUT_WRONG, INTERRUPTED = 1, 2, 130
+LONGEST = 1200  # characters of an error's line
 GO_ON = "interrupted: files are whole; run the same command again (table and study: with --resume) to go on"
 
 
@@ -26,26 +27,39 @@ def print_result(result: Mapping[str, Any], *, as_json: bool, title: str) -> Non
     if as_json:
         sys.stdout.write(json.dumps(plain(result), allow_nan=False) + "\n")
         return
-    table = Table(title=title, title_justify="left", show_header=False, box=None, padding=(0, 2, 0, 0))
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, value in _rows(plain(result)):
         table.add_row(name, value)
-    Console(highlight=False).print(table)
+    _print_table(title, table)
 
 
 def print_columns(columns: Mapping[str, list[str]], *, title: str) -> None:
     """A table for people, by columns of texts."""
-    table = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0))
+    table = Table(box=None, padding=(0, 2, 0, 0))
     for name in columns:
         table.add_column(name, justify="right")
     for row in zip(*columns.values(), strict=True):
         table.add_row(*row)
-    Console(highlight=False).print(table)
+    _print_table(title, table)
+
+
+def _print_table(title: str, table: Table) -> None:
+    """Title and table on stdout; a name in brackets is a name, no markup."""
+    console = Console(highlight=False, markup=False, emoji=False)
+    console.print(title, style="italic", soft_wrap=True)
+    console.print(table)
 
 
 def _rows(result: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
     for name, value in result.items():
         if isinstance(value, Mapping):
             yield from _rows(value, f"{prefix}{name}.")
+        elif isinstance(value, list) and any(isinstance(element, Mapping) for element in value):
+            for n, element in enumerate(value):
+                inner = dict(element) if isinstance(element, Mapping) else {"": element}
+                yield from _rows(inner, f"{prefix}{name}.{inner.pop('name', n)}.")
+        elif isinstance(value, list) and not value:
+            yield prefix + name, "-"
         elif isinstance(value, list) and len(value) > 8:
             yield prefix + name, f"{_text(value[0])} ... {_text(value[-1])} ({len(value)} values)"
         elif isinstance(value, list):
@@ -138,4 +152,6 @@ def run_guarded(app: Callable[[], None]) -> int:
 
 
 def _one_line(err: Exception) -> str:
-    return " ".join(str(err).split())
+    """The message without line breaks; of a text given that is far too long, its middle is left out."""
+    said = "".join(c if c.isprintable() else " " for c in " ".join(str(err).split()))
+    return said if len(said) <= LONGEST else f"{said[: LONGEST // 2]} ... {said[-LONGEST // 2 :]}"

@@ -19,7 +19,7 @@ from msl_fem.coupled_model import (
 from msl_fem.coupled_model.excitation import Excitation, load_excitations
 from msl_fem.coupled_model.inputs import DRIVE_UNIT
 from msl_fem.errors import InputError
-from msl_fem.record import write_record
+from msl_fem.record import check_record_folder, write_record
 from msl_fem.table import MagneticTable
 
 
@@ -29,7 +29,7 @@ def command(
     output: Annotated[Path, typer.Option("-o", "--output", help="Record folder to write.")],
     table: TableFile = None,
     rate: Annotated[str, typer.Option(help="Samples a second.")] = "10 kHz",
-    seed: Annotated[int, typer.Option(help="Of the sensors' noise.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise.")] = 1,
     json: Json = False,
 ) -> None:
     """The coupled model under an excitation, written as a record."""
@@ -38,6 +38,9 @@ def command(
         raise InputError(f'{it.name} has no [drive]; add one with kind = "current", "voltage" or "force"')
     excitations = load_excitations(excitation, unit=DRIVE_UNIT[it.drive.kind])
     sampling = read_option("--rate", rate, "Hz")
+    if not sampling > 0:
+        raise InputError(f'--rate {rate} is not allowed; it must be above 0 Hz, like "10 kHz"')
+    check_record_folder(output)
     magnet_table = table_for(it, table)
     generator = np.random.default_rng(seed)
     runs: list[NamedRun] = []

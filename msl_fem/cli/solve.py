@@ -14,8 +14,10 @@ from msl_fem.export.vtu import write_vtu
 from msl_fem.magnet_field import PointResult, solve_with_field
 from msl_fem.mesh_magnet import solve_mesh_magnet
 from msl_fem.report.field_picture import draw_field, save_picture
+from msl_fem.report.scene import render_scene
 from msl_fem.two_sided import TwoSidedResult, solve_two_sided
 from msl_fem.two_sided_section import TwoSidedPosition
+from msl_fem.whole_file import check_target
 
 
 def command(
@@ -30,6 +32,9 @@ def command(
     accuracy: AccuracyLevel = "normal",
     picture: Annotated[Path | None, typer.Option(help="Write a PNG of |B| and flux lines.")] = None,
     vtu: Annotated[Path | None, typer.Option(help="Write the field for ParaView.")] = None,
+    scene: Annotated[
+        Path | None, typer.Option(help="Write a PNG of the solid magnet (needs --vtu, pyvista, GL).")
+    ] = None,
     json: Json = False,
 ) -> None:
     """One field solution of one magnet, or with --current-2 and --gap-2 of both and the armature they share.
@@ -37,9 +42,14 @@ def command(
     Force by two routes, flux linkage, coenergy, flux density on sections.
     """
     it, level = load_actuator(actuator), checked_accuracy(accuracy)
+    for target in (picture, vtu, scene):
+        if target is not None:
+            check_target(target)
     amperes, metres = read_option("--current", current, "A"), _read_gap("--gap", gap)
     two_sided = (current_2, gap_2, tilt) != (None, None, None)
     from_mesh = isinstance(it.magnet, MeshMagnet)
+    if scene is not None and vtu is None:
+        raise InputError("--scene draws what --vtu writes; give both")
     if (two_sided or from_mesh) and (picture or vtu):
         raise InputError("--picture and --vtu draw the field of one E-core; leave them out here")
     title = f"{it.name}: one magnet at {current}" + (f", gap {gap}" if gap else "")
@@ -59,6 +69,10 @@ def command(
             save_picture(draw_field(field, solution, title=f"{it.name}: {current}, gap {gap}"), picture)
         if vtu is not None:
             write_vtu(field, solution, vtu)
+        if scene is not None and vtu is not None:
+            reason = render_scene(vtu, scene, depth=field.section.depth)
+            if reason:
+                say(f"note: {reason}")
     _say_notes(result.notes)
     print_result(solve_fields(result), as_json=json, title=title)
 

@@ -12,19 +12,20 @@ from msl_fem.cli.sweeping import checked_accuracy, default_workers
 from msl_fem.errors import InputError
 from msl_fem.identification import model_to_json
 from msl_fem.operating_map import write_map
-from msl_fem.record import write_record
+from msl_fem.record import check_record_folder, write_record
 from msl_fem.report.page import write_page
 from msl_fem.report.study_page import headline_numbers, study_page
 from msl_fem.study import StudySettings, run_study
 from msl_fem.sweep_cache import RowCache
 from msl_fem.table import write_table
+from msl_fem.whole_file import check_target
 
 
 def command(
     actuator: ActuatorFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the results.")] = Path("study"),
     accuracy: AccuracyLevel = "normal",
-    workers: Annotated[int, typer.Option(min=0, help="Processes; 0: one a core.")] = 0,
+    workers: Annotated[int, typer.Option(min=0, max=256, help="Processes; 0: one a core.")] = 0,
     resume: Annotated[bool, typer.Option(help="Take finished rows of an interrupted table.")] = False,
     json: Json = False,
 ) -> None:
@@ -32,6 +33,9 @@ def command(
     it = load_actuator(actuator)
     if output.exists() and not output.is_dir():
         raise InputError(f"{output} is a file; name a folder with -o")
+    for name in ("table.nc", "map.json", "armax.json", "report.html", "study.json"):
+        check_target(output / name)
+    check_record_folder(output / "record")
     cache = RowCache(output / ".rows")
     settings = StudySettings(checked_accuracy(accuracy), workers or default_workers(), cache.folder, resume)
 

@@ -6,16 +6,18 @@ from typing import Annotated
 
 import typer
 
-from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.actuator import Actuator, ECore, load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json, read_options
 from msl_fem.cli.output import print_result, progress_bar, say
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
 from msl_fem.errors import InputError
+from msl_fem.magnet_field import check_grid
 from msl_fem.measured_table import table_from_measurements
 from msl_fem.record import load_record
 from msl_fem.sweep import SweepSettings, default_grid, sweep
 from msl_fem.sweep_cache import RowCache
 from msl_fem.table import write_table
+from msl_fem.whole_file import check_target
 
 
 def command(
@@ -24,11 +26,14 @@ def command(
     currents: Annotated[str | None, typer.Option(help='Like "0.5,1,2 A".')] = None,
     gaps: Annotated[str | None, typer.Option(help='Like "0.1,0.2 mm".')] = None,
     accuracy: AccuracyLevel = "normal",
-    workers: Annotated[int, typer.Option(min=0, help="Processes; 0: one a core.")] = 0,
+    workers: Annotated[int, typer.Option(min=0, max=256, help="Processes; 0: one a core.")] = 0,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Solve on a dask.distributed cluster.")
     ] = None,
     resume: Annotated[bool, typer.Option(help="Take finished rows of an interrupted run.")] = False,
+    end_effects: Annotated[
+        bool, typer.Option("--end-effects", help="Correct for the flux that bulges out at the stack's ends.")
+    ] = False,
     measured: Annotated[
         Path | None,
         typer.Option(metavar="RECORD", help="Fit the table to the static.csv of this record; no fields are solved."),
@@ -41,9 +46,12 @@ def command(
     the noise that rig.toml states; the table spans the measured gaps and currents and never more.
     """
     it = load_actuator(actuator)
+    check_target(output)
     if measured is not None:
-        if scheduler is not None or workers or resume:
-            raise InputError("--measured solves no fields: leave out --workers, --scheduler and --resume")
+        if scheduler is not None or workers or resume or end_effects:
+            raise InputError(
+                "--measured solves no fields: leave out --workers, --scheduler, --resume and --end-effects"
+            )
         _fit_measured(it, measured, output, gaps=gaps, currents=currents, json=json)
         return
     if scheduler is not None and workers:
@@ -55,6 +63,8 @@ def command(
     else:
         default = default_grid(it)
         grid = default[0].tolist(), default[1].tolist()
+    if isinstance(it.magnet, ECore):
+        check_grid(it, *grid)
     cache = RowCache(output.with_name(f".{output.name}.rows"))
     settings = SweepSettings(
         accuracy=checked_accuracy(accuracy),
@@ -62,6 +72,7 @@ def command(
         scheduler=scheduler,
         cache=cache.folder,
         resume=resume,
+        end_effects=end_effects,
     )
     with progress_bar("field solutions, rows") as progress:
         made, report = sweep(it, *grid, settings=settings, progress=progress)

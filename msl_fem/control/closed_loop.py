@@ -1,6 +1,5 @@
 """The loop: controller at its rate around the coupled model, compiled as one."""
 
-import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -27,7 +26,7 @@ from msl_fem.control.inverse import force_limits
 from msl_fem.coupled_model.kernel import advance
 from msl_fem.coupled_model.plant import CURRENT_DRIVE, PlantParameters, Surface, plant_parameters, surface_of
 from msl_fem.coupled_model.state import I1, I2, NOT_FINITE, OK, OUTSIDE_RANGE, SENSOR, X, initial_state
-from msl_fem.coupled_model.step_size import fastest_rate
+from msl_fem.coupled_model.step_size import fastest_rate, steps_a_sample
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.operating_map.guard import REGIONS
 from msl_fem.quantity import format_quantity
@@ -152,7 +151,7 @@ def run_closed_loop(
         raise InputError(f'{plant.actuator.name}: the controller commands currents; use drive.kind = "current"')
     sensor = plant.actuator.position_sensor
     period = design.law.plant.period
-    n_step = max(1, math.ceil(fastest_rate(true, plant.table) * period / _STEP_OF_FASTEST))
+    n_step = steps_a_sample(fastest_rate(true, plant.table), rate=1 / period, largest_step=_STEP_OF_FASTEST)
     inputs = _Inputs(
         reference=wanted,
         noise=np.zeros(n) if generator is None else np.asarray(generator.normal(0.0, sensor.noise, n)),

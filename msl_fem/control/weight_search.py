@@ -38,13 +38,17 @@ class Wish:
     peak_sensitivity: float | None
 
 
+SLOWEST = 1e-6  # of the highest bandwidth: a slower feedback is none
+
+
 def check_wish(wish: Wish, plant: BelievedPlant) -> None:
     """InputError for what no loop at this rate can be asked for."""
     highest = 0.1 / plant.period
-    if not 0 < wish.bandwidth <= highest:
+    lowest = SLOWEST * highest
+    if not lowest <= wish.bandwidth <= highest:
         raise InputError(
-            f"a bandwidth of {wish.bandwidth:g} Hz is out of range: 0 ... {highest:g} Hz, a tenth of the loop rate; "
-            "wish for less, or raise controller.rate"
+            f"a bandwidth of {wish.bandwidth:g} Hz is out of range: {lowest:g} ... {highest:g} Hz, up to a tenth of "
+            "the loop rate; wish for one within, or raise controller.rate"
         )
     if wish.peak_sensitivity is not None and not wish.peak_sensitivity > 1:
         raise InputError(

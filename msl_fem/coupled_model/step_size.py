@@ -5,9 +5,11 @@ import math
 import numpy as np
 
 from msl_fem.coupled_model.plant import VOLTAGE_DRIVE, PlantParameters
+from msl_fem.errors import InputError
 from msl_fem.table import MagneticTable
 
 STEP_OF_FASTEST = 0.065
+MOST_SUBSTEPS = 100_000
 
 
 def fastest_rate(plant: PlantParameters, table: MagneticTable | None) -> float:
@@ -36,4 +38,21 @@ def default_substeps(plant: PlantParameters, table: MagneticTable | None, *, rat
     adaptive reference, the energy ledger within 1e-6. A sample in which the voltage limit begins or ceases to act can
     leave 1e-4 of full scale in its current and voltage, see `kernel.py`; the current loop forgets it.
     """
-    return max(1, math.ceil(fastest_rate(plant, table) / (rate * STEP_OF_FASTEST) - 1e-9))
+    return steps_a_sample(fastest_rate(plant, table), rate=rate, largest_step=STEP_OF_FASTEST)
+
+
+def steps_a_sample(fastest: float, *, rate: float, largest_step: float) -> int:
+    """Steps a sample such that a step times the fastest rate (rad/s) is at most `largest_step`.
+
+    Raises
+    ------
+    InputError : more than `MOST_SUBSTEPS`: no run would come to an end
+    """
+    wanted = fastest / (rate * largest_step)
+    if not wanted <= MOST_SUBSTEPS:
+        raise InputError(
+            f"the fastest rate, {fastest:.3g} rad/s, needs {wanted:.3g} steps a sample at {rate:g} samples a second; "
+            f"at most {MOST_SUBSTEPS} are taken: look at mass, stiffness, damping, bandwidth and the table, or sample "
+            "faster"
+        )
+    return max(1, math.ceil(wanted - 1e-9))

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from msl_fem.errors import ComputationError
 from msl_fem.identification.data import FloatArray
 
 BLOCK_ROWS = 4096
@@ -111,5 +112,11 @@ def scaled_factor(factor: FloatArray) -> ScaledFactor:
     matrix, target = factor[:-1, :-1], factor[:-1, -1]
     scale = np.linalg.norm(matrix, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
-    left, singular_values, right = np.linalg.svd(matrix / scale)
+    try:
+        left, singular_values, right = np.linalg.svd(matrix / scale)
+    except np.linalg.LinAlgError as err:
+        raise ComputationError(
+            f"the regression of {matrix.shape[1]} parameters is not finite ({err}); lower the orders, or check the "
+            "scaling of the data"
+        ) from err
     return ScaledFactor(scale, singular_values, right, left.T @ target)

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 LEVELS = (1.2, 1.6)
 """Default flux densities in T: the source paper's."""
 MEAN = "mean"
+MOST_LEVELS, SMALLEST_LEVEL, LARGEST_LEVEL = 100, 1e-3, 10.0  # T; no iron is driven further
 """Criterion: the mean flux density in the iron of the most loaded section."""
 _THINNING_GAIN = 3.0  # a cubic spline's error grows 16-fold on nodes twice as far apart; count on 3
 _DEFECT_MARGIN = 1.25  # the largest departure from a chord over the largest of those at three inner points
@@ -128,6 +129,11 @@ def operating_map(
     wanted, gaps = np.asarray(levels, dtype=float), np.array(table.gap if gap is None else gap, dtype=float)
     if wanted.ndim != 1 or wanted.size == 0 or not (wanted > 0).all() or not (np.diff(wanted) > 0).all():
         raise InputError(f"levels must be positive and increasing, like 1.2, 1.6 T; these are {list(levels)} T")
+    if wanted.size > MOST_LEVELS or wanted[-1] > LARGEST_LEVEL or wanted[0] < SMALLEST_LEVEL:
+        raise InputError(
+            f"{wanted.size} level(s) from {wanted[0]:g} to {wanted[-1]:g} T are not allowed; give at most "
+            f"{MOST_LEVELS}, each {SMALLEST_LEVEL:g} ... {LARGEST_LEVEL:g} T, like 1.2, 1.6 T"
+        )
     if gaps.ndim != 1 or gaps.size < 2 or not (np.diff(gaps) > 0).all():
         raise InputError("gaps must be increasing and at least two")
     roots = [_roots(table, wanted, float(g)) for g in gaps]

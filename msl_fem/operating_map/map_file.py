@@ -90,6 +90,9 @@ def map_from_json(content: object) -> OperatingMap:
     )
 
 
+_SHAPES = {0: "hold one number", 1: "hold numbers in one list", 2: "hold numbers in 2 levels of lists"}
+
+
 def _text(value: object, key: str) -> str:
     if not isinstance(value, str):
         raise InputError(f"{key} must be a text, not {value!r}")
@@ -107,10 +110,10 @@ def _numbers(content: dict[str, Any], key: str, dimensions: int) -> Array:
     value = _required(content, key)
     try:
         array = np.array(_without_null(value), dtype=float)
-    except (TypeError, ValueError, RecursionError) as err:
-        raise InputError(f"{key} must hold numbers, in {dimensions} level(s) of lists") from err
+    except (TypeError, ValueError, OverflowError, RecursionError) as err:
+        raise InputError(f"{key} must {_SHAPES[dimensions]}; make the map anew with 'msl-fem map'") from err
     if array.ndim != dimensions:
-        raise InputError(f"{key} must hold numbers in {dimensions} level(s) of lists, it has {array.ndim}")
+        raise InputError(f"{key} must {_SHAPES[dimensions]}; make the map anew with 'msl-fem map'")
     return array
 
 

@@ -2,7 +2,7 @@
 
 from msl_fem.record.reader import load_record
 from msl_fem.record.record import Noise, Origin, Record, Role, Run, Sampling, StaticMap, Tolerance
-from msl_fem.record.writer import write_record
+from msl_fem.record.writer import check_record_folder, write_record
 
 __all__ = [
     "Noise",
@@ -13,6 +13,7 @@ __all__ = [
     "Sampling",
     "StaticMap",
     "Tolerance",
+    "check_record_folder",
     "load_record",
     "write_record",
 ]

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from msl_fem.errors import RecordError
-from msl_fem.schema import reason
+from msl_fem.schema import LARGEST, reason
 
 Column = NDArray[Any]
 FIRST_ROW = {".csv": 2, ".nc": 0}
@@ -117,7 +117,14 @@ def numbers(column: Column, name: str, file: Path | str) -> NDArray[np.float64]:
         missing = str(cell).lower() in ("", "nan")
         said = "the value is missing" if missing else f"{str(cell)!r} is not a finite number"
         raise RecordError(f"{place(file, int(bad[0]))}, column {name}: {said}; write a number or cut the run there")
-    return np.asarray(column, dtype=np.float64)
+    values = np.asarray(column, dtype=np.float64)
+    beyond = np.flatnonzero(np.abs(values) > LARGEST)
+    if beyond.size:
+        raise RecordError(
+            f"{place(file, int(beyond[0]))}, column {name}: {values[beyond[0]]:g} is beyond {LARGEST:g}, more than any "
+            "sensor shows; look at the unit, or cut the run there"
+        )
+    return values
 
 
 def write_columns(path: Path, columns: Mapping[str, Column]) -> None:

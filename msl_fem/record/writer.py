@@ -52,6 +52,18 @@ def write_record(record: Record, folder: str | Path) -> None:
         raise RecordError(f"{folder}: cannot be written ({reason(err)}); choose another folder") from err
 
 
+def check_record_folder(folder: str | Path) -> None:
+    """RecordError, before the work begins, where `write_record` could not put a record, whatever it holds."""
+    folder = Path(folder).absolute()
+    _check_free(folder)
+    nearest = next(parent for parent in folder.parents if parent.exists())
+    try:
+        with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=nearest):
+            return
+    except OSError as err:
+        raise RecordError(f"{folder}: cannot be written ({reason(err)}); choose another folder") from err
+
+
 def _put_in_place(new: Path, folder: Path, *, aside: Path) -> None:
     if folder.exists():
         folder.rename(aside)
@@ -65,15 +77,10 @@ def _put_in_place(new: Path, folder: Path, *, aside: Path) -> None:
 
 def _check_target(record: Record, folder: Path) -> None:
     """RecordError where writing would destroy something else than an old record."""
-    if not folder.exists() and not folder.is_symlink():
-        return
-    if folder.is_symlink() or not folder.is_dir():
-        raise RecordError(f"{folder}: is there and is no folder; choose another one")
+    _check_free(folder)
     there = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
     if not there:
         return
-    if RIG_FILE not in there:
-        raise RecordError(f"{folder}: holds files and is no record; choose another folder")
     rig = read_rig(folder)
     if rig.origin == "measured" and record.origin != "measured":
         raise RecordError(f"{folder}: holds measured data, which simulated data never replace; choose another folder")
@@ -83,6 +90,16 @@ def _check_target(record: Record, folder: Path) -> None:
         raise RecordError(
             f"{folder}: holds {', '.join(sorted(there - own))} beside the record; move it away or choose another folder"
         )
+
+
+def _check_free(folder: Path) -> None:
+    """RecordError where something stands that is neither a record nor an empty folder."""
+    if not folder.exists() and not folder.is_symlink():
+        return
+    if folder.is_symlink() or not folder.is_dir():
+        raise RecordError(f"{folder}: is there and is no folder; choose another one")
+    if not (folder / RIG_FILE).is_file() and any(not path.is_dir() for path in folder.rglob("*")):
+        raise RecordError(f"{folder}: holds files and is no record; choose another folder")
 
 
 def _rig_text(record: Record, folder: Path) -> str:

@@ -49,7 +49,7 @@ def test_clashing_wishes_say_what_was_got():
 @pytest.mark.parametrize(
     ("wish", "said"),
     [
-        ({"bandwidth": 0.0}, "out of range: 0 ... 250 Hz"),
+        ({"bandwidth": 0.0}, "out of range: 0.00025 ... 250 Hz"),
         ({"bandwidth": 400.0}, "out of range"),
         ({"bandwidth": np.nan}, "out of range"),
         ({"peak_sensitivity": 0.9}, "above 1 for any loop"),

@@ -1,4 +1,4 @@
-"""Plane sections across a stack's ends, solved: what the closed forms of `msl_fem.end_effects` are held against.
+"""The flux that fringes out of a gap between two blocks of iron that end together, from a plane section of its own.
 
 Two blocks of iron lie a gap apart, joined by an iron bridge at the left; a coil in the gap, along the bridge, drives a
 magnetomotive force of 1 A across all of the gap to its right. The air beyond the right end holds the fringe.
@@ -7,6 +7,7 @@ magnetomotive force of 1 A across all of the gap to its right. The air beyond th
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msl_fem.constants import MU_0
 from msl_fem.magnetostatics import FieldModel, solve_field
@@ -14,6 +15,7 @@ from msl_fem.material import linear_iron
 from msl_fem.mesh import MeshSize, triangulate
 from msl_fem.section import Region, Section
 
+Array = NDArray[np.float64]
 PERMEABILITY = 1e7
 SIZE = MeshSize(corner=0.02, gap=0.5, iron=1.0, growth=0.4)
 
@@ -29,22 +31,34 @@ class EndTurns:
 
 @dataclass(frozen=True)
 class EndSection:
-    """Blocks of heights `upper` and `lower` that end at x = 0, the lower one's top at y = 0, a `gap` between."""
+    """Blocks of heights `upper` and `lower` that end at x = 0, the lower one's top at y = 0, a `gap` between; in m.
+
+    With `mirror` the lower edge of the lower block is a plane of symmetry, which no flux crosses.
+    """
 
     gap: float
     upper: float
     lower: float
     turns: EndTurns | None = None
+    mirror: bool = False
 
     def excess(self, *, height: float | None = None) -> float:
-        """Flux beyond the end over mu_0 (A/A): all of it, or that below a height on the upper block's end face."""
+        """Permeance beyond the end, per unit width and mu_0, of the lower block's flux.
+
+        All of that flux, or only what ends below a height on the upper block's end face. The difference of A between
+        two points is the flux that passes between them; within the gap the field is uniform.
+
+        Raises
+        ------
+        ComputationError : the mesher failed
+        """
         g, length = self.gap, 4 * self.gap
         bridge, coil = min(self.upper, self.lower), g / 2
         left = -length - coil
         far = 12 * (self.upper + self.lower + g)
-        box = _box("air", left - bridge, -far, far, far)
+        bottom = -self.lower if self.mirror else -far
         regions = [
-            box,
+            _box("air", left - bridge, bottom, far, far),
             _box("iron", left - bridge, g, 0, g + self.upper),
             _box("iron", left - bridge, -self.lower, 0, 0),
             _box("iron", left - bridge, 0, left, g),
@@ -71,13 +85,13 @@ def _box(name: str, x0: float, y0: float, x1: float, y1: float) -> Region:
     return Region(name, ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
 
 
-def _at_vertex(model: FieldModel, potential: np.ndarray, x: float, y: float) -> float:
+def _at_vertex(model: FieldModel, potential: Array, x: float, y: float) -> float:
     points = model.mesh.points
     k = int(np.argmin(np.hypot(points[0] - x, points[1] - y)))
     return float(potential[model.basis.nodal_dofs[0, k]])
 
 
-def _on_side(model: FieldModel, potential: np.ndarray, y: float) -> float:
+def _on_side(model: FieldModel, potential: Array, y: float) -> float:
     """The potential at a height of the end face x = 0, between its mesh points."""
     points = model.mesh.points
     on = np.flatnonzero(points[0] == 0.0)
