@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from msl_fem.actuator import Actuator
 from msl_fem.end_effects import METHOD as END_EFFECTS_METHOD
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.magnet_field import LEVELS, Accuracy, MagnetField, check_point, magnet_mesh
+from msl_fem.magnet_field import LEVELS, Accuracy, MagnetField, check_grid, check_point, magnet_mesh
 from msl_fem.sweep_cache import RowCache, content_key
 from msl_fem.sweep_cluster import on_cluster
 from msl_fem.sweep_rows import SECTION, Arrays, Job, Progress, Row, RowSolver, in_processes, solve_rows
@@ -190,6 +190,7 @@ def _checked_grid(actuator: Actuator, gaps: ArrayLike, currents: ArrayLike) -> t
             f"a table needs at least 2 different gaps and 2 currents beside 0; given are {gap.size} and "
             f"{current.size - 1}"
         )
+    check_grid(actuator, gap.tolist(), current.tolist())
     return gap, current
 
 

@@ -168,7 +168,10 @@ def _solve_here(job: Job, rows: list[tuple[int, Row]]) -> Iterator[tuple[int, Ar
 
 def _solve_in_pool(job: Job, rows: list[tuple[int, Row]], workers: int) -> Iterator[tuple[int, Arrays]]:
     pool = ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker, initargs=(job,)
+        min(workers, len(rows)),
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=_start_worker,
+        initargs=(job,),
     )
     try:
         with _deaf_children():
