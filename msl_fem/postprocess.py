@@ -13,6 +13,7 @@ from msl_fem.section import Line, Section
 
 Array = NDArray[np.float64]
 N_SAMPLE = 48
+END = 1e-6  # of a cut, so that a point at its end is inside the iron
 TAIL_SHARE = 0.01
 GAUSS = np.polynomial.legendre.leggauss(4)
 
@@ -58,7 +59,8 @@ class Probes:
     def _cut(self, cut: Line) -> tuple[str, sparse.csr_matrix, sparse.csr_matrix]:
         model = self.model
         start, end = np.array(cut.start), np.array(cut.end)
-        t = (np.arange(N_SAMPLE) + 0.5) / N_SAMPLE
+        # midpoints of equal parts for the mean; beside them the ends, where the largest values stand
+        t = np.concatenate([[END], (np.arange(N_SAMPLE) + 0.5) / N_SAMPLE, [1 - END]])
         points = start[:, None] + (end - start)[:, None] * t
         elements = model.skfem_mesh.element_finder()(*points)
         name = model.mesh.names[model.mesh.region[elements[N_SAMPLE // 2]]]
@@ -70,7 +72,7 @@ class Probes:
         for cut, (region, along_x, along_y) in self.cuts.items():
             b = np.hypot(along_x @ potential, along_y @ potential)
             sheets = self.model.irons[region].iron.iron_flux_density(b)
-            out[cut] = SectionFluxDensity(float(sheets.mean()), float(sheets.max()))
+            out[cut] = SectionFluxDensity(float(sheets[1:-1].mean()), float(sheets.max()))
         return out
 
     def force_stress_tensor(self, solution: FieldSolution) -> float:

@@ -94,7 +94,7 @@ def first_complaint(err: ValidationError, *, unions: Collection[str] = ()) -> st
 
     `unions` names the keys that hold one of several kinds: pydantic puts the kind into the path, the file does not.
     """
-    first = err.errors()[0]
+    first = min(err.errors(), key=lambda one: one["type"] != "extra_forbidden")  # a misspelt key explains a missing one
     loc = first["loc"]
     path = ".".join(str(p) for k, p in enumerate(loc) if k == 0 or loc[k - 1] not in unions)
     kind = first["type"]
