@@ -86,7 +86,8 @@ def main() -> None:
     for ours, peer in PAIRS:
         ratios = [a / b for a, b in zip(seconds[f"msl_fem, {ours}"], seconds[f"NGSolve, {peer}"], strict=True)]
         spread = f"{statistics.median(ratios):.2f} ({min(ratios):.2f} to {max(ratios):.2f})"
-        lines += ["", f"CPU time of `{ours}` over NGSolve's ({peer}), median of {len(ratios)} alternated pairs: {spread}."]
+        pairs = f"median of {len(ratios)} alternated pairs"
+        lines += ["", f"CPU time of `{ours}` over NGSolve's ({peer}), {pairs}: {spread}."]
     text = "\n".join(lines) + "\n"
     print(text)
     if given.readme:

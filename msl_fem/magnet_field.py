@@ -30,8 +30,8 @@ class Discretisation:
     The force's relative error is estimated as `safety` times the larger of the relative changes of force and coenergy
     with one polynomial degree more on the same mesh. At a right-angled iron corner A behaves like r^(2/3), so a
     quadratic quantity's error falls like p^(-8/3) (Babuska and Suri 1987) and the change is 0.66 (p = 2) or 0.54
-    (p = 3) of it: 2 covers both, and was needed to 1.9 over E1's reference points and random geometries. At `fine` what is
-    not at the corners shows as well, which the change does not see in full: there 6 covers E1's reference.
+    (p = 3) of it: 2 covers both, and was needed to 1.9 over E1's reference points and random geometries. At `fine`
+    what is not at the corners shows as well, which the change does not see in full: there 6 covers E1's reference.
     """
 
     size: MeshSize
