@@ -2,8 +2,8 @@
 
     python benchmarks/field.py [--runs 5] [--peer-python PYTHON_WITH_NGSOLVE] [--readme]
 
-NGSolve comes with the extra `bench`. Its settings are the best found at each error. The result is a Markdown table; with
---readme it also takes its place in README.md.
+NGSolve comes with the extra `bench`. Its settings are the best found at each error. The result is a Markdown table;
+with --readme it also takes its place in README.md.
 """
 
 import argparse
