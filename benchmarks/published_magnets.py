@@ -238,13 +238,18 @@ TABLES = {
 }
 
 
+def put(text: str, name: str, content: str) -> str:
+    """The text with new content between the marks of a name."""
+    start, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+    before, rest = text.split(start)
+    return before + start + content + "\n" + end + rest.split(end)[1]
+
+
 def main() -> None:
     """Write the tables between their markers in docs/verification.md."""
     text = DOCUMENT.read_text()
     for name, table in TABLES.items():
-        start, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
-        before, rest = text.split(start)
-        text = before + start + table() + "\n" + end + rest.split(end)[1]
+        text = put(text, name, table())
     DOCUMENT.write_text(text)
 
 

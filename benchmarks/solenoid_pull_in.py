@@ -1,0 +1,102 @@
+"""Pull-in of the Modelica Standard Library's solenoid: our axisymmetric table under our coupled model.
+
+    python benchmarks/solenoid_pull_in.py
+
+Makes the table of docs/verification.md, section "Pull-in", anew. The reference (tests/reference/solenoid) is a dynamic
+simulation on a table of finite-element solutions. The last rows ask where the difference comes from: the coenergy's
+change over the stroke is enlarged until the static work is that of the reference.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from published_magnets import REFERENCE, put, solenoid
+
+from msl_fem.actuator import parse_actuator
+from msl_fem.coupled_model import Inputs, Options, simulate
+from msl_fem.plunger_table import plunger_table
+from msl_fem.table import MagneticTable
+
+Array = NDArray[np.float64]
+DOCUMENT = Path(__file__).parent.parent / "docs" / "verification.md"
+GAPS = np.r_[
+    0.2, 0.225, 0.25, 0.275, 0.3, 0.35, 0.4, 0.5, 0.6, 0.75, 1, 1.25, 1.5, 1.75, 2, 2.5, 3, 3.5, 4, 4.5, 5, 5.1
+]
+CURRENTS = np.r_[0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25]
+PASSED, FULL_CURRENT, START = 0.3e-3, 1.2, 5e-3  # m, A, m
+SHARES = (0.0, 0.02, 0.032)
+RIG = {
+    "schema": 1,
+    "name": "solenoid",
+    "magnet": {"kind": "table", "table": "solenoid.nc"},
+    "sides": {"count": 1, "magnets_per_side": 1},
+    "motion": {"moving_mass": "26.0 g", "nominal_gap": "5 mm", "range": "4.78 mm"},
+    "drive": {"kind": "voltage", "voltage_limit": "13 V", "coil_resistance": "10 ohm"},
+}
+
+
+class PullIn(NamedTuple):
+    """Time (s), coil current (A) and air gap (m), until the armature is down."""
+
+    time: Array
+    current: Array
+    gap: Array
+
+    @property
+    def passed(self) -> float:
+        """When the gap first is 0.30 mm."""
+        down = int(np.argmax(self.gap <= PASSED))
+        return float(np.interp(-PASSED, -self.gap[: down + 1], self.time[: down + 1]))
+
+
+def reference() -> PullIn:
+    t, i, _, x = np.loadtxt(REFERENCE / "solenoid" / "fea_pullin_12V_10g.csv", delimiter=",").T
+    kept = np.r_[True, np.diff(t) > 0]
+    return PullIn(t[kept], i[kept], x[kept])
+
+
+def pull_in(table: MagneticTable, *, rate: float = 1e5) -> PullIn:
+    """12 V on the coil at rest, until the armature leaves its range."""
+    inputs = Inputs(np.full((int(0.016 * rate), 1), 12.0), rate)
+    run = simulate(parse_actuator(RIG), table, inputs, options=Options(partial=True, substeps=4))
+    return PullIn(run.time, run.current[:, 0], START - run.position)
+
+
+def with_more_work(table: MagneticTable, share: float) -> MagneticTable:
+    """The table with the coenergy's change from 5 mm enlarged, and with it all its derivatives."""
+    nodes = {}
+    for name, values in table.nodes.items():
+        far = values[-2] if name in ("coenergy", "flux_linkage", "incremental_inductance") else 0.0
+        nodes[name] = values + share * (values - far)
+    return MagneticTable(table.gap, table.current, nodes)
+
+
+def differences(found: PullIn, wanted: PullIn) -> tuple[float, float, float]:
+    """Of the time of 0.30 mm (relative), and the largest of current and gap up to then, of full scale."""
+    until = found.time < min(found.passed, wanted.passed)
+    t = found.time[until]
+    current = np.abs(np.interp(t, wanted.time, wanted.current) - found.current[until]).max() / FULL_CURRENT
+    gap = np.abs(np.interp(t, wanted.time, wanted.gap) - found.gap[until]).max() / START
+    return found.passed / wanted.passed - 1, float(current), float(gap)
+
+
+def main() -> None:
+    table, wanted = plunger_table(solenoid(), GAPS * 1e-3, CURRENTS), reference()
+    lines = ["| table | 0.30 mm at (ms) | time (%) | current (% of 1.2 A) | gap (% of 5 mm) |"]
+    lines.append("| :--- " + "| ---: " * 4 + "|")
+    lines.append(f"| reference | {wanted.passed * 1e3:.2f} | | | |")
+    for share in SHARES:
+        found = pull_in(with_more_work(table, share))
+        time, current, gap = differences(found, wanted)
+        name = f"ours, {100 * share:.1f} % more work over the stroke" if share else "ours"
+        figures = f"{found.passed * 1e3:.2f} | {100 * time:+.2f} | {100 * current:.1f} | {100 * gap:.1f}"
+        lines.append(f"| {name} | {figures} |")
+    content = "\n".join(lines)
+    print(content)
+    DOCUMENT.write_text(put(DOCUMENT.read_text(encoding="utf-8"), "pull-in", content), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
