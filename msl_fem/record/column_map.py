@@ -1,0 +1,127 @@
+"""Which signal of a log becomes which column of a run: source, unit, scale and offset, as people write them."""
+
+import re
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from msl_fem.errors import QuantityError, RecordError
+from msl_fem.quantity import parse_quantity
+from msl_fem.schema import reason
+
+UNIT = {
+    "time_s": "s",
+    "position_m": "m",
+    "force_N": "N",
+    "reference_m": "m",
+    "temperature_K": "K",
+    **{f"voltage_{j}_V": "V" for j in (1, 2)},
+    **{f"current_{j}_A": "A" for j in (1, 2)},
+    **{f"command_{j}_A": "A" for j in (1, 2)},
+    **{f"flux_linkage_{j}_Wb": "Wb" for j in (1, 2)},
+}
+"""The columns of a run and their SI units."""
+KEYS = ("source", "unit", "scale", "offset")
+_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
+
+
+@dataclass(frozen=True)
+class ColumnSource:
+    """One column of a run: column = scale * source + offset, scale and offset in the column's SI unit."""
+
+    column: str
+    source: str
+    scale: float
+    offset: float
+
+
+def column_sources(text: str) -> tuple[ColumnSource, ...]:
+    """The sources that a text names, or those of a TOML file where the text ends in .toml.
+
+    The text lists `column=source`, parted by commas, each with `:unit=mm`, `:scale=-1` (a number times the unit, or a
+    quantity like `0.5 mm` for one of the log's units) and `:offset=14 mm` where needed. The file has a table for each
+    column, `[position_m]`, with the keys source, unit, scale and offset.
+
+    Raises
+    ------
+    RecordError : an unknown column or key, a column twice, a unit or quantity that is none; says what there is
+    """
+    if text.strip().endswith(".toml"):
+        entries = _from_file(Path(text.strip()))
+    else:
+        entries = [_from_text(part) for part in text.split(",") if part.strip()]
+    if not entries:
+        raise RecordError('--columns is empty; write like "time_s=t, position_m=q:unit=mm"')
+    columns = [column for column, _ in entries]
+    double = next((c for k, c in enumerate(columns) if c in columns[:k]), None)
+    if double:
+        raise RecordError(f"--columns: {double} is there twice; give each column one source")
+    return tuple(_source(column, keys) for column, keys in entries)
+
+
+def _from_text(part: str) -> tuple[str, dict[str, str]]:
+    head, *options = part.split(":")
+    column, equals, source = (word.strip() for word in head.partition("="))
+    if not (equals and column and source):
+        raise RecordError(f"--columns: {part.strip()!r} names no source; write like position_m=q:unit=mm")
+    keys = {"source": source}
+    for option in options:
+        key, equals, value = (word.strip() for word in option.partition("="))
+        if not (equals and value) or key in keys:
+            raise RecordError(f"--columns: {part.strip()!r}: write options like :unit=mm:scale=-1:offset=14 mm")
+        keys[key] = value
+    return column, keys
+
+
+def _from_file(path: Path) -> list[tuple[str, dict[str, str]]]:
+    try:
+        content = tomllib.loads(path.read_bytes().decode("utf-8"))
+    except OSError as err:
+        raise RecordError(f"{path}: cannot be read ({reason(err)}); give a TOML file of columns") from err
+    except ValueError as err:
+        raise RecordError(f"{path}: not valid TOML: {err}") from err
+    for column, keys in content.items():
+        if not isinstance(keys, dict):
+            raise RecordError(f"{path}: {column}: write a table, [{column}] with a source")
+    return [(column, {key: str(value) for key, value in keys.items()}) for column, keys in content.items()]
+
+
+def _source(column: str, keys: dict[str, str]) -> ColumnSource:
+    if column not in UNIT:
+        raise RecordError(f"--columns: {column} is no column of a run; there are {', '.join(UNIT)}")
+    unknown = [key for key in keys if key not in KEYS]
+    if unknown or "source" not in keys:
+        said = f"{unknown[0]} is unknown" if unknown else "source is missing"
+        raise RecordError(f"--columns: {column}: {said}; the keys are {', '.join(KEYS)}")
+    try:
+        return ColumnSource(column, keys["source"], _scale(keys, UNIT[column]), _offset(keys, UNIT[column]))
+    except QuantityError as err:
+        raise RecordError(f"--columns: {column}: {err}") from err
+
+
+def _scale(keys: dict[str, str], unit: str) -> float:
+    """SI units of the column for one unit of the log."""
+    scale = keys.get("scale", "1")
+    if _NUMBER.fullmatch(scale):
+        value = float(scale) * (parse_quantity(f"1 {keys['unit']}", unit) if "unit" in keys else 1.0)
+    elif "unit" in keys:
+        raise QuantityError(f"scale {scale!r} has a unit, and unit says {keys['unit']!r}; give one of them")
+    else:
+        value = parse_quantity(scale, unit)
+    if value == 0:
+        raise QuantityError("scale is 0 and would erase the signal; give another")
+    return value
+
+
+def _offset(keys: dict[str, str], unit: str) -> float:
+    offset = keys.get("offset", "0")
+    return 0.0 if _NUMBER.fullmatch(offset) and float(offset) == 0 else parse_quantity(offset, unit)
+
+
+def describe(sources: Sequence[ColumnSource]) -> dict[str, dict[str, object]]:
+    """What was understood, for a JSON object: source, scale and offset in the column's unit."""
+    return {
+        it.column: {"source": it.source, "unit": UNIT[it.column], "scale": it.scale, "offset": it.offset}
+        for it in sources
+    }
