@@ -13,9 +13,9 @@ import numpy as np
 
 from msl_fem.actuator import load_actuator
 from msl_fem.blas_threads import one_blas_thread
-from msl_fem.magnetostatics import FieldModel
 from msl_fem.mesh import MeshSize, triangulate
 from msl_fem.section import e_core_section
+from msl_fem.sparse_tangent import SparseTangent
 from msl_fem.sweep_rows import Job, Row, RowSolver
 
 ROOT = Path(__file__).parent.parent
@@ -30,14 +30,14 @@ SIZES = (
 
 
 class _Stopwatch:
-    """CPU seconds spent in FieldModel.factor."""
+    """CPU seconds spent in SparseTangent.factor."""
 
     def __init__(self) -> None:
-        self.seconds, self._plain = 0.0, FieldModel.factor
+        self.seconds, self._plain = 0.0, SparseTangent.factor
 
-    def factor(self, model: FieldModel, data: np.ndarray) -> None:
+    def factor(self, tangent: SparseTangent, data: np.ndarray) -> None:
         started = time.process_time()
-        self._plain(model, data)
+        self._plain(tangent, data)
         self.seconds += time.process_time() - started
 
 
@@ -46,7 +46,7 @@ def main() -> None:
     actuator = load_actuator(ROOT / "geometries" / "e1.toml")
     magnet = actuator.e_core()
     watch = _Stopwatch()
-    FieldModel.factor = lambda model, data: watch.factor(model, data)  # type: ignore[method-assign]
+    SparseTangent.factor = lambda tangent, data: watch.factor(tangent, data)  # type: ignore[method-assign]
     print("| unknowns | CPU ms a point | factorisation | Newton steps a point |\n| --- | --- | --- | --- |")
     for size, order in SIZES:
         mesh = triangulate(e_core_section(magnet, 3e-4), size)

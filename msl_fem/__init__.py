@@ -17,6 +17,13 @@ _VERBS = {
     "read_table": "msl_fem.table",
     "write_table": "msl_fem.table",
     "operating_map": "msl_fem.operating_map",
+    "choose_wire": "msl_fem.wire",
+    "copper_loss": "msl_fem.copper_loss",
+    "iron_loss": "msl_fem.iron_loss",
+    "continuous_current": "msl_fem.thermal",
+    "assess_flexure": "msl_fem.suspension",
+    "gap_trade": "msl_fem.gap_trade",
+    "tolerance_study": "msl_fem.tolerance_study",
     "load_record": "msl_fem.record",
     "write_record": "msl_fem.record",
     "simulate": "msl_fem.coupled_model",
@@ -29,6 +36,17 @@ try:
     __version__ = version("msl-fem")
 except PackageNotFoundError:  # a checkout that is not installed
     __version__ = "0"
+
+
+def operating_map(source: Any, *gap: Any, **wishes: Any) -> Any:
+    """The operating map of an actuator, by root finding on field solutions, or of a table, by interpolation.
+
+    Takes what `msl_fem.field_map.field_map` or `msl_fem.operating_map.operating_map` takes; only the first needs finite
+    elements.
+    """
+    fields = isinstance(source, import_module("msl_fem.actuator").Actuator)
+    home = import_module("msl_fem.field_map" if fields else _VERBS["operating_map"])
+    return (home.field_map if fields else home.operating_map)(source, *gap, **wishes)
 
 
 class _Door(ModuleType):

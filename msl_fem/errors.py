@@ -17,6 +17,10 @@ class ActuatorError(InputError):
     """An actuator file is not one: the message names the file and the key path."""
 
 
+class RequirementError(InputError):
+    """A requirement file is not one, or no magnet can meet it: the message says which demands clash and by how much."""
+
+
 class MaterialError(InputError):
     """An iron is unknown, or its B-H curve fails the checks."""
 

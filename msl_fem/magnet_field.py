@@ -42,7 +42,7 @@ class Discretisation:
 LEVELS: dict[str, Discretisation] = {
     "fast": Discretisation(MeshSize(corner=0.1, gap=1.5, iron=0.6, growth=0.7), 2),
     "normal": Discretisation(MeshSize(corner=0.02, gap=2.0, iron=0.6, growth=0.5), 2),
-    "fine": Discretisation(MeshSize(corner=0.005, gap=1.5, iron=0.5, growth=0.5), 3, 6.0),
+    "fine": Discretisation(MeshSize(corner=0.004, gap=3.0, iron=0.6, growth=0.75, across=0.2), 3, 4.0),
 }
 
 
@@ -126,9 +126,10 @@ def field_of(actuator: Actuator, gap: float, *, accuracy: Accuracy = "normal") -
     return MagnetField(magnet, magnet_mesh(magnet, gap, accuracy), folder=actuator.folder, order=LEVELS[accuracy].order)
 
 
-def _relative_change(coarse: FieldQuantities, fine: FieldQuantities) -> float:
-    pairs = [(coarse.force, fine.force), (coarse.coenergy, fine.coenergy)]
-    return max(abs(c - f) / abs(f) if f else 0.0 for c, f in pairs)
+def force_error_estimate(level: Discretisation, found: FieldQuantities, finer: FieldQuantities) -> float:
+    """The estimated relative error of a level's force, from the same point with one polynomial degree more."""
+    pairs = [(found.force, finer.force), (found.coenergy, finer.coenergy)]
+    return level.safety * max(abs(c - f) / abs(f) if f else 0.0 for c, f in pairs)
 
 
 def check_point(actuator: Actuator, current: float, gap: float) -> None:
@@ -190,7 +191,7 @@ def solve_with_field(
     quantities = field.quantities(solution)
     finer = field.refined()
     better = finer.quantities(finer.solve(current, gap))
-    error = LEVELS[accuracy].safety * _relative_change(quantities, better)
+    error = force_error_estimate(LEVELS[accuracy], quantities, better)
     notes = tuple(dict.fromkeys(iron.note for iron in field.irons.values() if iron.note))
     if quantities.rests_on_tail:
         regions = " and ".join(quantities.rests_on_tail)

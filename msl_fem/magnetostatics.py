@@ -19,20 +19,20 @@ from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
-import qdldl
 from numpy.typing import NDArray
 from scipy import sparse
 from skfem import Basis, ElementTriP2, ElementTriP3, ElementTriP4, MeshTri
 
 from msl_fem.constants import MU_0
 from msl_fem.errors import NotConverged
+from msl_fem.iron_elements import ElementGeometry, IronElements
 from msl_fem.material import AnalyticIron, Iron
 from msl_fem.mesh import TriangleMesh
+from msl_fem.sparse_tangent import SparseTangent
 
 Array = NDArray[np.float64]
 ELEMENTS = {2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
 STRIP = "strip"
-REFINEMENTS = 1
 
 
 @dataclass(frozen=True)
@@ -103,46 +103,18 @@ def _gradients(basis: Basis, axisymmetric: bool) -> tuple[Array, Array]:
     return gradients, 2 * np.pi * r * basis.dx
 
 
-class _IronElements:
-    """The elements of one iron: stored gradients, and where their matrices land in the pattern."""
-
-    def __init__(self, basis: Basis, iron: "Iron | AnalyticIron", *, axisymmetric: bool = False) -> None:
-        self.iron = iron
-        self.dofs = basis.element_dofs
-        gradients, self.weight = _gradients(basis, axisymmetric)  # weight (element, point)
-        self.gradient = np.ascontiguousarray(gradients.transpose(2, 0, 3, 1))  # (element, local, point, 2)
-
-    def flux_density(self, potential: Array) -> tuple[Array, Array]:
-        """Gradient of A (element, point, 2), and its size |B| (element, point)."""
-        local = potential[self.dofs].T
-        n_element, n_local, n_point, _ = self.gradient.shape
-        flat = self.gradient.reshape(n_element, n_local, 2 * n_point)
-        gradient = np.matmul(local[:, None, :], flat).reshape(n_element, n_point, 2)
-        return gradient, np.sqrt(gradient[..., 0] ** 2 + gradient[..., 1] ** 2)
-
-    def residual_and_tangent(self, potential: Array) -> tuple[Array, Array]:
-        """Element vectors (element, local) and matrices (element, local, local)."""
-        gradient, b = self.flux_density(potential)
-        h, slope = self.iron.magnetise(b)
-        floor = np.maximum(b, 1e-12)
-        nu = np.where(b > 1e-12, h / floor, slope)
-        unit = gradient / floor[..., None]
-        n_element, n_local, n_point, _ = self.gradient.shape
-        flat = self.gradient.reshape(n_element, n_local, 2 * n_point)
-        force = (gradient * (nu * self.weight)[..., None]).reshape(n_element, 2 * n_point, 1)
-        vector = np.matmul(flat, force)[..., 0]
-        # T = nu I + (dH/dB - nu) n n^T; as two rank-wise products to keep one matmul: sqrt weights on the gradients
-        across = self.gradient[..., 0] * unit[:, None, :, 0] + self.gradient[..., 1] * unit[:, None, :, 1]
-        isotropic = flat * np.repeat(nu * self.weight, 2, axis=1)[:, None, :]
-        matrix = np.matmul(isotropic, flat.transpose(0, 2, 1))
-        extra = across * ((slope - nu) * self.weight)[:, None, :]
-        matrix += np.matmul(extra, across.transpose(0, 2, 1))
-        return vector, matrix
-
-    def energy(self, potential: Array) -> float:
-        """Integral of w(|B|): per unit depth in J/m, or of the whole in J."""
-        _, b = self.flux_density(potential)
-        return float(np.sum(self.iron.energy_density(b) * self.weight))
+def _iron_geometry(basis: Basis, axisymmetric: bool) -> ElementGeometry:
+    """The elements of a basis, with the jets and frames of `_gradients`."""
+    shapes = [basis.elem.lbasis(basis.X, k) for k in range(basis.Nbfun)]
+    jets = np.stack([derivative for _, derivative in shapes])
+    if not axisymmetric:
+        frame = basis.mapping.invDF(basis.X[:, :1], basis.tind).transpose(1, 0, 2, 3)
+        return ElementGeometry(np.ascontiguousarray(basis.element_dofs.T), jets, frame, basis.dx)
+    r = basis.global_coordinates()[0]
+    jets = np.concatenate([jets, np.stack([value for value, _ in shapes])[:, None]], axis=1)
+    slopes = basis.mapping.invDF(basis.X, basis.tind).transpose(1, 0, 2, 3)
+    frame = np.concatenate([slopes, np.stack([1 / r, np.zeros_like(r)])[:, None]], axis=1)
+    return ElementGeometry(np.ascontiguousarray(basis.element_dofs.T), jets, frame, 2 * np.pi * r * basis.dx)
 
 
 class FieldModel:
@@ -178,21 +150,29 @@ class FieldModel:
         self.n_dof = whole.N
         fixed = whole.get_dofs().all()
         self.free = np.setdiff1d(np.arange(self.n_dof), fixed)
-        linear = [n for n in mesh.names if n not in irons and n != STRIP]
-        rest = mesh.elements(*linear)
         s_x, s_y = self._stiffness(mesh.elements(STRIP))
-        rest_x, rest_y = self._stiffness(rest)
+        rest_x, rest_y = self._stiffness(mesh.elements(*(n for n in mesh.names if n not in irons and n != STRIP)))
         self.irons = {
-            name: _IronElements(
-                Basis(self.skfem_mesh, element, intorder=2 * order, elements=mesh.elements(name)),
+            name: IronElements(
+                _iron_geometry(
+                    Basis(self.skfem_mesh, element, intorder=2 * order, elements=mesh.elements(name)), axisymmetric
+                ),
                 iron,
-                axisymmetric=axisymmetric,
             )
             for name, iron in irons.items()
         }
         self.source = self._source(turns_density)
-        self._pattern([s_x, s_y, rest_x + rest_y])
-        self._solver: qdldl.Solver | None = None
+        linear = [s_x.tocoo(), s_y.tocoo(), (rest_x + rest_y).tocoo()]
+        pairs = [part.pairs for part in self.irons.values()]
+        self.tangent = SparseTangent(
+            self.free,
+            self.n_dof,
+            [*((m.row, m.col) for m in linear), *((np.minimum(a, b), np.maximum(a, b)) for a, b in pairs)],
+        )
+        self.strip_x, self.strip_y, self.rest = (self.tangent.gather(k, m.data) for k, m in enumerate(linear))
+        self._full = [m.tocsr() for m in linear]
+        self._linear = np.nan, self.rest  # the gap and the linear regions' values there
+        self.last_response: tuple[FieldSolution, FieldResponse] | None = None
 
     def with_turns(self, turns_density: Mapping[str, float]) -> "FieldModel":
         """The same discretisation with other turns, for sections with several coils.
@@ -200,8 +180,21 @@ class FieldModel:
         For coil currents i_k drive it by the densities i_k n_k at a current of 1; `source` of the densities n_k alone
         gives coil k's flux linkage.
         """
+        other = self._unsolved()
+        other.source = self._source(turns_density)
+        return other
+
+    def with_irons(self, irons: "Mapping[str, Iron | AnalyticIron]") -> "FieldModel":
+        """The same discretisation with other irons in the same regions."""
+        other = self._unsolved()
+        other.irons = {name: copy(part) for name, part in self.irons.items()}
+        for name, part in other.irons.items():
+            part.iron = irons[name]
+        return other
+
+    def _unsolved(self) -> "FieldModel":
         other = copy(self)
-        other.source, other._solver = self._source(turns_density), None
+        other.tangent, other.last_response = self.tangent.unfactored(), None
         return other
 
     def _stiffness(self, elements: NDArray[np.int64]) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
@@ -242,46 +235,6 @@ class FieldModel:
                 np.add.at(load, basis.element_dofs[k], density * (basis.basis[k][0] * weight).sum(axis=1))
         return load
 
-    def _pattern(self, linear: list[sparse.csc_matrix]) -> None:
-        """One fixed pattern of the upper triangle over the free degrees of freedom, and maps into it."""
-        number = np.full(self.n_dof, -1)
-        number[self.free] = np.arange(self.free.size)
-        places = []
-        for part in self.irons.values():
-            n_local = part.dofs.shape[0]
-            local = number[part.dofs]
-            rows = np.repeat(local, n_local, axis=0).T  # (element, local * local)
-            columns = np.tile(local, (n_local, 1)).T
-            places.append((rows, columns))
-        coordinates = [m.tocoo() for m in linear]
-        keys = []
-        for rows, columns in [
-            *((number[c.row], number[c.col]) for c in coordinates),
-            *((r.ravel(), c.ravel()) for r, c in places),
-        ]:
-            used = (rows >= 0) & (columns >= 0) & (rows <= columns)
-            keys.append((used, columns[used].astype(np.int64) * self.free.size + rows[used]))
-        unique, inverse = np.unique(np.concatenate([k for _, k in keys]), return_inverse=True)
-        self.nnz = unique.size
-        columns, rows = np.divmod(unique, self.free.size)
-        starts = np.searchsorted(columns, np.arange(self.free.size + 1))
-        self._empty = sparse.csc_matrix(
-            (np.zeros(self.nnz), rows.astype(np.int32), starts.astype(np.int32)), shape=(self.free.size,) * 2
-        )
-        pieces = np.split(inverse, np.cumsum([k.size for _, k in keys])[:-1])
-        stiffness = []
-        for matrix, (used, _), piece in zip(coordinates, keys, pieces, strict=False):
-            stiffness.append(np.bincount(piece, matrix.data[used], minlength=self.nnz))
-        self.strip_x, self.strip_y, self.rest = stiffness
-        self._iron_maps = [
-            (np.flatnonzero(used), piece)
-            for (used, _), piece in zip(keys[len(linear) :], pieces[len(linear) :], strict=True)
-        ]
-        self._full = [m.tocsr() for m in linear]
-
-    def _matrix(self, data: Array) -> sparse.csc_matrix:
-        return sparse.csc_matrix((data, self._empty.indices, self._empty.indptr), shape=self._empty.shape)
-
     def linear_product(self, potential: Array, gap: float) -> Array:
         """The product of the linear regions' stiffness at a gap with a potential, (n_dof,)."""
         return self._strip_product(potential, gap) / self.air_depth.strip(gap)[0] + self._full[2] @ potential
@@ -313,50 +266,21 @@ class FieldModel:
 
     def assemble(self, potential: Array, gap: float) -> tuple[Array, Array]:
         """Gradient of W (n_dof,), and its second derivative's values on the pattern (nnz,)."""
-        s = gap / self.mesh.gap
-        data = (s * self.strip_x + self.strip_y / s) / self.air_depth.strip(gap)[0] + self.rest
-        gradient = self.linear_product(potential, gap)
-        for part, (used, piece) in zip(self.irons.values(), self._iron_maps, strict=True):
+        if self._linear[0] != gap:
+            s = gap / self.mesh.gap
+            strip = (s * self.strip_x + self.strip_y / s) / self.air_depth.strip(gap)[0]
+            self._linear = gap, strip + self.rest
+        gradient, data = self.linear_product(potential, gap), self._linear[1].copy()
+        for k, part in enumerate(self.irons.values(), start=len(self._full)):
             vector, matrix = part.residual_and_tangent(potential)
-            gradient += np.bincount(part.dofs.T.ravel(), vector.ravel(), minlength=self.n_dof)
-            data += np.bincount(piece, matrix.reshape(-1)[used], minlength=self.nnz)
+            gradient += np.bincount(part.dofs.ravel(), vector.ravel(), minlength=self.n_dof)
+            data += self.tangent.gather(k, matrix)
         return gradient, data
 
     def energy(self, potential: Array, gap: float) -> float:
         """Field energy W: per unit depth in J/m, or of the whole in J."""
         linear = 0.5 * float(potential @ self.linear_product(potential, gap))
         return linear + sum(part.energy(potential) for part in self.irons.values())
-
-    def back_substitute(self, right: Array) -> Array:
-        """The last tangent's inverse times `right`, both (n_dof,); fixed entries are zero."""
-        assert self._solver is not None, "a tangent has been factored"
-        out = np.zeros(self.n_dof)
-        out[self.free] = self._solver.solve(right[self.free])
-        return out
-
-    def refined_substitute(self, right: Array, data: Array) -> Array:
-        """The inverse of the tangent with these values times `right`, (n_dof,), from the factors of one nearby."""
-        upper = self._matrix(data)
-        diagonal = upper.diagonal()
-        answer = self.back_substitute(right)
-        for _ in range(REFINEMENTS):
-            inner = answer[self.free]
-            product = np.zeros(self.n_dof)
-            product[self.free] = upper @ inner + upper.T @ inner - diagonal * inner
-            answer += self.back_substitute(right - product)
-        return answer
-
-    def factor(self, data: Array) -> None:
-        """Factor the tangent whose values on the pattern are given; NotConverged where it is singular."""
-        matrix = self._matrix(data)
-        try:
-            if self._solver is None:
-                self._solver = qdldl.Solver(matrix, upper=True)  # orders the unknowns, once for all gaps and currents
-            else:
-                self._solver.update(matrix, upper=True)
-        except RuntimeError as err:
-            self._solver = None
-            raise NotConverged(f"the tangent is singular ({err}); check the iron's B-H curve") from err
 
 
 def solve_field(
@@ -381,9 +305,9 @@ def solve_field(
     gradient, data = model.assemble(potential, gap)
     trail: list[float] = []
     for _ in range(settings.iterations):
-        model.factor(data)
+        model.tangent.factor(data)
         residual = gradient - load
-        step = -model.back_substitute(residual)
+        step = -model.tangent.substitute(residual)
         descent = -float(step @ residual)
         potential, gradient, data = _line_search(model, potential, step, gap=gap, load=load, descent=descent)
         scale = float(potential @ gradient)
@@ -444,8 +368,11 @@ def field_response(model: FieldModel, solution: FieldSolution) -> FieldResponse:
     The factors are those of the tangent one Newton step before; iterative refinement takes their answers to the tangent
     at the solution itself.
     """
-    first, _ = model.strip_products(solution.potential, solution.gap)
-    return FieldResponse(
-        model.refined_substitute(model.source, solution.tangent),
-        -model.refined_substitute(first, solution.tangent),
-    )
+    if model.last_response is None or model.last_response[0] is not solution:
+        first, _ = model.strip_products(solution.potential, solution.gap)
+        response = FieldResponse(
+            model.tangent.refined_substitute(model.source, solution.tangent),
+            -model.tangent.refined_substitute(first, solution.tangent),
+        )
+        model.last_response = solution, response
+    return model.last_response[1]

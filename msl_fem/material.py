@@ -271,7 +271,7 @@ def e1_iron() -> AnalyticIron:
     x, weight = np.polynomial.legendre.leggauss(6)
     inner = nodes[:-1, None] + (x + 1) / 2 * 5e-3
     w = np.r_[0.0, np.cumsum(law(inner)[0] @ weight * 5e-3 / 2)]
-    energy = PPoly.from_bernstein_basis(BPoly.from_derivatives(nodes, np.column_stack([w, *law(nodes)])))
+    energy = _quintic(nodes, w, *law(nodes))
 
     def energy_law(b: Array) -> Array:
         # beyond 6 T the share is 1 - O(1e-4): integrate H = B/mu_0 less the remainder's small constant
@@ -279,6 +279,16 @@ def e1_iron() -> AnalyticIron:
         return energy(np.minimum(b, 6.0)) + (beyond**2 - 36.0) / (2 * MU_0)
 
     return AnalyticIron(name="analytic:e1", law=law, energy_law=energy_law, source="verification problem E1")
+
+
+def _quintic(x: Array, value: Array, slope: Array, bend: Array) -> PPoly:
+    """The piecewise quintic with these values and first and second derivatives at x (Hermite)."""
+    h = np.diff(x)
+    off = (np.diff(value) - slope[:-1] * h - bend[:-1] * h**2 / 2) / h**3
+    off_slope, off_bend = (np.diff(slope) - bend[:-1] * h) / h**2, np.diff(bend) / h / 2
+    third, fourth = 10 * off - 4 * off_slope + off_bend, (-15 * off + 7 * off_slope - 2 * off_bend) / h
+    fifth = (6 * off - 3 * off_slope + off_bend) / h**2
+    return PPoly(np.stack([fifth, fourth, third, bend[:-1] / 2, slope[:-1], value[:-1]]), x)
 
 
 def load_iron(name: str, *, folder: Path | None = None) -> Iron | AnalyticIron:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from netgen.geom2d import SplineGeometry
-from netgen.meshing import NgException
+from netgen.meshing import MeshingParameters, NgException
 from numpy.typing import NDArray
 
 from msl_fem.errors import ComputationError
@@ -28,12 +28,15 @@ class MeshSize:
     gap : largest size in the strip under the iron, of the gap
     iron : largest size in the iron, of the thinnest iron
     growth : of the size by the distance from a corner; along an edge each element is 1 + growth times the last
+    across : size on the other face of the gap where it is nearest to a corner, of the gap; None leaves it to `growth`.
+        It takes care of gaps that are smaller than the mesh's own, where fast growth would leave too little there
     """
 
     corner: float = 0.02
     gap: float = 1.0
     iron: float = 0.5
     growth: float = 0.35
+    across: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +123,11 @@ def _triangulate(section: Section, size: MeshSize) -> TriangleMesh:
     for k, name in enumerate(names):
         geometry.SetMaterial(k + 1, name)
         geometry.SetDomainMaxH(k + 1, (size.iron * thin if name in section.iron else 0.15 * box) / scale)
-    mesh = geometry.GenerateMesh(maxh=0.2, grading=size.growth)
+    limits = MeshingParameters(maxh=0.2, grading=size.growth)
+    if size.across is not None:
+        for x, y in _across_gap(section):
+            limits.RestrictH(x / scale, y / scale, 0.0, size.across * section.gap / scale)
+    mesh = geometry.GenerateMesh(limits)
     return _surrounded(_from_netgen(mesh, scale, names, section.gap), section.far)
 
 
@@ -131,6 +138,12 @@ def _corner_sizes(section: Section, size: MeshSize, vertices: Array) -> dict[int
         k = int(np.argmin(np.hypot(vertices[:, 0] - x, vertices[:, 1] - y)))
         sizes[k] = size.corner * section.gap / strength**1.5
     return sizes
+
+
+def _across_gap(section: Section) -> list[tuple[float, float]]:
+    """The points of a face of the gap that lie opposite a corner of the other."""
+    near = TOLERANCE * section.gap
+    return [(x, section.gap - y) for x, y, _ in section.corners if min(abs(y), abs(y - section.gap)) <= near]
 
 
 def _graded(start: Array, end: Array, sizes: tuple[float | None, float | None], growth: float) -> Array:

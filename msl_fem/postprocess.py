@@ -110,11 +110,16 @@ def evaluate_field(probes: Probes, solution: FieldSolution) -> FieldQuantities:
         force_current_slope=scale * float(first @ response.by_current),
         force_gap_slope=scale * float(a @ second / 2 + first @ response.by_gap),
         flux_density=probes.section_flux_density(a),
-        rests_on_tail=tuple(
-            name
-            for name, part in model.irons.items()
-            if part.weight[part.flux_density(a)[1] > part.iron.tail_from].sum() > TAIL_SHARE * part.weight.sum()
-        ),
+        rests_on_tail=irons_on_tail(model, a),
+    )
+
+
+def irons_on_tail(model: FieldModel, potential: Array) -> tuple[str, ...]:
+    """The irons of which more than 1 % of the area lies beyond the last point of their curve."""
+    return tuple(
+        name
+        for name, part in model.irons.items()
+        if part.weight[part.flux_density(potential)[1] > part.iron.tail_from].sum() > TAIL_SHARE * part.weight.sum()
     )
 
 

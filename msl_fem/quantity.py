@@ -61,6 +61,26 @@ def parse_quantity(text: str, unit: str) -> float:
     return value
 
 
+def parse_temperature(text: str) -> float:
+    """The absolute temperature in K of a text such as "20 degC", "20 °C" or "293.15 K".
+
+    Raises
+    ------
+    QuantityError : not a number, no unit, a unit that is no temperature, or below absolute zero
+    """
+    match = _QUANTITY.fullmatch(text.replace("°", "deg")) if isinstance(text, str) else None
+    if match is None or match.group(2) is None:
+        raise QuantityError(f'{text!r} is not a temperature; write a number and a unit, like "20 degC" or "293 K"')
+    registry = _registry()
+    try:
+        value = float(registry.Quantity(float(match.group(1)), match.group(2).strip()).to("K").magnitude)
+    except Exception as err:  # pint raises errors of many kinds on a text that is no unit
+        raise QuantityError(f"{text!r} is not a temperature; use degC or K") from err
+    if not 0 <= value < math.inf:
+        raise QuantityError(f"{text!r} is below absolute zero or not finite; look at its unit")
+    return value
+
+
 def parse_quantities(text: str, unit: str) -> list[float]:
     """The SI values of a list such as "0.5, 1, 2 A"; an element without a unit takes that of the next one that has one.
 

@@ -48,13 +48,18 @@ class FrozenModel(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    def implied(self) -> frozenset[str]:
+        """Names of the fields that follow from others, which a file therefore leaves out."""
+        return frozenset()
+
 
 def document(model: BaseModel) -> dict[str, Any]:
     """The model as a file states it: texts with units, aliases as keys, nothing where there is nothing."""
     content: dict[str, Any] = {}
+    implied = model.implied() if isinstance(model, FrozenModel) else frozenset()
     for name, info in type(model).model_fields.items():
         value = getattr(model, name)
-        if value is None or info.exclude or value == {}:
+        if value is None or info.exclude or value == {} or name in implied:
             continue
         unit = _unit((info.annotation, *info.metadata))
         if isinstance(value, BaseModel):

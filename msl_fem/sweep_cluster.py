@@ -4,12 +4,12 @@ import contextlib
 import logging
 import pickle
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
 from typing import TYPE_CHECKING, Any
 
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.sweep_rows import Arrays, Executor, Job, Row, RowSolver, dearest_first
+from msl_fem.sweep_rows import Arrays, Executor, Solver, Work, dearest_first
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -33,12 +33,12 @@ def on_cluster(address: str) -> Executor:
     return lambda job, rows: _solve_on_cluster(address, job, rows) if rows else iter(())
 
 
-def _solve_on_cluster(address: str, job: Job, rows: list[tuple[int, Row]]) -> Iterator[tuple[int, Arrays]]:
+def _solve_on_cluster(address: str, job: Work, rows: Sequence[tuple[int, Any]]) -> Iterator[tuple[int, Arrays]]:
     distributed = _distributed()
     # the workers must be able to unpickle the job without having made it: a message each, no scattered data that
     # could die with its holder
     packed = pickle.dumps(job)
-    with _quiet_log(), _connected(address) as client:
+    with quiet_log(), connected(address) as client:
         waiting = {
             client.submit(_solve_on_worker, packed, row, retries=RETRIES, pure=False, priority=-place): n
             for place, (n, row) in enumerate(dearest_first(rows))
@@ -72,7 +72,7 @@ def _distributed() -> Any:
     return distributed
 
 
-def _connected(address: str) -> "Client":
+def connected(address: str) -> "Client":
     """A client of a scheduler that has at least one worker."""
     way_out = "give the address that 'dask scheduler' prints, like tcp://192.168.0.7:8786, or use --workers"
     distributed = _distributed()
@@ -95,7 +95,7 @@ def _connected(address: str) -> "Client":
 
 
 @contextlib.contextmanager
-def _quiet_log() -> Iterator[None]:
+def quiet_log() -> Iterator[None]:
     """Without the client's own log, which has a traceback for each loss that is answered here."""
     log = logging.getLogger("distributed.client")
     before = log.level
@@ -114,9 +114,9 @@ def _refuse_without_workers(client: "Client", address: str) -> None:
 _own = threading.local()
 
 
-def _solve_on_worker(packed: bytes, row: Row) -> Arrays:
+def _solve_on_worker(packed: bytes, row: Any) -> Arrays:
     """Runs in a worker: one row; each thread keeps the solver of its last job."""
     if getattr(_own, "packed", None) != packed:
-        _own.solver, _own.packed = RowSolver(pickle.loads(packed)), packed
-    solver: RowSolver = _own.solver
+        _own.solver, _own.packed = pickle.loads(packed).solver(), packed
+    solver: Solver = _own.solver
     return solver.solve(row)

@@ -6,11 +6,12 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,25 @@ Progress = Callable[[int, int], None]
 SCALARS = (*NODES, *EXTRAS)
 
 
+class Solver(Protocol):
+    """What solves the rows of a job."""
+
+    def solve(self, row: Any) -> Arrays: ...
+
+
+class Work(Protocol):
+    """A job that a process can be given: it makes its own solver there."""
+
+    def solver(self) -> Solver: ...
+
+
+class Costly(Protocol):
+    """A row that says how much work it is, in solutions of the base model."""
+
+    @property
+    def cost(self) -> int: ...
+
+
 @dataclass(frozen=True)
 class Job:
     """What a process needs to solve rows: the magnet and its meshes' sizes are in the mesh already."""
@@ -40,6 +60,10 @@ class Job:
     order: int
     end_effects: bool = False
 
+    def solver(self) -> "RowSolver":
+        """The solver of the job's rows."""
+        return RowSolver(self)
+
 
 @dataclass(frozen=True)
 class Row:
@@ -49,8 +73,13 @@ class Row:
     currents: tuple[float, ...]
     refine: bool = False
 
+    @property
+    def cost(self) -> int:
+        """The work it is, in solutions of the base model."""
+        return len(self.currents) * (4 if self.refine else 1)
 
-Executor = Callable[[Job, list[tuple[int, Row]]], Iterator[tuple[int, Arrays]]]
+
+Executor = Callable[[Work, Sequence[tuple[int, Any]]], Iterator[tuple[int, Arrays]]]
 """Solves numbered rows of a job and yields each row's number and arrays as soon as it is finished, in any order."""
 
 
@@ -155,18 +184,18 @@ def in_processes(workers: int) -> Executor:
     )
 
 
-def dearest_first(rows: list[tuple[int, Row]]) -> list[tuple[int, Row]]:
+def dearest_first(rows: Sequence[tuple[int, Costly]]) -> list[tuple[int, Costly]]:
     """The order in which no process waits for a late, dear row."""
-    return sorted(rows, key=lambda item: -len(item[1].currents) * (4 if item[1].refine else 1))
+    return sorted(rows, key=lambda item: -item[1].cost)
 
 
-def _solve_here(job: Job, rows: list[tuple[int, Row]]) -> Iterator[tuple[int, Arrays]]:
-    solver = RowSolver(job)
+def _solve_here(job: Work, rows: Sequence[tuple[int, Any]]) -> Iterator[tuple[int, Arrays]]:
+    solver = job.solver()
     for n, row in rows:
         yield n, solver.solve(row)
 
 
-def _solve_in_pool(job: Job, rows: list[tuple[int, Row]], workers: int) -> Iterator[tuple[int, Arrays]]:
+def _solve_in_pool(job: Work, rows: Sequence[tuple[int, Any]], workers: int) -> Iterator[tuple[int, Arrays]]:
     pool = ProcessPoolExecutor(
         min(workers, len(rows)),
         mp_context=multiprocessing.get_context("spawn"),
@@ -174,7 +203,7 @@ def _solve_in_pool(job: Job, rows: list[tuple[int, Row]], workers: int) -> Itera
         initargs=(job,),
     )
     try:
-        with _deaf_children():
+        with deaf_children():
             futures = {pool.submit(_solve_in_worker, row): n for n, row in dearest_first(rows)}
         for future in as_completed(futures):
             yield futures[future], future.result()
@@ -188,7 +217,7 @@ def _solve_in_pool(job: Job, rows: list[tuple[int, Row]], workers: int) -> Itera
 
 
 @contextlib.contextmanager
-def _deaf_children() -> Iterator[None]:
+def deaf_children() -> Iterator[None]:
     """Processes started in the block never hear Ctrl-C: the parent alone answers it, and ends them."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
@@ -200,17 +229,17 @@ def _deaf_children() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-_worker: RowSolver | None = None
+_worker: Solver | None = None
 
 
-def _start_worker(job: Job) -> None:
+def _start_worker(job: Work) -> None:
     global _worker
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    _worker = RowSolver(job)
+    threading.Thread(target=end_with_parent, daemon=True).start()
+    _worker = job.solver()
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """Leave when the parent was killed: a worker that waits for rows would wait for ever."""
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -218,6 +247,6 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _solve_in_worker(row: Row) -> Arrays:
+def _solve_in_worker(row: Any) -> Arrays:
     assert _worker is not None, "the pool's initialiser has run"
     return _worker.solve(row)

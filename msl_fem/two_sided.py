@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
 from msl_fem.magnet_field import LEVELS, Accuracy, check_point
@@ -12,6 +15,7 @@ from msl_fem.quantity import format_quantity
 from msl_fem.two_sided_section import TwoSidedPosition, two_sided_section
 from msl_fem.virtual_work import MovingBody
 
+Array = NDArray[np.float64]
 AIR = ("air", "gap", "window")
 LARGEST_TILT = 0.1  # rad
 
@@ -108,15 +112,17 @@ class TwoSidedField:
         """The same mesh with one polynomial degree more."""
         return TwoSidedField(self.actuator, self.position, accuracy=self.accuracy, coarser=self)
 
-    def solve(self, current_1: float, current_2: float) -> tuple[TwoSidedQuantities, FieldSolution]:
-        """The quantities and the field at the coils' currents (A); raises NotConverged."""
+    def solve(
+        self, current_1: float, current_2: float, *, start: Array | None = None
+    ) -> tuple[TwoSidedQuantities, FieldSolution]:
+        """The quantities and the field at the coils' currents (A), from a potential nearby; raises NotConverged."""
         densities = {
             region: current * density
             for current, turns in zip((current_1, current_2), self.plan.turns_density, strict=True)
             for region, density in turns.items()
         }
         model = self.model.with_turns(densities)
-        solution = solve_field(model, 1.0, model.mesh.gap)
+        solution = solve_field(model, 1.0, model.mesh.gap, start=start)
         potential, half = solution.potential, self.plan.half
         force, stress = self.body.force(potential), self.body.force_stress_tensor(potential)
         flux = [self.depth * float(linkage @ potential) for linkage in self.linkage]

@@ -13,7 +13,7 @@ DOCUMENT = ROOT / "docs" / "architecture.md"
 ORDER = re.findall(r"^\d+\. `(msl_fem\.[a-z_]+)`", DOCUMENT.read_text(), flags=re.MULTILINE)
 SIBLINGS = {"msl_fem.identification", "msl_fem.control", "msl_fem.diagnosis"}
 USERS = {
-    "skfem": {"msl_fem.mesh", "msl_fem.magnetostatics", "msl_fem.postprocess"},
+    "skfem": {"msl_fem.mesh", "msl_fem.magnetostatics", "msl_fem.postprocess", "msl_fem.flexure_beam"},
     "netgen": {"msl_fem.mesh"},
     "matplotlib": {"msl_fem.report"},
     "plotly": {"msl_fem.report"},
@@ -28,7 +28,10 @@ FILE_USERS = {
     "msl_fem.table",
     "msl_fem.record",
     "msl_fem.operating_map",
+    "msl_fem.extended_model",
+    "msl_fem.sizing",
     "msl_fem.coupled_model",
+    "msl_fem.core_loss_data",
     "msl_fem.sweep_cache",
     "msl_fem.export",
     "msl_fem.report",
@@ -77,6 +80,20 @@ def test_a_module_imports_only_from_those_before_it(module: str) -> None:
             assert imported != "msl_fem", f"{module} imports the package's door"
             pair = {entry(module), entry(imported)}
             assert not (len(pair) == 2 and pair <= SIBLINGS), f"{module} imports its sibling {imported}"
+
+
+def test_the_bench_is_known_to_the_command_line_alone_and_shares_no_equations() -> None:
+    """A diagnosis that could see the bench, or a bench made of the coupled model, would prove nothing."""
+    users = {
+        entry(n) for n, tree in MODULES.items() if any(entry(i) == "msl_fem.bench" for i in imports(tree) if "." in i)
+    }
+    assert users <= {"msl_fem.bench", "msl_fem.cli"}
+    allowed = {"msl_fem.coupled_model.excitation", "msl_fem.coupled_model.excitation_kinds"}
+    halves = {"msl_fem.identification", "msl_fem.control", "msl_fem.diagnosis", "msl_fem.study"}
+    for name in (n for n in MODULES if entry(n) == "msl_fem.bench"):
+        for imported in imports(MODULES[name]):
+            assert entry(imported) not in halves, f"{name} imports {imported}"
+            assert entry(imported) != "msl_fem.coupled_model" or imported in allowed, f"{name} imports {imported}"
 
 
 def test_no_import_cycle() -> None:

@@ -1,5 +1,7 @@
 """One magnet's field against the converged values of E1, its error estimate, its air box, refused points."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from conftest import ROOT
@@ -8,9 +10,10 @@ from random_cores import random_core
 
 from msl_fem.actuator import Actuator, Air, ECore, load_actuator
 from msl_fem.errors import ActuatorError, InputError
-from msl_fem.magnet_field import LEVELS, MagnetField, field_of, magnet_mesh, solve
+from msl_fem.magnet_field import LEVELS, MagnetField, field_of, force_error_estimate, magnet_mesh, solve
 from msl_fem.mesh import MeshSize, triangulate
 from msl_fem.section import e_core_section
+from msl_fem.sweep_rows import Job, Row, RowSolver
 
 POINTS = reference("reference.csv")
 LINEAR = reference("reference_linear.csv")
@@ -53,6 +56,28 @@ def test_stated_error_covers_the_true_one(e1, accuracy, picked, tolerance):
         assert true < tolerance, where
         assert true <= point.force_error_estimate + max(row["force_rel_uncertainty"], REFERENCE_ERROR), where
         assert point.force_error_estimate < 2 * tolerance, where
+
+
+@pytest.mark.parametrize(("accuracy", "tolerance"), [("fast", 2e-3), ("normal", 1e-3), ("fine", 1e-4)])
+def test_estimates_are_honest_and_close_over_the_whole_reference(e1, accuracy, tolerance):
+    """At every point the true error is below the estimate, and in the median the estimate is at most 5 times it."""
+    level, net, stated, true = LEVELS[accuracy], [], [], []
+    for gap in np.unique(POINTS["gap_mm"]):
+        rows = np.sort(POINTS[POINTS["gap_mm"] == gap], order="current_A")
+        mesh = magnet_mesh(e1.e_core(), gap * 1e-3, accuracy)
+        solver = RowSolver(Job(e1.e_core(), mesh, e1.folder, level.order))
+        both = [solver.solve(Row(gap * 1e-3, tuple(rows["current_A"]), refine)) for refine in (False, True)]
+        points = [
+            [SimpleNamespace(force=f, coenergy=w) for f, w in zip(a["force"], a["coenergy"], strict=True)] for a in both
+        ]
+        for row, found, finer in zip(rows, *points, strict=True):
+            true.append(abs(found.force / row["force_N"] - 1))
+            net.append(true[-1] - max(row["force_rel_uncertainty"], REFERENCE_ERROR))
+            stated.append(force_error_estimate(level, found, finer))
+    assert len(true) == 60
+    assert max(net) < tolerance
+    assert (np.array(net) <= stated).all()
+    assert np.median(np.array(stated) / true) <= 5
 
 
 @pytest.mark.parametrize("seed", [7, 14, 18])

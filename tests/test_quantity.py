@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msl_fem.errors import InputError, QuantityError
-from msl_fem.quantity import format_quantity, parse_quantities, parse_quantity
+from msl_fem.quantity import format_quantity, parse_quantities, parse_quantity, parse_temperature
 
 
 @pytest.mark.parametrize(
@@ -87,3 +87,17 @@ def test_a_formatted_quantity_parses_back(size: float, unit: str, negative: bool
     value = -size if negative else size
     again = parse_quantity(format_quantity(value, unit, digits=17), unit)
     assert math.isclose(again, value, rel_tol=1e-15 * 4)
+
+
+@pytest.mark.parametrize(
+    ("text", "kelvin"),
+    [("20 degC", 293.15), ("20 °C", 293.15), ("-10.5 degC", 262.65), ("293.15 K", 293.15), ("68 degF", 293.15)],
+)
+def test_temperatures_are_absolute(text: str, kelvin: float) -> None:
+    assert parse_temperature(text) == pytest.approx(kelvin, rel=1e-12)
+
+
+@pytest.mark.parametrize("text", ["20", "20 m", "-300 degC", "-1 K", "nan K", "warm", "", "20 degC m"])
+def test_what_is_no_temperature(text: str) -> None:
+    with pytest.raises(QuantityError):
+        parse_temperature(text)

@@ -16,9 +16,18 @@ COMMANDS = {
     "lookup": "msl_fem.cli.lookup",
     "map": "msl_fem.cli.map",
     "guard": "msl_fem.cli.guard",
+    "losses": "msl_fem.cli.losses",
+    "size": "msl_fem.cli.size",
     "simulate": "msl_fem.cli.simulate",
+    "bench": "msl_fem.cli.bench",
+    "import": "msl_fem.cli.import_log",
     "identify": "msl_fem.cli.identify",
     "control": "msl_fem.cli.control",
+    "compare": "msl_fem.cli.compare",
+    "export": "msl_fem.cli.export",
+    "flexure": "msl_fem.cli.flexure",
+    "gap-trade": "msl_fem.cli.gap_trade",
+    "tolerances": "msl_fem.cli.tolerances",
 }
 """Command to module; the module's `command` is the function."""
 SETTINGS = {"help_option_names": ["-h", "--help"]}

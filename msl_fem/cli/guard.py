@@ -1,29 +1,65 @@
-"""The command `guard`: judges a command by an operating map."""
+"""The command `guard`: judges commands by an operating map."""
 
+import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from msl_fem.cli.options import Json, read_option
-from msl_fem.cli.output import print_result
-from msl_fem.operating_map import Guard, read_map
+from msl_fem.cli.output import print_columns, print_result
+from msl_fem.errors import InputError
+from msl_fem.operating_map import REGIONS, Guard, read_map
+
+_NO_NUMBER = re.compile(r"\s*([+-]?)(nan|inf|infinity)\b\s*(.*)", re.IGNORECASE)
 
 
 def command(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="Operating map (JSON).")],
-    current: Annotated[str, typer.Option("--current", help='Like "4 A"; nan is judged too.')],
-    gap: Annotated[str, typer.Option("--gap", help='Like "0.3 mm"; nan is judged too.')],
+    current: Annotated[list[str], typer.Option("--current", help='Like "4 A"; nan and inf are judged too.')],
+    gap: Annotated[list[str], typer.Option("--gap", help='Like "0.3 mm"; nan and inf are judged too.')],
     json: Json = False,
 ) -> None:
-    """Judge a command: preferred, discouraged or unacceptable, with the limits at that gap."""
-    judgement = Guard(read_map(map_file)).judge(_or_nan("--current", current, "A"), _or_nan("--gap", gap, "m"))
-    print_result(judgement.to_json(), as_json=json, title=f"{current} at gap {gap}")
+    """Judge a command: preferred, discouraged or unacceptable, with the limits at that gap.
+
+    Several commands at once: give --current and --gap as often, or one of them once for all of the other.
+    """
+    guard = Guard(read_map(map_file))
+    pairs = _pairs([_number("--current", c, "A") for c in current], [_number("--gap", g, "m") for g in gap])
+    judged = [guard.judge(i, g).to_json() for i, g in pairs]
+    if len(judged) == 1:
+        print_result(judged[0], as_json=json, title=f"{current[0]} at gap {gap[0]}")
+        return
+    if json:
+        each = [{"current_A": i, "gap_m": g, **found} for (i, g), found in zip(pairs, judged, strict=True)]
+        print_result({"judgements": each, "counts": _counts(judged)}, as_json=True, title="")
+        return
+    columns = {
+        "current in A": [f"{i:.6g}" for i, _ in pairs],
+        "gap in mm": [f"{g * 1e3:.6g}" for _, g in pairs],
+        "region": [found["region"] for found in judged],
+        "margin in A": ["-" if found["margin_A"] is None else f"{found['margin_A']:.4g}" for found in judged],
+        "reason": [found["reason"] for found in judged],
+    }
+    print_columns(columns, title=", ".join(f"{n} {name}" for name, n in _counts(judged).items()))
 
 
-def _or_nan(name: str, text: str, unit: str) -> float:
-    """A quantity, or nan where the text says so: a controller's command can be one."""
-    number, _, unit_text = text.strip().partition(" ")
-    if number.lower() != "nan":
+def _counts(judged: list[dict[str, Any]]) -> dict[str, int]:
+    return {name: sum(found["region"] == name for found in judged) for name in REGIONS}
+
+
+def _pairs(current: list[float], gap: list[float]) -> list[tuple[float, float]]:
+    """Both lists element by element, a single value serving all."""
+    n = max(len(current), len(gap))
+    if len(current) not in (1, n) or len(gap) not in (1, n):
+        raise InputError(f"{len(current)} of --current and {len(gap)} of --gap make no pairs; give as many, or one")
+    return list(zip(current * (n // len(current)), gap * (n // len(gap)), strict=True))
+
+
+def _number(name: str, text: str, unit: str) -> float:
+    """A quantity, or nan or inf where the text says so: a controller's command can be one."""
+    match = _NO_NUMBER.fullmatch(text)
+    if match is None:
         return read_option(name, text, unit)
-    return float("nan") * read_option(name, f"1 {unit_text or unit}", unit)
+    read_option(name, f"1 {match[3] or unit}", unit)  # a wrong unit is wrong here too
+    return float(match[1] + match[2])

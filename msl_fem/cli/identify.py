@@ -1,7 +1,7 @@
 """The command `identify`: ARMAX with rational inputs from a record."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -16,8 +16,14 @@ from msl_fem.whole_file import check_target
 def command(
     record: Annotated[Path, typer.Argument(metavar="RECORD", help="Record folder.")],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="JSON file of the model.")] = None,
-    terms: Annotated[str, typer.Option(help='Rational inputs, like "i1^2/g1^2,i2^2/g2^2".')] = "",
-    orders: Annotated[str, typer.Option(help="na,nb,nc[,nk] of ARMAX.")] = "",
+    terms: Annotated[
+        str, typer.Option(help='Rational inputs, like "i1^2/g1^2,i2^2/g2^2"; auto, or auto:LIST to choose from a list.')
+    ] = "",
+    orders: Annotated[str, typer.Option(help="na,nb,nc[,nk] of ARMAX, or auto.")] = "",
+    criterion: Annotated[str, typer.Option(help="bic or aicc: what auto decides by.")] = "bic",
+    prior: Annotated[
+        bool, typer.Option("--prior", help="Count the believed mass, damping and stiffness with their tolerances.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """ARMAX with rational inputs, fitted on the record's fit runs and judged on all."""
@@ -26,21 +32,42 @@ def command(
     it = load_record(record)
     for warning in it.warnings:
         say(f"note: {warning}")
-    choice = ModelChoice(orders=_orders(orders), terms=tuple(t.strip() for t in terms.split(",") if t.strip()))
+    if criterion not in ("bic", "aicc"):
+        raise InputError(f"--criterion {criterion!r}: give bic or aicc")
+    listed, automatic = _terms(terms)
+    choice = ModelChoice(
+        orders=_orders(orders),
+        terms=listed,
+        select_terms=automatic,
+        prior=prior,
+        criterion="bic" if criterion == "bic" else "aicc",
+    )
     found = identify(it, choice=choice)
     if output is not None:
         write_json(model_to_json(found.model), output)
     print_result(found.fields(), as_json=json, title=f"ARMAX of {record}")
 
 
-def _orders(text: str) -> ArmaxOrders | None:
+def _terms(text: str) -> tuple[tuple[str, ...], bool]:
+    """The terms that are listed, and whether to choose among them."""
+    name, colon, rest = text.partition(":")
+    automatic = name.strip() == "auto"
+    listed = tuple(term.strip() for term in (rest if automatic else text).split(",") if term.strip())
+    if automatic and colon and not listed:
+        raise InputError(f'--terms {text!r}: list the candidates after the colon, like "auto:i1^2/g1^2,i1/g1"')
+    return listed, automatic
+
+
+def _orders(text: str) -> ArmaxOrders | Literal["auto"] | None:
     if not text:
         return None
+    if text.strip() == "auto":
+        return "auto"
     try:
         numbers = [int(word) for word in text.split(",")]
     except ValueError:
         numbers = []
     if len(numbers) not in (3, 4):
-        raise InputError(f"--orders {text!r}: write na,nb,nc or na,nb,nc,nk, like 2,2,2")
+        raise InputError(f"--orders {text!r}: write na,nb,nc or na,nb,nc,nk, like 2,2,2, or auto")
     na, nb, nc, *delay = numbers
     return ArmaxOrders(na, nb, nc, delay[0] if delay else 1)

@@ -1,56 +1,173 @@
 """The command `map`: the operating map of a magnet."""
 
+import dataclasses
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
 
-from msl_fem.actuator import load_actuator
-from msl_fem.cli.options import AccuracyLevel, Json, read_options
-from msl_fem.cli.output import print_columns, print_result, progress_bar, say
+from msl_fem.actuator import Actuator, TableMagnet, load_actuator
+from msl_fem.cli import thermal_options
+from msl_fem.cli.options import AccuracyLevel, Json, read_option, read_options
+from msl_fem.cli.output import print_columns, print_result, progress_bar, say, write_json
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
+from msl_fem.cli.thermal_options import ThermalTexts, thermal_columns, thermal_fields, thermal_notes, thermal_request
 from msl_fem.errors import InputError
-from msl_fem.operating_map import map_to_json, operating_map, write_map
+from msl_fem.field_map import FieldMapSettings, decoupling_map, decoupling_positions, field_map
+from msl_fem.operating_map import MEAN, OperatingMap, map_to_json, operating_map, parse_criterion
 from msl_fem.sweep import SweepSettings, default_grid, sweep
+from msl_fem.sweep_cache import RowCache
 from msl_fem.table import MagneticTable, read_table
 from msl_fem.whole_file import check_target
+
+
+class FieldOptions(NamedTuple):
+    """The options that a map from field solutions has beside those of a map from a table, as they were written."""
+
+    gaps: str | None = None
+    current_max: str | None = None
+    workers: int = 0
+    resume: bool = False
+    end_effects: bool = False
+    decoupling: bool = False
 
 
 def command(
     source: Annotated[Path, typer.Argument(metavar="ACTUATOR|TABLE", help="Actuator file or table.")],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="JSON file to write.")] = None,
     levels: Annotated[str, typer.Option(help="Flux densities in the iron.")] = "1.2,1.6 T",
-    criterion: Annotated[str, typer.Option(help="mean: the section mean of the most loaded section.")] = "mean",
+    criterion: Annotated[
+        str,
+        typer.Option(
+            help="mean: of the most loaded section; percentile=95: of the iron's area; max or max=0.5mm: the largest "
+            "in the iron, farther than that from its corners."
+        ),
+    ] = MEAN,
+    gaps: Annotated[str | None, typer.Option(help='Like "0.1,0.2 mm"; else from the actuator\'s range.')] = None,
+    current_max: Annotated[
+        str | None, typer.Option(help="Largest current to look for a level; else as far as the levels need.")
+    ] = None,
     accuracy: AccuracyLevel = "normal",
+    workers: Annotated[int, typer.Option(min=0, max=256, help="Processes; 0: one a core.")] = 0,
+    resume: Annotated[bool, typer.Option(help="Take finished gaps of an interrupted run.")] = False,
+    end_effects: Annotated[
+        bool, typer.Option("--end-effects", help="Correct for the flux that bulges out at the stack's ends.")
+    ] = False,
+    decoupling: Annotated[
+        bool, typer.Option("--decoupling", help="Add how far the two sides are independent over the map.")
+    ] = False,
+    temperature_rise: thermal_options.Rise = thermal_options.DEFAULT_RISE,
+    ambient: thermal_options.Ambient = thermal_options.DEFAULT_AMBIENT,
+    duty: thermal_options.Duty = 1.0,
+    period: thermal_options.Period = None,
+    thermal_resistance: thermal_options.ThermalResistance = None,
+    frequency: thermal_options.IronFrequency = None,
     json: Json = False,
 ) -> None:
-    """For each gap the current that brings each flux density in the most loaded section."""
-    if criterion != "mean":
-        raise InputError(f"criterion '{criterion}' is not available from a table; use mean")
+    """For each gap the current that brings each flux density in the iron.
+
+    Of an actuator by root finding on field solutions, of a table by interpolation (criterion mean only).
+    """
+    parse_criterion(criterion)
     wanted = read_options("--levels", levels, "T")
     if output is not None:
         check_target(output)
-    made = operating_map(_table_of(source, accuracy), levels=wanted)
+    request = thermal_request(ThermalTexts(temperature_rise, ambient, duty, period, thermal_resistance, frequency))
+    options = FieldOptions(gaps, current_max, workers, resume, end_effects, decoupling)
+    actuator = load_actuator(source) if source.suffix == ".toml" else None
+    if actuator is None or isinstance(actuator.magnet, TableMagnet):
+        given = _table_in(source, actuator)
+        table: MagneticTable | None = given
+        made = _from_table(given, wanted, criterion, options)
+    else:
+        settings = _settings(options, checked_accuracy(accuracy), output)
+        table = _default_table(actuator, settings) if request.frequency is not None else None
+        made = _from_fields(actuator, wanted, criterion, options, settings)
+    thermal = thermal_fields(source, made.gap, request, table=table)
     if output is not None:
-        write_map(made, output)
-    for warning in (*made.warnings, *made.not_reached()):
-        say(f"note: {warning}")
+        write_json(map_to_json(made) | thermal, output)
+        RowCache(_cache(output)).clear()
+    for note in (*_notes(made), *made.warnings, *made.not_reached(), *thermal_notes(thermal)):
+        say(f"note: {note}")
     if json:
-        print_result(map_to_json(made), as_json=True, title="")
+        print_result(map_to_json(made) | thermal, as_json=True, title="")
         return
+    print_columns(_columns(made) | thermal_columns(thermal), title=f"operating map of {source}, {made.criterion}")
+
+
+def _table_in(source: Path, actuator: Actuator | None) -> MagneticTable:
+    """The table in a file, or the one that an actuator names."""
+    if actuator is None or not isinstance(actuator.magnet, TableMagnet):
+        return read_table(source)
+    return read_table(actuator.folder / actuator.magnet.table)
+
+
+def _from_table(table: MagneticTable, levels: list[float], criterion: str, options: FieldOptions) -> OperatingMap:
+    if parse_criterion(criterion).kind != MEAN:
+        raise InputError(
+            f"criterion '{criterion}' is not available from a table, which holds section means; use mean, or give the "
+            "actuator file"
+        )
+    for name, given in options._asdict().items():
+        if name != "gaps" and given:
+            raise InputError(f"--{name.replace('_', '-')} needs field solutions: give an actuator file, not a table")
+    gap = None if options.gaps is None else np.unique(read_options("--gaps", options.gaps, "m"))
+    return operating_map(table, levels=levels, gap=gap)
+
+
+def _settings(options: FieldOptions, accuracy: Any, output: Path | None) -> FieldMapSettings:
+    if options.resume and output is None:
+        raise InputError("--resume takes up what was meant for a file; give the same -o FILE")
+    return FieldMapSettings(
+        accuracy=accuracy,
+        workers=options.workers or default_workers(),
+        cache=None if output is None else _cache(output),
+        resume=options.resume,
+        end_effects=options.end_effects,
+        current_max=None if options.current_max is None else read_option("--current-max", options.current_max, "A"),
+    )
+
+
+def _cache(output: Path) -> Path:
+    return output.with_name(f".{output.name}.rows")
+
+
+def _from_fields(
+    actuator: Actuator, levels: list[float], criterion: str, options: FieldOptions, settings: FieldMapSettings
+) -> OperatingMap:
+    gap = None if options.gaps is None else read_options("--gaps", options.gaps, "m")
+    if options.decoupling:
+        decoupling_positions(actuator)  # that they are there is said before the work
+    with progress_bar("field solutions, gaps") as progress:
+        made = field_map(actuator, gap, levels=levels, criterion=criterion, settings=settings, progress=progress)
+    if not options.decoupling:
+        return made
+    with progress_bar("both sides, positions") as progress:
+        shared = decoupling_map(actuator, levels=levels, settings=settings, progress=progress)
+    for finding in shared.findings():
+        say(f"decoupling: {finding}")
+    return dataclasses.replace(made, decoupling=shared.to_json())
+
+
+def _default_table(actuator: Actuator, settings: FieldMapSettings) -> MagneticTable:
+    """What the iron's loss in the thermal limit is read from."""
+    table_settings = SweepSettings(accuracy=settings.accuracy, workers=settings.workers)
+    with progress_bar("field solutions, rows") as progress:
+        return sweep(actuator, *default_grid(actuator), settings=table_settings, progress=progress)[0]
+
+
+def _notes(made: OperatingMap) -> list[str]:
+    noted = (made.provenance or {}).get("notes", [])
+    parts = "interpolation" if made.mesh_error is None else "mesh and B-H curve between its points"
+    share = made.error[np.isfinite(made.current)] / made.current[np.isfinite(made.current)]
+    errors = [f"the currents are within {100 * share.max():.2g} % (stated error: {parts})"] if share.size else []
+    return errors + ([str(note) for note in noted] if isinstance(noted, list) else [])
+
+
+def _columns(made: OperatingMap) -> dict[str, list[str]]:
     columns = {"gap in mm": [f"{g * 1e3:.4g}" for g in made.gap]}
     for level, row, section in zip(made.levels, made.current, made.section, strict=True):
-        columns[f"{level:g} T in A"] = ["not reached" if np.isnan(i) else f"{i:.3f}" for i in row]
+        columns[f"{level:g} T in A"] = ["not reached" if np.isnan(i) else f"{i:.4f}" for i in row]
         columns[f"{level:g} T in the"] = [name.replace("_", " ") for name in section]
-    print_columns(columns, title=f"operating map of {source}, criterion {made.criterion}")
-
-
-def _table_of(source: Path, accuracy: str) -> MagneticTable:
-    """The table in a file, or that of an actuator's default grid."""
-    if source.suffix != ".toml":
-        return read_table(source)
-    actuator = load_actuator(source)
-    settings = SweepSettings(accuracy=checked_accuracy(accuracy), workers=default_workers())
-    with progress_bar("field solutions, rows") as progress:
-        return sweep(actuator, *default_grid(actuator), settings=settings, progress=progress)[0]
+    return columns

@@ -19,7 +19,7 @@ from msl_fem.whole_file import whole_file
 ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
 COMPUTATION_FAILED, INPUT_WRONG, INTERRUPTED = 1, 2, 130
 LONGEST = 1200  # characters of an error's line
-GO_ON = "interrupted: files are whole; run the same command again (table and study: with --resume) to go on"
+GO_ON = "interrupted: files are whole; the same command again (table, map, tolerances, study: with --resume) goes on"
 
 
 def print_result(result: Mapping[str, Any], *, as_json: bool, title: str) -> None:
@@ -95,9 +95,18 @@ def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=ERRORS) as progress:
-        task = progress.add_task(what, total=None)
-        yield lambda done, total: progress.update(task, completed=done, total=total)
+    progress = Progress(*columns, console=ERRORS)
+    task = progress.add_task(what, total=None)
+
+    def tell(done: int, total: int) -> None:
+        progress.start()  # not before: what fails at once leaves one line, no empty bar above it
+        progress.update(task, completed=done, total=total)
+
+    try:
+        yield tell
+    finally:
+        if progress.live.is_started:
+            progress.stop()
 
 
 @contextlib.contextmanager

@@ -6,8 +6,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
+from msl_fem.cli.options import Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar
 from msl_fem.cli.sweeping import table_for
 from msl_fem.coupled_model import (
@@ -19,21 +18,27 @@ from msl_fem.coupled_model import (
 from msl_fem.coupled_model.excitation import Excitation, load_excitations
 from msl_fem.coupled_model.inputs import DRIVE_UNIT
 from msl_fem.errors import InputError
+from msl_fem.extended_model import ExtendedModel, load_extended_model
+from msl_fem.operating_map import Guard, read_map
 from msl_fem.record import check_record_folder, write_record
 from msl_fem.table import MagneticTable
 
 
 def command(
-    actuator: ActuatorFile,
+    actuator: Annotated[Path, typer.Argument(metavar="ACTUATOR", help="Actuator file, or an extended model (TOML).")],
     excitation: Annotated[str, typer.Option(help='Like "sine:channel=1,...", or a TOML file with several.')],
     output: Annotated[Path, typer.Option("-o", "--output", help="Record folder to write.")],
     table: TableFile = None,
+    map_file: Annotated[
+        Path | None, typer.Option("--map", help="Operating map (JSON); a run that leaves it is refused.")
+    ] = None,
     rate: Annotated[str, typer.Option(help="Samples a second.")] = "10 kHz",
     seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise.")] = 1,
     json: Json = False,
 ) -> None:
     """The coupled model under an excitation, written as a record."""
-    it = load_actuator(actuator)
+    model = load_extended_model(actuator)
+    it = model.actuator
     if it.drive is None:
         raise InputError(f'{it.name} has no [drive]; add one with kind = "current", "voltage" or "force"')
     excitations = load_excitations(excitation, unit=DRIVE_UNIT[it.drive.kind])
@@ -41,13 +46,14 @@ def command(
     if not sampling > 0:
         raise InputError(f'--rate {rate} is not allowed; it must be above 0 Hz, like "10 kHz"')
     check_record_folder(output)
+    guard = None if map_file is None else Guard(read_map(map_file))
     magnet_table = table_for(it, table)
     generator = np.random.default_rng(seed)
     runs: list[NamedRun] = []
     with progress_bar("runs") as progress:
         for n, one in enumerate(excitations):
             progress(n, len(excitations))
-            run = _open_loop(it, magnet_table, one, rate=sampling, generator=generator)
+            run = _open_loop(model, magnet_table, one, rate=sampling, guard=guard, generator=generator)
             name = one.name.replace("-", "_") + (f"_{n + 1}" if len(excitations) > 1 else "")
             runs.append(NamedRun(name, one.spec, one.role, run))
         progress(len(excitations), len(excitations))
@@ -55,6 +61,7 @@ def command(
     write_record(record, output)
     fields = {
         "record": str(output),
+        "effects": list(model.effects.present),
         "runs": {
             run.name: {
                 "samples": run.simulation.time.size,
@@ -70,13 +77,17 @@ def command(
 
 
 def _open_loop(
-    actuator: Actuator,
+    model: ExtendedModel,
     table: MagneticTable | None,
     excitation: Excitation,
     *,
     rate: float,
+    guard: Guard | None,
     generator: np.random.Generator,
 ) -> Simulation:
     if excitation.loop == "closed":
         raise InputError(f"{excitation.name}: loop=closed is run by 'msl-fem control'; leave it out here")
-    return refused_unless_borne(actuator, table, excitation, rate=rate, generator=generator)
+    return refused_unless_borne(
+        model.actuator, table, excitation, rate=rate, effects=model.effects if model.effects.stated else None,
+        guard=guard, generator=generator,
+    )  # fmt: skip

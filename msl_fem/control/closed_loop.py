@@ -192,7 +192,7 @@ def _loop(
             waiting[j] = waiting[j + 1]
         waiting[parameters.delay] = command
         status = advance(
-            surface, plant, state, waiting[0], inputs.disturbance[k], inputs.step, inputs.n_step, voltage
+            surface, plant, None, state, waiting[0], inputs.disturbance[k], inputs.step, inputs.n_step, voltage
         )  # fmt: skip
         row[_VOLTAGE_1], row[_VOLTAGE_2] = voltage[0], voltage[1]
         for j in range(I1, I2 + 1):  # an idle side's current decays for ever; numbers below 1e-300 are slow to compute

@@ -6,8 +6,11 @@ from msl_fem.actuator import Actuator
 from msl_fem.coupled_model.excitation_kinds import Excitation
 from msl_fem.coupled_model.inputs import excitation_inputs
 from msl_fem.coupled_model.open_loop import check_open_loop
+from msl_fem.coupled_model.plant import plant_parameters
 from msl_fem.coupled_model.simulate import Simulation, simulate
+from msl_fem.effects import EffectValues
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.operating_map.guard import REGIONS, Guard
 from msl_fem.table import MagneticTable
 
 HALVINGS = 5
@@ -19,9 +22,11 @@ def bearable_run(
     excitation: Excitation,
     *,
     rate: float,
+    effects: EffectValues | None = None,
+    guard: Guard | None = None,
     generator: np.random.Generator | None = None,
 ) -> tuple[Simulation, Excitation]:
-    """The run of an excitation with its amplitude halved until the open loop stays in its range, and that excitation.
+    """The run of an excitation, its amplitude halved until the open loop stays in range and map, and that excitation.
 
     Raises
     ------
@@ -34,7 +39,9 @@ def bearable_run(
         inputs = excitation_inputs(actuator, tried, rate=rate)
         try:
             check_open_loop(actuator, table, inputs)
-            return simulate(actuator, table, inputs, generator=generator), tried
+            run = simulate(actuator, table, inputs, effects=effects, generator=generator)
+            check_map(actuator, run, guard)
+            return run, tried
         except (InputError, ComputationError) as err:
             first = first or err
     raise ComputationError(
@@ -48,22 +55,49 @@ def refused_unless_borne(
     excitation: Excitation,
     *,
     rate: float,
+    effects: EffectValues | None = None,
+    guard: Guard | None = None,
     generator: np.random.Generator | None = None,
 ) -> Simulation:
     """The run of an excitation as it stands.
 
     Raises
     ------
-    InputError : the open loop does not bear it; the message names the limit, and an amplitude that is borne
+    InputError : the open loop does not bear it, or it leaves the map of the guard; the message names the limit, and an
+        amplitude that is borne
     """
     inputs = excitation_inputs(actuator, excitation, rate=rate)
     try:
         check_open_loop(actuator, table, inputs)
-        return simulate(actuator, table, inputs, generator=generator)
+        run = simulate(actuator, table, inputs, effects=effects, generator=generator)
+        check_map(actuator, run, guard)
+        return run
     except (InputError, ComputationError) as err:
         lower = excitation.model_copy(update={"amplitude": excitation.amplitude / 2})
         try:
-            borne = bearable_run(actuator, table, lower, rate=rate)[1]
+            borne = bearable_run(actuator, table, lower, rate=rate, effects=effects, guard=guard)[1]
         except ComputationError:
             raise err from None
         raise InputError(f"{err}; an amplitude of {borne.amplitude:.3g} {borne.unit} is borne") from err
+
+
+def check_map(actuator: Actuator, run: Simulation, guard: Guard | None) -> None:
+    """Returns where every sample of a run lies in the guard's map, preferred or discouraged, or there is no guard.
+
+    Raises
+    ------
+    InputError : names the first sample that the guard forbids, and why
+    """
+    plant = plant_parameters(actuator)
+    for j in range(plant.sides if guard is not None else 0):
+        assert guard is not None
+        current = np.abs(plant.current_share * run.current[:, j])
+        gap = plant.nominal_gap - (1 - 2 * j) * run.position
+        forbidden = np.flatnonzero(guard.regions(current, gap) == REGIONS.index("unacceptable"))
+        if forbidden.size:
+            k = int(forbidden[0])
+            judged = guard.judge(float(current[k]), float(gap[k]))
+            raise InputError(
+                f"{actuator.name}: side {j + 1} leaves the operating map after {run.time[k]:.4g} s: {judged.reason}; "
+                "lower the amplitude or the bias"
+            )

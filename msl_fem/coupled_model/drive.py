@@ -4,35 +4,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.compiled import compiled
-from msl_fem.coupled_model.plant import (
-    CURRENT_DRIVE,
-    FORCE_DRIVE,
-    VOLTAGE_DRIVE,
-    PlantParameters,
-    Surface,
-)
-from msl_fem.coupled_model.side import side_flux
+from msl_fem.coupled_model.cell import Cells
+from msl_fem.coupled_model.coefficients import SHARE
+from msl_fem.coupled_model.lanes import Flag, Rows, Value, choose, first, size, some, within
+from msl_fem.coupled_model.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE, PlantParameters
+from msl_fem.coupled_model.side import side_flux, side_gap
 from msl_fem.coupled_model.state import (
     AT_CURRENT_LIMIT_1,
     AT_VOLTAGE_LIMIT_1,
+    COIL_1,
     ENERGY_ELECTRICAL,
     I1,
-    NOT_FINITE,
-    OK,
     OUTPUT_1,
-    OUTSIDE_TABLE,
     VOLT_SECONDS_1,
     X,
 )
+from msl_fem.coupled_model.work import COMMAND_1
 
 Array = NDArray[np.float64]
 
 
 @compiled
 def terminal_voltage(
-    p: PlantParameters, current: float, drop: float, inductance: float, target: float, output: float
-) -> tuple[float, float, int]:
-    """(voltage V, di/dt A/s, 1 where the voltage limit acts else 0) of a side.
+    p: PlantParameters, current: Value, drop: Value, inductance: Value, target: Value, output: Value
+) -> tuple[Value, Value, Flag]:
+    """(voltage V, di/dt A/s, whether the voltage limit acts) of a side.
 
     `drop` is R i + lambda_g dg/dt, what is left of the voltage where the current stands still. A voltage drive gives
     its `output`. A current drive's inner loop of bandwidth w knows the coil: v = drop + L_inc w (target - i) makes the
@@ -40,57 +36,76 @@ def terminal_voltage(
     Drives, 2001, ch. 3: current control with decoupling of the back-EMF). Without a bandwidth the current stands at its
     target and v = drop.
     """
+    never = inductance < 0.0
     if p.drive != CURRENT_DRIVE:
-        return output, (output - drop) / inductance, 0
-    if np.isinf(p.bandwidth):
-        return drop, 0.0, 0
+        return output, (output - drop) / inductance, never
+    if np.isinf(first(p.bandwidth)):
+        return drop, drop - drop, never
     slope = p.bandwidth * (target - current)
     voltage = drop + inductance * slope
-    if abs(voltage) <= p.voltage_limit:
-        return voltage, slope, 0
-    voltage = np.copysign(p.voltage_limit, voltage)
-    return voltage, (voltage - drop) / inductance, 1
+    over = size(voltage) > p.voltage_limit
+    most = choose(voltage < 0.0, 0.0 - p.voltage_limit, p.voltage_limit)
+    return choose(over, most, voltage), choose(over, (most - drop) / inductance, slope), over
 
 
 @compiled
-def take_command(
-    surface: Surface, p: PlantParameters, state: Array, command: Array, target: Array, magnet: Array
-) -> int:
-    """OK, or why not: puts the command (2,), clipped at the drive's limit and counted there, into target (2,).
+def take_command(p: PlantParameters, state: Rows, work: Rows, wanted: Array) -> Flag:
+    """Puts what was `wanted` (2,), clipped at the drive's limit and counted there, into the call's command.
 
-    In an ideal current drive the currents jump here, at constant gap: the jump of flux goes into the volt-seconds, that
-    of field energy into the electrical input. A voltage drive does not limit its current; calls that begin beyond the
-    current limit are counted.
+    False where it is not a number. A voltage drive does not limit its current; calls that begin beyond the current
+    limit are counted.
     """
-    ideal = np.isinf(p.bandwidth)
+    good = state[X] == state[X]
     for j in range(1 if p.drive == FORCE_DRIVE else p.sides):
-        if not np.isfinite(command[j]):
-            return NOT_FINITE
-        limit = np.inf
+        command = choose(good, wanted[j], wanted[j])  # the same in all lanes
+        good = good & (command - command == 0.0)
         if p.drive == CURRENT_DRIVE:
-            limit = p.current_limit
-            state[AT_CURRENT_LIMIT_1 + j] += abs(command[j]) > limit
+            _count(state, AT_CURRENT_LIMIT_1 + j, size(command) > p.current_limit)
+            command = within(command, p.current_limit)
         elif p.drive == VOLTAGE_DRIVE:
-            limit = p.voltage_limit
-            state[AT_VOLTAGE_LIMIT_1 + j] += abs(command[j]) > limit
-            state[AT_CURRENT_LIMIT_1 + j] += abs(state[I1 + j]) > p.current_limit
-        target[j] = min(max(command[j], -limit), limit)
-        if ideal:
-            state[OUTPUT_1 + j] = target[j]
-            if p.drive == CURRENT_DRIVE and not _jump(surface, p, state, target, j, magnet):
-                return OUTSIDE_TABLE
-    return OK
+            _count(state, AT_VOLTAGE_LIMIT_1 + j, size(command) > p.voltage_limit)
+            _count(state, AT_CURRENT_LIMIT_1 + j, size(state[COIL_1 + j]) > p.current_limit)
+            command = within(command, p.voltage_limit)
+        work[COMMAND_1 + j] = command
+    return good
 
 
 @compiled
-def _jump(surface: Surface, p: PlantParameters, state: Array, target: Array, j: int, magnet: Array) -> bool:
-    """Sets the current of side j to its target; False outside the table."""
-    gap = p.nominal_gap - (1.0 - 2.0 * j) * state[X]
-    was_inside, flux_before, stored_before = side_flux(surface, p, state[I1 + j], gap, magnet)
-    inside, flux, stored = side_flux(surface, p, target[j], gap, magnet)
-    if not (was_inside and inside):
-        return False
-    state[VOLT_SECONDS_1 + j] += flux - flux_before
-    state[ENERGY_ELECTRICAL] += stored - stored_before
-    state[I1 + j] = target[j]
-    return True
+def _count(state: Rows, n: int, flag: Flag) -> None:
+    state[n] = state[n] + choose(flag, 1.0, 0.0)
+
+
+@compiled
+def jump(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> Flag:
+    """Sets the currents of an ideal drive to the call's command; False outside the table.
+
+    They jump at constant gap, that of Y: the jump of flux goes into the volt-seconds, that of field energy into the
+    electrical input. An ideal voltage or force drive gives its command at once.
+    """
+    inside = state[X] == state[X]
+    for j in range(1 if p.drive == FORCE_DRIVE else p.sides):
+        command = work[COMMAND_1 + j]
+        state[OUTPUT_1 + j] = command
+        if p.drive == CURRENT_DRIVE:
+            current = command
+            if e is not None:
+                current = command + e[SHARE] * work[COMMAND_1 + 1 - j]
+            inside = inside & _jump_of_side(cells, p, e, state, work, j, current)
+    return inside
+
+
+@compiled
+def _jump_of_side(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, current: Value) -> Flag:
+    gap = side_gap(p, e, work, j)
+    was_inside, flux_before, stored_before = side_flux(cells, p, e, work, j, state[I1 + j], gap)
+    inside, flux, stored = side_flux(cells, p, e, work, j, current, gap)
+    inside = inside & was_inside
+    if some(inside):
+        change = choose(inside, flux - flux_before, np.nan)
+        state[VOLT_SECONDS_1 + j] = state[VOLT_SECONDS_1 + j] + change
+        if e is not None:
+            other = VOLT_SECONDS_1 + 1 - j
+            state[other] = state[other] + e[SHARE] * change
+        state[ENERGY_ELECTRICAL] = state[ENERGY_ELECTRICAL] + (stored - stored_before)
+        state[I1 + j] = choose(inside, current, np.nan)
+    return inside

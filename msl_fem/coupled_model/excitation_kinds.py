@@ -109,13 +109,18 @@ class BandLimitedNoise(Excitation):
 
 
 class Multisine(Excitation):
-    """`periods` equal periods with equal power on all or on the odd harmonics between `start` and `stop`."""
+    """`periods` equal periods with equal power on harmonics between `start` and `stop`.
+
+    All of them, the odd ones, or the odd ones with detection lines: of four odd harmonics in a row one, by the seed, is
+    left out. What a plant answers there, and at even harmonics, is distortion of odd and even order (Pintelon and
+    Schoukens, System Identification, 2nd ed., 2012, ch. 4).
+    """
 
     name: Literal["multisine"]
     start: Frequency
     stop: Frequency
     periods: Count = 4
-    lines: Literal["all", "odd"] = "all"
+    lines: Literal["all", "odd", "odd-detection"] = "all"
     usual_channel: ClassVar[Channel] = "independent"
 
     @property
@@ -126,7 +131,8 @@ class Multisine(Excitation):
         """The excited multiples of periods/duration; InputError where there are none."""
         period = self.duration / self.periods
         lines = np.arange(int(np.ceil(self.start * period * (1 - 1e-12))), int(self.stop * period * (1 + 1e-12)) + 1)
-        lines = lines[lines % 2 == 1] if self.lines == "odd" else lines
+        lines = lines if self.lines == "all" else lines[lines % 2 == 1]
+        lines = np.setdiff1d(lines, self._left_out(lines)) if self.lines == "odd-detection" else lines
         if not lines.size:
             raise InputError(
                 f"{self.name}: no multiple of {format_quantity(1 / period, 'Hz')} to excite between start "
@@ -134,6 +140,19 @@ class Multisine(Excitation):
                 "lengthen the duration or take fewer periods"
             )
         return lines
+
+    def _left_out(self, odd: NDArray[np.intp]) -> NDArray[np.intp]:
+        """One of every four odd harmonics in a row; the last few, where they are fewer, all sound."""
+        groups = odd[: odd.size // 4 * 4].reshape(-1, 4)
+        chosen = np.random.default_rng([self.seed, 1]).integers(0, 4, groups.shape[0])
+        return groups[np.arange(groups.shape[0]), chosen]
+
+    def detection_lines(self) -> NDArray[np.intp]:
+        """The odd multiples of periods/duration that are left out, in increasing order; none for other `lines`."""
+        if self.lines != "odd-detection":
+            return np.zeros(0, dtype=np.intp)
+        full = self.model_copy(update={"lines": "odd"}).harmonics()
+        return self._left_out(full)
 
     def span(self) -> tuple[float, float]:
         crest = waveform.crest_bound(self.harmonics().size)

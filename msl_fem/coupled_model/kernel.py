@@ -1,103 +1,81 @@
-"""The coupled model's time loop: circuits of both sides, drive and motion, compiled.
+"""The coupled model's time loop, compiled: commands in, state on, rows out.
 
-    v_j = R i_j + d lambda_j(i_j, g_j)/dt,   g_1 = g_0 - x,   g_2 = g_0 + x
-    m x'' + c x' + k x = F_1(i_1, g_1) - F_2(i_2, g_2) + F_const + d(t)
-
-(Woodson and Melcher, Electromechanical Dynamics I, 1968, ch. 3: flux linkage and force are derivatives of one
-coenergy.) The currents are the electrical states: L_inc di/dt = v - R i - lambda_g dg/dt, with lambda_g = -dF/di.
-
-The classical Runge-Kutta scheme with a fixed step (Hairer, Norsett, Wanner, Solving ODEs I, II.1), of order 4 where the
-right-hand side is smooth. Commands are held over a call of `advance`, so their jumps fall between steps. The drive's
-voltage limit is a kink of the right-hand side: a step in which the limit begins or ceases to act errs by O(step^2)
-in the current, once for each such event, and by O(step^3) in the velocity.
+The plain model (`rates.py`) and the one with effects (`effect_rates.py`) share it: `effects` is None, or the
+coefficients of `kernel_coefficients` for the step and the number of steps of a call.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.compiled import compiled
-from msl_fem.coupled_model.drive import take_command, terminal_voltage
+from msl_fem.coupled_model import coefficients as c
+from msl_fem.coupled_model.acting import act, act_with_effects
+from msl_fem.coupled_model.cell import Cells, Surface, cells_of
+from msl_fem.coupled_model.drive import jump, take_command
+from msl_fem.coupled_model.end_stop import step_with_stop
 from msl_fem.coupled_model.lag import lag_weights
-from msl_fem.coupled_model.plant import CURRENT_DRIVE, FORCE_DRIVE, PlantParameters, Surface
-from msl_fem.coupled_model.side import side_flux, side_slopes
+from msl_fem.coupled_model.lanes import Flag, Rows, first, keep, lane_of, rows_of, set_lane, width
+from msl_fem.coupled_model.plant import CURRENT_DRIVE, EndStop, PlantParameters
+from msl_fem.coupled_model.side import side_flux, side_gap
 from msl_fem.coupled_model.state import (
     AT_CURRENT_LIMIT_1,
     AT_VOLTAGE_LIMIT_1,
-    ENERGY_COPPER,
-    ENERGY_DAMPING,
-    ENERGY_ELECTRICAL,
-    ENERGY_EXTERNAL,
+    COIL_1,
+    COIL_SLOPE_1,
+    COIL_START_1,
     I1,
-    I2,
     N_INTEGRATED,
     NOT_FINITE,
     OK,
-    OUTPUT_1,
-    OUTPUT_2,
     OUTSIDE_RANGE,
     OUTSIDE_TABLE,
+    QUEUE_1,
+    QUEUE_2,
     SENSOR,
     VOLT_SECONDS_1,
     VOLT_SECONDS_2,
     V,
     X,
 )
+from msl_fem.coupled_model.step import keep_step, look_at, seen, slopes, try_step
+from msl_fem.coupled_model.work import (
+    CIRCUITS,
+    COIL_CURRENT,
+    COMMAND_1,
+    DRIVE_HALF,
+    DRIVE_WHOLE,
+    FORMER_1,
+    INPUTS,
+    LIMITED_1,
+    N_CIRCUIT,
+    N_INPUT,
+    SENSOR_WEIGHTS,
+    SLOPES,
+    Y,
+    workspace,
+)
 
 Array = NDArray[np.float64]
 
-# Columns of `run`: the state before the command acts, mean voltages until the next row, flux linkages, limits reached
+# Columns of `run`: the state before the command acts (currents of the coils, what the position sensor gives before
+# noise), mean voltages until the next row, flux linkages of the coils, limits reached; then slopes in time of the
+# sensor, of the currents behind the row's instant and before the next one (with effects only)
 OUT_I1, OUT_I2, OUT_X, OUT_V, OUT_SENSOR, OUT_VOLTAGE_1, OUT_VOLTAGE_2, OUT_FLUX_1, OUT_FLUX_2 = range(9)
 OUT_AT_CURRENT_LIMIT_1, OUT_AT_CURRENT_LIMIT_2, OUT_AT_VOLTAGE_LIMIT_1, OUT_AT_VOLTAGE_LIMIT_2 = range(9, 13)
-N_OUT = 13
-
-
-@compiled
-def rates(
-    surface: Surface, p: PlantParameters, y: Array, output: Array, target: Array, disturbance: float, dy: Array
-) -> int:
-    """dy/dt of the integrated states; bit j of the answer: side j is at its voltage limit; -1 outside the table.
-
-    `output` (2,) is what a voltage or force drive gives, `target` (2,) what a current loop aims at; dy has
-    N_INTEGRATED entries.
-    """
-    position, velocity = y[X], y[V]
-    external = disturbance + p.constant_force
-    if p.drive == FORCE_DRIVE:
-        external += output[0]
-        dy[VOLT_SECONDS_1] = output[0]
-    limited, force, electrical, copper = 0, external, 0.0, 0.0
-    for j in range(p.sides):
-        toward = 1.0 - 2.0 * j  # side 1 pulls towards +x, side 2 towards -x
-        current = y[I1 + j]
-        inside, pull, inductance, flux_slope = side_slopes(surface, p, current, p.nominal_gap - toward * position)
-        if not inside:
-            return -1
-        drop = p.resistance * current - flux_slope * toward * velocity
-        voltage, slope, at_limit = terminal_voltage(p, current, drop, inductance, target[j], output[j])
-        limited |= at_limit << j
-        force += toward * pull
-        electrical += voltage * current
-        copper += p.resistance * current * current
-        dy[I1 + j] = slope
-        dy[VOLT_SECONDS_1 + j] = voltage
-    dy[X] = velocity
-    dy[V] = (force - p.damping * velocity - p.stiffness * position) / p.mass
-    dy[ENERGY_ELECTRICAL] = electrical
-    dy[ENERGY_COPPER] = copper
-    dy[ENERGY_DAMPING] = p.damping * velocity * velocity
-    dy[ENERGY_EXTERNAL] = external * velocity
-    return limited
+OUT_SENSOR_SLOPE, OUT_SLOPE_AFTER_1, OUT_SLOPE_AFTER_2, OUT_SLOPE_BEFORE_1, OUT_SLOPE_BEFORE_2 = range(13, 18)
+N_OUT = 18
 
 
 @compiled
 def advance(
-    surface: Surface, parameters: PlantParameters, state: Array, command: Array, disturbance: float, step: float,
-    n_step: int, voltage_mean: Array,
+    surface: Surface, parameters: PlantParameters, effects: Rows, state: Array, command: Array, disturbance: float,
+    step: float, n_step: int, voltage_mean: Array,
 ) -> int:  # fmt: skip
     """OK, or why the model stopped, after n_step Runge-Kutta steps of `step` seconds from `state`, which is updated.
 
     Parameters
     ----------
+    effects : (N_COEFFICIENT,) of `kernel_coefficients` for this step and n_step, or None for the plain model
     state : (N_STATE,), see `state.py`; `initial_state` makes one
     command : (2,) held over the call: A, V, or N (its first entry) by the drive's kind
     disturbance : N on the mass, held over the call
@@ -107,86 +85,184 @@ def advance(
     the drive's limit are clipped as an amplifier does, and counted in the state. The voltage limit of an ideal current
     drive (infinite bandwidth) is checked on the mean voltage and counted, not acted on.
     """
-    p = parameters
-    target, begin, middle, end, weights = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2), np.empty(5)
-    k = np.zeros((4, N_INTEGRATED))
-    trial = np.zeros(N_INTEGRATED)
-    state[VOLT_SECONDS_1] = state[VOLT_SECONDS_2] = 0.0
-    status = take_command(surface, p, state, command, target, trial)
-    lag_weights(p.sensor_bandwidth, step, weights)
-    half_decay, decay = np.exp(-0.5 * p.bandwidth * step), np.exp(-p.bandwidth * step)
-    limited, done = 0, 0
-    while done < n_step and status == OK:
-        for j in range(2):
-            begin[j] = state[OUTPUT_1 + j]
-            middle[j] = target[j] + half_decay * (begin[j] - target[j])
-            end[j] = target[j] + decay * (begin[j] - target[j])
-        flag_1 = rates(surface, p, state, begin, target, disturbance, k[0])
-        for n in range(N_INTEGRATED):
-            trial[n] = state[n] + 0.5 * step * k[0, n]
-        flag_2 = rates(surface, p, trial, middle, target, disturbance, k[1])
-        for n in range(N_INTEGRATED):
-            trial[n] = state[n] + 0.5 * step * k[1, n]
-        flag_3 = rates(surface, p, trial, middle, target, disturbance, k[2])
-        for n in range(N_INTEGRATED):
-            trial[n] = state[n] + step * k[2, n]
-        flag_4 = rates(surface, p, trial, end, target, disturbance, k[3])
-        for n in range(N_INTEGRATED):
-            trial[n] = state[n] + step / 6.0 * (k[0, n] + 2.0 * (k[1, n] + k[2, n]) + k[3, n])
-        status = _judge(p, trial, min(flag_1, flag_2, flag_3, flag_4))
-        if status == OK:
-            limited |= flag_1 | flag_2 | flag_3 | flag_4
-            state[SENSOR] = weights[0] * state[SENSOR] + weights[1] * state[X] + weights[2] * state[V]
-            state[SENSOR] += weights[3] * trial[X] + weights[4] * trial[V]
-            state[:N_INTEGRATED] = trial
-            state[OUTPUT_1], state[OUTPUT_2] = end[0], end[1]
-            done += 1
-    for j in range(2):
-        voltage_mean[j] = state[VOLT_SECONDS_1 + j] / (max(done, 1) * step)
-        if p.drive == CURRENT_DRIVE:
-            unheeded = np.isinf(p.bandwidth) and abs(voltage_mean[j]) > p.voltage_limit
-            state[AT_VOLTAGE_LIMIT_1 + j] += unheeded or (limited >> j) & 1 == 1
+    memory = workspace()
+    e, rows, work = rows_of(effects), rows_of(state), rows_of(memory)
+    set_timing(parameters, e, step, work)
+    cells = cells_of(surface)
+    status = _advance(cells, parameters, e, rows, work, command, disturbance, step, n_step, voltage_mean)
+    keep(memory)
     return status
 
 
 @compiled
-def _judge(p: PlantParameters, trial: Array, flag: int) -> int:
-    """Why a step cannot stand, or OK."""
+def rates_at(
+    surface: Surface, parameters: PlantParameters, effects: Rows, state: Array, inputs: Array, dy: Array
+) -> bool:  # fmt: skip
+    """The slopes of the integrated states (N_INTEGRATED,) of a state into dy; False outside the table.
+
+    `inputs` (N_INPUT,) are targets of current loops (A), outputs of a voltage or force drive, forces from outside (N).
+    The memory of iron and friction in `state` is moved to it.
+    """
+    memory = workspace()
+    e, rows, work = rows_of(effects), rows_of(state), rows_of(memory)
+    for n in range(N_INPUT):
+        work[INPUTS + n] = inputs[n]
+    look_at(e, rows, work)
+    inside = slopes(cells_of(surface), parameters, e, rows, work, 0, 0)
     for n in range(N_INTEGRATED):
-        if not np.isfinite(trial[n]):
+        dy[n] = work[SLOPES + n]
+    keep(memory)
+    return inside
+
+
+@compiled
+def set_timing(p: PlantParameters, e: Rows, step: float, work: Rows) -> None:
+    """Weights of the sensor's and the drive's lag over a step into the workspace."""
+    drive = p.bandwidth if e is None else e[c.BANDWIDTH]
+    sensor = p.sensor_bandwidth if e is None else e[c.SENSOR_BANDWIDTH]
+    lag_weights(sensor, step, work, SENSOR_WEIGHTS)
+    work[DRIVE_HALF], work[DRIVE_WHOLE] = np.exp(-0.5 * drive * step), np.exp(-drive * step)
+
+
+@compiled
+def _advance(
+    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, command: Array, disturbance: float,
+    step: float, n_step: int, voltage_mean: Array,
+) -> int:  # fmt: skip
+    state[VOLT_SECONDS_1] = state[VOLT_SECONDS_2] = 0.0
+    work[LIMITED_1] = work[LIMITED_1 + 1] = 0.0
+    status = OK if take_command(p, state, work, command) else NOT_FINITE
+    ideal = np.isinf(p.bandwidth if e is None else e[c.BANDWIDTH])
+    if status == OK and e is not None:
+        queue_command(e, state, work)
+    if status == OK and ideal and (e is None or p.drive == CURRENT_DRIVE):
+        look_at(e, state, work)
+        status = OK if jump(cells, p, e, state, work) else OUTSIDE_TABLE
+    push = disturbance + p.constant_force
+    done = 0
+    while done < n_step and status == OK:
+        if e is None:
+            act(p, state, work, push)
+        else:
+            act_with_effects(p, e, state, work, push, done, step)
+        status = _step(p.end_stop, cells, p, e, state, work, step)
+        if status == OK:
+            if e is not None and done == 0:
+                state[COIL_START_1], state[COIL_START_1 + 1] = work[SLOPES + I1], work[SLOPES + I1 + 1]
+            done += 1
+    for j in range(2):
+        voltage_mean[j] = state[VOLT_SECONDS_1 + j] / (max(done, 1) * step)
+        if p.drive == CURRENT_DRIVE:
+            unheeded = ideal and abs(voltage_mean[j]) > p.voltage_limit
+            state[AT_VOLTAGE_LIMIT_1 + j] += unheeded or work[LIMITED_1 + j] > 0.0
+    if e is None:
+        state[COIL_1], state[COIL_1 + 1] = state[I1], state[I1 + 1]
+    elif status == OK:
+        settle(cells, p, e, state, work)
+    return status
+
+
+@compiled
+def _step(stop: EndStop | None, cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float) -> int:
+    """OK and a step taken, or why it cannot be; then the state is that of the last good step."""
+    if stop is None:
+        status = _judge(p, work, try_step(cells, p, e, state, work, step))
+        if status == OK:
+            keep_step(p, e, state, work)
+        return status
+    else:
+        bandwidth = p.sensor_bandwidth if e is None else e[c.SENSOR_BANDWIDTH]
+        return _judge(p, work, step_with_stop(stop, cells, p, e, state, work, step, bandwidth))
+
+
+@compiled
+def queue_command(e: Rows, state: Rows, work: Rows) -> None:
+    """Puts the call's command last in the queues, and takes out those that act now."""
+    for j in range(2):
+        queue = QUEUE_1 if j == 0 else QUEUE_2
+        for k in range(queue + c.N_QUEUE, queue, -1):
+            state[k] = state[k - 1]
+        state[queue] = work[COMMAND_1 + j]
+        for lane in range(width(state)):
+            acts = queue + int(lane_of(e, c.DELAY_SAMPLES, lane))
+            set_lane(work, COMMAND_1 + j, lane, lane_of(state, acts, lane))
+            set_lane(work, FORMER_1 + j, lane, lane_of(state, acts + 1, lane))
+
+
+@compiled
+def settle(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
+    """Moves the memory of iron and friction to the state, and finds the coils' currents there."""
+    look_at(e, state, work)
+    slopes(cells, p, e, state, work, 0, 2)
+    for j in range(p.sides):
+        state[COIL_1 + j] = work[CIRCUITS + j * N_CIRCUIT + COIL_CURRENT]
+        state[COIL_SLOPE_1 + j] = work[SLOPES + I1 + j]
+
+
+@compiled
+def _judge(p: PlantParameters, work: Rows, inside: bool) -> int:
+    """Why a step to Y cannot stand, or OK."""
+    for n in range(N_INTEGRATED):
+        if not np.isfinite(work[Y + n]):
             return NOT_FINITE
-    if flag < 0:
+    if not inside:
         return OUTSIDE_TABLE
-    return OUTSIDE_RANGE if abs(trial[X]) > p.travel else OK
+    return OUTSIDE_RANGE if abs(work[Y + X]) > p.travel else OK
 
 
 @compiled
 def run(
-    surface: Surface, parameters: PlantParameters, state: Array, commands: Array, disturbance: Array, step: float,
-    n_sub: int, out: Array,
+    surface: Surface, parameters: PlantParameters, effects: Rows, state: Array, commands: Array, disturbance: Array,
+    step: float, n_sub: int, out: Array,
 ) -> tuple[int, int]:  # fmt: skip
     """(status, whole samples done) of an open-loop run of n samples of n_sub steps each.
 
     commands (n, 2) and disturbance (n,) are held over their samples; out (n, N_OUT) receives a row a sample (the
     OUT_ columns), taken before the sample's command acts. The state ends where the last good step ended.
     """
-    voltage_mean, magnet, counts = np.zeros(2), np.zeros(6), np.zeros(4)
-    for k in range(commands.shape[0]):
-        row = out[k]
-        row[:] = 0.0
-        row[OUT_I1], row[OUT_I2], row[OUT_X], row[OUT_V] = state[I1], state[I2], state[X], state[V]
-        row[OUT_SENSOR] = state[SENSOR]
-        for j in range(parameters.sides):
-            gap = parameters.nominal_gap - (1.0 - 2.0 * j) * state[X]
-            inside, row[OUT_FLUX_1 + j], _ = side_flux(surface, parameters, state[I1 + j], gap, magnet)
-            if not inside:
-                return OUTSIDE_TABLE, k
-        for n in range(4):
-            counts[n] = state[AT_CURRENT_LIMIT_1 + n]
-        status = advance(surface, parameters, state, commands[k], disturbance[k], step, n_sub, voltage_mean)
-        row[OUT_VOLTAGE_1], row[OUT_VOLTAGE_2] = voltage_mean[0], voltage_mean[1]
-        for n in range(4):
-            row[OUT_AT_CURRENT_LIMIT_1 + n] = state[AT_CURRENT_LIMIT_1 + n] - counts[n]
-        if status != OK:
-            return status, k
-    return OK, commands.shape[0]
+    memory = workspace()
+    e, rows, work, cells = rows_of(effects), rows_of(state), rows_of(memory), cells_of(surface)
+    set_timing(parameters, e, step, work)
+    table = rows_of(out.ravel())
+    status, done = OK, 0
+    voltage_mean, counts = np.zeros(2), np.zeros(4)
+    while done < commands.shape[0] and status == OK:
+        row = out[done]
+        if write_row(cells, parameters, e, rows, work, table, done * N_OUT):
+            for n in range(4):
+                counts[n] = rows[AT_CURRENT_LIMIT_1 + n]
+            status = _advance(
+                cells, parameters, e, rows, work, commands[done], disturbance[done], step, n_sub, voltage_mean
+            )
+            row[OUT_VOLTAGE_1], row[OUT_VOLTAGE_2] = voltage_mean[0], voltage_mean[1]
+            for n in range(4):
+                row[OUT_AT_CURRENT_LIMIT_1 + n] = rows[AT_CURRENT_LIMIT_1 + n] - counts[n]
+            for j in range(2):
+                row[OUT_SLOPE_AFTER_1 + j], row[OUT_SLOPE_BEFORE_1 + j] = rows[COIL_START_1 + j], rows[COIL_SLOPE_1 + j]
+        else:
+            status = OUTSIDE_TABLE
+        done += status == OK
+    keep(memory)
+    keep(out)
+    return status, done
+
+
+@compiled
+def write_row(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, row: Rows, start: int) -> Flag:
+    """The state before a command acts into the columns of a row from `start`; False outside the table."""
+    look_at(e, state, work)
+    x, v = seen(e, state, 0)
+    bandwidth = p.sensor_bandwidth if e is None else e[c.SENSOR_BANDWIDTH]
+    for n in range(N_OUT):
+        row[start + n] = 0.0
+    row[start + OUT_I1], row[start + OUT_I2] = state[COIL_1], state[COIL_1 + 1]
+    row[start + OUT_X], row[start + OUT_V], row[start + OUT_SENSOR] = state[X], state[V], state[SENSOR]
+    row[start + OUT_SENSOR_SLOPE] = v if np.isinf(first(bandwidth)) else bandwidth * (x - state[SENSOR])
+    inside = x == x
+    for j in range(p.sides):
+        found, flux, _ = side_flux(cells, p, e, work, j, state[I1 + j], side_gap(p, e, work, j))
+        inside = inside & found
+        row[start + OUT_FLUX_1 + j] = row[start + OUT_FLUX_1 + j] + flux
+        if e is not None:
+            row[start + OUT_FLUX_1 + 1 - j] = row[start + OUT_FLUX_1 + 1 - j] + e[c.SHARE] * flux
+    return inside

@@ -1,16 +1,14 @@
 """A first-order lag over one step, exact in time: no bandwidth, however high, limits the integrator's step."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msl_fem.compiled import compiled
-
-Array = NDArray[np.float64]
+from msl_fem.coupled_model.lanes import Rows
 
 
 @compiled
-def lag_weights(bandwidth: float, step: float, weights: Array) -> None:
-    """Weights (5,) of (y0, x0, x0', x1, x1') in y1, where y' = w (x - y) and x is a cubic between two instants.
+def lag_weights(bandwidth: float, step: float, rows: Rows, start: int) -> None:
+    """Puts the weights of (y0, x0, x0', x1, x1') in y1 into five rows from `start`; y' = w (x - y), x a cubic between.
 
     With z = w step and I_k = z int_0^1 exp(-z (1 - s)) s^k ds: y1 = exp(-z) y0 + sum over Hermite's basis, whose
     powers of s give I_0 ... I_3. I_0 = 1 - exp(-z); by parts I_k = 1 - k I_(k-1)/z, run upwards for z > 1 and
@@ -31,8 +29,8 @@ def lag_weights(bandwidth: float, step: float, weights: Array) -> None:
         i_2 = z / 3.0 * (1.0 - i_3)
         i_1 = z / 2.0 * (1.0 - i_2)
         i_0 = z * (1.0 - i_1)
-    weights[0] = decay
-    weights[1] = i_0 - 3.0 * i_2 + 2.0 * i_3
-    weights[2] = step * (i_1 - 2.0 * i_2 + i_3)
-    weights[3] = 3.0 * i_2 - 2.0 * i_3
-    weights[4] = step * (i_3 - i_2)
+    rows[start] = decay
+    rows[start + 1] = i_0 - 3.0 * i_2 + 2.0 * i_3
+    rows[start + 2] = step * (i_1 - 2.0 * i_2 + i_3)
+    rows[start + 3] = 3.0 * i_2 - 2.0 * i_3
+    rows[start + 4] = step * (i_3 - i_2)

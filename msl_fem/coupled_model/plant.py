@@ -4,24 +4,21 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator, Motion
+from msl_fem.coupled_model.cell import Surface
 from msl_fem.errors import ActuatorError
 from msl_fem.table import MagneticTable
-
-Array = NDArray[np.float64]
 
 CURRENT_DRIVE, VOLTAGE_DRIVE, FORCE_DRIVE = 0, 1, 2
 _DRIVE_CODE = {"current": CURRENT_DRIVE, "voltage": VOLTAGE_DRIVE, "force": FORCE_DRIVE}
 
 
-class Surface(NamedTuple):
-    """The arrays of a `CoenergySurface`: gap (n_gap,) m, current (n_current,) A, coefficients of the cells."""
+class EndStop(NamedTuple):
+    """Where the mover is thrown back, plus and minus (m), and its velocity after over that before."""
 
-    gap: Array
-    current: Array
-    coefficients: Array
+    position: float
+    restitution: float
 
 
 class PlantParameters(NamedTuple):
@@ -47,6 +44,7 @@ class PlantParameters(NamedTuple):
     voltage_limit: float  # V, of a side
     current_limit: float  # A, of a side
     sensor_bandwidth: float  # rad/s, of the position sensor
+    end_stop: EndStop | None  # None: the run ends where the travel does
 
 
 def plant_parameters(actuator: Actuator) -> PlantParameters:
@@ -85,6 +83,7 @@ def plant_parameters(actuator: Actuator) -> PlantParameters:
         voltage_limit=float(drive.voltage_limit or math.inf),
         current_limit=float(drive.current_limit or math.inf),
         sensor_bandwidth=_angular(actuator.position_sensor.bandwidth),
+        end_stop=EndStop(motion.end_stop, motion.end_stop_restitution or 0.0) if motion.end_stop else None,
     )
 
 
@@ -101,4 +100,4 @@ def _angular(frequency: float | None) -> float:
 
 
 def _travel(motion: Motion) -> float:
-    return float(motion.range or motion.nominal_gap or math.inf)
+    return float(motion.end_stop or motion.range or motion.nominal_gap or math.inf)

@@ -1,34 +1,77 @@
-"""One side of the actuator: its equal magnets and their connection, seen from the side's terminals."""
+"""One side of the actuator: its equal magnets and their connection, seen from the side's terminals.
 
-import numpy as np
-from numpy.typing import NDArray
+With effects its coenergy is n A(g) (W' + tilt W'_gg/2)(c share i, g), A = depth + growth g (early_saturation, fringing,
+armature_tilt; gap_offset lies in g). Force, flux and their slopes are derivatives of this one function, so
+dF/di = -dlambda/dg holds with any of them.
+"""
 
-from msl_fem.coenergy_surface import evaluate, evaluate_slopes
 from msl_fem.compiled import compiled
-from msl_fem.coupled_model.plant import PlantParameters, Surface
-
-Array = NDArray[np.float64]
+from msl_fem.coupled_model.cell import N_BLOCK, Cells, cell_slopes, cell_values, enter_cell
+from msl_fem.coupled_model.coefficients import COMPLIANCE, CURRENT_SCALE, DEPTH, GAP_1, GROWTH, TILT
+from msl_fem.coupled_model.lanes import Flag, Rows, Value, choose, size
+from msl_fem.coupled_model.plant import PlantParameters
+from msl_fem.coupled_model.state import BASE, X
+from msl_fem.coupled_model.work import BLOCKS, Y
 
 
 @compiled
-def side_slopes(surface: Surface, p: PlantParameters, current: float, gap: float) -> tuple[bool, float, float, float]:
+def side_gap(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
+    """The gap of side j in m; with effects offset, and from a base that gives way (gap_offset, support_compliance)."""
+    toward = 1.0 - 2.0 * j  # side 1's closes towards +x, side 2's towards -x
+    if e is None:
+        return p.nominal_gap - toward * work[Y + X]
+    else:
+        return e[GAP_1 + j] - toward * (work[Y + X] - e[COMPLIANCE] * work[Y + BASE])
+
+
+@compiled
+def side_slopes(
+    cells: Cells, p: PlantParameters, work: Rows, j: int, current: Value, gap: Value
+) -> tuple[Flag, Value, Value, Value]:
     """(inside the table, force N, dlambda/di H, dlambda/dgap Wb/m) of a side at its current.
 
     The slope of the flux over the gap is minus that of the force over the current, since both are second derivatives
     of one coenergy.
     """
-    inside, force, inductance, force_slope = evaluate_slopes(
-        surface.gap, surface.current, surface.coefficients, p.current_share * current, gap
-    )
     linkages = p.magnets * p.current_share
-    return inside, p.magnets * force, linkages * p.current_share * inductance, -linkages * force_slope
+    i = p.current_share * current
+    inside = enter_cell(cells, work, BLOCKS + j * N_BLOCK, size(i), gap)
+    w_g, w_ii, w_ig = cell_slopes(work, BLOCKS + j * N_BLOCK, size(i), gap)
+    flux_slope = choose(i < 0.0, 0.0 - w_ig, w_ig)
+    return inside, p.magnets * (0.0 - w_g), linkages * p.current_share * w_ii, linkages * flux_slope
+
+
+@compiled
+def side_with_effects(
+    cells: Cells, p: PlantParameters, e: Rows, work: Rows, j: int, current: Value, gap: Value
+) -> tuple[Flag, Value, Value, Value, Value, Value]:
+    """`side_slopes` with the magnetic effects, then flux linkage (Wb) and coenergy (J) of the side."""
+    per_magnet = p.current_share * e[CURRENT_SCALE]
+    linkages = p.magnets * per_magnet
+    i = per_magnet * current
+    inside = enter_cell(cells, work, BLOCKS + j * N_BLOCK, size(i), gap)
+    w, w_g, w_i, w_ii, w_ig = cell_values(work, BLOCKS + j * N_BLOCK, size(i), gap, e[TILT])
+    depth, growth = e[DEPTH] + e[GROWTH] * gap, e[GROWTH]
+    pull = p.magnets * (depth * (0.0 - w_g) - growth * w)
+    inductance = linkages * per_magnet * (depth * w_ii)
+    flux_slope = depth * w_ig + growth * w_i
+    flux = depth * w_i
+    negative = i < 0.0
+    flux_slope, flux = choose(negative, 0.0 - flux_slope, flux_slope), choose(negative, 0.0 - flux, flux)
+    return inside, pull, inductance, linkages * flux_slope, linkages * flux, p.magnets * (depth * w)
 
 
 @compiled
 def side_flux(
-    surface: Surface, p: PlantParameters, current: float, gap: float, magnet: Array
-) -> tuple[bool, float, float]:
-    """(inside the table, flux linkage Wb, field energy lambda i - W' in J) of a side; `magnet` (6,) is scratch."""
-    inside = evaluate(surface.gap, surface.current, surface.coefficients, p.current_share * current, gap, magnet)
-    flux = p.magnets * p.current_share * magnet[1]
-    return inside, flux, flux * current - p.magnets * magnet[0]
+    cells: Cells, p: PlantParameters, e: Rows, work: Rows, j: int, current: Value, gap: Value
+) -> tuple[Flag, Value, Value]:
+    """(inside the table, flux linkage Wb, field energy lambda i - W' in J) of a side; e is None without effects."""
+    if e is None:
+        i = p.current_share * current
+        inside = enter_cell(cells, work, BLOCKS + j * N_BLOCK, size(i), gap)
+        w, _, w_i, _, _ = cell_values(work, BLOCKS + j * N_BLOCK, size(i), gap, 0.0)
+        flux = p.magnets * p.current_share * choose(i < 0.0, 0.0 - w_i, w_i)
+        return inside, flux, flux * current - p.magnets * w
+    else:
+        inside, _, _, _, flux, coenergy = side_with_effects(cells, p, e, work, j, current, gap)
+        return inside, flux, flux * current - coenergy

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from msl_fem.actuator import Actuator
 from msl_fem.coupled_model import kernel
 from msl_fem.coupled_model.energy import EnergyAudit, energy_audit
+from msl_fem.coupled_model.extended import effect_coefficients
 from msl_fem.coupled_model.inputs import Inputs
 from msl_fem.coupled_model.plant import FORCE_DRIVE, PlantParameters, Surface, plant_parameters, surface_of
+from msl_fem.coupled_model.readings import Channels, currents_before_noise, position_before_noise
 from msl_fem.coupled_model.sensors import current_reading, position_reading
 from msl_fem.coupled_model.stability import stability_limit
 from msl_fem.coupled_model.state import (
@@ -24,8 +26,10 @@ from msl_fem.coupled_model.state import (
     V,
     X,
     initial_state,
+    start_effects,
 )
 from msl_fem.coupled_model.step_size import default_substeps
+from msl_fem.effects import EffectValues, neutral_vector
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.quantity import format_quantity
 from msl_fem.table import MagneticTable
@@ -108,43 +112,55 @@ def simulate(
     table: MagneticTable | None,
     inputs: Inputs,
     *,
+    effects: EffectValues | None = None,
     options: Options | None = None,
     generator: np.random.Generator | None = None,
 ) -> Simulation:
     """The open-loop run of an actuator under sampled inputs.
 
-    `table` is None for a rig that an external force drives. Sensor noise is drawn from `generator`; without one there
+    `table` is None for a rig that an external force drives; `effects` are those that the plant has beside the plain
+    model. Sensor noise is drawn from `generator`; without one there
     is none, the sensors' bandwidth and resolution stay.
 
     Raises
     ------
-    InputError : a section of the actuator is missing, inputs do not fit it, or the start lies outside table or range
+    InputError : a section of the actuator is missing, inputs do not fit it, the start lies outside table or range, the
+        plant cannot have one of the effects
     ComputationError : the run left the table or the mechanical range; names time, state and the way out
     """
     options = options or Options()
     plant = plant_parameters(actuator)
     _check_start(actuator, plant, table, options)
     surface = surface_of(table if plant.sides else None)
-    substeps = options.substeps or default_substeps(plant, table, rate=inputs.rate)
+    substeps = options.substeps or default_substeps(plant, table, rate=inputs.rate, effects=effects)
     state = initial_state(plant, *map(float, (*options.currents, options.position, options.velocity)))
+    e = None
+    if effects is not None:
+        e = effect_coefficients(plant, surface, effects, step=1.0 / (inputs.rate * substeps), n_step=substeps)
+        start_effects(e, state)
     start = state.copy()
-    status, out = integrate(surface, plant, inputs, state=state, substeps=substeps)
+    status, out = integrate(surface, plant, inputs, state=state, substeps=substeps, effects=e)
     if status != OK and not options.partial:
         raise ComputationError(_complaint(actuator, table, status, time=len(out) / inputs.rate, state=state))
-    n, limits = len(out), state[AT_CURRENT_LIMIT_1:].astype(np.int64)
-    channels = _channels(plant, out)
+    n, limits = len(out), state[AT_CURRENT_LIMIT_1 : AT_CURRENT_LIMIT_1 + 4].astype(np.int64)
+    channels, read = _channels(plant, out), Channels.of(out, plant.sides)
+    v = neutral_vector() if effects is None else effects.vector()
     return Simulation(
         rate=inputs.rate,
         time=inputs.time[:n],
         command=inputs.commands[:n],
         disturbance=np.asarray(inputs.disturbance)[:n],
-        measured_position=position_reading(actuator, out[:, kernel.OUT_SENSOR], generator=generator),
-        measured_current=current_reading(actuator, channels["current"], generator=generator),
+        measured_position=position_reading(
+            actuator, position_before_noise(read, v, rate=inputs.rate), generator=generator
+        ),
+        measured_current=current_reading(
+            actuator, currents_before_noise(read, v, rate=inputs.rate), generator=generator
+        ),
         status=STATUS[status],
         samples_at_current_limit=limits[: plant.sides],
         samples_at_voltage_limit=limits[2 : 2 + plant.sides],
         substeps=substeps,
-        audit=energy_audit(surface, plant, start=start, end=state),
+        audit=energy_audit(surface, plant, e, start=start, end=state),
         end_state=state,
         **channels,
     )
@@ -164,9 +180,17 @@ def _channels(plant: PlantParameters, out: Array) -> dict[str, Array]:
 
 
 def integrate(
-    surface: Surface, plant: PlantParameters, inputs: Inputs, *, state: Array, substeps: int
+    surface: Surface,
+    plant: PlantParameters,
+    inputs: Inputs,
+    *,
+    state: Array,
+    substeps: int,
+    effects: Array | None = None,
 ) -> tuple[int, Array]:
     """(status, rows (n_done, N_OUT) of the whole samples done) from `state`, which is carried to the end.
+
+    `effects` are the kernel's coefficients for these substeps.
 
     Raises
     ------
@@ -175,7 +199,8 @@ def integrate(
     commands = inputs.for_sides(max(plant.sides, 1))
     out = np.empty((commands.shape[0], kernel.N_OUT))
     step = 1.0 / (inputs.rate * substeps)
-    status, done = kernel.run(surface, plant, state, commands, np.asarray(inputs.disturbance), step, substeps, out)
+    push = np.asarray(inputs.disturbance)
+    status, done = kernel.run(surface, plant, effects, state, commands, push, step, substeps, out)
     return int(status), out[:done]
 
 

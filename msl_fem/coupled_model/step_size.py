@@ -4,7 +4,9 @@ import math
 
 import numpy as np
 
+from msl_fem.coupled_model.coefficients import N_STOP
 from msl_fem.coupled_model.plant import VOLTAGE_DRIVE, PlantParameters
+from msl_fem.effects import EffectValues
 from msl_fem.errors import InputError
 from msl_fem.table import MagneticTable
 
@@ -31,14 +33,42 @@ def fastest_rate(plant: PlantParameters, table: MagneticTable | None) -> float:
     return max(rates)
 
 
-def default_substeps(plant: PlantParameters, table: MagneticTable | None, *, rate: float) -> int:
+def fastest_rate_of_effects(plant: PlantParameters, effects: EffectValues) -> float:
+    """The fastest rate in rad/s that effects add to those of the plain model; 0 where they add none."""
+    present, rates = effects.present, [0.0]
+    if "amplifier_bandwidth" in present and math.isfinite(plant.bandwidth):
+        rates.append(plant.bandwidth * (1.0 + effects.get("amplifier_bandwidth", "bandwidth_error")))
+    if "structural_mode" in present:
+        kept = 1.0 - effects.get("structural_mode", "mass_share")
+        rates.append(2 * math.pi * effects.get("structural_mode", "frequency") / math.sqrt(kept))
+    if "support_compliance" in present:
+        rates.append(2 * math.pi * effects.get("support_compliance", "frequency"))
+    stiffness = plant.stiffness
+    if "flexure_relaxation" in present:
+        rates.append(1.0 / effects.get("flexure_relaxation", "time_constant"))
+        stiffness *= 1.0 + effects.get("flexure_relaxation", "strength")
+    if "coulomb_friction" in present:
+        friction = effects.get("coulomb_friction", "force") / effects.get("coulomb_friction", "presliding")
+        stiffness += 2 * N_STOP / (N_STOP + 1) * friction
+    rates.append(math.sqrt(stiffness / plant.mass))
+    if "periodic_disturbance" in present:
+        rates.append(2 * math.pi * effects.get("periodic_disturbance", "frequency"))
+    return max(rates)
+
+
+def default_substeps(
+    plant: PlantParameters, table: MagneticTable | None, *, rate: float, effects: EffectValues | None = None
+) -> int:
     """Runge-Kutta steps a sample such that a step times the fastest rate is at most 0.065.
 
     For the reference actuator at 10 kHz these are 10 steps: position and currents within 1e-7 of full scale of an
     adaptive reference, the energy ledger within 1e-6. A sample in which the voltage limit begins or ceases to act can
     leave 1e-4 of full scale in its current and voltage, see `kernel.py`; the current loop forgets it.
     """
-    return steps_a_sample(fastest_rate(plant, table), rate=rate, largest_step=STEP_OF_FASTEST)
+    fastest = fastest_rate(plant, table)
+    if effects is not None:
+        fastest = max(fastest, fastest_rate_of_effects(plant, effects))
+    return steps_a_sample(fastest, rate=rate, largest_step=STEP_OF_FASTEST)
 
 
 def steps_a_sample(fastest: float, *, rate: float, largest_step: float) -> int:

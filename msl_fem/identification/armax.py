@@ -8,23 +8,22 @@ eqs. (4)-(14). Data recorded under feedback are sound when there is an external 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from msl_fem.blas_threads import one_blas_thread
 from msl_fem.errors import ComputationError
-from msl_fem.identification.data import FloatArray, SampledRun, check_length, check_runs
+from msl_fem.identification.armax_model import ArmaxModel
+from msl_fem.identification.data import SampledRun, check_length, check_runs
+from msl_fem.identification.evaluation import evaluate
 from msl_fem.identification.excitation import check_excitation, check_feedback
-from msl_fem.identification.gauss_newton import (
-    SearchResult,
-    SearchSettings,
-    evaluate,
-    search,
-)
-from msl_fem.identification.model import ArmaxModel
+from msl_fem.identification.gauss_newton import SearchResult, SearchSettings, search
 from msl_fem.identification.polynomials import ArmaxOrders
-from msl_fem.identification.prior import OscillatorPrior
+from msl_fem.identification.prior import OscillatorPrior, oscillator_belief
+from msl_fem.identification.problem import Problem
 from msl_fem.identification.start import Start, excerpts, first_guesses
+from msl_fem.identification.uncertainty import covariance
 
 SAMPLES_PER_PARAMETER = 10
 EXCERPT_SAMPLES = 40_000  # the first guess and the way to its minimum are sought on no more than this
@@ -42,7 +41,8 @@ def fit_armax(
     """The ARMAX model with the smallest sum of squared one-step prediction errors over all runs.
 
     The search begins at the cheapest of the starts (long ARX; with `prior` also the believed oscillator) and, if it
-    does not converge there, goes on to the next. InputError for data or orders that cannot be identified;
+    does not converge there, goes on to the next. A prior with a tolerance then counts as further data, weighed by the
+    noise that was found without it. InputError for data or orders that cannot be identified;
     ComputationError if no start has a finite cost. `convergence` says how the search ended.
     """
     check_runs(runs)
@@ -54,20 +54,25 @@ def fit_armax(
     check_feedback(signals, orders, names)
     settings = settings or SearchSettings()
     period = runs[0].sampling_period
-    part = excerpts(signals, EXCERPT_SAMPLES, longest_lag=orders.longest_lag)
-    starts = first_guesses(part, orders, prior, sampling_period=period, names=names)
-    found = best_search(part, orders, starts=starts, settings=settings)
-    if part is not signals:
+    problem = Problem(signals, orders)
+    part = Problem(excerpts(signals, EXCERPT_SAMPLES, longest_lag=orders.longest_lag), orders)
+    starts = first_guesses(part.runs, orders, prior, sampling_period=period, names=names)
+    found = best_search(part, starts=starts, settings=settings)
+    if part.runs is not signals:
         start = Start(f"{found.convergence.start} on an excerpt", found.evaluation.polynomials)
-        found = best_search(signals, orders, starts=[start, *starts], settings=settings)
-    return model_of(found, orders, names=names, sampling_period=period, input_condition_number=condition)
+        found = best_search(problem, starts=[start, *starts], settings=settings)
+    if prior is not None and prior.tolerance is not None:
+        variance = found.evaluation.noise_variance
+        belief = oscillator_belief(prior, orders, names=names, sampling_period=period, noise_variance=variance)
+        problem = replace(problem, belief=belief)
+        start = Start(f"{found.convergence.start}, without the prior's weight", found.evaluation.polynomials)
+        found = best_search(problem, starts=[start, *starts], settings=settings)
+    return model_of(problem, found, names=names, sampling_period=period, input_condition_number=condition)
 
 
-def best_search(
-    signals: Sequence[FloatArray], orders: ArmaxOrders, *, starts: Sequence[Start], settings: SearchSettings
-) -> SearchResult:
+def best_search(problem: Problem, *, starts: Sequence[Start], settings: SearchSettings) -> SearchResult:
     """The search from the cheapest start; if that one does not converge, the lowest end of all that were tried."""
-    evaluations = [(start.name, evaluate(signals, start.polynomials, orders)) for start in starts]
+    evaluations = [(start.name, evaluate(problem, start.polynomials)) for start in starts]
     usable = sorted(
         (pair for pair in evaluations if np.isfinite(pair[1].objective)), key=lambda pair: pair[1].objective
     )
@@ -78,23 +83,22 @@ def best_search(
         )
     results: list[SearchResult] = []
     for name, evaluation in usable:
-        results.append(search(signals, orders, start=evaluation, name=name, settings=settings))
+        results.append(search(problem, start=evaluation, name=name, settings=settings))
         if results[-1].convergence.converged:
             break
     return min(results, key=lambda result: result.evaluation.objective)
 
 
 def model_of(
+    problem: Problem,
     found: SearchResult,
-    orders: ArmaxOrders,
     *,
     names: tuple[str, ...],
     sampling_period: float,
     input_condition_number: float,
 ) -> ArmaxModel:
-    """The search's result as a model with covariance: noise variance times the inverse Gram matrix of the Jacobian."""
-    evaluation = found.evaluation
-    variance = evaluation.noise_variance(orders)
+    """The search's result as a model with covariance."""
+    evaluation, orders = found.evaluation, problem.orders
     notes = []
     if input_condition_number > NEARLY_COLLINEAR:
         notes.append(
@@ -111,8 +115,8 @@ def model_of(
         input_names=names,
         sampling_period=sampling_period,
         parameter_names=orders.parameter_names(names),
-        covariance=variance * found.factor.inverse_gram(),
-        noise_variance=variance,
+        covariance=covariance(problem, evaluation),
+        noise_variance=evaluation.noise_variance,
         condition_number=found.factor.condition_number,
         input_condition_number=input_condition_number,
         n_samples=evaluation.n_equations,

@@ -7,19 +7,13 @@ where the objective is far from quadratic in them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from msl_fem.identification.data import FloatArray
-from msl_fem.identification.polynomials import ArmaxOrders, Polynomials
-from msl_fem.identification.prediction_error import (
-    PredictionErrors,
-    cost_gradient,
-    log_determinant_gradient,
-    prediction_errors,
-)
+from msl_fem.identification.evaluation import Evaluation, evaluated, objective_gradient
+from msl_fem.identification.problem import Problem
 from msl_fem.identification.regression import ScaledFactor
 
 GRADIENT_STEP = 1e-8  # of C's coefficients
@@ -47,46 +41,22 @@ class QuadraticModel:
 
 
 def quadratic_model(
-    runs: Sequence[FloatArray],
-    polynomials: Polynomials,
-    orders: ArmaxOrders,
-    *,
-    factor: ScaledFactor,
-    gradient: FloatArray,
+    problem: Problem, evaluation: Evaluation, *, factor: ScaledFactor, gradient: FloatArray
 ) -> QuadraticModel:
-    """Second-order model of half the objective around `polynomials`, whose Gauss-Newton model is `factor`."""
+    """Second-order model of half the objective around an evaluation, whose Gauss-Newton model is `factor`."""
+    orders, polynomials = problem.orders, evaluation.polynomials
     hessian = factor.gram()
     for i in range(orders.nc):
         step = np.zeros(orders.nc + 1)
         step[i + 1] = GRADIENT_STEP
         ahead, behind = (
-            objective_gradient(runs, replace(polynomials, c=polynomials.c + move), orders) for move in (step, -step)
+            objective_gradient(problem, evaluated(problem, replace(polynomials, c=polynomials.c + move)))
+            for move in (step, -step)
         )
-        row = orders.n_parameters - orders.nc + i
+        row = orders.n_linear + i
         hessian[row, :] = hessian[:, row] = (ahead - behind) / (2.0 * GRADIENT_STEP)
     corner = hessian[-orders.nc :, -orders.nc :]
     hessian[-orders.nc :, -orders.nc :] = 0.5 * (corner + corner.T)
     scaled = hessian / np.outer(factor.scale, factor.scale)
     eigenvalues, eigenvectors = np.linalg.eigh(scaled)
     return QuadraticModel(factor.scale, eigenvalues, eigenvectors, eigenvectors.T @ (gradient / factor.scale))
-
-
-def objective_gradient(
-    runs: Sequence[FloatArray],
-    polynomials: Polynomials,
-    orders: ArmaxOrders,
-    *,
-    evaluated: Sequence[PredictionErrors] | None = None,
-) -> FloatArray:
-    """Gradient of half the cost plus the determinant's share, cost/(2n) log det(H'H); shape (n_parameters,)."""
-    if evaluated is None:
-        evaluated = [prediction_errors(signals, polynomials, orders) for signals in runs]
-    gradient = np.zeros(orders.n_parameters)
-    for signals, run in zip(runs, evaluated, strict=True):
-        gradient += cost_gradient(signals, polynomials, orders, errors=run.errors)
-    if orders.nc:
-        cost = sum(run.cost for run in evaluated)
-        n_equations = sum(run.n_equations for run in evaluated)
-        slopes = sum(log_determinant_gradient(polynomials.c, run.errors.size) for run in evaluated)
-        gradient[-orders.nc :] += slopes * cost / (2.0 * n_equations)
-    return gradient

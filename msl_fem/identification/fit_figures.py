@@ -9,7 +9,7 @@ import numpy as np
 
 from msl_fem.identification.data import FloatArray, SampledRun
 from msl_fem.identification.free_run import simulate
-from msl_fem.identification.model import ArmaxModel
+from msl_fem.identification.model import ArmaxEstimate
 from msl_fem.identification.prediction import predict
 
 
@@ -34,12 +34,12 @@ def fit_percent(measured: FloatArray, modelled: FloatArray) -> float:
     return float(100.0 * (1.0 - np.linalg.norm(y - modelled[known]) / np.linalg.norm(y - y.mean())))
 
 
-def fit_figures(model: ArmaxModel, runs: Sequence[SampledRun]) -> tuple[RunFit, ...]:
+def fit_figures(model: ArmaxEstimate, runs: Sequence[SampledRun]) -> tuple[RunFit, ...]:
     """One-step and free-run fit of every run, over the samples after the initial ones."""
     return tuple(_run_fit(model, run) for run in runs)
 
 
-def _run_fit(model: ArmaxModel, run: SampledRun) -> RunFit:
+def _run_fit(model: ArmaxEstimate, run: SampledRun) -> RunFit:
     one_step = fit_percent(run.output, predict(model, run))
     free = simulate(model, run)
     if free.diverged_at is not None:

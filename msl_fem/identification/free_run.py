@@ -15,7 +15,7 @@ import numpy as np
 from msl_fem.compiled import compiled
 from msl_fem.errors import InputError
 from msl_fem.identification.data import FloatArray, SampledRun
-from msl_fem.identification.model import ArmaxModel
+from msl_fem.identification.model import ArmaxEstimate
 from msl_fem.identification.prediction_error import prediction_errors
 from msl_fem.identification.prepared import prepared_run
 
@@ -46,7 +46,9 @@ class _Recursion(NamedTuple):
     gap_power: np.ndarray
 
 
-def simulate(model: ArmaxModel, run: SampledRun, *, initial: Literal["estimated", "measured"] = "estimated") -> FreeRun:
+def simulate(
+    model: ArmaxEstimate, run: SampledRun, *, initial: Literal["estimated", "measured"] = "estimated"
+) -> FreeRun:
     """Free run of the model over a run.
 
     The first `orders.longest_lag` outputs are the measured ones. Their noise starts a lightly damped, oversampled mode
@@ -78,7 +80,7 @@ def simulate(model: ArmaxModel, run: SampledRun, *, initial: Literal["estimated"
     return FreeRun(output, first, diverged_at=int(end), reason=reason)
 
 
-def _numerators(model: ArmaxModel, run: SampledRun, prepared: SampledRun) -> FloatArray:
+def _numerators(model: ArmaxEstimate, run: SampledRun, prepared: SampledRun) -> FloatArray:
     """Inputs (n_inputs, n_samples) before any division by a gap."""
     if model.rational is None:
         return np.vstack(list(prepared.inputs.values()))
@@ -87,7 +89,7 @@ def _numerators(model: ArmaxModel, run: SampledRun, prepared: SampledRun) -> Flo
     return np.vstack(rows).astype(float)
 
 
-def _recursion(model: ArmaxModel) -> _Recursion:
+def _recursion(model: ArmaxEstimate) -> _Recursion:
     lags, b = model.orders.input_lags, model.polynomials.b
     padded = np.zeros((len(b), max(map(len, b))))
     for row, coefficients in enumerate(b):

@@ -18,15 +18,17 @@ from scipy.optimize import minimize_scalar
 from msl_fem.blas_threads import one_blas_thread
 from msl_fem.errors import InputError
 from msl_fem.identification.armax import EXCERPT_SAMPLES, best_search, fit_armax, model_of
+from msl_fem.identification.armax_model import ArmaxModel
 from msl_fem.identification.data import FloatArray, SampledRun, check_runs
 from msl_fem.identification.gauss_newton import SearchResult, SearchSettings
-from msl_fem.identification.model import ArmaxModel
 from msl_fem.identification.polynomials import ArmaxOrders, Polynomials
-from msl_fem.identification.prediction_error import jacobian_factor
-from msl_fem.identification.prior import OscillatorPrior
+from msl_fem.identification.prediction_error import jacobian_factors
+from msl_fem.identification.prior import OscillatorPrior, oscillator_belief
+from msl_fem.identification.problem import Belief, Problem
 from msl_fem.identification.rational import RationalInputs
 from msl_fem.identification.regression import ScaledFactor, scaled_factor
 from msl_fem.identification.start import Start, excerpts
+from msl_fem.identification.uncertainty import covariance
 
 DELTA_NAME = "delta"
 OPEN_SHARE = 0.1  # of the smallest measured gap that the offset must leave open
@@ -66,33 +68,54 @@ def identify_rational(
     orders = orders.for_inputs(len(rational.input_names))
     _check_delays(orders, rational)
     if search is None or not rational.needs_gap:
-        return replace(fit_armax(_evaluated(runs, rational), orders, prior=prior), rational=rational)
+        held = fit_armax(_evaluated(runs, rational), orders, prior=prior)
+        return replace(held, rational=rational, input_slopes=rational.mean_slopes(runs))
     bounds = _bounds(runs, rational, search)
     rational = rational.with_delta(min(max(rational.delta, bounds[0]), bounds[1]))
-    first = fit_armax(_evaluated(runs, rational), orders, prior=prior)
+    guess = None if prior is None else replace(prior, tolerance=None)
+    first = fit_armax(_evaluated(runs, rational), orders, prior=guess)
     profile = Profile(tuple(runs), orders, rational)
     delta, polynomials = _valley(profile, first.polynomials, bounds=bounds, coarse=search.coarse)
-    return _model(first, _floor(profile, delta, polynomials, bounds=bounds, search=search), profile=profile)
+    floor = _floor(profile, delta, polynomials, bounds=bounds, search=search)
+    if prior is not None and prior.tolerance is not None:
+        evaluation = floor.result.evaluation
+        belief = oscillator_belief(
+            prior,
+            orders,
+            names=rational.input_names,
+            sampling_period=first.sampling_period,
+            noise_variance=evaluation.noise_variance,
+        )
+        profile = replace(profile, belief=belief)
+        floor = _floor(profile, floor.delta, evaluation.polynomials, bounds=bounds, search=search)
+    return _model(first, floor, profile=profile)
 
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Runs, orders and terms whose objective is looked at as a function of delta."""
+    """Runs, orders, terms and belief whose objective is looked at as a function of delta."""
 
     runs: tuple[SampledRun, ...]
     orders: ArmaxOrders
     rational: RationalInputs
+    belief: Belief | None = None
 
     def signals(self, delta: float) -> list[FloatArray]:
         """Output, inputs and ones of every run with the terms at this delta."""
         return [run.signals for run in _evaluated(self.runs, self.rational.with_delta(delta))]
 
+    def problem(self, delta: float) -> Problem:
+        """What is minimised at this delta."""
+        return Problem(self.signals(delta), self.orders, self.belief)
+
     def fitted(self, delta: float, start: Polynomials, *, excerpt: bool = False) -> SearchResult:
         """The search at this delta from the coefficients at a neighbouring one."""
-        signals: Sequence[FloatArray] = self.signals(delta)
+        problem = self.problem(delta)
         if excerpt:
-            signals = excerpts(signals, EXCERPT_SAMPLES, longest_lag=self.orders.longest_lag)
-        return best_search(signals, self.orders, starts=[Start("delta search", start)], settings=SearchSettings())
+            problem = replace(
+                problem, runs=excerpts(problem.runs, EXCERPT_SAMPLES, longest_lag=self.orders.longest_lag)
+            )
+        return best_search(problem, starts=[Start("delta search", start)], settings=SearchSettings())
 
     def joint_factor(self, delta: float, result: SearchResult) -> ScaledFactor:
         """Decomposed Jacobian with a last column for delta, whose right side is the gradient along the profile."""
@@ -101,9 +124,13 @@ class Profile:
         extra = [
             _equation_slope(terms.delta_derivatives(run), evaluation.polynomials, self.orders) for run in self.runs
         ]
-        factor = jacobian_factor(
+        factors = jacobian_factors(
             self.signals(delta), evaluation.polynomials, self.orders, errors=evaluation.errors, extra=extra
         )
+        if self.belief is not None:
+            of_delta = np.zeros(evaluation.believed.size)
+            factors = factors.with_rows(np.column_stack([self.belief.weight, of_delta, evaluation.believed]))
+        factor = factors.total
         gradient = np.zeros(factor.shape[1] - 1)
         gradient[-1] = factor[:, -2] @ factor[:, -1]
         return scaled_factor(factor).with_gradient(gradient)
@@ -145,7 +172,7 @@ def _floor(
     notes: tuple[str, ...] = (f"the search for delta did not settle in {search.max_steps} steps",)
     factor = profile.joint_factor(delta, result)
     for _ in range(search.max_steps):
-        step, error = _delta_step(profile, result, factor)
+        step, error = _delta_step(result, factor)
         target = min(max(delta - step, bounds[0]), bounds[1])
         if abs(step) < search.step_tolerance * error:
             notes = ()
@@ -164,27 +191,28 @@ def _floor(
     return Floor(delta, result, factor, notes)
 
 
-def _delta_step(profile: Profile, result: SearchResult, factor: ScaledFactor) -> tuple[float, float]:
+def _delta_step(result: SearchResult, factor: ScaledFactor) -> tuple[float, float]:
     """Gauss-Newton step of delta (to be subtracted) and delta's standard error, both in m."""
-    variance = result.evaluation.noise_variance(profile.orders)
+    variance = result.evaluation.noise_variance
     return float(factor.solution()[-1]), float(np.sqrt(variance * factor.inverse_gram()[-1, -1]))
 
 
 def _model(first: ArmaxModel, floor: Floor, *, profile: Profile) -> ArmaxModel:
     rational = profile.rational.with_delta(floor.delta)
+    problem = profile.problem(floor.delta)
     model = model_of(
+        problem,
         floor.result,
-        profile.orders,
         names=rational.input_names,
         sampling_period=first.sampling_period,
         input_condition_number=first.input_condition_number,
     )
-    variance = model.noise_variance
     return replace(
         model,
         rational=rational,
+        input_slopes=rational.mean_slopes(profile.runs),
         parameter_names=(*model.parameter_names, DELTA_NAME),
-        covariance=variance * floor.factor.inverse_gram(),
+        covariance=covariance(problem, floor.result.evaluation, factor=floor.factor),
         condition_number=floor.factor.condition_number,
         notes=(*model.notes, *floor.notes),
     )

@@ -1,4 +1,4 @@
-"""Minimisation of the exact likelihood's cost by Gauss-Newton with step control.
+"""Minimisation of the restricted likelihood's cost by Gauss-Newton with step control.
 
 H. M. Gutierrez and P. I. Ro, IEEE Trans. Magn. 34(5), 1998, eqs. (12)-(14); the step length is controlled by damping
 (Levenberg-Marquardt on scaled columns) instead of a fixed factor, and the undamped step is always tried in the end.
@@ -7,19 +7,14 @@ Where Gauss-Newton no longer halves its step, the exact second derivatives take 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from msl_fem.identification.curvature import QuadraticModel, objective_gradient, quadratic_model
-from msl_fem.identification.data import FloatArray
-from msl_fem.identification.polynomials import ArmaxOrders, Polynomials, polynomials_of, reflected
-from msl_fem.identification.prediction_error import (
-    PredictionErrors,
-    jacobian_factor,
-    prediction_errors,
-)
+from msl_fem.identification.curvature import QuadraticModel, quadratic_model
+from msl_fem.identification.evaluation import Evaluation, evaluate, objective_gradient
+from msl_fem.identification.polynomials import polynomials_of
+from msl_fem.identification.problem import Problem
 from msl_fem.identification.regression import ScaledFactor, scaled_factor
 
 DAMPINGS = (0.0, 1e-6, 1e-4, 1e-2, 1.0, 1e2, 1e4)
@@ -48,40 +43,6 @@ class Convergence:
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
-    """Polynomials with the prediction errors of every run."""
-
-    polynomials: Polynomials
-    runs: tuple[PredictionErrors, ...]
-
-    @property
-    def cost(self) -> float:
-        """Sum of squared errors over all runs."""
-        return sum(run.cost for run in self.runs)
-
-    @property
-    def objective(self) -> float:
-        """Cost times det(H'H)^(1/n), what maximum likelihood minimises; inf when it is not finite."""
-        log_determinant = sum(run.log_determinant for run in self.runs)
-        objective = self.cost * float(np.exp(log_determinant / self.n_equations))
-        return objective if np.isfinite(objective) else float("inf")
-
-    @property
-    def errors(self) -> list[FloatArray]:
-        """Prediction errors run by run."""
-        return [run.errors for run in self.runs]
-
-    @property
-    def n_equations(self) -> int:
-        """Number of full equations over all runs."""
-        return sum(run.n_equations for run in self.runs)
-
-    def noise_variance(self, orders: ArmaxOrders) -> float:
-        """Cost over the degrees of freedom: equations less coefficients."""
-        return self.cost / (self.n_equations - orders.n_parameters)
-
-
-@dataclass(frozen=True, eq=False)
 class SearchResult:
     """The last evaluation, its Jacobian's decomposition and the trail."""
 
@@ -90,32 +51,24 @@ class SearchResult:
     convergence: Convergence
 
 
-def evaluate(runs: Sequence[FloatArray], polynomials: Polynomials, orders: ArmaxOrders) -> Evaluation:
-    """Prediction errors of all runs, with C's unstable zeros reflected first."""
-    inverted = replace(polynomials, c=reflected(polynomials.c))
-    with np.errstate(over="ignore", invalid="ignore"):
-        return Evaluation(inverted, tuple(prediction_errors(signals, inverted, orders) for signals in runs))
-
-
-def linearised(runs: Sequence[FloatArray], evaluation: Evaluation, orders: ArmaxOrders) -> ScaledFactor:
+def linearised(evaluation: Evaluation) -> ScaledFactor:
     """Decomposed Jacobian of the errors at an evaluation, with the errors as right side."""
-    return scaled_factor(jacobian_factor(runs, evaluation.polynomials, orders, errors=evaluation.errors))
+    assert evaluation.factors is not None
+    return scaled_factor(evaluation.factors.total)
 
 
-def search(
-    runs: Sequence[FloatArray], orders: ArmaxOrders, *, start: Evaluation, name: str, settings: SearchSettings
-) -> SearchResult:
+def search(problem: Problem, *, start: Evaluation, name: str, settings: SearchSettings) -> SearchResult:
     """Minimiser of the objective from one start, with the reason why the search ended."""
     current = start
-    energy = sum(float(signals[0] @ signals[0]) for signals in runs)
+    energy = sum(float(signals[0] @ signals[0]) for signals in problem.runs)
     costs: list[float] = [current.cost]
     lengths: list[float] = []
     damping_index, slow = 0, False
     while True:
-        factor = linearised(runs, current, orders)
-        gradient = objective_gradient(runs, current.polynomials, orders, evaluated=current.runs)
+        factor = linearised(current)
+        gradient = objective_gradient(problem, current)
         model: ScaledFactor | QuadraticModel = factor.with_gradient(gradient)
-        variance = current.noise_variance(orders)
+        variance = current.noise_variance
         length = float(np.sqrt(model.explained / variance)) if variance > 0.0 else 0.0
         converged, reason = False, ""
         if current.cost <= NOISE_FREE**2 * energy:
@@ -126,9 +79,9 @@ def search(
             reason = f"{settings.max_iterations} steps were taken; the next one is {length:.2g} standard errors"
         else:
             slow = slow or (len(lengths) > 1 and length > SLOW * lengths[-1])
-            if orders.nc and slow and length < CLOSE:
-                model = quadratic_model(runs, current.polynomials, orders, factor=factor, gradient=gradient)
-            better, damping_index = _downhill(runs, orders, current, model=model, damping_index=damping_index)
+            if problem.orders.nc and slow and length < CLOSE:
+                model = quadratic_model(problem, current, factor=factor, gradient=gradient)
+            better, damping_index = _downhill(problem, current, model=model, damping_index=damping_index)
             if better is None:
                 converged = length < NEAR_ENOUGH
                 reason = f"no step lowers the cost; the full one is {length:.2g} standard errors"
@@ -142,18 +95,17 @@ def search(
 
 
 def _downhill(
-    runs: Sequence[FloatArray],
-    orders: ArmaxOrders,
+    problem: Problem,
     current: Evaluation,
     *,
     model: ScaledFactor | QuadraticModel,
     damping_index: int,
 ) -> tuple[Evaluation | None, int]:
     """The first damped step that lowers the objective, beginning one damping below the last; None if none does."""
-    vector = current.polynomials.vector(orders)
+    vector = current.polynomials.vector(problem.orders)
     for index in range(max(damping_index - 1, 0), len(DAMPINGS)):
         step = model.solution(DAMPINGS[index])
-        trial = evaluate(runs, polynomials_of(vector - step, orders), orders)
+        trial = evaluate(problem, polynomials_of(vector - step, problem.orders))
         if trial.objective < current.objective:
             return trial, index
     return None, 0

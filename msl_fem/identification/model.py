@@ -13,13 +13,14 @@ from msl_fem.identification.rational import RationalInputs
 
 
 @dataclass(frozen=True, eq=False)
-class ArmaxModel:
-    """A(q) y = sum_k B_k(q) u_k + offset + C(q) e with covariance of its coefficients.
+class ArmaxEstimate:
+    """A(q) y = sum_k B_k(q) u_k + offset + C(q) e with covariance of its coefficients; `ArmaxModel` adds the methods.
 
     `covariance` has shape (n_names, n_names) in the order of `parameter_names`; the last is "delta" when a gap
     offset was estimated with the rational inputs. `noise_variance` is that of e, the one-step error, in the
     output's unit squared. `condition_number` is that of the Jacobian with scaled columns, `input_condition_number`
-    that of the inputs' delayed samples. `notes` say in words what a reader should know before using it.
+    that of the inputs' delayed samples. `input_slopes` holds the mean over the data of each input's derivative by the
+    position, for rational inputs; empty otherwise. `notes` say in words what a reader should know before using it.
     """
 
     orders: ArmaxOrders
@@ -34,6 +35,7 @@ class ArmaxModel:
     n_samples: int
     convergence: Convergence
     rational: RationalInputs | None = None
+    input_slopes: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property

@@ -53,6 +53,11 @@ class ArmaxOrders:
         """Number of coefficients, the offset included."""
         return self.na + sum(map(len, self.input_lags)) + int(self.offset) + self.nc
 
+    @property
+    def n_linear(self) -> int:
+        """Number of coefficients that the errors are linear in, given C: those of A, of all B and the offset."""
+        return self.n_parameters - self.nc
+
     def parameter_names(self, input_names: Sequence[str]) -> tuple[str, ...]:
         """Names of the coefficients in the order of the parameter vector: A, B_1, B_2, ..., offset, C."""
         names = [f"a{i}" for i in range(1, self.na + 1)]

@@ -7,17 +7,17 @@ from scipy.signal import lfilter
 
 from msl_fem.errors import InputError
 from msl_fem.identification.data import FloatArray, SampledRun
-from msl_fem.identification.model import ArmaxModel
+from msl_fem.identification.model import ArmaxEstimate
 from msl_fem.identification.prediction_error import prediction_errors
 from msl_fem.identification.prepared import prepared_run
 
 
-def residuals(model: ArmaxModel, run: SampledRun) -> FloatArray:
+def residuals(model: ArmaxEstimate, run: SampledRun) -> FloatArray:
     """One-step prediction errors y(t) - yhat(t | t - 1), shape (n_samples,), NaN before sample `longest_lag`."""
     return np.asarray(run.output, dtype=float) - predict(model, run)
 
 
-def predict(model: ArmaxModel, run: SampledRun, horizon: int = 1) -> FloatArray:
+def predict(model: ArmaxEstimate, run: SampledRun, horizon: int = 1) -> FloatArray:
     """Predictions yhat(t | t - horizon), shape (n_samples,), NaN where the record is too short for them.
 
     The inputs are taken as known up to t, rational terms at the measured position. The prediction error is

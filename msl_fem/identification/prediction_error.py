@@ -5,15 +5,15 @@ P. I. Ro, IEEE Trans. Magn. 34(5), 1998, eqs. (7)-(11). The nc errors before the
 1/C may remember them for the whole record: white sensor noise on a lightly damped, oversampled plant puts C's zeros
 next to A's. So they are estimated with the rest, run by run, exactly at every trial of the coefficients (the errors
 are linear in them: variable projection, Golub & Pereyra, SIAM J. Numer. Anal. 10, 1973), and count in the cost like
-all other errors. The objective is that of exact maximum likelihood, the cost times det(H'H)^(1/n) with H the response
-to the unknown errors (G. E. P. Box and G. M. Jenkins, Time Series Analysis, app. A7.4): it does not change when zeros
-of C are mirrored at the unit circle, whereas the bare cost falls without end as they leave it.
+all other errors. Exact maximum likelihood minimises the cost times det(H'H)^(1/n) with H the response to the unknown
+errors (G. E. P. Box and G. M. Jenkins, Time Series Analysis, app. A7.4): it does not change when zeros of C are
+mirrored at the unit circle, whereas the bare cost falls without end as they leave it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
@@ -23,7 +23,6 @@ from msl_fem.identification.polynomials import ArmaxOrders, Polynomials
 from msl_fem.identification.regression import LaggedColumn, lagged_blocks, r_factor, triangular_factor
 
 FORGOTTEN = 1e-17  # a pulse response below this part of its peak no longer reaches double precision
-DETERMINANT_STEP = 1e-7  # of C's coefficients, for the central difference of the log determinant
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,20 +71,6 @@ def prediction_errors(signals: FloatArray, polynomials: Polynomials, orders: Arm
     return PredictionErrors(errors, _log_determinant(factor), errors.size - nc)
 
 
-def log_determinant_gradient(c: FloatArray, n_errors: int) -> FloatArray:
-    """Derivatives of log det(H'H) by c_1 ... c_nc, shape (nc,), by central differences."""
-    gradient = np.zeros(c.size - 1)
-    for i in range(gradient.size):
-        step = np.zeros(c.size)
-        step[i + 1] = DETERMINANT_STEP
-        ahead, behind = (
-            _log_determinant(_pulse_factor(pulse_response(moved, n_errors), c.size - 1))
-            for moved in (c + step, c - step)
-        )
-        gradient[i] = (ahead - behind) / (2.0 * DETERMINANT_STEP)
-    return gradient
-
-
 def pulse_response(c: FloatArray, n_samples: int) -> FloatArray:
     """Response of 1/C to a unit pulse for as long as it is remembered, at most n_samples."""
     pulse = np.zeros(_memory(c, n_samples))
@@ -132,6 +117,11 @@ def sensitivity_signals(
     return np.insert(filtered, signals.shape[0] + 2, padded, axis=0)
 
 
+def twice_filtered(rows: FloatArray, polynomials: Polynomials) -> FloatArray:
+    """Sensitivity signals filtered by 1/C once more: delayed by i and negated, their derivatives by c_i."""
+    return lfilter([1.0], polynomials.c, rows)
+
+
 def sensitivity_columns(orders: ArmaxOrders, *, extra: bool = False) -> tuple[list[LaggedColumn], int]:
     """Columns of the Jacobian among the sensitivity signals, pulses first, and the row of the errors themselves.
 
@@ -150,27 +140,42 @@ def sensitivity_columns(orders: ArmaxOrders, *, extra: bool = False) -> tuple[li
     return columns, row_error
 
 
-def jacobian_factor(
+@dataclass(frozen=True, eq=False)
+class JacobianFactors:
+    """Triangular factor of [Jacobian, errors] over all runs with each run's first nc errors eliminated, and those rows.
+
+    `total` has shape (n_columns, n_columns), n_columns = n_parameters + 1, one more with an extra column; each of
+    `heads`, one a run, holds the eliminated rows and has shape (nc, nc + n_columns).
+    """
+
+    total: FloatArray
+    heads: tuple[FloatArray, ...]
+
+    def with_rows(self, rows: FloatArray) -> JacobianFactors:
+        """The same with further rows (n_rows, n_columns), equations that belong to no run."""
+        return replace(self, total=r_factor(np.vstack([self.total, rows])))
+
+
+def jacobian_factors(
     runs: Sequence[FloatArray],
     polynomials: Polynomials,
     orders: ArmaxOrders,
     *,
     errors: Sequence[FloatArray],
     extra: Sequence[FloatArray] | None = None,
-) -> FloatArray:
-    """Triangular factor of [Jacobian, errors] over all runs, with each run's first nc errors eliminated.
-
-    Shape (n_parameters + 1, n_parameters + 1), one more with `extra` (one signal a run).
-    """
+) -> JacobianFactors:
+    """Factors of [Jacobian, errors]; with `extra` (one signal a run) its column stands before the errors."""
     columns, row_error = sensitivity_columns(orders, extra=extra is not None)
     columns = [*columns, (row_error, 0)]
     total = np.zeros((0, len(columns) - orders.nc))
+    heads = []
     for index, (signals, error) in enumerate(zip(runs, errors, strict=True)):
         rows = sensitivity_signals(signals, polynomials, error, extra=None if extra is None else extra[index])
         first = orders.longest_lag - orders.nc
         factor = triangular_factor(lagged_blocks(rows, columns, first=first), len(columns))
+        heads.append(factor[: orders.nc])
         total = r_factor(np.vstack([total, factor[orders.nc :, orders.nc :]]))
-    return total
+    return JacobianFactors(total, tuple(heads))
 
 
 def cost_gradient(

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 from msl_fem.errors import InputError
 from msl_fem.identification.data import PERIOD_MISMATCH, SampledRun, check_length, check_runs
-from msl_fem.identification.model import ArmaxModel
+from msl_fem.identification.model import ArmaxEstimate
 
 
-def prepared_run(model: ArmaxModel, run: SampledRun) -> SampledRun:
+def prepared_run(model: ArmaxEstimate, run: SampledRun) -> SampledRun:
     """The run with exactly the model's inputs, in its order; InputError if it lacks one or is sampled otherwise."""
     check_runs([run], moving=False)
     if abs(run.sampling_period / model.sampling_period - 1.0) > PERIOD_MISMATCH:

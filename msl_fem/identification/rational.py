@@ -119,6 +119,12 @@ class RationalInputs:
             rows[row] = -term.gap_power * values[str(term)] / self._open_gap(term, run)
         return rows
 
+    def mean_slopes(self, runs: Sequence[SampledRun]) -> tuple[float, ...]:
+        """Mean over all samples of each input's derivative by the position: the gap moves with its sign."""
+        total = sum(self.delta_derivatives(run).sum(axis=1) for run in runs)
+        signs = [*(term.gap_sign for term in self.terms), *(0 for _ in self.plain)]
+        return tuple((np.array(signs) * total / sum(run.n_samples for run in runs)).tolist())
+
     def smallest_gap(self, runs: Sequence[SampledRun]) -> float:
         """Smallest measured gap without the offset over the terms that have one, in m; inf if none has."""
         gaps = [

@@ -20,7 +20,7 @@ from scipy.stats import chi2, norm
 from msl_fem.blas_threads import one_blas_thread
 from msl_fem.errors import InputError
 from msl_fem.identification.data import FloatArray, SampledRun
-from msl_fem.identification.model import ArmaxModel
+from msl_fem.identification.model import ArmaxEstimate
 from msl_fem.identification.prediction_error import prediction_errors, sensitivity_columns, sensitivity_signals
 from msl_fem.identification.prepared import prepared_run
 from msl_fem.identification.regression import lagged_blocks, r_factor, triangular_factor
@@ -53,7 +53,7 @@ class CorrelationTest:
 
 @one_blas_thread
 def residual_tests(
-    model: ArmaxModel, run: SampledRun, *, lags: int = 25, alpha: float = 0.01, fitted: bool = True
+    model: ArmaxEstimate, run: SampledRun, *, lags: int = 25, alpha: float = 0.01, fitted: bool = True
 ) -> tuple[CorrelationTest, ...]:
     """Whiteness first (lags 1 ... lags), then one test for each input over one run.
 
@@ -62,7 +62,7 @@ def residual_tests(
     without, a held-out run is also asked for errors of the coefficients. Rational inputs are taken at the measured
     position. InputError if the run does not fit the model or is too short for the lags.
     """
-    _check(lags, alpha, run.n_samples)
+    check_settings(lags, alpha, run.n_samples)
     prepared = prepared_run(model, run)
     signals, orders, polynomials = prepared.signals, model.orders, model.polynomials
     errors = prediction_errors(signals, polynomials, orders).errors
@@ -82,23 +82,23 @@ def residual_tests(
         norms = np.linalg.norm(factor[:, len(explained) : -1], axis=0)
         tail = factor[len(explained) :, len(explained) :]
         variance = float(errors @ errors) / (errors.size - len(explained))
-        tests.append(_score_test(name, delays, tail=tail, scales=(norms, variance, errors.size - lags), alpha=alpha))
+        tests.append(score_test(name, delays, tail=tail, scales=(norms, variance, errors.size - lags), alpha=alpha))
     return tuple(tests)
 
 
 def whiteness_test(sequence: FloatArray, *, lags: int = 25, alpha: float = 0.01) -> CorrelationTest:
     """Whether a plain sequence (n_samples,), to which nothing was fitted, is white."""
     samples = np.asarray(sequence, dtype=float)
-    _check(lags, alpha, samples.size)
+    check_settings(lags, alpha, samples.size)
     delays = range(1, lags + 1)
     wanted = [*((0, lag) for lag in delays), (0, 0)]
     factor = triangular_factor(lagged_blocks(samples[None, :], wanted, first=0), len(wanted))
     norms = np.linalg.norm(factor[:, :-1], axis=0)
     variance = float(samples @ samples) / samples.size
-    return _score_test("sequence", delays, tail=factor, scales=(norms, variance, samples.size), alpha=alpha)
+    return score_test("sequence", delays, tail=factor, scales=(norms, variance, samples.size), alpha=alpha)
 
 
-def _score_test(
+def score_test(
     name: str, delays: Sequence[int], *, tail: FloatArray, scales: tuple[FloatArray, float, int], alpha: float
 ) -> CorrelationTest:
     """The test from the triangular factor of [delayed signal, residuals], the model's part already projected out."""
@@ -144,7 +144,7 @@ def _largest_score(directions: FloatArray, alpha: float) -> float:
     return float(np.quantile(np.max(np.abs(draws @ factor), axis=1), 1.0 - alpha))
 
 
-def _check(lags: int, alpha: float, n_samples: int) -> None:
+def check_settings(lags: int, alpha: float, n_samples: int) -> None:
     if not 0.0 < alpha < 1.0:
         raise InputError(f"alpha = {alpha}: give a probability between 0 and 1")
     if not 1 <= lags <= n_samples // 10:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from msl_fem.errors import InputError
+from msl_fem.identification.armax_model import ArmaxModel
 from msl_fem.identification.gauss_newton import Convergence
-from msl_fem.identification.model import ArmaxModel
 from msl_fem.identification.polynomials import ArmaxOrders, Polynomials
 from msl_fem.identification.rational import RationalInputs, rational_term
 
@@ -49,6 +49,7 @@ def model_to_json(model: ArmaxModel) -> dict[str, Any]:
             "delta_m": rational.delta,
             "plain": list(rational.plain),
         },
+        "input_slopes": list(model.input_slopes),
         "notes": list(model.notes),
     }
 
@@ -99,5 +100,6 @@ def _model(document: Mapping[str, Any]) -> ArmaxModel:
             float(rational["delta_m"]),
             tuple(rational["plain"]),
         ),
+        input_slopes=tuple(map(float, document.get("input_slopes", ()))),
         notes=tuple(document["notes"]),
     )

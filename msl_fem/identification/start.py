@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from msl_fem.errors import InputError
 from msl_fem.identification.data import FloatArray
 from msl_fem.identification.polynomials import ArmaxOrders, Polynomials, polynomials_of, reflected
-from msl_fem.identification.prediction_error import jacobian_factor, prediction_errors
+from msl_fem.identification.prediction_error import jacobian_factors, prediction_errors
 from msl_fem.identification.prior import OscillatorPrior, discretised_oscillator
 from msl_fem.identification.regression import lagged_blocks, r_factor, scaled_factor, triangular_factor
 
@@ -185,7 +185,7 @@ def _refitted(
     if not free.any():
         return start
     errors = [prediction_errors(signals, start, orders).errors for signals in runs]
-    factor = jacobian_factor(runs, start, orders, errors=errors)
+    factor = jacobian_factors(runs, start, orders, errors=errors).total
     chosen = np.append(np.flatnonzero(free), orders.n_parameters)
     vector = start.vector(orders)
     vector[free] -= scaled_factor(r_factor(factor[:, chosen])).solution()

@@ -6,7 +6,7 @@ to work, above the last is where not to. The criterion says at which point of th
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline, make_interp_spline
 
 from msl_fem.errors import InputError, OutOfTable, TableError
+from msl_fem.operating_map.criterion import MEAN, parse_criterion
+from msl_fem.operating_map.monotone import monotone_or_why_not
 from msl_fem.quantity import format_quantity
 from msl_fem.table import SECTION, MagneticTable
 
@@ -22,9 +24,7 @@ Array = NDArray[np.float64]
 
 LEVELS = (1.2, 1.6)
 """Default flux densities in T: the source paper's."""
-MEAN = "mean"
 MOST_LEVELS, SMALLEST_LEVEL, LARGEST_LEVEL = 100, 1e-3, 10.0  # T; no iron is driven further
-"""Criterion: the mean flux density in the iron of the most loaded section."""
 _THINNING_GAIN = 3.0  # a cubic spline's error grows 16-fold on nodes twice as far apart; count on 3
 _DEFECT_MARGIN = 1.25  # the largest departure from a chord over the largest of those at three inner points
 _INNER = (0.25, 0.5, 0.75)
@@ -39,13 +39,21 @@ class OperatingMap:
     levels : (n_level,) T, increasing
     gap : (n_gap,) m, increasing
     current : (n_level, n_gap) A; nan where the level is not reached below `current_max`
-    section : for each level and gap the section that reaches the level first (or is the most loaded, where none does)
-    error : (n_level, n_gap) A, one-sided bound of the interpolation error of `current`
+    section : for each level and gap the section that reaches the level first (or is the most loaded, where none does);
+        for another criterion than `mean` the part of the iron where it occurs
+    error : (n_level, n_gap) A, one-sided bound of the error of `current`: of a table that of its interpolation, else
+        the sum of the parts below
     allowance : (n_level, n_gap) A, what a guard takes off so that straight lines between the gaps stay below the curve
     current_max : A, the largest current that the map judges
-    criterion : where in the iron the flux density is read
+    criterion : where in the iron the flux density is read, see `parse_criterion`
     actuator, digest : the actuator's name and the hash of its content; empty where not known
     warnings : texts, for instance that a curve is not monotone in the gap
+    mesh_error, bh_error : (n_level, n_gap) A, parts of `error`: from the discretisation, and from the course of the B-H
+        curve between its points; None where not estimated
+    gap_slope : (n_level, n_gap) A/m, derivative of `current`; None where not known
+    on_tail : for each level and gap the irons, joined by " and ", of which more than 1 % lies beyond the last B-H point
+    provenance : how the map was made, as in a table's
+    decoupling : JSON object of the two sides' decoupling over the map
     """
 
     levels: Array
@@ -59,6 +67,12 @@ class OperatingMap:
     actuator: str = ""
     digest: str = ""
     warnings: tuple[str, ...] = ()
+    mesh_error: Array | None = None
+    bh_error: Array | None = None
+    gap_slope: Array | None = None
+    on_tail: tuple[tuple[str, ...], ...] = ()
+    provenance: Mapping[str, object] | None = None
+    decoupling: Mapping[str, object] | None = None
 
     def __post_init__(self) -> None:
         _check(self)
@@ -81,11 +95,15 @@ def _check(record: OperatingMap) -> None:
         raise InputError("a map needs at least two gaps, positive and increasing")
     if not (math.isfinite(record.current_max) and record.current_max > 0):
         raise InputError(f"the map's largest current must be positive, it is {record.current_max:g} A")
-    for name in ("current", "error", "allowance"):
-        if getattr(record, name).shape != shape:
-            raise InputError(f"{name} has shape {getattr(record, name).shape}, expected (level, gap) = {shape}")
-    if [len(row) for row in record.section] != [gap.size] * levels.size:
-        raise InputError(f"section must name one section for each level and gap, {shape}")
+    for name in ("current", "error", "allowance", "mesh_error", "bh_error", "gap_slope"):
+        values = getattr(record, name)
+        if values is not None and values.shape != shape:
+            raise InputError(f"{name} has shape {values.shape}, expected (level, gap) = {shape}")
+    parse_criterion(record.criterion)
+    for name in ("section", "on_tail"):
+        rows = getattr(record, name)
+        if [len(row) for row in rows] != [gap.size] * levels.size and (rows or name == "section"):
+            raise InputError(f"{name} must hold one name for each level and gap, {shape}")
     reached = ~np.isnan(record.current)
     if not ((record.current[reached] > 0) & (record.current[reached] <= record.current_max)).all():
         raise InputError(f"currents must lie between 0 and the map's largest, {record.current_max:g} A")
@@ -103,6 +121,19 @@ class Roots(NamedTuple):
     current: Array
     error: Array
     section: tuple[str, ...]
+
+
+def checked_levels(levels: Sequence[float]) -> Array:
+    """The levels as an array; InputError unless they are positive, increasing and flux densities that iron can bear."""
+    wanted = np.asarray(levels, dtype=float)
+    if wanted.ndim != 1 or wanted.size == 0 or not (wanted > 0).all() or not (np.diff(wanted) > 0).all():
+        raise InputError(f"levels must be positive and increasing, like 1.2, 1.6 T; these are {list(levels)} T")
+    if wanted.size > MOST_LEVELS or wanted[-1] > LARGEST_LEVEL or wanted[0] < SMALLEST_LEVEL:
+        raise InputError(
+            f"{wanted.size} level(s) from {wanted[0]:g} to {wanted[-1]:g} T are not allowed; give at most "
+            f"{MOST_LEVELS}, each {SMALLEST_LEVEL:g} ... {LARGEST_LEVEL:g} T, like 1.2, 1.6 T"
+        )
+    return wanted
 
 
 def operating_map(
@@ -126,44 +157,30 @@ def operating_map(
     OutOfTable : a gap outside the table
     TableError : the table has no section flux densities, or some are not finite
     """
-    wanted, gaps = np.asarray(levels, dtype=float), np.array(table.gap if gap is None else gap, dtype=float)
-    if wanted.ndim != 1 or wanted.size == 0 or not (wanted > 0).all() or not (np.diff(wanted) > 0).all():
-        raise InputError(f"levels must be positive and increasing, like 1.2, 1.6 T; these are {list(levels)} T")
-    if wanted.size > MOST_LEVELS or wanted[-1] > LARGEST_LEVEL or wanted[0] < SMALLEST_LEVEL:
-        raise InputError(
-            f"{wanted.size} level(s) from {wanted[0]:g} to {wanted[-1]:g} T are not allowed; give at most "
-            f"{MOST_LEVELS}, each {SMALLEST_LEVEL:g} ... {LARGEST_LEVEL:g} T, like 1.2, 1.6 T"
-        )
+    wanted = checked_levels(levels)
+    gaps = np.array(table.gap if gap is None else gap, dtype=float)
     if gaps.ndim != 1 or gaps.size < 2 or not (np.diff(gaps) > 0).all():
         raise InputError("gaps must be increasing and at least two")
     roots = [_roots(table, wanted, float(g)) for g in gaps]
     current = np.stack([r.current for r in roots], axis=1)
+    error = np.stack([r.error for r in roots], axis=1)
+    section = tuple(zip(*(r.section for r in roots), strict=True))
     provenance = {} if table.provenance is None else dict(table.provenance)
     return OperatingMap(
         levels=wanted,
         gap=gaps,
         current=current,
-        section=tuple(zip(*(r.section for r in roots), strict=True)),
-        error=np.stack([r.error for r in roots], axis=1),
+        section=section,
+        error=error,
         allowance=_allowance(table, wanted, gaps, roots),
         current_max=float(table.current[-1]),
         actuator=str(provenance.get("actuator", "")) if actuator is None else actuator,
         digest=str(provenance.get("actuator_sha256", "")) if digest is None else digest,
-        warnings=_monotone_or_why_not(wanted, gaps, current),
+        warnings=monotone_or_why_not(
+            wanted, gaps, current, error=error, section=section, cause="look for noise in the table's flux densities"
+        ),
+        provenance={"method": "interpolated from a table", "table": provenance},
     )
-
-
-def _monotone_or_why_not(levels: Array, gap: Array, current: Array) -> tuple[str, ...]:
-    found = []
-    for level, row in zip(levels, current, strict=True):
-        filled = np.where(np.isnan(row), np.inf, row)
-        found += [
-            f"the {level:g} T curve falls between gaps {format_quantity(gap[m], 'm')} and "
-            f"{format_quantity(gap[m + 1], 'm')} ({filled[m]:.4g} to {filled[m + 1]:.4g} A): a larger gap should "
-            "need more current; look for noise in the table's flux densities"
-            for m in np.flatnonzero(filled[1:] < filled[:-1])
-        ]
-    return tuple(found)
 
 
 def _allowance(table: MagneticTable, levels: Array, gap: Array, roots: list[Roots]) -> Array:

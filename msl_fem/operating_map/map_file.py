@@ -9,31 +9,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.errors import InputError
+from msl_fem.operating_map.criterion import parse_criterion
 from msl_fem.operating_map.level_currents import OperatingMap
 from msl_fem.whole_file import whole_file
 
 Array = NDArray[np.float64]
 SCHEMA = 1
+_OPTIONAL = {
+    "mesh_error_A": "mesh_error",
+    "bh_interpolation_error_A": "bh_error",
+    "current_gap_slope_A_per_m": "gap_slope",
+}
 
 
 def map_to_json(operating_map: OperatingMap) -> dict[str, Any]:
     """The JSON object of a map: `levels_T`, `gap_m`, `current_A` (a list a level, null where not reached) and more."""
     m = operating_map
-    return {
+    criterion = parse_criterion(m.criterion)
+    content = {
         "schema": SCHEMA,
         "levels_T": m.levels.tolist(),
         "gap_m": m.gap.tolist(),
-        "current_A": [[None if math.isnan(i) else i for i in row] for row in m.current.tolist()],
+        "current_A": _rows(m.current),
         "criterion": m.criterion,
+        "criterion_meaning": criterion.meaning,
+        "corner_radius_m": None if math.isnan(criterion.radius) else criterion.radius,
         "section": [list(row) for row in m.section],
-        "current_error_A": m.error.tolist(),
-        "guard_allowance_A": m.allowance.tolist(),
+        "current_error_A": _rows(m.error),
+        **{name: _rows(getattr(m, field)) for name, field in _OPTIONAL.items()},
+        "guard_allowance_A": _rows(m.allowance),
         "current_max_A": m.current_max,
+        "rests_on_tail": [list(row) for row in m.on_tail],
         "not_reached": list(m.not_reached()),
         "warnings": list(m.warnings),
         "actuator": m.actuator,
         "digest": m.digest,
+        "provenance": None if m.provenance is None else dict(m.provenance),
     }
+    return content | ({} if m.decoupling is None else {"decoupling": dict(m.decoupling)})
+
+
+def _rows(values: Array | None) -> list[list[float | None]] | None:
+    if values is None:
+        return None
+    return [[value if math.isfinite(value) else None for value in row] for row in values.tolist()]
 
 
 def write_map(operating_map: OperatingMap, path: str | Path) -> Path:
@@ -71,15 +90,12 @@ def map_from_json(content: object) -> OperatingMap:
         raise InputError(
             f"schema is {content.get('schema')!r}, expected {SCHEMA}; make the map anew with 'msl-fem map'"
         )
-    section = _required(content, "section")
-    if not (isinstance(section, list) and all(isinstance(row, list) for row in section)):
-        raise InputError("section must hold one list of names a level")
     warnings = content.get("warnings", [])
     return OperatingMap(
         levels=_numbers(content, "levels_T", 1),
         gap=_numbers(content, "gap_m", 1),
         current=_numbers(content, "current_A", 2),
-        section=tuple(tuple(map(str, row)) for row in section),
+        section=_names(_required(content, "section"), "section"),
         error=_numbers(content, "current_error_A", 2),
         allowance=_numbers(content, "guard_allowance_A", 2),
         current_max=float(_numbers(content, "current_max_A", 0)),
@@ -87,10 +103,30 @@ def map_from_json(content: object) -> OperatingMap:
         actuator=_text(content.get("actuator", ""), "actuator"),
         digest=_text(content.get("digest", ""), "digest"),
         warnings=tuple(map(str, warnings if isinstance(warnings, list) else [warnings])),
+        on_tail=_names(content.get("rests_on_tail", []), "rests_on_tail"),
+        provenance=_object(content, "provenance"),
+        decoupling=_object(content, "decoupling"),
+        **{
+            field: None if content.get(name) is None else _numbers(content, name, 2)
+            for name, field in _OPTIONAL.items()
+        },
     )
 
 
 _SHAPES = {0: "hold one number", 1: "hold numbers in one list", 2: "hold numbers in 2 levels of lists"}
+
+
+def _names(value: object, key: str) -> tuple[tuple[str, ...], ...]:
+    if not (isinstance(value, list) and all(isinstance(row, list) for row in value)):
+        raise InputError(f"{key} must hold one list of names a level")
+    return tuple(tuple(map(str, row)) for row in value)
+
+
+def _object(content: dict[str, Any], key: str) -> dict[str, object] | None:
+    value = content.get(key)
+    if value is not None and not isinstance(value, dict):
+        raise InputError(f"{key} must be a JSON object or left out")
+    return value
 
 
 def _text(value: object, key: str) -> str:

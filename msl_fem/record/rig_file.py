@@ -18,7 +18,7 @@ OVERRIDES = ("magnet", "sides", "motion", "drive", "position_sensor", "current_s
 
 _PURE_NUMBERS = {
     "schema", "turns", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor",
-    "count", "magnets_per_side", "delay_samples",
+    "count", "magnets_per_side", "delay_samples", "sets",
 }  # fmt: skip
 
 

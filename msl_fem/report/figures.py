@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from msl_fem.operating_map import OperatingMap
-from msl_fem.report.style import BLUE, GREEN, GREY, ORANGE, RED, REGION_FILL, SERIES, dress, figure, line
+from msl_fem.report.style import BLUE, GREEN, GREY, ORANGE, RED, REGION_FILL, SERIES, SKY, dress, figure, line
 from msl_fem.table import MagneticTable
 
 Array = NDArray[np.float64]
@@ -46,7 +46,10 @@ def operating_regions(operating_map: OperatingMap) -> go.Figure:
     for (name, fill), low, high in zip(REGION_FILL.items(), bounds[:-1], bounds[1:], strict=True):
         x, y = np.r_[gap, gap[::-1]], np.r_[low, high[::-1]]
         made.add_trace(go.Scatter(x=x, y=y, fill="toself", fillcolor=fill, mode="none", name=name, hoverinfo="skip"))
-    for level, row, colour in zip(operating_map.levels, operating_map.current, (GREEN, RED), strict=False):
+    last = len(operating_map.levels) - 1
+    between = (ORANGE, SKY, BLUE)
+    colours = [GREEN if k == 0 else RED if k == last else between[k % len(between)] for k in range(last + 1)]
+    for level, row, colour in zip(operating_map.levels, operating_map.current, colours, strict=True):
         made.add_trace(line(gap, row, name=f"{level:g} T", colour=colour, mode="lines+markers", marker={"size": 5}))
     made.update_yaxes(range=[0, top])
     made.update_xaxes(range=[0, gap[-1]])

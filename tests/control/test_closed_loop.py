@@ -187,7 +187,7 @@ def test_the_compiled_loop_is_the_plain_one():
         np.testing.assert_allclose(run.current[k], state[[I1, I2]], atol=1e-12)
         np.testing.assert_allclose(run.command[k], command, atol=1e-12)
         voltage = np.zeros(2)
-        advance(surface, plant, state, late, 0.0, 4e-4 / 6, 6, voltage)
+        advance(surface, plant, None, state, late, 0.0, 4e-4 / 6, 6, voltage)
         np.testing.assert_allclose(run.voltage[k], voltage, atol=1e-9)
         late = command
 

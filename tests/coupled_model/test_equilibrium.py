@@ -16,7 +16,7 @@ from msl_fem.coupled_model.open_loop import check_open_loop
 from msl_fem.coupled_model.plant import plant_parameters, surface_of
 from msl_fem.coupled_model.simulate import Options, simulate
 from msl_fem.coupled_model.stability import stability_limit
-from msl_fem.coupled_model.state import N_INTEGRATED
+from msl_fem.coupled_model.state import N_INTEGRATED, initial_state
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.table import MagneticTable
 
@@ -120,8 +120,8 @@ def test_the_linear_model_is_the_kernel_s_jacobian(
     rest = np.r_[plant.resistance * point[:2], 0.0] if drive["kind"] == "voltage" else np.r_[point[:2], 0.0]
 
     def rates(y: np.ndarray, u: np.ndarray) -> np.ndarray:
-        state, dy = np.r_[y, np.zeros(N_INTEGRATED - 4)], np.zeros(N_INTEGRATED + 6)
-        assert kernel.rates(surface, plant, state, u[:2], u[:2], u[2], dy) == 0
+        state, dy = initial_state(plant, *y), np.zeros(N_INTEGRATED)
+        assert kernel.rates_at(surface, plant, None, state, np.r_[u[:2], u[:2], u[2]], dy)
         return dy[:4].copy()
 
     linear = linearise(bench, table, currents=(0.9, 0.5), position=8e-5)

@@ -68,7 +68,7 @@ def test_the_order_of_convergence_is_four(servo: Actuator, table: MagneticTable,
 
     def end(steps: int) -> np.ndarray:
         state = initial_state(plant, 1.0, 0.9, 1e-4, -0.05)
-        assert kernel.advance(surface, plant, state, command, 5.0, 4e-4 / steps, steps, np.zeros(2)) == OK
+        assert kernel.advance(surface, plant, None, state, command, 5.0, 4e-4 / steps, steps, np.zeros(2)) == OK
         return state[[I1, I2, X, V, SENSOR]]
 
     finest = end(1024)
@@ -83,10 +83,10 @@ def test_run_is_advance_repeated(servo: Actuator, table: MagneticTable) -> None:
     together = state.copy()
     out = np.empty((50, kernel.N_OUT))
     push = np.asarray(inputs.disturbance)
-    assert kernel.run(surface, plant, together, inputs.commands, push, 2e-5, 5, out) == (OK, 50)
+    assert kernel.run(surface, plant, None, together, inputs.commands, push, 2e-5, 5, out) == (OK, 50)
     for k in range(50):
         assert out[k, kernel.OUT_X] == state[X]
-        assert kernel.advance(surface, plant, state, inputs.commands[k], push[k], 2e-5, 5, voltage) == OK
+        assert kernel.advance(surface, plant, None, state, inputs.commands[k], push[k], 2e-5, 5, voltage) == OK
         assert (out[k, [kernel.OUT_VOLTAGE_1, kernel.OUT_VOLTAGE_2]] == voltage).all()
     assert (state == together).all()
 
@@ -122,22 +122,24 @@ def test_the_state_stays_where_a_run_ends(servo: Actuator, table: MagneticTable)
     state = initial_state(plant, 1.0, 1.0, 0.0, 0.0)
 
     before = state.copy()
-    assert kernel.advance(surface, plant, state, np.array([1.0, np.nan]), 0.0, 1e-5, 10, voltage) == NOT_FINITE
+    assert kernel.advance(surface, plant, None, state, np.array([1.0, np.nan]), 0.0, 1e-5, 10, voltage) == NOT_FINITE
     assert (state == before).all()
 
-    status = kernel.advance(surface, plant, state, np.array([8.0, 0.0]), 0.0, 1e-5, 10_000, voltage)
+    status = kernel.advance(surface, plant, None, state, np.array([8.0, 0.0]), 0.0, 1e-5, 10_000, voltage)
     assert status == OUTSIDE_RANGE
     assert 4.9e-4 < state[X] <= 5e-4
 
     far = plant._replace(travel=np.inf)
     state = initial_state(far, 1.0, 1.0, 0.0, 0.0)
-    assert kernel.advance(surface, far, state, np.array([8.0, 0.0]), 0.0, 1e-5, 10_000, voltage) == OUTSIDE_TABLE
+    assert kernel.advance(surface, far, None, state, np.array([8.0, 0.0]), 0.0, 1e-5, 10_000, voltage) == OUTSIDE_TABLE
     assert 5e-4 < state[X] < 5.5e-4  # the table begins at a gap of 0.05 mm
     assert np.isfinite(state).all()
 
     beyond = plant._replace(current_limit=np.inf)
     state = initial_state(beyond, 11.0, 11.0, 0.0, 0.0)
-    assert kernel.advance(surface, beyond, state, np.array([13.0, 13.0]), 0.0, 1e-5, 1000, voltage) == OUTSIDE_TABLE
+    assert (
+        kernel.advance(surface, beyond, None, state, np.array([13.0, 13.0]), 0.0, 1e-5, 1000, voltage) == OUTSIDE_TABLE
+    )
     assert 11.5 < state[I1] <= 12.0
 
 
@@ -145,8 +147,8 @@ def test_a_command_beyond_the_current_limit_is_clipped_and_counted(servo: Actuat
     plant, surface = plant_parameters(changed(servo, motion={"moving_mass": 1e9})), surface_of(table)
     clipped, at_limit = initial_state(plant, 0.0, 0.0, 0.0, 0.0), initial_state(plant, 0.0, 0.0, 0.0, 0.0)
     for _ in range(3):
-        kernel.advance(surface, plant, clipped, np.array([0.0, 40.0]), 0.0, 1e-5, 100, np.zeros(2))
-        kernel.advance(surface, plant, at_limit, np.array([0.0, 12.0]), 0.0, 1e-5, 100, np.zeros(2))
+        kernel.advance(surface, plant, None, clipped, np.array([0.0, 40.0]), 0.0, 1e-5, 100, np.zeros(2))
+        kernel.advance(surface, plant, None, at_limit, np.array([0.0, 12.0]), 0.0, 1e-5, 100, np.zeros(2))
     assert clipped[AT_CURRENT_LIMIT_2] == 3
     assert at_limit[AT_CURRENT_LIMIT_2] == 0
     clipped[AT_CURRENT_LIMIT_2] = 0

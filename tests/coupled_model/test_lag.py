@@ -4,13 +4,20 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from msl_fem.compiled import compiled
 from msl_fem.coupled_model.lag import lag_weights
+from msl_fem.coupled_model.lanes import rows_of
+
+
+@compiled
+def weigh(z: float, weights: np.ndarray) -> None:
+    lag_weights(z, 1.0, rows_of(weights), 0)
 
 
 def response(z: float, x: np.polynomial.Polynomial, *, start: float) -> float:
     """y(1) of y' = z (x(s) - y), y(0) = start, from the weights."""
     weights = np.empty(5)
-    lag_weights(z, 1.0, weights)
+    weigh(z, weights)
     slope = x.deriv()
     return float(weights @ [start, x(0.0), slope(0.0), x(1.0), slope(1.0)])
 

@@ -7,10 +7,10 @@ import pytest
 from armax_cases import CASES
 
 from msl_fem.identification import ArmaxOrders, regression
-from msl_fem.identification.curvature import objective_gradient
-from msl_fem.identification.gauss_newton import Evaluation, evaluate
+from msl_fem.identification.evaluation import evaluate, evaluated, objective_gradient
 from msl_fem.identification.polynomials import Polynomials, polynomials_of, reflected
-from msl_fem.identification.prediction_error import jacobian_factor, prediction_errors
+from msl_fem.identification.prediction_error import jacobian_factors, prediction_errors
+from msl_fem.identification.problem import Belief, Problem
 
 
 @pytest.fixture
@@ -24,10 +24,11 @@ def problem():
     return runs, orders, vector
 
 
-def objective_at(runs, orders, vector):
-    polynomials = polynomials_of(vector, orders)
-    evaluation = Evaluation(polynomials, tuple(prediction_errors(s, polynomials, orders) for s in runs))
-    return 0.5 * evaluation.n_equations * np.log(evaluation.objective), evaluation
+def objective_at(runs, orders, vector, belief=None):
+    """Minus the log of the restricted likelihood, and of the likelihood."""
+    found = evaluated(Problem(runs, orders, belief), polynomials_of(vector, orders))
+    restricted = 0.5 * found.degrees_of_freedom * np.log(found.objective)
+    return restricted, 0.5 * found.n_equations * np.log(found.likelihood_cost), found
 
 
 def test_errors_satisfy_the_model_sample_by_sample(problem):
@@ -45,16 +46,19 @@ def test_errors_satisfy_the_model_sample_by_sample(problem):
         assert left == pytest.approx(past[t] + p.c[1] * past[t - 1] + p.c[2] * past[t - 2], abs=1e-10)
 
 
-def test_gradient_passes_a_taylor_test(problem):
-    """The remainder of the first-order expansion of the log likelihood is of second order."""
+@pytest.mark.parametrize("believed", [False, True])
+def test_gradient_passes_a_taylor_test(problem, believed):
+    """The remainder of the first-order expansion of the log restricted likelihood is of second order."""
     runs, orders, vector = problem
-    value, evaluation = objective_at(runs, orders, vector)
-    gradient = objective_gradient(runs, evaluation.polynomials, orders)
-    gradient = gradient * evaluation.n_equations / evaluation.cost  # of the log likelihood
+    belief = Belief(3.0 * np.eye(2, vector.size), np.array([-3.5, 1.4])) if believed else None
+    value, _, evaluation = objective_at(runs, orders, vector, belief)
+    gradient = objective_gradient(Problem(runs, orders, belief), evaluation)
+    gradient = gradient * evaluation.degrees_of_freedom / evaluation.cost  # of the log likelihood
     direction = np.random.default_rng(1).standard_normal(vector.size)
     steps = 1e-3 * 0.5 ** np.arange(5)
     remainders = [
-        abs(objective_at(runs, orders, vector + h * direction)[0] - value - h * gradient @ direction) for h in steps
+        abs(objective_at(runs, orders, vector + h * direction, belief)[0] - value - h * gradient @ direction)
+        for h in steps
     ]
     orders_seen = np.diff(np.log(remainders)) / np.log(0.5)
     np.testing.assert_allclose(orders_seen, 2.0, atol=0.15)
@@ -76,6 +80,52 @@ def test_objective_is_the_exact_likelihood_of_a_moving_average():
     assert found.log_determinant == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-10)
 
 
+def test_objective_is_the_restricted_likelihood_of_dense_algebra(problem):
+    """Sum over two runs of log det V and the quadratic form, and log det of X'V^-1X, with V and X written out."""
+    runs, orders, vector = problem
+    p = polynomials_of(vector, orders)
+    first, form, log_volume, normal = orders.longest_lag, 0.0, 0.0, np.zeros((orders.n_linear, orders.n_linear))
+    for signals in runs:
+        n = signals.shape[1]
+        m = n - first
+        moving = sum(c * np.eye(m, m + orders.nc, k=orders.nc - i) for i, c in enumerate(p.c))
+        covariance = moving @ moving.T
+        columns = [signals[0, first - i : n - i] for i in (1, 2)]
+        columns += [-signals[1 + k, first - i : n - i] for k, lags in enumerate(orders.input_lags) for i in lags]
+        x = np.column_stack([*columns, -np.ones(m)])
+        w = signals[0, first:] + x @ vector[: orders.n_linear]
+        form += w @ np.linalg.solve(covariance, w)
+        log_volume += np.linalg.slogdet(covariance)[1]
+        normal += x.T @ np.linalg.solve(covariance, x)
+    restricted, plain, found = objective_at(runs, orders, vector)
+    freedom = found.degrees_of_freedom
+    assert freedom == sum(signals.shape[1] - first for signals in runs) - orders.n_linear
+    expected = 0.5 * (freedom * np.log(form) + log_volume + np.linalg.slogdet(normal)[1] - found.reference)
+    assert restricted == pytest.approx(expected, rel=1e-10)
+    assert plain == pytest.approx(0.5 * ((freedom + orders.n_linear) * np.log(form) + log_volume), rel=1e-10)
+
+
+def test_units_do_not_change_the_objective(problem):
+    """An input in mA instead of A, its coefficients a thousand times smaller."""
+    runs, orders, vector = problem
+    scale = np.array([1.0, 1e3, 1.0, 1.0])
+    moved = vector.copy()
+    moved[2:4] /= 1e3
+    assert objective_at([scale[:, None] * signals for signals in runs], orders, moved)[0] == pytest.approx(
+        objective_at(runs, orders, vector)[0], rel=1e-12
+    )
+
+
+def test_a_column_that_depends_on_the_others_carries_no_determinant(problem):
+    """Two equal inputs: the objective stays finite and its gradient too."""
+    runs, orders, vector = problem
+    orders = replace(orders, nb=(2, 2), nk=(1, 1)).for_inputs(2)
+    twins = [np.vstack([signals[:2], signals[1], signals[3]]) for signals in runs]
+    found = evaluate(Problem(twins, orders), polynomials_of(vector[[0, 1, 2, 3, 5, 6, 7, 8, 9]], orders))
+    assert np.isfinite(found.objective)
+    assert np.isfinite(objective_gradient(Problem(twins, orders), found)).all()
+
+
 def test_mirrored_zeros_of_c_do_not_change_the_objective(problem):
     """C with a zero outside the unit circle and its mirror image explain the data equally well."""
     runs, orders, vector = problem
@@ -84,9 +134,10 @@ def test_mirrored_zeros_of_c_do_not_change_the_objective(problem):
     inside[-2:] = np.poly([0.9, 0.5])[1:]
     outside[-2:] = np.poly([1 / 0.9, 0.5])[1:]
     values = [objective_at(runs, orders, v) for v in (inside, outside)]
-    # The mirror scales the innovations, so the bare cost differs while the objective does not.
+    # The mirror scales the innovations, so the bare cost differs while the objectives do not.
     assert values[0][0] == pytest.approx(values[1][0], abs=1e-6)
-    assert values[0][1].cost > 1.2 * values[1][1].cost
+    assert values[0][1] == pytest.approx(values[1][1], abs=1e-6)
+    assert values[0][2].cost > 1.2 * values[1][2].cost
 
 
 def test_unstable_zeros_of_c_are_reflected_and_stable_ones_untouched(problem):
@@ -101,7 +152,7 @@ def test_unstable_zeros_of_c_are_reflected_and_stable_ones_untouched(problem):
     vector[-2:] = np.poly([2.0, 0.3])[1:]
     unstable_a = np.poly([1.1, 0.5])
     vector[:2] = unstable_a[1:]
-    evaluation = evaluate(runs, polynomials_of(vector, orders), orders)
+    evaluation = evaluate(Problem(runs, orders), polynomials_of(vector, orders))
     np.testing.assert_allclose(evaluation.polynomials.c, np.poly([0.5, 0.3]), rtol=1e-12)
     np.testing.assert_allclose(evaluation.polynomials.a, unstable_a)
 
@@ -111,9 +162,9 @@ def test_blocks_of_any_length_give_the_same_factor(problem, monkeypatch):
     runs, orders, vector = problem
     p = polynomials_of(vector, orders)
     errors = [prediction_errors(signals, p, orders).errors for signals in runs]
-    whole = jacobian_factor(runs, p, orders, errors=errors)
+    whole = jacobian_factors(runs, p, orders, errors=errors).total
     monkeypatch.setattr(regression, "BLOCK_ROWS", 7)
-    pieces = jacobian_factor(runs, p, orders, errors=errors)
+    pieces = jacobian_factors(runs, p, orders, errors=errors).total
     np.testing.assert_allclose(pieces.T @ pieces, whole.T @ whole, rtol=1e-9, atol=1e-9)
 
 
@@ -121,7 +172,7 @@ def test_jacobian_is_the_derivative_of_the_errors(problem):
     """R'R against central differences of the errors, the first errors of each run held free."""
     runs, orders, vector = problem
     p = polynomials_of(vector, orders)
-    found = jacobian_factor(runs, p, orders, errors=[prediction_errors(s, p, orders).errors for s in runs])
+    found = jacobian_factors(runs, p, orders, errors=[prediction_errors(s, p, orders).errors for s in runs]).total
     expected = np.zeros((vector.size, vector.size))
     for signals in runs:
         start = prediction_errors(signals, p, orders).errors[: orders.nc]

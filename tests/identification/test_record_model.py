@@ -67,3 +67,40 @@ def test_a_record_without_a_fit_run_or_an_input_is_refused(record: Record) -> No
     columns = {k: v for k, v in record.runs[0].columns.items() if not k.startswith("current")}
     with pytest.raises(InputError, match="ARMAX needs position_m and at least one of"):
         identify(replace(record, runs=(replace(record.runs[0], columns=columns),)))
+
+
+def test_physical_parameters_are_those_of_the_actuator(record: Record, servo: Actuator) -> None:
+    """The stiffness within a few per cent (currents' iron is not quite i^2/g^2), in JSON with an interval."""
+    assert servo.motion is not None
+    found = identify(record).fields()["physical_parameters"]["stiffness"]
+    assert found["value"] == pytest.approx(servo.motion.stiffness, rel=0.03)
+    assert found["ci95"][0] < found["value"] < found["ci95"][1]
+    assert found["unit"] == "N/m"
+
+
+def test_a_prior_counts_when_asked(record: Record) -> None:
+    """A stiffness believed 5 % too high, to 1e-5, holds the estimate there; without `prior` it is a start only."""
+    motion = record.actuator.motion
+    assert motion is not None
+    wrong = motion.model_copy(update={"stiffness": 1.05 * motion.stiffness})
+    tolerance = record.tolerance.model_copy(update={"moving_mass": 1e-5, "stiffness": 1e-5, "damping": 1e-3})
+    biased = replace(record, actuator=record.actuator.model_copy(update={"motion": wrong}), tolerance=tolerance)
+    free, held = (identify(biased, choice=ModelChoice(prior=p)).physical["stiffness"].value for p in (False, True))
+    assert free == pytest.approx(motion.stiffness, rel=0.03)
+    assert held == pytest.approx(1.05 * motion.stiffness, rel=0.005)
+
+
+def test_orders_and_terms_are_searched_for(record: Record) -> None:
+    terms = ("i1^2/g1^2", "i2^2/g2^2", "i1^2/g1", "i2^2/g2")
+    found = identify(record, choice=ModelChoice("auto", terms, select_terms=True))
+    assert set(found.model.input_names) >= {"i1^2/g1^2", "i2^2/g2^2"}
+    fields = found.fields()
+    assert [selection["of"] for selection in fields["selection"]] == ["terms", "orders"]
+    assert fields["selection"][0]["criterion"] == "bic"
+    assert len(fields["selection"][1]["tried"]) > 5
+
+
+def test_the_record_of_a_loop_says_so(record: Record) -> None:
+    looped = replace(record, controller={"law": "pid"})
+    assert any("recorded under feedback" in note for note in identify(looped).notes)
+    assert not any("recorded under feedback" in note for note in identify(record).notes)

@@ -128,6 +128,7 @@ def test_three_levels_and_one(table):
 def test_no_level_has_a_limit_above_the_next(table):
     plain = operating_map(table)
     coarse = dataclasses.replace(plain, allowance=np.stack([plain.allowance[0], plain.current[1] * 0.9]))
-    limit = Guard(coarse).arrays.limit
-    assert (limit[0] <= limit[1]).all()
+    limit = Guard(coarse).limit(np.random.default_rng(7).uniform(0.05e-3, 1.2e-3, 1000))
+    assert (limit[0] <= limit[1] * (1 + 1e-15)).all()
     assert (limit >= 0).all()
+    assert (limit[0] < plain.current[0, 0]).any()

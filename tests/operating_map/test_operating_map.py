@@ -90,6 +90,7 @@ def test_a_curve_that_falls_with_the_gap_is_warned_of(table):
     (first, second) = operating_map(with_flux_densities(table, centre_leg=dented)).warnings
     assert first.startswith("the 1.2 T curve falls between gaps")
     assert second.startswith("the 1.6 T curve falls between gaps")
+    assert first.endswith("a larger gap should need more current; look for noise in the table's flux densities")
 
 
 @pytest.mark.parametrize(
@@ -165,6 +166,13 @@ def broken(content: dict, key: str, value: object) -> dict:
         ("gap_m", ..., "gap_m is missing"),
         ("criterion", ..., "criterion is missing"),
         ("criterion", 3, "criterion must be a text"),
+        ("criterion", "mode", "criterion 'mode' is unknown"),
+        ("mesh_error_A", [[1.0]], "mesh_error has shape"),
+        ("mesh_error_A", "small", "mesh_error_A must hold numbers in 2"),
+        ("rests_on_tail", ["core"], "rests_on_tail must hold one list"),
+        ("rests_on_tail", [["core"]], "on_tail must hold one name for each level and gap"),
+        ("provenance", [1], "provenance must be a JSON object"),
+        ("decoupling", "none", "decoupling must be a JSON object"),
         ("schema", 7, "schema is 7"),
         ("levels_T", [1.9, 1.2], "increasing"),
         ("levels_T", ["1.2", "1.9"], "levels_T must hold numbers"),

@@ -1,0 +1,64 @@
+"""The actuator: what a TOML file of geometries/ says, as frozen records in SI units."""
+
+from msl_fem.actuator.actuator import Actuator
+from msl_fem.actuator.drive import Controller, CurrentSensor, Drive, PositionSensor
+from msl_fem.actuator.flexure_section import Flexure
+from msl_fem.actuator.magnet import Air, Coil, ECore, Iron, MeshMagnet, TableMagnet
+from msl_fem.actuator.motion import Motion, Sides
+from msl_fem.actuator.proportions import LARGEST_MAGNET, THINNEST
+from msl_fem.actuator.quantities import (
+    Clearance,
+    Current,
+    CurrentNoise,
+    Damping,
+    Force,
+    Fraction,
+    Frequency,
+    Inertia,
+    Length,
+    Mass,
+    PositionNoise,
+    Resistance,
+    Stiffness,
+    Turns,
+    Voltage,
+)
+from msl_fem.actuator.reader import load_actuator, parse_actuator
+from msl_fem.actuator.tolerances import Tolerances
+
+__all__ = [
+    "LARGEST_MAGNET",
+    "THINNEST",
+    "Actuator",
+    "Air",
+    "Clearance",
+    "Coil",
+    "Controller",
+    "Current",
+    "CurrentNoise",
+    "CurrentSensor",
+    "Damping",
+    "Drive",
+    "ECore",
+    "Flexure",
+    "Force",
+    "Fraction",
+    "Frequency",
+    "Inertia",
+    "Iron",
+    "Length",
+    "Mass",
+    "MeshMagnet",
+    "Motion",
+    "PositionNoise",
+    "PositionSensor",
+    "Resistance",
+    "Sides",
+    "Stiffness",
+    "TableMagnet",
+    "Tolerances",
+    "Turns",
+    "Voltage",
+    "load_actuator",
+    "parse_actuator",
+]

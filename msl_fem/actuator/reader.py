@@ -1,0 +1,50 @@
+"""Actuator files (TOML) to records; what is wrong is said in one line with the file and the key path."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from msl_fem.actuator.actuator import Actuator
+from msl_fem.errors import ActuatorError
+from msl_fem.schema import bare_number, first_complaint, reason
+
+_PURE_NUMBERS = {
+    "schema", "turns", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor",
+    "count", "magnets_per_side", "delay_samples", "sets", "bh_polarisation", "bh_field_strength",
+    "end_stop_restitution",
+}  # fmt: skip
+
+
+def load_actuator(path: str | Path) -> Actuator:
+    """The actuator that a TOML file describes.
+
+    Raises
+    ------
+    ActuatorError : no such file, not TOML, an unknown or a missing key, a wrong unit, a value out of its range;
+        the message names the file and the key path
+    """
+    file = Path(path)
+    try:
+        text = file.read_bytes().decode("utf-8")
+    except (OSError, ValueError) as err:
+        raise ActuatorError(f"{path}: cannot be read ({reason(err)}); give an actuator file (TOML)") from err
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as err:
+        raise ActuatorError(f"{path}: not valid TOML: {err}") from err
+    return parse_actuator(content, file=file)
+
+
+def parse_actuator(content: dict[str, Any], *, file: Path | None = None) -> Actuator:
+    """The actuator that a parsed TOML document describes; raises as `load_actuator`."""
+    if "file" in content:
+        raise ActuatorError(f"{file or 'actuator'}: file: unknown key; remove it")
+    complaint = bare_number(content, _PURE_NUMBERS)
+    if complaint:
+        raise ActuatorError(f"{file or 'actuator'}: {complaint}")
+    try:
+        return Actuator.model_validate({**content, "file": file})
+    except ValidationError as err:
+        raise ActuatorError(f"{file or 'actuator'}: {first_complaint(err, unions=('magnet',))}") from err

@@ -1,0 +1,20 @@
+"""The virtual bench: simulated records of a rig whose true parameters, and perhaps a hidden effect, nobody is told.
+
+Its equations are its own, finer than those of the models that are to find out, and known to the command line and to
+tests alone. Of the coupled model it uses the excitations and nothing else.
+"""
+
+from msl_fem.bench.catalogue import INSIDE, OUTSIDE_BY_NAME, parse_requests
+from msl_fem.bench.sealed import BenchOptions, Sealed, sealed_record
+from msl_fem.bench.usual_excitation import usual_excitations, usual_unit
+
+__all__ = [
+    "INSIDE",
+    "OUTSIDE_BY_NAME",
+    "BenchOptions",
+    "Sealed",
+    "parse_requests",
+    "sealed_record",
+    "usual_excitations",
+    "usual_unit",
+]

@@ -1,0 +1,189 @@
+"""The magnetic effects of the catalogue."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from msl_fem.actuator import Actuator, ECore
+from msl_fem.bench.diffusion import fastest_ladder_rate
+from msl_fem.bench.plant import IRON_NODES, Hysteresis, Ladder, SeriesIron
+from msl_fem.bench.rig import Rig
+from msl_fem.bench.setting import Effect, Setting
+from msl_fem.bench.table_change import Factor, averaged, multiplied
+from msl_fem.constants import MU_0
+from msl_fem.errors import InputError
+from msl_fem.material import AnalyticIron, Iron, laminated, load_iron
+
+SHEET_CONDUCTIVITY = 2.2e6  # S/m: iron with 2 to 3 % silicon (Bozorth, Ferromagnetism, 1951, ch. 4)
+_GAUSS = ((-np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (np.sqrt(0.6), 5 / 18))
+Hidden = tuple[Rig, dict[str, float]]
+
+
+def _gap_offset(setting: Setting, rig: Rig, offset: float) -> Hidden:
+    """The gaps of both sides are off, away from the believed one as the true one already is."""
+    magnets = rig.plant.magnets
+    believed = setting.actuator.motion.nominal_gap if setting.actuator.motion else None
+    sign = 1.0 if magnets.nominal_gap >= (believed or 0.0) else -1.0
+    made = rig.with_parts(magnets=magnets._replace(nominal_gap=magnets.nominal_gap + sign * offset))
+    return made, {"offset": sign * offset}
+
+
+def _least_gap_offset(setting: Setting) -> float:
+    assert setting.actuator.motion is not None
+    return 6 * setting.tolerance.nominal_gap * float(setting.actuator.motion.nominal_gap or 0.0)
+
+
+def iron_path(actuator: Actuator) -> tuple[tuple[float, float, Iron | AnalyticIron], ...]:
+    """(length m, section m2, iron) of the parts of an E-core's flux path, the sections counted for the whole flux.
+
+    Raises
+    ------
+    InputError : the magnet's dimensions are not known
+    """
+    m = actuator.magnet
+    if not isinstance(m, ECore):
+        raise InputError(
+            f'{actuator.name}: this effect is made from the iron\'s dimensions; it needs [magnet] kind = "e-core"'
+        )
+    core = laminated(load_iron(m.iron.core, folder=actuator.folder), m.iron.core_stacking)
+    armature = laminated(load_iron(m.iron.armature, folder=actuator.folder), m.iron.armature_stacking)
+    leg, across = m.window_height + m.yoke_thickness / 2, m.window_width + (m.centre_leg_width + m.outer_leg_width) / 2
+    return (
+        (leg, m.centre_leg_width * m.stack_depth, core),
+        (across, 2 * m.yoke_thickness * m.stack_depth, core),
+        (leg, 2 * m.outer_leg_width * m.stack_depth, core),
+        (across, 2 * m.armature_thickness * m.stack_depth, armature),
+    )
+
+
+def _linked_turns(setting: Setting) -> tuple[float, float]:
+    """(side's flux linkage over a magnet's flux, magneto-motive force of a magnet over the side's current)."""
+    magnets = setting.rig.plant.magnets
+    assert isinstance(setting.actuator.magnet, ECore)
+    turns = float(setting.actuator.magnet.coil.turns)
+    return magnets.per_side * magnets.share * turns, turns * magnets.share
+
+
+def _early_saturation(setting: Setting, rig: Rig, crowding: float) -> Hidden:
+    """The flux density in the iron is higher than believed, by `crowding`: fewer or damaged sheets carry it."""
+    path = iron_path(setting.actuator)
+    per_flux, per_current = _linked_turns(setting)
+    narrowest = min(section for _, section, _ in path)
+    flux = np.linspace(0.0, 2.0 * narrowest, IRON_NODES)  # of a magnet, up to 2 T in its narrowest part
+    force, slope = np.zeros(IRON_NODES), np.zeros(IRON_NODES)
+    for length, section, iron in path:
+        more = (1 + crowding) * flux / section
+        (h, dh), (h0, dh0) = iron.magnetise(more), iron.magnetise(flux / section)
+        force += length * (h - h0)
+        slope += length / section * ((1 + crowding) * dh - dh0)
+    step = per_flux * float(flux[1])
+    made = rig.with_parts(series_iron=SeriesIron(step, force / per_current, slope / per_current / per_flux))
+    return made, {"flux_crowding": crowding, "effective_stacking_factor": 1 / (1 + crowding)}
+
+
+def _fringing(setting: Setting, rig: Rig, strength: float) -> Hidden:
+    """Coenergy times 1 + 2 k e(g)/depth, e = (g/pi)(1 + ln(1 + pi h/(2 g))) at either end of the stack.
+
+    e is the widening of a gap's cross-section by the field beside an edge whose faces go back by h (Balakrishnan,
+    Joines and Wilson, IEEE Trans. Power Electron. 12, 1997); k = 1 is an end face like the inner ones.
+    """
+    assert rig.table is not None
+    m = setting.actuator.magnet
+    g = rig.table.gap[:, None]
+    nominal = rig.plant.magnets.nominal_gap
+    depth, height = (m.stack_depth, m.window_height) if isinstance(m, ECore) else (30 * nominal, 30 * nominal)
+    a, b = 2 * strength / (np.pi * depth), np.pi * height / 2
+    log, across = np.log1p(b / g), g + b  # d/dg of ln(1 + b/g) = 1/(g + b) - 1/g
+    rise = log + g / across  # d/dg of g (1 + ln(1 + b/g))
+    curve = 1 / across - 1 / g + b / across**2
+    made = multiplied(rig.table, Factor(1 + a * g * (1 + log), over_gap=a * rise, over_gap_twice=a * curve))
+    more = float(a * nominal * (1 + np.log1p(b / nominal)))
+    return replace(rig, table=made), {"strength": strength, "flux_at_nominal_gap": more}
+
+
+def _magnetic_hysteresis(setting: Setting, rig: Rig, amplitude: float) -> Hidden:
+    spread = float(setting.chance("magnetic_hysteresis").uniform(0.1, 0.2))
+    scale = spread * setting.scales.flux_linkage
+    made = rig.with_parts(hysteresis=Hysteresis(amplitude, scale, 4.0))
+    return made, {"pinned_current": amplitude, "flux_scale": scale}
+
+
+def _iron_inductance(setting: Setting) -> float:
+    """Inductance in H that a side's iron alone would have at the runs' flux; for unknown iron 50 times the whole."""
+    if not isinstance(setting.actuator.magnet, ECore):
+        magnets = setting.rig.plant.magnets
+        assert setting.rig.table is not None
+        whole = setting.rig.table.evaluate(0.0, magnets.nominal_gap)["incremental_inductance"]
+        return 50 * magnets.per_side * magnets.share**2 * float(whole)
+    per_flux, per_current = _linked_turns(setting)
+    flux = np.array(setting.scales.flux_linkage / per_flux)
+    reluctance = sum(length / section * float(iron.magnetise(flux / section)[1]) for length, section, iron in
+                     iron_path(setting.actuator))  # fmt: skip
+    return per_flux * per_current / reluctance
+
+
+def _mean_slope(setting: Setting) -> float:
+    """dB/dH of the core in H/m at the runs' flux; 2000 mu_0 for unknown iron."""
+    if not isinstance(setting.actuator.magnet, ECore):
+        return 2000 * MU_0
+    _, section, iron = iron_path(setting.actuator)[0]
+    flux = setting.scales.flux_linkage / _linked_turns(setting)[0]
+    return 1 / float(iron.magnetise(np.array(flux / section))[1])
+
+
+def _eddy_currents(setting: Setting, rig: Rig, diffusion_time: float) -> Hidden:
+    """Sheets as thick as the diffusion time says: T = mu sigma d^2/4, and G/T = 1/(3 L) with L of the iron alone."""
+    conductance = diffusion_time / (3 * _iron_inductance(setting))
+    ladder = Ladder(4, conductance, diffusion_time)
+    while ladder.stages > 1 and fastest_ladder_rate(ladder) > 6 * setting.rate:
+        ladder = ladder._replace(stages=ladder.stages - 1)
+    thickness = 2 * np.sqrt(diffusion_time / (_mean_slope(setting) * SHEET_CONDUCTIVITY))
+    said = {"diffusion_time": diffusion_time, "conductance": conductance, "sheet_thickness": float(thickness)}
+    return rig.with_parts(ladder=ladder), said
+
+
+def _start_of_eddy_currents(setting: Setting) -> float:
+    conductance = 0.01 * setting.scales.current / setting.scales.flux_rate
+    return float(conductance * 3 * _iron_inductance(setting))
+
+
+def _cross_coupling(setting: Setting, rig: Rig, share: float) -> Hidden:
+    """A share of the current answers to the other side's flux in the armature; it adds where the fluxes do."""
+    aiding = setting.actuator.sides is not None and setting.actuator.sides.polarity == "aiding"
+    value = (1.0 if aiding else -1.0) * share * setting.scales.current / setting.scales.flux_linkage
+    return rig.with_parts(coupling=value), {"share": share, "current_per_flux_linkage": value}
+
+
+def _armature_tilt(setting: Setting, rig: Rig, edge: float) -> Hidden:
+    """Gaps that differ by up to `edge` (m) to either side of the middle, averaged over the faces."""
+    assert rig.table is not None
+    made = averaged(rig.table, [edge * at for at, _ in _GAUSS], [weight for _, weight in _GAUSS])
+    return replace(rig, table=made), {"gap_at_the_edge": edge}
+
+
+def _gap(setting: Setting) -> float:
+    return setting.rig.plant.magnets.nominal_gap
+
+
+def _room(setting: Setting) -> float:
+    """How much smaller than the table's largest and larger than its smallest gap all gaps of the runs stay, m."""
+    assert setting.table is not None
+    reach = max(float(np.abs(one.position).max()) for one in setting.responses)
+    gap = _gap(setting)
+    return max(min(gap - 1.1 * reach - setting.table.gap[0], setting.table.gap[-1] - gap - 1.1 * reach), 0.02 * gap)
+
+
+MAGNETIC = (
+    Effect("gap_offset", "offset", "m", _gap_offset, lambda s: 0.01 * _gap(s), _room, least=_least_gap_offset,
+           needs_magnets=True),
+    Effect("early_saturation", "flux_crowding", "1", _early_saturation, lambda s: 0.5, lambda s: 5.0,
+           needs_magnets=True),
+    Effect("fringing", "strength", "1", _fringing, lambda s: 0.2, lambda s: 5.0, needs_magnets=True),
+    Effect("magnetic_hysteresis", "pinned_current", "A", _magnetic_hysteresis, lambda s: 0.02 * s.scales.current,
+           lambda s: 0.5 * s.scales.current, needs_magnets=True),
+    Effect("eddy_currents", "diffusion_time", "s", _eddy_currents, _start_of_eddy_currents,
+           lambda s: 50 * _start_of_eddy_currents(s), needs_magnets=True),
+    Effect("cross_coupling", "share", "1", _cross_coupling, lambda s: 0.01, lambda s: 0.3, needs_magnets=True),
+    Effect("armature_tilt", "gap_at_the_edge", "m", _armature_tilt, lambda s: 0.1 * _gap(s), _room,
+           needs_magnets=True),
+)  # fmt: skip

@@ -1,0 +1,254 @@
+"""The bench's plant as its compiled equations take it: one record for each piece of physics, SI units throughout.
+
+Every piece has a value that switches it off; `true_rig` of `rig.py` makes the plant with all of them off.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+CURRENT_DRIVE, VOLTAGE_DRIVE, FORCE_DRIVE = 0, 1, 2
+IRON_NODES, MOST_BRANCHES = 257, 8
+
+
+class Surface(NamedTuple):
+    """The coenergy surface of one magnet, see `msl_fem.coenergy_surface`."""
+
+    gap: Array  # (n_gap,) m
+    current: Array  # (n_current,) A
+    coefficients: Array  # (n_gap - 1, n_current - 1, 6, 6)
+
+
+class Magnets(NamedTuple):
+    """The magnets of a side, all alike, as the side's terminals see them."""
+
+    sides: int  # 0 without magnets
+    per_side: int
+    share: float  # magnet's current over the side's
+    nominal_gap: float  # m, the true one
+
+
+class Circuit(NamedTuple):
+    """Coil and power amplifier of a side; `inf` switches a bandwidth or limit off."""
+
+    drive: int
+    resistance: float  # ohm, cold
+    bandwidth: float  # rad/s, the believed first-order lag
+    voltage_limit: float
+    current_limit: float
+
+
+class Amplifier(NamedTuple):
+    """What the amplifier does beside its believed lag: second order with a slew limit before it, crossover behind."""
+
+    frequency: float  # rad/s; 0: none
+    damping_ratio: float
+    slew: float  # of the output, in the command's unit a second
+    crossover: float  # V lost on either side of zero; 0: none
+    crossover_width: float  # V
+
+
+class Ladder(NamedTuple):
+    """Eddy currents in sheets as a ladder, see `diffusion.py`."""
+
+    stages: int  # 0: none
+    conductance: float  # A/V: slow eddy current over d(flux linkage)/dt, of a side
+    diffusion_time: float  # s: mu sigma d^2/4
+
+
+class Hysteresis(NamedTuple):
+    """Magnetising current of the iron's hysteresis, see `preisach.py`."""
+
+    amplitude: float  # A; 0: none
+    flux_scale: float  # Wb, of a side
+    stretch: float  # flux scales over which the loops change their shape
+
+
+class SeriesIron(NamedTuple):
+    """Magnetising current of a side beyond the table's, over its flux linkage: a cubic through nodes."""
+
+    step: float  # Wb between nodes; 0: none
+    value: Array  # (IRON_NODES,) A, from flux linkage 0; odd
+    slope: Array  # (IRON_NODES,) A/Wb
+
+
+class Thermal(NamedTuple):
+    """Coil and core of a side as two nodes; 0 K/W: none."""
+
+    coil_to_core: float  # K/W
+    core_to_air: float  # K/W
+    coil_time: float  # s
+    core_time: float  # s
+
+
+class Motion(NamedTuple):
+    """The mover as believed: mass, spring, damper, constant force."""
+
+    mass: float
+    stiffness: float
+    damping: float
+    constant_force: float
+    travel: float  # m, to either side
+
+
+class Flexure(NamedTuple):
+    """What the spring does beyond its stiffness: stretching of the leaves, and Maxwell branches in parallel."""
+
+    stretch_stiffness: float  # N/m; 0: none
+    stretch_length: float  # m
+    branches: int  # how many of the following are used
+    branch_stiffness: Array  # (MOST_BRANCHES,) N/m
+    branch_rate: Array  # (MOST_BRANCHES,) 1/s
+
+
+class Friction(NamedTuple):
+    """LuGre's bristles, see `friction.py`."""
+
+    coulomb: float  # N; 0: none
+    breakaway: float  # N
+    stribeck_velocity: float  # m/s
+    bristle_stiffness: float  # N/m
+    bristle_damping: float  # N s/m
+
+
+class Film(NamedTuple):
+    """Squeezed film between the pole faces and the armature, see `squeeze_film.py`."""
+
+    damping: float  # N s/m of a side at `gap`; 0: none
+    gap: float  # m
+
+
+class Attached(NamedTuple):
+    """A part of the moving mass that hangs on a spring of its own."""
+
+    share: float  # of the moving mass; 0: none
+    frequency: float  # rad/s, of the part alone
+    damping_ratio: float
+
+
+class Support(NamedTuple):
+    """The magnets' support, which gives way; 0 kg: it is rigid."""
+
+    mass: float
+    stiffness: float
+    damping: float
+
+
+class Disturbance(NamedTuple):
+    """Forces on the mover that no believed equation has."""
+
+    hum: float  # N, peak of the fundamental; 0: none
+    hum_frequency: float  # rad/s
+    hum_phase: float
+    hum_third: float  # third harmonic over the fundamental
+    cogging: float  # N, periodic in x; 0: none
+    cogging_period: float  # m
+    cogging_phase: float
+    drag: float  # N s2/m2, v |v|
+    product: float  # N/A2, of both currents
+
+
+class Reading(NamedTuple):
+    """The position sensor up to its electronics' output."""
+
+    gain: float
+    curvature: float  # 1/m
+    lags: Array  # (2,) s, further first-order lags; 0: none
+    bandwidth: float  # rad/s, the believed one
+
+
+class Layout(NamedTuple):
+    """Where the states of the pieces stand in the state vector; -1: not there."""
+
+    output: int  # of a lagging voltage or force drive, 2
+    amplifier: int  # 2 a side
+    ladder: int  # `stages` a side
+    thermal: int  # 2 a side
+    attached: int  # 2
+    support: int  # 2
+    branches: int
+    bristle: int
+    size: int
+
+
+class Plant(NamedTuple):
+    magnets: Magnets
+    circuit: Circuit
+    amplifier: Amplifier
+    ladder: Ladder
+    hysteresis: Hysteresis
+    series_iron: SeriesIron
+    coupling: float  # A/Wb: current of a side for the other side's flux linkage; 0: none
+    thermal: Thermal
+    motion: Motion
+    flexure: Flexure
+    friction: Friction
+    film: Film
+    attached: Attached
+    support: Support
+    disturbance: Disturbance
+    reading: Reading
+    layout: Layout
+
+
+class Bench(NamedTuple):
+    """What the compiled equations work with: the plant's record, its magnets' surface, memory and scratch."""
+
+    plant: Plant
+    surface: Surface
+    memory: Array  # (2, MEMORY) of both sides' hysteresis
+    sides: Array  # (2, N_SIDE), see `circuit.py`
+    scratch: Array  # (2, 2)
+
+
+# States that every plant has: magnetising currents (A), position, velocity; volt-seconds of the sides since the sample
+# began; energies since the start (J): electrical input, copper, damper, work of forces from outside.
+IM1, IM2, X, V, VOLT_SECONDS_1, VOLT_SECONDS_2 = range(6)
+ENERGY_ELECTRICAL, ENERGY_COPPER, ENERGY_DAMPER, ENERGY_OUTSIDE = range(6, 10)
+N_COMMON = 10
+
+
+def arranged(plant: Plant) -> Plant:
+    """The plant with a layout that has room for the pieces that are on, and for no others."""
+    used = N_COMMON
+    places: dict[str, int] = {}
+    lagging = plant.circuit.drive != CURRENT_DRIVE and np.isfinite(plant.circuit.bandwidth)
+    wanted = {
+        "output": 2 if lagging else 0,
+        "amplifier": 4 if plant.amplifier.frequency > 0 else 0,
+        "ladder": 2 * plant.ladder.stages,
+        "thermal": 4 if plant.thermal.coil_to_core > 0 else 0,
+        "attached": 2 if plant.attached.share > 0 else 0,
+        "support": 2 if plant.support.mass > 0 else 0,
+        "branches": plant.flexure.branches,
+        "bristle": 1 if plant.friction.coulomb > 0 else 0,
+    }
+    for name, size in wanted.items():
+        places[name] = used if size else -1
+        used += size
+    return plant._replace(layout=Layout(**places, size=used))
+
+
+def as_record(plant: Plant) -> Plant:
+    """The plant as one numpy record, which compiled functions take by its address and read by the same names."""
+    made = np.array([_values(plant)], dtype=_type(plant))[0]
+    return made
+
+
+def _type(piece: Any) -> np.dtype[Any]:
+    fields: list[Any] = []
+    for name, value in piece._asdict().items():
+        if isinstance(value, tuple):
+            fields.append((name, _type(value)))
+        elif isinstance(value, np.ndarray):
+            fields.append((name, np.float64, value.shape))
+        else:
+            fields.append((name, np.int64 if isinstance(value, int) else np.float64))
+    return np.dtype(fields)
+
+
+def _values(piece: Any) -> tuple[Any, ...]:
+    return tuple(_values(value) if isinstance(value, tuple) else value for value in piece)

@@ -1,0 +1,98 @@
+"""The command `bench`: a simulated record with something hidden in it, and the answer apart from it."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.bench import BenchOptions, parse_requests, sealed_record, usual_unit
+from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
+from msl_fem.cli.output import print_result, progress_bar, write_json
+from msl_fem.cli.sweeping import table_for
+from msl_fem.coupled_model.excitation import load_excitations
+from msl_fem.coupled_model.excitation_kinds import Excitation
+from msl_fem.errors import InputError
+from msl_fem.record import check_record_folder, write_record
+from msl_fem.whole_file import check_target
+
+NOISES = ("coloured", "white", "none")
+
+
+def command(
+    actuator: ActuatorFile,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Record folder to write; must not be there.")],
+    seed: Annotated[int, typer.Option(min=0, help="Of true parameters, noise, and the effect's own chance.")],
+    excitation: Annotated[
+        list[str] | None,
+        typer.Option(help='Repeatable: like "multisine:...", or a TOML file with several; without, noise and a sweep.'),
+    ] = None,
+    hide: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=3%", help="Once or twice: an effect and its size; none; outside[:NAME][=3%]."),
+    ] = None,
+    answer: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Sealed answer (JSON); without, beside the record folder.")
+    ] = None,
+    table: TableFile = None,
+    rate: Annotated[str, typer.Option(help="Samples a second.")] = "10 kHz",
+    static: Annotated[bool, typer.Option("--static", help="Add a quasi-static map of one magnet.")] = False,
+    exact_size: Annotated[
+        bool,
+        typer.Option("--exact-size", help="Sizes as asked, even below six tolerances of a believed parameter."),
+    ] = False,
+    noise: Annotated[str, typer.Option(help="coloured, white or none.")] = "coloured",
+    json: Json = False,
+) -> None:
+    """The virtual bench: a record of a rig with true parameters of its own, and an effect hidden in it.
+
+    The bench's equations are finer than the coupled model's and not the same; what was hidden stands in the answer
+    alone. Sizes are RMS changes of the record over the RMS of a channel, the largest over its channels.
+    """
+    it = load_actuator(actuator)
+    requests = parse_requests(hide or [])
+    if noise not in NOISES:
+        raise InputError(f"--noise '{noise}' is unknown; choose one of {', '.join(NOISES)}")
+    sampling = read_option("--rate", rate, "Hz")
+    if not sampling > 0:
+        raise InputError(f'--rate {rate} is not allowed; it must be above 0 Hz, like "10 kHz"')
+    sealed = _answer_file(output, answer)
+    options = BenchOptions(
+        seed=seed,
+        rate=sampling,
+        excitations=_excitations(it, excitation or []),
+        static=static,
+        exact=exact_size,
+        noise=noise,
+    )
+    magnet_table = table_for(it, table)
+    with progress_bar("bench") as progress:
+        made = sealed_record(it, magnet_table, requests, options, progress=progress)
+    write_record(made.record, output)
+    write_json(made.answer, sealed)
+    runs = {run.name: {"role": run.role, "samples": run.time.size} for run in made.record.runs}
+    fields = {"record": str(output), "answer": str(sealed), "runs": runs}
+    print_result(fields, as_json=json, title=f"{it.name}: record {output}")
+
+
+def _answer_file(output: Path, answer: Path | None) -> Path:
+    """Where the answer goes; InputError where something stands in the way or it would lie in the record."""
+    if output.is_symlink() or (output.exists() and (not output.is_dir() or any(output.iterdir()))):
+        raise InputError(f"{output}: is there already; choose another folder, or remove it")
+    check_record_folder(output)
+    sealed = answer if answer is not None else output.absolute().with_name(f"{output.absolute().name}.answer.json")
+    if sealed.resolve().is_relative_to(output.resolve()):
+        raise InputError(f"--answer {sealed}: lies in the record's folder, where all can read it; choose another place")
+    check_target(sealed)
+    return sealed
+
+
+def _excitations(actuator: Actuator, texts: list[str]) -> tuple[Excitation, ...]:
+    """All excitations; of several of which none has a stated role, the last one is held out."""
+    if not texts:
+        return ()
+    unit = usual_unit(actuator)
+    found = [one for text in texts for one in load_excitations(text, unit=unit)]
+    if len(found) > 1 and not any("role" in one.model_fields_set for one in found):
+        found[-1] = found[-1].model_copy(update={"role": "held-out"})
+    return tuple(found)

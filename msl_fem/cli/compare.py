@@ -1,0 +1,97 @@
+"""The command `compare`: how accurate each model is on a record, as a report and as numbers."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from msl_fem.cli.options import Json, TableFile
+from msl_fem.cli.output import print_columns, print_result, progress_bar, say, write_json
+from msl_fem.cli.sweeping import table_for
+from msl_fem.comparison import CompareSettings, Comparison, compare
+from msl_fem.extended_model import load_extended_model
+from msl_fem.record import load_record
+from msl_fem.record_fit import Belief
+from msl_fem.report.comparison_page import comparison_page
+from msl_fem.report.page import write_page
+from msl_fem.whole_file import check_target
+
+KINDS = {"nrmse_one_step": "1 step", "nrmse_ten_step": "10 steps", "nrmse_free_run": "free"}
+
+
+def command(
+    record: Annotated[Path, typer.Argument(metavar="RECORD", help="Record folder.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder of compare.json and report.html.")
+    ] = None,
+    extended: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Extended model; without, extended_model.toml of the record, if it is there."
+        ),
+    ] = None,
+    table: TableFile = None,
+    json: Json = False,
+) -> None:
+    """Analytic, coupled, re-fitted, extended and ARMAX models against the record's runs and its static map."""
+    if output is not None:
+        for name in ("compare.json", "report.html"):
+            check_target(output / name)
+    it = load_record(record)
+    for warning in it.warnings:
+        say(f"note: {warning}")
+    beside = record / "extended_model.toml"
+    file = extended if extended is not None else beside if beside.is_file() else None
+    model = load_extended_model(file) if file is not None else None
+    magnet_table = table_for(it.actuator, table)
+    belief = None if model is None else Belief(model.actuator, magnet_table, model.effects)
+    with progress_bar("models and runs") as progress:
+        settings = CompareSettings(
+            table=magnet_table, extended=belief, progress=lambda _, done, total: progress(done, total)
+        )
+        found = compare(it, settings)
+    fields = found.fields()
+    if output is not None:
+        write_json(fields, output / "compare.json")
+        write_page(comparison_page(found), output / "report.html")
+        fields |= {"report": str(output / "report.html")}
+    if json:
+        print_result(fields, as_json=True, title="")
+    else:
+        _print(found, output)
+
+
+def _print(found: Comparison, output: Path | None) -> None:
+    rows = [judged.fields() for judged in found.judged]
+    if rows:
+        columns = {
+            "model": [str(row["name"]) for row in rows],
+            "run": [f"{row['run']}{' *' if row['role'] == 'held-out' else ''}" for row in rows],
+            "channel": [str(row["channel"]).rpartition("_")[0] for row in rows],
+        }
+        columns |= {title: [_figure(row[name]) for row in rows] for name, title in KINDS.items()}
+        floors = {(f["run"], f["channel"]): f["nrmse"] for f in found.noise_floor()}
+        columns["noise"] = [_figure(floors[row["run"], row["channel"]]) for row in rows]
+        print_columns(columns, title=f"{found.verdict} NRMSE; * held-out:")
+        for reason in dict.fromkeys(f"{r['name']}, {r['run']}: {r['reason']}" for r in rows if r["reason"]):
+            say(f"note: {reason}")
+    else:
+        static = [error.fields() for error in found.static]
+        print_columns(
+            {
+                "table": [str(s["name"]) for s in static],
+                "role": [str(s["role"]) for s in static],
+                "quantity": [str(s["quantity"]) for s in static],
+                "error of full scale": [_figure(s["error_of_full_scale"]) for s in static],
+                "scale": [f"{s['scale']:.5g}" for s in static],
+            },
+            title=found.verdict,
+        )
+    for note in found.models.notes:
+        say(f"note: {note}")
+    if output is not None:
+        say(f"report: {output / 'report.html'}")
+
+
+def _figure(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"

@@ -1,0 +1,168 @@
+"""The command `losses`: wire, copper loss, iron loss and temperature of one magnet in an operation."""
+
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, cast
+
+import typer
+
+from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.cli import thermal_options
+from msl_fem.cli.loss_fields import (
+    WireOptions,
+    chosen_wire,
+    copper_fields,
+    iron_fields,
+    thermal_fields_of,
+    wire_fields,
+)
+from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
+from msl_fem.cli.output import print_result, say
+from msl_fem.cli.sweeping import table_for
+from msl_fem.cli.thermal_options import ThermalTexts, read_temperature, thermal_limit
+from msl_fem.copper_loss import CopperLoss, copper_loss, copper_loss_of_period
+from msl_fem.errors import InputError
+from msl_fem.iron_loss import IronLoss, PeriodicOperation, iron_loss, mean_period, sine_operation
+from msl_fem.record import load_record
+from msl_fem.wire import WireChoice
+
+
+class _Sine(NamedTuple):
+    """The operation's options as they were written."""
+
+    current: str | None
+    amplitude: str
+    gap: str | None
+    gap_amplitude: str
+    frequency: str | None
+
+
+class _RecordedRun(NamedTuple):
+    """Which side's current of which run."""
+
+    record: Path
+    run: str | None
+    side: int
+
+
+def command(
+    actuator: ActuatorFile,
+    current: Annotated[str | None, typer.Option(help="Of one magnet's coil, or a sine's bias, like \"2 A\".")] = None,
+    amplitude: Annotated[str, typer.Option(help="Of a sine about --current.")] = "0 A",
+    gap: Annotated[str | None, typer.Option(help="The nominal gap without it.")] = None,
+    gap_amplitude: Annotated[str, typer.Option(help="Smallest gap where the current is largest.")] = "0 mm",
+    frequency: Annotated[str | None, typer.Option(help="Of the sine, or of a record's excitation.")] = None,
+    table: TableFile = None,
+    record: Annotated[Path | None, typer.Option(help="Record folder, in place of a sine.")] = None,
+    run: Annotated[str | None, typer.Option(help="Of the record.")] = None,
+    side: Annotated[int, typer.Option(min=1, max=2, help="Of the record.")] = 1,
+    sheet: Annotated[str | None, typer.Option(help='Thickness of the sheets, like "0.36 mm".')] = None,
+    temperature: Annotated[str, typer.Option(help="Of the winding.")] = "20 degC",
+    wire: Annotated[str, typer.Option(help="metric or awg.")] = "metric",
+    grade: Annotated[int, typer.Option(help="Of the insulation, 1 or 2.")] = 1,
+    packing: Annotated[str, typer.Option(help="square or orthocyclic.")] = "square",
+    temperature_rise: thermal_options.Rise = thermal_options.DEFAULT_RISE,
+    ambient: thermal_options.Ambient = thermal_options.DEFAULT_AMBIENT,
+    duty: thermal_options.Duty = 1.0,
+    period: thermal_options.Period = None,
+    thermal_resistance: thermal_options.ThermalResistance = None,
+    json: Json = False,
+) -> None:
+    """The wire that fits, copper and iron loss of one magnet, its temperature and the current it bears."""
+    it = load_actuator(actuator)
+    limit = thermal_limit(ThermalTexts(temperature_rise, ambient, duty, period, thermal_resistance))
+    warmth = read_temperature("--temperature", temperature)
+    thickness = None if sheet is None else read_option("--sheet", sheet, "m")
+    notes: list[str] = []
+    if record is None:
+        rms, operation = _sine_operation(it, _Sine(current, amplitude, gap, gap_amplitude, frequency))
+    else:
+        _refuse_beside_record(current, gap, amplitude, gap_amplitude)
+        operation = _recorded_operation(it, _RecordedRun(record, run, side), frequency, notes)
+        rms = operation.current_rms
+    choice = chosen_wire(it, cast(WireOptions, (wire, grade, packing)), notes)
+    copper = _copper(it, rms, operation, choice, warmth)
+    iron = None if operation is None else _iron(it, table, operation, thickness)
+    notes += iron.notes if iron else ("direct current, which has no iron loss; --frequency makes it a sine",)
+    fields: dict[str, Any] = {"current_rms_A": rms, "frequency_Hz": operation.frequency if operation else None}
+    fields |= {**copper_fields(copper), **iron_fields(iron), "wire": wire_fields(choice, it, warmth)}
+    fields["thermal"] = thermal_fields_of(it, limit, rms, iron=iron, notes=notes)
+    for note in notes:
+        say(f"note: {note}")
+    if json:
+        print_result(fields | {"notes": notes}, as_json=True, title="")
+        return
+    thermal = fields["thermal"] or {}
+    for note in thermal.pop("notes", []):
+        say(f"note: {note}")
+    print_result(fields, as_json=False, title=f"losses of one magnet of {it.name}")
+
+
+def _sine_operation(actuator: Actuator, texts: _Sine) -> tuple[float, PeriodicOperation | None]:
+    """RMS current, and the period of a sine; None for direct current."""
+    if texts.current is None:
+        raise InputError('--current is missing; give one, like --current "2 A", or a --record')
+    current, amplitude = read_option("--current", texts.current, "A"), read_option("--amplitude", texts.amplitude, "A")
+    swing = read_option("--gap-amplitude", texts.gap_amplitude, "m")
+    if amplitude < 0 or swing < 0:
+        raise InputError("--amplitude and --gap-amplitude must not be negative")
+    if texts.frequency is None:
+        if amplitude or swing:
+            raise InputError('--frequency is missing; a sine needs one, like --frequency "50 Hz"')
+        return abs(current), None
+    nominal = actuator.motion.nominal_gap if actuator.motion else None
+    if texts.gap is None and nominal is None:
+        raise InputError(f'{actuator.name} states no nominal gap; give --gap, like --gap "0.5 mm"')
+    gap = nominal if texts.gap is None else read_option("--gap", texts.gap, "m")
+    assert gap is not None
+    frequency = read_option("--frequency", texts.frequency, "Hz")
+    operation = sine_operation(current, gap, frequency=frequency, amplitude=amplitude, gap_amplitude=swing)
+    return operation.current_rms, operation
+
+
+def _refuse_beside_record(current: str | None, gap: str | None, amplitude: str, gap_amplitude: str) -> None:
+    if current is not None or gap is not None or (amplitude, gap_amplitude) != ("0 A", "0 mm"):
+        raise InputError("--record brings current and gap with it; leave --current, --gap and their amplitudes out")
+
+
+def _recorded_operation(
+    actuator: Actuator, which: _RecordedRun, frequency: str | None, notes: list[str]
+) -> PeriodicOperation:
+    """The mean period of a run's last half, for one magnet of a side."""
+    if frequency is None:
+        raise InputError('--frequency is missing; give that of the run\'s excitation, like --frequency "50 Hz"')
+    record = load_record(which.record)
+    if which.run is None and len(record.runs) != 1:
+        raise InputError(f"--run is missing; the record has {', '.join(r.name for r in record.runs) or 'none'}")
+    run = record.runs[0] if which.run is None else record.run(which.run)
+    motion, sides = actuator.motion, actuator.sides
+    if motion is None or motion.nominal_gap is None or sides is None:
+        raise InputError(f"{actuator.name}: a record's run needs [motion] nominal_gap and [sides]")
+    share = 1 / sides.magnets_per_side if sides.connection == "parallel" else 1.0
+    towards = run["position_m"] if which.side == 1 else -run["position_m"]
+    operation, apart = mean_period(
+        run.time, share * run[f"current_{which.side}_A"], motion.nominal_gap - towards,
+        frequency=read_option("--frequency", frequency, "Hz"),
+    )  # fmt: skip
+    notes.append(f"run {run.name}, side {which.side}: mean of its last half's periods, which deviate by {apart:.1%}")
+    return operation
+
+
+def _copper(
+    actuator: Actuator, rms: float, operation: PeriodicOperation | None, choice: WireChoice | None, temperature: float
+) -> CopperLoss:
+    """With skin and proximity effect where there is a wire and an alternating current."""
+    if operation is None or choice is None:
+        return copper_loss(actuator, rms, temperature=temperature)
+    return copper_loss_of_period(
+        actuator, operation.current, frequency=operation.frequency, winding=choice.winding, temperature=temperature
+    )
+
+
+def _iron(
+    actuator: Actuator, table: Path | None, operation: PeriodicOperation, thickness: float | None
+) -> IronLoss | None:
+    """The iron loss; a rig without an E-core has its own complaint."""
+    actuator.e_core()
+    magnet_table = table_for(actuator, table)
+    assert magnet_table is not None  # an E-core has one
+    return iron_loss(magnet_table, actuator, operation=operation, thickness=thickness)

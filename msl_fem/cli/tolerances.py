@@ -1,0 +1,152 @@
+"""The command `tolerances`: what manufacturing tolerances do to force, flux linkage and map."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from msl_fem.actuator import load_actuator
+from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json, read_option, read_options
+from msl_fem.cli.output import print_columns, print_result, progress_bar
+from msl_fem.cli.sweeping import checked_accuracy, default_workers
+from msl_fem.errors import InputError
+from msl_fem.report.page import write_page
+from msl_fem.report.tolerances import relative_limit, tolerance_page
+from msl_fem.sweep_cache import RowCache
+from msl_fem.tolerance_study import NAMES, Resources, StudySettings, ToleranceStudy, tolerance_study
+from msl_fem.tolerance_study.deviation import LENGTHS
+from msl_fem.whole_file import check_target
+
+
+def command(
+    actuator: ActuatorFile,
+    tolerance: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=LIMIT", help='Like gap="20 um" or bh_polarisation=2%. Repeatable.')
+    ] = None,
+    gaps: Annotated[str | None, typer.Option(help="Of the map; by default five over the travel.")] = None,
+    levels: Annotated[str, typer.Option(help="Flux densities in the iron.")] = "1.2,1.6 T",
+    current: Annotated[str | None, typer.Option(help="For force and flux; needs --gap.")] = None,
+    gap: Annotated[str | None, typer.Option(help="For force and flux; needs --current.")] = None,
+    samples: Annotated[int, typer.Option(help="Of the Monte Carlo.")] = 2000,
+    checks: Annotated[int, typer.Option(help="Samples solved directly, to check the linearised map.")] = 24,
+    direct: Annotated[bool, typer.Option("--direct", help="Solve the fields of all samples.")] = False,
+    seed: Annotated[int, typer.Option(min=0)] = 1,
+    accuracy: AccuracyLevel = "fast",
+    workers: Annotated[int, typer.Option(min=0, max=256, help="Processes; 0: one a core.")] = 0,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="HTML page with the figures.")] = None,
+    resume: Annotated[bool, typer.Option(help="Take finished magnets of an interrupted run (needs -o).")] = False,
+    json: Json = False,
+) -> None:
+    """Sensitivities by central differences on field solutions, and the band of the map by Monte Carlo.
+
+    Limits are those given, else [tolerances] of the actuator file, else defaults with their sources.
+    """
+    it = load_actuator(actuator)
+    if (current is None) != (gap is None):
+        raise InputError("give both --current and --gap, or neither")
+    if resume and output is None:
+        raise InputError("--resume needs -o: finished magnets are kept beside the page")
+    if output is not None:
+        check_target(output)
+    settings = StudySettings(
+        tolerances=dict(_limit(text) for text in tolerance or []),
+        gaps=None if gaps is None else tuple(read_options("--gaps", gaps, "m")),
+        levels=tuple(read_options("--levels", levels, "T")),
+        point=None
+        if current is None or gap is None
+        else (read_option("--current", current, "A"), read_option("--gap", gap, "m")),
+        samples=samples,
+        checks=checks,
+        direct=direct,
+        seed=seed,
+        accuracy=checked_accuracy(accuracy),
+    )
+    cache = RowCache(output.with_name(f".{output.name}.rows")) if output is not None else None
+    if cache is not None:
+        cache.check_writable()
+    with progress_bar("made magnets") as progress:
+        resources = Resources(workers or default_workers(), cache, resume, progress)
+        study = tolerance_study(it, settings=settings, resources=resources)
+    if output is not None:
+        write_page(tolerance_page(it, study), output)
+    if cache is not None:
+        cache.clear()
+    fields = tolerance_fields(study) | ({"report": str(output)} if output else {})
+    if json:
+        print_result(fields, as_json=True, title="")
+        return
+    _print_tables(study, it.name)
+
+
+def _limit(text: str) -> tuple[str, float]:
+    name, _, value = (part.strip() for part in text.partition("="))
+    if name not in NAMES:
+        raise InputError(f"--tolerance '{text}': write NAME=LIMIT, with a name of {', '.join(NAMES)}")
+    return name, read_option(f"--tolerance {name}", value, "m" if name == "gap" or name in LENGTHS else "")
+
+
+def tolerance_fields(study: ToleranceStudy) -> dict[str, Any]:
+    """The fields of the JSON."""
+    band = study.band
+    return {
+        "point": {"current_A": study.point[0], "gap_m": study.point[1]},
+        "force_N": study.nominal["force"],
+        "flux_linkage_Wb": study.nominal["flux_linkage"],
+        "levels_T": study.levels,
+        "gap_m": study.gap,
+        "current_A": study.current,
+        "sections": list(study.sections),
+        "sensitivities": [
+            {
+                "name": s.tolerance.name,
+                "nominal": s.tolerance.nominal,
+                "tolerance": s.tolerance.limit,
+                "unit": s.tolerance.unit,
+                "source": s.tolerance.source,
+                "force": s.force,
+                "flux_linkage": s.flux_linkage,
+                "current": {name: values for name, values in zip(study.sections, s.current, strict=True)},
+                "step": s.step,
+                "step_error": s.step_error,
+            }
+            for s in study.sensitivities
+        ],
+        "band": {
+            "low_A": band.low,
+            "high_A": band.high,
+            "force_N": list(band.force),
+            "flux_linkage_Wb": list(band.flux_linkage),
+            "method": band.method,
+            "samples": band.samples,
+            "seed": band.seed,
+            "checked": band.checked,
+            "linearisation_error": band.linearisation_error,
+            "band_error": band.band_error,
+        },
+    }
+
+
+def _print_tables(study: ToleranceStudy, name: str) -> None:
+    at = int(np.argmin(np.abs(study.gap - study.point[1])))
+    found = study.sensitivities
+    columns = {
+        "quantity": [s.tolerance.name.replace("_", " ") for s in found],
+        "± in %": [f"{100 * relative_limit(s, study.point[1]):.2f}" for s in found],
+        "dlnF/dlnp": [f"{s.force:+.3f}" for s in found],
+        "dlnλ/dlnp": [f"{s.flux_linkage:+.3f}" for s in found],
+    }
+    for k, section in enumerate(study.sections):
+        title = f"dlni/dlnp, {section.replace('_', ' ')}"
+        columns[title] = [f"{s.current[k, 0, at]:+.3f}" for s in found]
+    columns["step error"] = [f"{s.step_error:.1e}" for s in found]
+    at_gap = f"currents i for {study.levels[0]:g} T at {study.gap[at] * 1e3:.3g} mm"
+    point = f"{study.point[0]:.3g} A, {study.point[1] * 1e3:.3g} mm"
+    print_columns(columns, title=f"{name}: sensitivities at {point}; {at_gap}")
+    bands = {"gap in mm": [f"{g * 1e3:.4g}" for g in study.gap]}
+    for k, level in enumerate(study.levels):
+        bands[f"{level:g} T in A"] = [f"{i:.3f}" for i in study.current[k]]
+        bands[f"{level:g} T, 5 ... 95 %"] = [
+            f"{a:.3f} ... {b:.3f}" for a, b in zip(study.band.low[k], study.band.high[k], strict=True)
+        ]
+    print_columns(bands, title=f"the map's band, {study.band.samples} samples, {study.band.method}")

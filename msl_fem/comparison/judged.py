@@ -1,0 +1,130 @@
+"""Each model along each run: readings one sample ahead, ten samples ahead, and in free run, and their errors."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.comparison.accuracy import nrmse
+from msl_fem.comparison.models import ARMAX, CoupledModel
+from msl_fem.identification import ArmaxModel, predict, sampled_run, simulate
+from msl_fem.record import Record, Role, Run
+from msl_fem.record_fit import (
+    RunData,
+    believed_plant,
+    filtered,
+    free_run,
+    k_step,
+    measured_start,
+    open_loop_stable,
+)
+from msl_fem.record_fit.run_data import POSITION
+
+Array = NDArray[np.float64]
+HORIZON = 10
+LEAD = 40  # samples left out of all errors at the beginning, where a predictor still finds its state
+KINDS = ("one_step", "ten_step", "free_run")
+UNSTABLE = "the open loop does not return to its operating point, so a free run says nothing"
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A model against one channel of one run.
+
+    Attributes
+    ----------
+    modelled : kind of `KINDS` to (n_sample,), nan at the beginning; a kind that is not there failed
+    nrmse : kind to the error; None where there is none
+    reason : why a kind has no error
+    """
+
+    model: str
+    run: str
+    role: Role
+    channel: str
+    measured: Array
+    modelled: Mapping[str, Array]
+    nrmse: Mapping[str, float | None]
+    reason: str
+
+    @property
+    def best_known(self) -> str | None:
+        """The hardest kind of prediction that there is: free run, else ten samples ahead, else one."""
+        return next((kind for kind in reversed(KINDS) if self.nrmse[kind] is not None), None)
+
+    def residual(self, kind: str) -> Array:
+        """(n_sample - LEAD,) measured less modelled."""
+        return (self.measured - self.modelled[kind])[LEAD:]
+
+    def fields(self) -> dict[str, Any]:
+        return {
+            "name": self.model, "run": self.run, "role": self.role, "channel": self.channel,
+            **{f"nrmse_{kind}": self.nrmse[kind] for kind in KINDS}, "reason": self.reason,
+        }  # fmt: skip
+
+
+def judged_coupled(model: CoupledModel, data: RunData) -> list[Judged]:
+    """A coupled model on all channels of a run."""
+    plant = believed_plant(model.belief, rate=data.rate, ideal_current=data.ideal_current)
+    start = measured_start(plant, data)
+    found = filtered(plant, data, model.noise, start=start)
+    made: dict[str, Mapping[str, Array]] = {}
+    reasons = []
+    if found.ended is None:
+        made["one_step"] = found.one_step
+        made["ten_step"] = k_step(plant, data, found, HORIZON)
+        lost = int(np.isnan(made["ten_step"][POSITION][LEAD:]).sum())
+        if lost:
+            del made["ten_step"]
+            reasons.append(f"ten_step: {lost} predictions leave table or range")
+    else:
+        reasons.append(f"one_step, ten_step: {found.reason}")
+    if open_loop_stable(model.belief, data):
+        run = free_run(plant, data, start)
+        if run.ended is None:
+            made["free_run"] = run.readings
+        else:
+            reasons.append(f"free_run: {run.reason}")
+    else:
+        reasons.append(f"free_run: {UNSTABLE}")
+    return [_judged(model.name, data, channel, made, reasons) for channel in data.measured]
+
+
+def judged_armax(model: ArmaxModel, record: Record, run: Run, data: RunData, *, stable: bool) -> list[Judged]:
+    """ARMAX on the position of a run."""
+    sampled = sampled_run(record, run)
+    made: dict[str, Mapping[str, Array]] = {
+        "one_step": {POSITION: predict(model, sampled)},
+        "ten_step": {POSITION: predict(model, sampled, HORIZON)},
+    }
+    reasons = []
+    if stable:
+        free = simulate(model, sampled)
+        if free.diverged_at is None:
+            made["free_run"] = {POSITION: free.output}
+        else:
+            reasons.append(f"free_run: {free.reason} at sample {free.diverged_at}")
+    else:
+        reasons.append(f"free_run: {UNSTABLE}")
+    return [_judged(ARMAX, data, POSITION, made, reasons)]
+
+
+def _judged(
+    model: str, data: RunData, channel: str, made: Mapping[str, Mapping[str, Array]], reasons: list[str]
+) -> Judged:
+    measured = data.measured[channel]
+    # the mean voltage of a run's last sample is no prediction of the state before it
+    last = measured.size - (1 if channel.startswith("voltage") else 0)
+    kept = slice(LEAD, last)
+    errors: dict[str, float | None] = {kind: None for kind in KINDS}
+    said = list(reasons)
+    for kind in made:
+        error = nrmse(measured[kept], made[kind][channel][kept])
+        if np.isfinite(error):
+            errors[kind] = error
+        else:
+            said.append(f"{kind}: not finite")
+    kinds = {kind: values[channel] for kind, values in made.items() if errors[kind] is not None}
+    return Judged(model, data.name, data.role, channel, measured, kinds, errors, "; ".join(said))

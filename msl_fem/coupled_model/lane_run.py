@@ -1,0 +1,312 @@
+"""Many runs of one plant with different parameters, advanced together: for derivatives with respect to parameters.
+
+Eight runs are the lanes of one vector (`lanes.py`). Each has its own plant parameters, effects, start and, if wanted,
+its own coenergy surface; inputs, step and the plant's build (drive, sides, magnets) are the same for all. What a lane
+gives is what `kernel.run` gives alone, to the last bit.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.compiled import compiled
+from msl_fem.coupled_model import coefficients as c
+from msl_fem.coupled_model import kernel
+from msl_fem.coupled_model.acting import act, act_with_effects
+from msl_fem.coupled_model.cell import N_BLOCK, SURFACE_START, Cells, Surface, cells_of
+from msl_fem.coupled_model.coefficients import kernel_coefficients
+from msl_fem.coupled_model.drive import jump, take_command
+from msl_fem.coupled_model.extended import small_signal_inductance
+from msl_fem.coupled_model.inputs import Inputs
+from msl_fem.coupled_model.kernel import (
+    N_OUT,
+    OUT_SLOPE_AFTER_1,
+    OUT_SLOPE_BEFORE_1,
+    OUT_VOLTAGE_1,
+    queue_command,
+    settle,
+    write_row,
+)
+from msl_fem.coupled_model.lag import lag_weights
+from msl_fem.coupled_model.lanes import LANES, Rows, choose, every, first, keep, lane_of, rows_of, set_lane, size
+from msl_fem.coupled_model.plant import CURRENT_DRIVE, PlantParameters
+from msl_fem.coupled_model.readings import Channels, currents_before_noise, position_before_noise
+from msl_fem.coupled_model.state import (
+    COIL_1,
+    COIL_SLOPE_1,
+    I1,
+    VOLT_SECONDS_1,
+    X,
+    initial_state,
+    start_effects,
+)
+from msl_fem.coupled_model.step import keep_step, look_at, try_step
+from msl_fem.coupled_model.work import (
+    BLOCKS,
+    DRIVE_HALF,
+    DRIVE_WHOLE,
+    SENSOR_WEIGHTS,
+    SLOPES,
+    Y,
+    lane_workspace,
+)
+from msl_fem.effects import N_PARAMETER, neutral_vector
+from msl_fem.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LaneSettings:
+    """What the lanes are, beside their plants.
+
+    Attributes
+    ----------
+    effects : (n_lane, N_PARAMETER) of the catalogue, or None: plain models
+    starts : (n_lane, 4) or (4,) currents of the sides (A), position (m), velocity (m/s)
+    surface_index : (n_lane,) which surface, where their coefficients have an axis more in front; None: the first
+    """
+
+    effects: Array | None = None
+    starts: Array = field(default_factory=lambda: np.zeros(4))
+    surface_index: NDArray[np.int64] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class LaneRun:
+    """The readings of all lanes before noise, nan from where a lane left its table or range.
+
+    Attributes
+    ----------
+    position : (n_lane, n_sample) m, as the sensor reads it
+    current, voltage, flux_linkage : (n_lane, n_sample, n_side) A, V, Wb; voltages are means until the next sample
+    true_position : (n_lane, n_sample) m
+    done : (n_lane,) whole samples
+    """
+
+    position: Array
+    current: Array
+    voltage: Array
+    flux_linkage: Array
+    true_position: Array
+    done: NDArray[np.int64]
+
+
+def run_lanes(
+    surface: Surface,
+    plants: Sequence[PlantParameters],
+    inputs: Inputs,
+    *,
+    substeps: int,
+    settings: LaneSettings | None = None,
+) -> LaneRun:
+    """The runs of all plants under the same inputs, `substeps` Runge-Kutta steps a sample.
+
+    A lane whose mover meets an end stop is run again alone.
+
+    Raises
+    ------
+    InputError : the plants differ in their build, or settings do not fit them
+    """
+    settings = settings or LaneSettings()
+    _check(surface, plants, settings)
+    sides, n_lane = plants[0].sides, len(plants)
+    commands, push = inputs.for_sides(max(sides, 1)), np.asarray(inputs.disturbance)
+    step = 1.0 / (inputs.rate * substeps)
+    found = np.empty((n_lane, commands.shape[0], N_OUT))
+    for begin in range(0, n_lane, LANES):
+        lanes = [min(begin + k, n_lane - 1) for k in range(LANES)]  # the last one fills up
+        block = _block(surface, [plants[lane] for lane in lanes], settings, np.array(lanes), step, substeps)
+        out = np.empty((commands.shape[0] * N_OUT, LANES))
+        _run_block(surface, block, commands, push, step, substeps, out)
+        end = min(begin + LANES, n_lane)
+        found[begin:end] = np.moveaxis(out.reshape(-1, N_OUT, LANES), 2, 0)[: end - begin]
+    for lane, plant in enumerate(plants):
+        if plant.end_stop is not None and np.isnan(found[lane, -1]).any():
+            found[lane] = _alone(surface, plant, settings, lane, inputs, substeps)
+    return _readings(found, sides, settings, rate=inputs.rate)
+
+
+class _Block(NamedTuple):
+    """Eight lanes as the compiled loop takes them; what all have in common as numbers."""
+
+    numbers: Array  # (n_number, LANES) the plants' numbers, in the order of _NUMBERS
+    effects: Array | None  # (N_COEFFICIENT, LANES)
+    state: Array  # (N_STATE, LANES)
+    work: Array  # (N_WORK, LANES)
+    sides: int
+    magnets: int
+    drive: int
+    reach: float  # m, beyond which a lane ends
+
+
+_NUMBERS = (
+    "mass", "stiffness", "damping", "constant_force", "nominal_gap", "travel", "current_share", "resistance",
+    "bandwidth", "voltage_limit", "current_limit", "sensor_bandwidth",
+)  # fmt: skip
+
+
+def _block(
+    surface: Surface, plants: Sequence[PlantParameters], settings: LaneSettings, lanes: NDArray[np.int64], step: float,
+    substeps: int,
+) -> _Block:  # fmt: skip
+    effects = None
+    if settings.effects is not None:
+        columns = []
+        for lane, plant in zip(lanes, plants, strict=True):
+            inductance = small_signal_inductance(plant, _own_surface(surface, settings, lane))
+            columns.append(
+                kernel_coefficients(plant, settings.effects[lane], inductance=inductance, step=step, n_step=substeps)
+            )
+        effects = np.ascontiguousarray(np.column_stack(columns))
+    starts = settings.starts if settings.starts.ndim == 2 else np.tile(settings.starts, (lanes.max() + 1, 1))
+    state = np.column_stack([initial_state(p, *map(float, starts[k])) for k, p in zip(lanes, plants, strict=True)])
+    if effects is not None:
+        start_effects(effects, state)
+    work = lane_workspace()
+    if settings.surface_index is not None:
+        first = settings.surface_index[lanes] * surface.coefficients[0].size
+        work[BLOCKS + SURFACE_START] = work[BLOCKS + N_BLOCK + SURFACE_START] = first
+    stops = [p.end_stop.position if p.end_stop else np.inf for p in plants]
+    numbers = np.array([[getattr(p, name) for p in plants] for name in _NUMBERS], dtype=float)
+    p = plants[0]
+    return _Block(numbers, effects, np.ascontiguousarray(state), work, p.sides, p.magnets, p.drive, min(stops))
+
+
+def _own_surface(surface: Surface, settings: LaneSettings, lane: int) -> Surface:
+    if surface.coefficients.ndim == 4:
+        return surface
+    index = 0 if settings.surface_index is None else int(settings.surface_index[lane])
+    return surface._replace(coefficients=surface.coefficients[index])
+
+
+def _check(surface: Surface, plants: Sequence[PlantParameters], settings: LaneSettings) -> None:
+    builds = {(p.sides, p.magnets, p.drive, np.isinf(p.bandwidth), np.isinf(p.sensor_bandwidth)) for p in plants}
+    if len(builds) != 1:
+        raise InputError(
+            f"the lanes' plants differ in sides, magnets, drive or in which bandwidths they have: {sorted(builds)}; "
+            "run those that are alike together"
+        )
+    n_surface = 1 if surface.coefficients.ndim == 4 else surface.coefficients.shape[0]
+    shapes = {
+        "effects": (settings.effects, (len(plants), N_PARAMETER)),
+        "surface_index": (settings.surface_index, (len(plants),)),
+        "starts": (settings.starts if settings.starts.ndim > 1 else None, (len(plants), 4)),
+    }
+    for name, (given, shape) in shapes.items():
+        if given is not None and given.shape != shape:
+            raise InputError(f"{name} has the shape {given.shape}; {len(plants)} lanes need {shape}")
+    index = settings.surface_index
+    if index is not None and (index.min() < 0 or index.max() >= n_surface):
+        raise InputError(f"surface_index goes from {index.min()} to {index.max()}; there are {n_surface} surfaces")
+
+
+def _alone(
+    surface: Surface, plant: PlantParameters, settings: LaneSettings, lane: int, inputs: Inputs, substeps: int
+) -> Array:
+    """The rows of one lane by the kernel for one run, nan from where it ended."""
+    own, step = _own_surface(surface, settings, lane), 1.0 / (inputs.rate * substeps)
+    starts = settings.starts if settings.starts.ndim == 1 else settings.starts[lane]
+    state, effects = initial_state(plant, *map(float, starts)), None
+    if settings.effects is not None:
+        inductance = small_signal_inductance(plant, own)
+        effects = kernel_coefficients(plant, settings.effects[lane], inductance=inductance, step=step, n_step=substeps)
+        start_effects(effects, state)
+    commands = inputs.for_sides(max(plant.sides, 1))
+    out = np.full((commands.shape[0], N_OUT), np.nan)
+    done = kernel.run(own, plant, effects, state, commands, np.asarray(inputs.disturbance), step, substeps, out)[1]
+    out[done:] = np.nan
+    return out
+
+
+def _readings(found: Array, sides: int, settings: LaneSettings, *, rate: float) -> LaneRun:
+    channels = Channels.of(found, sides)
+    effects = neutral_vector() if settings.effects is None else settings.effects
+    good: NDArray[np.bool_] = ~np.isnan(found[..., kernel.OUT_X] + found[..., kernel.OUT_VOLTAGE_1])
+    return LaneRun(
+        position=position_before_noise(channels, effects, rate=rate),
+        current=currents_before_noise(channels, effects, rate=rate),
+        voltage=found[..., kernel.OUT_VOLTAGE_1 : kernel.OUT_VOLTAGE_1 + max(sides, 1)].copy(),
+        flux_linkage=found[..., kernel.OUT_FLUX_1 : kernel.OUT_FLUX_1 + sides].copy(),
+        true_position=found[..., kernel.OUT_X].copy(),
+        done=np.where(np.all(good, axis=1), good.shape[1], np.argmin(good, axis=1)),
+    )
+
+
+@compiled
+def _run_block(
+    surface: Surface, block: _Block, commands: Array, disturbance: Array, step: float, n_sub: int, out: Array
+) -> None:
+    """`kernel.run` for eight lanes: rows n_sample * N_OUT of lanes; a lane that cannot go on is nan from there."""
+    e, state, work, cells = rows_of(block.effects), rows_of(block.state), rows_of(block.work), cells_of(surface)
+    table, m = rows_of(out), rows_of(block.numbers)
+    p = PlantParameters(
+        m[0], m[1], m[2], m[3], m[4], m[5], block.sides, block.magnets, m[6], m[7], block.drive, m[8], m[9], m[10],
+        m[11], None,
+    )  # fmt: skip
+    _set_timing(p, e, m, step, work)
+    _loop(cells, p, e, state, work, block.reach, commands, disturbance, step, n_sub, table)
+    keep(block.numbers)
+    keep(block.work)
+    keep(block.effects)
+
+
+@compiled
+def _loop(
+    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float, commands: Array,
+    disturbance: Array, step: float, n_sub: int, table: Rows,
+) -> None:  # fmt: skip
+    """The loop of `_run_block`; e is None without effects."""
+    ideal = np.isinf(first(p.bandwidth if e is None else e[c.BANDWIDTH]))
+    for k in range(commands.shape[0]):
+        row = k * N_OUT
+        write_row(cells, p, e, state, work, table, row)
+        state[VOLT_SECONDS_1] = 0.0
+        state[VOLT_SECONDS_1 + 1] = 0.0
+        take_command(p, state, work, commands[k])
+        if e is not None:
+            queue_command(e, state, work)
+        if ideal and (e is None or p.drive == CURRENT_DRIVE):
+            look_at(e, state, work)
+            jump(cells, p, e, state, work)
+        push = p.constant_force + disturbance[k]
+        for n in range(n_sub):
+            if e is None:
+                act(p, state, work, push)
+            else:
+                act_with_effects(p, e, state, work, push, n, step)
+            inside = try_step(cells, p, e, state, work, step)
+            inside = inside & (size(work[Y + X]) <= p.travel) & (size(work[Y + X]) <= reach)
+            if not every(inside):
+                work[Y + X] = choose(inside, work[Y + X], np.nan)
+            keep_step(p, e, state, work)
+            if n == 0:
+                table[row + OUT_SLOPE_AFTER_1] = work[SLOPES + I1]
+                table[row + OUT_SLOPE_AFTER_1 + 1] = work[SLOPES + I1 + 1]
+        if e is None:
+            for j in range(p.sides):
+                state[COIL_1 + j] = state[I1 + j]
+        else:
+            settle(cells, p, e, state, work)
+        for j in range(2):
+            table[row + OUT_VOLTAGE_1 + j] = state[VOLT_SECONDS_1 + j] / (n_sub * step) + 0.0 * state[X]
+            table[row + OUT_SLOPE_BEFORE_1 + j] = state[COIL_SLOPE_1 + j]
+
+
+@compiled
+def _set_timing(p: PlantParameters, e: Rows, m: Rows, step: float, work: Rows) -> None:
+    """`kernel.set_timing` lane by lane."""
+    memory = np.empty(5)
+    weights = rows_of(memory)
+    for lane in range(LANES):
+        drive = lane_of(m, 8, lane) if e is None else lane_of(e, c.BANDWIDTH, lane)
+        sensor = lane_of(m, 11, lane) if e is None else lane_of(e, c.SENSOR_BANDWIDTH, lane)
+        lag_weights(sensor, step, weights, 0)
+        for n in range(5):
+            set_lane(work, SENSOR_WEIGHTS + n, lane, weights[n])
+        set_lane(work, DRIVE_HALF, lane, np.exp(-0.5 * drive * step))
+        set_lane(work, DRIVE_WHOLE, lane, np.exp(-drive * step))
+    keep(memory)

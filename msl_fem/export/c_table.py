@@ -1,0 +1,53 @@
+"""A table as one C99 header: the coenergy surface and its derivatives, equal to the compiled Python to the last bit."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.export.c_text import c_header, c_prefix, write_header
+from msl_fem.table import INTERPOLANT, MagneticTable
+
+Array = NDArray[np.float64]
+_MOST_NODES_CHECKED = 4
+
+
+def table_header(table: MagneticTable, *, name: str | None = None) -> str:
+    """The text of the header: nodes, coefficients, functions, provenance, and values to check a machine by.
+
+    Raises
+    ------
+    InputError : a `name` that cannot begin C names
+    """
+    surface, provenance = table.surface, dict(table.provenance)
+    current, gap = check_points(table)
+    content = {
+        "actuator": provenance.get("actuator") or "not known",
+        "digest": provenance.get("actuator_sha256") or "not known",
+        "interpolant": INTERPOLANT,
+        "errors": {
+            "mesh error": table.mesh_error,
+            "interpolation error": table.interpolation_error,
+            "reciprocity error": table.reciprocity_error,
+        },
+        "gap": surface.gap,
+        "current": surface.current,
+        "coefficients": surface.coefficients.reshape(-1, 36),
+        "check": {"current": current, "gap": gap, "values": surface(current, gap).T},
+    }
+    return c_header("table.h.j2", c_prefix(str(provenance.get("actuator", "")), name), content)
+
+
+def write(table: MagneticTable, target: Path, *, name: str | None = None) -> tuple[Path, ...]:
+    """The header written. Raises InputError as `table_header`, or where the folder cannot be written."""
+    return write_header(table_header(table, name=name), target)
+
+
+def check_points(table: MagneticTable) -> tuple[Array, Array]:
+    """(current, gap) (n,) on nodes, between them, at the edges of the rectangle, just outside, and no numbers."""
+    found = []
+    for nodes in (table.current, table.gap):
+        some = nodes[np.unique(np.linspace(0, nodes.size - 1, _MOST_NODES_CHECKED).astype(int))]
+        found.append(np.r_[some, 0.5 * (some[:-1] + some[1:]), np.nextafter(some[-1], np.inf), np.nan])
+    current, gap = np.meshgrid(found[0] * (-1.0) ** np.arange(found[0].size), found[1])
+    return current.ravel(), gap.ravel()

@@ -1,0 +1,67 @@
+"""What can be exported, and into which formats: a new one is a file with a function `write`, and an entry here."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from msl_fem.errors import InputError
+
+ACTUATOR, TABLE, MAP = "actuator", "table", "map"
+
+
+@dataclass(frozen=True)
+class Format:
+    """One entry.
+
+    Attributes
+    ----------
+    to : the format's name
+    what : what of it is exported
+    needs : the record that the writer takes: ACTUATOR, TABLE or MAP
+    module : whose `write(record, target, *, name)` writes and returns the files
+    named : whether names in the file begin with one that can be chosen
+    """
+
+    to: str
+    what: str
+    needs: str
+    module: str
+    named: bool = False
+
+    def write(self, record: Any, target: Path, *, name: str | None = None) -> tuple[Path, ...]:
+        """The files written. Raises InputError, for instance where the folder cannot be written."""
+        if name is not None and not self.named:
+            raise InputError(f"--name is the beginning of C names; --to {self.to} has none, leave it out")
+        writer: Callable[..., tuple[Path, ...]] = import_module(self.module).write
+        return writer(record, target, name=name)
+
+
+FORMATS = (
+    Format("c", "guard", MAP, "msl_fem.export.c_guard", named=True),
+    Format("c", "table", TABLE, "msl_fem.export.c_table", named=True),
+    Format("csv", "table", TABLE, "msl_fem.export.csv_table"),
+)
+_MADE_FROM = {ACTUATOR: (ACTUATOR,), TABLE: (TABLE, ACTUATOR), MAP: (MAP, TABLE, ACTUATOR)}
+"""The sources from which each record can be had."""
+
+
+def find_format(to: str, what: str | None, source: str) -> Format:
+    """The entry that is wished for; without `what`, the one that needs least to be made of the source.
+
+    Raises
+    ------
+    InputError : there is none, or the source does not hold what it needs; the message says what there is
+    """
+    of_name = [f for f in FORMATS if f.to == to]
+    if not of_name:
+        raise InputError(f"--to {to} is not available; there is {', '.join(dict.fromkeys(f.to for f in FORMATS))}")
+    wished = [f for f in of_name if what in (None, f.what)]
+    if not wished:
+        raise InputError(f"--what {what} is not available as {to}; there is {', '.join(f.what for f in of_name)}")
+    able = [f for f in wished if source in _MADE_FROM[f.needs]]
+    if not able:
+        needs = " or ".join(dict.fromkeys(_MADE_FROM[wished[0].needs]))
+        raise InputError(f"--to {to} --what {wished[0].what} needs a file with {needs}; this is one with a {source}")
+    return min(able, key=lambda f: _MADE_FROM[f.needs].index(source))

@@ -1,0 +1,37 @@
+"""The coupled model as a simulator of a record's runs: free runs, Kalman predictions, believed parameters fitted.
+
+Inputs are the record's columns, outputs its readings. The parameters that are believed within tolerances are fitted by
+maximum a posteriori with those tolerances as their prior.
+"""
+
+from msl_fem.record_fit.believed import BELIEVED, Belief, Plant, believed_plant, free_parameters
+from msl_fem.record_fit.fit import Fitted, RunFit, fit_record
+from msl_fem.record_fit.free_run import FreeRun, Start, free_run, measured_start, open_loop_stable
+from msl_fem.record_fit.noise import NoiseFloor, noise_floor
+from msl_fem.record_fit.prediction import Filtered, ProcessNoise, filtered, k_step, tuned
+from msl_fem.record_fit.run_data import RunData, run_data
+
+__all__ = [
+    "BELIEVED",
+    "Belief",
+    "Filtered",
+    "Fitted",
+    "FreeRun",
+    "NoiseFloor",
+    "Plant",
+    "ProcessNoise",
+    "RunData",
+    "RunFit",
+    "Start",
+    "believed_plant",
+    "filtered",
+    "fit_record",
+    "free_parameters",
+    "free_run",
+    "k_step",
+    "measured_start",
+    "noise_floor",
+    "open_loop_stable",
+    "run_data",
+    "tuned",
+]

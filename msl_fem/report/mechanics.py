@@ -1,0 +1,159 @@
+"""Figures and pages of the mechanics: force, stress and modes of a flexure; the trade of the nominal gap."""
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from msl_fem.actuator import Actuator
+from msl_fem.flexure_beam import LeafBeam
+from msl_fem.gap_trade import GapTrade
+from msl_fem.quantity import format_quantity
+from msl_fem.report.page import Page, Stage
+from msl_fem.report.style import BLUE, GREEN, GREY, ORANGE, RED, dress, figure, line
+from msl_fem.suspension import SuspensionReport
+
+N_DISPLACEMENT, N_BEAM = 61, 9
+
+
+def flexure_force(report: SuspensionReport) -> go.Figure:
+    """Force over displacement: linear, with the cubic term, stretched beam in closed form and by finite elements."""
+    made = figure(x="displacement in mm", y="force of all leaves in N")
+    if report.full_range is None:
+        return made
+    flexure, leaf = report.flexure, report.flexure.leaf
+    opposed = flexure.arrangement == "opposed"
+    x = np.linspace(0.0, report.full_range.range, N_DISPLACEMENT)
+    made.add_trace(line(x * 1e3, report.stiffness * x, name="12 E I / L³", colour=GREY, line={"dash": "dash"}))
+    if opposed:
+        cubic = report.stiffness * x + report.cubic_stiffness * x**3
+        exact = [flexure.leaves * leaf.held_force(float(v)) for v in x]
+        made.add_trace(line(x * 1e3, cubic, name="with the cubic term", colour=ORANGE))
+        made.add_trace(line(x * 1e3, exact, name="stretched beam, closed form", colour=BLUE))
+    few, beam = np.linspace(0.0, report.full_range.range, N_BEAM), LeafBeam(leaf)
+    solved = [flexure.leaves * beam.deflect(float(v), held_apart=opposed).force for v in few]
+    made.add_trace(
+        line(few * 1e3, solved, name="finite elements", colour=RED, mode="markers", marker={"size": 7, "symbol": "x"})
+    )
+    return made
+
+
+def mode_chart(report: SuspensionReport) -> go.Figure:
+    """The mover's modes with the same leaves in one set and in two, on a logarithmic axis."""
+    made = figure(x="frequency in Hz", y="")
+    for modes, colour in zip(report.modes, (ORANGE, BLUE), strict=False):
+        sets = "one set" if modes.sets == 1 else "two sets"
+        made.add_trace(
+            go.Scatter(
+                x=[mode.frequency for mode in modes.rigid],
+                y=[_words(mode.name) for mode in modes.rigid],
+                name=sets,
+                mode="markers",
+                marker={"size": 12, "color": colour, "symbol": "circle" if modes.sets == 2 else "diamond"},
+            )
+        )
+    names = [_words(mode.name) for mode in report.modes[0].rigid] if report.modes else []
+    for name, frequency, colour in (("leaf between clamps", report.leaf_mode, GREY), ("wanted", report.bandwidth, RED)):
+        if frequency and names:  # a trace, not a line of the layout: those stand wrong on logarithmic axes
+            made.add_trace(line([frequency] * len(names), names, name=name, colour=colour, line={"dash": "dot"}))
+    made.update_xaxes(type="log")
+    return made
+
+
+def gap_trade_figure(trade: GapTrade) -> go.Figure:
+    """Range, bandwidth and current over the nominal gap, one below the other."""
+    made = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.06)
+    dress(made, height=640)
+    gap = trade.nominal_gap * 1e3
+    made.add_trace(line(gap, trade.range * 1e3, name="range ±", colour=BLUE), row=1, col=1)
+    made.add_trace(line(gap, trade.bandwidth_full, name="bandwidth at full range", colour=RED), row=2, col=1)
+    small = f"bandwidth at ± {format_quantity(trade.amplitude, 'm', digits=3)}"
+    made.add_trace(line(gap, trade.bandwidth_fixed, name=small, colour=ORANGE), row=2, col=1)
+    level, force = f"current for {trade.level:g} T", f"current for {trade.force:.3g} N"
+    made.add_trace(line(gap, trade.level_current, name=level, colour=GREEN), row=3, col=1)
+    made.add_trace(line(gap, trade.force_current, name=force, colour=GREY, line={"dash": "dash"}), row=3, col=1)
+    for row, label in enumerate(("range in mm", "bandwidth in Hz", "side current in A"), start=1):
+        made.update_yaxes(title={"text": label}, row=row, col=1)
+    made.update_xaxes(title={"text": "nominal gap in mm"}, row=3, col=1)
+    return made
+
+
+def flexure_page(actuator: Actuator, report: SuspensionReport) -> Page:
+    """The page of a flexure's report."""
+    leaf, flexure, full = report.flexure.leaf, report.flexure, report.full_range
+    material, widest = leaf.material, 1 / (1 - leaf.material.poisson_ratio**2)
+    numbers = [
+        ("stiffness, closed form", format_quantity(report.stiffness, "N/m")),
+        ("stiffness, finite elements", format_quantity(report.stiffness_beam, "N/m")),
+        ("plate factor on E I", f"{leaf.plate_factor:.4f} (narrow beam 1, wide plate {widest:.4f})"),
+        ("stress allowed", f"{report.allowed_stress / 1e6:.0f} MPa, {material.source}"),
+    ]
+    if full is not None:
+        numbers += [
+            ("stress at full range", f"{full.stress / 1e6:.1f} MPa"),
+            ("force at full range", f"{full.force_beam:.4g} N, linear {full.force_linear:.4g} N"),
+        ]
+    sentence = (
+        "No range is stated."
+        if full is None
+        else f"At full range the leaves push back {100 * (full.force_exact / full.force_linear - 1):.1f} % more than "
+        f"a linear spring and bear {full.stress / report.allowed_stress:.0%} of the allowed stress."
+    )
+    above = {modes.sets: modes.above_first for modes in report.modes}
+    modes_said = "The same leaves in one set and in two. " + "; ".join(
+        f"{'one set' if sets == 1 else 'two sets'}: second and third mode "
+        + " and ".join(f"{f:.0f} Hz" for f in found)
+        + " above the first"
+        for sets, found in above.items()
+    )
+    return Page(
+        title=f"{actuator.name}: flexure",
+        subtitle=f"{flexure.leaves} leaves of {material.name}, "
+        f"{leaf.length * 1e3:g} x {leaf.width * 1e3:g} x {leaf.thickness * 1e3:g} mm, {flexure.arrangement}",
+        headline=(
+            (format_quantity(report.stiffness_used, "N/m"), "stiffness used"),
+            (f"{report.first_mode:.1f} Hz", "first mode"),
+            ("-" if full is None else f"{full.stress / 1e6:.0f} MPa", "largest stress"),
+        ),
+        stages=(
+            Stage("Force over displacement", sentence, tuple(numbers), plot=flexure_force(report)),
+            Stage("Modes", modes_said, _mode_numbers(report), mode_chart(report)),
+        ),
+        provenance=(("actuator", f"{actuator.name}, SHA-256 {actuator.digest[:16]}"),),
+        notes=report.notes,
+    )
+
+
+def _mode_numbers(report: SuspensionReport) -> tuple[tuple[str, str], ...]:
+    numbers = [("first mode", f"{report.first_mode:.1f} Hz"), ("leaf between clamps", f"{report.leaf_mode:.0f} Hz")]
+    for modes in report.modes:
+        sets = "one set" if modes.sets == 1 else "two sets"
+        numbers += [(f"{sets}: {_words(mode.name)}", f"{mode.frequency:.1f} Hz") for mode in modes.rigid]
+    return tuple(numbers)
+
+
+def gap_trade_page(actuator: Actuator, trade: GapTrade) -> Page:
+    """The page of the nominal gap's trade."""
+    first, last = 0, trade.nominal_gap.size - 1
+    sentence = (
+        f"From {trade.nominal_gap[first] * 1e3:.2f} to {trade.nominal_gap[last] * 1e3:.2f} mm of nominal gap the range "
+        f"grows to ± {trade.range[last] * 1e3:.2f} mm, the bandwidth at full range falls from "
+        f"{trade.bandwidth_full[first]:.0f} to {trade.bandwidth_full[last]:.0f} Hz, and {trade.level:g} T take "
+        f"{trade.level_current[last] / trade.level_current[first]:.1f} times the current."
+    )
+    numbers = (
+        ("clearance at the end of the travel", format_quantity(trade.clearance, "m")),
+        ("current limit", f"{trade.level:g} T in the iron, or the drive's"),
+        ("largest nominal gap that the table covers", format_quantity(trade.gap_limit, "m")),
+        ("bandwidth", "a sine whose force is there at every phase; voltage and loop rate are not asked"),
+    )
+    return Page(
+        title=f"{actuator.name}: nominal gap",
+        subtitle="Range against bandwidth against current; all else stays",
+        headline=(),
+        stages=(Stage("The trade", sentence, numbers, plot=gap_trade_figure(trade)),),
+        provenance=(("actuator", f"{actuator.name}, SHA-256 {actuator.digest[:16]}"),),
+    )
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")

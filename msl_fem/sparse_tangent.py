@@ -1,0 +1,92 @@
+"""Symmetric matrices of one sparsity pattern: their values put together, their factors, their inverses applied."""
+
+from collections.abc import Sequence
+from copy import copy
+
+import numpy as np
+import qdldl
+from numpy.typing import NDArray
+from scipy import sparse
+
+from msl_fem.errors import NotConverged
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+REFINEMENTS = 1
+
+
+class SparseTangent:
+    """The pattern of all matrices that are sums of pieces, and the factors of the last one factored.
+
+    Only the upper triangle over the free unknowns is kept; what lies elsewhere in a piece is left out.
+
+    Parameters
+    ----------
+    free, n : the free unknowns among n
+    pieces : rows and columns of the values of each piece, of one shape
+    """
+
+    def __init__(self, free: Indices, n: int, pieces: Sequence[tuple[Indices, Indices]]) -> None:
+        self._free, self._n = free, n
+        number = np.full(n, -1)
+        number[free] = np.arange(free.size)
+        used, keys = [], []
+        for piece in pieces:
+            rows, columns = (number[indices.ravel()] for indices in piece)
+            inside = np.flatnonzero((rows >= 0) & (rows <= columns))
+            used.append(inside)
+            keys.append(columns[inside] * free.size + rows[inside])
+        unique, place = np.unique(np.concatenate(keys), return_inverse=True)
+        self._pieces = list(zip(used, np.split(place, np.cumsum([k.size for k in keys])[:-1]), strict=True))
+        self.nnz = unique.size
+        columns, rows = np.divmod(unique, free.size)
+        starts = np.searchsorted(columns, np.arange(free.size + 1))
+        self._pattern = rows.astype(np.int32), starts.astype(np.int32)
+        self._solver: qdldl.Solver | None = None
+
+    def unfactored(self) -> "SparseTangent":
+        """The same pattern for a matrix of its own."""
+        other = copy(self)
+        other._solver = None
+        return other
+
+    def gather(self, piece: int, values: Array) -> Array:
+        """A piece's values summed into the pattern, (nnz,)."""
+        used, place = self._pieces[piece]
+        return np.asarray(np.bincount(place, values.reshape(-1)[used], minlength=self.nnz), dtype=float)
+
+    def factor(self, data: Array) -> None:
+        """Factor the matrix whose values (nnz,) are given; NotConverged where it is singular."""
+        matrix = self._matrix(data)
+        try:
+            if self._solver is None:
+                self._solver = qdldl.Solver(matrix, upper=True)  # orders the unknowns, once for all values
+            else:
+                self._solver.update(matrix, upper=True)
+        except RuntimeError as err:
+            self._solver = None
+            raise NotConverged(f"the tangent is singular ({err}); check the iron's B-H curve") from err
+
+    def substitute(self, right: Array) -> Array:
+        """The inverse of the matrix last factored times `right`, both (n,); fixed entries are zero."""
+        assert self._solver is not None, "a matrix has been factored"
+        out = np.zeros(self._n)
+        out[self._free] = self._solver.solve(right[self._free])
+        return out
+
+    def product(self, data: Array, vector: Array) -> Array:
+        """The matrix of these values times a vector (n,) that is zero at fixed entries, as is the answer."""
+        upper, inner = self._matrix(data), vector[self._free]
+        out = np.zeros(self._n)
+        out[self._free] = upper @ inner + upper.T @ inner - upper.diagonal() * inner
+        return out
+
+    def refined_substitute(self, right: Array, data: Array) -> Array:
+        """The inverse of the matrix of these values times `right`, (n,), from the factors of one nearby."""
+        answer = self.substitute(right)
+        for _ in range(REFINEMENTS):
+            answer += self.substitute(right - self.product(data, answer))
+        return answer
+
+    def _matrix(self, data: Array) -> sparse.csc_matrix:
+        return sparse.csc_matrix((data, *self._pattern), shape=(self._free.size,) * 2)

@@ -1,0 +1,60 @@
+"""Pages and figures of flexure, gap trade and tolerances hold the numbers of their reports."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msl_fem.actuator import load_actuator
+from msl_fem.gap_trade import gap_trade
+from msl_fem.report.mechanics import flexure_force, flexure_page, gap_trade_figure, gap_trade_page, mode_chart
+from msl_fem.report.page import write_page
+from msl_fem.report.tolerances import map_band, tolerance_effects, tolerance_page
+from msl_fem.suspension import assess_flexure
+from msl_fem.table import read_table
+from msl_fem.tolerance_study import StudySettings, ToleranceStudy, tolerance_study
+
+ROOT = Path(__file__).parent.parent.parent
+FLEXURE = load_actuator(ROOT / "geometries" / "fast_tool_servo_flexure.toml")
+
+
+@pytest.fixture(scope="module")
+def study() -> ToleranceStudy:
+    settings = StudySettings(gaps=(0.3e-3, 0.6e-3), levels=(1.2,), samples=200, checks=0)
+    return tolerance_study(FLEXURE, settings=settings)
+
+
+def test_the_flexures_page(tmp_path: Path) -> None:
+    report = assess_flexure(FLEXURE, bandwidth=50.0)
+    force = flexure_force(report)
+    lines = {trace.name: np.asarray(trace.y) for trace in force.data}
+    assert lines["12 E I / L³"][-1] == pytest.approx(report.stiffness * 0.5e-3)
+    assert lines["finite elements"][-1] == pytest.approx(lines["stretched beam, closed form"][-1], rel=1e-5)
+    chart = mode_chart(report)
+    assert [len(trace.x) for trace in chart.data] == [6, 6, 6, 6]
+    assert set(chart.data[2].x) == {report.leaf_mode}
+    assert set(chart.data[3].x) == {50.0}
+    text = write_page(flexure_page(FLEXURE, report), tmp_path / "flexure.html").read_text(encoding="utf-8")
+    assert "62.0 Hz" in text
+    assert "second and third mode 1102 Hz and 1505 Hz above the first" in text
+
+
+def test_the_trades_page(tmp_path: Path) -> None:
+    trade = gap_trade(FLEXURE, read_table(ROOT / "lookup_tables" / "fast_tool_servo.nc"))
+    made = gap_trade_figure(trade)
+    assert len(made.data) == 5
+    assert np.asarray(made.data[0].y) == pytest.approx(trade.range * 1e3)
+    text = write_page(gap_trade_page(FLEXURE, trade), tmp_path / "trade.html").read_text(encoding="utf-8")
+    assert "the bandwidth at full range falls from" in text
+
+
+def test_the_tolerances_page(study: ToleranceStudy, tmp_path: Path) -> None:
+    band = map_band(study)
+    assert np.asarray(band.data[1].y) == pytest.approx(study.current[0])
+    assert max(band.data[0].y) == pytest.approx(study.band.high.max())
+    effects = tolerance_effects(study)
+    force = dict(zip(effects.data[0].y, effects.data[0].x, strict=True))
+    assert force["stack depth"] == pytest.approx(100 * 0.36 / 20)
+    text = write_page(tolerance_page(FLEXURE, study), tmp_path / "tolerances.html").read_text(encoding="utf-8")
+    assert "ISO 2768-1" in text
+    assert "The force depends most on the gap" in text
