@@ -23,7 +23,7 @@ CURRENTS = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 SIZES = (
     (MeshSize(corner=0.3, gap=3.0, iron=1.0, growth=1.5), 2),
     (MeshSize(corner=0.02, gap=2.0, iron=0.6, growth=0.5), 2),
-    (MeshSize(corner=0.01, gap=1.0, iron=0.4, growth=0.25), 2),
+    (MeshSize(corner=0.004, gap=3.0, iron=0.6, growth=0.75, across=0.2), 3),
     (MeshSize(corner=0.005, gap=1.0, iron=0.3, growth=0.25), 3),
     (MeshSize(corner=0.002, gap=0.5, iron=0.15, growth=0.12), 3),
 )

@@ -172,7 +172,7 @@ def main() -> None:
         texts["samplers"] = samplers_table(judge, given.trials)
     for name, text in texts.items():
         print(text)
-        if given.docs:
+        if given.docs and name != "samplers":
             into_docs(name, text)
 
 

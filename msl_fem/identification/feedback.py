@@ -1,7 +1,9 @@
 """Whether a record was made under feedback, and what that means for its identification.
 
 In open loop the inputs know nothing of the errors. Under feedback they answer to them: the errors are correlated with
-later inputs. The test is the score test of `residual_tests` with the inputs ahead of the errors instead of behind.
+later inputs. The test is the score test of `residual_tests` with the inputs ahead of the errors instead of behind. What
+the past of all channels explains is taken out first (P. E. Caines and C. W. Chan, IEEE Trans. Autom. Control 20, 1975):
+errors of the model's form depend on past inputs, and so, of a smooth input, on its future.
 """
 
 from __future__ import annotations
@@ -42,18 +44,22 @@ def feedback_tests(
     columns, row_error = sensitivity_columns(orders)
     n_samples = signals.shape[1]
     first = n_samples - errors.size
-    variance = float(errors @ errors) / (errors.size - len(columns))
+    variance = float(errors @ errors) / (errors.size - len(columns))  # of the model; the past takes little more
     tests = []
-    for name in channels:
-        channel = np.asarray(run.inputs[name], dtype=float)
+    recorded = [np.asarray(run.inputs[name], dtype=float) for name in channels]
+    past = [channel - channel.mean() for channel in recorded]
+    behind = [(len(rows) + k, lag) for k in range(len(past)) for lag in range(lags)]
+    explained = [*columns, *behind]
+    for name, channel in zip(channels, recorded, strict=True):
         ahead = np.concatenate([channel[lags:] - channel.mean(), np.zeros(lags)])
-        wanted = [*columns, *((len(rows), lag) for lag in range(lags)), (row_error, 0)]
-        blocks = lagged_blocks(np.vstack([rows, ahead]), wanted, first=first, last=n_samples - lags)
+        wanted = [*explained, *((len(rows) + len(past), lag) for lag in range(lags)), (row_error, 0)]
+        stacked = np.vstack([rows, *past, ahead])
+        blocks = lagged_blocks(stacked, wanted, first=first + lags, last=n_samples - lags)
         factor = triangular_factor(blocks, len(wanted))
-        norms = np.linalg.norm(factor[:, len(columns) : -1], axis=0)
-        tail = factor[len(columns) :, len(columns) :]
+        norms = np.linalg.norm(factor[:, len(explained) : -1], axis=0)
+        tail = factor[len(explained) :, len(explained) :]
         delays = [lag - lags for lag in range(lags)]
-        tests.append(score_test(name, delays, tail=tail, scales=(norms, variance, errors.size - lags), alpha=alpha))
+        tests.append(score_test(name, delays, tail=tail, scales=(norms, variance, errors.size - 2 * lags), alpha=alpha))
     return tuple(tests)
 
 

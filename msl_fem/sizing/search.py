@@ -22,6 +22,7 @@ from msl_fem.sizing.requirement import Objective
 from msl_fem.sizing.sampler import MixedSampler
 from msl_fem.sizing.study_storage import (
     FIRST,
+    begun_by_one,
     clear_abandoned,
     count_judged,
     distributions,
@@ -89,8 +90,7 @@ def search(judge: Judge, settings: SearchSettings, *, progress: Progress | None 
         # before a file is made, so that a requirement that cannot be met leaves none
         begin = first_designs(judge) if new_file(settings.storage) else None
         storage = open_storage(settings.storage)
-        study = open_study(storage, judge)
-        space = _begun(study, judge, begin)
+        study, space = begun_by_one(lambda: _begun(open_study(storage, judge), judge, begin))
         study.sampler = settings.sampler(settings.seed, distributions(space))
         clear_abandoned(study)
         reused = count_judged(study)
@@ -107,15 +107,17 @@ def _judges(judge: Judge, settings: SearchSettings) -> contextlib.AbstractContex
     return judges_here(judge) if settings.workers <= 1 else judges_in_processes(judge, settings.workers)
 
 
-def _begun(study: "optuna.Study", judge: Judge, begin: tuple[Space, dict[str, Design]] | None) -> Space:
-    """The study's space; at its beginning it is made, and the first designs are put in front."""
+def _begun(
+    study: "optuna.Study", judge: Judge, begin: tuple[Space, dict[str, Design]] | None
+) -> tuple["optuna.Study", Space]:
+    """The study and its space; at its beginning it is made, and the first designs are put in front."""
     space = stored_space(study)
     if space is None:
         space, designs = begin or first_designs(judge)
         study.set_user_attr(FIRST, {n: parameters_of(d, space, judge) for n, d in designs.items()})
         store_space(study, space)
     enqueue_first(study, study.user_attrs[FIRST])
-    return space
+    return study, space
 
 
 def first_designs(judge: Judge) -> tuple[Space, dict[str, Design]]:

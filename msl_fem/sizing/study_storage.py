@@ -3,23 +3,27 @@
 import contextlib
 import datetime
 import logging
+import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import optuna
 from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.trial import TrialState
 from sqlalchemy import event
 from sqlalchemy.engine import make_url
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import IntegrityError, OperationalError, SQLAlchemyError
 
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.sizing.judge import Judge, direction
 from msl_fem.sizing.parameters import Space, Span
 from msl_fem.sizing.trial_record import FIRST_DESIGN, VERDICT, JudgedTrial, judged_trial
 
+Answer = TypeVar("Answer")
+PAUSES = (0.2, 0.5, 1.0, 2.0)
+"""Seconds between attempts to begin what another process begins as well."""
 PATIENCE = 60.0
 """Seconds that a process waits for another one's write to a sqlite file."""
 ABANDONED = datetime.timedelta(minutes=10)
@@ -46,7 +50,7 @@ def open_storage(url: str) -> "optuna.storages.BaseStorage":
     """
     try:
         arguments = {"connect_args": {"timeout": PATIENCE}} if url.startswith("sqlite") else {}
-        storage = optuna.storages.RDBStorage(url, engine_kwargs=arguments)
+        storage = begun_by_one(lambda: optuna.storages.RDBStorage(url, engine_kwargs=arguments))
         if url.startswith("sqlite"):
             event.listen(storage.engine, "connect", _write_ahead)
             storage.engine.dispose()  # the connections it already has did not hear that
@@ -56,6 +60,21 @@ def open_storage(url: str) -> "optuna.storages.BaseStorage":
             f"storage '{url}' cannot be reached ({_reason(err)}); give an Optuna storage URL, like "
             "sqlite:///trials.sqlite3, or leave --storage out"
         ) from err
+
+
+def begun_by_one(begin: Callable[[], Answer]) -> Answer:
+    """What `begin` answers; it is called again where another process began the same at the same moment.
+
+    Of two that make the same tables, study or attribute, the database refuses one, which then finds them made.
+    """
+    for pause in PAUSES:
+        try:
+            return begin()
+        except (IntegrityError, OperationalError, optuna.exceptions.StorageInternalError) as err:
+            if not any(word in str(err) for word in ("UNIQUE", "uplicate", "already exists", "locked")):
+                raise
+            time.sleep(pause)
+    return begin()
 
 
 def _write_ahead(connection: Any, _: Any) -> None:
@@ -111,8 +130,9 @@ def open_study(storage: "optuna.storages.BaseStorage", judge: Judge) -> "optuna.
         directions=directions,
         load_if_exists=True,
     )
-    known = study.user_attrs.get(REQUIREMENT)
-    if known is None and not study.get_trials(deepcopy=False):
+    empty = not study.get_trials(deepcopy=False)
+    known = study.user_attrs.get(REQUIREMENT)  # read last: who puts trials has stated it before
+    if known is None and empty:
         study.set_user_attr(REQUIREMENT, requirement.digest)
         study.set_metric_names(list(requirement.objectives))
     elif known != requirement.digest:
