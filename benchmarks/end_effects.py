@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from marked_text import put
 
 from msl_fem.actuator import ECore, load_actuator
 from msl_fem.end_effects import FlushEdges, corner_excess, gap_edges, window_factor
@@ -128,9 +129,7 @@ def main() -> None:
     text = DOCUMENT.read_text(encoding="utf-8")
     for name, lines in parts.items():
         print(name, *lines, sep="\n")
-        start, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
-        before, _, rest = text.partition(start)
-        text = before + start + "\n".join(lines) + "\n" + end + rest.partition(end)[2]
+        text = put(text, name, "\n".join(lines))
     DOCUMENT.write_text(text, encoding="utf-8")
     print(f"window factor {window_factor(magnet):.3f}, height that counts {gap_edges(magnet).reach * 1e3:.2f} mm")
 

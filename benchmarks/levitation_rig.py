@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from marked_text import put
 from scipy.optimize import brentq
 
 from msl_fem.record import Record, load_record
@@ -101,13 +102,6 @@ def lift_off(table: MagneticTable, weight: float) -> str:
             [f"{gap * 1e3:.2f}", f"{current:.3f}", f"{plain:.3f}", f"{100 * (plain / current - 1):+.0f}", f"{lack:.2f}"]
         )
     return table_of(["z (mm)", "lifted off at (A)", "flux table (A)", "error (%)", "missing (N/A)"], rows)
-
-
-def put(text: str, name: str, content: str) -> str:
-    """The text with new content between the marks of a name."""
-    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
-    before, rest = text.split(begin)
-    return before + begin + content + "\n" + end + rest.split(end, 1)[1]
 
 
 def main() -> None:

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from marked_text import put
 
 from msl_fem.constants import MU_0
 from msl_fem.material import Iron, iron_from_points
@@ -236,13 +237,6 @@ TABLES = {
     "roters": roters_table,
     "roters sensitivity": roters_sensitivity,
 }
-
-
-def put(text: str, name: str, content: str) -> str:
-    """The text with new content between the marks of a name."""
-    start, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
-    before, rest = text.split(start)
-    return before + start + content + "\n" + end + rest.split(end)[1]
 
 
 def main() -> None:

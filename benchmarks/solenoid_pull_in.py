@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from marked_text import put
 from numpy.typing import NDArray
-from published_magnets import REFERENCE, put, solenoid
+from published_magnets import REFERENCE, solenoid
 
 from msl_fem.actuator import parse_actuator
 from msl_fem.coupled_model import Inputs, Options, simulate

@@ -1,8 +1,10 @@
 """What the files that people write have in common: quantities with units, no unknown keys, one clear complaint."""
 
 import math
+import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
@@ -77,6 +79,18 @@ def _unit(parts: tuple[Any, ...]) -> str:
         if unit:
             return unit
     return ""
+
+
+def read_toml(path: str | Path, *, error: type[Exception], wanted: str) -> dict[str, Any]:
+    """The content of a TOML file; raises `error`, saying what file is wanted, where there is none or it is not TOML."""
+    try:
+        text = Path(path).read_bytes().decode("utf-8")
+    except (OSError, ValueError) as err:
+        raise error(f"{path}: cannot be read ({reason(err)}); give {wanted} (TOML)") from err
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as err:
+        raise error(f"{path}: not valid TOML: {err}") from err
 
 
 def bare_number(content: Mapping[Any, Any], pure: Collection[str], *, path: str = "") -> str | None:

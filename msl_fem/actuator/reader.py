@@ -1,6 +1,5 @@
 """Actuator files (TOML) to records; what is wrong is said in one line with the file and the key path."""
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +7,7 @@ from pydantic import ValidationError
 
 from msl_fem.actuator.actuator import Actuator
 from msl_fem.errors import ActuatorError
-from msl_fem.schema import bare_number, first_complaint, reason
+from msl_fem.schema import bare_number, first_complaint, read_toml
 
 _PURE_NUMBERS = {
     "schema", "turns", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor",
@@ -25,16 +24,8 @@ def load_actuator(path: str | Path) -> Actuator:
     ActuatorError : no such file, not TOML, an unknown or a missing key, a wrong unit, a value out of its range;
         the message names the file and the key path
     """
-    file = Path(path)
-    try:
-        text = file.read_bytes().decode("utf-8")
-    except (OSError, ValueError) as err:
-        raise ActuatorError(f"{path}: cannot be read ({reason(err)}); give an actuator file (TOML)") from err
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as err:
-        raise ActuatorError(f"{path}: not valid TOML: {err}") from err
-    return parse_actuator(content, file=file)
+    content = read_toml(path, error=ActuatorError, wanted="an actuator file")
+    return parse_actuator(content, file=Path(path))
 
 
 def parse_actuator(content: dict[str, Any], *, file: Path | None = None) -> Actuator:

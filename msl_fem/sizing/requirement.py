@@ -5,7 +5,6 @@ is in an actuator file.
 """
 
 import hashlib
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -29,7 +28,7 @@ from msl_fem.actuator import (
 )
 from msl_fem.errors import RequirementError
 from msl_fem.quantity import format_quantity
-from msl_fem.schema import FrozenModel, In, bare_number, first_complaint, reason
+from msl_fem.schema import FrozenModel, In, bare_number, first_complaint, read_toml
 
 Newton = Annotated[float, In("N"), Field(gt=0)]
 SlewRate = Annotated[float, In("N/s"), Field(gt=0)]
@@ -211,16 +210,8 @@ def load_requirement(path: str | Path) -> Requirement:
     RequirementError : no such file, not TOML, an unknown or a missing key, a wrong unit, a value out of its range;
         the message names the file and the key path
     """
-    file = Path(path)
-    try:
-        text = file.read_bytes().decode("utf-8")
-    except (OSError, ValueError) as err:
-        raise RequirementError(f"{path}: cannot be read ({reason(err)}); give a requirement file (TOML)") from err
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as err:
-        raise RequirementError(f"{path}: not valid TOML: {err}") from err
-    return parse_requirement(content, file=file)
+    content = read_toml(path, error=RequirementError, wanted="a requirement file")
+    return parse_requirement(content, file=Path(path))
 
 
 def parse_requirement(content: dict[str, Any], *, file: Path | None = None) -> Requirement:
