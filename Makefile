@@ -4,10 +4,16 @@ VENV := .venv
 BIN := $(VENV)/bin
 ACTUATOR ?= geometries/fast_tool_servo.toml
 OUT ?= study
+NEWEST ?= .venv-newest
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: study test lint clean
+SHORT := tests/test_package.py tests/test_actuator.py tests/test_quantity.py tests/test_table.py tests/test_material.py \
+  tests/test_mesh.py tests/test_magnet_field.py tests/test_sweep.py tests/test_toml_text.py tests/cli/test_commands.py \
+  tests/coupled_model/test_kernel.py tests/record tests/operating_map/test_operating_map.py tests/export \
+  tests/control/test_design.py tests/identification/test_armax_fit.py tests/report/test_page.py tests/robustness
+
+.PHONY: study test newest bench lint docs clean
 .DELETE_ON_ERROR:
 
 study: $(VENV)/.installed
@@ -20,6 +26,24 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# The newest versions that pyproject.toml allows, in an environment of their own, and a short test of every part.
+newest:
+	$(MAKE) VENV=$(NEWEST) $(NEWEST)/bin/python
+	$(NEWEST)/bin/python -m pip install --quiet --disable-pip-version-check --upgrade --upgrade-strategy eager -e '.[test]'
+	$(NEWEST)/bin/python -m pip list --disable-pip-version-check --format=freeze
+	$(NEWEST)/bin/python -m pytest $(SHORT)
+
+# The README's tables, measured anew on this machine, and those of the documents that say so; half an hour.
+bench: $(VENV)/.installed-bench
+	$(BIN)/python benchmarks/field.py --readme
+	cd benchmarks && ../$(BIN)/python speed.py --readme
+	$(BIN)/python benchmarks/guard.py --docs
+	$(BIN)/python benchmarks/controller_c.py --docs
+
+docs: $(VENV)/.installed-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+	@echo "documentation: site/index.html"
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' \
@@ -34,5 +58,13 @@ $(VENV)/.installed-test: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
 	@touch $@
 
+$(VENV)/.installed-bench: $(VENV)/.installed-test
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+	@touch $@
+
+$(VENV)/.installed-docs: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	@touch $@
+
 clean:
-	rm -rf $(VENV) $(OUT) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) $(NEWEST) $(OUT) site build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -29,6 +29,7 @@ _VERBS = {
     "simulate": "msl_fem.coupled_model",
     "identify": "msl_fem.identification",
     "design_controller": "msl_fem.control",
+    "diagnose": "msl_fem.diagnosis.diagnose",
 }
 __all__ = sorted(_VERBS)
 

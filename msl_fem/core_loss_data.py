@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from msl_fem.errors import MaterialError
 from msl_fem.material import LIBRARY
 from msl_fem.quantity import format_quantity
+from msl_fem.schema import small_text
 
 Array = NDArray[np.float64]
 INDEX = LIBRARY / "core_loss.json"
@@ -145,10 +146,13 @@ def read_loss_points(path: str | Path) -> LossPoints:
     MaterialError : unreadable, other columns, a value that is no positive number; the message names file and line
     """
     try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+        lines = small_text(path, encoding="utf-8-sig").splitlines()
     except (OSError, ValueError) as err:
         raise MaterialError(f"{path}: cannot be read; give a CSV file with columns {', '.join(COLUMNS)}") from err
-    rows = list(csv.reader(lines))
+    try:
+        rows = list(csv.reader(lines))
+    except csv.Error as err:
+        raise MaterialError(f"{path}: not comma-separated values ({err}); write columns {', '.join(COLUMNS)}") from err
     header = [name.strip() for name in rows[0]] if rows else []
     if sorted(header) != sorted(COLUMNS):
         raise MaterialError(f"{path}: the first line must name the columns {', '.join(COLUMNS)}")

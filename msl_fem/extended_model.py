@@ -10,7 +10,6 @@ usual shape. An actuator file without effects is an extended model with none.
 """
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,7 +19,7 @@ from msl_fem.actuator import Actuator, parse_actuator
 from msl_fem.effects import EffectValues, Parameter, find_effect, find_parameter
 from msl_fem.errors import ActuatorError, InputError, QuantityError
 from msl_fem.quantity import parse_quantity
-from msl_fem.schema import document, reason
+from msl_fem.schema import document, read_toml
 from msl_fem.toml_text import quantity_text, toml_text
 from msl_fem.whole_file import whole_file
 
@@ -42,14 +41,7 @@ def load_extended_model(path: str | Path) -> ExtendedModel:
         message names the file and the key path
     """
     file = Path(path)
-    try:
-        content = tomllib.loads(file.read_bytes().decode("utf-8"))
-    except OSError as err:
-        raise ActuatorError(
-            f"{path}: cannot be read ({reason(err)}); give an actuator file or an extended model (TOML)"
-        ) from err
-    except ValueError as err:
-        raise ActuatorError(f"{path}: not valid TOML: {err}") from err
+    content = read_toml(file, error=ActuatorError, wanted="an actuator file or an extended model")
     effects = content.pop("effects", {})
     return ExtendedModel(parse_actuator(content, file=file), _effects(effects, where=str(path)))
 
@@ -117,8 +109,16 @@ def _example(parameter: Parameter) -> str:
 
 
 def _written(effect: str, stated: Mapping[str, float]) -> dict[str, Any]:
-    units = {name: find_parameter(effect, name).unit for name in stated}
-    return {name: quantity_text(value, units[name]) if units[name] else value for name, value in stated.items()}
+    return {name: _text(find_parameter(effect, name), value) for name, value in stated.items()}
+
+
+def _text(parameter: Parameter, value: float) -> str | float:
+    """A text with a prefix where it reads back within the bounds: at a bound, rounding may carry it across."""
+    if not parameter.unit:
+        return value
+    text = quantity_text(value, parameter.unit)
+    low, high = parameter.bounds
+    return text if low <= parse_quantity(text, parameter.unit) <= high else f"{value!r} {parameter.unit}"
 
 
 def _file_names(content: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:

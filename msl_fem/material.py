@@ -13,6 +13,7 @@ from scipy.interpolate import BPoly, CubicSpline, PchipInterpolator, PPoly
 
 from msl_fem.constants import MU_0
 from msl_fem.errors import MaterialError
+from msl_fem.schema import small_text
 
 Array = NDArray[np.float64]
 LIBRARY = Path(__file__).parent / "materials"
@@ -323,7 +324,7 @@ def load_iron(name: str, *, folder: Path | None = None) -> Iron | AnalyticIron:
 
 def _read_points(path: Path) -> tuple[Array, Array]:
     try:
-        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
+        text = small_text(path, encoding="utf-8-sig")  # spreadsheets write a byte order mark
     except (OSError, ValueError) as err:
         raise MaterialError(f"{path}: cannot be read; give a CSV file with columns H_A_per_m, B_T") from err
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]

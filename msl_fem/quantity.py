@@ -9,7 +9,8 @@ import pint
 from msl_fem.errors import QuantityError
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
-_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*([A-Za-zµμΩ%][A-Za-zµμΩ0-9 */^.·-]{{0,40}})?\s*")
+_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*([A-Za-zµμΩ%][A-Za-zµμΩ0-9 */^.·()-]{{0,40}})?\s*")
+_POWER = re.compile(r"(\^|\*\*)\s*(?!-?\d{1,2}(?![\d.]|\s*(\^|\*\*)))")  # not of one or two digits alone
 _EXAMPLES = {"": "0.96", "m": "0.6 mm", "A": "5 A", "T": "1.2 T", "Hz": "2.5 kHz", "s": "4 s"}
 
 
@@ -21,6 +22,8 @@ def _registry() -> pint.UnitRegistry:
 @lru_cache(maxsize=512)
 def _factor(unit_text: str, unit: str) -> float:
     """The factor from the unit written to the unit wanted."""
+    if _POWER.search(unit_text):
+        raise QuantityError(f"'{unit_text}' has a power that no unit has; expected a unit like '{unit}'")
     registry = _registry()
     try:
         one = registry.Quantity(1.0, registry.parse_units(unit_text.replace("·", "*")))
@@ -71,6 +74,8 @@ def parse_temperature(text: str) -> float:
     match = _QUANTITY.fullmatch(text.replace("°", "deg")) if isinstance(text, str) else None
     if match is None or match.group(2) is None:
         raise QuantityError(f'{text!r} is not a temperature; write a number and a unit, like "20 degC" or "293 K"')
+    if _POWER.search(match.group(2)):
+        raise QuantityError(f"{text!r} is not a temperature; use degC or K")
     registry = _registry()
     try:
         value = float(registry.Quantity(float(match.group(1)), match.group(2).strip()).to("K").magnitude)

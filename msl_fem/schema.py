@@ -15,6 +15,8 @@ from msl_fem.quantity import parse_quantity
 from msl_fem.toml_text import quantity_text
 
 LARGEST = 1e18  # of any quantity in SI units
+LARGEST_TEXT = 16_000_000  # bytes of a file that people write: a device or a wrong file ends here, not the memory
+DEEPEST = 40  # levels of nesting: no file of ours has more than five
 
 
 @dataclass(frozen=True)
@@ -84,13 +86,40 @@ def _unit(parts: tuple[Any, ...]) -> str:
 def read_toml(path: str | Path, *, error: type[Exception], wanted: str) -> dict[str, Any]:
     """The content of a TOML file; raises `error`, saying what file is wanted, where there is none or it is not TOML."""
     try:
-        text = Path(path).read_bytes().decode("utf-8")
+        text = small_text(path)
     except (OSError, ValueError) as err:
         raise error(f"{path}: cannot be read ({reason(err)}); give {wanted} (TOML)") from err
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as err:
+        content = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as err:
         raise error(f"{path}: not valid TOML: {err}") from err
+    if depth(content) > DEEPEST:
+        raise error(f"{path}: is nested more than {DEEPEST} levels deep; give {wanted} (TOML)")
+    return content
+
+
+def small_text(path: str | Path, *, encoding: str = "utf-8") -> str:
+    """The text of a file of up to `LARGEST_TEXT` bytes.
+
+    Raises
+    ------
+    OSError : it cannot be read
+    ValueError : it is larger, or no text of that encoding
+    """
+    with Path(path).open("rb") as stream:
+        content = stream.read(LARGEST_TEXT + 1)
+    if len(content) > LARGEST_TEXT:
+        raise ValueError(f"more than {LARGEST_TEXT // 1_000_000} MB")
+    return content.decode(encoding)
+
+
+def depth(content: object) -> int:
+    """How many levels of tables and lists are in one another; found without recursion."""
+    levels, inside = 0, [content]
+    while inside := [v for one in inside if isinstance(one, dict | list)
+                     for v in (one.values() if isinstance(one, dict) else one)]:  # fmt: skip
+        levels += 1
+    return levels
 
 
 def bare_number(content: Mapping[Any, Any], pure: Collection[str], *, path: str = "") -> str | None:

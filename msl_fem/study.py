@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -40,8 +40,10 @@ from msl_fem.table import MagneticTable
 
 Progress = Callable[[str, int, int], None]
 Keep = Callable[[str, Any], None]
-LOOP_CASES = ("sine", "step", "ramp")
 RECORD_RATE = 1e4  # Hz
+RESPONSE_AMPLITUDE = 2e-5  # m: the paper's small sines
+MOST_HALVINGS = 5  # of an amplitude that the actuator cannot follow
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -81,12 +83,16 @@ class ModelStage:
 
 @dataclass(frozen=True, eq=False)
 class LoopStage:
-    """The controller and its runs on the believed plant: the cases of `LOOP_CASES`, and the frequency response."""
+    """The controller and its runs on the believed plant: sine, step and ramp, and the frequency response.
+
+    `notes` say which amplitudes were made smaller, and why.
+    """
 
     design: ControllerDesign
     runs: dict[str, ClosedLoopRun]
     references: dict[str, str]
     response: FrequencyResponse
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,24 +224,57 @@ def _simulated(actuator: Actuator, table: MagneticTable, *, seed: int) -> ModelS
 def _closed_loop(
     actuator: Actuator, table: MagneticTable, made: OperatingMap, *, seed: int, part: Callable[[int, int], None]
 ) -> LoopStage:
-    """The paper's references at four fifths and two fifths of the range, and small sines over frequency."""
+    """The paper's references at four, one and two fifths of the range, and small sines over frequency.
+
+    An amplitude that asks for more than guard, drive or table allow is halved until they bear it.
+    """
     assert actuator.motion is not None
     assert actuator.motion.range is not None
     assert actuator.controller is not None
     travel = actuator.motion.range * 1e3
-    specs = {
-        "sine": f"sine:frequency=2 Hz,amplitude={0.8 * travel:.4g} mm,duration=1.5 s",
-        "step": f"step:frequency=3 Hz,amplitude={0.2 * travel:.4g} mm,duration=1 s",
-        "ramp": f"ramp:frequency=5 Hz,amplitude={0.4 * travel:.4g} mm,duration=1 s",
+    wishes = {
+        "sine": ("sine:frequency=2 Hz,duration=1.5 s", 0.8 * travel),
+        "step": ("step:frequency=3 Hz,duration=1 s", 0.2 * travel),
+        "ramp": ("ramp:frequency=5 Hz,duration=1 s", 0.4 * travel),
     }
     design = design_controller(actuator, table, made)
     plant = TruePlant(actuator, table)
-    runs = {}
-    for n, name in enumerate(LOOP_CASES):
-        part(n, len(LOOP_CASES) + 1)
-        wanted = reference(parse_excitation(specs[name], unit="m"), rate=actuator.controller.rate)
-        runs[name] = run_closed_loop(design, wanted, plant=plant, generator=np.random.default_rng(seed))
-    return LoopStage(design, runs, specs, frequency_response(design, plant=plant))
+    runs, specs, notes = {}, {}, []
+    for n, (name, (spec, wish)) in enumerate(wishes.items()):
+        part(n, len(wishes) + 1)
+
+        def followed(amplitude: float, spec: str = spec) -> tuple[ClosedLoopRun, str]:
+            stated = f"{spec},amplitude={amplitude:.4g} mm"
+            wanted = reference(parse_excitation(stated, unit="m"), rate=1 / design.law.plant.period)
+            return run_closed_loop(design, wanted, plant=plant, generator=np.random.default_rng(seed)), stated
+
+        (runs[name], specs[name]), note = _bearable(followed, wish, f"the {name}'s amplitude in mm")
+        notes.append(note)
+    part(len(wishes), len(wishes) + 1)
+    response, note = _bearable(
+        lambda amplitude: frequency_response(design, plant=plant, amplitude=amplitude * 1e-6),
+        RESPONSE_AMPLITUDE * 1e6,
+        "the frequency response's amplitude in µm",
+    )
+    return LoopStage(design, runs, specs, response, tuple(said for said in (*notes, note) if said))
+
+
+def _bearable(attempt: Callable[[float], Result], wish: float, what: str) -> tuple[Result, str]:
+    """What an attempt makes of the wished amplitude, or of the largest of its halves that is not refused; a note if so.
+
+    Raises
+    ------
+    InputError : of the last attempt, after `MOST_HALVINGS`
+    """
+    refused = ""
+    for amplitude in wish / 2.0 ** np.arange(MOST_HALVINGS + 1):
+        try:
+            made = attempt(float(amplitude))
+        except InputError as err:
+            refused, last = refused or str(err), err
+        else:
+            return made, f"{what} is {amplitude:.3g} instead of {wish:.3g}: {refused}" if refused else ""
+    raise last
 
 
 def _nominal_gap(actuator: Actuator) -> float:

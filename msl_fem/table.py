@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from msl_fem.coenergy_surface import CoenergySurface, fit_coenergy_surface
 from msl_fem.errors import OutOfTable, TableError
+from msl_fem.netcdf_file import read_netcdf, write_netcdf
 from msl_fem.quantity import format_quantity
 from msl_fem.whole_file import whole_file
 
@@ -30,6 +31,7 @@ NODES = {
 EXTRAS = {"force_stress_tensor": ("N", "force by the Maxwell stress tensor in mid-gap")}
 SECTION = "flux_density_"
 SMALLEST_GAP, LARGEST_GAP, LARGEST_VALUE = 1e-9, 100.0, 1e20  # m, m, SI: beyond are mistakes of units and damaged files
+MOST_VALUES = 20_000_000  # of a file
 AT_REST = 1e-9  # of the largest value: what a quantity that vanishes without current may have there
 
 
@@ -184,8 +186,10 @@ def write_table(table: MagneticTable, path: str | Path) -> Path:
     )
     target = Path(path)
     with whole_file(target) as partial:
-        checksums = {name: {"fletcher32": True} for name in data.variables}  # a damaged file must not read as a table
-        data.to_netcdf(partial, engine="h5netcdf", encoding=checksums)
+        checksums = {
+            str(name): {"fletcher32": True} for name in data.variables
+        }  # a damaged file must not read as a table
+        write_netcdf(data, partial, encoding=checksums)
     return target
 
 
@@ -228,18 +232,17 @@ def read_table(path: str | Path) -> MagneticTable:
         said = "is no file" if Path(path).exists() else "no such file"
         raise TableError(f"{path}: {said}; make a table with 'msl-fem table'")
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as data:
-            content = data.load()
-            arrays = {str(k): _real(v.transpose("gap", "current")) for k, v in content.items() if _belongs(v)}
-            gap, current = _real(content["gap"]), _real(content["current"])
-            attributes = dict(content.attrs)
-            _check_units(content, attributes)
-            provenance = json.loads(attributes.get("provenance", "{}")) or {}
-            if not isinstance(provenance, dict):
-                raise TableError("attribute 'provenance' must be a JSON object")
-            names = ("mesh_error", "interpolation_error", "reciprocity_error")
-            errors = {name: float(attributes.get(name, "nan")) for name in names}
-    except Exception as err:  # the HDF5 stack raises errors of many kinds on a damaged file
+        content = read_netcdf(Path(path), most_values=MOST_VALUES)
+        arrays = {str(k): _real(v.transpose("gap", "current")) for k, v in content.items() if _belongs(v)}
+        gap, current = _real(content["gap"]), _real(content["current"])
+        attributes = dict(content.attrs)
+        _check_units(content, attributes)
+        provenance = json.loads(attributes.get("provenance", "{}")) or {}
+        if not isinstance(provenance, dict):
+            raise TableError("attribute 'provenance' must be a JSON object")
+        names = ("mesh_error", "interpolation_error", "reciprocity_error")
+        errors = {name: float(attributes.get(name, "nan")) for name in names}
+    except Exception as err:  # attributes and variables of a foreign file can be of any kind
         raise TableError(
             f"{path}: not a magnetic table ({err or type(err).__name__}); make one with 'msl-fem table'"
         ) from err

@@ -1,6 +1,7 @@
 """Files that appear whole or not at all."""
 
 import contextlib
+import errno
 import os
 import tempfile
 from collections.abc import Iterator
@@ -8,11 +9,12 @@ from pathlib import Path
 
 from msl_fem.errors import InputError
 
+_NO_ROOM = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO, errno.EROFS}
+
 
 def check_target(target: Path) -> None:
     """InputError, before the work begins, where `whole_file` could not put a file."""
-    if target.is_dir():
-        raise InputError(f"{target}: cannot be written (Is a directory); choose another name")
+    _refuse_what_is_no_file(target)
     nearest = next(parent for parent in target.absolute().parents if parent.exists())
     try:
         with tempfile.TemporaryFile(dir=nearest):
@@ -21,14 +23,23 @@ def check_target(target: Path) -> None:
         raise InputError(f"{target}: cannot be written ({err.strerror}); choose another folder") from err
 
 
+def _refuse_what_is_no_file(target: Path) -> None:
+    """InputError where a folder or a device stands: a file would take the place of /dev/null itself."""
+    if target.is_dir():
+        raise InputError(f"{target}: cannot be written (Is a directory); choose another name")
+    if target.exists() and not target.is_file():
+        raise InputError(f"{target}: cannot be written (a device or a pipe, no file); choose another name")
+
+
 @contextlib.contextmanager
 def whole_file(target: Path) -> Iterator[Path]:
     """A temporary path beside `target` that takes its place when the block ends well, and vanishes otherwise.
 
     Raises
     ------
-    InputError : the folder cannot be written, or the target is a folder
+    InputError : the folder cannot be written, the disk is full, or the target is a folder or a device
     """
+    _refuse_what_is_no_file(target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
@@ -43,5 +54,9 @@ def whole_file(target: Path) -> Iterator[Path]:
             os.replace(partial, target)
         except OSError as err:
             raise InputError(f"{target}: cannot be written ({err.strerror}); choose another name") from err
+    except OSError as err:
+        if err.errno not in _NO_ROOM:
+            raise
+        raise InputError(f"{target}: cannot be written ({err.strerror}); make room or choose another folder") from err
     finally:
         partial.unlink(missing_ok=True)

@@ -1,15 +1,18 @@
 """Fixtures that several parts share."""
 
 import json
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from devtools import Browser, find_browser, started
 from threadpoolctl import threadpool_limits
 
+from msl_fem import study as study_module
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.app import app
 from msl_fem.cli.output import run_guarded
@@ -60,6 +63,31 @@ def table() -> MagneticTable:
 @pytest.fixture(scope="session")
 def servo() -> Actuator:
     return load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")
+
+
+@pytest.fixture(scope="session")
+def study_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a study that `msl-fem study` made, on a grid of 8 by 14 at accuracy fast."""
+    made = tmp_path_factory.mktemp("study")
+    servo = ROOT / "geometries" / "fast_tool_servo.toml"
+    with pytest.MonkeyPatch.context() as patch:
+        gaps, currents = np.geomspace(5e-5, 1.2e-3, 8), 12 * np.linspace(0, 1, 14) ** 2
+        patch.setattr(study_module, "default_grid", lambda actuator: (gaps, currents))
+        arguments = ["study", str(servo), "-o", str(made), "--accuracy", "fast", "--workers", "1", "--json"]
+        assert run_guarded(lambda: app(arguments)) == 0
+    return made
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """One headless browser for all tests of pages."""
+    program = find_browser()
+    if program is None:
+        if os.environ.get("CI"):
+            pytest.fail("no Chromium here; continuous integration installs one (.ci/run)")
+        pytest.skip("no Chromium here; install one (Debian: apt-get install chromium)")
+    with started(program, tmp_path_factory.mktemp("profile")) as it:
+        yield it
 
 
 @dataclass(frozen=True)

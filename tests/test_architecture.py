@@ -26,6 +26,7 @@ FILE_USERS = {
     "msl_fem.schema",
     "msl_fem.material",
     "msl_fem.table",
+    "msl_fem.netcdf_file",
     "msl_fem.record",
     "msl_fem.operating_map",
     "msl_fem.extended_model",

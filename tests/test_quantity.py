@@ -101,3 +101,26 @@ def test_temperatures_are_absolute(text: str, kelvin: float) -> None:
 def test_what_is_no_temperature(text: str) -> None:
     with pytest.raises(QuantityError):
         parse_temperature(text)
+
+
+def test_a_unit_with_brackets_is_read_as_it_is_written() -> None:
+    """The heat transfer of a requirement: what the program writes and suggests, it reads."""
+    assert parse_quantity("10.0 W/(m^2 K)", "W/(m^2 K)") == 10.0
+    assert parse_quantity("1 mW/(cm^2*K)", "W/(m^2 K)") == pytest.approx(10.0)
+    for bad in ("1 W/(m^2 K", "1 ()", "1 m()()", "1 W/((((((((((", "1 (m"):
+        with pytest.raises(QuantityError):
+            parse_quantity(bad, "W/(m^2 K)")
+
+
+@pytest.mark.parametrize("unit", ["m^9^9^9", "m^(9^9^9)", "m**9**9**9", "m ^ 9 ^9^9", "m^-9^9^9^9", "m^999", "m^2.5^9"])
+def test_a_tower_of_powers_is_refused_before_it_is_computed(unit: str) -> None:
+    """9^9^9 has 370 million digits: a unit in a file could stop the program for ever."""
+    with pytest.raises(QuantityError, match="a power that no unit has"):
+        parse_quantity(f"1 {unit}", "m")
+    with pytest.raises(QuantityError, match="not a temperature"):
+        parse_temperature(f"1 {unit}")
+
+
+@pytest.mark.parametrize(("text", "unit"), [("1 m^2 s^-1", "m^2/s"), ("1 kg m**2", "kg m^2"), ("1 kg*m*s^-2", "N")])
+def test_the_powers_of_units_stay(text: str, unit: str) -> None:
+    assert parse_quantity(text, unit) == 1.0

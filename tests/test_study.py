@@ -5,13 +5,10 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from msl_fem import study as study_module
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.cli.app import app
-from msl_fem.cli.output import run_guarded
 from msl_fem.errors import InputError
 from msl_fem.operating_map import read_map
 from msl_fem.record import load_record
@@ -23,15 +20,8 @@ SERVO = ROOT / "geometries" / "fast_tool_servo.toml"
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a study that `msl-fem study` made, on a grid of 8 by 14 at accuracy fast."""
-    made = tmp_path_factory.mktemp("study")
-    with pytest.MonkeyPatch.context() as patch:
-        gaps, currents = np.geomspace(5e-5, 1.2e-3, 8), 12 * np.linspace(0, 1, 14) ** 2
-        patch.setattr(study_module, "default_grid", lambda actuator: (gaps, currents))
-        arguments = ["study", str(SERVO), "-o", str(made), "--accuracy", "fast", "--workers", "1", "--json"]
-        assert run_guarded(lambda: app(arguments)) == 0
-    return made
+def folder(study_folder: Path) -> Path:
+    return study_folder
 
 
 def test_every_file_can_be_read_back(folder: Path) -> None:
@@ -79,20 +69,40 @@ def test_the_report_is_self_contained_and_complete(folder: Path) -> None:
     text = (folder / "report.html").read_text(encoding="utf-8")
     page = _Page()
     page.feed(text)
-    assert all(source.startswith("data:") for source in page.sources), "no request leaves the page"
-    assert page.plots == 7
+    assert all(source.startswith(("data:", "#")) for source in page.sources), "no request leaves the page"
+    assert page.plots == 10, "seven of the stages, three of the explorer"
     for figure in ("Fig. 2", "Fig. 5", "Fig. 6", "Fig. 8", "Fig. 9", "Fig. 11"):
         assert any(figure in title for title in page.titles), figure
     found = json.loads((folder / "study.json").read_text())
     fit = found["armax"]["swept_sine"]["free_run"]
     assert f"{fit:.2f} %" in text
     assert re.search(r"<b>0</b><span>guard violations", text)
+    assert (folder / "report.html").stat().st_size < 8e6
 
 
 def test_an_actuator_that_lacks_a_stage_is_refused_before_the_work() -> None:
     magnet_alone = load_actuator(ROOT / "geometries" / "e1.toml")
     with pytest.raises(InputError, match=r"e1 has no \[sides\], \[motion\], \[drive\], \[controller\]"):
         run_study(magnet_alone)
+
+
+def test_an_amplitude_that_is_refused_is_halved_and_the_report_says_so() -> None:
+    """A magnet too weak for the usual references still gets its report."""
+    tried = []
+
+    def attempt(amplitude: float) -> str:
+        tried.append(amplitude)
+        if amplitude > 0.3:
+            raise InputError(f"{amplitude:g} is too much")
+        return "done"
+
+    assert study_module._bearable(attempt, 1.0, "the step's amplitude in mm") == (
+        "done", "the step's amplitude in mm is 0.25 instead of 1: 1 is too much",
+    )  # fmt: skip
+    assert tried == [1.0, 0.5, 0.25]
+    assert study_module._bearable(attempt, 0.2, "") == ("done", "")
+    with pytest.raises(InputError, match=r"0\.3125 is too much"):
+        study_module._bearable(attempt, 10.0, "")
 
 
 def test_the_name_of_an_actuator_cannot_carry_markup() -> None:

@@ -23,11 +23,12 @@ from msl_fem.actuator.quantities import (
     Turns,
     Voltage,
 )
-from msl_fem.actuator.reader import load_actuator, parse_actuator
+from msl_fem.actuator.reader import PURE_NUMBERS, load_actuator, parse_actuator
 from msl_fem.actuator.tolerances import Tolerances
 
 __all__ = [
     "LARGEST_MAGNET",
+    "PURE_NUMBERS",
     "THINNEST",
     "Actuator",
     "Air",

@@ -9,11 +9,12 @@ from msl_fem.actuator.actuator import Actuator
 from msl_fem.errors import ActuatorError
 from msl_fem.schema import bare_number, first_complaint, read_toml
 
-_PURE_NUMBERS = {
+PURE_NUMBERS = frozenset({
     "schema", "turns", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor",
     "count", "magnets_per_side", "delay_samples", "sets", "bh_polarisation", "bh_field_strength",
     "end_stop_restitution",
-}  # fmt: skip
+})  # fmt: skip
+"""Keys of an actuator's sections whose numbers have no unit."""
 
 
 def load_actuator(path: str | Path) -> Actuator:
@@ -32,7 +33,7 @@ def parse_actuator(content: dict[str, Any], *, file: Path | None = None) -> Actu
     """The actuator that a parsed TOML document describes; raises as `load_actuator`."""
     if "file" in content:
         raise ActuatorError(f"{file or 'actuator'}: file: unknown key; remove it")
-    complaint = bare_number(content, _PURE_NUMBERS)
+    complaint = bare_number(content, PURE_NUMBERS)
     if complaint:
         raise ActuatorError(f"{file or 'actuator'}: {complaint}")
     try:

@@ -15,7 +15,7 @@ from msl_fem.errors import InputError
 INSIDE = {effect.name: effect for effect in (*MAGNETIC, *ELECTRICAL, *MECHANICAL, *SENSING)}
 OUTSIDE_BY_NAME = {effect.name: effect for effect in OUTSIDE}
 USUAL_SIZE = 0.03
-MOST_HIDDEN = 2
+MOST_HIDDEN = 3
 _PERCENT = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*%\s*")
 
 
@@ -32,7 +32,7 @@ def parse_requests(texts: Sequence[str]) -> tuple[Request, ...]:
 
     Raises
     ------
-    InputError : an unknown effect, a size that is no percentage above 0, the same effect twice, more than two
+    InputError : an unknown effect, a size that is no percentage above 0, the same effect twice, more than three
     """
     wanted = [text.strip() for text in texts if text.strip() != "none"]
     if len(wanted) < len(texts) and wanted:

@@ -129,39 +129,61 @@ def run(
     clock : time of the first sample, sampling period and the commands' delay in s, steps a sample
     out : (n, N_OUT), receives a row a sample
     """
+    scratch = scratch_of(bench, y)
+    for n in range(commands.shape[0]):
+        status = look(bench, y, scratch[0], out[n])
+        if status == OK:
+            status = sample(bench, y, scratch, n, commands, pushes, clock, out[n])
+        if status != OK:
+            return status, n
+    return OK, commands.shape[0]
+
+
+@compiled
+def scratch_of(bench: Bench, y: Array) -> tuple[Array, Array, Array]:
+    """(filters of the sensor, settled at the state y; stages; commands held), the memory of a run's samples."""
+    filters = np.zeros(3)
+    filters[:] = _sensed(bench.plant.reading, y[X], y[V])[0]
+    return filters, np.zeros((N_STAGE + 1, y.size)), np.zeros(2)
+
+
+@compiled
+def sample(
+    bench: Bench, y: Array, scratch: tuple[Array, Array, Array], n: int, commands: Array, pushes: Array,
+    clock: tuple[float, float, float, int], row: Array,
+) -> int:  # fmt: skip
+    """OK with the state at the end of sample n and its voltages in the row, or why not; arguments as `run`.
+
+    Commands up to the n-th are looked at.
+    """
     plant = bench.plant
     start, period, delay, substeps = clock
-    stages, held, filters = np.zeros((N_STAGE + 1, y.size)), np.zeros(2), np.zeros(3)
-    filters[:] = _sensed(plant.reading, y[X], y[V])[0]
+    filters, stages, held = scratch
     late = int(delay / period + 1e-9)
     rest = delay - late * period
     rest = 0.0 if rest < 1e-9 * period else rest
     parts = ((0.0, rest), (rest, period))
-    for n in range(commands.shape[0]):
-        status = _record(bench, y, filters, out[n])
-        y[VOLT_SECONDS_1] = y[VOLT_SECONDS_2] = 0.0
-        for part in range(2):
-            begin, end = parts[part]
-            source = n - late - 1 + part
-            held[:] = 0.0
-            if source >= 0:
-                _limited(plant, commands[source], held)
-            steps = int(np.ceil(substeps * (end - begin) / period - 1e-9))
-            step = (end - begin) / max(steps, 1)
-            for s in range(steps):
-                share = (begin + s * step) / period
-                first = pushes[n] + share * (pushes[n + 1] - pushes[n])
-                last = first + step / period * (pushes[n + 1] - pushes[n])
-                if status == OK:
-                    span = (start + (n + share) * period, step)
-                    status = _advance(bench, span, y, held, (first, last), stages)
-                if status == OK:
-                    _read(plant.reading, step, filters, y, stages[N_STAGE])
-                    y[:] = stages[N_STAGE]
-        if status != OK:
-            return status, n
-        out[n, OUT_VOLTAGE_1], out[n, OUT_VOLTAGE_2] = y[VOLT_SECONDS_1] / period, y[VOLT_SECONDS_2] / period
-    return OK, commands.shape[0]
+    y[VOLT_SECONDS_1] = y[VOLT_SECONDS_2] = 0.0
+    for part in range(2):
+        begin, end = parts[part]
+        source = n - late - 1 + part
+        held[:] = 0.0
+        if source >= 0:
+            _limited(plant, commands[source], held)
+        steps = int(np.ceil(substeps * (end - begin) / period - 1e-9))
+        step = (end - begin) / max(steps, 1)
+        for s in range(steps):
+            share = (begin + s * step) / period
+            first = pushes[n] + share * (pushes[n + 1] - pushes[n])
+            last = first + step / period * (pushes[n + 1] - pushes[n])
+            span = (start + (n + share) * period, step)
+            status = _advance(bench, span, y, held, (first, last), stages)
+            if status != OK:
+                return status
+            _read(plant.reading, step, filters, y, stages[N_STAGE])
+            y[:] = stages[N_STAGE]
+    row[OUT_VOLTAGE_1], row[OUT_VOLTAGE_2] = y[VOLT_SECONDS_1] / period, y[VOLT_SECONDS_2] / period
+    return OK
 
 
 @compiled
@@ -194,7 +216,7 @@ def _settled(bench: Bench, y: Array) -> bool:
 
 
 @compiled
-def _record(bench: Bench, y: Array, filters: Array, row: Array) -> int:
+def look(bench: Bench, y: Array, filters: Array, row: Array) -> int:
     """OK with the row of a sample filled but for its voltages, or why not."""
     sides = bench.sides
     if not side_currents(bench, y, _relative_position(bench.plant, y)):

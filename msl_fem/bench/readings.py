@@ -29,9 +29,7 @@ def readings(rig: Rig, response: Response, *, run: int = 0) -> dict[str, Array]:
     position = np.array(response.reading)
     if it.play > 0:
         position = _played(position, it.play)
-    if it.drift > 0:
-        seed = (it.drift_seed, run)
-        position += it.drift * smooth_noise(position.size, corner=DRIFT_CORNER, rate=response.rate, seed=seed)
+    position += drift_path(rig, position.size, rate=response.rate, run=run)
     sides = range(response.current.shape[1])
     found: dict[str, Array] = {}
     if rig.plant.circuit.drive == CURRENT_DRIVE:
@@ -40,13 +38,29 @@ def readings(rig: Rig, response: Response, *, run: int = 0) -> dict[str, Array]:
     return found | currents | {"position_m": position}
 
 
+def drift_path(rig: Rig, count: int, *, rate: float, run: int) -> Array:
+    """The wander of the position's zero, (count,) m."""
+    it = rig.instruments
+    if it.drift == 0:
+        return np.zeros(count)
+    return it.drift * smooth_noise(count, corner=DRIFT_CORNER, rate=rate, seed=(it.drift_seed, run))
+
+
+@compiled
+def play_step(held: float, position: float, width: float) -> float:
+    """The reading (m) of a sensor with a play of half width `width`; `held` is the last one, nan before the first."""
+    if np.isnan(held):
+        return position
+    return min(max(held, position - width), position + width)
+
+
 @compiled
 def _played(position: Array, width: float) -> Array:
-    """The reading of a sensor with a play of half width `width` (m), which starts in its middle."""
+    """The readings of a sensor with a play of half width `width` (m), which starts in its middle."""
     out = np.empty_like(position)
-    held = position[0]
+    held = np.nan
     for n in range(position.size):
-        held = min(max(held, position[n] - width), position[n] + width)
+        held = play_step(held, position[n], width)
         out[n] = held
     return out
 

@@ -38,6 +38,7 @@ class Response:
     command : (n_sample, n_column) as asked
     voltage : (n_sample, n_side) mean until the next sample
     reading : the position after the sensor's electronics, before instruments' errors
+    measured : in closed loop the position as its controller read it, with errors and noise; else None
     """
 
     rate: float
@@ -49,6 +50,7 @@ class Response:
     velocity: Array
     reading: Array
     end_state: Array
+    measured: Array | None = None
 
 
 def run_rig(
@@ -78,19 +80,26 @@ def run_rig(
     pushes = random_path(rig, n, rate=rate, seed=seed)
     status, done = run(bench, y, padded, pushes, clock, out)
     if status != OK:
-        raise ComputationError(_complaint(rig, plant, status, time=(done - lead) / rate, y=y))
-    out = out[lead:]
-    sides = plant.magnets.sides
+        way_out = "the open loop does not bear this: lower the amplitude or the bias"
+        raise ComputationError(complaint(rig, plant, status, time=(done - lead) / rate, y=y, way_out=way_out))
+    return response_of(out[lead:], commands, rate=rate, sides=plant.magnets.sides, end_state=y)
+
+
+def response_of(
+    out: Array, command: Array, *, rate: float, sides: int, end_state: Array, measured: Array | None = None
+) -> Response:
+    """The response in the rows (n_sample, N_OUT) of the integrator."""
     return Response(
         rate=rate,
-        command=commands,
+        command=command,
         current=out[:, OUT_I1 : OUT_I1 + sides],
         voltage=out[:, OUT_VOLTAGE_1 : OUT_VOLTAGE_1 + sides],
         flux_linkage=out[:, OUT_FLUX_1 : OUT_FLUX_1 + sides],
         position=out[:, OUT_X],
         velocity=out[:, OUT_V],
         reading=out[:, OUT_READING],
-        end_state=y,
+        end_state=end_state,
+        measured=measured,
     )
 
 
@@ -150,9 +159,10 @@ def smooth_noise(count: int, *, corner: float, rate: float, seed: tuple[int, ...
     return value[lead:] / math.sqrt((1 + pole**2) / (1 - pole**2) ** 3)
 
 
-def _complaint(rig: Rig, plant: Plant, status: int, *, time: float, y: Array) -> str:
+def complaint(rig: Rig, plant: Plant, status: int, *, time: float, y: Array, way_out: str) -> str:
+    """Why a run ended, when and where, and what to do."""
     why = {OUTSIDE_TABLE: "a gap or a current left the table", OUTSIDE_RANGE: "the mover left its range"}
     return (
         f"{rig.name}: {why.get(status, 'the state is no longer finite')} after t = {time:.6g} s, at x = "
-        f"{format_quantity(float(y[X]), 'm')}; the open loop does not bear this: lower the amplitude or the bias"
+        f"{format_quantity(float(y[X]), 'm')}; {way_out}"
     )

@@ -1,14 +1,16 @@
 """A record with something hidden in it, and the answer that stays apart."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from msl_fem.actuator import Actuator
 from msl_fem.bench.catalogue import OUTSIDE_BY_NAME, Request
-from msl_fem.bench.readings import believed_noise, columns, disturbed, noisy
+from msl_fem.bench.following import Following, LoopController
+from msl_fem.bench.plant import Array
+from msl_fem.bench.readings import believed_noise, columns, disturbed, instrument_noise, noisy
 from msl_fem.bench.rig import Rig, true_rig
 from msl_fem.bench.running import Response
 from msl_fem.bench.setting import Effect, Setting, runs_of, scales_of
@@ -17,12 +19,21 @@ from msl_fem.bench.stability import check_stable, stability_limit
 from msl_fem.bench.static_map import FLUX_NOISE, FORCE_NOISE, static_map
 from msl_fem.bench.truth import draw_truth
 from msl_fem.bench.usual_excitation import commands_of, usual_excitations, usual_unit
+from msl_fem.coupled_model.excitation import reference
 from msl_fem.coupled_model.excitation_kinds import Excitation
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.record import Record, Run, Sampling, Tolerance
 from msl_fem.table import MagneticTable
 
 Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """The controller of runs in closed loop, designed from what is believed, and what rig.toml states of it."""
+
+    controller: LoopController
+    section: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -38,6 +49,7 @@ class BenchOptions:
     exact : sizes as asked, even where six tolerances of a believed parameter are more
     noise : "coloured", "white" or "none"
     tolerance : within which the true parameters are drawn
+    loop : for excitations with loop=closed
     """
 
     seed: int
@@ -47,6 +59,7 @@ class BenchOptions:
     exact: bool = False
     noise: str = "coloured"
     tolerance: Tolerance = field(default_factory=Tolerance)
+    loop: ClosedLoop | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +95,18 @@ def sealed_record(
         progress(3 + n, steps)
     rig = with_all(setting, hidden)
     try:
-        responses = runs_of(rig, setting.commands, setting.leads, rate=options.rate)
+        asked = tuple(_with_noise(one, actuator, options, n) for n, one in enumerate(setting.commands))
+        responses = runs_of(rig, asked, setting.leads, rate=options.rate)
     except ComputationError as err:
         raise InputError(f"with the effects asked for, {err}") from err
     record = _record(setting, rig, excitations, options, responses)
     progress(steps, steps)
-    together = changes(channels(rig, responses), channels(setting.rig, setting.responses)) if hidden else {}
+    together: dict[str, float] = {}
+    if hidden:
+        silent = responses
+        if any(isinstance(one, Following) for one in setting.commands):
+            silent = runs_of(rig, setting.commands, setting.leads, rate=options.rate)
+        together = changes(channels(rig, silent), channels(setting.rig, setting.responses))
     return Sealed(record, _answer(setting, hidden, together, excitations))
 
 
@@ -102,18 +121,19 @@ def prepared_setting(
     """
     unit = usual_unit(actuator)
     for one in excitations:
-        if one.unit != unit:
+        if one.loop == "open" and one.unit != unit:
             raise InputError(f"{one.name}: amplitude is in {one.unit}, the drive of {actuator.name} takes {unit}")
     truth = draw_truth(options.tolerance, table, np.random.default_rng([options.seed, 1]))
     rig = true_rig(actuator, table, truth)
-    commands = tuple(commands_of(actuator, one, rate=options.rate) for one in excitations)
+    commands = tuple(_asked(actuator, one, options) for one in excitations)
     leads = tuple(one.bias for one in excitations)
     try:
         responses = runs_of(rig, commands, leads, rate=options.rate)
     except ComputationError as err:
         raise InputError(f"{err} (at x = 0 it is stable up to {stability_limit(rig):.3g} A on all sides)") from err
     for response in responses:
-        check_stable(rig, response)
+        if response.measured is None:
+            check_stable(rig, response)
     return Setting(
         actuator=actuator,
         table=table,
@@ -127,6 +147,27 @@ def prepared_setting(
         seed=options.seed,
         scales=scales_of(responses[0], rig),
     )
+
+
+def _asked(actuator: Actuator, excitation: Excitation, options: BenchOptions) -> Array | Following:
+    """The commands of an excitation, or what its closed loop follows, without noise."""
+    if excitation.loop == "open":
+        return commands_of(actuator, excitation, rate=options.rate)
+    if options.loop is None:
+        raise InputError(f"{excitation.name}: loop=closed needs a controller; leave it out for open loop")
+    wanted = reference(excitation, rate=options.rate)
+    followed = np.column_stack([wanted.position, wanted.velocity, wanted.acceleration])
+    return Following(followed, options.loop.controller, resolution=actuator.position_sensor.resolution)
+
+
+def _with_noise(asked: Array | Following, actuator: Actuator, options: BenchOptions, run: int) -> Array | Following:
+    """What a run is asked for; in closed loop the noise of the position's reading is in the loop."""
+    if not isinstance(asked, Following) or options.noise == "none":
+        return asked
+    how = disturbed(actuator, coloured=options.noise == "coloured")
+    generator = np.random.default_rng([options.seed, 5, run])
+    noise = instrument_noise(len(asked.reference), how, rate=options.rate, generator=generator)
+    return replace(asked, noise=how.sigma["position"] * noise)
 
 
 def _hidden(setting: Setting, request: Request, others: Sequence[Hidden], *, exact: bool) -> Hidden:
@@ -164,6 +205,10 @@ def _record(
         generator = np.random.default_rng([options.seed, 2, n])
         if options.noise != "none":
             table = noisy(table, how, rate=options.rate, generator=generator)
+        asked = setting.commands[n]
+        if isinstance(asked, Following):
+            assert response.measured is not None
+            table |= {"position_m": response.measured, "reference_m": asked.reference[:, 0]}
         name = excitation.name.replace("-", "_") + (f"_{n + 1}" if len(excitations) > 1 else "")
         runs.append(Run(name, excitation.spec, excitation.role, table))
     noise = believed_noise(actuator)
@@ -174,7 +219,7 @@ def _record(
         noise = noise.model_copy(update={"force": FORCE_NOISE, "flux_linkage": FLUX_NOISE})
     return Record(
         "simulated", actuator, sampling=Sampling(rate=options.rate), noise=noise, tolerance=options.tolerance,
-        runs=tuple(runs), static=static,
+        controller=None if options.loop is None else options.loop.section, runs=tuple(runs), static=static,
     )  # fmt: skip
 
 

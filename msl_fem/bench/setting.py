@@ -7,6 +7,7 @@ from zlib import crc32
 import numpy as np
 
 from msl_fem.actuator import Actuator
+from msl_fem.bench.following import Following, follow
 from msl_fem.bench.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE, Array
 from msl_fem.bench.rig import Rig
 from msl_fem.bench.running import Response, run_rig
@@ -42,8 +43,8 @@ class Setting:
     actuator, table, tolerance : as believed
     truth : what was drawn
     rig : the true one, without effects
-    commands : (n_sample, n_column) of each run
-    leads : what each run's commands start from, held until the currents stand
+    commands : (n_sample, n_column) of each run in open loop, what a run in closed loop follows
+    leads : what each run's commands start from, held until the currents stand; not in closed loop
     responses : of the rig, without noise
     """
 
@@ -52,7 +53,7 @@ class Setting:
     tolerance: Tolerance
     truth: Truth
     rig: Rig
-    commands: tuple[Array, ...]
+    commands: tuple[Array | Following, ...]
     leads: tuple[float, ...]
     responses: tuple[Response, ...]
     rate: float
@@ -98,10 +99,17 @@ def lag_to_start_with(setting: Setting) -> float:
     return (0.1 if setting.drive == "current" else 0.3) / setting.rate
 
 
-def runs_of(rig: Rig, commands: tuple[Array, ...], leads: tuple[float, ...], *, rate: float) -> tuple[Response, ...]:
-    """The rig's runs of all commands, each after its lead-in; raises as `run_rig`."""
+def runs_of(
+    rig: Rig, commands: tuple[Array | Following, ...], leads: tuple[float, ...], *, rate: float
+) -> tuple[Response, ...]:
+    """The rig's runs of all commands, each after its lead-in, or in closed loop; raises as `run_rig` and `follow`."""
     pairs = zip(commands, leads, strict=True)
-    return tuple(run_rig(rig, one, rate=rate, lead_in=lead, seed=n) for n, (one, lead) in enumerate(pairs))
+    return tuple(
+        follow(rig, one, rate=rate, seed=n)
+        if isinstance(one, Following)
+        else run_rig(rig, one, rate=rate, lead_in=lead, seed=n)
+        for n, (one, lead) in enumerate(pairs)
+    )
 
 
 def scales_of(response: Response, rig: Rig) -> Scales:

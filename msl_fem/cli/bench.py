@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.bench import BenchOptions, parse_requests, sealed_record, usual_unit
+from msl_fem.bench import BenchOptions, ClosedLoop, parse_requests, sealed_record, usual_unit
+from msl_fem.cli.looped import usual_loop
 from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar, write_json
 from msl_fem.cli.sweeping import table_for
@@ -14,6 +15,7 @@ from msl_fem.coupled_model.excitation import load_excitations
 from msl_fem.coupled_model.excitation_kinds import Excitation
 from msl_fem.errors import InputError
 from msl_fem.record import check_record_folder, write_record
+from msl_fem.table import MagneticTable
 from msl_fem.whole_file import check_target
 
 NOISES = ("coloured", "white", "none")
@@ -29,7 +31,7 @@ def command(
     ] = None,
     hide: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=3%", help="Once or twice: an effect and its size; none; outside[:NAME][=3%]."),
+        typer.Option(metavar="NAME=3%", help="Up to three: an effect and its size; none; outside[:NAME][=3%]."),
     ] = None,
     answer: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Sealed answer (JSON); without, beside the record folder.")
@@ -57,15 +59,17 @@ def command(
     if not sampling > 0:
         raise InputError(f'--rate {rate} is not allowed; it must be above 0 Hz, like "10 kHz"')
     sealed = _answer_file(output, answer)
+    excitations = _excitations(it, excitation or [])
+    magnet_table = table_for(it, table)
     options = BenchOptions(
         seed=seed,
         rate=sampling,
-        excitations=_excitations(it, excitation or []),
+        excitations=excitations,
         static=static,
         exact=exact_size,
         noise=noise,
+        loop=_loop(it, magnet_table, excitations, rate=sampling),
     )
-    magnet_table = table_for(it, table)
     with progress_bar("bench") as progress:
         made = sealed_record(it, magnet_table, requests, options, progress=progress)
     write_record(made.record, output)
@@ -85,6 +89,19 @@ def _answer_file(output: Path, answer: Path | None) -> Path:
         raise InputError(f"--answer {sealed}: lies in the record's folder, where all can read it; choose another place")
     check_target(sealed)
     return sealed
+
+
+def _loop(
+    actuator: Actuator, table: MagneticTable | None, excitations: tuple[Excitation, ...], *, rate: float
+) -> ClosedLoop | None:
+    """The controller that is believed in, where an excitation asks for one, its references checked."""
+    closed = [one for one in excitations if one.loop == "closed"]
+    if not closed:
+        return None
+    loop = usual_loop(actuator, table)
+    for one in closed:
+        loop.reference(one, rate=rate)
+    return ClosedLoop(loop.controller, loop.section)
 
 
 def _excitations(actuator: Actuator, texts: list[str]) -> tuple[Excitation, ...]:

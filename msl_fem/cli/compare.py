@@ -7,7 +7,7 @@ import typer
 
 from msl_fem.cli.options import Json, TableFile
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say, write_json
-from msl_fem.cli.sweeping import table_for
+from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.comparison import CompareSettings, Comparison, compare
 from msl_fem.extended_model import load_extended_model
 from msl_fem.record import load_record
@@ -16,7 +16,9 @@ from msl_fem.report.comparison_page import comparison_page
 from msl_fem.report.page import write_page
 from msl_fem.whole_file import check_target
 
-KINDS = {"nrmse_one_step": "1 step", "nrmse_ten_step": "10 steps", "nrmse_free_run": "free"}
+KINDS = {
+    "nrmse_one_step": "1 step", "nrmse_ten_step": "10 steps", "nrmse_closed_loop": "closed", "nrmse_free_run": "free",
+}  # fmt: skip
 
 
 def command(
@@ -44,7 +46,9 @@ def command(
     file = extended if extended is not None else beside if beside.is_file() else None
     model = load_extended_model(file) if file is not None else None
     magnet_table = table_for(it.actuator, table)
-    belief = None if model is None else Belief(model.actuator, magnet_table, model.effects)
+    belief = None
+    if model is not None:
+        belief = Belief(model.actuator, table_of_model(model.actuator, magnet_table), model.effects)
     with progress_bar("models and runs") as progress:
         settings = CompareSettings(
             table=magnet_table, extended=belief, progress=lambda _, done, total: progress(done, total)

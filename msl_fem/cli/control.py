@@ -1,94 +1,182 @@
 """The command `control`: designs the guarded controller and runs it."""
 
+from json import loads as parse_json
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 
-from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
-from msl_fem.cli.output import print_result
-from msl_fem.cli.sweeping import table_for
+from msl_fem.actuator import Actuator
+from msl_fem.cli.options import Json, TableFile, read_option
+from msl_fem.cli.output import print_result, progress_bar
+from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.control import (
+    Belief,
+    Choice,
     ClosedLoopRun,
     ControllerDesign,
+    ForceTerm,
+    IdentifiedPlant,
     TruePlant,
+    belief_of,
+    belief_of_terms,
+    belief_with_effects,
+    check_stable,
     closed_loop_record,
-    design_controller,
+    designed,
+    examine,
     run_closed_loop,
 )
+from msl_fem.control.stepper import stated
 from msl_fem.coupled_model.excitation import load_excitations, reference
+from msl_fem.effects import EffectValues
 from msl_fem.errors import InputError
+from msl_fem.extended_model import ExtendedModel, load_extended_model
+from msl_fem.identification import ArmaxModel, Believed, model_from_json, physical_parameters
+from msl_fem.identification.rational import rational_term
 from msl_fem.operating_map import OperatingMap, operating_map, read_map
 from msl_fem.record import check_record_folder, write_record
+from msl_fem.report.control_page import control_page
+from msl_fem.report.page import write_page
+from msl_fem.schema import reason, small_text
 from msl_fem.table import MagneticTable
+from msl_fem.whole_file import check_target
 
 
 def command(
-    actuator: ActuatorFile,
+    actuator: Annotated[Path, typer.Argument(metavar="ACTUATOR", help="Actuator file, or an extended model (TOML).")],
     reference_: Annotated[
         str, typer.Option("--reference", metavar="SPEC", help="What to follow.")
     ] = "sine:frequency=2 Hz,amplitude=0.4 mm,duration=2 s",
     table: TableFile = None,
     map_file: Annotated[Path | None, typer.Option("--map", help="Operating map; without, from the table.")] = None,
-    model: Annotated[str, typer.Option(help="table: the input transformation's model.")] = "table",
-    design: Annotated[str, typer.Option(help="lqr")] = "lqr",
+    model: Annotated[
+        str,
+        typer.Option(help="What the controller knows: table, an identified model (JSON), or an extended model (TOML)."),
+    ] = "table",
+    design: Annotated[str, typer.Option(help="lqr, robust, biased or pid.")] = "lqr",
     bandwidth: Annotated[str | None, typer.Option(help="Of the feedback.")] = None,
     peak_sensitivity: Annotated[float | None, typer.Option(help="Bound on max |S|.")] = None,
     feedforward: Annotated[bool, typer.Option(help="Two degrees of freedom, or the paper's integral alone.")] = True,
+    bias: Annotated[str | None, typer.Option(help="Of the biased design, a side.")] = None,
+    overlap: Annotated[str, typer.Option(help="Force with which both sides pull at zero force.")] = "0 N",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Record folder of the run.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the sensor's noise.")] = 1,
+    report: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Page of the design's trials: the paper's figures, margins (HTML)."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise.")] = 1,
     json: Json = False,
 ) -> None:
-    """Design the guarded controller and run it on the believed plant."""
-    if model != "table" or design != "lqr":
-        raise InputError(f"--model {model} --design {design} is not available; use --model table --design lqr")
-    it = load_actuator(actuator)
+    """Design the guarded controller and run it.
+
+    An extended model as ACTUATOR is a plant whose effects the controller does not know; as --model, one that it knows.
+    """
+    plant = load_extended_model(actuator)
     wanted = load_excitations(reference_, unit="m")
     if len(wanted) != 1:
         raise InputError(f"--reference names {len(wanted)} references; give one")
-    if it.magnet is None or it.controller is None:
-        raise InputError(f"{it.name} has no [magnet] or no [controller]; control needs both")
+    if plant.actuator.magnet is None or plant.actuator.controller is None:
+        raise InputError(f"{plant.actuator.name} has no [magnet] or no [controller]; control needs both")
+    choice = Choice(
+        design,
+        None if bandwidth is None else read_option("--bandwidth", bandwidth, "Hz"),
+        peak_sensitivity,
+        feedforward,
+        read_option("--overlap", overlap, "N"),
+        None if bias is None else read_option("--bias", bias, "A"),
+    )
     if output is not None:
         check_record_folder(output)
+    if report is not None:
+        check_target(report)
+    known = None if model == "table" else _known(Path(model))
     given = read_map(map_file) if map_file is not None else None
-    magnet_table = table_for(it, table)
+    own = table_of_model(known.actuator, None) if isinstance(known, ExtendedModel) else None
+    magnet_table = own if own is not None else table_for(plant.actuator, table)
     assert magnet_table is not None
     regions = given if given is not None else operating_map(magnet_table)
-    made = _design(it, magnet_table, regions, bandwidth, peak_sensitivity, feedforward)
-    generator = np.random.default_rng(seed)
-    run = run_closed_loop(
-        made,
-        reference(wanted[0], rate=it.controller.rate),
-        plant=TruePlant(it, magnet_table),
-        generator=generator,
-    )
-    fields = control_fields(made, run)
+    belief = _belief(plant.actuator, known, magnet_table, regions)
+    made = designed(belief, choice)
+    track = reference(wanted[0], rate=1 / made.law.plant.period)
+    check_stable(made, track)
+    true = known if isinstance(known, ExtendedModel) else plant
+    acted_on = TruePlant(true.actuator, magnet_table, _effects(true))
+    run = run_closed_loop(made, track, plant=acted_on, generator=np.random.default_rng(seed))
     if output is not None:
-        write_record(closed_loop_record(it, run, excitation=wanted[0].spec, generator=generator), output)
-    print_result(fields, as_json=json, title=f"{it.name}: closed loop on {wanted[0].spec}")
+        wishes = {name: text for name, text in (("bandwidth", bandwidth), ("bias", bias)) if text is not None}
+        section = stated(made, **wishes)
+        record = closed_loop_record(true.actuator, run, excitation=wanted[0].spec, controller=section)
+        write_record(record, output)
+    fields = control_fields(made, run) | {"effects": list(true.effects.present)}
+    if report is not None:
+        with progress_bar("trials") as progress:
+            found = examine(made, plant=acted_on, seed=seed, progress=progress)
+        write_page(control_page(found), report)
+        fields |= {"report": str(report)}
+    print_result(fields, as_json=json, title=f"{plant.actuator.name}: {made.kind} in closed loop on {wanted[0].spec}")
 
 
-def _design(
-    actuator: Actuator,
-    table: MagneticTable,
-    regions: OperatingMap,
-    bandwidth: str | None,
-    peak_sensitivity: float | None,
-    feedforward: bool,
-) -> ControllerDesign:
-    wishes: dict[str, float] = {}
-    if bandwidth is not None:
-        wishes["bandwidth"] = read_option("--bandwidth", bandwidth, "Hz")
-    if peak_sensitivity is not None:
-        wishes["peak_sensitivity"] = peak_sensitivity
-    return design_controller(actuator, table, regions, feedforward=feedforward, **wishes)
+def _known(file: Path) -> ExtendedModel | ArmaxModel:
+    """What a file tells the controller: TOML an extended model, JSON an identified one."""
+    if file.suffix == ".toml":
+        return load_extended_model(file)
+    if file.suffix != ".json":
+        raise InputError(f"--model {file}: give 'table', an identified model (.json) or an extended model (.toml)")
+    try:
+        content = parse_json(small_text(file))
+    except OSError as err:
+        raise InputError(
+            f"--model {file}: cannot be read ({reason(err)}); give what 'msl-fem identify -o' wrote"
+        ) from err
+    except (ValueError, RecursionError) as err:
+        raise InputError(f"--model {file}: no JSON ({err}); give what 'msl-fem identify -o' wrote") from err
+    if not isinstance(content, dict):
+        raise InputError(f"--model {file}: no identified model; give what 'msl-fem identify -o' wrote")
+    return model_from_json(content)
+
+
+def _effects(model: ExtendedModel) -> EffectValues | None:
+    return model.effects if model.effects.stated else None
+
+
+def _belief(
+    actuator: Actuator, known: ExtendedModel | ArmaxModel | None, table: MagneticTable, regions: OperatingMap
+) -> Belief:
+    if known is None:
+        return belief_of(actuator, table, regions)
+    if isinstance(known, ArmaxModel):
+        return belief_of_terms(actuator, identified_plant(known, actuator), regions)
+    return belief_with_effects(known.actuator, table, regions, known.effects)
+
+
+def identified_plant(model: ArmaxModel, actuator: Actuator) -> IdentifiedPlant:
+    """Suspension and force terms of an identified model, its scale the actuator's moving mass.
+
+    Raises
+    ------
+    InputError : a model without rational terms or of another order than a mass on a spring; another nominal gap
+    """
+    rational, motion = model.rational, actuator.motion
+    if rational is None:
+        raise InputError("the identified model has no rational terms; identify a record with currents of the sides")
+    if motion is None or motion.nominal_gap is None:
+        raise InputError(f"{actuator.name} has no motion.nominal_gap; an identified model's terms need it")
+    found = physical_parameters(model, mass=Believed(motion.moving_mass))
+    terms = []
+    for text in map(str, rational.terms):
+        term = rational_term(text)
+        constant = found[f"force_constant[{text}]"].value
+        terms.append(ForceTerm(term.side, term.current_power, term.gap_power, constant))
+    offset = rational.nominal_gap - motion.nominal_gap
+    return IdentifiedPlant(found["stiffness"].value, found["damping"].value, tuple(terms), rational.delta + offset)
 
 
 def control_fields(design: ControllerDesign, run: ClosedLoopRun) -> dict[str, Any]:
     """The JSON fields of `control`."""
     return {
+        "design": design.kind,
         "tracking_rms_m": run.tracking_rms,
         "peak_current_A": run.peak_current,
         "copper_loss_W": run.copper_loss,
@@ -100,4 +188,7 @@ def control_fields(design: ControllerDesign, run: ClosedLoopRun) -> dict[str, An
         "flat_band_Hz": design.flat_band,
         "peak_sensitivity": design.peak_sensitivity,
         "reach_m": list(design.reach),
+        "stable_reach_m": list(design.stable_reach),
+        "iso_14839_3_zone_reach_m": design.zone_reach,
+        "inverse_domain": dict(design.domain),
     }

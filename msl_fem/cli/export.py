@@ -6,35 +6,52 @@ from typing import Annotated, Any
 import typer
 
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.cli.options import Json
+from msl_fem.cli.options import Json, TableFile
 from msl_fem.cli.output import print_result, say
 from msl_fem.cli.sweeping import table_for
+from msl_fem.control import design_controller
 from msl_fem.errors import InputError
-from msl_fem.export.formats import ACTUATOR, MAP, TABLE, find_format
+from msl_fem.export.c_controller import ControllerSource
+from msl_fem.export.fmu import platforms
+from msl_fem.export.formats import ACTUATOR, CONTROLLER, MAP, MODEL, TABLE, ModelSource, find_format
 from msl_fem.operating_map import OperatingMap, operating_map, read_map
 from msl_fem.table import MagneticTable, read_table
 from msl_fem.whole_file import check_target
 
 _HDF5 = b"\x89HDF"
-Source = Actuator | MagneticTable | OperatingMap
+Source = Actuator | MagneticTable | OperatingMap | ModelSource | ControllerSource
 
 
 def command(
     source: Annotated[Path, typer.Argument(metavar="TABLE|ACTUATOR|MAP", help="Table, actuator file or map.")],
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="c or csv.")],
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="c, csv, mat, modelica or fmu.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
-    what: Annotated[str | None, typer.Option(metavar="PART", help="guard or table; without, what SOURCE is.")] = None,
+    what: Annotated[
+        str | None, typer.Option(metavar="PART", help="guard, table, controller or model; without, what SOURCE is.")
+    ] = None,
+    table: TableFile = None,
     name: Annotated[str | None, typer.Option(help="Beginning of C names; without, the actuator's name.")] = None,
     json: Json = False,
 ) -> None:
-    """Write a table or a guard for other tools: a C99 header, or comma-separated values."""
+    """Write a table, a guard or the coupled model for other tools.
+
+    A table as CSV, C99 header, MAT-file for Simscape or text for Modelica; a guard as C99 header, and so the whole
+    controller of an actuator, as `control` designs it (--what controller); an actuator's coupled model as FMU (FMI 2.0,
+    co-simulation).
+    """
     kind = _kind(source)
     wanted = find_format(to, what, kind)
     check_target(output)
     if output.exists() and source.exists() and output.samefile(source):
         raise InputError(f"{output} is the source itself; name another file with -o")
-    files = wanted.write(_record(source, kind, wanted.needs), output, name=name)
+    if table is not None and kind != ACTUATOR:
+        raise InputError(f"--table goes with an actuator file; {source} holds a {kind}, leave it out")
+    files = wanted.write(_record(source, kind, wanted.needs, table=table), output, name=name)
     fields: dict[str, Any] = {"files": [str(path) for path in files]}
+    if to == "fmu":
+        fields["platforms"] = platforms(output)
+        if not fields["platforms"]:
+            say("note: no gcc here for 64-bit Linux, so the FMU holds its sources alone; see sources/build.txt in it")
     print_result(fields, as_json=json, title=f"{source} as {to}, {wanted.what}")
 
 
@@ -51,23 +68,37 @@ def _kind(path: Path) -> str:
         raise InputError(f"{path}: cannot be read ({err.strerror}); give a table, an actuator file or a map") from err
 
 
-def _record(path: Path, kind: str, needs: str) -> Source:
+def _record(path: Path, kind: str, needs: str, *, table: Path | None) -> Source:
     """The record that a format needs, made of the source where it is not the source itself."""
     if kind == MAP:
         return read_map(path)
     if needs == ACTUATOR:
         return load_actuator(path)
-    table = read_table(path) if kind == TABLE else _table_of(load_actuator(path))
+    if needs == MODEL:
+        actuator = load_actuator(path)
+        return ModelSource(actuator, table_for(actuator, table))
+    if needs == CONTROLLER:
+        return _controller(load_actuator(path), table)
+    magnet = read_table(path) if kind == TABLE else _table_of(load_actuator(path), table)
     if needs == TABLE:
-        return table
-    made = operating_map(table)
+        return magnet
+    made = operating_map(magnet)
     for warning in (*made.warnings, *made.not_reached()):
         say(f"note: {warning}")
     return made
 
 
-def _table_of(actuator: Actuator) -> MagneticTable:
-    table = table_for(actuator, None)
+def _controller(actuator: Actuator, table: Path | None) -> ControllerSource:
+    """The controller that `control` designs by default, of what is believed."""
+    if actuator.magnet is None or actuator.controller is None:
+        raise InputError(f"{actuator.name} has no [magnet] or no [controller]; a controller needs both")
+    magnet = _table_of(actuator, table)
+    regions = operating_map(magnet)
+    return ControllerSource(design_controller(actuator, magnet, regions), regions)
+
+
+def _table_of(actuator: Actuator, given: Path | None) -> MagneticTable:
+    table = table_for(actuator, given)
     if table is None:
         raise InputError(f"{actuator.name} has no [magnet], so there is no table to export")
     return table

@@ -153,6 +153,12 @@ def run_guarded(app: Callable[[], None]) -> int:
     except OSError as err:
         say(f"error: {err.filename or 'file'}: {err.strerror or err}")
         return INPUT_WRONG
+    except RecursionError:
+        say("error: what was given is nested too deeply to be read; write it with fewer levels")
+        return INPUT_WRONG
+    except MemoryError as err:
+        say(f"failed: out of memory ({_one_line(err) or 'no size given'}); ask for less, or use a larger machine")
+        return COMPUTATION_FAILED
     except SystemExit as leaving:
         if leaving.code == INTERRUPTED:  # what typer makes of Ctrl-C
             say(GO_ON)

@@ -6,6 +6,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from msl_fem.cli.looped import UsualLoop, usual_loop
 from msl_fem.cli.options import Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar
 from msl_fem.cli.sweeping import table_for
@@ -15,6 +16,7 @@ from msl_fem.coupled_model import (
     refused_unless_borne,
     simulation_record,
 )
+from msl_fem.coupled_model.closed_run import simulate_closed
 from msl_fem.coupled_model.excitation import Excitation, load_excitations
 from msl_fem.coupled_model.inputs import DRIVE_UNIT
 from msl_fem.errors import InputError
@@ -46,18 +48,25 @@ def command(
     if not sampling > 0:
         raise InputError(f'--rate {rate} is not allowed; it must be above 0 Hz, like "10 kHz"')
     check_record_folder(output)
-    guard = None if map_file is None else Guard(read_map(map_file))
+    regions = None if map_file is None else read_map(map_file)
+    guard = None if regions is None else Guard(regions)
     magnet_table = table_for(it, table)
     generator = np.random.default_rng(seed)
+    closed = any(one.loop == "closed" for one in excitations)
+    loop = usual_loop(it, magnet_table, regions) if closed else None
     runs: list[NamedRun] = []
     with progress_bar("runs") as progress:
         for n, one in enumerate(excitations):
             progress(n, len(excitations))
-            run = _open_loop(model, magnet_table, one, rate=sampling, guard=guard, generator=generator)
             name = one.name.replace("-", "_") + (f"_{n + 1}" if len(excitations) > 1 else "")
-            runs.append(NamedRun(name, one.spec, one.role, run))
+            if one.loop == "closed":
+                assert loop is not None
+                runs.append(_closed_loop(model, magnet_table, one, name, rate=sampling, loop=loop, generator=generator))
+            else:
+                run = _open_loop(model, magnet_table, one, rate=sampling, guard=guard, generator=generator)
+                runs.append(NamedRun(name, one.spec, one.role, run))
         progress(len(excitations), len(excitations))
-    record = simulation_record(it, runs)
+    record = simulation_record(it, runs, controller=None if loop is None else loop.section)
     write_record(record, output)
     fields = {
         "record": str(output),
@@ -85,9 +94,24 @@ def _open_loop(
     guard: Guard | None,
     generator: np.random.Generator,
 ) -> Simulation:
-    if excitation.loop == "closed":
-        raise InputError(f"{excitation.name}: loop=closed is run by 'msl-fem control'; leave it out here")
     return refused_unless_borne(
         model.actuator, table, excitation, rate=rate, effects=model.effects if model.effects.stated else None,
         guard=guard, generator=generator,
     )  # fmt: skip
+
+
+def _closed_loop(
+    model: ExtendedModel,
+    table: MagneticTable | None,
+    excitation: Excitation,
+    name: str,
+    *,
+    rate: float,
+    loop: UsualLoop,
+    generator: np.random.Generator,
+) -> NamedRun:
+    """A run whose controller knows nothing of the model's effects."""
+    wanted = loop.reference(excitation, rate=rate)
+    effects = model.effects if model.effects.stated else None
+    run = simulate_closed(model.actuator, table, wanted, loop.controller, effects=effects, generator=generator)
+    return NamedRun(name, excitation.spec, excitation.role, run, wanted.position)

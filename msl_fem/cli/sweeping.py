@@ -24,6 +24,13 @@ def default_workers() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def table_of_model(actuator: Actuator, otherwise: MagneticTable | None) -> MagneticTable | None:
+    """The table that an extended model names; of one that names none, the table of the plain actuator."""
+    if isinstance(actuator.magnet, TableMagnet):
+        return read_table(actuator.folder / actuator.magnet.table)
+    return otherwise
+
+
 def table_for(actuator: Actuator, given: Path | None) -> MagneticTable | None:
     """The table given, that the actuator names, or a computed one; None for a rig without magnets."""
     if actuator.magnet is None:

@@ -1,15 +1,16 @@
 """The comparative model-accuracy report of a record, as numbers."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from msl_fem.comparison.judged import LEAD, Judged, judged_armax, judged_coupled
 from msl_fem.comparison.models import ANALYTIC, COUPLED, Models, analytic_table, fitted_models
+from msl_fem.comparison.own_loop import OwnLoop, own_loop
 from msl_fem.comparison.residuals import Residuals, residuals
 from msl_fem.comparison.static_map import StaticError, static_errors
 from msl_fem.comparison.verdict import verdict
-from msl_fem.errors import InputError
+from msl_fem.errors import ComputationError, InputError
 from msl_fem.record import Record
 from msl_fem.record_fit import Belief, RunData, open_loop_stable, run_data
 from msl_fem.record_fit.run_data import POSITION
@@ -103,13 +104,15 @@ def compare(record: Record, settings: CompareSettings | None = None) -> Comparis
     judged: list[Judged] = []
     if data:
         models = fitted_models(record, data, table, settings.extended, steps.next)
+        loop, models = _loop(record, table, models)
         for run, its in zip(record.runs, data, strict=True):
             steps.next(its.name)
+            asked = None if loop is None else loop.beside(run, its)
             for model in models.coupled:
-                judged += judged_coupled(model, its)
+                judged += judged_coupled(model, its, asked)
             if models.armax is not None:
                 stable = open_loop_stable(Belief(record.actuator, table), its)
-                judged += judged_armax(models.armax, record, run, its, stable=stable)
+                judged += judged_armax(models.armax, record, run, its, stable=stable, looped=asked is not None)
     where = [r for j in judged if (r := residuals(record, record.run(j.run), j)) is not None]
     static = _static(record, table)
     floor = {
@@ -120,6 +123,14 @@ def compare(record: Record, settings: CompareSettings | None = None) -> Comparis
     steps.done()
     said = verdict(judged, where, floor, static)
     return Comparison(record, data, models, tuple(judged), tuple(where), tuple(static), said)
+
+
+def _loop(record: Record, table: MagneticTable | None, models: Models) -> tuple[OwnLoop | None, Models]:
+    """The loop that a design of ours drove, and the models with a note where it cannot be made again."""
+    try:
+        return own_loop(record, table), models
+    except (InputError, ComputationError) as err:
+        return None, replace(models, notes=(*models.notes, f"closed loop: left out, {err}"))
 
 
 def _static(record: Record, table: MagneticTable | None) -> list[StaticError]:

@@ -1,4 +1,4 @@
-"""Each model along each run: readings one sample ahead, ten samples ahead, and in free run, and their errors."""
+"""Each model along each run: readings one sample ahead, ten samples ahead, in closed loop and in free run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,8 +12,10 @@ from msl_fem.comparison.models import ARMAX, CoupledModel
 from msl_fem.identification import ArmaxModel, predict, sampled_run, simulate
 from msl_fem.record import Record, Role, Run
 from msl_fem.record_fit import (
+    Asked,
     RunData,
     believed_plant,
+    closed_run,
     filtered,
     free_run,
     k_step,
@@ -25,8 +27,9 @@ from msl_fem.record_fit.run_data import POSITION
 Array = NDArray[np.float64]
 HORIZON = 10
 LEAD = 40  # samples left out of all errors at the beginning, where a predictor still finds its state
-KINDS = ("one_step", "ten_step", "free_run")
+KINDS = ("one_step", "ten_step", "closed_loop", "free_run")
 UNSTABLE = "the open loop does not return to its operating point, so a free run says nothing"
+CURRENTS_IN = "armax takes currents, it has no drive for a law to command"
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +54,7 @@ class Judged:
 
     @property
     def best_known(self) -> str | None:
-        """The hardest kind of prediction that there is: free run, else ten samples ahead, else one."""
+        """The hardest kind of prediction that there is: free run, else closed loop, ten samples ahead, one."""
         return next((kind for kind in reversed(KINDS) if self.nrmse[kind] is not None), None)
 
     def residual(self, kind: str) -> Array:
@@ -59,14 +62,15 @@ class Judged:
         return (self.measured - self.modelled[kind])[LEAD:]
 
     def fields(self) -> dict[str, Any]:
+        """The JSON fields of an entry of `models`."""
         return {
             "name": self.model, "run": self.run, "role": self.role, "channel": self.channel,
             **{f"nrmse_{kind}": self.nrmse[kind] for kind in KINDS}, "reason": self.reason,
         }  # fmt: skip
 
 
-def judged_coupled(model: CoupledModel, data: RunData) -> list[Judged]:
-    """A coupled model on all channels of a run."""
+def judged_coupled(model: CoupledModel, data: RunData, asked: Asked | None = None) -> list[Judged]:
+    """A coupled model on all channels of a run; in closed loop by `asked`, or by the run's linear law."""
     plant = believed_plant(model.belief, rate=data.rate, ideal_current=data.ideal_current)
     start = measured_start(plant, data)
     found = filtered(plant, data, model.noise, start=start)
@@ -81,6 +85,12 @@ def judged_coupled(model: CoupledModel, data: RunData) -> list[Judged]:
             reasons.append(f"ten_step: {lost} predictions leave table or range")
     else:
         reasons.append(f"one_step, ten_step: {found.reason}")
+    if data.law is not None or asked is not None:
+        run = closed_run(plant, data, start, asked)
+        if run.ended is None:
+            made["closed_loop"] = run.readings
+        else:
+            reasons.append(f"closed_loop: {run.reason}")
     if open_loop_stable(model.belief, data):
         run = free_run(plant, data, start)
         if run.ended is None:
@@ -92,14 +102,16 @@ def judged_coupled(model: CoupledModel, data: RunData) -> list[Judged]:
     return [_judged(model.name, data, channel, made, reasons) for channel in data.measured]
 
 
-def judged_armax(model: ArmaxModel, record: Record, run: Run, data: RunData, *, stable: bool) -> list[Judged]:
-    """ARMAX on the position of a run."""
+def judged_armax(
+    model: ArmaxModel, record: Record, run: Run, data: RunData, *, stable: bool, looped: bool = False
+) -> list[Judged]:
+    """ARMAX on the position of a run; `looped` says that the run's loop is simulated with the other models."""
     sampled = sampled_run(record, run)
     made: dict[str, Mapping[str, Array]] = {
         "one_step": {POSITION: predict(model, sampled)},
         "ten_step": {POSITION: predict(model, sampled, HORIZON)},
     }
-    reasons = []
+    reasons = [f"closed_loop: {CURRENTS_IN}"] if data.law is not None or looped else []
     if stable:
         free = simulate(model, sampled)
         if free.diverged_at is None:

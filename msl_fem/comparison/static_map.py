@@ -47,6 +47,7 @@ class StaticError:
         return float(np.sqrt(np.mean(self.error**2)) / np.abs(self.measured).max())
 
     def fields(self) -> dict[str, Any]:
+        """The JSON fields of an entry of `static`."""
         return {
             "name": self.model, "role": self.role, "quantity": self.quantity, "rows": self.measured.size,
             "rows_outside": self.outside, "rms_error": float(np.sqrt(np.mean(self.error**2))),

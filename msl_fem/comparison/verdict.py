@@ -10,7 +10,10 @@ from msl_fem.comparison.residuals import Residuals
 from msl_fem.comparison.static_map import StaticError
 from msl_fem.record_fit.run_data import POSITION
 
-WORDS = {"free_run": "in free run", "ten_step": "ten samples ahead", "one_step": "one sample ahead"}
+WORDS = {
+    "free_run": "in free run", "closed_loop": "in closed loop", "ten_step": "ten samples ahead",
+    "one_step": "one sample ahead",
+}  # fmt: skip
 LEVEL = 1.05  # two models whose errors are within this factor are level
 WORSE, POWERFUL = 3.0, 1e-3  # of a band: errors to compare, share of the power that counts as excited
 

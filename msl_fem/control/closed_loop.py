@@ -23,12 +23,19 @@ from msl_fem.control.controller import (
 )
 from msl_fem.control.design import ControllerDesign
 from msl_fem.control.inverse import force_limits
-from msl_fem.coupled_model.kernel import advance
-from msl_fem.coupled_model.plant import CURRENT_DRIVE, PlantParameters, Surface, plant_parameters, surface_of
-from msl_fem.coupled_model.state import I1, I2, NOT_FINITE, OK, OUTSIDE_RANGE, SENSOR, X, initial_state
-from msl_fem.coupled_model.step_size import fastest_rate, steps_a_sample
+from msl_fem.coupled_model.plant import CURRENT_DRIVE, PlantParameters
+from msl_fem.coupled_model.plant_in_loop import (
+    N_READING,
+    PlantInLoop,
+    act,
+    plant_at_rest,
+    plant_in_loop,
+    read,
+    reading_noise,
+)
+from msl_fem.coupled_model.state import COIL_1, COIL_2, I1, I2, NOT_FINITE, OK, OUTSIDE_RANGE, X
+from msl_fem.effects import EffectValues
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.operating_map.guard import REGIONS
 from msl_fem.quantity import format_quantity
 from msl_fem.table import MagneticTable
 
@@ -36,9 +43,10 @@ Array = NDArray[np.float64]
 
 # Columns of the compiled loop's output
 (_POSITION, _MEASURED, _CURRENT_1, _CURRENT_2, _VOLTAGE_1, _VOLTAGE_2, _COMMAND_1, _COMMAND_2, _VELOCITY_HAT,
- _DISTURBANCE_HAT, _INNOVATION, _FORCE) = range(12)  # fmt: skip
-_N_OUT = 12
-_STEP_OF_FASTEST = 0.42  # of the plant's fastest time constant: within 20 nm of steps a tenth as long, in motion
+ _DISTURBANCE_HAT, _INNOVATION, _FORCE, _ACTING_1, _ACTING_2, _READ_1, _READ_2) = range(16)  # fmt: skip
+_N_OUT = 16
+_REGIONS = (("preferred", N_PREFERRED), ("discouraged", N_DISCOURAGED), ("unacceptable", N_VIOLATION))
+STEP_OF_FASTEST = 0.42  # of the plant's fastest time constant: within 20 nm of steps a tenth as long, in motion
 _NO_CURRENT = 1e-18  # A
 
 
@@ -57,10 +65,11 @@ class ReferenceArrays(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TruePlant:
-    """What the controller acts on: an actuator and its table, of which the controller knows nothing."""
+    """What the controller acts on: an actuator, its table and its effects, of which the controller knows nothing."""
 
     actuator: Actuator
     table: MagneticTable
+    effects: EffectValues | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +79,8 @@ class ClosedLoopRun:
     Attributes
     ----------
     time, reference, position, measured : (n_sample,) s and m; samples taken before the instant's command acts
-    current, command : (n_sample, 2) A of the sides; the command is the one computed at the sample, not yet delayed
+    current, current_read : (n_sample, 2) A of the sides, true and as the sensors read them
+    command, acting : (n_sample, 2) A of the sides, the command computed at the sample, and that which acts from it on
     voltage : (n_sample, 2) V of the sides, mean over the sample's period
     force, velocity_hat, disturbance_hat, innovation : (n_sample,) N, m/s, N, m of the controller
     region_counts : number of commands by the guard's region of what was wanted; `unacceptable` ones were cut
@@ -85,7 +95,9 @@ class ClosedLoopRun:
     position: Array
     measured: Array
     current: Array
+    current_read: Array
     command: Array
+    acting: Array
     voltage: Array
     force: Array
     velocity_hat: Array
@@ -116,14 +128,11 @@ class ClosedLoopRun:
 
 
 class _Inputs(NamedTuple):
-    """What comes from outside: reference (n, 3), sensor noise (n,) m, disturbance (n,) N; steps of sensor and time."""
+    """What comes from outside: reference (n, 3), noise of the readings (n, N_READING), disturbance (n,) N."""
 
     reference: Array
     noise: Array
     disturbance: Array
-    resolution: float
-    step: float
-    n_step: int
 
 
 def run_closed_loop(
@@ -135,75 +144,72 @@ def run_closed_loop(
     Parameters
     ----------
     reference : samples at the loop's rate
-    generator : of the position sensor's noise; without one there is none
+    generator : of the sensors' noise; without one there is none
     disturbance : (n_sample,) N on the mass, held over the samples
 
     Raises
     ------
     InputError : a reference that is not at the loop's rate, or needs positions or forces outside the believed domain;
-        the plant has no current drive
+        the plant has no current drive or cannot have one of its effects
     ComputationError : the plant left its table or its travel or was not finite; such a run is not returned
     """
-    wanted = _checked(design, reference)
-    n = wanted.shape[0]
-    true, surface = plant_parameters(plant.actuator), surface_of(plant.table)
-    if true.drive != CURRENT_DRIVE:
+    wanted = checked_reference(design, reference)
+    n, period = wanted.shape[0], design.law.plant.period
+    true = plant_in_loop(
+        plant.actuator, plant.table, rate=1 / period, effects=plant.effects, largest_step=STEP_OF_FASTEST
+    )
+    if true.parameters.drive != CURRENT_DRIVE:
         raise InputError(f'{plant.actuator.name}: the controller commands currents; use drive.kind = "current"')
-    sensor = plant.actuator.position_sensor
-    period = design.law.plant.period
-    n_step = steps_a_sample(fastest_rate(true, plant.table), rate=1 / period, largest_step=_STEP_OF_FASTEST)
     inputs = _Inputs(
         reference=wanted,
-        noise=np.zeros(n) if generator is None else np.asarray(generator.normal(0.0, sensor.noise, n)),
+        noise=reading_noise(plant.actuator, n, generator=generator),
         disturbance=np.zeros(n) if disturbance is None else np.ascontiguousarray(disturbance, dtype=float),
-        resolution=sensor.resolution,
-        step=period / n_step,
-        n_step=n_step,
     )
     if inputs.disturbance.shape != (n,):
         raise InputError(f"the disturbance has shape {inputs.disturbance.shape}; the reference has {n} samples")
-    state = initial_state(true, 0.0, 0.0, _resting_position(true), 0.0)
+    state, history = plant_at_rest(true)
     memory, out = controller_state(design.parameters), np.zeros((n, _N_OUT))
-    status, done = _loop(surface, true, state, design.parameters, memory, inputs, out)
+    status, done = loop(true, (state, history), design.parameters, memory, inputs, out)
     if status != OK:
         raise ComputationError(_why(status, done * period, state, plant))
-    return _result(reference, true, memory, out)
+    return _result(reference, true.parameters, memory, out)
 
 
 @compiled
-def _loop(
-    surface: Surface, plant: PlantParameters, state: Array, parameters: ControllerParameters, memory: Array,
+def loop(
+    plant: PlantInLoop, plant_memory: tuple[Array, Array], parameters: ControllerParameters, memory: Array,
     inputs: _Inputs, out: Array,
 ) -> tuple[int, int]:  # fmt: skip
-    """(status, samples done); a row of `out` a sample."""
+    """(status, samples done); a row of `out` a sample. Plant (state, history) and controller are moved on."""
+    state, history = plant_memory
     waiting = np.zeros((parameters.delay + 1, 2))
-    voltage, command = np.zeros(2), np.zeros(2)
+    voltage, command, readings = np.zeros(2), np.zeros(2), np.zeros(N_READING)
     for k in range(out.shape[0]):
-        measured = state[SENSOR] + inputs.noise[k]
-        if inputs.resolution > 0:
-            measured = inputs.resolution * np.round(measured / inputs.resolution)
-        controller_step(parameters, memory, inputs.reference[k], measured, command)
-        row = out[k]
-        row[_POSITION], row[_MEASURED], row[_CURRENT_1], row[_CURRENT_2] = state[X], measured, state[I1], state[I2]
-        row[_COMMAND_1], row[_COMMAND_2] = command[0], command[1]
-        row[_VELOCITY_HAT], row[_DISTURBANCE_HAT] = memory[V_HAT], memory[D_HAT]
-        row[_INNOVATION], row[_FORCE] = memory[INNOVATION], memory[FORCE]
+        read(plant, state, history, k, inputs.noise[k], readings)
+        controller_step(parameters, memory, inputs.reference[k], readings[0], command)
         for j in range(parameters.delay):
             waiting[j] = waiting[j + 1]
         waiting[parameters.delay] = command
-        status = advance(
-            surface, plant, None, state, waiting[0], inputs.disturbance[k], inputs.step, inputs.n_step, voltage
-        )  # fmt: skip
+        row = out[k]
+        row[_POSITION], row[_MEASURED] = state[X], readings[0]
+        row[_CURRENT_1], row[_CURRENT_2] = state[COIL_1], state[COIL_2]
+        row[_COMMAND_1], row[_COMMAND_2] = command[0], command[1]
+        row[_ACTING_1], row[_ACTING_2] = waiting[0, 0], waiting[0, 1]
+        row[_VELOCITY_HAT], row[_DISTURBANCE_HAT] = memory[V_HAT], memory[D_HAT]
+        row[_INNOVATION], row[_FORCE] = memory[INNOVATION], memory[FORCE]
+        row[_READ_1], row[_READ_2] = readings[1], readings[2]
+        status = act(plant, state, waiting[0], inputs.disturbance[k], voltage)
         row[_VOLTAGE_1], row[_VOLTAGE_2] = voltage[0], voltage[1]
-        for j in range(I1, I2 + 1):  # an idle side's current decays for ever; numbers below 1e-300 are slow to compute
-            if abs(state[j]) < _NO_CURRENT:
-                state[j] = 0.0
+        if plant.effects is None:
+            for j in range(I1, I2 + 1):  # an idle side's current decays for ever; below 1e-300 it is slow to compute
+                if abs(state[j]) < _NO_CURRENT:
+                    state[j] = 0.0
         if status != OK:
             return status, k
     return OK, out.shape[0]
 
 
-def _checked(design: ControllerDesign, reference: ReferenceArrays) -> Array:
+def checked_reference(design: ControllerDesign, reference: ReferenceArrays) -> Array:
     """(n_sample, 3) of the reference, which the believed plant can follow at rest and in motion."""
     r, v, a = (np.asarray(x, dtype=float) for x in (reference.position, reference.velocity, reference.acceleration))
     time, plant = np.asarray(reference.time, dtype=float), design.law.plant
@@ -221,7 +227,7 @@ def _checked(design: ControllerDesign, reference: ReferenceArrays) -> Array:
             "guard, drive and table; lower its amplitude"
         )
     p = design.parameters
-    force = plant.mass * a + plant.damping * v + plant.stiffness * r - p.constant_force
+    force = plant.mass * a + plant.damping * v + (design.suspension + p.cubic * r**2) * r - p.constant_force
     lowest, highest = force_limits(p.inverse, r)
     beyond = np.flatnonzero((force < lowest) | (force > highest))
     if beyond.size:
@@ -233,9 +239,24 @@ def _checked(design: ControllerDesign, reference: ReferenceArrays) -> Array:
     return np.ascontiguousarray(np.stack([r, v, a], axis=1))
 
 
-def _resting_position(plant: PlantParameters) -> float:
-    """Where the suspension holds the mover without currents; the middle where there is no suspension."""
-    return plant.constant_force / plant.stiffness if plant.stiffness > 0 else 0.0
+def check_stable(design: ControllerDesign, reference: ReferenceArrays) -> None:
+    """InputError where a reference goes to positions at which the loop, frozen there, is believed unstable.
+
+    Moving through such a position may still do; a run tells.
+    """
+    low, high = design.stable_reach
+    r = np.asarray(reference.position, dtype=float)
+    if not low <= high:
+        raise InputError(
+            f"the {design.kind} design is unstable in the middle of its travel already; lower the bandwidth, allow "
+            "more peak sensitivity, or raise the loop rate"
+        )
+    if r.min() < low * (1 + 1e-9) or r.max() > high * (1 + 1e-9):
+        raise InputError(
+            f"the reference goes from {format_quantity(r.min(), 'm')} to {format_quantity(r.max(), 'm')}; the "
+            f"{design.kind} design is stable from {format_quantity(low, 'm')} to {format_quantity(high, 'm')} (frozen "
+            "positions on the believed plant): lower the amplitude, choose another design, or raise the loop rate"
+        )
 
 
 def _why(status: int, time: float, state: Array, plant: TruePlant) -> str:
@@ -258,15 +279,15 @@ def _result(reference: ReferenceArrays, plant: PlantParameters, memory: Array, o
         position=position,
         measured=out[:, _MEASURED].copy(),
         current=current,
+        current_read=out[:, [_READ_1, _READ_2]],
         command=out[:, [_COMMAND_1, _COMMAND_2]],
+        acting=out[:, [_ACTING_1, _ACTING_2]],
         voltage=out[:, [_VOLTAGE_1, _VOLTAGE_2]],
         force=out[:, _FORCE].copy(),
         velocity_hat=out[:, _VELOCITY_HAT].copy(),
         disturbance_hat=out[:, _DISTURBANCE_HAT].copy(),
         innovation=out[:, _INNOVATION].copy(),
-        region_counts={
-            name: int(memory[n]) for name, n in zip(REGIONS, (N_PREFERRED, N_DISCOURAGED, N_VIOLATION), strict=True)
-        },
+        region_counts={name: int(memory[n]) for name, n in _REGIONS},
         force_limited=int(memory[N_FORCE_LIMITED]),
         tracking_rms=float(np.sqrt(np.mean((position - wanted) ** 2))),
         peak_current=float(np.abs(current).max()),

@@ -1,13 +1,14 @@
 """One step of the controller, compiled: estimate, decide on a force, turn it into currents, ask the guard.
 
-    u = u_model + K (xi_model - xi_hat) - K_i sum(y - x_model)     with the reference feedforward
-    u = -K xi_hat - K_i sum(y - r)                                 without: the source paper's LQR with integral
+    u = u_model + B(K (xi_model - xi_hat) - K_i sum(y - x_model))     with the reference feedforward
+    u = B(-K xi_hat - K_i sum(y - r)) + K_r (r, r', r'')              without: K_r = 0 is the source paper's LQR
 
 With the feedforward the loop has two degrees of freedom: xi_model is the believed plant under u_model = u_ff +
 K_model (xi_ref - xi_model), where u_ff = m r'' + c r' + k r, taken one `lead` ahead, is the force that the reference
 needs. Regulator and integral act on deviations from this promised response and not on the reference's own jumps (model
-following: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sec. 4.5). Positive u pulls towards +x and is
-side 1's, negative side 2's.
+following: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sec. 4.5). B is a second-order section on what
+is fed back. Positive u pulls towards +x and is side 1's, negative side 2's. All designs are this step with other
+numbers; PID is the law without feedforward whose filter is a difference quotient.
 """
 
 from typing import NamedTuple
@@ -16,35 +17,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.compiled import compiled
-from msl_fem.control.inverse import Inverse, magnet_current, magnet_current_limit, magnet_force
-from msl_fem.operating_map.guard import limit_at
+from msl_fem.control.inverse import Inverse
+from msl_fem.control.output_stage import Stage, side_currents
 
 Array = NDArray[np.float64]
 
 # The state: the filter's prediction for the coming sample (m, m/s, N) and its last estimate, the integral (m, summed
-# over samples), the last innovation (m) and force (N); then counts of commands by what the guard says of what was
-# wanted, and of commands that were cut for the drive or the table; and whether a first sample was taken.
+# over samples), the last innovation (m) and force (N); then counts of commands by the verdict of the output stage:
+# what the guard says of what was wanted, and commands that were cut for the drive or the table; whether a first sample
+# was taken; the memory of the second-order section.
 X_PREDICTED, V_PREDICTED, D_PREDICTED, V_HAT, D_HAT, INTEGRAL, INNOVATION, FORCE = range(8)
-N_PREFERRED, N_DISCOURAGED, N_VIOLATION, N_FORCE_LIMITED, STARTED = range(8, 13)
-N_FIXED = 13
+N_PREFERRED, N_DISCOURAGED, N_FORCE_LIMITED, N_VIOLATION, STARTED, SHAPE_1, SHAPE_2 = range(8, 15)
+N_FIXED = 15
 # After these: the known states of the believed plant (n - 2), the followed model (n), the feedforward's queue (delay).
+
+NO_SHAPE = (1.0, 0.0, 0.0, 0.0, 0.0)
+"""The second-order section that changes nothing: b0, b1, b2, a1, a2 of (b0 + b1/z + b2/z^2)/(1 + a1/z + a2/z^2)."""
 
 
 class ControllerParameters(NamedTuple):
     """All that `controller_step` knows: belief, gains, guard."""
 
     inverse: Inverse
+    stage: Stage
     model_a: Array  # (n, n) of the believed plant
     model_b: Array  # (n,)
     gain: Array  # (n,)
     integral_gain: float
+    shape: Array  # (5,) see NO_SHAPE
     model_gain: Array  # (n,) of the model's own state feedback
+    reference_gain: Array  # (3,) of position, velocity, acceleration, without feedforward
     filter_prediction: Array  # (3, n + 2)
     filter_gain: Array  # (2,)
     mass: float
     stiffness: float
     damping: float
     constant_force: float  # N, believed to act along +x
+    cubic: float  # N/m^3, of the believed suspension; carried at the measured position
     delay: int
     lead: float  # s, of the feedforward
     gap_lead: float  # s: the inverse takes the gap as it will be then; 0 takes the measured gap
@@ -63,6 +72,8 @@ def controller_step(
 ) -> None:
     """Side currents in A into command (2,), to act `delay` samples later; the state is updated.
 
+    A reading that is not finite gives no current and counts as a violation; the filter goes on with its prediction.
+
     Parameters
     ----------
     reference : (3,) position, velocity, acceleration wanted now
@@ -72,22 +83,32 @@ def controller_step(
     n = p.model_a.shape[0]
     known, model = state[N_FIXED : N_FIXED + n - 2], state[N_FIXED + n - 2 : N_FIXED + 2 * n - 2]
     queue = state[N_FIXED + 2 * n - 2 :]
+    seen = np.isfinite(measured)
     if state[STARTED] == 0.0:
+        if not seen:  # there is nothing to begin from
+            command[0] = command[1] = 0.0
+            state[N_VIOLATION] += 1.0
+            return
         state[STARTED] = 1.0
         state[X_PREDICTED] = measured
         model[0] = measured
         known[:] = p.constant_force  # the mover has rested, with no current
         model[2:] = p.constant_force
         queue[:] = p.constant_force
-    _estimate(p, state, measured)
-    wanted, error = _law(p, state, reference, measured, model, known, queue)
-    given = _currents(p, state, wanted - p.constant_force, measured, command) + p.constant_force
+    y = measured if seen else state[X_PREDICTED]
+    _estimate(p, state, y)
+    wanted, error = _law(p, state, reference, y, model, known, queue)
+    apart = p.cubic * y * y * y - p.constant_force  # forces that the linear plant has not
+    positions = (y, y + p.gap_lead * state[V_HAT])
+    of_magnets, verdict = side_currents(p.stage, p.inverse, wanted + apart if seen else np.nan, positions, command)
+    state[N_PREFERRED + verdict] += 1.0
+    given = of_magnets - apart
     state[FORCE] = given
     # Anti-windup: the integral stands while the force is cut and the error would push it further.
     cut = wanted - given
     if abs(cut) <= 1e-9 * (1.0 + abs(wanted)) or cut * p.integral_gain * error > 0:
         state[INTEGRAL] += error
-    _predict(p, state, measured, given, known)
+    _predict(p, state, y, given, known)
 
 
 @compiled
@@ -108,9 +129,11 @@ def _law(
     for j in range(2, n):
         force -= p.gain[j] * known[j - 2]
     if not p.feedforward:
+        force = _shaped(p.shape, state, force)
+        for j in range(3):
+            force += p.reference_gain[j] * reference[j]
         return force, measured - reference[0]
     promised = _model_force(p, reference, model, queue)
-    force += promised
     error = measured - model[0]
     following = np.empty(n)
     for row in range(n):
@@ -119,7 +142,16 @@ def _law(
         for j in range(n):
             following[row] += p.model_a[row, j] * model[j]
     model[:] = following
-    return force, error
+    return promised + _shaped(p.shape, state, force), error
+
+
+@compiled
+def _shaped(shape: Array, state: Array, value: float) -> float:
+    """A value through the second-order section (transposed direct form II)."""
+    out = shape[0] * value + state[SHAPE_1]
+    state[SHAPE_1] = shape[1] * value - shape[3] * out + state[SHAPE_2]
+    state[SHAPE_2] = shape[2] * value - shape[4] * out
+    return float(out)
 
 
 @compiled
@@ -159,46 +191,3 @@ def _predict(p: ControllerParameters, state: Array, measured: float, given: floa
         for j in range(n - 2):
             following[row] += p.model_a[2 + row, 2 + j] * known[j]
     known[:] = following
-
-
-@compiled
-def _currents(p: ControllerParameters, state: Array, force: float, measured: float, command: Array) -> float:
-    """Side currents for a force of the magnets, into command; returns the force that the belief expects of them.
-
-    A current that the guard's last level forbids is cut to it and counted as a violation, one beyond the drive or the
-    table is cut and counted apart. The guard judges at the measured gap and at the gap to come, the stricter counts.
-    """
-    inverse = p.inverse
-    command[0] = command[1] = 0.0
-    if not np.isfinite(force):  # a reading that is no number: no current, and it is counted
-        state[N_VIOLATION] += 1
-        return 0.0
-    side = 0 if force >= 0 else 1
-    if force == 0.0:
-        state[N_PREFERRED] += 1
-        return 0.0
-    if side >= inverse.sides:
-        state[N_FORCE_LIMITED] += 1
-        return 0.0
-    toward = 1.0 - 2.0 * side
-    last = inverse.guard.limit.shape[0] - 1
-    now = inverse.nominal_gap - toward * measured
-    gap = now - toward * p.gap_lead * state[V_HAT]
-    if not limit_at(inverse.guard, last, gap) >= 0:
-        gap = now  # what is to come cannot be judged: the measured gap can, or nothing
-    allowed = min(limit_at(inverse.guard, last, now), limit_at(inverse.guard, last, gap))
-    if not allowed >= 0:
-        state[N_VIOLATION] += 1
-        return 0.0
-    largest = min(magnet_current_limit(inverse, gap), allowed)
-    most = inverse.magnets * magnet_force(inverse.surface, largest, gap)
-    given = abs(force)
-    if not given <= most:
-        state[N_VIOLATION if allowed <= inverse.current_limit else N_FORCE_LIMITED] += 1
-        current, given = largest, most
-    else:
-        current = magnet_current(inverse.surface, given / inverse.magnets, gap, largest)
-        mild = min(limit_at(inverse.guard, 0, now), limit_at(inverse.guard, 0, gap))
-        state[N_PREFERRED if current <= mild else N_DISCOURAGED] += 1
-    command[side] = current / inverse.current_share
-    return toward * given

@@ -1,38 +1,31 @@
-"""A controller from physical wishes, bandwidth and peak sensitivity: the weights are searched, what was got is said."""
+"""A controller and what it promises on the plant that it believes in."""
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
-from msl_fem.control.believed_plant import BelievedPlant, believed_plant
+from msl_fem.control.belief import Belief, reach_of
 from msl_fem.control.controller import ControllerParameters
-from msl_fem.control.inverse import Inverse, force_domain, held_stiffness, inverse_of
-from msl_fem.control.kalman import FilterNoise, reduced_order_filter
-from msl_fem.control.linear_loop import LinearLaw, flat_band, grid, sensitivity_bound
+from msl_fem.control.linear_loop import AtPosition, LinearLaw, flat_band, grid, sensitivity_bound
 from msl_fem.control.linear_loop import bandwidth as _bandwidth
-from msl_fem.control.lqr import Weights, lqr_gains
-from msl_fem.control.weight_search import Wish, check_wish, feedback_bandwidth, search_weights
-from msl_fem.coupled_model.plant import plant_parameters, surface_of
-from msl_fem.errors import InputError
-from msl_fem.operating_map.guard import Guard
-from msl_fem.operating_map.level_currents import OperatingMap
-from msl_fem.table import MagneticTable
+from msl_fem.control.lqr import Weights
+from msl_fem.control.output_stage import HARD_HAND_OVER, Stage
+from msl_fem.control.weight_search import feedback_bandwidth
 
-Array = NDArray[np.float64]
-
-BANDWIDTH = 60.0
-"""Default wish in Hz: -3 dB from reference to position by the integral alone, without the feedforward."""
-PEAK_SENSITIVITY = 2.0
-"""Default bound on max |S| of the believed plant in its middle (ISO 14839-3 zone A ends at 3, 2 leaves 29 deg)."""
-_WORKING_SHARE = 0.8  # of the travel: frozen positions up to here are made as robust as the wishes allow
-_FORCE_ERROR = 0.01  # of the largest force at the nominal gap: white error and change of disturbance a sample
-_LEAST_NOISE = 0.06  # of F T^2/m, what an error F of the force moves in a sample
-_MODEL_DAMPING = 1.6  # velocity weight of the model's regulator: steps without overshoot
-_N_FROZEN, _N_REACH = 11, 101
+KINDS = {
+    "lqr": "feedback linearization, LQR with integral, reduced-order Kalman filter",
+    "robust": "feedback linearization, LQR with integral and section against a family of plants, Kalman filter",
+    "biased": "Jacobian linearisation about a bias current, LQR with integral, reduced-order Kalman filter",
+    "pid": "feedback linearization, PID on the position with filtered derivative",
+}
+"""The designs, and what each is."""
+PlaceAt = Callable[[float], AtPosition]
+_ZONE_ENDS = (3.0, 4.0, 5.0)
+_N_FROZEN = 21
 
 
 @dataclass(frozen=True)
@@ -42,15 +35,25 @@ class FrozenPosition:
     Attributes
     ----------
     position : m
-    magnet_stiffness : N/m, dF/dx at the held currents, against the suspension
+    at : what the magnets do there
     peak_sensitivity : max |S| at the plant's input; inf where unstable
     bound : what no linear controller at this rate and delay can go below
     """
 
     position: float
-    magnet_stiffness: float
+    at: AtPosition
     peak_sensitivity: float
     bound: float
+
+    @property
+    def magnet_stiffness(self) -> float:
+        """N/m, dF/dx at the held currents, against the suspension that the law believes in."""
+        return self.at.magnet_stiffness
+
+    @property
+    def zone(self) -> str:
+        """The zone of ISO 14839-3 (2006): A up to 3, B up to 4, C up to 5, D beyond."""
+        return "ABCD"[sum(self.peak_sensitivity > limit for limit in _ZONE_ENDS)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +62,7 @@ class ControllerDesign:
 
     Attributes
     ----------
+    kind : lqr, robust, biased or pid
     belief : the actuator that it believes in
     law, weights : the linear part, and the weights that were found
     parameters : what the compiled controller takes
@@ -67,8 +71,11 @@ class ControllerDesign:
     peak_sensitivity : max |S| in the middle of the travel
     frozen : the loop at positions over the reach
     reach : m, lowest and highest position that the magnets can hold within guard, drive, table and travel
+    suspension : N/m, believed
+    domain : the JSON object of where the input transformation has an inverse
     """
 
+    kind: str
     belief: Actuator
     law: LinearLaw
     weights: Weights
@@ -79,21 +86,55 @@ class ControllerDesign:
     peak_sensitivity: float
     frozen: tuple[FrozenPosition, ...]
     reach: tuple[float, float]
+    suspension: float
+    domain: Mapping[str, Any]
+
+    @property
+    def stable_reach(self) -> tuple[float, float]:
+        """Lowest and highest of the frozen positions, from the middle outwards, that are stable; nan, nan if none."""
+        x, stable = [p.position for p in self.frozen], [math.isfinite(p.peak_sensitivity) for p in self.frozen]
+        low = high = int(np.argmin(np.abs(x)))
+        if not stable[low]:
+            return math.nan, math.nan
+        while low > 0 and stable[low - 1]:
+            low -= 1
+        while high < len(x) - 1 and stable[high + 1]:
+            high += 1
+        return x[low], x[high]
+
+    @property
+    def zone_reach(self) -> dict[str, float]:
+        """m to either side up to which frozen positions are in a zone of ISO 14839-3 or a better one; 0 where none."""
+        found = {}
+        for zone in "ABC":
+            beyond = [abs(p.position) for p in self.frozen if p.zone > zone]
+            inside = [abs(p.position) for p in self.frozen if abs(p.position) < min(beyond, default=math.inf)]
+            found[zone] = max(inside, default=0.0)
+        return found
 
     def to_json(self) -> dict[str, Any]:
         """The JSON object: what was got, the reach, the frozen positions, and the law with its gains."""
+        stage = self.parameters.stage
         return {
+            "design": self.kind,
             "bandwidth_Hz": _number(self.bandwidth),
             "flat_band_Hz": self.flat_band,
             "feedback_bandwidth_Hz": _number(self.feedback_bandwidth),
             "peak_sensitivity": self.peak_sensitivity,
             "reach_m": list(self.reach),
+            "stable_reach_m": [_number(x) for x in self.stable_reach],
+            "inverse_domain": dict(self.domain),
             "frozen": [
-                {"position_m": p.position, "peak_sensitivity": _number(p.peak_sensitivity), "lower_bound": p.bound}
+                {
+                    "position_m": p.position,
+                    "peak_sensitivity": _number(p.peak_sensitivity),
+                    "lower_bound": p.bound,
+                    "iso_14839_3_zone": p.zone,
+                }
                 for p in self.frozen
             ],
             "law": {
-                "kind": "feedback linearization, LQR with integral, reduced-order Kalman filter",
+                "kind": KINDS[self.kind],
                 "feedforward": self.law.feedforward,
                 "states": list(self.law.plant.sampled().states),
                 "gain": self.law.gains.state.tolist(),
@@ -101,6 +142,9 @@ class ControllerDesign:
                 "model_gain": self.law.model_gains.state.tolist(),
                 "filter_gain": self.law.estimator.gain.tolist(),
                 "gap_lead_s": self.law.gap_lead,
+                "shape": list(self.law.shape),
+                "reference_gain": self.law.reference_gain.tolist(),
+                "stage": {"overlap_N": stage.overlap, "bias_A": stage.bias},
                 "rate_Hz": 1 / self.law.plant.period,
                 "delay_samples": self.law.plant.delay,
             },
@@ -112,57 +156,38 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def design_controller(
-    actuator: Actuator, table: MagneticTable, operating_map: OperatingMap, *, bandwidth: float = BANDWIDTH,
-    peak_sensitivity: float | None = PEAK_SENSITIVITY, feedforward: bool = True,
-) -> ControllerDesign:  # fmt: skip
-    """The controller for an actuator that is believed to be as its file, table and map say.
+@dataclass(frozen=True, eq=False)
+class Made:
+    """What a way of designing comes to: the linear law, its weights, the output stage, the magnets at a position."""
 
-    Parameters
-    ----------
-    bandwidth : Hz, wished for the feedback: -3 dB from reference to position by the integral alone
-    peak_sensitivity : bound on max |S| in the middle of the travel; None: none
-    feedforward : two degrees of freedom; without, the reference acts by the integral alone as in the source paper
+    kind: str
+    law: LinearLaw
+    weights: Weights
+    place_at: PlaceAt
+    stage: Stage = HARD_HAND_OVER
+    reach: tuple[float, float] | None = None
 
-    The weights of the regulator are searched (Nelder and Mead) for the least peak sensitivity over the frozen positions
-    of the inner 80 % of the reach that keeps the wishes.
 
-    Raises
-    ------
-    ActuatorError : a section that a design needs is missing
-    InputError : wishes that no weights fulfil (the message says what was got), or that are not positive; a table and a
-        map that do not belong together; nothing that the magnets can hold
-    """
-    plant, coupled = believed_plant(actuator), plant_parameters(actuator)
-    wish = Wish(bandwidth, peak_sensitivity)
-    check_wish(wish, plant)
-    inverse = inverse_of(coupled, Guard(operating_map), surface_of(table))
-    reach = _reach(inverse, plant, coupled.constant_force, coupled.travel)
-    estimator = reduced_order_filter(plant, _filter_noise(actuator, inverse, plant))
-    model_gains = lqr_gains(plant, Weights(2 * 2 * np.pi * bandwidth, _MODEL_DAMPING, 0.0))
-
-    def law_of(weights: Weights) -> LinearLaw:
-        return LinearLaw(plant, lqr_gains(plant, weights), model_gains, estimator, plant.lead, feedforward)
-
-    def stiffness_at(position: float) -> float:
-        return held_stiffness(inverse, plant.stiffness * position - coupled.constant_force, position)
-
-    inner = [stiffness_at(_WORKING_SHARE * x) for x in (reach[0], reach[0] / 2, reach[1] / 2, reach[1])]
-    weights = search_weights(law_of, sorted({0.0, *inner}), wish)
-    law = law_of(weights)
-    f = grid(plant.period)
+def completed(belief: Belief, made: Made) -> ControllerDesign:
+    """The design with its figures on the believed plant; the reach is the belief's where none is stated."""
+    law, reach = made.law, made.reach or reach_of(belief)
+    f = grid(law.plant.period)
+    response = law.reference_response(f)
     positions = np.linspace(*reach, _N_FROZEN)
     return ControllerDesign(
-        belief=actuator,
+        kind=made.kind,
+        belief=belief.actuator,
         law=law,
-        weights=weights,
-        parameters=_parameters(law, inverse, coupled.constant_force),
+        weights=made.weights,
+        parameters=_parameters(belief, law, made.stage),
         feedback_bandwidth=feedback_bandwidth(law),
-        bandwidth=_bandwidth(law.reference_response(f), f),
-        flat_band=flat_band(law.reference_response(f), f),
-        peak_sensitivity=law.peak_sensitivity(),
-        frozen=tuple(_frozen(law, float(x), stiffness_at(float(x))) for x in positions),
+        bandwidth=_bandwidth(response, f),
+        flat_band=flat_band(response, f),
+        peak_sensitivity=law.peak_sensitivity(made.place_at(0.0)),
+        frozen=tuple(_frozen(law, float(x), made.place_at(float(x))) for x in positions),
         reach=reach,
+        suspension=belief.plant.stiffness,
+        domain=belief.domain(),
     )
 
 
@@ -173,67 +198,38 @@ def with_measured_gap(design: ControllerDesign) -> ControllerDesign:
         design,
         law=law,
         parameters=design.parameters._replace(gap_lead=0.0),
-        frozen=tuple(_frozen(law, p.position, p.magnet_stiffness) for p in design.frozen),
+        frozen=tuple(_frozen(law, p.position, p.at) for p in design.frozen),
     )
 
 
-def _reach(inverse: Inverse, plant: BelievedPlant, constant_force: float, travel: float) -> tuple[float, float]:
-    """Lowest and highest position that can be held, from the middle outwards."""
-    ends = []
-    for sign in (-1.0, 1.0):
-        last = None
-        for x in sign * np.linspace(0, min(travel, inverse.nominal_gap), _N_REACH):
-            domain = force_domain(inverse, float(x))
-            judged = domain.highest > 0 and (inverse.sides == 1 or domain.lowest < 0)
-            if not (judged and domain.lowest <= plant.stiffness * x - constant_force <= domain.highest):
-                break
-            last = float(x)
-        if last is None:
-            raise InputError(
-                "the magnets cannot hold the middle of the travel within the guard, the drive and the table; "
-                "look at the operating map at the nominal gap"
-            )
-        ends.append(last)
-    return ends[0], ends[1]
-
-
-def _filter_noise(actuator: Actuator, inverse: Inverse, plant: BelievedPlant) -> FilterNoise:
-    """Noise of the sensor with its resolution; errors of the force as a share of the largest at the nominal gap.
-
-    A position noise far below what the force error moves in a sample would make the filter a bare difference quotient,
-    which costs phase margin and gains nothing; it is raised to a share of that.
-    """
-    sensor, domain = actuator.position_sensor, force_domain(inverse, 0.0)
-    force = _FORCE_ERROR * max(domain.highest, -domain.lowest)
-    least = _LEAST_NOISE * force * plant.period**2 / plant.mass
-    position = max(float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))), least)
-    return FilterNoise(position=position, force=force, disturbance=force)
-
-
-def _frozen(law: LinearLaw, position: float, magnet_stiffness: float) -> FrozenPosition:
+def _frozen(law: LinearLaw, position: float, at: AtPosition) -> FrozenPosition:
     return FrozenPosition(
         position,
-        magnet_stiffness,
-        law.peak_sensitivity(magnet_stiffness=magnet_stiffness),
-        sensitivity_bound(law.plant, magnet_stiffness=magnet_stiffness),
+        at,
+        law.peak_sensitivity(at),
+        sensitivity_bound(law.plant, magnet_stiffness=at.magnet_stiffness),
     )
 
 
-def _parameters(law: LinearLaw, inverse: Inverse, constant_force: float) -> ControllerParameters:
+def _parameters(belief: Belief, law: LinearLaw, stage: Stage) -> ControllerParameters:
     plant, model = law.plant, law.plant.sampled()
     return ControllerParameters(
-        inverse=inverse,
+        inverse=belief.inverse,
+        stage=stage,
         model_a=np.ascontiguousarray(model.A),
         model_b=np.ascontiguousarray(model.B[:, 0]),
         gain=np.ascontiguousarray(law.gains.state),
         integral_gain=law.gains.integral,
+        shape=np.array(law.shape),
         model_gain=np.ascontiguousarray(law.model_gains.state),
+        reference_gain=np.ascontiguousarray(law.reference_gain),
         filter_prediction=np.ascontiguousarray(law.estimator.prediction),
         filter_gain=np.ascontiguousarray(law.estimator.gain),
         mass=plant.mass,
         stiffness=plant.stiffness,
         damping=plant.damping,
-        constant_force=constant_force,
+        constant_force=belief.coupled.constant_force,
+        cubic=belief.cubic,
         delay=plant.delay,
         lead=plant.lead,
         gap_lead=law.gap_lead,

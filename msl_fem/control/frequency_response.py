@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from msl_fem.control.closed_loop import ClosedLoopRun, TruePlant, run_closed_loop
 from msl_fem.control.design import ControllerDesign
+from msl_fem.control.inverse import force_limits
 from msl_fem.control.linear_loop import bandwidth, flat_band
 from msl_fem.errors import InputError
 
@@ -22,6 +23,7 @@ _SETTLING = 0.15  # s, at least, before correlation begins
 _APPROACH = 0.1  # s, to the middle of the sines
 _LONGEST = 0.25  # s, about, of correlation; at least four periods
 _LEAST_PERIODS = 4
+_FORCE_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +81,9 @@ def frequency_response(
 
     Parameters
     ----------
-    frequencies : Hz, increasing, below half the loop rate; by default 33 from 2 Hz to a fifth of the loop rate. Each is
-        moved to the nearest whose periods fit whole samples
+    frequencies : Hz, increasing, below half the loop rate; by default 33 from 2 Hz to a fifth of the loop rate, or to
+        where the sines' inertia takes half of the force there is. Each is moved to the nearest whose periods fit whole
+        samples
     amplitude, position : m, of the sines and of their middle
 
     Raises
@@ -89,7 +92,8 @@ def frequency_response(
     ComputationError : a run that the loop did not hold
     """
     period = design.law.plant.period
-    usual = np.geomspace(_LOWEST, _HIGHEST_SHARE / period, _N_FREQUENCY)
+    highest = min(_HIGHEST_SHARE / period, _bearable(design, amplitude, position))
+    usual = np.geomspace(_LOWEST, max(highest, 2 * _LOWEST), _N_FREQUENCY)
     f = usual if frequencies is None else np.asarray(frequencies, dtype=float)
     if f.ndim != 1 or f.size == 0 or not (np.diff(f) > 0).all() or not (f[0] > 0 and f[-1] < 0.5 / period):
         raise InputError(f"frequencies must increase between 0 and {0.5 / period:g} Hz, half the loop rate")
@@ -103,6 +107,14 @@ def frequency_response(
         run = run_closed_loop(design, sine, plant=plant)
         found[n] = _correlation(run, realised[n], count)
     return FrequencyResponse(realised, found, design.law.reference_response(realised), amplitude, position)
+
+
+def _bearable(design: ControllerDesign, amplitude: float, position: float) -> float:
+    """Hz up to which the inertia of a sine takes at most `_FORCE_SHARE` of the force at a position."""
+    lowest, highest = force_limits(design.parameters.inverse, np.array([position]))[:, 0]
+    sides = [size for size in (-lowest, highest) if size > 0]
+    acceleration = _FORCE_SHARE * min(sides, default=0.0) / design.law.plant.mass
+    return math.sqrt(acceleration / amplitude) / (2 * math.pi)
 
 
 def _sine(frequency: float, samples: tuple[int, float], amplitude: float, position: float) -> _Sine:

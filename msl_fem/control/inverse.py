@@ -24,27 +24,47 @@ _ITERATIONS = 60
 
 
 class Inverse(NamedTuple):
-    """What the compiled inverse needs: the belief's table, the guard, and how magnets make a side."""
+    """What the compiled inverse needs: the belief's surface for each side, the guard, and how magnets make a side."""
 
-    surface: Surface
+    surface_1: Surface
+    surface_2: Surface
     guard: GuardArrays
-    nominal_gap: float  # m
+    gap_1: float  # m, of the sides at x = 0
+    gap_2: float
     magnets: int  # a side
     current_share: float  # magnet current over side current
     current_limit: float  # A, of a magnet: the drive's and the table's end, whichever is lower
     sides: int
 
 
-def inverse_of(plant: PlantParameters, guard: Guard, surface: Surface) -> Inverse:
-    """The compiled inverse of a believed plant.
+class SideBelief(NamedTuple):
+    """The surface of a side's magnet, and the side's gap (m) at x = 0."""
+
+    surface: Surface
+    gap: float
+
+
+def inverse_of(plant: PlantParameters, guard: Guard, *sides: SideBelief) -> Inverse:
+    """The compiled inverse of a believed plant, whose sides are as stated; one that is stated serves both.
 
     Raises
     ------
     InputError : the force of a magnet does not grow with the current somewhere below the guard's last limit
     """
-    end = min(plant.current_share * plant.current_limit, float(surface.current[-1]))
-    inverse = Inverse(surface, guard.arrays, plant.nominal_gap, plant.magnets, plant.current_share, end, plant.sides)
-    low, high = guard.arrays.gap[0], guard.arrays.gap[-1]
+    first, second = sides[0], sides[-1]
+    table_end = min(float(side.surface.current[-1]) for side in sides)
+    end = min(plant.current_share * plant.current_limit, table_end)
+    inverse = Inverse(
+        first.surface, second.surface, guard.arrays, first.gap, second.gap, plant.magnets, plant.current_share, end,
+        plant.sides,
+    )  # fmt: skip
+    for side in sides:
+        _check_growth(inverse, side.surface)
+    return inverse
+
+
+def _check_growth(inverse: Inverse, surface: Surface) -> None:
+    low, high = inverse.guard.gap[0], inverse.guard.gap[-1]
     if low < surface.gap[0] or high > surface.gap[-1]:
         raise InputError(
             f"the map's gaps {low * 1e3:.4g} ... {high * 1e3:.4g} mm reach beyond the table's "
@@ -59,7 +79,18 @@ def inverse_of(plant: PlantParameters, guard: Guard, surface: Surface) -> Invers
                     f"{format_quantity(float(gap), 'm')}: no unique current gives a wanted force; lower the levels of "
                     "the operating map, or make the table with more currents"
                 )
-    return inverse
+
+
+@compiled
+def side_surface(inverse: Inverse, side: int) -> Surface:
+    """The believed surface of a side's magnet, 0 or 1."""
+    return inverse.surface_1 if side == 0 else inverse.surface_2
+
+
+@compiled
+def side_gap(inverse: Inverse, side: int, position: float) -> float:
+    """The believed gap of a side in m with the mover at a position."""
+    return inverse.gap_1 - position if side == 0 else inverse.gap_2 + position
 
 
 @compiled
@@ -99,9 +130,10 @@ def magnet_current(surface: Surface, force: float, gap: float, largest: float) -
         else:
             low = current
         root = np.sqrt(max(given, 0.0))
-        following = current + (wanted - root) * 2.0 * root / slope if slope > 0 else low
-        if not low < following < high:
-            following = 0.5 * (low + high)
+        newton = current + (wanted - root) * 2.0 * root / slope if slope > 0 else np.inf
+        if abs(newton - current) <= 1e-13 * largest:  # before the bracket: it ends at the current itself
+            return float(min(max(newton, 0.0), largest))
+        following = newton if low < newton < high else 0.5 * (low + high)
         if abs(following - current) <= 1e-13 * largest:
             return float(following)
         current = following
@@ -137,11 +169,11 @@ def _side_limit(inverse: Inverse, side: int, position: float) -> tuple[float, fl
     """(current A, force N) of a side at its limit; zeros for a missing side and outside the map."""
     if side >= inverse.sides:
         return 0.0, 0.0
-    gap = inverse.nominal_gap - (1.0 - 2.0 * side) * position
+    gap = side_gap(inverse, side, position)
     limit = magnet_current_limit(inverse, gap)
     if not limit > 0.0:
         return 0.0, 0.0
-    return limit / inverse.current_share, inverse.magnets * magnet_force(inverse.surface, limit, gap)
+    return limit / inverse.current_share, inverse.magnets * magnet_force(side_surface(inverse, side), limit, gap)
 
 
 @compiled
@@ -154,24 +186,43 @@ def force_limits(inverse: Inverse, position: Array) -> Array:
     return out
 
 
-def held_stiffness(inverse: Inverse, force: float, position: float) -> float:
+def held_stiffness(inverse: Inverse, force: float, position: float, *, overlap: float = 0.0) -> float:
     """dF/dx in N/m of the magnets' force at a position, the currents being held that give `force` there.
+
+    With an overlap both sides pull, see `hand_over`.
 
     Raises
     ------
     InputError : the force lies outside the domain at the position
     """
-    if force == 0.0:
-        return 0.0
     domain = force_domain(inverse, position)
     if not domain.lowest <= force <= domain.highest:
         raise InputError(
             f"{force:.4g} N at x = {position * 1e3:.4g} mm is outside the {domain.lowest:.4g} ... "
             f"{domain.highest:.4g} N that the magnets may give there; ask for a smaller travel"
         )
-    gap = inverse.nominal_gap - np.sign(force) * position
-    limit = magnet_current_limit(inverse, gap)
-    current = magnet_current(inverse.surface, abs(force) / inverse.magnets, gap, limit)
-    out = np.empty(6)
-    evaluate(*inverse.surface, current, gap, out)
-    return float(-inverse.magnets * out[_GAP_SLOPE])
+    pulls, total = hand_over(force, overlap), 0.0
+    for side in range(inverse.sides):
+        gap, surface = side_gap(inverse, side, position), side_surface(inverse, side)
+        limit = magnet_current_limit(inverse, gap)
+        if pulls[side] > 0.0 and limit > 0.0:
+            current = magnet_current(surface, pulls[side] / inverse.magnets, gap, limit)
+            out = np.empty(6)
+            evaluate(*surface, current, gap, out)
+            total -= inverse.magnets * float(out[_GAP_SLOPE])
+    return total
+
+
+@compiled
+def hand_over(force: float, overlap: float) -> tuple[float, float]:
+    """What side 1 and side 2 pull with (N) for a force of both, F = F_1 - F_2.
+
+    F_1 F_2 = overlap^2: one side falls as the other rises, and at F = 0 both pull with `overlap`. With overlap 0 one
+    side pulls at a time (Gutierrez and Ro); then di/dF of a side that begins from nothing is infinite, for i goes with
+    the root of F. The constant product is that of a class AB output stage (Gray, Hurst, Lewis, Meyer, Analysis and
+    Design of Analog Integrated Circuits, 5th ed., sec. 5.4).
+    """
+    half = 0.5 * abs(force)
+    larger = half + np.sqrt(half * half + overlap * overlap)
+    smaller = overlap * overlap / larger if larger > 0.0 else 0.0
+    return (larger, smaller) if force >= 0.0 else (smaller, larger)

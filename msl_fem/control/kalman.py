@@ -16,6 +16,7 @@ estimation: Bernstein and Hyland, IEEE Trans. Automatic Control 30, 1985), found
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,14 +66,48 @@ class ReducedOrderFilter:
     innovation_variance: float
 
 
+class _Task(NamedTuple):
+    """The filter's matrices in units in which position, velocity and disturbance all count in m/s."""
+
+    prediction: Array
+    unit: Array  # (3,)
+    phi: Array  # (3, 3)
+    process: Array  # (3, 3)
+    position_variance: float
+
+
 def reduced_order_filter(plant: BelievedPlant, noise: FilterNoise) -> ReducedOrderFilter:
-    """The stationary filter for the noise levels.
+    """The stationary filter of least velocity variance for the noise levels.
 
     Raises
     ------
     InputError : a noise level is not positive
     ComputationError : the Riccati equation of the first guess has no solution
     """
+    task = _task(plant, noise)
+
+    def logarithm_of_velocity_variance(gain: Array) -> float:
+        found = _stationary(task.phi, gain, task.process, task.position_variance)
+        return 1e9 if found is None else float(np.log(found[0][0, 0]))
+
+    first = _riccati_gain(task.phi, task.process, task.position_variance)
+    best = minimize(logarithm_of_velocity_variance, first, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-9})
+    return _filter(task, best.x, noise)
+
+
+def filter_of_gain(plant: BelievedPlant, gain: Array, noise: FilterNoise) -> ReducedOrderFilter:
+    """The filter with a gain (2,) in 1/s and N/m, and what its errors are under the noise levels.
+
+    Raises
+    ------
+    InputError : a noise level is not positive
+    ComputationError : the filter is not stable
+    """
+    task = _task(plant, noise)
+    return _filter(task, np.asarray(gain) * task.unit[0] / task.unit[1:], noise)
+
+
+def _task(plant: BelievedPlant, noise: FilterNoise) -> _Task:
     for name in ("position", "force", "disturbance"):
         if not getattr(noise, name) > 0:
             raise InputError(f"the filter's {name} noise is {getattr(noise, name):g}; it must be positive")
@@ -80,23 +115,19 @@ def reduced_order_filter(plant: BelievedPlant, noise: FilterNoise) -> ReducedOrd
     push = _held_force(plant)
     process = noise.force**2 * np.outer(push, push)
     process[2, 2] += noise.disturbance**2
-    # Units in which position, velocity and disturbance all count in m/s keep the equations well conditioned.
     unit = np.array([plant.period, 1.0, plant.mass / plant.period])
     phi, process = prediction[:, :3] * unit / unit[:, None], process / np.outer(unit, unit)
-    position_variance = (noise.position / unit[0]) ** 2
+    return _Task(prediction, unit, phi, process, (noise.position / unit[0]) ** 2)
 
-    def logarithm_of_velocity_variance(gain: Array) -> float:
-        found = _stationary(phi, gain, process, position_variance)
-        return 1e9 if found is None else float(np.log(found[0][0, 0]))
 
-    first = _riccati_gain(phi, process, position_variance)
-    best = minimize(logarithm_of_velocity_variance, first, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-9})
-    found = _stationary(phi, best.x, process, position_variance)
+def _filter(task: _Task, gain: Array, noise: FilterNoise) -> ReducedOrderFilter:
+    found = _stationary(task.phi, gain, task.process, task.position_variance)
     if found is None:
         raise ComputationError(f"no stable filter for {noise}; raise the force noise or lower the position noise")
+    unit = task.unit
     return ReducedOrderFilter(
-        prediction=prediction,
-        gain=best.x * unit[1:] / unit[0],
+        prediction=task.prediction,
+        gain=gain * unit[1:] / unit[0],
         covariance=found[0] * np.outer(unit[1:], unit[1:]),
         innovation_variance=found[1] * unit[0] ** 2,
     )

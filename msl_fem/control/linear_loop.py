@@ -8,18 +8,44 @@ transformation takes this off again, but late, by way of the measured position: 
 so the loop is closed around m x'' + c x' + (k - kappa) x. It is opened at the command, where the plant has its input.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from msl_fem.control.believed_plant import BelievedPlant
+from msl_fem.control.controller import NO_SHAPE
 from msl_fem.control.kalman import ReducedOrderFilter
 from msl_fem.control.lqr import LqrGains
 from msl_fem.statespace import StateSpace
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class AtPosition:
+    """What the magnets do near a frozen position.
+
+    Attributes
+    ----------
+    magnet_stiffness : N/m, dF/dx at held currents, against the suspension
+    cancelled : N/m, what of it the input transformation takes off again; None: all
+    gain : force that a commanded force gives, over what the design believes
+    """
+
+    magnet_stiffness: float = 0.0
+    cancelled: float | None = None
+    gain: float = 1.0
+
+    @property
+    def taken_off(self) -> float:
+        """N/m, `cancelled` as a number."""
+        return self.magnet_stiffness if self.cancelled is None else self.cancelled
+
+
+MIDDLE = AtPosition()
+"""Where no current is held."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +58,9 @@ class LinearLaw:
     gains, estimator : regulator and filter
     model_gains : state feedback of the model that the loop follows
     gap_lead : s, how far ahead the input transformation looks for its gap
-    feedforward : whether the reference acts by feedforward and model following, or by the integral alone
+    feedforward : whether the reference acts by feedforward and model following, or by integral and `reference_gain`
+    shape : (5,) second-order section on what is fed back
+    reference_gain : (3,) of the reference's position, velocity and acceleration
     """
 
     plant: BelievedPlant
@@ -41,61 +69,80 @@ class LinearLaw:
     estimator: ReducedOrderFilter
     gap_lead: float
     feedforward: bool = True
+    shape: tuple[float, ...] = NO_SHAPE
+    reference_gain: Array = field(default_factory=lambda: np.zeros(3))
+
+    def by_integral_alone(self) -> "LinearLaw":
+        """The law to which the reference comes by the integral alone."""
+        return replace(self, feedforward=False, reference_gain=np.zeros(3))
 
     def controller(self) -> StateSpace:
-        """Inputs: measured position, a force that is added, the position that the integral is to hold.
+        """Inputs: measured position, a force added before and one behind the section, what the integral is to hold.
 
         Outputs: the law's force, and the position that the inverse uses.
         """
         k, f, gain = self.gains.state, self.estimator.prediction, self.estimator.gain
-        model = self.plant.sampled()
+        model, (b0, b1, b2, a1, a2) = self.plant.sampled(), self.shape
         known = k.size - 2
-        rows = np.eye(3 + known + 4)  # predicted position, velocity, disturbance; known states; integral; the inputs
-        rest, integral, (y, added, held) = rows[3 : 3 + known], rows[3 + known], rows[-3:]
+        # predicted position, velocity, disturbance; known states; integral; the section's memory; the inputs
+        rows = np.eye(3 + known + 3 + 4)
+        rest, (integral, first, second) = rows[3 : 3 + known], rows[3 + known : 6 + known]
+        y, before, behind, held = rows[-4:]
         innovation = y - rows[0]
         velocity, disturbance = rows[1] + gain[0] * innovation, rows[2] + gain[1] * innovation
-        force = added - self.gains.integral * integral - k[0] * y - k[1] * velocity - k[2:] @ rest
+        fed_back = before - self.gains.integral * integral - k[0] * y - k[1] * velocity - k[2:] @ rest
+        shaped = b0 * fed_back + first
+        force = shaped + behind
         predicted = f @ np.vstack([y, velocity, disturbance, rest, force])
         following = model.A[2:, 2:] @ rest + np.outer(model.B[2:, 0], force)
-        moved = np.vstack([predicted, following, integral + y - held])
+        memory = [b1 * fed_back - a1 * shaped + second, b2 * fed_back - a2 * shaped]
+        moved = np.vstack([predicted, following, integral + y - held, *memory])
         shown = np.vstack([force, y + self.gap_lead * velocity])
-        return StateSpace(moved[:, :-3], moved[:, -3:], shown[:, :-3], shown[:, -3:], self.plant.period)
+        return StateSpace(moved[:, :-4], moved[:, -4:], shown[:, :-4], shown[:, -4:], self.plant.period)
 
-    def loop_transfer(self, frequency: ArrayLike, *, magnet_stiffness: float = 0.0) -> Complex:
+    def loop_transfer(self, frequency: ArrayLike, at: AtPosition = MIDDLE) -> Complex:
         """(n_frequency,) open-loop transfer at the plant's input, negative feedback taken out: S = 1/(1 + L)."""
-        plant = self.plant.sampled(magnet_stiffness=magnet_stiffness).response(frequency)[:, 0, 0]
-        law = self.controller().response(frequency)[:, :, 0]
-        return np.asarray(-plant * (law[:, 0] - magnet_stiffness * law[:, 1]))
+        plant = self.plant.sampled(magnet_stiffness=at.magnet_stiffness).response(frequency)[:, 0, 0]
+        return np.asarray(-plant * self.feedback(frequency, at))
 
-    def spectral_radius(self, *, magnet_stiffness: float = 0.0) -> float:
-        """Largest closed-loop pole by size; below 1 where the loop is stable."""
-        plant, law = self.plant.sampled(magnet_stiffness=magnet_stiffness), self.controller()
-        c = law.C[0] - magnet_stiffness * law.C[1]
-        d = law.D[0, 0] - magnet_stiffness * law.D[1, 0]
+    def feedback(self, frequency: ArrayLike, at: AtPosition = MIDDLE) -> Complex:
+        """(n_frequency,) force that comes back for a measured position."""
+        law = self.controller().response(frequency)[:, :, 0]
+        return np.asarray(at.gain * (law[:, 0] - at.taken_off * law[:, 1]))
+
+    def spectral_radius(self, at: AtPosition = MIDDLE, *, plant: StateSpace | None = None) -> float:
+        """Largest closed-loop pole by size; below 1 where the loop is stable.
+
+        `plant` is position over force where it is not the believed one (with the magnet stiffness in it).
+        """
+        plant = plant or self.plant.sampled(magnet_stiffness=at.magnet_stiffness)
+        law = self.controller()
+        c = at.gain * (law.C[0] - at.taken_off * law.C[1])
+        d = at.gain * (law.D[0, 0] - at.taken_off * law.D[1, 0])
         a = np.block([[plant.A + d * plant.B @ plant.C, plant.B @ c[None, :]], [law.B[:, :1] @ plant.C, law.A]])
         return float(np.abs(np.linalg.eigvals(a)).max())
 
-    def peak_sensitivity(self, *, magnet_stiffness: float = 0.0, frequency: Array | None = None) -> float:
+    def peak_sensitivity(self, at: AtPosition = MIDDLE, *, frequency: Array | None = None) -> float:
         """max |S| up to half the loop rate; inf where the loop is unstable."""
-        if self.spectral_radius(magnet_stiffness=magnet_stiffness) >= 1:
+        if self.spectral_radius(at) >= 1:
             return float("inf")
         f = grid(self.plant.period) if frequency is None else frequency
-        return float(np.max(1 / np.abs(1 + self.loop_transfer(f, magnet_stiffness=magnet_stiffness))))
+        return float(np.max(1 / np.abs(1 + self.loop_transfer(f, at))))
 
     def reference_response(self, frequency: ArrayLike) -> Complex:
         """(n_frequency,) position over reference on the believed plant, for a sine with its derivatives."""
         f = np.atleast_1d(np.asarray(frequency, dtype=float))
         z, jw = np.exp(2j * np.pi * f * self.plant.period), 2j * np.pi * f
         plant = self.plant.sampled().response(f)[:, 0, 0]
-        by_position, by_force, by_held = self.controller().response(f)[:, 0].T
+        by_position, by_fed_back, by_force, by_held = self.controller().response(f)[:, 0].T
         if not self.feedforward:
-            return np.asarray(plant * by_held / (1 - plant * by_position))
+            ahead = self.reference_gain @ np.stack([np.ones_like(jw), jw, jw**2])
+            return np.asarray(plant * (by_held + by_force * ahead) / (1 - plant * by_position))
         command = self._feedforward(jw, z)
         states = self._states(z)  # of the believed plant, over its command
         promised = command / (1 + self.model_gains.state @ states)
-        followed = (1 + self.gains.state @ states) * promised
-        position = states[0] * promised
-        return np.asarray(plant * (by_force * followed + by_held * position) / (1 - plant * by_position))
+        followed = by_force * promised + by_fed_back * (self.gains.state @ states) * promised
+        return np.asarray(plant * (followed + by_held * states[0] * promised) / (1 - plant * by_position))
 
     def _feedforward(self, jw: Complex, z: Complex) -> Complex:
         """u_ff + K_model xi_ref for a reference of amplitude 1."""

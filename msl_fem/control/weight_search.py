@@ -1,14 +1,14 @@
 """The search for the regulator's weights: the most robust loop that keeps a wish."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from msl_fem.control.believed_plant import BelievedPlant
-from msl_fem.control.linear_loop import LinearLaw, bandwidth, grid
+from msl_fem.control.linear_loop import AtPosition, LinearLaw, bandwidth, grid
 from msl_fem.control.lqr import Weights
 from msl_fem.errors import ComputationError, InputError
 
@@ -56,8 +56,8 @@ def check_wish(wish: Wish, plant: BelievedPlant) -> None:
         )
 
 
-def search_weights(law_of: LawOf, stiffness: Sequence[float], wish: Wish) -> Weights:
-    """The weights of least worst peak sensitivity over magnet stiffnesses (N/m; the first is 0) that keep the wish.
+def search_weights(law_of: LawOf, places: Sequence[AtPosition], wish: Wish) -> Weights:
+    """The weights of least worst peak sensitivity over frozen positions (the first is the middle) that keep the wish.
 
     Raises
     ------
@@ -66,11 +66,11 @@ def search_weights(law_of: LawOf, stiffness: Sequence[float], wish: Wish) -> Wei
     found = []
     for ratio, velocity, integral in _STARTS:  # the bandwidth jumps where the response dips, so one start may be stuck
         start = np.log([2 * np.pi * ratio * wish.bandwidth, velocity, integral])
-        found.append(_descend(law_of, start, stiffness, wish))
+        found.append(_descend(law_of, start, places, wish))
     start = min(found, key=lambda end: end[0])[1]
-    weights = _weights(_descend(law_of, start, stiffness, wish)[1])  # a fresh simplex where the last one has shrunk
+    weights = _weights(_descend(law_of, start, places, wish)[1])  # a fresh simplex where the last one has shrunk
     law = law_of(weights)
-    got, peak = feedback_bandwidth(law), law.peak_sensitivity()
+    got, peak = feedback_bandwidth(law), law.peak_sensitivity(places[0])
     too_high = wish.peak_sensitivity is not None and not peak <= wish.peak_sensitivity * (1 + _SLACK)
     if too_high or not np.isfinite(peak) or not got >= wish.bandwidth * (1 - _SLACK):
         bound = "" if wish.peak_sensitivity is None else f" and a peak sensitivity of {wish.peak_sensitivity:g}"
@@ -84,13 +84,13 @@ def search_weights(law_of: LawOf, stiffness: Sequence[float], wish: Wish) -> Wei
 def feedback_bandwidth(law: LinearLaw, n_grid: int = 400) -> float:
     """-3 dB in Hz from reference to position by the integral alone, on the believed plant."""
     f = grid(law.plant.period, n_grid)
-    return bandwidth(replace(law, feedforward=False).reference_response(f), f)
+    return bandwidth(law.by_integral_alone().reference_response(f), f)
 
 
-def _descend(law_of: LawOf, start: Array, stiffness: Sequence[float], wish: Wish) -> tuple[float, Array]:
+def _descend(law_of: LawOf, start: Array, places: Sequence[AtPosition], wish: Wish) -> tuple[float, Array]:
     """(badness, logarithms of the weights) downhill from a start."""
     options = {**_OPTIONS, "initial_simplex": start + _SIMPLEX}
-    end = minimize(lambda w: _badness(law_of, w, stiffness, wish), start, method="Nelder-Mead", options=options)
+    end = minimize(lambda w: _badness(law_of, w, places, wish), start, method="Nelder-Mead", options=options)
     return float(end.fun), np.asarray(end.x)
 
 
@@ -98,20 +98,20 @@ def _weights(logarithms: Array) -> Weights:
     return Weights(*(float(w) for w in np.exp(np.clip(logarithms, -20, 20))))
 
 
-def _badness(law_of: LawOf, logarithms: Array, stiffness: Sequence[float], wish: Wish) -> float:
+def _badness(law_of: LawOf, logarithms: Array, places: Sequence[AtPosition], wish: Wish) -> float:
     try:
         law = law_of(_weights(logarithms))
     except ComputationError:
         return 1e6
     f = grid(law.plant.period, _GRID)
-    peaks = [law.peak_sensitivity(magnet_stiffness=kappa, frequency=f) for kappa in stiffness]
+    peaks = [law.peak_sensitivity(place, frequency=f) for place in places]
     if np.isinf(peaks[0]):
         return 1e5
     missed = max(0.0, 1 + 0.5 * _SLACK - feedback_bandwidth(law, _GRID) / wish.bandwidth)
     if wish.peak_sensitivity is not None:
         missed += max(0.0, peaks[0] / wish.peak_sensitivity - 1 + 0.5 * _SLACK)
     worst = 0.0
-    for kappa, peak in zip(stiffness, peaks, strict=True):
-        hopeless = _HOPELESS * law.spectral_radius(magnet_stiffness=kappa) if np.isinf(peak) else 0.0
+    for place, peak in zip(places, peaks, strict=True):
+        hopeless = _HOPELESS * law.spectral_radius(place) if np.isinf(peak) else 0.0
         worst = max(worst, hopeless or min(peak, _HOPELESS))
     return worst + _MISSED * missed

@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 N_STOP = 6  # stops of a Prandtl-Ishlinskii operator; their widths are 1, 2 ... 6 times the first
 N_QUEUE = 16  # samples by which a command can be late
+N_EDDY = 4  # modes of the eddy currents of a side, beside what answers at once
 
 # Rows of the coefficients. Gaps of the sides at x = 0 (m); what multiplies the magnets' current; W' is multiplied by
 # depth + growth g; variance of the gap over a face (m2); share of the other side's current; 1/(1 - share^2)
@@ -28,6 +29,8 @@ MODE_KEPT, MODE_RATIO, MODE_STIFFNESS, MODE_DAMPING, MODE_MASS, MODE_READING = 1
 # Relaxing stiffness (N/m), its rate (1/s); compliance of the base (m/N), w^2, 2 zeta w
 CREEP_STIFFNESS, CREEP_RATE, COMPLIANCE, BASE_STIFFNESS, BASE_DAMPING = 25, 26, 27, 28, 29
 BASE_INERTIA = 52  # compliance over w^2 (kg (m/N)^2)
+# Modes of the eddy currents: current over flux linkage (A/Wb), rates (1/s)
+EDDY_MODE, EDDY_RATE = 53, 57
 # Forces (N): constant, of the periodic disturbance; rotation of its phase in half a step
 FORCE, FORCE_COSINE, FORCE_SINE, TURN_COSINE, TURN_SINE = 30, 31, 32, 33, 34
 # Bandwidths of drive and position sensor (rad/s)
@@ -36,7 +39,11 @@ BANDWIDTH, SENSOR_BANDWIDTH = 35, 36
 DELAY_SAMPLES, JUMP_STEP, JUMP_SHARE = 37, 38, 39
 # What is left of the amplifier's lag at begin, middle, end of a step, and of a jump within the step, see `fall_stages`
 FALL, JUMP, SLEW_TIME, RAMP_MIDDLE, RAMP_END = 40, 44, 48, 49, 50
-N_COEFFICIENT = 53
+# Rate at which the core follows the coil's temperature (1/s); friction at rest over that in motion less 1, one over
+# the square of the velocity (m/s) over which it falls
+CORE_RATE, STRIBECK_RISE, STRIBECK_FALL = 61, 62, 63
+N_COEFFICIENT = 64
+FASTEST_EDDY = 1.0  # steps: faster modes of the eddy currents are taken to answer at once
 
 
 def kernel_coefficients(
@@ -56,6 +63,7 @@ def kernel_coefficients(
     v = {key: float(effects[n]) for key, n in POSITION.items()}
     e = np.zeros(N_COEFFICIENT)
     _magnets(e, plant, v, inductance)
+    _eddy_currents(e, v, inductance, step)
     _mechanics(e, plant, v, step)
     _drive(e, plant, v, step, n_step)
     lag = v["position_sensor_lag", "lag"]
@@ -73,18 +81,34 @@ def _magnets(e: Array, plant: PlantParameters, v: dict[tuple[str, str], float], 
     e[TILT] = v["armature_tilt", "gap_variance"]
     e[SHARE] = v["cross_coupling", "share"] if plant.sides == 2 else 0.0
     e[UNMIX] = 1.0 / (1.0 - e[SHARE] ** 2)
-    e[EDDY] = v["eddy_currents", "time_constant"] / inductance
     widest = inductance * v["magnetic_hysteresis", "reversal_current"]
     e[HYSTERESIS_WIDTH] = widest / N_STOP
     e[HYSTERESIS_SLOPE] = v["magnetic_hysteresis", "coercive_current"] / (_widths() * e[HYSTERESIS_WIDTH])
     e[HEAT_PER_JOULE], e[COOLING] = v["coil_heating", "rise_per_joule"], v["coil_heating", "cooling_rate"]
     e[HEAT_START] = v["coil_heating", "initial_rise"]
+    e[CORE_RATE] = v["coil_heating", "core_rate"]
+
+
+def _eddy_currents(e: Array, v: dict[tuple[str, str], float], inductance: float, step: float) -> None:
+    """Sheets of diffusion time T and low-frequency conductance G: a magnetising current (3 G/T) (q coth q - 1) Lambda,
+    q^2 = s T, is the sum over k of (6 G/T) s T_k/(1 + s T_k) Lambda with T_k = T/(k pi)^2 (Mittag-Leffler). Modes that
+    are faster than the step answer at once."""
+    conductance, diffusion = v["eddy_currents", "time_constant"] / inductance, v["eddy_currents", "diffusion_time"]
+    at_once = 1.0
+    for k in range(N_EDDY):
+        time = diffusion / ((k + 1) * math.pi) ** 2
+        if conductance and time > FASTEST_EDDY * step:
+            e[EDDY_MODE + k], e[EDDY_RATE + k] = 6 * conductance / diffusion, 1 / time
+            at_once -= 6 / ((k + 1) * math.pi) ** 2
+    e[EDDY] = conductance * at_once
 
 
 def _mechanics(e: Array, plant: PlantParameters, v: dict[tuple[str, str], float], step: float) -> None:
     e[QUADRATIC], e[CUBIC] = v["stiffness_nonlinearity", "quadratic"], v["stiffness_nonlinearity", "cubic"]
     e[FRICTION_WIDTH] = v["coulomb_friction", "presliding"] / N_STOP
     e[FRICTION_SLOPE] = v["coulomb_friction", "force"] / (_widths() * e[FRICTION_WIDTH])
+    e[STRIBECK_RISE] = v["coulomb_friction", "stribeck_rise"]
+    e[STRIBECK_FALL] = 1.0 / v["coulomb_friction", "stribeck_velocity"] ** 2
     e[FILM], e[FILM_GAP] = v["squeeze_film", "damping"], plant.nominal_gap
     share, natural = v["structural_mode", "mass_share"], 2 * math.pi * v["structural_mode", "frequency"]
     e[MODE_KEPT], e[MODE_RATIO] = 1.0 - share, share / (1.0 - share)

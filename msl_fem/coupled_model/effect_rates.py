@@ -17,7 +17,9 @@ from msl_fem.coupled_model.state import (
     ANCHORED,
     BASE,
     BASE_RATE,
+    CORE_1,
     CREEP,
+    EDDY_FLUX_1,
     ENERGY_COPPER,
     ENERGY_DAMPING,
     ENERGY_EDDY,
@@ -43,6 +45,7 @@ from msl_fem.coupled_model.work import (
     EMF,
     INDUCTANCE,
     MMF,
+    MODE_LOSS,
     N_CIRCUIT,
     OUTPUT_OF_1,
     PUSH,
@@ -82,7 +85,8 @@ def rates_with_effects(
         memory = _hysteresis(e, state, j, flux, settle)
         work[circuit + INDUCTANCE] = inductance
         work[circuit + EMF] = emf
-        work[circuit + MMF] = work[Y + I1 + j] + memory + e[c.EDDY] * emf
+        eddies = _eddy_modes(e, state, work, j, flux, dy)
+        work[circuit + MMF] = work[Y + I1 + j] + memory + eddies + e[c.EDDY] * emf
         work[circuit + RESISTANCE] = p.resistance * (1.0 + work[Y + HEAT_1 + j])
     if settle:
         state[ANCHORED] = 1.0
@@ -90,8 +94,9 @@ def rates_with_effects(
         solve_circuits(p, e, work, inputs)
         _electrical_rates(p, e, work, dy)
     film_force = e[c.FILM] * film * gap_speed
-    own = film_force + _suspension(e, state, work, settle)
-    _motion(p, e, work, dy, force, own, magnets - film_force)
+    spring, stribeck = _suspension(e, state, work, settle)
+    _motion(p, e, work, dy, force, film_force + spring + stribeck, magnets - film_force)
+    work[dy + ENERGY_INTERNAL] = work[dy + ENERGY_INTERNAL] + stribeck * work[Y + V]
     work[dy + ENERGY_DAMPING] = p.damping * work[Y + V] * work[Y + V] + film_force * gap_speed
     work[dy + ENERGY_EXTERNAL] = external * work[Y + V]
     return inside
@@ -101,7 +106,7 @@ def rates_with_effects(
 def _hysteresis(e: Rows, state: Rows, j: int, flux: Value, settle: bool) -> Value:
     """The part of a side's current that its iron's memory takes, h = s sum_k e_k of the flux linkage, in A."""
     width, first = e[c.HYSTERESIS_WIDTH], STOPS_1 + j * c.N_STOP
-    change = choose(state[ANCHORED] > 0.0, flux - state[ANCHOR_1 + j], 0.0)
+    change = flux - state[ANCHOR_1 + j]
     if settle:
         lost = e[c.HYSTERESIS_SLOPE] * settle_stops(state, first, width, change)
         state[ENERGY_HYSTERESIS] = state[ENERGY_HYSTERESIS] + lost
@@ -111,8 +116,27 @@ def _hysteresis(e: Rows, state: Rows, j: int, flux: Value, settle: bool) -> Valu
 
 
 @compiled
+def _eddy_modes(e: Rows, state: Rows, work: Rows, j: int, flux: Value, dy: int) -> Value:
+    """The part of a side's current (A) that the modes of its eddy currents take; before the first evaluation they have
+    settled. Their losses go into the side's loss row."""
+    taken = flux - flux
+    lost = taken
+    for k in range(c.N_EDDY):
+        row = EDDY_FLUX_1 + j * c.N_EDDY + k
+        settled = state[ANCHORED] > 0.0
+        state[row] = choose(settled, state[row], flux)
+        work[Y + row] = choose(settled, work[Y + row], flux)
+        behind = flux - work[Y + row]
+        taken = taken + e[c.EDDY_MODE + k] * behind
+        lost = lost + e[c.EDDY_MODE + k] * e[c.EDDY_RATE + k] * behind * behind
+        work[dy + row] = e[c.EDDY_RATE + k] * behind
+    work[CIRCUITS + j * N_CIRCUIT + MODE_LOSS] = lost
+    return taken
+
+
+@compiled
 def _electrical_rates(p: PlantParameters, e: Rows, work: Rows, dy: int) -> None:
-    """Slopes of the circuits' states: coil_heating warms R by what it dissipates and cools by itself."""
+    """Slopes of the circuits' states: coil_heating warms R by what it dissipates; it cools towards its core."""
     electrical = copper = eddy = work[Y + V] - work[Y + V]
     for j in range(p.sides):
         circuit = CIRCUITS + j * N_CIRCUIT
@@ -121,18 +145,21 @@ def _electrical_rates(p: PlantParameters, e: Rows, work: Rows, dy: int) -> None:
         change = work[circuit + INDUCTANCE] * work[circuit + SLOPE] + work[circuit + EMF]
         electrical = electrical + voltage * current
         copper = copper + loss
-        eddy = eddy + e[c.EDDY] * change * change
+        eddy = eddy + e[c.EDDY] * change * change + work[circuit + MODE_LOSS]
         work[dy + I1 + j] = work[circuit + SLOPE]
         work[dy + VOLT_SECONDS_1 + j] = voltage
-        work[dy + HEAT_1 + j] = e[c.HEAT_PER_JOULE] * loss - e[c.COOLING] * work[Y + HEAT_1 + j]
+        above = work[Y + HEAT_1 + j] - work[Y + CORE_1 + j]
+        work[dy + HEAT_1 + j] = e[c.HEAT_PER_JOULE] * loss - e[c.COOLING] * above
+        work[dy + CORE_1 + j] = e[c.CORE_RATE] * above
     work[dy + ENERGY_ELECTRICAL] = electrical
     work[dy + ENERGY_COPPER] = copper
     work[dy + ENERGY_EDDY] = eddy
 
 
 @compiled
-def _suspension(e: Rows, state: Rows, work: Rows, settle: bool) -> Value:
-    """The force (N) against +x of stiffness_nonlinearity, flexure_relaxation and coulomb_friction."""
+def _suspension(e: Rows, state: Rows, work: Rows, settle: bool) -> tuple[Value, Value]:
+    """The force (N) against +x of stiffness_nonlinearity, flexure_relaxation and coulomb_friction, and by how much
+    friction at low velocities is above that (Hess and Soom, J. Tribology 112, 1990, 147-152)."""
     x, width = work[Y + X], e[c.FRICTION_WIDTH]
     spring = (e[c.QUADRATIC] + e[c.CUBIC] * x) * x * x
     creep = e[c.CREEP_STIFFNESS] * (x - work[Y + CREEP])
@@ -142,7 +169,10 @@ def _suspension(e: Rows, state: Rows, work: Rows, settle: bool) -> Value:
         state[ENERGY_FRICTION] = state[ENERGY_FRICTION] + lost
         state[ANCHOR_X] = x
         change = x - x
-    return spring + creep + e[c.FRICTION_SLOPE] * stop_sum(state, STOPS_X, width, change)
+    v = work[Y + V]
+    more = e[c.STRIBECK_RISE] / (1.0 + e[c.STRIBECK_FALL] * v * v)
+    stops = e[c.FRICTION_SLOPE] * stop_sum(state, STOPS_X, width, change)
+    return spring + creep + stops, more * stops
 
 
 @compiled

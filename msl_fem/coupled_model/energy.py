@@ -34,7 +34,7 @@ class EnergyAudit:
     copper, damping : losses; damping with that of the air film
     eddy_currents, hysteresis, friction, impact : losses of the effects and of end stops
     internal : losses in flexure, second mass and base
-    field : change of lambda i - W' over all magnets and of what hysteresis stores
+    field : change of lambda i - W' over all magnets and of what hysteresis and eddy currents store
     mechanical : change of m x'^2/2 + k x^2/2, with those of second mass, base, flexure and friction's elastic part
     """
 
@@ -111,13 +111,17 @@ def _stored(surface: Surface, p: PlantParameters, e: Array | None, state: Array)
 
 @compiled
 def _field(surface: Surface, p: PlantParameters, effects: Array | None, state: Array) -> float:
-    """Field energy of all magnets in J."""
+    """Field energy of all magnets in J, with that of their eddy currents."""
     memory = workspace()
     e, rows, work, cells = rows_of(effects), rows_of(state), rows_of(memory), cells_of(surface)
     look_at(e, rows, work)
     energy = 0.0
+    settled = rows[s.ANCHORED] <= 0.0  # before the first evaluation there are no eddy currents
     for j in range(p.sides):
-        _, _, stored = side_flux(cells, p, e, work, j, rows[s.I1 + j], side_gap(p, e, work, j))
+        _, flux, stored = side_flux(cells, p, e, work, j, rows[s.I1 + j], side_gap(p, e, work, j))
         energy += stored
+        if effects is not None and not settled:
+            for k in range(c.N_EDDY):
+                energy += 0.5 * e[c.EDDY_MODE + k] * (flux - rows[s.EDDY_FLUX_1 + j * c.N_EDDY + k]) ** 2
     keep(memory)
     return energy

@@ -20,6 +20,8 @@ _PURE_NUMBERS = ("channel", "seed", "periods")
 def parse_excitation(text: str, *, unit: Unit = "A") -> Excitation:
     """The excitation that a text "name:key=value,key=value" describes; `unit` is that of amplitude and bias.
 
+    A text that says `loop=closed` describes a reference: its amplitude and bias are in m.
+
     Raises
     ------
     InputError : an unknown name or key, a missing or a double key, a value of the wrong dimension or out of its range
@@ -72,7 +74,7 @@ def _made(content: dict[str, Any], *, unit: Unit, where: str) -> Excitation:
     if "unit" in content:
         raise InputError(f"{where}: unit: unknown key; remove it")
     try:
-        return kind.model_validate({**content, "unit": unit})
+        return kind.model_validate({**content, "unit": "m" if content.get("loop") == "closed" else unit})
     except ValidationError as err:
         raise InputError(f"{where}: {first_complaint(err)}") from err
 

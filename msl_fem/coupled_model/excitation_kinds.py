@@ -29,7 +29,7 @@ class Excitation(FrozenModel):
     channel : where the signal goes, see `samples`; None: what is usual for the kind
     bias : the constant that the signal is added to, on every side
     seed : of the random phases, where there are any
-    role, loop : of the run that is made with it, and whether it runs in closed loop
+    role, loop : of the run that is made with it, and whether it is a reference that a closed loop follows
     unit : of amplitude and bias: A, V or N of a drive, m of a reference
     """
 

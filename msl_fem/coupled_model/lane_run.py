@@ -53,7 +53,7 @@ from msl_fem.coupled_model.work import (
     Y,
     lane_workspace,
 )
-from msl_fem.effects import N_PARAMETER, neutral_vector
+from msl_fem.effects import N_PARAMETER, POSITION, neutral_vector
 from msl_fem.errors import InputError
 
 Array = NDArray[np.float64]
@@ -116,18 +116,19 @@ def run_lanes(
     sides, n_lane = plants[0].sides, len(plants)
     commands, push = inputs.for_sides(max(sides, 1)), np.asarray(inputs.disturbance)
     step = 1.0 / (inputs.rate * substeps)
-    found = np.empty((n_lane, commands.shape[0], N_OUT))
+    n_sample = commands.shape[0]
+    blocks: list[Array] = []
     for begin in range(0, n_lane, LANES):
         lanes = [min(begin + k, n_lane - 1) for k in range(LANES)]  # the last one fills up
         block = _block(surface, [plants[lane] for lane in lanes], settings, np.array(lanes), step, substeps)
-        out = np.empty((commands.shape[0] * N_OUT, LANES))
+        out = np.empty((n_sample * N_OUT, LANES))
         _run_block(surface, block, commands, push, step, substeps, out)
-        end = min(begin + LANES, n_lane)
-        found[begin:end] = np.moveaxis(out.reshape(-1, N_OUT, LANES), 2, 0)[: end - begin]
+        blocks.append(out.reshape(n_sample, N_OUT, LANES))
     for lane, plant in enumerate(plants):
-        if plant.end_stop is not None and np.isnan(found[lane, -1]).any():
-            found[lane] = _alone(surface, plant, settings, lane, inputs, substeps)
-    return _readings(found, sides, settings, rate=inputs.rate)
+        rows = blocks[lane // LANES][:, :, lane % LANES]
+        if plant.end_stop is not None and np.isnan(rows[-1]).any():
+            rows[:] = _alone(surface, plant, settings, lane, inputs, substeps)
+    return _readings(blocks, n_lane, sides, settings, rate=inputs.rate)
 
 
 class _Block(NamedTuple):
@@ -222,17 +223,34 @@ def _alone(
     return out
 
 
-def _readings(found: Array, sides: int, settings: LaneSettings, *, rate: float) -> LaneRun:
-    channels = Channels.of(found, sides)
+def _readings(blocks: Sequence[Array], n_lane: int, sides: int, settings: LaneSettings, *, rate: float) -> LaneRun:
+    """The readings of rows (n_sample, N_OUT, LANES) of blocks of lanes."""
+
+    def column(n: int) -> Array:
+        return np.concatenate([np.ascontiguousarray(block[:, n].T) for block in blocks])[:n_lane]
+
+    def by_side(n: int) -> Array:
+        return np.stack([column(n + j) for j in range(sides)], axis=-1) if sides else np.empty((n_lane, n_sample, 0))
+
+    n_sample = blocks[0].shape[0]
     effects = neutral_vector() if settings.effects is None else settings.effects
-    good: NDArray[np.bool_] = ~np.isnan(found[..., kernel.OUT_X] + found[..., kernel.OUT_VOLTAGE_1])
+    late = settings.effects is not None and any(
+        np.any(settings.effects[:, n]) for (effect, _), n in POSITION.items() if effect == "time_delay"
+    )
+    slopes = np.empty((n_lane, n_sample)), np.empty((n_lane, n_sample, sides)), np.empty((n_lane, n_sample, sides))
+    if late:  # nothing else looks at them
+        slopes = column(kernel.OUT_SENSOR_SLOPE), by_side(OUT_SLOPE_AFTER_1), by_side(OUT_SLOPE_BEFORE_1)
+    channels = Channels(column(kernel.OUT_SENSOR), slopes[0], by_side(kernel.OUT_I1), slopes[1], slopes[2])
+    position, voltage = column(kernel.OUT_X), column(kernel.OUT_VOLTAGE_1)
+    good: NDArray[np.bool_] = ~np.isnan(position + voltage)
+    voltages = np.stack([voltage, *(column(OUT_VOLTAGE_1 + j) for j in range(1, sides))], axis=-1)
     return LaneRun(
         position=position_before_noise(channels, effects, rate=rate),
         current=currents_before_noise(channels, effects, rate=rate),
-        voltage=found[..., kernel.OUT_VOLTAGE_1 : kernel.OUT_VOLTAGE_1 + max(sides, 1)].copy(),
-        flux_linkage=found[..., kernel.OUT_FLUX_1 : kernel.OUT_FLUX_1 + sides].copy(),
-        true_position=found[..., kernel.OUT_X].copy(),
-        done=np.where(np.all(good, axis=1), good.shape[1], np.argmin(good, axis=1)),
+        voltage=voltages,
+        flux_linkage=by_side(kernel.OUT_FLUX_1),
+        true_position=position,
+        done=np.where(np.all(good, axis=1), n_sample, np.argmin(good, axis=1)),
     )
 
 

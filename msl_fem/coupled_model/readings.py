@@ -56,10 +56,12 @@ def position_before_noise(channels: Channels, effects: Array, *, rate: float) ->
     y = delayed(channels.sensor, channels.sensor_slope, channels.sensor_slope[..., 1:], delay=delay, rate=rate)
     time = np.arange(y.shape[-1]) / rate
     reading = (1.0 + v["position_sensor_nonlinearity", "gain_error"]) * y
-    reading = reading + v["position_sensor_nonlinearity", "quadratic"] * y**2
-    reading = reading + v["position_sensor_nonlinearity", "cubic"] * y**3
-    drift = v["sensor_drift", "acceleration"] / 2 + time * v["sensor_drift", "jerk"] / 6
-    reading = reading + time * (v["sensor_drift", "rate"] + time * drift)
+    for power, name in ((2, "quadratic"), (3, "cubic")):
+        if np.any(v["position_sensor_nonlinearity", name]):
+            reading = reading + v["position_sensor_nonlinearity", name] * y**power
+    if any(np.any(v["sensor_drift", name]) for name in ("rate", "acceleration", "jerk")):
+        drift = v["sensor_drift", "acceleration"] / 2 + time * v["sensor_drift", "jerk"] / 6
+        reading = reading + time * (v["sensor_drift", "rate"] + time * drift)
     return reading + _hum(v, time, "position")
 
 
@@ -108,8 +110,10 @@ def delayed(values: Array, after: Array, before: Array, *, delay: Array, rate: f
 
 
 def _hum(v: dict[tuple[str, str], Array], time: Array, channel: str) -> Array:
-    phase = 2 * np.pi * v["periodic_disturbance", "frequency"] * time
     cosine, sine = v["periodic_disturbance", f"{channel}_cosine"], v["periodic_disturbance", f"{channel}_sine"]
+    if not (np.any(cosine) or np.any(sine)):
+        return np.zeros(1)
+    phase = 2 * np.pi * v["periodic_disturbance", "frequency"] * time
     return np.asarray(cosine * np.cos(phase) + sine * np.sin(phase))
 
 

@@ -3,7 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coupled_model.coefficients import HEAT_START, N_QUEUE, N_STOP, SHARE
+from msl_fem.coupled_model.coefficients import (
+    HEAT_START,
+    HYSTERESIS_SLOPE,
+    HYSTERESIS_WIDTH,
+    N_EDDY,
+    N_QUEUE,
+    N_STOP,
+    SHARE,
+)
 from msl_fem.coupled_model.plant import FORCE_DRIVE, PlantParameters
 
 Array = NDArray[np.float64]
@@ -23,23 +31,27 @@ N_PLAIN = 10
 # the armature (m, m/s); force that the base has given way to (N, N/s); losses of eddy currents, and of flexure, second
 # mass and base (J)
 HEAT_1, HEAT_2, CREEP, MODE, MODE_RATE, BASE, BASE_RATE, ENERGY_EDDY, ENERGY_INTERNAL = range(10, 19)
-N_INTEGRATED = 19
+# Flux linkages that the modes of the eddy currents follow (Wb), of side 1, then of side 2
+EDDY_FLUX_1 = 19
+# Relative rise that the core's temperature stands for, of the sides
+CORE_1 = EDDY_FLUX_1 + 2 * N_EDDY
+N_INTEGRATED = CORE_1 + 2
 # What is known in closed form over a step: position as its sensor gives it, before noise (m); the drive's outputs
 # (V, or N in force drive). Then counts of the calls of `advance` in which a limit of the drive was reached.
-SENSOR, OUTPUT_1, OUTPUT_2 = 19, 20, 21
-AT_CURRENT_LIMIT_1, AT_CURRENT_LIMIT_2, AT_VOLTAGE_LIMIT_1, AT_VOLTAGE_LIMIT_2 = 22, 23, 24, 25
+SENSOR, OUTPUT_1, OUTPUT_2 = range(N_INTEGRATED, N_INTEGRATED + 3)
+AT_CURRENT_LIMIT_1, AT_CURRENT_LIMIT_2, AT_VOLTAGE_LIMIT_1, AT_VOLTAGE_LIMIT_2 = range(OUTPUT_2 + 1, OUTPUT_2 + 5)
 # The end stop that the mover lies on (-1, 0, 1), energy lost at end stops (J)
-HELD, ENERGY_IMPACT = 26, 27
+HELD, ENERGY_IMPACT = AT_VOLTAGE_LIMIT_2 + 1, AT_VOLTAGE_LIMIT_2 + 2
 # Currents of the coils (A) and their slopes (A/s) behind the last step and within the first one of the last call
-COIL_1, COIL_2, COIL_SLOPE_1, COIL_SLOPE_2, COIL_START_1, COIL_START_2 = range(28, 34)
+COIL_1, COIL_2, COIL_SLOPE_1, COIL_SLOPE_2, COIL_START_1, COIL_START_2 = range(ENERGY_IMPACT + 1, ENERGY_IMPACT + 7)
 # The amplifier: command behind its slew limit, behind its lag
-SLEW_1, SLEW_2, LAG_1, LAG_2 = range(34, 38)
+SLEW_1, SLEW_2, LAG_1, LAG_2 = range(COIL_START_2 + 1, COIL_START_2 + 5)
 # Phase of the periodic disturbance
-PHASE_COSINE, PHASE_SINE = 38, 39
-# Memory: where the stops stand that follow (Wb, Wb, m), losses of hysteresis and friction (J), whether the stops of the
-# iron stand at all (0 before the first evaluation), then the stops
-ANCHOR_1, ANCHOR_2, ANCHOR_X, ENERGY_HYSTERESIS, ENERGY_FRICTION, ANCHORED = range(40, 46)
-STOPS_1 = 46
+PHASE_COSINE, PHASE_SINE = LAG_2 + 1, LAG_2 + 2
+# Memory: where the stops stand that follow (Wb, Wb, m), losses of hysteresis and friction (J), whether the eddy
+# currents have settled at the start (0 before the first evaluation), then the stops
+ANCHOR_1, ANCHOR_2, ANCHOR_X, ENERGY_HYSTERESIS, ENERGY_FRICTION, ANCHORED = range(PHASE_SINE + 1, PHASE_SINE + 7)
+STOPS_1 = ANCHORED + 1
 STOPS_2, STOPS_X = STOPS_1 + N_STOP, STOPS_1 + 2 * N_STOP
 # Commands that have not acted yet, the latest first, of side 1 and of side 2
 QUEUE_1 = STOPS_1 + 3 * N_STOP
@@ -52,7 +64,8 @@ def initial_state(
 ) -> Array:
     """The state (N_STATE,) with the sensor settled, drive outputs that hold the currents, energies and counts zero.
 
-    The iron is demagnetised, the flexure relaxed at its present length, everything else that effects bring at rest.
+    The iron was demagnetised before the currents rose to these, the flexure is relaxed at its present length, all else
+    that effects bring at rest.
     """
     state = np.zeros(N_STATE)
     state[I1], state[I2], state[X], state[V] = current_1, current_2, position, velocity
@@ -70,7 +83,14 @@ def initial_state(
 
 
 def start_effects(coefficients: Array, state: Array) -> None:
-    """Puts into a state of `initial_state`, (N_STATE,) or (N_STATE, LANES), what effects add to the beginning."""
+    """Puts into a state of `initial_state`, (N_STATE,) or (N_STATE, LANES), what effects add to the beginning.
+
+    The currents have risen from nothing in demagnetised iron, so that its memory takes all it can (of currents beyond
+    the reversal's; at smaller ones the first sample errs by a part of the coercive current).
+    """
     state[HEAT_1] = state[HEAT_2] = coefficients[HEAT_START]
-    state[I1] = state[COIL_1] + coefficients[SHARE] * state[COIL_2]
-    state[I2] = state[COIL_2] + coefficients[SHARE] * state[COIL_1]
+    state[CORE_1] = state[CORE_1 + 1] = 0.0
+    pinned = coefficients[HYSTERESIS_SLOPE] * coefficients[HYSTERESIS_WIDTH] * (N_STOP * (N_STOP + 1) // 2)
+    for j in range(2):
+        own, other = state[COIL_1 + j], state[COIL_1 + 1 - j]
+        state[I1 + j] = own + coefficients[SHARE] * other - np.sign(own) * pinned

@@ -31,10 +31,11 @@ SLEW_END_1, LAG_END_1, PHASE_COSINE_END, PHASE_SINE_END = (LIMITED_1 + n for n i
 SENSOR_WEIGHTS = LIMITED_1 + 12
 DRIVE_HALF, DRIVE_WHOLE = SENSOR_WEIGHTS + 5, SENSOR_WEIGHTS + 6
 # A side's circuit: incremental inductance (H), back-EMF (V), magnetising current with memory and eddy part (A),
-# resistance (ohm); then what `solve_circuits` finds: du/dt (A/s), voltage (V), current of the coil (A)
+# resistance (ohm); then what `solve_circuits` finds: du/dt (A/s), voltage (V), current of the coil (A); loss of the
+# modes of the eddy currents (W)
 CIRCUITS = DRIVE_WHOLE + 1
-INDUCTANCE, EMF, MMF, RESISTANCE, SLOPE, VOLTAGE, COIL_CURRENT = range(7)
-N_CIRCUIT = 7
+INDUCTANCE, EMF, MMF, RESISTANCE, SLOPE, VOLTAGE, COIL_CURRENT, MODE_LOSS = range(8)
+N_CIRCUIT = 8
 CIRCUIT_1, CIRCUIT_2 = CIRCUITS, CIRCUITS + N_CIRCUIT
 N_WORK = CIRCUITS + 2 * N_CIRCUIT
 

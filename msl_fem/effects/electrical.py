@@ -7,14 +7,19 @@ ELECTRICAL = (
         name="coil_heating",
         group="electrical",
         sentence="resistance drifts with dissipated energy",
-        equation="R_j = R (1 + rho_j), rho_j' = rise_per_joule R_j i_j^2 - cooling_rate rho_j, rho_j(0) = initial_rise",
-        source="Boglietti et al., IEEE Trans. Ind. Electron. 56(3), 2009, 871-882 (one lumped capacity)",
+        equation=(
+            "R_j = R (1 + rho_j), "
+            "rho_j' = rise_per_joule R_j i_j^2 - cooling_rate (rho_j - kappa_j), rho_j(0) = initial_rise, "
+            "kappa_j' = core_rate (rho_j - kappa_j), kappa_j(0) = 0: coil, then core"
+        ),
+        source="Boglietti et al., IEEE Trans. Ind. Electron. 56(3), 2009, 871-882 (lumped capacities)",
         parameters=(
             Parameter(
                 "rise_per_joule", "J^-1", 0.0, (0.0, 1.0), 1e-4, "0.39 %/K over the heat capacity of a side's coils"
             ),
             Parameter("initial_rise", "", 0.0, (-0.3, 1.0), 0.01, "of the resistance when the run begins, relative"),
-            Parameter("cooling_rate", "s^-1", 0.0, (0.0, 10.0), 0.01, "one over the thermal time constant", shape=True),
+            Parameter("cooling_rate", "s^-1", 0.0, (0.0, 10.0), 0.01, "one over the coil's time constant", shape=True),
+            Parameter("core_rate", "s^-1", 0.0, (0.0, 10.0), 0.01, "at which the core follows the coil", shape=True),
         ),
         needs=("magnets",),
     ),

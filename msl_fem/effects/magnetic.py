@@ -21,7 +21,7 @@ MAGNETIC = (
         sentence="the iron saturates sooner than its B-H curve says (stacking factor, cutting stress)",
         equation="W'(i, g) -> W'((1 + s) i, g) / (1 + s)^2: B and H of the iron scaled by 1/(1 + s), the gap unchanged",
         source="Schoppa, Schneider, Wuppermann, J. Magn. Magn. Mater. 215-216, 2000, 74-78 (cutting)",
-        parameters=(Parameter("knee_shift", "", 0.0, (-0.3, 0.5), 0.02, "s: the flux at the knee is 1/(1 + s)"),),
+        parameters=(Parameter("knee_shift", "", 0.0, (-0.3, 5.0), 0.02, "s: the flux at the knee is 1/(1 + s)"),),
         needs=("magnets",),
     ),
     Effect(
@@ -66,10 +66,14 @@ MAGNETIC = (
         name="eddy_currents",
         group="magnetic",
         sentence="induced currents in laminations, armature or housing delay the flux behind the current",
-        equation="i = u + (time_constant / L_0) d lambda/dt: a shorted winding beside the coil; loss (d lambda/dt)^2 G",
+        equation=(
+            "i = u + (3 tau/(T L_0)) (q coth q - 1) lambda, q^2 = s T: sheets of diffusion time T; at T = 0 a shorted "
+            "winding beside the coil, i = u + (tau/L_0) d lambda/dt. tau: time_constant, T: diffusion_time"
+        ),
         source="Zhu, Knospe, Maslen, IEEE Trans. Magnetics 41(4), 2005, 1248-1258; Woodson, Melcher, 1968, ch. 2",
         parameters=(
             Parameter("time_constant", "s", 0.0, (0.0, 0.05), 1e-4, "of the flux at constant current, nominal gap"),
+            Parameter("diffusion_time", "s", 0.0, (0.0, 5.0), 1e-2, "of the field across a sheet's half", shape=True),
         ),
         needs=("magnets", "drive lag"),
     ),

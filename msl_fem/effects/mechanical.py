@@ -18,11 +18,21 @@ MECHANICAL = (
         name="coulomb_friction",
         group="mechanical",
         sentence="a rate-independent friction force",
-        equation="force -s sum_k e_k, e_k = stop of width r_k of the position: elastic below, sliding at `force`",
-        source="Iwan, J. Appl. Mech. 33, 1966, 893-900; Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005, 1883-1887",
+        equation=(
+            "force -s sum_k e_k (1 + stribeck_rise/(1 + (v/stribeck_velocity)^2)), e_k a stop of width r_k of "
+            "the position: elastic below, sliding at `force`"
+        ),
+        source=(
+            "Iwan, J. Appl. Mech. 33, 1966, 893-900; Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005, 1883-1887; "
+            "Hess, Soom, J. Tribology 112, 1990, 147-152 (the fall over velocity)"
+        ),
         parameters=(
             Parameter("force", "N", 0.0, (0.0, 1e3), 0.1, "in full sliding"),
             Parameter("presliding", "m", 1e-6, (1e-8, 1e-3), 1e-6, "travel until everything slides", shape=True),
+            Parameter("stribeck_rise", "", 0.0, (0.0, 3.0), 0.2, "friction at rest over `force`, less 1", shape=True),
+            Parameter(
+                "stribeck_velocity", "m/s", 1e-3, (1e-7, 10.0), 1e-3, "at which half of the rise is left", shape=True
+            ),
         ),
     ),
     Effect(

@@ -59,7 +59,7 @@ def neutral_vector() -> Array:
 
 
 def from_vector(vector: Array) -> EffectValues:
-    """The values of a vector of all parameters; effects at their neutral values are left out.
+    """The values of a vector of all parameters (N_PARAMETER,); effects at their neutral values are left out.
 
     Raises
     ------

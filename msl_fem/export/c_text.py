@@ -101,9 +101,13 @@ _TEMPLATES.filters |= {"number": c_number, "rows": c_rows, "comment": c_comment}
 
 def c_header(template: str, prefix: str, content: dict[str, Any]) -> str:
     """The header of a template: ASCII, the same for the same input."""
-    made = _TEMPLATES.get_template(template).render(
-        p=prefix, P=prefix.upper(), version=version("msl-fem"), index_type=index_type, **content
-    )
+    names = {"p": prefix, "P": prefix.upper(), "version": version("msl-fem"), "index_type": index_type}
+    return c_source(template, names | content)
+
+
+def c_source(template: str, content: dict[str, Any]) -> str:
+    """A template filled in: ASCII, the same for the same input."""
+    made = _TEMPLATES.get_template(template).render(content)
     made.encode("ascii")
     return made
 

@@ -6,9 +6,19 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
+from msl_fem.table import MagneticTable
 
-ACTUATOR, TABLE, MAP = "actuator", "table", "map"
+ACTUATOR, TABLE, MAP, MODEL, CONTROLLER = "actuator", "table", "map", "model", "controller"
+
+
+@dataclass(frozen=True, eq=False)
+class ModelSource:
+    """What the coupled model is made of: an actuator and the table of its magnets, None where it has none."""
+
+    actuator: Actuator
+    table: MagneticTable | None
 
 
 @dataclass(frozen=True)
@@ -19,9 +29,11 @@ class Format:
     ----------
     to : the format's name
     what : what of it is exported
-    needs : the record that the writer takes: ACTUATOR, TABLE or MAP
+    needs : the record that the writer takes: ACTUATOR, TABLE, MAP, MODEL for a `ModelSource`, CONTROLLER for a
+        `ControllerSource`
     module : whose `write(record, target, *, name)` writes and returns the files
     named : whether names in the file begin with one that can be chosen
+    asked : whether it is written only where its part is asked for by name
     """
 
     to: str
@@ -29,6 +41,7 @@ class Format:
     needs: str
     module: str
     named: bool = False
+    asked: bool = False
 
     def write(self, record: Any, target: Path, *, name: str | None = None) -> tuple[Path, ...]:
         """The files written. Raises InputError, for instance where the folder cannot be written."""
@@ -41,9 +54,16 @@ class Format:
 FORMATS = (
     Format("c", "guard", MAP, "msl_fem.export.c_guard", named=True),
     Format("c", "table", TABLE, "msl_fem.export.c_table", named=True),
+    Format("c", "controller", CONTROLLER, "msl_fem.export.c_controller", named=True, asked=True),
     Format("csv", "table", TABLE, "msl_fem.export.csv_table"),
+    Format("mat", "table", TABLE, "msl_fem.export.mat_table"),
+    Format("modelica", "table", TABLE, "msl_fem.export.modelica_table"),
+    Format("fmu", "model", MODEL, "msl_fem.export.fmu", named=True),
 )
-_MADE_FROM = {ACTUATOR: (ACTUATOR,), TABLE: (TABLE, ACTUATOR), MAP: (MAP, TABLE, ACTUATOR)}
+_MADE_FROM = {
+    ACTUATOR: (ACTUATOR,), MODEL: (ACTUATOR,), CONTROLLER: (ACTUATOR,), TABLE: (TABLE, ACTUATOR),
+    MAP: (MAP, TABLE, ACTUATOR),
+}  # fmt: skip
 """The sources from which each record can be had."""
 
 
@@ -57,7 +77,7 @@ def find_format(to: str, what: str | None, source: str) -> Format:
     of_name = [f for f in FORMATS if f.to == to]
     if not of_name:
         raise InputError(f"--to {to} is not available; there is {', '.join(dict.fromkeys(f.to for f in FORMATS))}")
-    wished = [f for f in of_name if what in (None, f.what)]
+    wished = [f for f in of_name if what == f.what or (what is None and not f.asked)]
     if not wished:
         raise InputError(f"--what {what} is not available as {to}; there is {', '.join(f.what for f in of_name)}")
     able = [f for f in wished if source in _MADE_FROM[f.needs]]

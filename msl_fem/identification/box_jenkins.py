@@ -54,8 +54,8 @@ class BoxJenkinsOrders:
 class BoxJenkinsModel:
     """The polynomials with their covariance, and the ARMAX model that they are when multiplied out.
 
-    `covariance` is in the order f, b of each input, offset, c, d, without the leading ones; `armax` predicts, simulates
-    and goes to JSON.
+    `covariance` (n_parameter, n_parameter) is in the order f, b of each input, offset, c, d, without the leading ones;
+    `armax` predicts, simulates and goes to JSON.
     """
 
     orders: BoxJenkinsOrders

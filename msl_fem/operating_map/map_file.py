@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from msl_fem.errors import InputError
 from msl_fem.operating_map.criterion import parse_criterion
 from msl_fem.operating_map.level_currents import OperatingMap
+from msl_fem.schema import small_text
 from msl_fem.whole_file import whole_file
 
 Array = NDArray[np.float64]
@@ -71,7 +72,7 @@ def read_map(path: str | Path) -> OperatingMap:
     InputError : no such file, not JSON, a field is missing or contradicts the others; the message names the file
     """
     try:
-        content = json.loads(Path(path).read_bytes().decode("utf-8"))
+        content = json.loads(small_text(path))
     except OSError as err:
         raise InputError(f"{path}: cannot be read ({err.strerror}); make a map with 'msl-fem map'") from err
     except (ValueError, RecursionError) as err:

@@ -9,6 +9,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.errors import RecordError
 from msl_fem.quantity import format_quantity
 from msl_fem.record.column_file import numbers, place
+from msl_fem.record.linear_law import linear_laws
 from msl_fem.record.record import Array, Record, Run, Sampling
 
 FEWEST_SAMPLES = 1000
@@ -66,10 +67,30 @@ def check_record(record: Record, *, rig_file: Path | str) -> None:
         said = f"run: the actuator '{record.actuator.name}' has no [drive]; state its kind"
     elif len(set(names)) < len(names):
         said = f"run: the names {', '.join(names)} are not all different; name each run once"
+    elif said_of_law := _unfit_law(record):
+        said = said_of_law
     elif not record.runs_of("fit") and (record.static is None or not record.static.rows("fit").size):
         said = 'run, static: no run or map has the role "fit"; give one of them role = "fit"'
     if said:
         raise RecordError(f"{rig_file}: {said}")
+
+
+def _unfit_law(record: Record) -> str:
+    """What is wrong with the laws of `[[controller.linear]]`, or an empty text."""
+    try:
+        laws = linear_laws(record.controller)
+    except RecordError as err:
+        return str(err)
+    names = [run.name for run in record.runs]
+    for n, law in enumerate(laws):
+        for name in law.runs:
+            if name not in names:
+                return f"controller.linear.{n}.runs: no run '{name}' in the record; it has {', '.join(names)}"
+        for name in (*law.inputs, *law.outputs):
+            for run in record.runs:
+                if name not in run and run.name in (law.runs or (run.name,)):
+                    return f"controller.linear.{n}: run {run.name} has no column {name}, which the law reads or makes"
+    return ""
 
 
 def check_columns(names: list[str], actuator: Actuator, *, file: Path | str) -> None:

@@ -11,9 +11,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from msl_fem.errors import RecordError
+from msl_fem.netcdf_file import read_netcdf, write_netcdf
 from msl_fem.schema import LARGEST, reason
 
 Column = NDArray[Any]
+MOST_VALUES = 1_000_000_000  # of a NetCDF file, 8 GB
 FIRST_ROW = {".csv": 2, ".nc": 0}
 """Row of the first sample: a spreadsheet counts from 1 and has the names there; NetCDF counts from 0."""
 
@@ -96,13 +98,12 @@ def _is_number(cell: str) -> bool:
 
 
 def _read_netcdf(path: Path) -> dict[str, Column]:
-    with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as dataset:
-        columns = {}
-        for name, variable in dataset.variables.items():
-            if variable.dims != ("time",):
-                raise RecordError(f"{path}: {name} has the dimensions {variable.dims}; it must have `time` alone")
-            numeric = variable.dtype.kind in "iuf"
-            columns[str(name)] = variable.to_numpy().astype(np.float64 if numeric else object)
+    columns = {}
+    for name, variable in read_netcdf(path, most_values=MOST_VALUES).variables.items():
+        if variable.dims != ("time",):
+            raise RecordError(f"{path}: {name} has the dimensions {variable.dims}; it must have `time` alone")
+        numeric = variable.dtype.kind in "iuf"
+        columns[str(name)] = variable.to_numpy().astype(np.float64 if numeric else object)
     return columns
 
 
@@ -139,7 +140,7 @@ def write_columns(path: Path, columns: Mapping[str, Column]) -> None:
         for name in columns:
             dataset[name].attrs["units"] = name.rpartition("_")[2]
         packed = {n: {"zlib": True, "shuffle": True} for n, v in columns.items() if v.dtype.kind == "f"}
-        dataset.to_netcdf(path, engine="h5netcdf", encoding=packed)
+        write_netcdf(dataset, path, encoding=packed)
         return
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")

@@ -1,14 +1,13 @@
 """Which signal of a log becomes which column of a run: source, unit, scale and offset, as people write them."""
 
 import re
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from msl_fem.errors import QuantityError, RecordError
 from msl_fem.quantity import parse_quantity
-from msl_fem.schema import reason
+from msl_fem.schema import read_toml
 
 UNIT = {
     "time_s": "s",
@@ -75,12 +74,7 @@ def _from_text(part: str) -> tuple[str, dict[str, str]]:
 
 
 def _from_file(path: Path) -> list[tuple[str, dict[str, str]]]:
-    try:
-        content = tomllib.loads(path.read_bytes().decode("utf-8"))
-    except OSError as err:
-        raise RecordError(f"{path}: cannot be read ({reason(err)}); give a TOML file of columns") from err
-    except ValueError as err:
-        raise RecordError(f"{path}: not valid TOML: {err}") from err
+    content = read_toml(path, error=RecordError, wanted="a file of columns")
     for column, keys in content.items():
         if not isinstance(keys, dict):
             raise RecordError(f"{path}: {column}: write a table, [{column}] with a source")

@@ -12,6 +12,7 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
 from msl_fem.errors import RecordError
+from msl_fem.netcdf_file import refuse_endless_heap
 from msl_fem.schema import reason
 
 Array = NDArray[np.float64]
@@ -80,6 +81,7 @@ def _listed(signals: dict[str, Array]) -> str:
 
 def _read_mat(path: Path) -> dict[str, Array]:
     if h5py.is_hdf5(path):  # version 7.3
+        refuse_endless_heap(path)
         found: dict[str, Array] = {}
         with h5py.File(path, "r") as stream:
             stream.visititems(lambda name, item: _add(found, name.replace("/", "."), _dataset(item)))

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from msl_fem.actuator import Actuator, CurrentNoise, Frequency, PositionNoise
 from msl_fem.errors import RecordError
+from msl_fem.record.linear_law import LinearLaw, law_of, linear_laws
 from msl_fem.schema import FrozenModel, In
 
 Array = NDArray[np.float64]
@@ -188,3 +189,7 @@ class Record:
             if run.name == name:
                 return run
         raise RecordError(f"no run '{name}' in the record; it has {', '.join(r.name for r in self.runs)}")
+
+    def law_of(self, run: str) -> LinearLaw | None:
+        """The linear law that drove a run, as `[[controller.linear]]` states it; None where none is stated."""
+        return law_of(linear_laws(self.controller), run)

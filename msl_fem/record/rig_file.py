@@ -1,25 +1,19 @@
 """rig.toml: what the experimenter states about the bench, and the actuator that follows from it."""
 
-import tomllib
 from pathlib import Path, PureWindowsPath
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.actuator import PURE_NUMBERS, Actuator, load_actuator
 from msl_fem.errors import RecordError
 from msl_fem.record.record import Noise, Origin, Role, Sampling, Tolerance
-from msl_fem.schema import FrozenModel, bare_number, first_complaint, reason
+from msl_fem.schema import FrozenModel, bare_number, first_complaint, read_toml
 
 RIG_FILE = "rig.toml"
 STATIC_FILE = "static.csv"
 OVERRIDES = ("magnet", "sides", "motion", "drive", "position_sensor", "current_sensor")
 """Sections of the actuator file that rig.toml may state anew, key by key."""
-
-_PURE_NUMBERS = {
-    "schema", "turns", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor",
-    "count", "magnets_per_side", "delay_samples", "sets",
-}  # fmt: skip
 
 
 class RunEntry(FrozenModel):
@@ -66,16 +60,11 @@ def read_rig(folder: Path) -> RigFile:
     RecordError : no such file, not TOML, an unknown or a missing key, a wrong unit; names the file and the key path
     """
     file = folder / RIG_FILE
-    try:
-        content = tomllib.loads(file.read_bytes().decode("utf-8"))
-    except OSError as err:
-        raise RecordError(f"{file}: cannot be read ({reason(err)}); a record is a folder with a rig.toml") from err
-    except ValueError as err:
-        raise RecordError(f"{file}: not valid TOML: {err}") from err
+    content = read_toml(file, error=RecordError, wanted="a record, which is a folder with a rig.toml")
     overrides = {key: content.pop(key) for key in OVERRIDES if isinstance(content.get(key), dict)}
     dimensional = {key: value for key, value in content.items() if key not in ("controller", "tolerance")}
     dimensional |= {**overrides, "controller": _timing(content.get("controller"))}
-    complaint = bare_number(dimensional, _PURE_NUMBERS)
+    complaint = bare_number(dimensional, PURE_NUMBERS)
     if "overrides" in content:
         complaint = "overrides: unknown key; state the actuator's sections by their own names"
     if complaint:

@@ -1,10 +1,12 @@
 """The coupled model as a simulator of a record's runs: free runs, Kalman predictions, believed parameters fitted.
 
-Inputs are the record's columns, outputs its readings. The parameters that are believed within tolerances are fitted by
+Inputs are the record's columns, outputs its readings; where the plant does not run free and the law of its controller
+is known, it runs in closed loop. The parameters that are believed within tolerances are fitted by
 maximum a posteriori with those tolerances as their prior.
 """
 
 from msl_fem.record_fit.believed import BELIEVED, Belief, Plant, believed_plant, free_parameters
+from msl_fem.record_fit.closed_loop import Asked, closed_run
 from msl_fem.record_fit.fit import Fitted, RunFit, fit_record
 from msl_fem.record_fit.free_run import FreeRun, Start, free_run, measured_start, open_loop_stable
 from msl_fem.record_fit.noise import NoiseFloor, noise_floor
@@ -13,6 +15,7 @@ from msl_fem.record_fit.run_data import RunData, run_data
 
 __all__ = [
     "BELIEVED",
+    "Asked",
     "Belief",
     "Filtered",
     "Fitted",
@@ -24,6 +27,7 @@ __all__ = [
     "RunFit",
     "Start",
     "believed_plant",
+    "closed_run",
     "filtered",
     "fit_record",
     "free_parameters",

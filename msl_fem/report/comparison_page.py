@@ -13,13 +13,17 @@ from plotly.subplots import make_subplots
 from msl_fem.comparison import Comparison, Judged, StaticError
 from msl_fem.comparison.residuals import Residuals
 from msl_fem.quantity import format_quantity
+from msl_fem.record_fit.believed import UNITS
 from msl_fem.record_fit.run_data import POSITION
-from msl_fem.report.page import Page, Stage
-from msl_fem.report.style import GREY, SERIES, dress, figure, line
+from msl_fem.report.page import Grid, Page, Stage
+from msl_fem.report.style import GREY, SERIES, dress, figure, line, logarithmic
 
 Array = NDArray[np.float64]
 MOST_POINTS = 3000
-NAMES = {"one_step": "one sample ahead", "ten_step": "ten samples ahead", "free_run": "free run"}
+NAMES = {
+    "one_step": "one sample ahead", "ten_step": "ten samples ahead", "closed_loop": "closed loop",
+    "free_run": "free run",
+}  # fmt: skip
 AXES = {
     "current_1_A": ("current of side 1 in A", 1.0), "current_2_A": ("current of side 2 in A", 1.0),
     "gap_1_m": ("gap of side 1 in mm", 1e3), "position_m": ("position in mm", 1e3),
@@ -66,19 +70,19 @@ def _headline(found: Comparison) -> tuple[tuple[str, str], ...]:
 
 def _summary(found: Comparison) -> Stage:
     floors = {(f["run"], f["channel"]): f for f in found.noise_floor()}
-    columns: dict[str, list[str]] = {
-        name: [] for name in ("model", "run", "role", "channel", *NAMES.values(), "noise floor")
-    }
-    for j in found.judged:
-        cells = [j.model, j.run, j.role, j.channel, *(_figure(j.nrmse[kind]) for kind in NAMES)]
-        for name, cell in zip(columns, [*cells, _figure(floors[j.run, j.channel]["nrmse"])], strict=True):
-            columns[name].append(cell)
-    cells = go.Table(
-        header={"values": list(columns), "align": "left"},
-        cells={"values": list(columns.values()), "align": "left", "height": 22},
+    kinds = [kind for kind in NAMES if any(j.nrmse[kind] is not None for j in found.judged)]
+    columns = ("model", "run", "role", "channel", *(NAMES[kind] for kind in kinds), "noise floor")
+    rows = tuple(
+        (
+            j.model,
+            j.run,
+            j.role,
+            _channel(j.channel),
+            *(_figure(j.nrmse[kind]) for kind in kinds),
+            _figure(floors[j.run, j.channel]["nrmse"]),
+        )
+        for j in found.judged
     )
-    made = go.Figure(cells)
-    made.update_layout(height=90 + 23 * len(found.judged), margin={"l": 0, "r": 0, "t": 4, "b": 4})
     sources = {f["source"] for f in floors.values()}
     sentence = (
         "NRMSE is the RMS of measured less modelled over the standard deviation of measured. Everything was fitted on "
@@ -88,10 +92,13 @@ def _summary(found: Comparison) -> Stage:
     reasons = dict.fromkeys((f"{j.model}, {j.run}", j.reason) for j in found.judged if j.reason)
     refit = found.models.refit
     parameters = [] if refit is None else [
-        (f"{name}, re-fitted", f"{p.value:.5g} ({p.low:.5g} ... {p.high:.5g}), believed {p.believed:.5g}")
+        (
+            f"{name.replace('_', ' ')}, re-fitted",
+            f"{p.value:.5g} ({p.low:.5g} ... {p.high:.5g}), believed {p.believed:.5g} {UNITS.get(name, '')}".rstrip(),
+        )
         for name, p in refit.parameters.items()
     ]  # fmt: skip
-    return Stage("Summary", sentence, (*parameters, *reasons), plot=made)
+    return Stage("Summary", sentence, (*parameters, *reasons), table=Grid(columns, rows))
 
 
 def _measured_and_predicted(judged: Sequence[Judged], found: Comparison) -> Stage:
@@ -115,7 +122,7 @@ def _measured_and_predicted(judged: Sequence[Judged], found: Comparison) -> Stag
         )
         numbers.append((name, _figure(j.nrmse[kind])))
     made.update_yaxes(title={"text": "position in µm"}, row=1, col=1)
-    made.update_yaxes(title={"text": "measured - modelled in µm"}, row=2, col=1)
+    made.update_yaxes(title={"text": "difference in µm"}, row=2, col=1)
     made.update_xaxes(title={"text": "time in s"}, row=2, col=1)
     sentence = (
         f"Run {first.run} ({first.role}; {found.record.run(first.run).excitation}): the measured position, what each "
@@ -138,8 +145,9 @@ def _by_band(chosen: Sequence[Residuals]) -> Stage:
     for r, colour in zip(chosen, SERIES, strict=False):
         name = f"{r.judged.model}, {NAMES[r.kind]}"
         made.add_trace(line(middle, r.bands.residual * 1e6, name=name, colour=colour, mode="lines+markers"))
-    made.update_xaxes(type="log")
-    made.update_yaxes(type="log")
+    logarithmic(made, [middle], along="x")
+    shown = [chosen[0].bands.measured, *(r.bands.residual for r in chosen)]
+    logarithmic(made, [values * 1e6 for values in shown], along="y")
     worst = [(r.judged.model, r.bands.nrmse) for r in chosen]
     numbers = tuple(
         (f"{name}, worst band", f"NRMSE {np.nanmax(n):.3g} from {chosen[0].bands.edges[int(np.nanargmax(n))]:.3g} Hz")
@@ -216,6 +224,11 @@ def _provenance(found: Comparison) -> tuple[tuple[str, str], ...]:
         ("versions", f"msl_fem {version('msl-fem')}, Python {platform.python_version()}"),
         ("date", datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")),
     )
+
+
+def _channel(name: str) -> str:
+    """A column's name as a reader takes it: without its unit, which a ratio does not have."""
+    return name.rpartition("_")[0].replace("_", " ")
 
 
 def _figure(value: float | None) -> str:

@@ -1,53 +1,104 @@
 """The field as a picture: |B| in colour, flux lines as contours of A_z."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
+from numpy.typing import NDArray
 
 from msl_fem.magnet_field import MagnetField
 from msl_fem.magnetostatics import FieldSolution
 from msl_fem.whole_file import whole_file
 
+Array = NDArray[np.float64]
+COLOURS = "viridis"
 N_FLUX_LINES = 24
 AIR = ("air", "strip", "window")
 HIGHEST = 2.0  # T, end of the colour scale
 
 
-def draw_field(field: MagnetField, solution: FieldSolution, *, title: str) -> Figure:
-    """A figure of the whole section, the solved half mirrored: |B| in T and flux lines of equal flux."""
+@dataclass(frozen=True, eq=False)
+class PaintedField:
+    """A solution on a refined mesh of the solved half, ready to be drawn.
+
+    Attributes
+    ----------
+    x, y : (n_point,) mm
+    potential : (n_point,) Wb/m
+    triangles : (3, n_triangle)
+    flux_density : (n_triangle,) |B| in T
+    outlines : (n_edge, 2, 2) mm, the edges between regions
+    area : left, right, bottom, top of what is shown, in mm
+    """
+
+    x: Array
+    y: Array
+    potential: Array
+    triangles: NDArray[np.int64]
+    flux_density: Array
+    outlines: Array
+    area: tuple[float, float, float, float]
+
+    @property
+    def flux_lines(self) -> Array:
+        """Values of the potential in Wb/m whose contours are flux lines with equal flux between them."""
+        largest = max(float(np.abs(self.potential).max()), 1e-12)
+        return np.linspace(-largest, largest, 2 * N_FLUX_LINES + 2)[1:-1:2]
+
+
+def painted_field(field: MagnetField, solution: FieldSolution) -> PaintedField:
+    """The solution on its mesh refined twice, with the outlines of iron and coil."""
     model, mesh = field.model, field.model.mesh
     fine, potential = model.basis.refinterp(solution.potential, nrefs=2)
     x, y = mesh.at_gap(solution.gap, fine.p) * 1e3
-    b = _flux_density(x, y, potential, fine.t)
     region = np.array([mesh.names.index("air") if n in AIR else k for k, n in enumerate(mesh.names)])[mesh.region]
+    corner_x, corner_y = mesh.at_gap(solution.gap) * 1e3
+    outlines = _region_edges(corner_x, corner_y, mesh.triangles, region)
+    magnet = field.magnet
+    half, margin = max(magnet.half_width, magnet.armature_half_width) * 1e3, 0.2 * magnet.half_width * 1e3
+    low, high = -magnet.armature_thickness * 1e3 - margin, (solution.gap + magnet.height) * 1e3 + margin
+    area = (-half - margin, half + margin, low, high)
+    b = _flux_density(x, y, potential, fine.t)
+    return PaintedField(x, y, potential, fine.t, b, outlines, area)
+
+
+def draw_field(field: MagnetField, solution: FieldSolution, *, title: str) -> Figure:
+    """A figure of the whole section, the solved half mirrored: |B| in T and flux lines of equal flux."""
+    painted = painted_field(field, solution)
     figure = Figure(figsize=(7.2, 5.6), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    largest = max(np.abs(potential).max(), 1e-12)
-    levels = np.linspace(-largest, largest, 2 * N_FLUX_LINES + 2)[1:-1:2]
-    colours = mpl.colormaps["viridis"]
-    for side in (1, -1):  # A is odd in x, |B| even
-        triangles = Triangulation(side * x, y, fine.t.T)
-        shaded = axes.tripcolor(triangles, facecolors=b, cmap=colours, vmin=0, vmax=HIGHEST, rasterized=True)
-        axes.tricontour(triangles, potential, levels=levels, colors="white", linewidths=0.5, linestyles="solid")
-        corner_x, corner_y = mesh.at_gap(solution.gap) * 1e3
-        outlines = _region_edges(side * corner_x, corner_y, mesh.triangles, region)
-        axes.add_collection(LineCollection(list(outlines), colors="black", linewidths=0.8))
-    magnet = field.magnet
-    half, margin = max(magnet.half_width, magnet.armature_half_width) * 1e3, 0.2 * magnet.half_width * 1e3
-    axes.set_xlim(-half - margin, half + margin)
-    axes.set_ylim(-magnet.armature_thickness * 1e3 - margin, (solution.gap + magnet.height) * 1e3 + margin)
+    shaded = paint(axes, painted)
     axes.set_aspect("equal")
     axes.set_xlabel("x in mm")
     axes.set_ylabel("y in mm")
     axes.set_title(title, loc="left", fontsize=11)
-    figure.colorbar(shaded, ax=axes, label="|B| in T", extend="max" if b.max() > HIGHEST else "neither")
+    extend = "max" if painted.flux_density.max() > HIGHEST else "neither"
+    figure.colorbar(shaded, ax=axes, label="|B| in T", extend=extend)
     return figure
+
+
+def paint(axes: Axes, painted: PaintedField) -> ScalarMappable:
+    """Both halves of the section in the axes, which then show its area."""
+    for side in (1, -1):  # A is odd in x, |B| even
+        triangles = Triangulation(side * painted.x, painted.y, painted.triangles.T)
+        shaded = axes.tripcolor(
+            triangles, facecolors=painted.flux_density, cmap=COLOURS, vmin=0, vmax=HIGHEST, rasterized=True
+        )
+        axes.tricontour(
+            triangles, painted.potential, levels=painted.flux_lines, colors="white", linewidths=0.5, linestyles="solid"
+        )
+        outlines = painted.outlines * np.array([side, 1])
+        axes.add_collection(LineCollection(list(outlines), colors="black", linewidths=0.8))
+    axes.set_xlim(*painted.area[:2])
+    axes.set_ylim(*painted.area[2:])
+    return shaded
 
 
 def save_picture(figure: Figure, path: Path) -> None:

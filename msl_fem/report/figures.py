@@ -9,7 +9,20 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from msl_fem.operating_map import OperatingMap
-from msl_fem.report.style import BLUE, GREEN, GREY, ORANGE, RED, REGION_FILL, SERIES, SKY, dress, figure, line
+from msl_fem.report.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    REGION_FILL,
+    SERIES,
+    SKY,
+    dress,
+    figure,
+    line,
+    logarithmic,
+)
 from msl_fem.table import MagneticTable
 
 Array = NDArray[np.float64]
@@ -94,7 +107,8 @@ def frequency_response(frequency: Array, curves: Mapping[str, tuple[Array, Array
             line(frequency, np.degrees(np.unwrap(phase)), name=name, colour=colour, showlegend=False), row=2, col=1
         )
     made.add_hrect(y0=-1, y1=1, fillcolor=REGION_FILL["preferred"], line_width=0, row=1, col=1)
-    made.update_xaxes(type="log")
+    for row in (1, 2):
+        logarithmic(made, [frequency], along="x", row=row)
     return made
 
 

@@ -7,7 +7,7 @@ from msl_fem.copper_loss import CopperLoss
 from msl_fem.core_loss_data import LossPoints, Sheet
 from msl_fem.errors import MaterialError
 from msl_fem.iron_loss import IronLoss, sinusoidal_loss
-from msl_fem.report.style import BLUE, GREEN, GREY, ORANGE, SERIES, SKY, figure, line
+from msl_fem.report.style import BLUE, GREEN, GREY, ORANGE, SERIES, SKY, figure, line, logarithmic
 from msl_fem.thermal import ThermalCurve
 
 TERMS = (("hysteresis", BLUE), ("eddy", ORANGE), ("excess", GREEN))
@@ -67,6 +67,6 @@ def measured_and_fitted_losses(points: LossPoints, sheet: Sheet) -> go.Figure:
                 showlegend=False,
             )
         )  # fmt: skip
-    made.update_xaxes(type="log")
-    made.update_yaxes(type="log")
+    logarithmic(made, [b], along="x")
+    logarithmic(made, [points.loss], along="y")
     return made

@@ -8,8 +8,8 @@ from msl_fem.actuator import Actuator
 from msl_fem.flexure_beam import LeafBeam
 from msl_fem.gap_trade import GapTrade
 from msl_fem.quantity import format_quantity
-from msl_fem.report.page import Page, Stage
-from msl_fem.report.style import BLUE, GREEN, GREY, ORANGE, RED, dress, figure, line
+from msl_fem.report.page import Grid, Page, Stage
+from msl_fem.report.style import BLUE, GREEN, GREY, ORANGE, RED, dress, figure, line, logarithmic
 from msl_fem.suspension import SuspensionReport
 
 N_DISPLACEMENT, N_BEAM = 61, 9
@@ -48,14 +48,16 @@ def mode_chart(report: SuspensionReport) -> go.Figure:
                 y=[_words(mode.name) for mode in modes.rigid],
                 name=sets,
                 mode="markers",
-                marker={"size": 12, "color": colour, "symbol": "circle" if modes.sets == 2 else "diamond"},
+                marker={"size": 9, "color": colour, "symbol": "circle"}
+                if modes.sets == 2
+                else {"size": 15, "color": colour, "symbol": "diamond"},  # larger: one may lie behind the other
             )
         )
     names = [_words(mode.name) for mode in report.modes[0].rigid] if report.modes else []
     for name, frequency, colour in (("leaf between clamps", report.leaf_mode, GREY), ("wanted", report.bandwidth, RED)):
         if frequency and names:  # a trace, not a line of the layout: those stand wrong on logarithmic axes
             made.add_trace(line([frequency] * len(names), names, name=name, colour=colour, line={"dash": "dot"}))
-    made.update_xaxes(type="log")
+    logarithmic(made, [[mode.frequency for modes in report.modes for mode in modes.rigid]], along="x")
     return made
 
 
@@ -99,12 +101,11 @@ def flexure_page(actuator: Actuator, report: SuspensionReport) -> Page:
         f"a linear spring and bear {full.stress / report.allowed_stress:.0%} of the allowed stress."
     )
     above = {modes.sets: modes.above_first for modes in report.modes}
-    modes_said = "The same leaves in one set and in two. " + "; ".join(
-        f"{'one set' if sets == 1 else 'two sets'}: second and third mode "
-        + " and ".join(f"{f:.0f} Hz" for f in found)
-        + " above the first"
+    modes_said = "Second and third mode lie " + "; ".join(
+        " and ".join(f"{f:.0f} Hz" for f in found)
+        + f" above the first with the leaves in {'one set' if sets == 1 else 'two sets'}"
         for sets, found in above.items()
-    )
+    ) + "."  # fmt: skip
     return Page(
         title=f"{actuator.name}: flexure",
         subtitle=f"{flexure.leaves} leaves of {material.name}, "
@@ -116,7 +117,7 @@ def flexure_page(actuator: Actuator, report: SuspensionReport) -> Page:
         ),
         stages=(
             Stage("Force over displacement", sentence, tuple(numbers), plot=flexure_force(report)),
-            Stage("Modes", modes_said, _mode_numbers(report), mode_chart(report)),
+            Stage("Modes", modes_said, _mode_numbers(report), mode_chart(report), table=_mode_table(report)),
         ),
         provenance=(("actuator", f"{actuator.name}, SHA-256 {actuator.digest[:16]}"),),
         notes=report.notes,
@@ -125,10 +126,17 @@ def flexure_page(actuator: Actuator, report: SuspensionReport) -> Page:
 
 def _mode_numbers(report: SuspensionReport) -> tuple[tuple[str, str], ...]:
     numbers = [("first mode", f"{report.first_mode:.1f} Hz"), ("leaf between clamps", f"{report.leaf_mode:.0f} Hz")]
-    for modes in report.modes:
-        sets = "one set" if modes.sets == 1 else "two sets"
-        numbers += [(f"{sets}: {_words(mode.name)}", f"{mode.frequency:.1f} Hz") for mode in modes.rigid]
+    if report.bandwidth:
+        numbers.append(("bandwidth wanted", f"{report.bandwidth:g} Hz"))
     return tuple(numbers)
+
+
+def _mode_table(report: SuspensionReport) -> Grid:
+    """Frequencies of the mover's modes, a column for each arrangement of the leaves."""
+    found = [{mode.name: mode.frequency for mode in modes.rigid} for modes in report.modes]
+    columns = ["one set" if modes.sets == 1 else "two sets" for modes in report.modes]
+    rows = [(_words(name), *(f"{column[name]:.1f}" for column in found)) for name in (found[0] if found else {})]
+    return Grid(("mode", *(f"{name}, Hz" for name in columns)), rows)
 
 
 def gap_trade_page(actuator: Actuator, trade: GapTrade) -> Page:

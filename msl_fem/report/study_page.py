@@ -10,12 +10,12 @@ import numpy as np
 from msl_fem.control import ClosedLoopRun
 from msl_fem.identification import sampled_run, simulate
 from msl_fem.quantity import format_quantity
-from msl_fem.report.field_picture import draw_field
+from msl_fem.report.explorer import explorer
+from msl_fem.report.field_plot import field_plot
 from msl_fem.report.figures import (
     Tracking,
     force_over_current,
     frequency_response,
-    operating_regions,
     predicted_position,
     tracking,
 )
@@ -89,7 +89,12 @@ def study_page(study: Study) -> Page:
         (str(violations), "guard violations in all closed-loop runs"),
     )
     stages = (_field(study), _table(study), _map(study), _model(study), *_loop(study), _response(study))
-    notes = (*study.field.report.notes, *study.operating_map.warnings, *study.identification.model.notes)
+    notes = (
+        *study.field.report.notes,
+        *study.operating_map.warnings,
+        *study.identification.model.notes,
+        *study.loop.notes,
+    )
     return Page(
         f"{study.actuator.name}: from section to closed loop",
         "Finite elements, force and flux tables, operating map, coupled model, identification and guarded control; "
@@ -122,8 +127,8 @@ def _field(study: Study) -> Stage:
         ("unknowns", f"{point.unknowns}"),
         ("Newton steps", f"{point.newton_iterations}"),
     )
-    image = draw_field(study.field.field, study.field.solution, title=f"|B| and flux lines at {at}")
-    return Stage("The field", sentence, numbers, image=image)
+    plot = field_plot(study.field.field, study.field.solution)
+    return Stage("The field", sentence, numbers, plot=plot)
 
 
 def _table(study: Study) -> Stage:
@@ -172,7 +177,11 @@ def _map(study: Study) -> Stage:
             for k, m in _missed(made.current)
         ),
     )
-    return Stage("Operating regions (Fig. 2 of the paper)", sentence, numbers, plot=operating_regions(made))
+    table, point = study.field.table, study.field.point
+    start = (min(0.75 * point.current, float(table.current[-1])), point.gap)
+    sides = study.actuator.sides
+    widget = explorer(table, made, start=start, magnets=sides.magnets_per_side if sides else 1)
+    return Stage("Operating regions (Fig. 2 of the paper)", sentence, numbers, widget=widget)
 
 
 def _missed(current: np.ndarray) -> list[tuple[int, int]]:

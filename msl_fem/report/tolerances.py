@@ -5,7 +5,7 @@ import plotly.graph_objects as go
 
 from msl_fem.actuator import Actuator
 from msl_fem.quantity import format_quantity
-from msl_fem.report.page import Page, Stage
+from msl_fem.report.page import Grid, Page, Stage
 from msl_fem.report.style import BLUE, GREEN, ORANGE, RED, figure, line
 from msl_fem.tolerance_study import Sensitivity, ToleranceStudy
 
@@ -57,13 +57,6 @@ def tolerance_page(actuator: Actuator, study: ToleranceStudy) -> Page:
     nominal = float(study.current[0, at])
     low, high = 100 * (band.low[0, at] / nominal - 1), 100 * (band.high[0, at] / nominal - 1)
     strongest = max(study.sensitivities, key=lambda s: abs(s.force) * relative_limit(s, gap))
-    limits = tuple(
-        (
-            s.tolerance.name.replace("_", " "),
-            f"± {format_quantity(s.tolerance.limit, s.tolerance.unit)}: {s.tolerance.source}",
-        )
-        for s in study.sensitivities
-    )
     checked = (
         f"{band.samples} samples, all by field solutions"
         if band.method == "direct"
@@ -84,9 +77,21 @@ def tolerance_page(actuator: Actuator, study: ToleranceStudy) -> Page:
             Stage(
                 "What each tolerance does",
                 f"The force depends most on the {strongest.tolerance.name.replace('_', ' ')}.",
-                limits,
+                (),
                 plot=tolerance_effects(study),
+                table=_limits(study),
             ),
         ),
         provenance=(("actuator", f"{actuator.name}, SHA-256 {actuator.digest[:16]}"), ("seed", str(band.seed))),
     )
+
+
+def _limits(study: ToleranceStudy) -> Grid:
+    """Each tolerance with its limit, what it does to the force at its limit, and where it comes from."""
+    rows = []
+    for s in study.sensitivities:
+        limit, unit = s.tolerance.limit, s.tolerance.unit
+        size = format_quantity(limit, unit) if unit else f"{limit:g}"
+        change = abs(100 * s.force * relative_limit(s, study.point[1]))
+        rows.append((s.tolerance.name.replace("_", " "), f"± {size}", f"{change:.2f}", s.tolerance.source))
+    return Grid(("tolerance", "limit", "change of the force, %", "source"), rows)

@@ -55,7 +55,7 @@ class ThermalCurve:
 
 
 def thermal_curve(actuator: Actuator, gap: ArrayLike, limit: ThermalLimit) -> ThermalCurve:
-    """The limit of the copper loss alone, the same at every gap; raises as `continuous_current`."""
+    """The limit of the copper loss alone in A, the same at every gap (n_gap,) in m; raises as `continuous_current`."""
     gaps, found = np.array(gap, dtype=float), continuous_current(actuator, limit)
     same = np.ones_like(gaps)
     return ThermalCurve(gaps, found.continuous * same, found.on_phase * same, found, None, found.notes)

@@ -62,6 +62,7 @@ class MadeJob:
     questions: Questions
 
     def solver(self) -> "MadeSolver":
+        """What answers the questions about magnets as made, in a process of its own if need be."""
         return MadeSolver(self)
 
     @cached_property

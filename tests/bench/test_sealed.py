@@ -156,7 +156,7 @@ def test_a_static_map_shows_hysteresis_and_little_else() -> None:
         (("outside:nothing",), "'nothing' is no effect outside; there are cogging"),
         (("none", "fringing=1%"), "--hide none goes alone"),
         (("fringing=1%", "fringing=2%"), "is there twice"),
-        (("fringing", "cogging", "time_delay"), "at most 2 effects"),
+        (("fringing", "eddy_currents", "time_delay", "coil_heating"), "at most 3 effects"),
         (("cogging=3%",), "'cogging' is no effect"),
     ],
 )

@@ -3,11 +3,13 @@
 import csv
 import subprocess
 import sys
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 from cli_paths import E1, EMPS, SERVO, TABLE
 
 from msl_fem.operating_map import Guard, operating_map, read_map, write_map
@@ -42,6 +44,31 @@ def test_a_table_as_csv_and_as_c(msl_fem: Run, tmp_path: Path) -> None:
     assert "fast_tool_servo_table_force" in header.read_text()
 
 
+def test_an_actuator_with_its_table_as_fmu_mat_and_modelica(msl_fem: Run, tmp_path: Path) -> None:
+    fmu, mat, text = tmp_path / "a.fmu", tmp_path / "a.mat", tmp_path / "a.txt"
+    found = msl_fem("export", SERVO, "--table", TABLE, "--to", "fmu", "--name", "servo", "-o", str(fmu), "--json").json
+    assert found["files"] == [str(fmu)]
+    with zipfile.ZipFile(fmu) as content:
+        inside = content.namelist()
+    assert "modelDescription.xml" in inside
+    assert ("binaries/linux64/servo.so" in inside) == (found["platforms"] == ["linux64"])
+    msl_fem("export", TABLE, "--to", "mat", "-o", str(mat), "--json").json  # noqa: B018 - asserts inside
+    msl_fem("export", TABLE, "--to", "modelica", "-o", str(text), "--json").json  # noqa: B018
+    table = read_table(TABLE)
+    np.testing.assert_array_equal(scipy.io.loadmat(mat)["x"][0, ::4], table.gap)
+    assert text.read_text().startswith("#1\n# actuator: fast_tool_servo\n")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.fmu", "a.mat", "a.txt"]
+
+
+def test_without_a_compiler_the_sources_are_said_to_be_alone(
+    msl_fem: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    found = msl_fem("export", SERVO, "--table", TABLE, "--to", "fmu", "-o", str(tmp_path / "a.fmu"), "--json")
+    assert found.json["platforms"] == []
+    assert "sources alone" in found.stderr
+
+
 def test_an_actuator_that_names_its_table(msl_fem: Run, tmp_path: Path) -> None:
     lines = Path(SERVO).read_text(encoding="utf-8")
     rest = lines[lines.index("[sides]") :]
@@ -56,7 +83,7 @@ def test_an_actuator_that_names_its_table(msl_fem: Run, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ((TABLE, "--to", "xml"), "--to xml is not available; there is c, csv"),
+        ((TABLE, "--to", "xml"), "--to xml is not available; there is c, csv, mat, modelica, fmu"),
         ((TABLE, "--to", "c", "--what", "soul"), "--what soul is not available as c"),
         ((TABLE, "--to", "c", "--name", "Bad Name"), "--name 'Bad Name' cannot begin"),
         ((TABLE, "--to", "csv", "--name", "x"), "--to csv has none"),
@@ -64,6 +91,9 @@ def test_an_actuator_that_names_its_table(msl_fem: Run, tmp_path: Path) -> None:
         ((E1 + "x", "--to", "c"), "e1.tomlx: cannot be read"),
         ((str(Path(TABLE).parent), "--to", "c"), "cannot be read (Is a directory)"),
         (("none.nc", "--to", "c"), "none.nc: no such file"),
+        ((TABLE, "--to", "fmu"), "--to fmu --what model needs a file with actuator; this is one with a table"),
+        ((TABLE, "--to", "mat", "--table", TABLE), "--table goes with an actuator file"),
+        ((TABLE, "--to", "modelica", "--what", "guard"), "--what guard is not available as modelica"),
         ((str(Path(EMPS) / "emps.csv"), "--to", "c"), "not valid JSON"),
     ],
 )

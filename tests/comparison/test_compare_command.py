@@ -7,7 +7,17 @@ from conftest import ROOT
 from msl_fem.record import load_record, write_record
 
 EMPS = str(ROOT / "measurements" / "emps")
-FIELDS = {"name", "run", "role", "channel", "nrmse_one_step", "nrmse_ten_step", "nrmse_free_run", "reason"}
+FIELDS = {
+    "name",
+    "run",
+    "role",
+    "channel",
+    "nrmse_one_step",
+    "nrmse_ten_step",
+    "nrmse_closed_loop",
+    "nrmse_free_run",
+    "reason",
+}
 
 
 def test_json_and_files(msl_fem, tmp_path):

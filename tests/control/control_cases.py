@@ -8,7 +8,7 @@ import numpy as np
 from conftest import ROOT, closed_form_table
 
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.control import ControllerDesign, TruePlant, design_controller
+from msl_fem.control import Belief, Choice, ControllerDesign, TruePlant, belief_of, design_controller, designed
 from msl_fem.operating_map import OperatingMap, operating_map
 
 RATE = 2500.0
@@ -29,6 +29,16 @@ def servo_map(levels: tuple[float, ...] = (1.2, 1.6)) -> OperatingMap:
 @cache
 def servo_design(*, feedforward: bool = True) -> ControllerDesign:
     return design_controller(servo(), TABLE, servo_map()) if feedforward else plain(servo_design())
+
+
+def servo_belief(**changes: dict[str, object]) -> Belief:
+    return belief_of(servo(**changes), TABLE, servo_map())
+
+
+@cache
+def rival(kind: str) -> ControllerDesign:
+    """The reference actuator's controller of another design."""
+    return designed(servo_belief(), Choice(kind))
 
 
 def plain(design: ControllerDesign) -> ControllerDesign:

@@ -24,6 +24,7 @@ from scipy.signal import lfilter
 from msl_fem.control import TruePlant, design_controller, run_closed_loop, with_measured_gap
 from msl_fem.control.controller import controller_state, controller_step
 from msl_fem.control.inverse import force_domain
+from msl_fem.control.linear_loop import AtPosition
 from msl_fem.coupled_model.excitation import parse_excitation
 from msl_fem.coupled_model.excitation import reference as excitation_reference
 from msl_fem.coupled_model.kernel import advance
@@ -90,7 +91,7 @@ def test_frozen_analysis_tells_where_the_measured_gap_loses_the_loop():
         run = run_closed_loop(design, rest(0.4, position), plant=believed(), generator=noise())
         assert np.std(run.position[-300:]) < 0.3e-6
     measured = with_measured_gap(servo_design())
-    assert measured.law.spectral_radius(magnet_stiffness=6.98e5) > 1
+    assert measured.law.spectral_radius(AtPosition(6.98e5)) > 1
     with pytest.raises(ComputationError, match="end of its travel"):
         run_closed_loop(measured, rest(0.4, 0.45e-3), plant=believed(), generator=noise())
 

@@ -2,10 +2,19 @@
 
 import numpy as np
 import pytest
-from control_cases import delayed_design, plain, servo_design
+from control_cases import delayed_design, plain, rival, servo_design
 
 from msl_fem.control import ControllerDesign
-from msl_fem.control.controller import FORCE, INTEGRAL, N_PREFERRED, N_VIOLATION, controller_state, controller_step
+from msl_fem.control.controller import (
+    FORCE,
+    INTEGRAL,
+    N_PREFERRED,
+    N_VIOLATION,
+    NO_SHAPE,
+    V_HAT,
+    controller_state,
+    controller_step,
+)
 from msl_fem.control.inverse import magnet_force
 
 
@@ -62,7 +71,7 @@ def test_the_currents_give_the_force_at_the_coming_gap():
     velocity = state[3]
     assert velocity > 1e-3
     gap = 0.6e-3 - (6e-6 + p.gap_lead * velocity)
-    assert 2 * magnet_force(p.inverse.surface, command[0], gap) == pytest.approx(state[FORCE], rel=1e-9)
+    assert 2 * magnet_force(p.inverse.surface_1, command[0], gap) == pytest.approx(state[FORCE], rel=1e-9)
     assert command[1] == 0.0
 
 
@@ -83,14 +92,26 @@ def test_the_integral_does_not_wind_up_while_the_force_is_cut():
     assert states[1][INTEGRAL] > 0
 
 
-def test_a_reading_that_is_no_number_switches_the_currents_off():
+def test_a_reading_that_is_no_number_gives_no_current_for_its_sample_alone():
     p = servo_design().parameters
     state, command = controller_state(p), np.zeros(2)
-    for y in (0.0, np.nan, 0.0, 0.0):
+    for y in (np.nan, 0.0, np.nan, 0.0, np.inf, 0.0):
         controller_step(p, state, np.array([0.2e-3, 0.0, 0.0]), y, command)
-        assert (command > 0).any() == (state[N_VIOLATION] == 0)
+        assert (command > 0).any() == np.isfinite(y)
         assert np.isfinite(command).all()
+        assert np.isfinite(state).all()
     assert state[N_VIOLATION] == 3
+
+
+def test_a_lost_reading_hardly_moves_the_estimate():
+    """The filter predicts over the gap: its next innovation is that of a sample without a push."""
+    p = servo_design().parameters
+    states = [controller_state(p) for _ in range(2)]
+    command, held = np.zeros(2), np.array([0.1e-3, 0.0, 0.0])
+    for k in range(60):
+        for n, state in enumerate(states):
+            controller_step(p, state, held, 0.1e-3 if (k, n) != (50, 1) else np.nan, command)
+    assert states[1][V_HAT] == pytest.approx(states[0][V_HAT], abs=0.02)
 
 
 def test_outside_the_map_nothing_is_commanded_and_a_violation_is_counted():
@@ -102,3 +123,34 @@ def test_outside_the_map_nothing_is_commanded_and_a_violation_is_counted():
         np.testing.assert_array_equal(command, [0.0, 0.0])
     assert state[N_VIOLATION] == 2
     assert state[FORCE] == 0.0
+
+
+@pytest.mark.parametrize("kind", ["lqr", "robust", "pid"])
+def test_the_step_is_the_linear_law_as_a_system(kind):
+    """Two routes to one force: the compiled step, and the law as state space whose frequency responses are judged."""
+    design = plain(servo_design() if kind == "lqr" else rival(kind))
+    law, p = design.law.controller(), design.parameters
+    rng, n = np.random.default_rng(4), 40
+    references, measured = 1e-8 * rng.standard_normal((n, 3)), 1e-8 * rng.standard_normal(n)
+    measured[0] = 0.0
+    state, command, x = controller_state(p), np.zeros(2), np.zeros(law.A.shape[0])
+    for j in range(n):
+        controller_step(p, state, references[j], measured[j], command)
+        inputs = np.array([measured[j], 0.0, p.reference_gain @ references[j], references[j, 0]])
+        force = law.C[0] @ x + law.D[0] @ inputs
+        x = law.A @ x + law.B @ inputs
+        assert state[FORCE] == pytest.approx(force, rel=1e-7, abs=1e-9)
+    assert (kind == "robust") == (tuple(p.shape) != NO_SHAPE)
+
+
+def test_a_believed_cubic_spring_is_carried_by_the_magnets():
+    p = servo_design().parameters
+    states, command = [controller_state(p) for _ in range(2)], np.zeros((2, 2))
+    stiff = p._replace(cubic=1e11)
+    for _ in range(3):
+        for one, state, out in zip((p, stiff), states, command, strict=True):
+            controller_step(one, state, np.array([0.3e-3, 0.0, 0.0]), 0.3e-3, out)
+        gaps = [0.3e-3 - p.gap_lead * state[V_HAT] for state in states]
+        pulls = [2 * magnet_force(p.inverse.surface_1, out[0], gap) for out, gap in zip(command, gaps, strict=True)]
+        assert pulls[1] - pulls[0] == pytest.approx(1e11 * 0.3e-3**3, rel=1e-6)
+        assert states[0][FORCE] == pytest.approx(states[1][FORCE], rel=1e-12)

@@ -22,7 +22,7 @@ def test_the_default_keeps_its_wishes():
 def test_the_working_range_is_stable_and_above_the_bound():
     for frozen in servo_design().frozen:
         assert frozen.bound <= frozen.peak_sensitivity < (3.5 if abs(frozen.position) < 0.41e-3 else 10.0)
-    middle = servo_design().frozen[5]
+    middle = servo_design().frozen[10]
     assert middle.position == 0.0
     assert middle.magnet_stiffness == 0.0
     assert middle.peak_sensitivity == servo_design().peak_sensitivity

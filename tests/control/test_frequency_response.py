@@ -59,6 +59,15 @@ def test_the_grid_by_default_spans_the_band_and_realises_whole_periods(measured)
     np.testing.assert_allclose(measured.frequency, FREQUENCIES, rtol=0.02)
 
 
+def test_the_grid_of_a_fast_loop_ends_where_the_magnets_could_not_follow():
+    """At 10 kHz a fifth of the rate is 2 kHz, where 20 um take 2.8 kN."""
+    fast = servo(controller={"rate": 10e3})
+    found = frequency_response(lqr_design(belief_of(fast, TABLE, servo_map())), plant=TruePlant(fast, TABLE))
+    force = 0.9 * (2 * np.pi * found.frequency[-1]) ** 2 * found.amplitude
+    assert 100.0 < force < 250.0
+    assert found.flat_band > 60.0
+
+
 @pytest.mark.parametrize("bad", [(), (5.0, 2.0), (0.0, 5.0), (5.0, 1250.0)])
 def test_frequencies_out_of_range_are_refused(bad):
     with pytest.raises(InputError, match="half the loop rate"):

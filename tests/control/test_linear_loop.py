@@ -8,7 +8,7 @@ import pytest
 from control_cases import servo_design
 
 from msl_fem.control.believed_plant import BelievedPlant
-from msl_fem.control.linear_loop import bandwidth, flat_band, grid, sensitivity_bound
+from msl_fem.control.linear_loop import AtPosition, bandwidth, flat_band, grid, sensitivity_bound
 from msl_fem.control.lqr import Weights, lqr_gains
 
 LAW = servo_design().law
@@ -30,14 +30,14 @@ def test_sensitivity_and_poles_are_those_of_python_control(kappa):
     closed = control.feedback(control.ss([], [], [], [[1.0]], LAW.plant.period), plant * law, sign=1)
     f = grid(LAW.plant.period)
     size = np.abs(control.frequency_response(closed, 2 * np.pi * f).complex).ravel()
-    assert LAW.peak_sensitivity(magnet_stiffness=kappa) == pytest.approx(size.max(), rel=1e-6)
-    assert LAW.spectral_radius(magnet_stiffness=kappa) == pytest.approx(np.abs(closed.poles()).max(), rel=1e-6)
+    assert LAW.peak_sensitivity(AtPosition(kappa)) == pytest.approx(size.max(), rel=1e-6)
+    assert LAW.spectral_radius(AtPosition(kappa)) == pytest.approx(np.abs(closed.poles()).max(), rel=1e-6)
 
 
 def test_an_unstable_loop_has_no_finite_sensitivity():
     slow = dataclasses.replace(LAW, gap_lead=0.0)
-    assert slow.spectral_radius(magnet_stiffness=1e6) > 1
-    assert slow.peak_sensitivity(magnet_stiffness=1e6) == np.inf
+    assert slow.spectral_radius(AtPosition(1e6)) > 1
+    assert slow.peak_sensitivity(AtPosition(1e6)) == np.inf
 
 
 @pytest.mark.parametrize("feedforward", [True, False])
@@ -84,7 +84,7 @@ def test_no_loop_falls_below_the_bound():
     peaks = []
     for frequency, velocity, integral in ((300, 3, 1), (500, 2, 0.1), (700, 1, 0.01), (450, 3, 0.01), (900, 0.5, 1)):
         gains = lqr_gains(LAW.plant, Weights(frequency, velocity, integral))
-        peaks.append(dataclasses.replace(LAW, gains=gains).peak_sensitivity(magnet_stiffness=4.85e5))
+        peaks.append(dataclasses.replace(LAW, gains=gains).peak_sensitivity(AtPosition(4.85e5)))
     assert min(peaks) > bound
     assert np.isfinite(peaks).sum() >= 3
 
@@ -113,4 +113,4 @@ def test_the_lead_of_the_gap_is_what_keeps_the_end_of_the_range_stable():
     plant = BelievedPlant(0.9, 1.4e5, 12.0, 2 * np.pi * 1e3, 4e-4, 1)
     assert plant == LAW.plant
     measured = dataclasses.replace(LAW, gap_lead=0.0)
-    assert LAW.spectral_radius(magnet_stiffness=7e5) < 1 < measured.spectral_radius(magnet_stiffness=7e5)
+    assert LAW.spectral_radius(AtPosition(7e5)) < 1 < measured.spectral_radius(AtPosition(7e5))

@@ -1,0 +1,153 @@
+"""What a step of the exported C controller costs: worst case and usual case, in ns.
+
+    python benchmarks/controller_c.py [--repeats 200] [--docs]
+
+The steps are those of a closed-loop run (a 2 Hz sine of 0.4 mm on the reference actuator, 2500 steps), and of readings
+that have nothing to do with the reference, within the guard's map and beyond it (4000 steps). Every step is timed in
+its place in the run, `repeats` times over the whole run; a step's time is the least of them, which leaves out what
+interrupted it, and the worst case is the largest over the steps. The largest single time of all is printed beside it:
+it holds the interruptions of a machine that is no real-time system. With --docs the table takes its place in
+docs/controller_c.md.
+"""
+
+import argparse
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from msl_fem.actuator import load_actuator
+from msl_fem.control import ControllerDesign, design_controller
+from msl_fem.control.belief import belief_of
+from msl_fem.control.lqr_design import LqrOptions, lqr_design
+from msl_fem.control.stepper import Stepper
+from msl_fem.coupled_model.closed_run import simulate_closed
+from msl_fem.coupled_model.excitation import parse_excitation, reference
+from msl_fem.export.c_controller import ControllerSource, controller_header
+from msl_fem.operating_map import operating_map
+from msl_fem.table import read_table
+
+ROOT = Path(__file__).parent.parent
+BEGIN, END = "<!-- benchmarks/controller_c.py writes from here -->", "<!-- to here -->"
+WISHED = 2000.0  # ns; the period is 400 000
+OVERLAP = 8.0  # N: both sides are inverted in every step
+PROGRAM = r"""
+#define _POSIX_C_SOURCE 199309L
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+#include "exported.h"
+
+static double now(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return 1e9 * (double)t.tv_sec + (double)t.tv_nsec;
+}
+
+/* for each step of the run: least ns, then of all the largest; the time of asking the clock taken off */
+int main(int argc, char **argv)
+{
+    long n = atol(argv[1]), repeats = atol(argv[2]), k, r;
+    double *in = malloc(4 * (size_t)n * sizeof *in), *least = malloc((size_t)n * sizeof *least);
+    double largest = 0.0, clock = 1e9, sum = 0.0;
+    FILE *file = fopen(argv[3], "rb");
+    m_controller c;
+    if (argc != 4 || !in || !least || !file || m_controller_self_check()) return 1;
+    if (fread(in, sizeof *in, 4 * (size_t)n, file) != 4 * (size_t)n) return 1;
+    for (k = 0; k < 100000; ++k) {
+        const double start = now(), spent = now() - start;
+        clock = spent < clock ? spent : clock;
+    }
+    for (k = 0; k < n; ++k) least[k] = 1e9;
+    for (r = 0; r < repeats; ++r) {
+        m_controller_start(&c);
+        for (k = 0; k < n; ++k) {
+            double out[2], spent, start = now();
+            m_controller_step(&c, in + 4 * k, in[4 * k + 3], out);
+            spent = now() - start - clock;
+            sum += out[0];
+            least[k] = spent < least[k] ? spent : least[k];
+            largest = spent > largest ? spent : largest;
+        }
+    }
+    for (k = 0; k < n; ++k) printf("%.6g\n", least[k]);
+    printf("%.6g\n", largest);
+    if (sum == 1.2345) puts("never");
+    return 0;
+}
+"""
+
+
+def tracking(design: ControllerDesign, table) -> np.ndarray:
+    """(n, 4) references and readings of a loop that tracks."""
+    spec = "sine:frequency=2 Hz,amplitude=0.4 mm,duration=1 s,loop=closed"
+    wanted = reference(parse_excitation(spec), rate=2500.0)
+    run = simulate_closed(design.belief, table, wanted, Stepper(design), generator=np.random.default_rng(1))
+    return np.column_stack([wanted.position, wanted.velocity, wanted.acceleration, run.measured_position])
+
+
+def wild(design: ControllerDesign) -> np.ndarray:
+    """(n, 4) references and readings that do not belong together, up to 1.3 times the reach."""
+    rng, n, span = np.random.default_rng(5), 4000, 0.5 * (design.reach[1] - design.reach[0])
+    wanted = [span * rng.uniform(-1, 1, n), 0.1 * rng.standard_normal(n), 30 * rng.standard_normal(n)]
+    return np.column_stack([*wanted, 1.3 * span * rng.uniform(-1, 1, n)])
+
+
+def measured(design: ControllerDesign, regions, steps: np.ndarray, *, flags: list[str], repeats: int) -> np.ndarray:
+    """Least ns of each step, and behind them the largest single time."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "exported.h").write_text(controller_header(ControllerSource(design, regions), name="m"))
+        (folder / "program.c").write_text(PROGRAM)
+        steps.tofile(folder / "steps")
+        command = ["gcc", "-std=c99", *flags, "-o", "program", "program.c", "-lm"]
+        subprocess.run(command, cwd=folder, check=True)
+        done = subprocess.run(
+            ["./program", str(len(steps)), str(repeats), "steps"],
+            cwd=folder,
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+    return np.array(done.stdout.split(), dtype=float)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeats", type=int, default=200)
+    parser.add_argument("--docs", action="store_true")
+    asked = parser.parse_args()
+    if shutil.which("gcc") is None:
+        sys.exit("gcc is not installed; this benchmark compiles C")
+    actuator = load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")
+    table = read_table(ROOT / "lookup_tables" / "fast_tool_servo.nc")
+    regions = operating_map(table)
+    hard = design_controller(actuator, table, regions)
+    both = lqr_design(belief_of(actuator, table, regions), options=LqrOptions(overlap=OVERLAP))
+    rows = ["| design | steps | compiled | median (ns) | worst step (ns) | largest single time (ns) |"]
+    rows.append("| --- | --- | --- | ---: | ---: | ---: |")
+    worst = 0.0
+    for name, design in (("lqr, one side at a time", hard), (f"lqr, {OVERLAP:g} N of overlap", both)):
+        for kind, steps in (("a run that tracks", tracking(design, table)), ("wild", wild(design))):
+            for flags in (["-O2"], ["-O0"]):
+                found = measured(design, regions, steps, flags=flags, repeats=asked.repeats)
+                least, single = found[:-1], found[-1]
+                figures = " | ".join(f"{value:.0f}" for value in (np.median(least), least.max(), single))
+                rows.append(f"| {name} | {kind} | gcc {' '.join(flags)} | {figures} |")
+                worst = max(worst, float(least.max())) if flags == ["-O2"] else worst
+    said = f"Worst step at -O2: {worst:.0f} ns; wished for: at most {WISHED:.0f} ns of a period of 400 000."
+    text = "\n".join([*rows, "", said, f"{platform.machine()}, Python {platform.python_version()}."])
+    print(text)
+    if asked.docs:
+        page = ROOT / "docs" / "controller_c.md"
+        before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+        page.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

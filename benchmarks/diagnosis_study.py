@@ -1,0 +1,188 @@
+"""The diagnosis put to the test: records of the virtual bench with something hidden, or nothing, diagnosed one by one.
+
+    python benchmarks/diagnosis_study.py                 # goes on where it stopped; --limit N cases, --processes N
+
+Each case is one line of `diagnosis_study.jsonl`; the answer of the bench is compared with the diagnosis here, after it
+has been made. Cases come in an order in which any beginning of the list is a fair share of each kind. The figures are
+written to docs by `diagnosis_study_tables.py`.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.bench import BenchOptions, parse_requests, sealed_record
+from msl_fem.blas_threads import one_blas_thread
+from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
+from msl_fem.diagnosis.result import Diagnosis
+from msl_fem.effects import CATALOGUE
+from msl_fem.errors import ComputationError, InputError
+from msl_fem.table import read_table
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent
+RESULTS = HERE / "diagnosis_study.jsonl"
+DRIVES = ("voltage", "current")
+CLEAN, SINGLES, SMALL, PAIRS, OUTSIDE = 300, 10, 5, 40, 40
+DYNAMIC = (
+    "magnetic_hysteresis", "eddy_currents", "cross_coupling", "coil_heating", "amplifier_bandwidth",
+    "stiffness_nonlinearity", "coulomb_friction", "squeeze_film", "structural_mode", "flexure_relaxation",
+    "position_sensor_nonlinearity", "position_sensor_lag", "time_delay", "periodic_disturbance",
+)  # fmt: skip
+"""Effects that are also tried at 0.3 %: those that coincide with no believed parameter and show in the motion."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A record of the study: its drive, what is hidden, how it is disturbed."""
+
+    drive: str
+    kind: str
+    hidden: tuple[str, ...]
+    seed: int
+    noise: str = "coloured"
+
+    @property
+    def key(self) -> str:
+        return f"{self.drive}/{self.kind}/{'+'.join(self.hidden) or 'nothing'}/{self.seed}/{self.noise}"
+
+
+def cases() -> list[Case]:
+    """All cases, in an order of which each beginning is a fair share."""
+    found: list[tuple[float, Case]] = []
+    names = list(CATALOGUE)
+    chance = np.random.default_rng(20261120)
+    pairs = [tuple(sorted(chance.choice(names, 2, replace=False))) for _ in range(PAIRS)]
+    for drive in DRIVES:
+        found += [((n + 0.5) / CLEAN, Case(drive, "clean", (), 10_000 + n, _noise(n))) for n in range(CLEAN)]
+        for kind, seed, size, effects, count in (
+            ("single", 20_000, "3%", names, SINGLES), ("small", 30_000, "0.3%", DYNAMIC, SMALL),
+        ):  # fmt: skip
+            for k, name in enumerate(effects):
+                place = k / (len(effects) + 8)
+                found += [((n + place) / count, Case(drive, kind, (f"{name}={size}",), seed + n)) for n in range(count)]
+        for n, (a, b) in enumerate(pairs):
+            found.append(((n + 0.3) / PAIRS, Case(drive, "pair", (f"{a}=3%", f"{b}=3%"), 40_000 + n)))
+        found += [((n + 0.6) / OUTSIDE, Case(drive, "outside", ("outside=3%",), 50_000 + n)) for n in range(OUTSIDE)]
+    return [case for _, case in sorted(found, key=lambda pair: pair[0])]
+
+
+def _noise(n: int) -> str:
+    """Of a clean record: every fourth is white."""
+    return "white" if n % 4 == 3 else "coloured"
+
+
+def actuator_of(drive: str) -> Actuator:
+    """The reference actuator with a drive of this kind."""
+    it = load_actuator(ROOT / "geometries/fast_tool_servo.toml")
+    if drive == "current":
+        return it
+    return it.model_copy(update={"drive": it.drive.model_copy(update={"kind": "voltage", "bandwidth": None})})
+
+
+@one_blas_thread
+def tried(case: Case) -> dict[str, Any]:
+    """A case made and diagnosed."""
+    row: dict[str, Any] = {"key": case.key, **asdict(case)}
+    actuator, table = actuator_of(case.drive), read_table(ROOT / "lookup_tables/fast_tool_servo.nc")
+    try:
+        options = BenchOptions(seed=case.seed, noise=case.noise)
+        sealed = sealed_record(actuator, table, parse_requests(case.hidden), options)
+    except (InputError, ComputationError) as err:  # not every effect can be as large in every drive
+        return row | {"bench": str(err)}
+    begin = time.process_time()
+    try:
+        found = diagnose(sealed.record, DiagnosisSettings(table=table))
+    except (InputError, ComputationError) as err:
+        return row | {"failed": f"{type(err).__name__}: {err}"}
+    row["cpu_seconds"] = round(time.process_time() - begin, 1)
+    return row | _outcome(found) | {"truth": _truth(sealed.answer), "covered": _covered(found, sealed.answer)}
+
+
+def _outcome(found: Diagnosis) -> dict[str, Any]:
+    held_out = [a for a in found.accuracy if a.nominal.role == "held-out"]
+    return {
+        "verdict": found.verdict,
+        "reason": found.reason,
+        "causes": [
+            {
+                "effect": c.effect, "statistic": round(c.statistic, 2), "rivals": list(c.rivals),
+                "gain": _finite(c.gain),
+                "parameters": {k: [e.value, e.low, e.high] for k, e in c.parameters.items()},
+            }
+            for c in found.causes
+        ],
+        "statistics": [[[name, round(value, 2)] for name, value in one] for one in found.statistics],
+        "unexplained": {"equation": found.unexplained.equation, "depends_on": list(found.unexplained.depends_on)},
+        "held_out": {
+            a.nominal.channel: [_finite(f.rms / f.floor) for f in (a.nominal, a.refitted, a.extended)] for a in held_out
+        },
+        "notes": list(found.notes),
+    }  # fmt: skip
+
+
+def _truth(answer: dict[str, Any]) -> dict[str, Any]:
+    return {"effects": [{k: e[k] for k in ("effect", "size", "parameters")} for e in answer["effects"]]}
+
+
+def _covered(found: Diagnosis, answer: dict[str, Any]) -> dict[str, bool]:
+    """Believed parameters: whether the true value lies in the 95 % interval."""
+    true = answer["true_parameters"]
+    return {n: bool(e.low <= true[n]["value"] <= e.high) for n, e in found.parameters.items() if n in true}
+
+
+def _finite(value: float) -> float | None:
+    return round(value, 4) if np.isfinite(value) else None
+
+
+def done(path: Path) -> Iterator[dict[str, Any]]:
+    """The lines that are there; a last one that was cut off is left out."""
+    if not path.is_file():
+        return
+    for line in path.read_text(encoding="utf-8").splitlines():
+        try:
+            yield json.loads(line)
+        except json.JSONDecodeError:
+            continue
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--limit", type=int, default=None, help="cases of this run at most")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--results", type=Path, default=RESULTS)
+    parser.add_argument("--only", default="", help="cases whose key holds this text")
+    options = parser.parse_args()
+    known = {row["key"] for row in done(options.results)}
+    left = [case for case in cases() if case.key not in known and options.only in case.key][: options.limit]
+    print(f"{len(known)} cases are there, {len(left)} to do", file=sys.stderr)
+    begin = time.monotonic()
+    with (
+        ProcessPoolExecutor(options.processes, mp_context=get_context("spawn")) as pool,
+        options.results.open("a", encoding="utf-8") as out,
+    ):
+        futures = [pool.submit(tried, case) for case in left]
+        for n, future in enumerate(as_completed(futures), 1):
+            row = future.result()
+            out.write(json.dumps(row) + "\n")
+            out.flush()
+            rest = (time.monotonic() - begin) / n * (len(left) - n)
+            names = [c["effect"] for c in row.get("causes", [])]
+            print(
+                f"{n}/{len(left)}, {rest / 60:.0f} min left: {row['key']}: {row.get('verdict')} {names}",
+                file=sys.stderr,
+            )
+
+
+if __name__ == "__main__":
+    main()

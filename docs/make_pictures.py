@@ -1,0 +1,157 @@
+"""The pictures of the documentation, made anew from the code and its data.
+
+    python docs/make_pictures.py [NAME ...]        all of them, or those named (without ending)
+
+Fields and comparisons come from matplotlib; pictures of the report are taken in a headless
+Chromium, as the tests do it.
+"""
+
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+mpl.use("Agg")
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+from matplotlib.pyplot import imsave, subplots
+
+ROOT = Path(__file__).parent.parent
+PICTURES = Path(__file__).parent / "pictures"
+sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT / "tests"), str(ROOT)]
+
+from devtools import find_browser, started  # noqa: E402
+from published_magnets import INCH, ROTERS_CURRENT, SOLENOID_CURRENT, roters, solenoid  # noqa: E402
+
+from benchmarks.emps import LOOP, pulses  # noqa: E402
+from msl_fem.actuator import load_actuator  # noqa: E402
+from msl_fem.field_map import decoupling_map  # noqa: E402
+from msl_fem.identification.friction_drive import closed_loop, inverse_dynamics, refined  # noqa: E402
+from msl_fem.magnet_field import solve_with_field  # noqa: E402
+from msl_fem.plunger import solve_plunger  # noqa: E402
+from msl_fem.record import load_record  # noqa: E402
+from msl_fem.report.decoupling_figure import draw_decoupling  # noqa: E402
+from msl_fem.report.field_picture import draw_field  # noqa: E402
+from msl_fem.report.page import write_page  # noqa: E402
+from msl_fem.report.study_page import study_page  # noqa: E402
+from msl_fem.report.style import BLUE, GREY, ORANGE  # noqa: E402
+from msl_fem.study import run_study  # noqa: E402
+from msl_fem.sweep import SweepSettings, sweep  # noqa: E402
+
+SERVO = ROOT / "geometries" / "fast_tool_servo.toml"
+REFERENCE = ROOT / "tests" / "reference"
+
+
+def save(figure: Figure, name: str) -> None:
+    figure.savefig(PICTURES / f"{name}.png", dpi=110)
+
+
+def field() -> None:
+    """The reference actuator's magnet at the current that brings 1.2 T at the nominal gap."""
+    point, magnet, solution = solve_with_field(load_actuator(SERVO), 3.89, 0.6e-3)
+    title = f"3.89 A, gap 0.6 mm: {point.quantities.force:.1f} N"
+    save(draw_field(magnet, solution, title=title), "field")
+
+
+def e1() -> None:
+    """Force and flux errors of E1's 60 points at the default accuracy, against the converged reference."""
+    reference = np.genfromtxt(REFERENCE / "reference.csv", delimiter=",", names=True)
+    currents, gaps = np.unique(reference["current_A"]), np.unique(reference["gap_mm"]) * 1e-3
+    actuator = load_actuator(ROOT / "geometries" / "e1.toml")
+    table, _ = sweep(actuator, gaps, np.r_[0.0, currents], settings=SweepSettings("normal"))
+    figure, axes = subplots(1, 2, figsize=(9, 3.6), layout="constrained", sharey=True)
+    for panel, name, column in ((axes[0], "force", "force_N"), (axes[1], "flux_linkage", "flux_linkage_Wb")):
+        ours = [float(table.evaluate(r["current_A"], r["gap_mm"] * 1e-3)[name]) for r in reference]
+        error = np.abs(np.array(ours) / reference[column] - 1)
+        colours = mpl.colormaps["viridis"](np.linspace(0, 0.9, gaps.size))
+        for gap, colour in zip(np.unique(reference["gap_mm"]), colours, strict=True):
+            row = reference["gap_mm"] == gap
+            panel.semilogy(reference["current_A"][row], error[row], ".-", color=colour, label=f"{gap:g} mm")
+        panel.set(xlabel="coil current in A", title=f"{name.replace('_', ' ')}, relative error")
+        panel.grid(alpha=0.3)
+    axes[0].legend(frameon=False, ncols=2, fontsize=8)
+    save(figure, "e1")
+
+
+def solenoid_force() -> None:
+    """The Modelica library's solenoid beside its finite-element reference."""
+    x, force = np.genfromtxt(REFERENCE / "solenoid" / "fea_quasistatic_12V.csv", delimiter=",")[:, :2].T
+    ours = [solve_plunger(solenoid(), SOLENOID_CURRENT, float(at)).force for at in x]
+    _beside(x * 1e3, -force, -np.array(ours), ("air gap in mm", "published computation"), "solenoid")
+
+
+def roters_force() -> None:
+    """Roters' plunger magnet beside his measurement."""
+    inches, _, force = np.genfromtxt(REFERENCE / "roters" / "measured_force.csv", delimiter=",").T
+    ours = [abs(solve_plunger(roters(), ROTERS_CURRENT, -float(at) * INCH).force) for at in inches]
+    _beside(inches * 25.4, force, np.array(ours), ("withdrawal in mm", "measured (Roters 1941)"), "roters")
+
+
+def _beside(x: np.ndarray, theirs: np.ndarray, ours: np.ndarray, labels: tuple[str, str], name: str) -> None:
+    figure, panel = subplots(figsize=(5.4, 3.6), layout="constrained")
+    panel.plot(x, theirs, "o", color=GREY, markersize=5, label=labels[1])
+    panel.plot(x, ours, "-", color=BLUE, label="msl_fem")
+    panel.set(xlabel=labels[0], ylabel="force in N", ylim=(0, None))
+    panel.legend(frameon=False)
+    panel.grid(alpha=0.3)
+    save(figure, name)
+
+
+def decoupling() -> None:
+    """How far the two sides of the reference actuator are independent."""
+    save(draw_decoupling(decoupling_map(load_actuator(SERVO))), "decoupling")
+
+
+def emps() -> None:
+    """The measured drive of the EMPS benchmark: the loop simulated with the model fitted on the other record."""
+    fit, test = load_record(ROOT / "measurements" / "emps").runs
+    period = fit.sampling_period
+    start, _ = inverse_dynamics(fit["position_m"], fit["force_N"], period)
+    drive = refined(start, LOOP, fit["reference_m"], fit["position_m"], sampling_period=period)
+    added = pulses(test, period)
+    position, _ = closed_loop(
+        drive, LOOP, test["reference_m"], sampling_period=period, start=test["position_m"][0], added=added
+    )
+    figure, panels = subplots(2, 1, figsize=(7, 4), sharex=True, layout="constrained", height_ratios=(2, 1))
+    panels[0].plot(test.time, test["position_m"] * 1e3, color=GREY, label="measured, held out")
+    panels[0].plot(test.time, position * 1e3, "--", color=ORANGE, label="simulated")
+    panels[0].set_ylabel("position in mm")
+    panels[0].legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
+    panels[1].plot(test.time, (test["position_m"] - position) * 1e6, color=BLUE, linewidth=0.8)
+    panels[1].set(ylabel="difference in µm", xlabel="time in s")
+    save(figure, "emps")
+
+
+def report() -> None:
+    """The study's report in a browser: its top and its explorer, light and dark."""
+    program = find_browser()
+    if program is None:
+        sys.exit("no Chromium here; install one (Debian: apt-get install chromium)")
+    with tempfile.TemporaryDirectory() as folder:
+        page = write_page(study_page(run_study(load_actuator(SERVO))), Path(folder) / "report.html")
+        with started(program, Path(folder) / "profile") as browser:
+            for scheme in ("light", "dark"):
+                browser.size(1120)
+                browser.colours(scheme)
+                browser.open(page, fragment="#gap=0.45&current=3.5")
+                assert not browser.complaints, browser.complaints
+                browser.picture(PICTURES / f"explorer-{scheme}.png", of="#explorer")
+            browser.colours("light")
+            browser.open(page)
+            whole = browser.picture(Path(folder) / "whole.png")
+            imsave(PICTURES / "report.png", imread(whole)[:1010])
+
+
+ALL: dict[str, Callable[[], None]] = {
+    "field": field, "e1": e1, "solenoid": solenoid_force, "roters": roters_force, "decoupling": decoupling,
+    "emps": emps, "report": report,
+}  # fmt: skip
+
+if __name__ == "__main__":
+    PICTURES.mkdir(exist_ok=True)
+    for wanted in sys.argv[1:] or ALL:
+        ALL[wanted]()
+        print(wanted)

@@ -1,0 +1,106 @@
+"""The command `diagnose`: what the simulation gets wrong on a record, by which cause, and a better model."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from msl_fem.cli.options import Json, TableFile
+from msl_fem.cli.output import ERRORS, print_columns, print_result, say
+from msl_fem.cli.sweeping import table_for
+from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
+from msl_fem.diagnosis.result import Diagnosis
+from msl_fem.record import load_record
+from msl_fem.report.diagnosis_files import DIAGNOSIS, FILES, REPORT, write_diagnosis
+from msl_fem.report.diagnosis_words import (
+    channel_name,
+    estimate_text,
+    floors,
+    next_steps,
+    one_of,
+    sure_rows,
+    verdict_sentence,
+)
+from msl_fem.whole_file import check_target
+
+
+def command(
+    record: Annotated[Path, typer.Argument(metavar="RECORD", help="Record folder.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Folder of diagnosis.json, report.html and extended_model.toml."
+        ),
+    ] = None,
+    table: TableFile = None,
+    json: Json = False,
+) -> None:
+    """What the simulation gets wrong on a record, which effects cause it, and the model with them.
+
+    Without a folder the outcome is printed alone.
+    """
+    if output is not None:
+        for name in FILES:
+            check_target(output / name)
+    it = load_record(record)
+    for warning in it.warnings:
+        say(f"note: {warning}")
+    magnet_table = table_for(it.actuator, table)
+    with tried_line() as tell:
+        found = diagnose(it, DiagnosisSettings(table=magnet_table, progress=tell))
+    fields = found.fields()
+    if output is not None:
+        write_diagnosis(it, found, output, table=magnet_table)
+        fields |= {"files": [str(output / name) for name in FILES if (output / name).is_file()]}
+    if json:
+        print_result(fields, as_json=True, title="")
+        return
+    print_diagnosis(found)
+    if output is not None:
+        say(f"report: {output / REPORT}; numbers: {output / DIAGNOSIS}")
+
+
+@contextlib.contextmanager
+def tried_line() -> Iterator[Callable[[str], None]]:
+    """A line on stderr that says what is being tried and counts; where no one watches, a line for each."""
+    if not ERRORS.is_terminal:
+        yield lambda text: say(f"trying: {text}")
+        return
+    columns = (SpinnerColumn(), TextColumn("{task.completed}"), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=ERRORS, transient=True) as progress:
+        task = progress.add_task("reading", total=None)
+
+        def tell(text: str) -> None:
+            progress.update(task, description=text.replace("[", "("), advance=1)
+
+        yield tell
+
+
+def print_diagnosis(found: Diagnosis) -> None:
+    """The outcome for people."""
+    print_columns({"": [found.reason]}, title=verdict_sentence(found))
+    if found.causes:
+        rows = [(c, name, estimate_text(c.effect, name, e)) for c in found.causes for name, e in c.parameters.items()]
+        columns = zip(*((one_of(c), name, text) for c, name, text in rows), strict=True)
+        print_columns(
+            dict(zip(("cause", "parameter", "value (95 %)"), map(list, columns), strict=True)), title="Causes"
+        )
+    if found.threshold == found.threshold:
+        what, figures = zip(*sure_rows(found), strict=True)
+        print_columns({"": list(what), "figure": list(figures)}, title="How sure")
+    if found.accuracy:
+        errors = [floors(one) for one in found.accuracy]
+        names = ("as believed", "re-fitted", "with what was found")[: 3 if found.causes else 2]
+        shown = {
+            "run": [f"{a.nominal.run}{' *' if a.nominal.role == 'held-out' else ''}" for a in found.accuracy],
+            "channel": [channel_name(a.nominal.channel) for a in found.accuracy],
+        }
+        shown |= {name: [f"{e[k]:.4g}" for e in errors] for k, name in enumerate(names)}
+        print_columns(shown, title="RMS error over the noise; * held-out")
+    for why, what_to_do in next_steps(found):
+        say(f"{why}: {what_to_do}")
+    for note in found.notes:
+        say(f"note: {note}")

@@ -1,0 +1,1 @@
+"""Diagnosis: what the simulation gets wrong, by which cause, and how much better it becomes."""

@@ -1,0 +1,105 @@
+"""When an effect is named: what its evidence must be, how much of the error it must explain.
+
+An effect is named when its evidence is above a threshold that clean records of its kind hardly reach (`calibration`);
+when what coincides with a believed parameter has left that parameter's tolerance far behind; when what the effects
+leave is the noise, or a small part of what was there without them; and when runs that no fit has seen become no worse.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from msl_fem.diagnosis.extension import effect_estimates
+from msl_fem.diagnosis.fit import Fit
+from msl_fem.diagnosis.search import Stage
+from msl_fem.diagnosis.simulator import Problem
+from msl_fem.diagnosis.unknowns import EffectUnknown
+
+QUIET = 1.1
+"""RMS residual over the noise's sigma, up to which a residual is noise."""
+LEFT_OVER = 0.05
+"""Share of the excess power without effects that named ones may leave."""
+FINISHED = 0.25
+"""Share of the excess power that a further effect may leave, where the fit before was not quiet."""
+TOLERANCES = 4.0
+"""Tolerances of a believed parameter below which what coincides with it is no cause."""
+STRONG = 25.0  # the square of a number of standard errors at which the rest of an effect counts by itself
+COINCIDING = {
+    ("gap_offset", "offset"): "nominal_gap",
+    ("fringing", "depth_error"): "magnetic_scale",
+    ("fringing", "turns_error"): "magnetic_scale",
+    ("coil_heating", "initial_rise"): "coil_resistance",
+    ("position_sensor_nonlinearity", "gain_error"): "position_gain",
+}
+"""Parameters of effects that act as a believed parameter does."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Thresholds in nats of a first and of a further effect, and how many effects are looked for."""
+
+    threshold: float = 5.0
+    further: float = 12.0
+    most: int = 3
+
+
+def excess_power(excess: Mapping[str, float]) -> float:
+    """The largest of the channels' residual power over the noise's, less 1."""
+    return max((value**2 - 1 for value in excess.values()), default=0.0)
+
+
+def quiet(excess: Mapping[str, float]) -> bool:
+    return max(excess.values(), default=0.0) <= QUIET
+
+
+def leaves_tolerance(problem: Problem, found: Fit, effect: str) -> bool:
+    """Whether an effect of a fit is more than a believed parameter within `TOLERANCES` of its own."""
+    sigmas = dict(found.unknowns.believed)
+    covariance = np.linalg.inv(found.precision)
+    estimates = effect_estimates(found)[effect]
+    apart = []
+    for n, one in enumerate(found.unknowns.effects):
+        if one.effect != effect or one.width:
+            continue
+        believed = COINCIDING.get((effect, one.name))
+        if believed is None:
+            apart.append(found.unknowns.n_nuisance + n)
+        elif believed in sigmas and abs(_relative(problem, one, estimates[one.name].value)) >= (
+            TOLERANCES * sigmas[believed]
+        ):
+            return True
+    if not apart:
+        return False
+    z = found.z[apart]
+    strong = float(z @ np.linalg.solve(covariance[np.ix_(apart, apart)], z))
+    return strong >= STRONG or len(apart) == sum(o.effect == effect and not o.width for o in found.unknowns.effects)
+
+
+def _relative(problem: Problem, one: EffectUnknown, value: float) -> float:
+    """An effect's parameter over the believed value of what it coincides with."""
+    return value / problem.plant.parameters.nominal_gap if one.name == "offset" else value
+
+
+def finishes(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
+    """Whether one effect more is more than an ornament of those before: they were enough, or it leaves little of what
+    they left."""
+    return quiet(before) or quiet(after) or excess_power(after) <= FINISHED * excess_power(before)
+
+
+def accepted(stages: Sequence[Stage], excesses: Sequence[Mapping[str, float]], rule: Rule) -> int:
+    """How many of the stages' best effects are taken.
+
+    Parameters
+    ----------
+    excesses : (n_stage + 1,) without any effect, with the first, and so on
+    """
+    taken = 0
+    for n, stage in enumerate(stages):
+        best = stage.best
+        if best is None or best.gain < (rule.further if n else rule.threshold):
+            break
+        if n and not finishes(excesses[n], excesses[n + 1]):
+            break
+        taken = n + 1
+    return taken

@@ -1,0 +1,204 @@
+"""A record diagnosed: what the model gets wrong, by which causes, and how much better it becomes with them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from msl_fem.blas_threads import one_blas_thread
+from msl_fem.diagnosis.decidable import why_not
+from msl_fem.diagnosis.decision import (
+    LEFT_OVER,
+    Rule,
+    accepted,
+    excess_power,
+    finishes,
+    leaves_tolerance,
+    quiet,
+)
+from msl_fem.diagnosis.evidence import Models, gathered
+from msl_fem.diagnosis.extension import believed_estimates, effect_estimates, extended_belief
+from msl_fem.diagnosis.fit import Fit, FitPlan, Likelihood, fit
+from msl_fem.diagnosis.held_out import Followed, followed, log_likelihood_gain
+from msl_fem.diagnosis.next_experiment import Question, separating
+from msl_fem.diagnosis.outside import dependences, named
+from msl_fem.diagnosis.prepare import prepared
+from msl_fem.diagnosis.result import Cause, Diagnosis, Unexplained, accuracy
+from msl_fem.diagnosis.scene import scene
+from msl_fem.diagnosis.search import ROUGH, Stage, stage
+from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.diagnosis.variants import Variant, possible, variants
+from msl_fem.errors import InputError
+from msl_fem.record import Record
+from msl_fem.record_fit import Belief, RunData, run_data
+from msl_fem.table import MagneticTable
+
+Progress = Callable[[str], None]
+TIE = 5.0
+"""Nats within which two names cannot be told apart."""
+WORSE = 10.0  # nats that held-out runs may become less probable before a name is refused
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosisSettings:
+    """What a diagnosis takes beside the record: the table of its magnets, the rule, a progress report."""
+
+    table: MagneticTable | None = None
+    rule: Rule = field(default_factory=Rule)
+    progress: Progress = lambda said: None
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """What a search went through: the fit without effects, its stages, the residuals over the noise after each.
+
+    `taken` of the stages' effects are named; `fits` are without, with the first, and so on.
+    """
+
+    likelihood: Likelihood
+    fits: tuple[Fit, ...]
+    stages: tuple[Stage, ...]
+    excesses: tuple[dict[str, float], ...]
+    taken: int
+
+    @property
+    def final(self) -> Fit:
+        return self.fits[self.taken]
+
+
+@one_blas_thread
+def diagnose(record: Record, settings: DiagnosisSettings | None = None) -> Diagnosis:
+    """The diagnosis of a record's dynamic runs in open loop.
+
+    Raises
+    ------
+    InputError : the record lacks what the coupled model needs, or its magnets' table is missing
+    ComputationError : the model cannot follow the runs at all
+    """
+    how = settings or DiagnosisSettings()
+    if record.actuator.magnet is not None and how.table is None:
+        raise InputError(f"{record.actuator.name} has magnets and there is no table; make one with 'msl-fem table'")
+    data = tuple(run_data(record, run) for run in record.runs)
+    belief = Belief(record.actuator, how.table)
+    reason = why_not(record, belief, data)
+    if reason:
+        return Diagnosis("undecidable", reason)
+    fit_runs = [run for run in data if run.role == "fit"]
+    how.progress("the model within its tolerances")
+    likelihood, unknowns = prepared(belief, fit_runs, record.tolerance)
+    searched = search(likelihood, unknowns, how)
+    how.progress("held-out runs")
+    return concluded(belief, data, searched, how)
+
+
+def search(likelihood: Likelihood, unknowns: Unknowns, how: DiagnosisSettings) -> Searched:
+    """Effects added one after the other as long as each brings more than the rule asks."""
+    base = fit(likelihood, unknowns, np.zeros(unknowns.size), plan=FitPlan(enough=ROUGH))
+    fits, stages = [base], []
+    excesses = [likelihood.excess(base)]
+    plant = likelihood.problem.plant.parameters
+    for n in range(how.rule.most):
+        looked = scene(likelihood, fits[-1])
+        have = {one.effect for one in fits[-1].unknowns.effects}
+        tried = [v for effect in possible(plant) if effect not in have for v in variants(effect, looked, plant)]
+        found = stage(likelihood, fits[-1], tried, tell=how.progress)
+        if n == 0:
+            fits[0] = found.base
+        found = _allowed(likelihood, found)
+        stages.append(found)
+        if found.best is None or found.best.gain < (how.rule.further if n else how.rule.threshold):
+            break
+        fits.append(found.best.fit)
+        excesses.append(likelihood.excess(found.best.fit))
+        if n and not finishes(excesses[-2], excesses[-1]):
+            break
+    taken = accepted(stages, excesses, how.rule)
+    return Searched(likelihood, tuple(fits), tuple(stages), tuple(excesses), taken)
+
+
+def _allowed(likelihood: Likelihood, found: Stage) -> Stage:
+    """A stage without refits that are no more than a believed parameter within its tolerances."""
+    kept = [r for r in found.refits if r.gain <= 0 or leaves_tolerance(likelihood.problem, r.fit, r.variant.effect)]
+    return replace(found, refits=tuple(kept))
+
+
+def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: DiagnosisSettings) -> Diagnosis:
+    """The verdict of a search, with what held-out runs say."""
+    problem = searched.likelihood.problem
+    nominal = followed(belief, data)
+    refit_belief = extended_belief(belief, problem, searched.fits[0])
+    refitted = followed(refit_belief, data)
+    names = searched.taken
+    models = [refit_belief, *(extended_belief(belief, problem, found) for found in searched.fits[1 : names + 1])]
+    follows = [refitted, *(followed(model, data) for model in models[1:])]
+    gains = [log_likelihood_gain(_held_out(a), _held_out(b)) for a, b in zip(follows, follows[1:], strict=False)]
+    notes = []
+    without = excess_power(searched.excesses[0])
+    left = excess_power(searched.excesses[names])
+    share = left / without if without > 0 else 0.0
+    calm = quiet(searched.excesses[names])
+    if names and not calm and share > LEFT_OVER:
+        tried = ", ".join(r.variant.effect for s in searched.stages[:names] if (r := s.best))
+        left_over = f"{100 * share:.3g} % of the excess power is left"
+        notes.append(f"nearest in the catalogue: {tried}; not named, since {left_over}")
+        names = 0
+    while names and gains[names - 1] < -WORSE:
+        names -= 1
+        best = searched.stages[names].best
+        notes.append(f"{best.variant.effect if best else ''} makes held-out runs worse and is not named")
+    final = searched.fits[names]
+    calm, left = quiet(searched.excesses[names]), excess_power(searched.excesses[names])
+    causes = tuple(_cause(searched, n, gains[n], final) for n in range(names))
+    asked = Question(belief, problem, final.unknowns.believed)
+    causes = tuple(
+        replace(cause, next_experiment=separating(asked, at, cause.rivals))
+        for cause, at in zip(causes, searched.stages, strict=False)
+    )
+    verdict = ("named" if calm else "named-and-unexplained") if names else ("nothing-found" if calm else "unexplained")
+    share = 0.0 if calm or without <= 0 else left / without
+    equation, variables = "", tuple[str, ...]()
+    if not calm:
+        how.progress("what is left over every variable")
+        equation, variables = named(dependences(searched.likelihood, final, models[names]))
+    return Diagnosis(
+        verdict,  # type: ignore[arg-type]
+        _reason(searched, names, calm),
+        causes,
+        Unexplained(share, variables, equation),
+        accuracy(nominal, refitted, follows[names]),
+        believed_estimates(belief, final),
+        refit_belief,
+        models[names],
+        how.rule.threshold,
+        statistics=tuple(tuple((r.variant.effect, r.gain) for r in s.refits[:3]) for s in searched.stages),
+        notes=tuple(notes),
+        evidence=gathered(
+            data, Models(belief, refit_belief, models[names]), searched.stages, [cause.effect for cause in causes]
+        ),
+    )
+
+
+def _held_out(found: Sequence[Followed]) -> list[Followed]:
+    return [one for one in found if one.role == "held-out"]
+
+
+def _cause(searched: Searched, n: int, gain: float, final: Fit) -> Cause:
+    best = searched.stages[n].best
+    assert best is not None
+    rivals = tuple(r.variant.effect for r in searched.stages[n].rivals(TIE))
+    return Cause(best.variant.effect, effect_estimates(final)[best.variant.effect], best.gain, None, gain, rivals)
+
+
+def _reason(searched: Searched, names: int, calm: bool) -> str:
+    excess = searched.excesses[names]
+    worst = max(excess, key=lambda name: excess[name])
+    told = f"residuals are at most {excess[worst]:.3g} of the noise ({worst})"
+    best = searched.stages[names].best if names < len(searched.stages) else None
+    if names == 0:
+        return f"{told}; " + (
+            "no effect" if best is None else f"{best.variant.effect} would bring {best.gain:.3g} nats"
+        )
+    return told if calm else f"{told}, which the named effects do not account for"
+
+
+__all__ = ["DiagnosisSettings", "Searched", "Variant", "concluded", "diagnose", "search"]

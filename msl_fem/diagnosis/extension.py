@@ -1,0 +1,110 @@
+"""The model that a fit has found: actuator, table and effects with their fitted values."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.actuator import Actuator
+from msl_fem.diagnosis.fit import Fit
+from msl_fem.diagnosis.simulator import Problem
+from msl_fem.diagnosis.table_error import corrected
+from msl_fem.diagnosis.unknowns import EffectUnknown, factor
+from msl_fem.effects import POSITION, EffectValues, find_parameter, from_vector
+from msl_fem.record_fit import Belief
+from msl_fem.record_fit.believed import believed_value
+
+Array = NDArray[np.float64]
+INTERVAL = 1.96
+_READ = (
+    ("position_sensor_nonlinearity", "quadratic"), ("position_sensor_nonlinearity", "cubic"), ("sensor_drift", "rate"),
+    ("sensor_drift", "acceleration"), ("sensor_drift", "jerk"), ("periodic_disturbance", "position_cosine"),
+    ("periodic_disturbance", "position_sine"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A fitted number in SI units with its 95 % interval; `tolerances` is how many of its own a believed one moved."""
+
+    value: float
+    low: float
+    high: float
+    believed: float | None = None
+    tolerances: float | None = None
+
+
+def extended_belief(belief: Belief, problem: Problem, found: Fit) -> Belief:
+    """The belief with everything at its fitted value: what other commands take as the model.
+
+    The sensor's gain becomes an error of the reading, the scale of the magnets and the table's error a table.
+    """
+    factors = found.unknowns.factors(found.z)
+    table = belief.table
+    if table is not None and problem.table_error is not None:
+        numbers = found.z[found.unknowns.table_rows]
+        table = corrected(table, problem.table_error, numbers, scale=factors.get("magnetic_scale", 1.0))
+    vector = found.unknowns.effect_vector(found.z)
+    gain = factors.get("position_gain", 1.0)
+    place = POSITION["position_sensor_nonlinearity", "gain_error"]
+    vector[place] = gain * (1.0 + vector[place]) - 1.0
+    for key in _READ:
+        vector[POSITION[key]] *= gain
+    return Belief(fitted_actuator(belief.actuator, factors), table, _used(vector))
+
+
+def _used(vector: Array) -> EffectValues | None:
+    """The effects that are there; shapes alone are none."""
+    every = from_vector(vector)
+    present = {name: every.stated[name] for name in every.present}
+    return EffectValues(present) if present else None
+
+
+def fitted_actuator(actuator: Actuator, factors: dict[str, float]) -> Actuator:
+    """The actuator with believed parameters times these factors."""
+    motion, drive = actuator.motion, actuator.drive
+    assert motion is not None
+    assert drive is not None
+    changed: dict[str, float | None] = {
+        name: value * factors.get(name, 1.0)
+        for name in ("moving_mass", "stiffness", "damping", "nominal_gap")
+        if (value := getattr(motion, name)) is not None
+    }
+    if motion.flexure is not None and "stiffness" in factors:
+        changed["flexure"] = None  # its stiffness is no longer what its leaves say
+    update: dict[str, object] = {"motion": motion.model_copy(update=changed)}
+    if "coil_resistance" in factors:
+        resistance = actuator.coil_resistance() * factors["coil_resistance"]
+        update["drive"] = drive.model_copy(update={"coil_resistance": resistance})
+    return actuator.model_copy(update=update)
+
+
+def believed_estimates(belief: Belief, found: Fit) -> dict[str, Estimate]:
+    """The believed parameters after a fit."""
+    error = np.sqrt(np.diag(np.linalg.inv(found.precision)))
+    made = {}
+    for n, (name, sigma) in enumerate(found.unknowns.believed):
+        z, value = float(found.z[n]), believed_value(belief, name)
+        low, middle, high = (float(value * factor(sigma, z + k * INTERVAL * error[n])) for k in (-1, 0, 1))
+        made[name] = Estimate(middle, low, high, believed=value, tolerances=z)
+    return made
+
+
+def effect_estimates(found: Fit) -> dict[str, dict[str, Estimate]]:
+    """The parameters of the effects of a fit, by effect and name."""
+    error = np.sqrt(np.diag(np.linalg.inv(found.precision)))
+    made: dict[str, dict[str, Estimate]] = {}
+    for n, one in enumerate(found.unknowns.effects):
+        row = found.unknowns.n_nuisance + n
+        low, value, high = _interval(one, float(found.z[row]), INTERVAL * float(error[row]))
+        made.setdefault(one.effect, {})[one.name] = Estimate(value, low, high)
+    return made
+
+
+def _interval(one: EffectUnknown, z: float, half: float) -> tuple[float, float, float]:
+    low, value, high = (float(one.value(np.array(z + k * half))) for k in (-1, 0, 1))
+    return low, value, high
+
+
+def unit_of(effect: str, name: str) -> str:
+    return find_parameter(effect, name).unit

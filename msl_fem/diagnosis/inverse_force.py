@@ -1,0 +1,217 @@
+"""The force that a measured motion takes, with effects: the inverse dynamics of a mover that a force drives.
+
+Position and force pass one zero-phase low-pass; velocity and acceleration are central differences of the low-passed
+position (A. Janot, P.-O. Vandanjon, M. Gautier, IEEE Trans. Control Syst. Technol. 22, 2014, 776-782). An effect of
+the sensor is undone on the way from reading to motion, one of the drive done to the commands, one of the mover adds to
+the force; friction is the catalogue's stops at the measured position. Delays, lags and a second mass are filters.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from msl_fem.compiled import compiled
+from msl_fem.coupled_model import PlantParameters
+from msl_fem.coupled_model.coefficients import N_STOP
+from msl_fem.effects import POSITION as PLACE
+from msl_fem.errors import InputError
+from msl_fem.record_fit import RunData
+from msl_fem.record_fit.run_data import POSITION
+
+Array = NDArray[np.float64]
+ORDER = 4
+OF_POSITION = 2.5
+"""The position's low-pass over the equation's: so it does not bend what the equation keeps."""
+EDGE = 10.0  # periods of the equation's low-pass at either end that zero-phase filters bend
+POWER = 0.98  # of the commands, which the equation's band holds
+_SERIES = (1.0, 2.0, 5.0)
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """Zero-phase Butterworth filters of an inverse model: of the equation, in Hz, and of the position before it."""
+
+    equation: float
+    rate: float
+
+    def smooth(self, position: Array) -> Array:
+        """A position before it is differentiated."""
+        return self._passed(position, min(OF_POSITION * self.equation, 0.45 * self.rate))
+
+    def both_sides(self, force: Array) -> Array:
+        """Either side of the equation."""
+        return self._passed(force, self.equation)
+
+    def kept(self, n_sample: int) -> slice:
+        """The samples that the filters' edges leave.
+
+        Raises
+        ------
+        InputError : they leave too little
+        """
+        edge = round(EDGE * self.rate / self.equation)
+        if n_sample < 3 * edge:
+            raise InputError(f"{n_sample} samples: the edges of the filters take {2 * edge}; record longer")
+        return slice(edge, n_sample - edge)
+
+    def _passed(self, signal: Array, cutoff: float) -> Array:
+        sections = butter(ORDER, cutoff, fs=self.rate, output="sos")
+        return np.asarray(sosfiltfilt(sections, signal), dtype=float)
+
+
+def usual_low_pass(runs: Sequence[RunData]) -> LowPass:
+    """The lowest of 1, 2, 5, 10 ... Hz below which the commands have `POWER` of their power."""
+    highest, rate = 0.0, runs[0].rate
+    for run in runs:
+        force = run.commands[:, 0]
+        power = np.cumsum(np.abs(np.fft.rfft((force - force.mean()) * np.hanning(force.size))) ** 2)
+        if power[-1] > 0:
+            highest = max(highest, float(np.searchsorted(power, POWER * power[-1])) * rate / force.size)
+    decade = 10.0 ** np.floor(np.log10(max(highest, 1e-3)))
+    series = [s * decade for s in (*_SERIES, 10.0)]
+    return LowPass(min(next(s for s in series if s >= highest), 0.2 * rate), rate)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Position, velocity and acceleration of the mover, and of a second mass against it, (n_sample,) each."""
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+    mode_acceleration: Array
+
+
+def missing_force(plant: PlantParameters, data: RunData, effects: Array, *, gain: float, low_pass: LowPass) -> Array:
+    """The force applied less the force that the measured motion takes, (n_sample,) N, not yet low-passed.
+
+    Parameters
+    ----------
+    plant : with the parameters to be tried
+    data : its position already low-passed
+    effects : (N_PARAMETER,) of the catalogue
+    gain : position reading over position, beside the effects
+    """
+    v = {key: float(effects[n]) for key, n in PLACE.items()}
+    time = data.time
+    motion = measured_motion(plant, data, v, gain=gain, low_pass=low_pass)
+    return applied_force(data, v) + _push(plant, v, time) - needed_force(plant, v, motion)
+
+
+def applied_force(data: RunData, v: dict[tuple[str, str], float]) -> Array:
+    """The force of the commands at the instants of the samples, (n_sample,) N.
+
+    A command is held from its sample to the next, so at a sample it is the mean of both sides.
+    """
+    command = data.commands[:, 0]
+    force = command.copy()
+    force[1:] = (command[1:] + command[:-1]) / 2
+    late, lag = v["time_delay", "command"], v["amplifier_bandwidth", "lag"]
+    if late or lag:
+        force = _filtered(force, data.rate, lambda s: np.exp(-s * late) / (1 + s * lag))
+    return force
+
+
+def measured_motion(
+    plant: PlantParameters, data: RunData, v: dict[tuple[str, str], float], *, gain: float, low_pass: LowPass
+) -> Motion:
+    """The motion that a low-passed reading says, the sensor's effects undone."""
+    reading = data.measured[POSITION] / gain - _false_reading(v, data.time)
+    seen = _undone(reading, v)
+    late, rate = v["time_delay", "position"], data.rate
+    lag = v["position_sensor_lag", "lag"] + (0.0 if np.isinf(plant.sensor_bandwidth) else 1 / plant.sensor_bandwidth)
+    share, read = v["structural_mode", "mass_share"], v["structural_mode", "load_reading"]
+    natural = 2 * np.pi * v["structural_mode", "frequency"]
+    zeta = v["structural_mode", "damping_ratio"]
+
+    def mode(s: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        return -(s**2) / (s**2 + 2 * zeta * natural * s + natural**2)
+
+    if late or lag or read:
+        highest = 2 * np.pi * OF_POSITION * low_pass.equation  # beyond, the position is passed no more
+        seen = _filtered(
+            seen, rate, lambda s: np.exp(s * late) * (1 + s * lag) / (1 + read * mode(s)) * (np.abs(s) < 4 * highest)
+        )
+    velocity = np.gradient(seen, 1 / rate)
+    acceleration = np.gradient(velocity, 1 / rate)
+    other = _filtered(acceleration, rate, mode) if share else np.zeros(seen.size)
+    return Motion(seen, velocity, acceleration, other)
+
+
+def needed_force(plant: PlantParameters, v: dict[tuple[str, str], float], motion: Motion) -> Array:
+    """The force along +x that a motion takes, (n_sample,) N."""
+    x, velocity = motion.position, motion.velocity
+    share = v["structural_mode", "mass_share"]
+    force = plant.mass * (motion.acceleration + share * motion.mode_acceleration)
+    force = force + plant.damping * velocity + plant.stiffness * x
+    force = force + (v["stiffness_nonlinearity", "quadratic"] + v["stiffness_nonlinearity", "cubic"] * x) * x * x
+    friction = v["coulomb_friction", "force"]
+    if friction:
+        rise = v["coulomb_friction", "stribeck_rise"]
+        more = rise / (1 + (velocity / v["coulomb_friction", "stribeck_velocity"]) ** 2)
+        width = v["coulomb_friction", "presliding"] / N_STOP
+        force = force + friction * (1 + more) * stops(x, width) / (width * N_STOP * (N_STOP + 1) / 2)
+    return np.asarray(force)
+
+
+@compiled
+def stops(position: Array, width: float) -> Array:
+    """The sum of the stops of a friction along a path (n_sample,), m; at rest in the beginning."""
+    state, found = np.zeros(N_STOP), np.zeros(position.size)
+    for n in range(1, position.size):
+        change, total = position[n] - position[n - 1], 0.0
+        for k in range(N_STOP):
+            reach = (k + 1) * width
+            state[k] = min(max(state[k] + change, -reach), reach)
+            total += state[k]
+        found[n] = total
+    return found
+
+
+def _push(plant: PlantParameters, v: dict[tuple[str, str], float], time: Array) -> Array:
+    """Forces along +x that do not come from the drive, (n_sample,) N."""
+    phase = 2 * np.pi * v["periodic_disturbance", "frequency"] * time
+    cosine, sine = v["periodic_disturbance", "force_cosine"], v["periodic_disturbance", "force_sine"]
+    steady = plant.constant_force + v["force_offset", "force"]
+    return np.asarray(steady + cosine * np.cos(phase) + sine * np.sin(phase))
+
+
+def _false_reading(v: dict[tuple[str, str], float], time: Array) -> Array:
+    """What the position's reading holds beside the position, (n_sample,) m."""
+    phase = 2 * np.pi * v["periodic_disturbance", "frequency"] * time
+    hum = v["periodic_disturbance", "position_cosine"] * np.cos(phase)
+    hum = hum + v["periodic_disturbance", "position_sine"] * np.sin(phase)
+    rate, acceleration, jerk = (v["sensor_drift", name] for name in ("rate", "acceleration", "jerk"))
+    return np.asarray(hum + rate * time + acceleration * time**2 / 2 + jerk * time**3 / 6)
+
+
+def _undone(reading: Array, v: dict[tuple[str, str], float]) -> Array:
+    """The position of a reading (1 + gain_error) x + quadratic x^2 + cubic x^3, by Newton steps."""
+    slope, square, cube = (1 + v[_SENSOR, "gain_error"], v[_SENSOR, "quadratic"], v[_SENSOR, "cubic"])
+    x = reading / slope
+    if square or cube:
+        for _ in range(6):
+            steep = slope + 2 * square * x + 3 * cube * x**2
+            x = x - (slope * x + square * x**2 + cube * x**3 - reading) / np.where(np.abs(steep) > 0.1, steep, 0.1)
+    return x
+
+
+_SENSOR = "position_sensor_nonlinearity"
+
+
+def _filtered(signal: Array, rate: float, answer: Callable[[NDArray[np.complex128]], NDArray[np.complex128]]) -> Array:
+    """A signal through a filter's frequency response (of s); the line between its ends passes by its value at 0, its
+    slope by the response's first derivative there."""
+    n = signal.size
+    time = np.arange(n) / rate
+    slope = (signal[-1] - signal[0]) / time[-1]
+    line = signal[0] + slope * time
+    s = 2j * np.pi * np.fft.rfftfreq(n, 1 / rate)
+    small = np.array([0.0, 1e-4j, -1e-4j])
+    at = answer(small)
+    steep = float(((at[1] - at[2]) / 2e-4j).real)
+    still = float(at[0].real)
+    return np.asarray(np.fft.irfft(np.fft.rfft(signal - line) * answer(s), n) + still * line + steep * slope)

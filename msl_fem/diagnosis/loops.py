@@ -1,0 +1,245 @@
+"""Runs in closed loop, or of a plant that is not stable in open loop, as a likelihood; a static map beside them.
+
+Where the law that drove a run is stated, the run is simulated in closed loop with it (`record_fit.closed_loop`): the
+residual is that of an output error, shaped by the loop's sensitivity, which the noise's colour takes up. Where it is
+not, the residual is the innovation of an extended Kalman predictor with the process noise that suits the belief; that
+noise takes up much of what a model gets wrong, so that less is seen. A static map of the same magnet adds its rows:
+table, scale and gap are the same unknowns on both sides.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.coupled_model.coefficients import kernel_coefficients
+from msl_fem.coupled_model.extended import small_signal_inductance
+from msl_fem.diagnosis.extension import extended_belief
+from msl_fem.diagnosis.fit import Fit, Likelihood
+from msl_fem.diagnosis.held_out import Followed
+from msl_fem.diagnosis.noise_bands import make_bands, transformed
+from msl_fem.diagnosis.other_records import Kind
+from msl_fem.diagnosis.prepare import START, highest_line, visited
+from msl_fem.diagnosis.scene import scene
+from msl_fem.diagnosis.simulator import Points, Problem
+from msl_fem.diagnosis.static_maps import StaticLikelihood, prepared_map
+from msl_fem.diagnosis.table_error import Visited, table_error
+from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.diagnosis.variants import Variant, possible, variants
+from msl_fem.effects import neutral_vector
+from msl_fem.errors import InputError
+from msl_fem.record import Record
+from msl_fem.record_fit import (
+    Belief,
+    Plant,
+    ProcessNoise,
+    RunData,
+    Start,
+    believed_plant,
+    closed_run,
+    filtered,
+    free_parameters,
+    measured_start,
+    tuned,
+)
+from msl_fem.record_fit.free_run import moved_start, start_sigmas
+
+Array = NDArray[np.float64]
+Way = Literal["closed-loop", "one-step"]
+
+
+@dataclass(frozen=True, eq=False)
+class LoopLikelihood(Likelihood):
+    """Runs by closed loop or by innovations, and the rows of a static map.
+
+    Attributes
+    ----------
+    way : how the runs are predicted
+    noise : of the predictor, for innovations
+    static : a map of the same magnet, its table error that of `problem`
+    """
+
+    way: Way
+    noise: ProcessNoise
+    static: StaticLikelihood | None
+
+    def spectra(self, points: Points) -> Array:
+        """Residuals of the runs in the frequency domain over their white sigma, then the map's; (n_row, n_number)."""
+        vectors = points.effects if points.effects is not None else [neutral_vector()] * len(points.rows)
+        rows = [self._row(points.unknowns, z, effects) for z, effects in zip(points.rows, vectors, strict=True)]
+        found = np.array(rows)
+        return found if self.static is None else np.hstack([found, self.static.spectra(points)])
+
+    def _row(self, unknowns: Unknowns, z: Array, effects: Array) -> Array:
+        parts = []
+        for run, data in enumerate(self.problem.runs):
+            try:
+                plant = plant_at(self.problem, unknowns, z, effects)
+                start = None
+                if self.way == "closed-loop":
+                    start = moved_start(
+                        self.problem.guesses[run], z[unknowns.start_rows(run)] * self.problem.start_sigmas[run]
+                    )
+                missed = missed_by(self.way, plant, data, start=start, noise=self.noise)
+            except InputError:  # an effect beyond what the kernel takes
+                missed = {name: np.full(len(data.commands), np.nan) for name in data.measured}
+            n = self.bands.lines[run]
+            parts += [transformed(missed[name] / data.noise[name].sigma, n) for name in self.problem.channels(run)]
+        return np.concatenate(parts)
+
+    @property
+    def labels(self) -> NDArray[np.intp]:
+        """(n_number,) the band of each number of the runs, then the channel of each of the map."""
+        own = super().labels
+        return own if self.static is None else np.concatenate([own, self.static.labels + own.max() + 1])
+
+    def excess(self, found: Fit) -> dict[str, float]:
+        """Channel to RMS residual over the noise, of the lines that the bands hold; those of the map by its name."""
+        n = 2 * sum(self.bands.lines[k] * len(self.problem.channels(k)) for k in range(len(self.problem.runs)))
+        power: dict[str, list[float]] = {}
+        at = 0
+        for run in range(len(self.problem.runs)):
+            for name in self.problem.channels(run):
+                width = 2 * self.bands.lines[run]
+                power.setdefault(name, []).append(float(np.mean(found.residual[at : at + width] ** 2)))
+                at += width
+        made = {name: float(np.sqrt(np.mean(values))) for name, values in power.items()}
+        if self.static is not None:
+            made |= self.static.excess(replace(found, residual=found.residual[n:]))
+        return made
+
+
+def plant_at(problem: Problem, unknowns: Unknowns, z: Array, effects: Array) -> Plant:
+    """The plant at a point of the unknowns, with the steps of the believed one."""
+    base, f = problem.plant, unknowns.factors(z)
+    p = base.parameters
+    p = p._replace(
+        mass=p.mass * f.get("moving_mass", 1.0),
+        stiffness=p.stiffness * f.get("stiffness", 1.0),
+        damping=p.damping * f.get("damping", 1.0),
+        resistance=p.resistance * f.get("coil_resistance", 1.0),
+        nominal_gap=p.nominal_gap * f.get("nominal_gap", 1.0),
+    )
+    surface = base.surface
+    if problem.table_error is not None:
+        change = np.tensordot(z[unknowns.table_rows], problem.table_error.modes, axes=1)
+        surface = surface._replace(coefficients=f.get("magnetic_scale", 1.0) * (surface.coefficients + change))
+    e = kernel_coefficients(
+        p, effects, inductance=small_signal_inductance(p, surface), step=base.step, n_step=base.substeps
+    )
+    return Plant(surface, p, e, effects, base.gain * f.get("position_gain", 1.0), base.rate, base.substeps)
+
+
+def missed_by(way: Way, plant: Plant, data: RunData, *, start: Start | None, noise: ProcessNoise) -> dict[str, Array]:
+    """Channel to (n_sample,) measured less predicted; nan where the model left its table or range.
+
+    Innovations are scaled such that they have the noise's sigma where the predictor's variance is right.
+    """
+    if way == "closed-loop":
+        found = closed_run(plant, data, start or measured_start(plant, data)).readings
+        return {name: data.measured[name] - found[name] for name in data.measured}
+    followed = filtered(plant, data, noise)
+    made = {name: followed.whitened[name] * data.noise[name].sigma for name in data.measured}
+    for values in made.values():
+        values[0] = 0.0
+    return made
+
+
+def loop_candidates(likelihood: Likelihood, found: Fit) -> list[Variant]:
+    """All variants of all effects that the plant can have."""
+    looked, plant = scene(likelihood, found), likelihood.problem.plant.parameters
+    have = {one.effect for one in found.unknowns.effects}
+    return [v for effect in possible(plant) if effect not in have for v in variants(effect, looked, plant)]
+
+
+def prepared_loops(record: Record, belief: Belief, data: Sequence[RunData]) -> tuple[LoopLikelihood, Unknowns]:
+    """The likelihood of fit runs (and the static map), and what it does not know without any effect."""
+    runs = tuple(_without_voltages(run) for run in data)
+    plant = believed_plant(belief, rate=runs[0].rate, ideal_current=runs[0].ideal_current)
+    way: Way = "closed-loop" if all(run.law is not None for run in runs) else "one-step"
+    guesses, sigmas, noise = (), (np.zeros(0),) * len(runs), ProcessNoise(0.0, 0.0)
+    if way == "closed-loop":
+        guesses = tuple(measured_start(plant, run) for run in runs)
+        sigmas = tuple(START * start_sigmas(plant, run) for run in runs)
+    else:
+        noise = tuned(plant, runs)
+    static = None
+    if record.static is not None and belief.table is not None:
+        static = prepared_map(record, belief.table)[0]
+    error = _common_error(record, belief, plant, (runs, static))
+    problem = Problem(plant, runs, guesses, sigmas, error)
+    if static is not None:
+        static = replace(static, problem=replace(static.problem, table_error=error))
+    highest = max(highest_line(run, run.measured) for run in runs)
+    bands = make_bands([len(run.commands) for run in runs], runs[0].rate, highest=highest)
+    believed = tuple(free_parameters(belief, record.tolerance).items())
+    n_table = 0 if error is None else len(error.modes)
+    unknowns = Unknowns(believed, n_table, tuple(s.size for s in sigmas))
+    return LoopLikelihood(problem, bands, plant.substeps, way, noise, static), unknowns
+
+
+def _without_voltages(run: RunData) -> RunData:
+    return replace(run, measured={n: v for n, v in run.measured.items() if not n.startswith("voltage")})
+
+
+def _common_error(
+    record: Record, belief: Belief, plant: Plant, data: tuple[Sequence[RunData], StaticLikelihood | None]
+):  # type: ignore[no-untyped-def]
+    """The table's error over all that runs and map visit."""
+    (runs, static), tolerance = data, record.tolerance.table
+    if belief.table is None or not tolerance:
+        return None
+    seen = visited(plant, runs)
+    if static is not None:
+        rows = static.measured.rows
+        current, gap = np.abs(rows.current), rows.gap
+        seen = Visited(
+            (min(seen.current[0], float(current.min())), max(seen.current[1], float(current.max()))),
+            (min(seen.gap[0], float(gap.min())), max(seen.gap[1], float(gap.max()))),
+        )
+    return table_error(belief.table, seen, tolerance=tolerance)
+
+
+def loops_followed(belief: Belief, runs: Sequence[RunData], way: Way, *, noise: ProcessNoise) -> list[Followed]:
+    """How well a model follows runs, channel by channel, from their measured starts."""
+    found = []
+    for run in runs:
+        data = _without_voltages(run)
+        plant = believed_plant(belief, rate=data.rate, ideal_current=data.ideal_current)
+        missed = missed_by(way, plant, data, start=None, noise=noise)
+        if way == "one-step":
+            one_step = filtered(plant, data, noise).one_step
+            missed = {name: (data.measured[name] - one_step[name])[1:] for name in data.measured}
+        for name, error in missed.items():
+            rms = float(np.sqrt(np.mean(error**2))) if np.isfinite(error).all() else float("inf")
+            deviation = float(data.measured[name].std())
+            floor = data.noise[name].sigma
+            found.append(Followed(data.name, data.role, name, rms, rms / deviation, floor, error.size, deviation))
+    return found
+
+
+def of_loops(record: Record, belief: Belief, data: Sequence[RunData]) -> tuple[LoopLikelihood, Unknowns, Kind]:
+    """What the diagnosis of such a record needs."""
+    likelihood, unknowns = prepared_loops(record, belief, [run for run in data if run.role == "fit"])
+    way: Way = "closed-loop" if all(run.law is not None for run in data) else "one-step"
+    noise = likelihood.noise
+    if way == "one-step" and likelihood.way == "closed-loop":
+        noise = tuned(likelihood.problem.plant, likelihood.problem.runs)
+
+    def extend(found: Fit) -> Belief:
+        return extended_belief(belief, likelihood.problem, found)
+
+    notes = []
+    if likelihood.way == "one-step":
+        notes.append("judged by one-step predictions: no law of the controller is stated, and the process noise of the "
+                     "predictor takes up part of what the model gets wrong")  # fmt: skip
+    if likelihood.static is not None:
+        notes.append("the rows of the static map count beside the runs")
+    kind = Kind(
+        way, belief, loop_candidates,
+        lambda found: loops_followed(belief if found is None else extend(found), data, way, noise=noise), extend,
+        notes=tuple(notes),
+    )  # fmt: skip
+    return likelihood, unknowns, kind

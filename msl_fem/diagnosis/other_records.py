@@ -1,0 +1,162 @@
+"""The search and the verdict for records whose likelihood is not that of free runs: static maps, carriages, loops.
+
+Stages, scores, refits and thresholds are those of free runs (`search`, `decision`). What differs by the kind of a
+record stands in `Kind`: which variants there are, how a fit is followed along the data, and what it extends to.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from msl_fem.diagnosis.decision import FINISHED, LEFT_OVER, Rule, excess_power, leaves_tolerance, quiet
+from msl_fem.diagnosis.extension import believed_estimates, effect_estimates
+from msl_fem.diagnosis.fit import Fit, FitPlan, Likelihood, fit
+from msl_fem.diagnosis.held_out import Followed, log_likelihood_gain
+from msl_fem.diagnosis.result import Accuracy, Cause, Diagnosis, Unexplained
+from msl_fem.diagnosis.search import ROUGH, Refit, Stage, stage
+from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.diagnosis.variants import Variant
+from msl_fem.record_fit import Belief
+
+Tell = Callable[[str], None]
+TIE = 5.0
+"""Nats within which two names cannot be told apart."""
+WORSE = 10.0  # nats that held-out data may become less probable before a name is refused
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """What is particular to a kind of record.
+
+    Attributes
+    ----------
+    prediction : its word in the accuracy's entries
+    belief : as in the record
+    candidates : of the likelihood and a fit, the variants to be tried
+    follow : of a fit, or of None for the believed model, how well it follows all data
+    extend : of a fit, the model that other commands take
+    finished : share of the excess power that a further effect may leave, where the fit before was not quiet
+    experiments : effect to what would separate it from its rivals
+    notes : what the reader must know beside the verdict
+    """
+
+    prediction: str
+    belief: Belief
+    candidates: Callable[[Likelihood, Fit], list[Variant]]
+    follow: Callable[[Fit | None], list[Followed]]
+    extend: Callable[[Fit], Belief]
+    finished: float = FINISHED
+    experiments: Mapping[str, str] | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Trail:
+    """The fits without and with each further effect, the stages between them, the excesses of each fit."""
+
+    fits: tuple[Fit, ...]
+    stages: tuple[Stage, ...]
+    excesses: tuple[dict[str, float], ...]
+
+
+def diagnosis_of(likelihood: Likelihood, unknowns: Unknowns, kind: Kind, *, rule: Rule, tell: Tell) -> Diagnosis:
+    """The diagnosis of a record of this kind."""
+    trail = searched(likelihood, unknowns, kind, rule=rule, tell=tell)
+    tell("held-out data")
+    return verdict(likelihood, trail, kind, rule=rule)
+
+
+def searched(likelihood: Likelihood, unknowns: Unknowns, kind: Kind, *, rule: Rule, tell: Tell) -> Trail:
+    """Effects added one after the other as long as each brings more than the rule asks."""
+    tell("the model within its tolerances")
+    fits = [fit(likelihood, unknowns, np.zeros(unknowns.size), plan=FitPlan(enough=ROUGH))]
+    stages: list[Stage] = []
+    for n in range(rule.most):
+        found = stage(likelihood, fits[-1], kind.candidates(likelihood, fits[-1]), tell=tell)
+        fits[-1] = found.base
+        allowed = tuple(r for r in found.refits if r.gain <= 0 or _allowed(likelihood, r))
+        stages.append(Stage(found.base, found.scores, allowed))
+        best = stages[-1].best
+        if best is None or best.gain < (rule.further if n else rule.threshold):
+            break
+        fits.append(best.fit)
+    return Trail(tuple(fits), tuple(stages), tuple(likelihood.excess(found) for found in fits))
+
+
+def _allowed(likelihood: Likelihood, refit: Refit) -> bool:
+    return leaves_tolerance(likelihood.problem, refit.fit, refit.variant.effect)
+
+
+def verdict(likelihood: Likelihood, trail: Trail, kind: Kind, *, rule: Rule) -> Diagnosis:
+    """What a search has found, with what held-out data say."""
+    nominal, follows = kind.follow(None), [kind.follow(found) for found in trail.fits]
+    gains = [log_likelihood_gain(_held_out(a), _held_out(b)) for a, b in zip(follows, follows[1:], strict=False)]
+    taken, notes = _accepted(trail, kind, rule), list(kind.notes)
+    if taken and not quiet(trail.excesses[taken]) and _share(trail, taken) > LEFT_OVER:
+        tried = ", ".join(one.unknowns.effects[-1].effect for one in trail.fits[1 : taken + 1])
+        notes.append(
+            f"nearest in the catalogue: {tried}; not named, since {100 * _share(trail, taken):.3g} % of the excess "
+            "power is left"
+        )
+        taken = 0
+    if taken and sum(gains[:taken]) < -WORSE:
+        notes.append("the effects that fit best make held-out data worse, so they are not named")
+        taken = 0
+    final, calm = trail.fits[taken], quiet(trail.excesses[taken])
+    words = ("nothing-found", "unexplained", "named", "named-and-unexplained")
+    return Diagnosis(
+        words[2 * bool(taken) + (not calm)],  # type: ignore[arg-type]
+        _reason(trail, taken),
+        tuple(_cause(trail, n, gains[n], (kind, final)) for n in range(taken)),
+        Unexplained(0.0 if calm else _share(trail, taken)),
+        tuple(Accuracy(*row, kind.prediction) for row in zip(nominal, follows[0], follows[taken], strict=True)),
+        believed_estimates(kind.belief, final) if final.unknowns.believed else {},
+        kind.extend(trail.fits[0]),
+        kind.extend(final),
+        rule.threshold,
+        notes=tuple(notes),
+    )
+
+
+def _accepted(trail: Trail, kind: Kind, rule: Rule) -> int:
+    """How many stages are taken: as `decision.accepted`, with the kind's own share that is left over."""
+    taken = 0
+    for n, one in enumerate(trail.stages):
+        best = one.best
+        if best is None or best.gain < (rule.further if n else rule.threshold):
+            break
+        before, later = trail.excesses[n], trail.excesses[n + 1 :]
+        if n and not quiet(before):
+            enough = kind.finished * excess_power(before)
+            if not any(quiet(e) or excess_power(e) <= enough for e in later):
+                break
+        taken = n + 1
+    return taken
+
+
+def _share(trail: Trail, taken: int) -> float:
+    without = excess_power(trail.excesses[0])
+    return excess_power(trail.excesses[taken]) / without if without > 0 else 0.0
+
+
+def _held_out(found: Sequence[Followed]) -> list[Followed]:
+    return [one for one in found if one.role == "held-out"]
+
+
+def _cause(trail: Trail, n: int, gain: float, where: tuple[Kind, Fit]) -> Cause:
+    (kind, final), best = where, trail.stages[n].best
+    assert best is not None
+    rivals = tuple(r.variant.effect for r in trail.stages[n].rivals(TIE))
+    effect = best.variant.effect
+    experiment = (kind.experiments or {}).get(effect, "") if rivals else ""
+    return Cause(effect, effect_estimates(final)[effect], best.gain, None, gain, rivals, experiment)
+
+
+def _reason(trail: Trail, taken: int) -> str:
+    excess = trail.excesses[taken]
+    worst = max(excess, key=lambda name: excess[name])
+    told = f"residuals are at most {excess[worst]:.3g} of the noise ({worst})"
+    best = trail.stages[taken].best if taken < len(trail.stages) else None
+    further = "no further effect" if best is None else f"{best.variant.effect} would bring {best.gain:.3g} nats more"
+    return f"{told}; {further}"

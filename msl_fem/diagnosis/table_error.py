@@ -1,0 +1,134 @@
+"""Smooth errors of a field table as a few coefficients: a Gaussian process over current and gap, where a record went.
+
+The coenergy of the table is multiplied by 1 + a phi, phi a process of unit variance with the squared exponential
+covariance in u(i) = sqrt(1 + (i/s)^2) and z(g) = sqrt(g) (Rasmussen and Williams, Gaussian Processes for Machine
+Learning, 2006, ch. 4), so that force and flux stay derivatives of one coenergy. On the part of the table that a record
+visits, the process is its first Karhunen-Loeve modes. The amplitude a is such that the RMS error over the table, of
+force or flux linkage, whichever is larger, is the table's tolerance.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.coenergy_surface import fit_coenergy_surface
+from msl_fem.table import NODES, MagneticTable
+
+Array = NDArray[np.float64]
+LENGTH = 0.6
+"""Correlation length, in half widths of the table's range of u and z."""
+KNEE = 6.0  # the largest current over s
+MOST_MODES = 12
+LEAST = 1e-7  # of the first mode's variance: what is smaller cannot be seen
+_SAMPLES = 14  # points a direction of the visited part
+_MARGIN = 0.15  # of its width, by which the visited part is widened
+
+
+@dataclass(frozen=True, eq=False)
+class Visited:
+    """Where a record's runs go: currents of a magnet (A, absolute) and gaps (m), lowest and highest."""
+
+    current: tuple[float, float]
+    gap: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class TableError:
+    """Changes of a table by unit normal numbers.
+
+    Attributes
+    ----------
+    modes : (n_mode, n_gap - 1, n_current - 1, 6, 6) of the coenergy surface's coefficients
+    nodes : variable of the table's nodes to (n_mode, n_gap, n_current)
+    """
+
+    modes: Array
+    nodes: Mapping[str, Array]
+
+
+def table_error(table: MagneticTable, visited: Visited, *, tolerance: float) -> TableError:
+    """The modes of a smooth error with an RMS of `tolerance` over the table."""
+    coordinates = _Coordinates(table)
+    amplitude = tolerance / np.sqrt(_error_of_unit(table, coordinates))
+    i = np.linspace(*_widened(visited.current, (0.0, float(table.current[-1]))), _SAMPLES)
+    g = np.linspace(*_widened(visited.gap, (float(table.gap[0]), float(table.gap[-1]))), _SAMPLES)
+    u, z = (a.ravel() for a in np.meshgrid(coordinates.u(i)[0], coordinates.z(g)[0]))
+    covariance = np.exp(-((u[:, None] - u) ** 2 + (z[:, None] - z) ** 2) / (2 * LENGTH**2))
+    values, vectors = np.linalg.eigh(covariance)
+    order = np.argsort(values)[::-1][:MOST_MODES]
+    kept = order[values[order] > LEAST * values[order[0]]]
+    weights = amplitude * vectors[:, kept] / np.sqrt(values[kept])
+    changes = [_node_changes(table, coordinates, (u, z, w)) for w in weights.T]
+    modes = [fit_coenergy_surface(table.gap, table.current, nodes).coefficients for nodes in changes]
+    return TableError(np.array(modes), {name: np.array([nodes[name] for nodes in changes]) for name in NODES})
+
+
+def corrected(table: MagneticTable, error: TableError, numbers: Array, *, scale: float) -> MagneticTable:
+    """The table with an error of these numbers (n_mode,), its coenergy multiplied by `scale`."""
+    nodes = {name: scale * (table.nodes[name] + np.tensordot(numbers, error.nodes[name], axes=1)) for name in NODES}
+    return MagneticTable(table.gap, table.current, nodes, provenance=dict(table.provenance))
+
+
+def _widened(span: tuple[float, float], limits: tuple[float, float]) -> tuple[float, float]:
+    margin = _MARGIN * (span[1] - span[0]) + 1e-3 * (limits[1] - limits[0])
+    return max(span[0] - margin, limits[0]), min(span[1] + margin, limits[1])
+
+
+class _Coordinates:
+    """u of the current and z of the gap, -1 to 1 over the table, with first and second derivative."""
+
+    def __init__(self, table: MagneticTable) -> None:
+        self.s = float(table.current[-1]) / KNEE
+        self.u_span = np.sqrt(1 + KNEE**2) - 1
+        self.z_low, self.z_span = np.sqrt(table.gap[0]), np.sqrt(table.gap[-1]) - np.sqrt(table.gap[0])
+
+    def u(self, i: Array) -> tuple[Array, Array, Array]:
+        root = np.sqrt(1 + (i / self.s) ** 2)
+        k = 2 / self.u_span
+        return k * (root - 1) - 1, k * i / self.s**2 / root, k / (self.s**2 * root**3)
+
+    def z(self, g: Array) -> tuple[Array, Array, Array]:
+        k, root = 2 / self.z_span, np.sqrt(g)
+        return k * (root - self.z_low) - 1, k / (2 * root), -k / (4 * root**3)
+
+
+def _error_of_unit(table: MagneticTable, coordinates: _Coordinates) -> float:
+    """Mean square over the nodes of the relative error of force or flux linkage that phi makes, the larger.
+
+    A relative error of the force is phi + (W'/W'_g) dphi/dg; a stationary process and its slope at a point are not
+    correlated, and the slope's variance is z_g^2 / LENGTH^2.
+    """
+    w = table.nodes["coenergy"][:, 1:]
+    u_i, z_g = coordinates.u(table.current[1:])[1], coordinates.z(table.gap)[1][:, None]
+    flux = 1 + (w / table.nodes["flux_linkage"][:, 1:] * u_i / LENGTH) ** 2
+    force = 1 + (w / table.nodes["force"][:, 1:] * z_g / LENGTH) ** 2
+    return float(max(flux.mean(), force.mean()))
+
+
+def _node_changes(
+    table: MagneticTable, coordinates: _Coordinates, mode: tuple[Array, Array, Array]
+) -> dict[str, Array]:
+    """The nodes of W' phi, phi(u, z) = sum of weights times the covariance to sample points."""
+    at_u, at_z, weight = mode
+    u, u_i, u_ii = (a[:, None] for a in coordinates.u(table.current))
+    z, z_g, z_gg = (a[:, None] for a in coordinates.z(table.gap))
+    du, dz = (u - at_u) / LENGTH**2, (z - at_z) / LENGTH**2
+    along, across = np.exp(-(du**2) * LENGTH**2 / 2), np.exp(-(dz**2) * LENGTH**2 / 2)  # (n_node, n_sample)
+    along_i = (along, -du * u_i * along, ((du * u_i) ** 2 - u_i**2 / LENGTH**2 - du * u_ii) * along)
+    across_g = (across, -dz * z_g * across, ((dz * z_g) ** 2 - z_g**2 / LENGTH**2 - dz * z_gg) * across)
+    p, p_i, p_g, p_ii, p_ig, p_gg = (
+        (across_g[k] * weight) @ along_i[m].T for m, k in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+    )
+    n = {name: table.nodes[name] for name in NODES}
+    w, w_i, w_g = n["coenergy"], n["flux_linkage"], -n["force"]
+    w_ii, w_ig, w_gg = n["incremental_inductance"], -n["force_current_slope"], -n["force_gap_slope"]
+    return {
+        "coenergy": w * p,
+        "flux_linkage": w_i * p + w * p_i,
+        "force": -(w_g * p + w * p_g),
+        "incremental_inductance": w_ii * p + 2 * w_i * p_i + w * p_ii,
+        "force_current_slope": -(w_ig * p + w_i * p_g + w_g * p_i + w * p_ig),
+        "force_gap_slope": -(w_gg * p + 2 * w_g * p_g + w * p_gg),
+    }

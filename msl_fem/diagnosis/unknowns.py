@@ -1,0 +1,154 @@
+"""What a fit does not know, in units of its prior: believed parameters, the table's error, starts of runs, effects.
+
+A believed parameter is its believed value times 1 + sigma z (exp(sigma z) where sigma is large), z standard normal. The
+amount of an effect is its neutral value plus `WIDE` of the catalogue's usual scales times z, and z has Cauchy's
+distribution: an effect may be far larger than usual at the cost of a few nats. A shape is its centre times exp(width
+z), z standard normal.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.effects import CATALOGUE, POSITION, neutral_vector
+
+Array = NDArray[np.float64]
+WIDE = 10.0
+LINEAR = 0.1  # relative tolerance up to which a parameter is linear in z
+STEP, STEP_OF_AMOUNTS = 1e-5, 1e-7
+CAUCHY = float(np.log(2 / np.pi) / 2)  # log of 1/pi over that of the normal distribution's 1/sqrt(2 pi)
+PER_RUN = {
+    ("coil_heating", "initial_rise"), ("sensor_drift", "rate"), ("sensor_drift", "acceleration"),
+    ("sensor_drift", "jerk"),
+}  # fmt: skip
+"""Parameters of effects that belong to a run and not to the rig."""
+
+
+def factor(sigma: float, z: float) -> float:
+    """A parameter over its believed value. An exponential would bend the lines along which a parameter and an effect
+    that acts as it does make up for each other."""
+    return float(1 + sigma * z if sigma <= LINEAR and sigma * z > -0.9 else np.exp(sigma * z))
+
+
+@dataclass(frozen=True)
+class EffectUnknown:
+    """A parameter of an effect that is searched for.
+
+    Attributes
+    ----------
+    centre : of a shape, its value at z = 0
+    width : of a shape, one sigma of its logarithm; 0 for a parameter that is no shape
+    """
+
+    effect: str
+    name: str
+    centre: float = 0.0
+    width: float = 0.0
+
+    @property
+    def place(self) -> int:
+        """In the vector of all parameters."""
+        return POSITION[self.effect, self.name]
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether the neutral value is the lowest allowed."""
+        parameter = CATALOGUE[self.effect].parameter(self.name)
+        return not parameter.shape and parameter.neutral == parameter.bounds[0]
+
+    def value(self, z: Array) -> Array:
+        """SI values at z, within the bounds."""
+        parameter = CATALOGUE[self.effect].parameter(self.name)
+        wide = parameter.neutral + WIDE * parameter.scale * z
+        found = self.centre * np.exp(self.width * z) if self.width else wide
+        return np.clip(found, *parameter.bounds)
+
+    def z_of(self, value: float) -> float:
+        parameter = CATALOGUE[self.effect].parameter(self.name)
+        if self.width:
+            return float(np.log(value / self.centre) / self.width)
+        return (value - parameter.neutral) / (WIDE * parameter.scale)
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """The order of a fit's numbers: believed, table, starts of each run, effects.
+
+    Attributes
+    ----------
+    believed : parameter and the sigma of its logarithm
+    n_table : modes of the table's error
+    starts : how many numbers the start of each run has
+    effects : parameters searched for
+    fixed : values of further parameters of effects, by place
+    """
+
+    believed: tuple[tuple[str, float], ...]
+    n_table: int
+    starts: tuple[int, ...]
+    effects: tuple[EffectUnknown, ...] = ()
+    fixed: tuple[tuple[int, float], ...] = field(default=())
+
+    @property
+    def n_nuisance(self) -> int:
+        return len(self.believed) + self.n_table + sum(self.starts)
+
+    @property
+    def size(self) -> int:
+        return self.n_nuisance + len(self.effects)
+
+    @property
+    def table_rows(self) -> slice:
+        return slice(len(self.believed), len(self.believed) + self.n_table)
+
+    def start_rows(self, run: int) -> slice:
+        first = len(self.believed) + self.n_table + sum(self.starts[:run])
+        return slice(first, first + self.starts[run])
+
+    def factors(self, z: Array) -> dict[str, float]:
+        """Believed parameters over their believed values."""
+        return {name: float(factor(sigma, z[n])) for n, (name, sigma) in enumerate(self.believed)}
+
+    def effect_vector(self, z: Array) -> Array:
+        """All parameters of the catalogue (N_PARAMETER,)."""
+        vector = neutral_vector()
+        for place, value in self.fixed:
+            vector[place] = value
+        for n, one in enumerate(self.effects):
+            vector[one.place] = one.value(z[self.n_nuisance + n])
+        return vector
+
+    @property
+    def plain(self) -> bool:
+        return not self.effects and not self.fixed
+
+    @property
+    def amounts(self) -> NDArray[np.intp]:
+        """Places of the effects' amounts."""
+        return np.array([self.n_nuisance + n for n, one in enumerate(self.effects) if not one.width], dtype=np.intp)
+
+    @property
+    def steps(self) -> Array:
+        """Of differences: near a sharp resonance a longer one is a secant."""
+        found = np.full(self.size, STEP)
+        found[self.amounts] = STEP_OF_AMOUNTS
+        return found
+
+    def prior(self, z: Array) -> tuple[float, Array, Array]:
+        """(minus its log in nats up to normal distributions' constants, its slope, its curvature or a bound)."""
+        slope, curvature = z.copy(), np.ones(z.size)
+        at = self.amounts
+        wide = z[at]
+        slope[at], curvature[at] = 2 * wide / (1 + wide**2), 2 / (1 + wide**2)
+        rest = np.delete(z, at)
+        return float(rest @ rest / 2 + np.log1p(wide**2).sum()) - CAUCHY * at.size, slope, curvature
+
+    def allowed(self, z: Array) -> Array:
+        """z with one-sided effects no further than at nothing, shapes within three widths."""
+        kept = np.array(z, dtype=float)
+        for n, one in enumerate(self.effects):
+            row = self.n_nuisance + n
+            if one.one_sided:
+                kept[row] = max(kept[row], 0.0)
+        return kept

@@ -1,0 +1,113 @@
+"""A designed controller as one C99 header: estimator, law, force to currents, guard; equal to the compiled Python."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.coenergy_surface import CoenergySurface
+from msl_fem.control.controller import controller_state, controller_step
+from msl_fem.control.design import KINDS, ControllerDesign
+from msl_fem.control.output_stage import BIAS
+from msl_fem.coupled_model.plant import Surface
+from msl_fem.export.c_guard import guard_header
+from msl_fem.export.c_text import c_header, c_prefix, write_header
+from msl_fem.operating_map import OperatingMap
+from msl_fem.table import INTERPOLANT
+
+Array = NDArray[np.float64]
+_CHECKED = 64
+_CELLS_CHECKED = 5
+
+
+@dataclass(frozen=True, eq=False)
+class ControllerSource:
+    """A controller to be exported, and the operating map that its guard judges by."""
+
+    design: ControllerDesign
+    regions: OperatingMap
+
+
+def controller_header(source: ControllerSource, *, name: str | None = None) -> str:
+    """The text of the header: surface, guard, controller, and steps to check a compiler and a machine by.
+
+    Raises
+    ------
+    InputError : a `name` that cannot begin C names
+    """
+    design, belief = source.design, source.design.belief
+    parameters, plant = design.parameters, design.law.plant
+    prefix = c_prefix(belief.name, name)
+    inverse, biased = parameters.inverse, parameters.stage.kind == BIAS
+    two = not biased and inverse.surface_1 is not inverse.surface_2
+    parts = [] if biased else [_surface_text(inverse.surface_1, prefix, design)]
+    parts += [_surface_text(inverse.surface_2, f"{prefix}_2", design)] if two else []
+    n = parameters.model_a.shape[0]
+    return c_header(
+        "controller.h.j2",
+        prefix,
+        {
+            "actuator": belief.name,
+            "digest": belief.digest,
+            "law": f"{design.kind}: {KINDS[design.kind]}",
+            "rate": 1.0 / plant.period,
+            "delay": int(parameters.delay),
+            "reach": design.reach,
+            "doubles": controller_state(parameters).size - 5,
+            "parts": "\n".join([*parts, guard_header(source.regions, name=prefix)]),
+            "n": n,
+            "c": parameters,
+            "inverse": inverse,
+            "stage": parameters.stage,
+            "biased": biased,
+            "two_surfaces": two,
+            "overlap_square": parameters.stage.overlap * parameters.stage.overlap,
+            "check": check_steps(design),
+        },
+    )
+
+
+def write(source: ControllerSource, target: Path, *, name: str | None = None) -> tuple[Path, ...]:
+    """The header written. Raises InputError as `controller_header`, or where the folder cannot be written."""
+    return write_header(controller_header(source, name=name), target)
+
+
+def check_steps(design: ControllerDesign) -> dict[str, Array]:
+    """References (n, 3), readings (n,) and the compiled controller's commands (n, 2): in reach, and far beyond it."""
+    low, high = design.reach
+    period = design.law.plant.period
+    k = np.arange(_CHECKED)
+    w = 2 * np.pi / (_CHECKED / 2 * period)
+    swing, middle = 0.5 * (high - low), 0.5 * (high + low)
+    phase = w * k * period
+    wanted = np.column_stack([
+        middle + swing * np.sin(phase), swing * w * np.cos(phase), -swing * w**2 * np.sin(phase),
+    ])  # fmt: skip
+    measured = middle + swing * (np.sin(phase - 0.4) + 0.02 * np.sin(7.3 * phase))
+    measured[_CHECKED // 2 :] *= np.linspace(1.0, 1.5, _CHECKED - _CHECKED // 2)
+    state, command = controller_state(design.parameters), np.zeros((_CHECKED, 2))
+    for n in range(_CHECKED):
+        controller_step(design.parameters, state, wanted[n], float(measured[n]), command[n])
+    return {"reference": wanted, "measured": measured, "command": command}
+
+
+def _surface_text(surface: Surface, prefix: str, design: ControllerDesign) -> str:
+    """The header of a surface that the controller inverts."""
+    evaluated = CoenergySurface(*surface)
+    gap, current = (
+        np.r_[nodes[np.linspace(0, nodes.size - 1, _CELLS_CHECKED).astype(int)], nodes[:2].mean(), np.nan]
+        for nodes in (surface.gap, surface.current)
+    )
+    i, g = (values.ravel() for values in np.meshgrid(current, gap))
+    content = {
+        "actuator": design.belief.name,
+        "digest": design.belief.digest,
+        "interpolant": INTERPOLANT,
+        "errors": {},
+        "gap": surface.gap,
+        "current": surface.current,
+        "coefficients": surface.coefficients.reshape(-1, 36),
+        "check": {"current": i, "gap": g, "values": evaluated(i, g).T},
+    }
+    return c_header("table.h.j2", prefix, content)

@@ -1,0 +1,137 @@
+"""The coupled model as an FMU: FMI 2.0, co-simulation, C source with the tables compiled in.
+
+The archive holds the model description, `sources/` with everything that a compiler needs, a page of documentation, and
+the shared library for this machine where gcc is there. What is compiled is the plain model of `msl_fem.coupled_model`:
+both sides, the drive with its limits, the motion, end stops, the position sensor's bandwidth.
+"""
+
+import hashlib
+import math
+import zipfile
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from msl_fem.coupled_model import plant_parameters
+from msl_fem.coupled_model.step_size import STEP_OF_FASTEST, fastest_rate
+from msl_fem.errors import InputError
+from msl_fem.export.c_table import table_header
+from msl_fem.export.c_text import c_prefix, c_source
+from msl_fem.export.fmu_library import FLAGS, compile_library
+from msl_fem.export.fmu_variables import UNITS, Variable, channel_count, variables
+from msl_fem.export.formats import ModelSource
+from msl_fem.whole_file import whole_file
+
+COMPILED = ("fmu_api.c", "fmu_plant.c")
+_SHIPPED = (*COMPILED, "fmu_plant.h", "fmi2/fmi2TypesPlatform.h", "fmi2/fmi2FunctionTypes.h", "fmi2/fmi2Functions.h")
+_KINDS = ("Real", "Integer", "Boolean")
+_STEP_SIZE, _STOP_TIME = 1e-4, 1.0
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # of the files in the archive, so that the same model gives the same bytes
+
+_PAGES = Environment(
+    loader=PackageLoader("msl_fem.export", "."),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+    autoescape=True,
+)
+
+
+def _xml_number(value: float | bool) -> str:
+    return str(value).lower() if isinstance(value, bool) else repr(float(value))
+
+
+_PAGES.filters["xml_number"] = _xml_number
+
+
+def fmu_files(source: ModelSource, *, name: str | None = None) -> dict[str, bytes]:
+    """Path in the archive to content, without libraries.
+
+    Raises
+    ------
+    InputError : a section of the actuator that the coupled model needs is missing, magnets without a table, a `name`
+        that cannot begin C names
+    """
+    content = _content(source, name)
+    texts = {f"sources/{Path(one).name}": files("msl_fem.export").joinpath(one).read_text() for one in _SHIPPED}
+    texts["sources/actuator.h"] = c_source("actuator.h.j2", content)
+    if source.table is not None and content["plant"].sides:
+        texts["sources/magnet_table.h"] = table_header(source.table, name="magnet")
+    unnamed = c_source("fmu_variables.h.j2", content)
+    content["guid"] = _guid([*texts.values(), unnamed])
+    texts["sources/fmu_variables.h"] = c_source("fmu_variables.h.j2", content)
+    texts["sources/build.txt"] = c_source("fmu_note.txt.j2", content)
+    texts["modelDescription.xml"] = _PAGES.get_template("model_description.xml.j2").render(content)
+    texts["documentation/index.html"] = _PAGES.get_template("fmu_page.html.j2").render(content)
+    return {path: text.encode() for path, text in texts.items()}
+
+
+def _content(source: ModelSource, name: str | None) -> dict[str, Any]:
+    """What the templates take."""
+    actuator, table = source.actuator, source.table
+    plant = plant_parameters(actuator)
+    if plant.sides and table is None:
+        raise InputError(f"{actuator.name} has magnets and there is no table; make one with 'msl-fem table'")
+    largest_step = STEP_OF_FASTEST / fastest_rate(plant, table)
+    if not (math.isfinite(largest_step) and largest_step > 0):
+        largest_step = _STEP_SIZE  # nothing that would set a rate: a free mass
+    found = variables(plant, largest_step=largest_step)
+    kinds = {kind: [v for v in found if v.kind == kind] for kind in _KINDS}
+    listed = [(v, kinds[v.kind].index(v)) for v in found]
+    return {
+        "actuator": actuator.name,
+        "digest": actuator.digest,
+        "version": version("msl-fem"),
+        "identifier": c_prefix(actuator.name, name),
+        "guid": "",
+        "plant": plant,
+        "channels": channel_count(plant),
+        "rectangle": table.rectangle if table is not None and plant.sides else "",
+        "kinds": kinds,
+        "listed": listed,
+        "outputs": [n + 1 for n, v in enumerate(found) if v.causality == "output"],
+        "units": _used_units(found),
+        "compiled": COMPILED,
+        "flags": FLAGS,
+        "step_size": repr(_STEP_SIZE),
+        "stop_time": repr(_STOP_TIME),
+    }
+
+
+def _used_units(found: tuple[Variable, ...]) -> dict[str, dict[str, int]]:
+    used = {v.unit for v in found}
+    return {name: exponents for name, exponents in UNITS.items() if name in used}
+
+
+def _guid(texts: list[str]) -> str:
+    """A GUID of what is compiled: another model has another one."""
+    digest = hashlib.sha256("\0".join(texts).encode()).hexdigest()
+    return "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"
+
+
+def write(source: ModelSource, target: Path, *, name: str | None = None) -> tuple[Path, ...]:
+    """The archive written, with the library for this machine where it can be compiled.
+
+    Raises
+    ------
+    InputError : as `fmu_files`, or the folder cannot be written
+    ComputationError : gcc is there and refuses the source
+    """
+    content = fmu_files(source, name=name)
+    identifier = c_prefix(source.actuator.name, name)
+    sources = {Path(path).name: text for path, text in content.items() if path.startswith("sources/")}
+    library = compile_library(sources, compiled=COMPILED, identifier=identifier)
+    with whole_file(target) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path, data in sorted((content | library).items()):
+            archive.writestr(zipfile.ZipInfo(path, _EPOCH), data, zipfile.ZIP_DEFLATED)
+    return (target,)
+
+
+def platforms(archive: Path) -> list[str]:
+    """The platforms, as FMI names them, that an archive holds a library for."""
+    with zipfile.ZipFile(archive) as content:
+        return sorted({path.split("/")[1] for path in content.namelist() if path.startswith("binaries/")})

@@ -1,0 +1,240 @@
+"""The report of a diagnosis: what, how sure, how much better and what to do next; below, what it rests on."""
+
+import datetime
+import platform
+from collections.abc import Sequence
+from importlib.metadata import version
+
+from msl_fem.diagnosis.evidence import ChannelResiduals, Evidence, Size, Tried
+from msl_fem.diagnosis.result import Diagnosis
+from msl_fem.effects import CATALOGUE, find_parameter
+from msl_fem.quantity import format_quantity
+from msl_fem.record import Record
+from msl_fem.record_fit.believed import UNITS
+from msl_fem.report.diagnosis_figures import (
+    gain_figure,
+    over_frequency,
+    over_time,
+    over_variables,
+    parameters_figure,
+)
+from msl_fem.report.diagnosis_words import (
+    FAR,
+    called,
+    channel_name,
+    estimate_text,
+    far_out,
+    floors,
+    gain_sentence,
+    headline_word,
+    judged_runs,
+    nats_text,
+    next_steps,
+    one_of,
+    sure_rows,
+    telling,
+    verdict_sentence,
+    what_is_left,
+)
+from msl_fem.report.page import Grid, Page, Stage
+
+
+def diagnosis_page(record: Record, found: Diagnosis) -> Page:
+    """The report of a record's diagnosis."""
+    stages = [_what(found), _how_sure(found)]
+    if found.accuracy:
+        stages.append(_how_much_better(found))
+    stages.append(_what_next(found))
+    if found.accuracy:
+        stages.append(_accuracy(found))
+    if found.evidence is not None:
+        stages += _evidence(found, found.evidence)
+    if found.parameters:
+        stages.append(_parameters(found))
+    return Page(
+        f"{record.actuator.name}: what the model gets wrong",
+        verdict_sentence(found),
+        _headline(found),
+        tuple(stages),
+        _provenance(record, found),
+        (*record.warnings, *(note[:1].upper() + note[1:] for note in found.notes)),
+    )
+
+
+def _headline(found: Diagnosis) -> tuple[tuple[str, str], ...]:
+    shown = [(headline_word(found), "what was found")]
+    if found.causes:
+        shown.append((nats_text(found.causes[0].statistic), f"evidence; {found.threshold:.3g} are asked for"))
+    rate = "not calibrated" if found.false_alarms is None else "{} of {}".format(*found.false_alarms)
+    shown.append((rate, "false alarms on clean records of this kind"))
+    one = telling(found)
+    if one is not None:
+        nominal, refitted, extended = floors(one)
+        steps = [nominal, refitted, extended] if found.causes else [nominal, refitted]
+        label = "as believed → re-fitted → with what was found" if found.causes else "as believed → re-fitted"
+        text = " → ".join(f"{value:.3g}" for value in steps)
+        shown.append((text, f"times the noise: {label}, {channel_name(one.nominal.channel)} of {one.nominal.run}"))
+    return tuple(shown)
+
+
+def _what(found: Diagnosis) -> Stage:
+    sizes = {} if found.evidence is None else {s.effect: s for s in found.evidence.sizes}
+    rows = []
+    for cause in found.causes:
+        for n, (name, estimate) in enumerate(cause.parameters.items()):
+            meaning = f"{name.replace('_', ' ')}: {find_parameter(cause.effect, name).meaning}"
+            rows.append((
+                one_of(cause) if n == 0 else "", meaning, estimate_text(cause.effect, name, estimate),
+                _size_text(sizes.get(cause.effect)) if n == 0 else "",
+            ))  # fmt: skip
+    table = Grid(("cause", "parameter", "value (95 % interval)", "size"), tuple(rows)) if rows else None
+    means = tuple((called(c.effect), f"{CATALOGUE[c.effect].sentence}: {CATALOGUE[c.effect].equation}")
+                  for c in found.causes)  # fmt: skip
+    reason = found.reason[:1].upper() + found.reason[1:]
+    sentence = f"{reason}." if found.verdict != "undecidable" else verdict_sentence(found)
+    return Stage("What", f"{sentence} {what_is_left(found)}".strip(), means, table=table)
+
+
+def _size_text(size: Size | None) -> str:
+    if size is None:
+        return "-"
+    unit = size.channel.rpartition("_")[2]
+    change = format_quantity(size.change, unit, digits=3)
+    return f"{100 * size.share:.3g} % of {channel_name(size.channel)} ({change} RMS, {size.run})"
+
+
+def _how_sure(found: Diagnosis) -> Stage:
+    sentence = (
+        "Evidence: the log of how much more probable the record is with the effect than without, tolerances counted "
+        "(5 nats are 150 to 1). It is worth that only if the catalogue holds the cause; that what is left is noise, on "
+        "runs too that no fit has seen, speaks for it."
+    )
+    return Stage("How sure", sentence, tuple(sure_rows(found)))
+
+
+def _how_much_better(found: Diagnosis) -> Stage:
+    judged = judged_runs(found)
+    sentence = f"{gain_sentence(found)} Drawn are RMS errors of a {judged[0].prediction} over the noise's sigma."
+    return Stage("How much better", sentence, (), plot=gain_figure(judged, named=bool(found.causes)))
+
+
+def _accuracy(found: Diagnosis) -> Stage:
+    named = bool(found.causes)
+    columns = ("run", "role", "channel", "noise", "as believed", "re-fitted", *(("with what was found",) * named))
+    rows = []
+    for one in found.accuracy:
+        unit = one.nominal.channel.rpartition("_")[2]
+        errors = [f"{value:.4g}" for value in floors(one)]
+        rows.append((
+            one.nominal.run, one.nominal.role, channel_name(one.nominal.channel),
+            format_quantity(one.nominal.floor, unit, digits=3), *(errors if named else errors[:2]),
+        ))  # fmt: skip
+    sentence = "RMS error of each model over the noise's sigma, all runs; inf: the model left its table or range."
+    return Stage("Evidence: accuracy", sentence, (), table=Grid(columns, rows))
+
+
+def _what_next(found: Diagnosis) -> Stage:
+    steps = next_steps(found)
+    sentence = "In the order in which it is worth doing." if steps else "Nothing."
+    return Stage("What to do next", sentence, (), table=Grid(("", ""), steps) if steps else None)
+
+
+def _evidence(found: Diagnosis, evidence: Evidence) -> list[Stage]:
+    named = bool(found.causes)
+    left = _shown(found, evidence)
+    stages = []
+    if left is not None:
+        where = f"{channel_name(left.channel)} of run {left.run} ({left.role})"
+        stages.append(Stage(
+            "Evidence: over time",
+            f"Residual of the {where}, drawn between its extremes; dashed: two sigma of the noise.",
+            (), plot=over_time(left, named=named),
+        ))  # fmt: skip
+        stages += [_over_frequency(one, named=named) for one in evidence.residuals if one.run == left.run]
+        stages.append(Stage(
+            "Evidence: over position, velocity and current",
+            f"RMS residual of the {where} in equally filled bins; what is noise lies level on the dashed line. "
+            "The variables are measured and move together, so a slope here is a hint and no proof.",
+            (), plot=over_variables(left, evidence.variables[left.run], named=named),
+        ))  # fmt: skip
+    return [*stages, _tried(evidence.tried)]
+
+
+def _shown(found: Diagnosis, evidence: Evidence) -> ChannelResiduals | None:
+    one = telling(found)
+    if one is None:
+        return None
+    chosen = [r for r in evidence.residuals if (r.run, r.channel) == (one.nominal.run, one.nominal.channel)]
+    return chosen[0] if chosen else None
+
+
+def _over_frequency(left: ChannelResiduals, *, named: bool) -> Stage:
+    sentence = (
+        f"Spectrum of the residual of the {channel_name(left.channel)} of run {left.run} ({left.role}); dashed: the "
+        "instrument's noise, were it white."
+    )
+    title = f"Evidence: {channel_name(left.channel)} over frequency"
+    return Stage(title, sentence, (), plot=over_frequency(left, named=named))
+
+
+def _tried(tried: Sequence[Tried]) -> Stage:
+    best: dict[tuple[int, str], Tried] = {}
+    for one in tried:
+        best.setdefault((one.stage, one.effect), one)
+    rows = [
+        (
+            called(one.effect), one.variant.partition(" ")[2].strip("()"), str(one.stage), f"{one.linear:.4g}",
+            "-" if one.refitted is None else f"{one.refitted:.4g}", "named" if one.taken else "",
+        )
+        for one in best.values()
+    ]  # fmt: skip
+    sentence = (
+        "Every effect of the catalogue that this rig can have, in its best variant: log evidence in nats in the linear "
+        "model, and with everything fitted anew where the linear figure was worth it. The second stage is beside the "
+        "effect that the first one found, and so on. Below 0 an effect costs more than it explains."
+    )
+    columns = ("effect", "variant", "stage", "linear", "re-fitted", "")
+    return Stage("Evidence: all effects", sentence, (), table=Grid(columns, rows))
+
+
+def _parameters(found: Diagnosis) -> Stage:
+    rows = [
+        (
+            called(name), _believed_text(name, e.believed), _believed_text(name, e.value),
+            f"{_believed_text(name, e.low)} ... {_believed_text(name, e.high)}",
+            "-" if e.tolerances is None else f"{e.tolerances:+.2f}",
+        )
+        for name, e in found.parameters.items()
+    ]  # fmt: skip
+    far = far_out(found)
+    judged = (
+        f"{' and '.join(called(name) for name, _ in far)} moved by more than {FAR:g} tolerances: look whether what is "
+        "believed of it is right."
+        if far else f"None moved by more than {FAR:g} tolerances."
+    )  # fmt: skip
+    sentence = (
+        f"What was believed within a tolerance, and what the record makes of it together with what was found. {judged} "
+        "Mass, stiffness, gap and the scales of force and position act alike in such a record: their intervals rest "
+        "on the tolerances stated."
+    )
+    columns = ("parameter", "believed", "fitted", "95 % interval", "tolerances")
+    return Stage("Believed parameters", sentence, (), plot=parameters_figure(found.parameters),
+                 table=Grid(columns, rows))  # fmt: skip
+
+
+def _believed_text(name: str, value: float | None) -> str:
+    if value is None:
+        return "-"
+    unit = UNITS.get(name, "")
+    return f"{value:.5g} {unit}".rstrip() if unit in ("kg", "") else format_quantity(value, unit, digits=5)
+
+
+def _provenance(record: Record, found: Diagnosis) -> tuple[tuple[str, str], ...]:
+    notes = [("threshold", f"{found.threshold:.3g} nats")] if found.threshold == found.threshold else []
+    return (
+        ("actuator", f"{record.actuator.name}, SHA-256 {record.actuator.digest[:16]}"),
+        ("record", f"{record.origin}; " + ", ".join(f"{r.name} ({r.role})" for r in record.runs)),
+        *notes,
+        ("versions", f"msl_fem {version('msl-fem')}, Python {platform.python_version()}"),
+        ("date", datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")),
+    )

@@ -1,0 +1,233 @@
+"""What a diagnosis says, in an engineer's words: what it is, how sure, how much better, what to do next."""
+
+import re
+from collections.abc import Sequence
+
+from scipy.stats import beta
+
+from msl_fem.diagnosis.extension import Estimate, unit_of
+from msl_fem.diagnosis.result import Accuracy, Cause, Diagnosis
+from msl_fem.effects import CATALOGUE, find_parameter
+from msl_fem.quantity import format_quantity
+
+FAR = 4.0  # tolerances by which a believed parameter has to be off before it is called far out
+LITTLE = 1.05  # times the error with the effects: re-fitting alone does as well
+_PREFIXED = re.compile(r"[A-Za-z]+(?![\w^])")
+MEND = {
+    "gap_offset": "measure the gap at rest with feeler gauges; look for a glue line, a parting joint, a wrong zero",
+    "early_saturation": "check the stacking factor and the sheets' cut edges; measure the B-H curve of a stacked ring",
+    "fringing": "check turns and stack depth; where the depth grows with the gap, make the table with end effects",
+    "magnetic_hysteresis": "anneal the sheets or take a better grade; demagnetise before each run",
+    "eddy_currents": "look for solid iron and shorted sheets in the flux path, a closed metal ring around it",
+    "cross_coupling": "separate the sides' flux: a thicker armature, other polarity; or keep it in the model",
+    "armature_tilt": "measure the gap at the corners; shim the armature or the magnets until the faces are parallel",
+    "coil_heating": "let the coils reach their temperature before a run, or measure their temperature",
+    "amplifier_bandwidth": "measure the step response of the drive with the mover locked; check its voltage limit",
+    "current_sensor_error": "calibrate the current readings against a shunt; zero them without current",
+    "stiffness_nonlinearity": "measure force over travel with weights; longer leaves, or leaves that may draw in",
+    "coulomb_friction": "look for rubbing cables, seals and guides",
+    "squeeze_film": "open the gap at the nearest point, drill the faces, or keep it in the model",
+    "structural_mode": "tap the mover with the coils open; stiffen what resonates, keep the loop's bandwidth below it",
+    "flexure_relaxation": "look for adhesive, plastics and loose clamps in the suspension",
+    "force_offset": "check gravity along the axis, cables, the rest position",
+    "support_compliance": "stiffen the bench or read the gap against the magnet",
+    "position_sensor_nonlinearity": "calibrate the position reading over its range, on gauge blocks",
+    "position_sensor_lag": "check filters and averaging of the position channel",
+    "time_delay": "check the time stamps of the channels and the cycles between computing and acting",
+    "periodic_disturbance": "follow its frequency: mains, fans, pumps; earth and screen the channel it is in",
+    "sensor_drift": "let the sensor warm up; keep draughts and daylight off; zero it before each run",
+}
+"""What an engineer looks at, for each effect of the catalogue."""
+
+
+def amount_text(effect: str, name: str, value: float, *, digits: int = 3) -> str:
+    """A parameter of an effect with its unit: with a prefix where it can bear one, pure numbers that are sizes in %."""
+    unit, shape = unit_of(effect, name), find_parameter(effect, name).shape
+    if not unit:
+        return f"{value:.{digits}g}" if shape else f"{100 * value:.{digits}g} %"
+    if _PREFIXED.match(unit) is None:
+        return f"{value:.{digits}g} {unit}"
+    return format_quantity(value, unit, digits=digits)
+
+
+def estimate_text(effect: str, name: str, found: Estimate) -> str:
+    """A parameter with its 95 % interval."""
+    low, high = sorted((found.low, found.high))
+    return (
+        f"{amount_text(effect, name, found.value)} ({amount_text(effect, name, low)} ... "
+        f"{amount_text(effect, name, high)})"
+    )
+
+
+def nats_text(value: float, *, sign: bool = False) -> str:
+    """Nats for people: three digits, large ones with their thousands apart."""
+    mark = "+" if sign else ""
+    if abs(value) >= 1000:
+        return f"{value:{mark},.0f} nats".replace(",", "\u202f")
+    return f"{value:{mark}.3g} nats"
+
+
+def called(effect: str) -> str:
+    return effect.replace("_", " ")
+
+
+def headline_word(found: Diagnosis) -> str:
+    """The verdict in a few words."""
+    names = " and ".join(called(name) for name in found.names)
+    return {
+        "nothing-found": "nothing found",
+        "named": names,
+        "named-and-unexplained": f"{names}, and more",
+        "unexplained": "unexplained",
+        "undecidable": "cannot be decided",
+    }[found.verdict]
+
+
+def verdict_sentence(found: Diagnosis) -> str:
+    """What the record says of the model."""
+    names = " and ".join(f"{called(c.effect)} ({CATALOGUE[c.effect].sentence})" for c in found.causes)
+    share = f"{100 * found.unexplained.share:.3g} %"
+    if found.verdict == "nothing-found":
+        return (
+            "No effect of the catalogue is needed: with its parameters inside their tolerances the model follows the "
+            "record down to the noise."
+        )
+    if found.verdict == "named":
+        return f"What the model misses is {names}. With it the residuals are noise."
+    if found.verdict == "named-and-unexplained":
+        return (
+            f"What the model misses is {names}, and something that no effect of the catalogue explains: {share} of the "
+            "residual power is left."
+        )
+    if found.verdict == "unexplained":
+        return (
+            "The model misses something that no effect of the catalogue explains, so none is named. "
+            f"Of the residual power of the re-fitted model {share} is without a name."
+        )
+    return f"This record cannot decide: {found.reason}."
+
+
+def what_is_left(found: Diagnosis) -> str:
+    """Where the unexplained rest stands and what it depends on; '' where nothing is left."""
+    if "unexplained" not in found.verdict:
+        return ""
+    left = found.unexplained
+    where = f"It stands in the {left.equation}" if left.equation else "The equation it stands in was not found"
+    if left.depends_on:
+        return f"{where} and depends on {' and '.join(left.depends_on)}."
+    return f"{where}; no variable was found that it depends on."
+
+
+def false_alarm_text(found: Diagnosis) -> str:
+    """The rate at which clean records of this kind are named, with its 95 % interval (Clopper and Pearson, 1934)."""
+    if found.false_alarms is None:
+        return "not calibrated for this kind of actuator, drive and record: no false-alarm rate can be stated"
+    named, clean = found.false_alarms
+    low, high = binomial_interval(named, clean)
+    return f"{named} of {clean} clean records of this kind were named ({100 * low:.2g} ... {100 * high:.2g} %)"
+
+
+def binomial_interval(hits: int, trials: int, *, level: float = 0.95) -> tuple[float, float]:
+    """The exact interval of a rate (Clopper and Pearson, Biometrika 26, 1934)."""
+    tail = (1 - level) / 2
+    low = float(beta.ppf(tail, hits, trials - hits + 1)) if hits else 0.0
+    high = float(beta.ppf(1 - tail, hits + 1, trials - hits)) if hits < trials else 1.0
+    return low, high
+
+
+def sure_rows(found: Diagnosis) -> list[tuple[str, str]]:
+    """How sure the verdict is, as (what, figure)."""
+    rows = []
+    for cause in found.causes:
+        rows.append((called(cause.effect), f"{nats_text(cause.statistic)} over the model without it"))
+        rows.append(("held-out runs, of which no fit knew", f"{nats_text(cause.gain, sign=True)} of log likelihood"))
+        if cause.p_value is not None:
+            rows.append(("clean records that reach it", f"{100 * cause.p_value:.2g} %"))
+        if cause.rivals:
+            rows.append(("not told apart from", ", ".join(called(name) for name in cause.rivals)))
+    if found.threshold == found.threshold:
+        rows.append(("threshold of the first effect", nats_text(found.threshold)))
+    rows.append(("false alarms", false_alarm_text(found)))
+    return rows
+
+
+def judged_runs(found: Diagnosis) -> list[Accuracy]:
+    """The held-out runs; the fitted ones, where none is held out."""
+    return [a for a in found.accuracy if a.nominal.role == "held-out"] or list(found.accuracy)
+
+
+def floors(one: Accuracy) -> tuple[float, float, float]:
+    """RMS errors of the believed, the re-fitted and the extended model over the noise's sigma."""
+    return tuple(f.rms / f.floor for f in (one.nominal, one.refitted, one.extended))  # type: ignore[return-value]
+
+
+def telling(found: Diagnosis) -> Accuracy | None:
+    """The channel of the held-out runs that the re-fitted model misses most, over its noise."""
+    return max(judged_runs(found), key=lambda a: floors(a)[1], default=None)
+
+
+def gain_sentence(found: Diagnosis) -> str:
+    """How much better the model becomes, and by what."""
+    one = telling(found)
+    if one is None:
+        return "Nothing was fitted."
+    nominal, refitted, extended = floors(one)
+    where = f"On the {channel_name(one.nominal.channel)} of {one.nominal.run}, {one.nominal.role}, "
+    start = f"{where}the model as believed errs by {nominal:.3g} times the noise, re-fitted within its tolerances by "
+    if not found.causes:
+        return f"{start}{refitted:.3g} times; no effect is added, so this is all that can be had."
+    told = f"{start}{refitted:.3g} times, with what was found by {extended:.3g} times."
+    if refitted <= LITTLE * extended:
+        return f"{told} Re-fitting alone does as well on these runs: they show no gain by what was found."
+    return f"{told} The first step is re-fitting alone and no merit of what was found; the second is."
+
+
+def channel_name(column: str) -> str:
+    """A column's name without its unit: "current_1_A" is "current 1"."""
+    return column.rpartition("_")[0].replace("_", " ")
+
+
+def next_steps(found: Diagnosis) -> list[tuple[str, str]]:
+    """What to do, as (why, what)."""
+    steps = [(f"to mend {called(c.effect)}", MEND[c.effect]) for c in found.causes if c.effect in MEND]
+    steps += [
+        (f"to tell {called(c.effect)} from {', '.join(called(r) for r in c.rivals)}", _separating(c))
+        for c in found.causes
+        if c.rivals
+    ]
+    if "unexplained" in found.verdict:
+        steps.append(("to find what is left", f"{what_is_left(found)} {_looking(found)}"))
+    if found.verdict == "undecidable":
+        steps.append(("to get a verdict", "make the record again with what the sentence above asks for"))
+    for name, e in far_out(found):
+        steps.append(
+            (f"{called(name)} is {e.tolerances:+.2g} of its tolerances off", "measure it, or state a wider tolerance")
+        )
+    if found.extended is not None:
+        told = "give extended_model.toml to simulate, compare or control as an actuator"
+        gain = found.parameters.get("position_gain")
+        if gain is not None:
+            told += "; the fitted gain of the position reading stands in it as position_sensor_nonlinearity.gain_error"
+        steps.append(("to use the better model", told))
+    return steps
+
+
+def far_out(found: Diagnosis) -> list[tuple[str, Estimate]]:
+    """Believed parameters far outside their tolerance."""
+    return [(n, e) for n, e in found.parameters.items() if e.tolerances is not None and abs(e.tolerances) > FAR]
+
+
+def _separating(cause: Cause) -> str:
+    return cause.next_experiment or "no experiment of the menu was judged"
+
+
+def _looking(found: Diagnosis) -> str:
+    if found.unexplained.depends_on:
+        return "Vary that variable alone in a further run."
+    return "Look at the residuals below: over frequency for a line or a resonance, over time for an event or a drift."
+
+
+def one_of(cause: Cause) -> str:
+    """The name, or the set of names that the record leaves."""
+    names: Sequence[str] = (cause.effect, *cause.rivals)
+    return called(names[0]) if len(names) == 1 else f"one of {', '.join(called(n) for n in names)}"

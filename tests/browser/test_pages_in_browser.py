@@ -1,0 +1,76 @@
+"""The smaller pages in a real browser: no complaint, nothing wider than the window, tables and figures there."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from devtools import Browser
+
+from msl_fem.actuator import load_actuator
+from msl_fem.gap_trade import gap_trade
+from msl_fem.operating_map import Guard, operating_map
+from msl_fem.report.explorer import explorer
+from msl_fem.report.mechanics import flexure_page, gap_trade_page
+from msl_fem.report.page import Grid, Page, Stage, write_page
+from msl_fem.report.style import figure, line, logarithmic
+from msl_fem.suspension import assess_flexure
+from msl_fem.table import MagneticTable, read_table
+
+FLEXURE = load_actuator(ROOT / "geometries" / "fast_tool_servo_flexure.toml")
+
+
+def flexure() -> Page:
+    return flexure_page(FLEXURE, assess_flexure(FLEXURE, bandwidth=50.0))
+
+
+def trade() -> Page:
+    return gap_trade_page(FLEXURE, gap_trade(FLEXURE, read_table(ROOT / "lookup_tables" / "fast_tool_servo.nc")))
+
+
+def hostile() -> Page:
+    """Long words, markup and a wide table."""
+    plot = figure(x="frequency in Hz", y="y")
+    plot.add_trace(line([2.0, 300.0], [1.0, 2.0], name="<img src=x onerror=alert(1)>", colour="#000000"))
+    logarithmic(plot, [[2.0, 300.0]], along="x")
+    rows = [[f"{'long' * 6}{n}{k}" for n in range(12)] for k in range(3)]
+    stage = Stage("<script>alert(1)</script>", "word" * 60, (("name", "w" * 90),), plot=plot, table=Grid(rows[0], rows))
+    return Page("t" * 70, "<b>", (("1", "</div>"),), (stage,), (("made", "x" * 200),), ("<i>note",))
+
+
+@pytest.mark.parametrize("made", [flexure, trade, hostile])
+def test_a_page_is_whole(browser: Browser, tmp_path: Path, made: object) -> None:
+    assert callable(made)
+    file = write_page(made(), tmp_path / "page.html")
+    for width, scheme in ((1200, "light"), (700, "dark")):
+        browser.size(width)
+        browser.colours(scheme)
+        browser.open(file)
+        assert browser.complaints == []
+        assert [a for a in browser.requests if not a.startswith(("data:", "blob:"))] == [file.resolve().as_uri()]
+        assert browser.run("document.documentElement.scrollWidth") <= width
+        assert browser.run("document.querySelectorAll('.main-svg').length") > 0
+    browser.colours("light")
+
+
+def test_the_explorer_says_where_a_level_is_not_reached(browser: Browser, tmp_path: Path, table: MagneticTable) -> None:
+    made = operating_map(table, levels=(0.5, 1.9))
+    assert np.isnan(made.current[1]).any()
+    assert not np.isnan(made.current[1]).all()
+    widget = explorer(table, made, start=(11.0, float(table.gap[-1])))
+    file = write_page(Page("t", "s", (), (Stage("map", "s", (), widget=widget),), ()), tmp_path / "page.html")
+    browser.open(file)
+    assert browser.complaints == []
+    assert "where the map ends, 1.9 T not reached" in browser.text('#explorer [data-out="reason"]')
+    gap = float(table.gap[0])
+    browser.run(f"explorer.go({float(np.mean(made.current[:, 0]))}, {gap})")
+    assert "that may bring 1.9 T" in browser.text('#explorer [data-out="reason"]')
+    browser.run("explorer.go(12, explorer.state.gap)")
+    assert browser.text('#explorer [data-out="region"]') == Guard(made).classify(12.0, gap) == "unacceptable"
+
+
+def test_ticks_of_a_logarithmic_axis_say_their_number(browser: Browser, tmp_path: Path) -> None:
+    browser.size(1200)
+    browser.open(write_page(hostile(), tmp_path / "page.html"))
+    ticks = browser.run("[...document.querySelectorAll('.xtick text')].map(t => t.textContent)")
+    assert ticks == ["2", "5", "10", "20", "50", "100", "200"]

@@ -1,0 +1,140 @@
+"""The command `control`: designs, what the controller knows, and one line for what cannot be."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from msl_fem.actuator import load_actuator
+from msl_fem.cli.control import identified_plant
+from msl_fem.coupled_model import NamedRun, bearable_run, simulation_record
+from msl_fem.coupled_model.excitation import parse_excitation
+from msl_fem.identification import identify, model_to_json
+from msl_fem.record import load_record
+from msl_fem.table import read_table
+
+SERVO, TABLE = str(ROOT / "geometries" / "fast_tool_servo.toml"), str(ROOT / "lookup_tables" / "fast_tool_servo.nc")
+SINE = "sine:frequency=5 Hz,amplitude=0.25 mm,duration=0.6 s"
+EFFECTS = """
+[effects.gap_offset]
+offset = "15 um"
+[effects.stiffness_nonlinearity]
+cubic = "8e10 N/m^3"
+[effects.sensor_drift]
+rate = "0.1 um/s"
+"""
+
+
+@pytest.fixture
+def extended(tmp_path: Path) -> str:
+    file = tmp_path / "extended_model.toml"
+    file.write_text(Path(SERVO).read_text() + EFFECTS)
+    return str(file)
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "loss"),
+    [
+        ((), "lqr", (1.0, 1.8)),
+        (("--no-feedforward",), "lqr", (1.0, 1.8)),
+        (("--overlap", "2 N"), "lqr", (1.2, 2.2)),
+        (("--design", "biased"), "biased", (5.0, 7.0)),
+        (("--design", "biased", "--bias", "0.9 A"), "biased", (2.8, 4.0)),
+        (("--design", "pid"), "pid", (1.0, 1.8)),
+    ],
+)
+def test_every_design_runs(msl_fem, options, kind, loss):
+    found = msl_fem("control", SERVO, "--table", TABLE, "--reference", SINE, *options, "--json").json
+    assert found["design"] == kind
+    assert loss[0] < found["copper_loss_W"] < loss[1]
+    assert found["guard_violations"] == 0
+    assert found["inverse_domain"]["source"] == "table"
+
+
+def test_the_effects_that_the_controller_knows_do_not_hurt(msl_fem, extended):
+    common = ("--table", TABLE, "--reference", SINE, "--json")
+    hidden = msl_fem("control", extended, *common).json
+    known = msl_fem("control", SERVO, "--model", extended, *common).json
+    plain = msl_fem("control", SERVO, *common).json
+    assert hidden["effects"] == known["effects"] == ["gap_offset", "stiffness_nonlinearity", "sensor_drift"]
+    assert plain["effects"] == []
+    assert known["tracking_rms_m"] < 1.3 * plain["tracking_rms_m"] < hidden["tracking_rms_m"]
+    assert known["inverse_domain"]["known_but_left_to_feedback"] == ["sensor_drift.rate"]
+    assert hidden["inverse_domain"]["source"] == "table"
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory) -> Path:
+    servo, table = load_actuator(SERVO), read_table(TABLE)
+    spec = "band-limited-noise:channel=independent,band=400 Hz,seed=1,bias=0.6 A,amplitude=0.08 A,duration=1.5 s"
+    done, excitation = bearable_run(
+        servo, table, parse_excitation(spec), rate=10e3, generator=np.random.default_rng(1)
+    )  # fmt: skip
+    model = identify(simulation_record(servo, [NamedRun("noise", excitation.spec, "fit", done)])).model
+    file = tmp_path_factory.mktemp("model") / "armax.json"
+    file.write_text(json.dumps(model_to_json(model)))
+    found = identified_plant(model, servo)
+    assert found.stiffness == pytest.approx(1.4e5, rel=0.05)
+    assert sum(t.coefficient for t in found.terms) == pytest.approx(0.0, abs=0.05 * abs(found.terms[0].coefficient))
+    return file
+
+
+def test_the_inverse_of_identified_terms_controls_the_plant(msl_fem, identified):
+    found = msl_fem(
+        "control", SERVO, "--table", TABLE, "--model", str(identified), "--reference", SINE, "--json"
+    ).json  # fmt: skip
+    assert found["inverse_domain"]["source"] == "rational terms"
+    assert found["tracking_rms_m"] < 0.01 * 0.25e-3
+
+
+def test_a_report_and_a_record_are_written(msl_fem, tmp_path):
+    page, folder = tmp_path / "page.html", tmp_path / "rec"
+    found = msl_fem(
+        "control", SERVO, "--table", TABLE, "--reference", SINE, "--report", str(page), "-o", str(folder), "--json"
+    ).json  # fmt: skip
+    assert found["report"] == str(page)
+    assert "Fig. 11" in page.read_text()
+    record = load_record(folder)
+    assert record.controller["design"] == "lqr"
+    assert record.controller["delay_samples"] == 1
+    run = record.runs[0].columns
+    behind = np.maximum(run["current_1_A"], run["current_2_A"])[1:]
+    acting = np.maximum(run["command_1_A"], run["command_2_A"])[:-1]
+    assert np.corrcoef(behind, acting)[0, 1] > 0.95
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--design", "fuzzy"), "'fuzzy' is no design; choose one of lqr, robust, biased, pid"),
+        (
+            ("--design", "pid", "--reference", "sine:frequency=2 Hz,amplitude=0.45 mm,duration=1 s"),
+            "the pid design is stable from",
+        ),
+        (("--reference", "sine:frequency=2 Hz,amplitude=0.6 mm,duration=1 s"), "lower"),
+        (("--design", "biased", "--bias", "50 A"), "a bias of 50 A is not possible"),
+        (("--overlap", "1 kN"), "an overlap of 1000 N is not possible"),
+        (("--model", "missing.json"), "missing.json: cannot be read"),
+        (("--model", "model.txt"), "give 'table', an identified model (.json) or an extended model (.toml)"),
+        (("--bandwidth", "200 Hz", "--peak-sensitivity", "1.2"), "no weights give a bandwidth of 200 Hz"),
+        (("--report", str(ROOT)), str(ROOT)),
+    ],
+)
+def test_what_cannot_be_is_one_line_before_the_run(msl_fem, options, said):
+    assert said in msl_fem("control", SERVO, "--table", TABLE, "--reference", SINE, *options).complaint
+
+
+def test_a_json_that_is_no_model_is_refused(msl_fem, tmp_path):
+    for n, content in enumerate(("[1, 2]", "{", '{"kind": "map"}')):
+        file = tmp_path / f"{n}.json"
+        file.write_text(content)
+        assert msl_fem("control", SERVO, "--table", TABLE, "--model", str(file), "--reference", SINE).complaint
+
+
+def test_a_guard_that_forbids_the_middle_is_said_before_the_run(msl_fem, tmp_path):
+    heavy = tmp_path / "heavy.toml"
+    heavy.write_text(Path(SERVO).read_text().replace('constant_force = "0 N"', 'constant_force = "-900 N"'))
+    said = msl_fem("control", str(heavy), "--table", TABLE, "--reference", SINE).complaint
+    assert "cannot hold the middle of the travel" in said

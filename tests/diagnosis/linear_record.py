@@ -1,0 +1,55 @@
+"""A record whose readings are linear in what is unknown, so that posterior and evidence have closed forms."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.diagnosis.simulator import Points
+from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
+
+Array = NDArray[np.float64]
+OFFSET = EffectUnknown("force_offset", "force")
+CUBIC = EffectUnknown("stiffness_nonlinearity", "cubic")
+
+
+@dataclass(frozen=True, eq=False)
+class LinearRecord:
+    """`spectra` and `labels` of a `Likelihood`: residual = data - columns z, one column an unknown or effect."""
+
+    data: Array
+    nuisances: Array
+    of_effect: dict[str, Array]
+
+    @property
+    def labels(self) -> NDArray[np.intp]:
+        return np.zeros(self.data.size, dtype=np.intp)
+
+    def spectra(self, points: Points) -> Array:
+        rows = []
+        for n, z in enumerate(points.rows):
+            model = self.nuisances @ z[: self.nuisances.shape[1]]
+            for one in (OFFSET, CUBIC):
+                if points.effects is not None and one.effect in self.of_effect:
+                    model = model + self.of_effect[one.effect] * one.z_of(float(points.effects[n, one.place]))
+            rows.append(self.data - model)
+        return np.array(rows)
+
+
+def record(
+    *, size: float = 0.0, seed: int = 1, n: int = 4000, of: str = "force_offset"
+) -> tuple[LinearRecord, Unknowns]:
+    """Unit noise, three nuisances of unit normal truth, an effect of z = `size`, all columns of length sqrt(n)."""
+    chance, n = np.random.default_rng(seed), 4000
+    nuisances = chance.standard_normal((n, 3))
+    of_effect = {
+        "force_offset": chance.standard_normal(n) + nuisances[:, 0],
+        "stiffness_nonlinearity": chance.standard_normal(n),
+    }
+    data = nuisances @ chance.standard_normal(3) + size * of_effect[of] + chance.standard_normal(n)
+    believed = (("moving_mass", 0.01), ("stiffness", 0.01), ("damping", 0.01))
+    return LinearRecord(data, nuisances, of_effect), Unknowns(believed, 0, (0,))
+
+
+def with_effect(unknowns: Unknowns, *effects: EffectUnknown) -> Unknowns:
+    return replace(unknowns, effects=effects)

@@ -1,0 +1,177 @@
+"""`msl-fem diagnose`: the files and what takes them, one JSON object, one clear line for what is wrong."""
+
+import json
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Outcome
+
+import msl_fem as package
+from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.cli.app import app
+from msl_fem.cli.diagnose import tried_line
+from msl_fem.cli.output import run_guarded
+from msl_fem.coupled_model import NamedRun, bearable_run, simulation_record
+from msl_fem.coupled_model.excitation import parse_excitation
+from msl_fem.diagnosis.diagnose import DiagnosisSettings
+from msl_fem.effects import EffectValues
+from msl_fem.extended_model import load_extended_model
+from msl_fem.record import Record, load_record, write_record
+from msl_fem.table import MagneticTable, read_table, write_table
+
+Run = Callable[..., Outcome]
+NOISE = "band-limited-noise:bias=0.5 A,amplitude=0.12 A,band=300 Hz,duration=0.8 s,seed=4"
+SWEEP = "swept-sine:bias=0.5 A,amplitude=0.05 A,start=10 Hz,stop=200 Hz,duration=0.5 s"
+RATE, DELAY = 5e3, 1.6e-4
+FIELDS = {"schema", "verdict", "reason", "causes", "unexplained", "accuracy", "parameters"}
+FILES = ["corrected_table.nc", "diagnosis.json", "extended_model.toml", "report.html"]
+
+
+def simulated(actuator: Actuator, table: MagneticTable, effects: EffectValues | None) -> Record:
+    generator, runs = np.random.default_rng(8), []
+    for name, spec in (("noise", NOISE), ("sweep", SWEEP)):
+        one = parse_excitation(spec)
+        run, _ = bearable_run(actuator, table, one, rate=RATE, effects=effects, generator=generator)
+        runs.append(NamedRun(name, spec, "fit" if name == "noise" else "held-out", run))
+    return simulation_record(actuator, runs)
+
+
+@pytest.fixture(scope="module")
+def desk(servo: Actuator, table: MagneticTable, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a record of a rig whose commands act late, its table, and its diagnosis in `out`."""
+    folder = tmp_path_factory.mktemp("desk")
+    late = EffectValues({"time_delay": {"command": DELAY}})
+    write_record(simulated(servo, table, late), folder / "record")
+    write_table(table, folder / "table.nc")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def said(desk: Path) -> str:
+    """What the command printed when it made `out`."""
+    printed = StringIO()
+    arguments = ["diagnose", str(desk / "record"), "--table", str(desk / "table.nc"), "-o", str(desk / "out"), "--json"]
+    with redirect_stdout(printed):
+        assert run_guarded(lambda: app(arguments)) == 0
+    return printed.getvalue()
+
+
+def test_the_cause_is_named_and_all_files_are_there(desk: Path, said: str) -> None:
+    fields = json.loads(said)
+    assert set(fields) >= FIELDS
+    assert fields["verdict"] == "named"
+    (cause,) = fields["causes"]
+    assert cause["effect"] == "time_delay"
+    found = cause["parameters"]["command"]
+    assert found["unit"] == "s"
+    assert found["ci95"][0] < DELAY < found["ci95"][1]
+    assert found["value"] == pytest.approx(DELAY, rel=0.05)
+    assert sorted(path.name for path in (desk / "out").iterdir()) == FILES
+    stored = json.loads((desk / "out" / "diagnosis.json").read_text())
+    assert {name: fields[name] for name in stored} == stored
+    assert sorted(fields["files"]) == [str(desk / "out" / name) for name in FILES]
+    assert not list(desk.glob(".*"))
+
+
+def test_the_extended_model_names_its_table_and_has_the_effect(desk: Path, said: str) -> None:
+    model = load_extended_model(desk / "out" / "extended_model.toml")
+    assert model.effects.get("time_delay", "command") == pytest.approx(DELAY, rel=0.05)
+    assert model.actuator.magnet is not None
+    assert model.actuator.magnet.kind == "table"
+    corrected = read_table(model.actuator.folder / model.actuator.magnet.table)
+    believed = read_table(desk / "table.nc")
+    change = np.abs(corrected.nodes["force"] / np.maximum(believed.nodes["force"], 1e-9) - 1)[:, 1:]
+    assert 0 < change.max() < 0.02
+    assert corrected.sections == believed.sections
+    assert model.actuator.drive is not None
+    record = load_actuator(desk / "record" / "actuator.toml")
+    assert model.actuator.drive.coil_resistance == pytest.approx(record.coil_resistance(), rel=0.05)
+
+
+def test_simulate_takes_it_and_makes_the_measured_run(msl_fem: Run, desk: Path, said: str) -> None:
+    """The held-out run comes out of `simulate` as it was measured, up to the noise of both."""
+    extended, made = str(desk / "out" / "extended_model.toml"), desk / "again"
+    found = msl_fem("simulate", extended, "--excitation", SWEEP, "--rate", "5 kHz", "-o", str(made), "--json").json
+    assert "time_delay" in found["effects"]
+    measured = load_record(desk / "record").run("sweep")["position_m"]
+    again = load_record(made).runs[0]["position_m"]
+    error = np.sqrt(np.mean((measured - again) ** 2))
+    assert error < 1.3 * np.sqrt(2) * 50e-9
+    assert measured.std() > 20 * error
+
+
+def test_compare_takes_it_with_its_own_table(msl_fem: Run, desk: Path, said: str) -> None:
+    extended = str(desk / "out" / "extended_model.toml")
+    arguments = ["compare", str(desk / "record"), "--table", str(desk / "table.nc"), "--extended", extended, "--json"]
+    rows = msl_fem(*arguments).json["models"]
+    free = {r["name"]: r["nrmse_free_run"] for r in rows if (r["run"], r["channel"]) == ("sweep", "position_m")}
+    name = next(name for name in free if "extended" in name)
+    other = min(value for model, value in free.items() if model.startswith("coupled") and value is not None)
+    assert free[name] < 0.5 * other
+
+
+def test_control_takes_it_with_its_own_table(msl_fem: Run, desk: Path, said: str) -> None:
+    """As the model of a controller for the rig as it was believed; the table given is not that model's."""
+    actuator, file = str(desk / "record" / "actuator.toml"), str(desk / "out" / "extended_model.toml")
+    reference = "sine:frequency=2 Hz,amplitude=0.05 mm,duration=0.3 s"
+    arguments = ["--model", file, "--table", str(desk / "table.nc"), "--reference", reference]
+    found = msl_fem("control", actuator, *arguments, "--json").json
+    assert "time_delay" in found["effects"]
+    assert 0 < found["tracking_rms_m"] < 5e-6
+
+
+def test_a_record_that_cannot_decide_leaves_no_model_of_an_earlier_one(
+    msl_fem: Run, desk: Path, tmp_path: Path, said: str
+) -> None:
+    record = load_record(desk / "record")
+    only_fit = replace(record, runs=tuple(r for r in record.runs if r.role == "fit"))
+    write_record(only_fit, tmp_path / "record")
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "extended_model.toml").write_text("of an earlier diagnosis")
+    (out / "mine.txt").write_text("not the command's")
+    arguments = ["diagnose", str(tmp_path / "record"), "--table", str(desk / "table.nc")]
+    printed = msl_fem(*arguments, "-o", str(out))
+    assert printed.status == 0
+    assert "cannot decide" in printed.stdout
+    assert json.loads((out / "diagnosis.json").read_text())["verdict"] == "undecidable"
+    assert sorted(path.name for path in out.iterdir()) == ["diagnosis.json", "mine.txt", "report.html"]
+    before = sorted(tmp_path.rglob("*"))
+    assert msl_fem(*arguments, "--json").json["verdict"] == "undecidable"
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_what_is_tried_is_said_on_stderr(capfd: pytest.CaptureFixture[str]) -> None:
+    with tried_line() as tell:
+        tell("coulomb_friction (force)")
+    printed = capfd.readouterr()
+    assert printed.out == ""
+    assert "coulomb_friction (force)" in printed.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["{desk}/nowhere"], "nowhere"),
+        (["{desk}/record", "--table", "{desk}/nowhere.nc"], "nowhere.nc"),
+        (["{desk}/record", "--table", "{desk}/table.nc", "-o", "{desk}/table.nc"], "table.nc"),
+        (["{desk}/record", "--table", "{desk}/table.nc", "-o", "/proc/nowhere"], "cannot be written"),
+    ],
+)
+def test_what_is_wrong_is_one_clear_line(msl_fem: Run, desk: Path, arguments: list[str], complaint: str) -> None:
+    before = sorted(desk.iterdir())
+    assert complaint in msl_fem("diagnose", *(a.format(desk=desk) for a in arguments)).complaint
+    assert sorted(desk.iterdir()) == before
+
+
+def test_it_is_a_verb_of_the_package(desk: Path) -> None:
+    record = load_record(desk / "record")
+    alone = replace(record, runs=record.runs[:1])
+    found = package.diagnose(alone, DiagnosisSettings(table=read_table(desk / "table.nc")))
+    assert found.verdict == "undecidable"
+    assert found.fields()["schema"] == 1

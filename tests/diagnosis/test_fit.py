@@ -1,0 +1,106 @@
+"""The fit with its noise colour and evidence, on a record for which all of it has a closed form."""
+
+import numpy as np
+import pytest
+from linear_record import CUBIC, OFFSET, record, with_effect
+
+from msl_fem.diagnosis.fit import fit, weights_of
+from msl_fem.diagnosis.noise_bands import PRIOR, make_bands, transformed
+from msl_fem.diagnosis.scoring import scores
+from msl_fem.diagnosis.search import ranked, stage
+from msl_fem.diagnosis.unknowns import CAUCHY, EffectUnknown, Unknowns, factor
+from msl_fem.diagnosis.variants import Variant
+from msl_fem.errors import ComputationError
+
+
+def test_lines_of_white_noise_have_its_variance() -> None:
+    """An orthonormal transform: the sum of squares is kept, and each number of unit white noise has variance 1."""
+    for n in (400, 401):
+        noise = np.random.default_rng(2).standard_normal((300, n))
+        lines = transformed(noise, n // 2 + 1)
+        assert np.sum(lines**2, axis=1) == pytest.approx(np.sum(noise**2, axis=1), rel=1e-12)
+        variance = lines.var(axis=0)
+        imaginary_mean = n // 2 + 1
+        assert variance[imaginary_mean] == 0
+        assert np.delete(variance, [imaginary_mean, 2 * imaginary_mean - 1]) == pytest.approx(1.0, abs=0.4)
+
+
+def test_bands_are_octaves_and_hold_every_line_once() -> None:
+    bands = make_bands([4000, 1000], 1000.0, highest=300.0)
+    assert bands.edges[-1] == 300
+    assert bands.edges[0] == 0
+    assert bands.edges[2:] / bands.edges[1:-1] == pytest.approx(2.0)
+    assert [len(band) for band in bands.band_of] == list(bands.lines) == [1201, 301]
+    f = np.arange(1201) / 4.0
+    assert ((bands.edges[bands.band_of[0]] <= f) & (f <= bands.edges[bands.band_of[0] + 1])).all()
+
+
+def test_the_density_of_coloured_noise_is_found() -> None:
+    residual = np.r_[3 * np.random.default_rng(3).standard_normal(5000), np.random.default_rng(4).standard_normal(5000)]
+    labels = np.repeat([0, 1], 5000)
+    weights = weights_of(residual, labels)
+    assert weights.density == pytest.approx([9.0, 1.0], rel=0.06)
+    assert weights.root[[0, -1]] == pytest.approx([1 / 3, 1.0], rel=0.03)
+    expected = sum((5000 + PRIOR) / 2 * np.log((q + PRIOR) / (5000 + PRIOR)) for q in np.bincount(labels, residual**2))
+    assert weights.nats == pytest.approx(expected)
+
+
+def test_a_linear_fit_is_the_closed_form() -> None:
+    """Posterior (J'J + I)^-1 J'y, and of the evidence the change from prior width 1 to any other is the known one."""
+    it, unknowns = record(seed=5)
+    found = fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
+    a = it.nuisances * found.weights.root[:, None]
+    expected = np.linalg.solve(a.T @ a + np.eye(3), a.T @ (it.data * found.weights.root))
+    assert found.z == pytest.approx(expected, abs=2e-3)
+    assert found.converged
+    quadratic = -found.weights.nats - expected @ expected / 2 - np.linalg.slogdet(a.T @ a + np.eye(3))[1] / 2
+    assert found.log_evidence == pytest.approx(quadratic, abs=0.06)
+
+
+def test_the_score_of_an_effect_is_what_its_refit_brings() -> None:
+    """In a linear record both are the same integral; what differs is the noise's variance, estimated with each."""
+    for size in (0.1, -0.2, 0.0):
+        it, unknowns = record(seed=6, size=size)
+        base = fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
+        variant = Variant("force_offset", (OFFSET,))
+        score = scores(it, base, [variant])[0]  # type: ignore[arg-type]
+        full = fit(it, with_effect(unknowns, OFFSET), np.zeros(4))  # type: ignore[arg-type]
+        gain = full.log_evidence - base.log_evidence
+        assert score.gain == pytest.approx(gain, abs=0.03 * abs(gain) + 0.1)
+        assert score.guess[0] == pytest.approx(full.z[3], abs=2e-3)
+        assert (gain > 5) == (size != 0)
+
+
+def test_of_two_effects_the_one_that_is_there_wins_and_nothing_costs_evidence() -> None:
+    it, unknowns = record(seed=7, size=0.15, of="stiffness_nonlinearity")
+    base = fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
+    variants = [Variant(one.effect, (one,)) for one in (OFFSET, CUBIC)]
+    found = stage(it, base, variants, tell=lambda said: None)  # type: ignore[arg-type]
+    assert found.best is not None
+    assert found.best.variant.effect == "stiffness_nonlinearity"
+    assert found.refits[1].gain < -2
+    assert [s.variant.effect for s in ranked(found.scores)] == ["stiffness_nonlinearity", "force_offset"]
+    assert found.rivals(5.0) == []
+
+
+def test_an_effect_that_cannot_be_negative_stays_at_nothing() -> None:
+    friction = EffectUnknown("coulomb_friction", "force")
+    assert friction.one_sided
+    unknowns = Unknowns((), 0, (0,), (friction, OFFSET))
+    assert unknowns.allowed(np.array([-0.3, -0.3])) == pytest.approx([0.0, -0.3])
+    cost, slope, curvature = unknowns.prior(np.array([3.0, 0.0]))
+    assert cost == pytest.approx(np.log(10.0) - 2 * CAUCHY)
+    assert slope == pytest.approx([0.6, 0.0])
+    assert curvature == pytest.approx([0.2, 2.0])
+
+
+def test_small_tolerances_are_linear_and_large_ones_stay_positive() -> None:
+    assert factor(0.005, -7.0) == pytest.approx(0.965)
+    assert factor(0.2, -7.0) == pytest.approx(np.exp(-1.4))
+
+
+def test_a_start_that_cannot_be_simulated_is_said() -> None:
+    it, unknowns = record()
+    it.data[3] = np.nan
+    with pytest.raises(ComputationError, match="fails at the start"):
+        fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]

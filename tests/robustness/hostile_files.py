@@ -1,0 +1,147 @@
+"""Files made bad: TOML, JSON, CSV and NetCDF from good ones, by a random generator."""
+
+import json
+import math
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from hostile_values import TEXTS, hostile_value, scaled, spoilt_bytes, spoilt_document
+
+DEPTHS = (60, 450, 900, 5000)
+"""Of nesting: what a reader bears and what uses its answer may not, and beyond what any recursive reader bears."""
+
+
+def toml_of(value: Any) -> str:
+    """A TOML value of anything; what TOML cannot say is written as if it could."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(value) if math.isfinite(value) else str(value)
+    if isinstance(value, list):
+        return "[" + ", ".join(map(toml_of, value)) + "]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(str(k))} = {toml_of(v)}" for k, v in value.items()) + "}"
+    return json.dumps(value) if isinstance(value, str) else str(value)
+
+
+def spoilt_toml(rng: np.random.Generator, good: bytes) -> bytes:
+    """A TOML file with the good one's structure and bad values, or with bad bytes, or nested beyond reason."""
+    action = rng.random()
+    if action < 0.72:
+        document = spoilt_document(rng, tomllib.loads(good.decode()))
+        if not isinstance(document, dict):
+            document = {"x": document}
+        return "\n".join(f"{json.dumps(str(k))} = {toml_of(v)}" for k, v in document.items()).encode("utf-8", "replace")
+    if action < 0.97:
+        return spoilt_bytes(rng, good)
+    n = DEPTHS[rng.integers(4)]
+    if rng.random() < 0.5:
+        return good + b"\nx = " + b"[" * n + b"]" * n
+    opening = ("a = " + "[" * n, "a = " + "{b=" * n, "[" + "a." * n + "b]", "a." * n + "b = 1")
+    return good + b"\n" + opening[rng.integers(4)].encode()
+
+
+def spoilt_json(rng: np.random.Generator, good: bytes) -> bytes:
+    """A JSON file alike."""
+    action = rng.random()
+    if action < 0.72:
+        return json.dumps(spoilt_document(rng, json.loads(good))).encode("utf-8", "replace")
+    if action < 0.97:
+        return spoilt_bytes(rng, good)
+    n = DEPTHS[rng.integers(4)]
+    if rng.random() < 0.5:
+        at = good.index(b"[")
+        return good[:at] + b"[" * n + b"]" * n + good[at:].partition(b"]")[2]
+    return (b"[" * n, b'{"a":' * n, b"9" * 20_000, b'"' + b"x" * 100_000)[rng.integers(4)]
+
+
+def spoilt_csv(rng: np.random.Generator, good: bytes) -> bytes:
+    """A CSV file with bad cells, rows or names, or with bad bytes."""
+    if rng.random() < 0.3:
+        return spoilt_bytes(rng, good)
+    rows = [line.split(",") for line in good.decode().splitlines()]
+    for _ in range(int(rng.integers(1, 4))):
+        action, at = rng.integers(0, 9), int(rng.integers(0, max(len(rows), 1)))
+        if not rows:
+            break
+        column = int(rng.integers(0, max(len(rows[at]), 1)))
+        if action <= 3 and rows[at]:
+            place = min(column, len(rows[at]) - 1)
+            rows[at][place] = _cell(rng) if rng.random() < 0.5 else str(scaled(rng, rows[at][place]))
+        elif action == 4:
+            rows[0] = [*rows[0][: len(rows[0]) - 1], rows[0][0]]
+        elif action == 5:
+            rows = rows[:at]
+        elif action == 6:
+            rows[at] = rows[at] + rows[at]
+        elif action == 7:
+            rows = [row[:-1] for row in rows]
+        else:
+            value = _cell(rng)
+            rows = [rows[0], *([*row[:-1], value] for row in rows[1:])]
+    return "\n".join(map(",".join, rows)).encode("utf-8", "replace")
+
+
+def _cell(rng: np.random.Generator) -> str:
+    known = ("", "nan", "inf", "-1e999", "1e300", "0", "-1", '"', '"a,b', "1;2", "1 2", "=1+1", "\x00", "\r", "1e-320")
+    cells = (*known, "9" * 500, TEXTS[rng.integers(len(TEXTS))], repr(float(rng.normal())))
+    return cells[rng.integers(len(cells))]
+
+
+def spoilt_netcdf(rng: np.random.Generator, good: bytes, scratch: Path) -> bytes:
+    """A NetCDF file with bad variables, coordinates and attributes, or with bad bytes."""
+    if rng.random() < 0.45:
+        return spoilt_bytes(rng, good)
+    source, target = scratch / "good.nc", scratch / "bad.nc"
+    source.write_bytes(good)
+    with xr.open_dataset(source, engine="h5netcdf", decode_times=False) as opened:
+        data = opened.load()
+    for _ in range(int(rng.integers(1, 3))):
+        data = _spoil_dataset(rng, data)
+    try:
+        data.to_netcdf(target, engine="h5netcdf")
+        return target.read_bytes()
+    except Exception:  # a dataset that cannot be written is no file
+        return spoilt_bytes(rng, good)
+    finally:
+        source.unlink(missing_ok=True)
+        target.unlink(missing_ok=True)
+
+
+def _spoil_dataset(rng: np.random.Generator, data: xr.Dataset) -> xr.Dataset:
+    names = [str(name) for name in data.variables]
+    name = names[rng.integers(len(names))] if names else "gap"
+    action = rng.integers(0, 10)
+    try:
+        if action == 0:
+            return data.drop_vars(name)
+        if action == 1:
+            return data.rename({name: str(TEXTS[rng.integers(len(TEXTS))])})
+        if action == 2:
+            return data.assign_attrs({("provenance", "schema", "mesh_error", "x")[rng.integers(4)]: _attribute(rng)})
+        if action == 3:
+            return data.isel({str(d): slice(0, int(rng.integers(0, 3))) for d in data.dims if rng.random() < 0.6})
+        if action == 4:
+            return data.isel({str(d): slice(None, None, -1) for d in data.dims if rng.random() < 0.6})
+        values = np.array(data[name].values, copy=True)
+        if action == 5:
+            return data.assign({name: (data[name].dims, values.astype(str))})
+        if action == 6:
+            return data.assign({name: (data[name].dims, values * 10.0 ** float(rng.integers(-320, 309)))})
+        if action == 7:
+            return data.assign({name: (data[name].dims[::-1], values.T), "extra": ("e", np.arange(3))})
+        flat = values.astype(float).ravel()
+        for at in rng.integers(0, max(flat.size, 1), rng.integers(1, 4)):
+            if flat.size:
+                flat[at] = (np.nan, np.inf, -1e300, 0.0, 1e19, -flat[at], 1e-320)[rng.integers(7)]
+        return data.assign({name: (data[name].dims, flat.reshape(values.shape), data[name].attrs)})
+    except (ValueError, KeyError, TypeError, OverflowError):
+        return data
+
+
+def _attribute(rng: np.random.Generator) -> Any:
+    value = hostile_value(rng)
+    return value if isinstance(value, str | float) else json.dumps(value)[:1000]
