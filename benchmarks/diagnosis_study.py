@@ -33,6 +33,8 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent
 RESULTS = HERE / "diagnosis_study.jsonl"
 DRIVES = ("voltage", "current")
+VERSION = 2
+"""Of search and rule: lines of another one are left out and made anew."""
 CLEAN, SINGLES, SMALL, PAIRS, OUTSIDE = 300, 10, 5, 40, 40
 DYNAMIC = (
     "magnetic_hysteresis", "eddy_currents", "cross_coupling", "coil_heating", "amplifier_bandwidth",
@@ -93,7 +95,7 @@ def actuator_of(drive: str) -> Actuator:
 @one_blas_thread
 def tried(case: Case) -> dict[str, Any]:
     """A case made and diagnosed."""
-    row: dict[str, Any] = {"key": case.key, **asdict(case)}
+    row: dict[str, Any] = {"key": case.key, "version": VERSION, **asdict(case)}
     actuator, table = actuator_of(case.drive), read_table(ROOT / "lookup_tables/fast_tool_servo.nc")
     try:
         options = BenchOptions(seed=case.seed, noise=case.noise)
@@ -151,9 +153,11 @@ def done(path: Path) -> Iterator[dict[str, Any]]:
         return
     for line in path.read_text(encoding="utf-8").splitlines():
         try:
-            yield json.loads(line)
+            row = json.loads(line)
         except json.JSONDecodeError:
             continue
+        if row.get("version", 1) == VERSION:
+            yield row
 
 
 def main() -> None:

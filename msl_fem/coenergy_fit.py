@@ -178,12 +178,13 @@ def fit_coenergy(
     matrix, right = np.concatenate(rows), np.concatenate(wanted)
     normal, penalty = matrix.T @ matrix, _penalty()
     scores = [_score(matrix, right, normal, normal + weight * penalty) for weight in SMOOTHING]
-    if not np.isfinite(scores).any():
+    usable = [k for k, score in enumerate(scores) if not np.isnan(score)]
+    if not usable:
         raise ComputationError(
             "no smooth surface can be fitted to the static map: its rows weigh too differently for the arithmetic; "
             "look for values far beyond the others, and at the noise stated for them"
         )
-    chosen = float(SMOOTHING[int(np.argmin(scores))])
+    chosen = float(SMOOTHING[min(usable, key=lambda k: scores[k])])
     smoothing = max(chosen, least_smoothing)
     stiff = normal + smoothing * penalty
     factor = cho_factor(stiff)
@@ -280,12 +281,12 @@ def _second_differences(count: int) -> Array:
 def _score(matrix: Array, right: Array, normal: Array, stiff: Array) -> float:
     """Generalised cross-validation: mean square residual over the squared share of free degrees.
 
-    Infinite where rounding leaves the normal equations indefinite: too little smoothing for these rows.
+    Nan where rounding leaves the normal equations indefinite: too little smoothing for these rows.
     """
     try:
         factor = cho_factor(stiff)
     except (np.linalg.LinAlgError, ValueError):
-        return np.inf
+        return np.nan
     residual = right - matrix @ cho_solve(factor, matrix.T @ right)
     free = 1 - COUNTED * np.trace(cho_solve(factor, normal)) / right.size
     return float(np.mean(residual**2) / free**2) if free > 0 else np.inf

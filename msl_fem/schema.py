@@ -114,7 +114,7 @@ def small_text(path: str | Path, *, encoding: str = "utf-8") -> str:
 
 
 def depth(content: object) -> int:
-    """How many levels of tables and lists are in one another; found without recursion."""
+    """How many levels there are below the top, in tables and lists; found without recursion."""
     levels, inside = 0, [content]
     while inside := [v for one in inside if isinstance(one, dict | list)
                      for v in (one.values() if isinstance(one, dict) else one)]:  # fmt: skip

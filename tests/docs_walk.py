@@ -6,7 +6,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-TRIED = (DOCS / "tutorial.md", *sorted((DOCS / "howto").glob("*.md")))
+TRIED = (DOCS / "tutorial.md", DOCS / "tutorial_diagnosis.md", *sorted((DOCS / "howto").glob("*.md")))
 """Pages whose blocks are run in their order."""
 _FENCE = re.compile(r"^```(?P<head>[^\n]*)\n(?P<text>.*?)^```\s*$", re.MULTILINE | re.DOTALL)
 

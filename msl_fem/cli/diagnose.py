@@ -89,8 +89,7 @@ def print_diagnosis(found: Diagnosis) -> None:
             dict(zip(("cause", "parameter", "value (95 %)"), map(list, columns), strict=True)), title="Causes"
         )
     if found.threshold == found.threshold:
-        what, figures = zip(*sure_rows(found), strict=True)
-        print_columns({"": list(what), "figure": list(figures)}, title="How sure")
+        print_result(dict(sure_rows(found)), as_json=False, title="How sure")
     if found.accuracy:
         errors = [floors(one) for one in found.accuracy]
         names = ("as believed", "re-fitted", "with what was found")[: 3 if found.causes else 2]

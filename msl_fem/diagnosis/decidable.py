@@ -13,7 +13,7 @@ FEWEST = 3000  # samples of them
 RESPONSE = 20.0  # times the noise: what the position has to move for anything to be seen
 
 
-def why_not(record: Record, belief: Belief, data: Sequence[RunData]) -> str:
+def why_not(record: Record, data: Sequence[RunData]) -> str:
     """Why nothing can be decided; empty where it can be."""
     fitted = [run for run in data if run.role == "fit"]
     if not fitted:
@@ -31,7 +31,9 @@ def why_not(record: Record, belief: Belief, data: Sequence[RunData]) -> str:
     moved = max(float(run.measured[POSITION].std() / run.noise[POSITION].sigma) for run in fitted)
     if moved < RESPONSE:
         return f"the position moves by {moved:.3g} times its noise; at least {RESPONSE:g} times are needed, excite more"
-    unstable = [run.name for run in fitted if not open_loop_stable(belief, run)]
-    if unstable:
-        return f"run {unstable[0]} is of an open loop that is not stable, in which a free run says nothing"
     return ""
+
+
+def unstable_run(belief: Belief, data: Sequence[RunData]) -> str:
+    """The first fit run of an open loop that is not stable, in which a free run says nothing; empty where none is."""
+    return next((run.name for run in data if run.role == "fit" and not open_loop_stable(belief, run)), "")

@@ -37,16 +37,28 @@ COINCIDING = {
 
 @dataclass(frozen=True)
 class Rule:
-    """Thresholds in nats of a first and of a further effect, and how many effects are looked for."""
+    """Thresholds in nats, and how many effects are looked for.
+
+    A further effect also has to bring `share` of what the first one brought: so much may come from what the first one's
+    equation leaves out.
+    """
 
     threshold: float = 5.0
     further: float = 12.0
+    share: float = 0.003
     most: int = 3
+
+    def enough(self, stages: Sequence[Stage], n: int) -> bool:
+        """Whether the best effect of stage n brings enough."""
+        best, first = stages[n].best, stages[0].best
+        if best is None or first is None:
+            return False
+        return best.gain >= (max(self.further, self.share * first.gain) if n else self.threshold)
 
 
 def excess_power(excess: Mapping[str, float]) -> float:
-    """The largest of the channels' residual power over the noise's, less 1."""
-    return max((value**2 - 1 for value in excess.values()), default=0.0)
+    """The channels' residual powers over the noise's, what is above 1 of each, together."""
+    return sum(max(value**2 - 1, 0.0) for value in excess.values())
 
 
 def quiet(excess: Mapping[str, float]) -> bool:
@@ -95,9 +107,8 @@ def accepted(stages: Sequence[Stage], excesses: Sequence[Mapping[str, float]], r
     excesses : (n_stage + 1,) without any effect, with the first, and so on
     """
     taken = 0
-    for n, stage in enumerate(stages):
-        best = stage.best
-        if best is None or best.gain < (rule.further if n else rule.threshold):
+    for n in range(len(stages)):
+        if not rule.enough(stages, n):
             break
         if n and not finishes(excesses[n], excesses[n + 1]):
             break

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from msl_fem.blas_threads import one_blas_thread
+from msl_fem.diagnosis.calibration import Calibration, calibration_of
 from msl_fem.diagnosis.decidable import why_not
 from msl_fem.diagnosis.decision import (
     LEFT_OVER,
@@ -21,13 +22,15 @@ from msl_fem.diagnosis.extension import believed_estimates, effect_estimates, ex
 from msl_fem.diagnosis.fit import Fit, FitPlan, Likelihood, fit
 from msl_fem.diagnosis.held_out import Followed, followed, log_likelihood_gain
 from msl_fem.diagnosis.next_experiment import Question, separating
-from msl_fem.diagnosis.outside import dependences, named
+from msl_fem.diagnosis.other_kinds import other_diagnosis
+from msl_fem.diagnosis.outside import Dependence, dependences, named
 from msl_fem.diagnosis.prepare import prepared
-from msl_fem.diagnosis.result import Cause, Diagnosis, Unexplained, accuracy
+from msl_fem.diagnosis.result import Cause, Diagnosis, Unexplained, Verdict, accuracy
 from msl_fem.diagnosis.scene import scene
 from msl_fem.diagnosis.search import ROUGH, Stage, stage
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant, possible, variants
+from msl_fem.diagnosis.widening import wider
 from msl_fem.errors import InputError
 from msl_fem.record import Record
 from msl_fem.record_fit import Belief, RunData, run_data
@@ -68,7 +71,7 @@ class Searched:
 
 @one_blas_thread
 def diagnose(record: Record, settings: DiagnosisSettings | None = None) -> Diagnosis:
-    """The diagnosis of a record's dynamic runs in open loop.
+    """The diagnosis of a record: by free runs, or as its kind asks (`other_kinds`).
 
     Raises
     ------
@@ -80,7 +83,10 @@ def diagnose(record: Record, settings: DiagnosisSettings | None = None) -> Diagn
         raise InputError(f"{record.actuator.name} has magnets and there is no table; make one with 'msl-fem table'")
     data = tuple(run_data(record, run) for run in record.runs)
     belief = Belief(record.actuator, how.table)
-    reason = why_not(record, belief, data)
+    other = other_diagnosis(record, belief, data, rule=how.rule, tell=how.progress)
+    if other is not None:
+        return other
+    reason = why_not(record, data)
     if reason:
         return Diagnosis("undecidable", reason)
     fit_runs = [run for run in data if run.role == "fit"]
@@ -106,7 +112,7 @@ def search(likelihood: Likelihood, unknowns: Unknowns, how: DiagnosisSettings) -
             fits[0] = found.base
         found = _allowed(likelihood, found)
         stages.append(found)
-        if found.best is None or found.best.gain < (how.rule.further if n else how.rule.threshold):
+        if found.best is None or not how.rule.enough(stages, n):
             break
         fits.append(found.best.fit)
         excesses.append(likelihood.excess(found.best.fit))
@@ -125,68 +131,88 @@ def _allowed(likelihood: Likelihood, found: Stage) -> Stage:
 def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: DiagnosisSettings) -> Diagnosis:
     """The verdict of a search, with what held-out runs say."""
     problem = searched.likelihood.problem
-    nominal = followed(belief, data)
-    refit_belief = extended_belief(belief, problem, searched.fits[0])
-    refitted = followed(refit_belief, data)
-    names = searched.taken
-    models = [refit_belief, *(extended_belief(belief, problem, found) for found in searched.fits[1 : names + 1])]
-    follows = [refitted, *(followed(model, data) for model in models[1:])]
+    models = [extended_belief(belief, problem, found) for found in searched.fits[: searched.taken + 1]]
+    follows = [followed(model, data) for model in models]
     gains = [log_likelihood_gain(_held_out(a), _held_out(b)) for a, b in zip(follows, follows[1:], strict=False)]
-    notes = []
-    without = excess_power(searched.excesses[0])
-    left = excess_power(searched.excesses[names])
-    share = left / without if without > 0 else 0.0
+    names, notes = _kept(searched, gains)
+    searched = replace(searched, taken=names)
     calm = quiet(searched.excesses[names])
-    if names and not calm and share > LEFT_OVER:
+    studied, outside = calibration_of(problem.plant.parameters, list(problem.runs))
+    causes = tuple(_cause(searched, n, gains[n], studied) for n in range(names))
+    asked = Question(belief, problem, searched.final.unknowns.believed)
+    causes = tuple(
+        replace(cause, next_experiment=separating(asked, at, cause.rivals))
+        for cause, at in zip(causes, searched.stages, strict=False)
+    )
+    left = Unexplained(0.0)
+    ranked: list[Dependence] = []
+    if not calm:
+        how.progress("what is left over every variable")
+        ranked = dependences(searched.likelihood, searched.final, models[names])
+        equation, variables = named(ranked)
+        left = Unexplained(_left(searched, names), variables, equation, wider(asked, variables))
+    return Diagnosis(
+        _verdict(names, calm),
+        _reason(searched, names, calm),
+        causes,
+        left,
+        accuracy(followed(belief, data), follows[0], follows[names]),
+        believed_estimates(belief, searched.final),
+        models[0],
+        models[names],
+        how.rule.threshold,
+        (studied.named, studied.records) if studied is not None else None,
+        statistics=tuple(tuple((r.variant.effect, r.gain) for r in s.refits[:3]) for s in searched.stages),
+        notes=(*notes, *([outside] if outside else [])),
+        evidence=gathered(
+            data,
+            Models(belief, models[0], models[names]),
+            searched.stages,
+            causes=[c.effect for c in causes],
+            left=ranked,
+        ),
+    )
+
+
+def _kept(searched: Searched, gains: Sequence[float]) -> tuple[int, list[str]]:
+    """How many of the search's effects are named, and why not more."""
+    names, notes = searched.taken, []
+    left = _left(searched, names)
+    if names and not quiet(searched.excesses[names]) and left > LEFT_OVER:
         tried = ", ".join(r.variant.effect for s in searched.stages[:names] if (r := s.best))
-        left_over = f"{100 * share:.3g} % of the excess power is left"
-        notes.append(f"nearest in the catalogue: {tried}; not named, since {left_over}")
+        notes.append(
+            f"nearest in the catalogue: {tried}; not named, since {100 * left:.3g} % of the excess power is left"
+        )
         names = 0
     while names and gains[names - 1] < -WORSE:
         names -= 1
         best = searched.stages[names].best
         notes.append(f"{best.variant.effect if best else ''} makes held-out runs worse and is not named")
-    final = searched.fits[names]
-    calm, left = quiet(searched.excesses[names]), excess_power(searched.excesses[names])
-    causes = tuple(_cause(searched, n, gains[n], final) for n in range(names))
-    asked = Question(belief, problem, final.unknowns.believed)
-    causes = tuple(
-        replace(cause, next_experiment=separating(asked, at, cause.rivals))
-        for cause, at in zip(causes, searched.stages, strict=False)
-    )
-    verdict = ("named" if calm else "named-and-unexplained") if names else ("nothing-found" if calm else "unexplained")
-    share = 0.0 if calm or without <= 0 else left / without
-    equation, variables = "", tuple[str, ...]()
-    if not calm:
-        how.progress("what is left over every variable")
-        equation, variables = named(dependences(searched.likelihood, final, models[names]))
-    return Diagnosis(
-        verdict,  # type: ignore[arg-type]
-        _reason(searched, names, calm),
-        causes,
-        Unexplained(share, variables, equation),
-        accuracy(nominal, refitted, follows[names]),
-        believed_estimates(belief, final),
-        refit_belief,
-        models[names],
-        how.rule.threshold,
-        statistics=tuple(tuple((r.variant.effect, r.gain) for r in s.refits[:3]) for s in searched.stages),
-        notes=tuple(notes),
-        evidence=gathered(
-            data, Models(belief, refit_belief, models[names]), searched.stages, [cause.effect for cause in causes]
-        ),
-    )
+    return names, notes
+
+
+def _left(searched: Searched, names: int) -> float:
+    """Share of the excess power without effects that is left with so many."""
+    without = excess_power(searched.excesses[0])
+    return excess_power(searched.excesses[names]) / without if without > 0 else 0.0
+
+
+def _verdict(names: int, calm: bool) -> Verdict:
+    if names:
+        return "named" if calm else "named-and-unexplained"
+    return "nothing-found" if calm else "unexplained"
 
 
 def _held_out(found: Sequence[Followed]) -> list[Followed]:
     return [one for one in found if one.role == "held-out"]
 
 
-def _cause(searched: Searched, n: int, gain: float, final: Fit) -> Cause:
-    best = searched.stages[n].best
+def _cause(searched: Searched, n: int, gain: float, studied: Calibration | None) -> Cause:
+    best, final = searched.stages[n].best, searched.final
     assert best is not None
     rivals = tuple(r.variant.effect for r in searched.stages[n].rivals(TIE))
-    return Cause(best.variant.effect, effect_estimates(final)[best.variant.effect], best.gain, None, gain, rivals)
+    p_value = studied.p_value(best.gain) if studied is not None else None
+    return Cause(best.variant.effect, effect_estimates(final)[best.variant.effect], best.gain, p_value, gain, rivals)
 
 
 def _reason(searched: Searched, names: int, calm: bool) -> str:

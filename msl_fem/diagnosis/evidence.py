@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.search import Stage
 from msl_fem.effects import EffectValues
 from msl_fem.record_fit import Belief, RunData, believed_plant, free_run, measured_start
@@ -92,20 +93,26 @@ class Evidence:
     residuals : every run and channel
     variables : run to name (with unit) to (n_sample,): what a residual may depend on
     sizes : of the named effects
+    dependences : of what is left on each variable in each equation, the most probable first
     """
 
     tried: tuple[Tried, ...]
     residuals: tuple[ChannelResiduals, ...]
     variables: Mapping[str, Mapping[str, Array]]
     sizes: tuple[Size, ...]
+    dependences: tuple[Dependence, ...] = ()
 
 
-def gathered(data: Sequence[RunData], models: Models, stages: Sequence[Stage], causes: Sequence[str]) -> Evidence:
+def gathered(
+    data: Sequence[RunData], models: Models, stages: Sequence[Stage], *, causes: Sequence[str],
+    left: Sequence[Dependence] = (),
+) -> Evidence:  # fmt: skip
     """The evidence of a diagnosis with these models, whose search went through these stages.
 
     Parameters
     ----------
     causes : effects that are named, in the order of the stages
+    left : what the rest depends on
     """
     residuals, variables = [], {}
     for run in data:
@@ -115,7 +122,9 @@ def gathered(data: Sequence[RunData], models: Models, stages: Sequence[Stage], c
             parts = [left[name] for left in three]
             residuals.append(ChannelResiduals(run.name, run.role, name, run.rate, run.noise[name].sigma, *parts))
     sizes = [_size(models.extended, data, effect) for effect in causes]
-    return Evidence(tried_of(stages, len(causes)), tuple(residuals), variables, tuple(s for s in sizes if s))
+    return Evidence(
+        tried_of(stages, len(causes)), tuple(residuals), variables, tuple(s for s in sizes if s), tuple(left)
+    )
 
 
 def tried_of(stages: Sequence[Stage], taken: int) -> tuple[Tried, ...]:

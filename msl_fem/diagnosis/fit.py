@@ -19,6 +19,7 @@ from msl_fem.errors import ComputationError
 Array = NDArray[np.float64]
 STALE = 0.6
 """Share of the predicted decrease that a step has to bring for the nuisances' columns to be kept."""
+AT_ONCE = 16  # rows that are simulated together: what bounds the memory
 ENOUGH = 0.05
 """Nats that a further step would gain, at which a fit has converged."""
 
@@ -33,7 +34,8 @@ class Likelihood:
 
     def spectra(self, points: Points) -> Array:
         """Residuals in the frequency domain over their white sigma, (n_row, n_number); nan of a failed run."""
-        return self.transformed(residuals(self.problem, points, substeps=self.substeps))
+        parts = [points.only(slice(at, at + AT_ONCE)) for at in range(0, len(points.rows), AT_ONCE)]
+        return np.concatenate([self.transformed(residuals(self.problem, p, substeps=self.substeps)) for p in parts])
 
     def transformed(self, found: list[list[Array]]) -> Array:
         """Arrays (n_row, n_sample) of every run's channels as `spectra` orders and scales them."""

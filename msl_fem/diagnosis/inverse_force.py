@@ -1,8 +1,8 @@
 """The force that a measured motion takes, with effects: the inverse dynamics of a mover that a force drives.
 
 Position and force pass one zero-phase low-pass; velocity and acceleration are central differences of the low-passed
-position (A. Janot, P.-O. Vandanjon, M. Gautier, IEEE Trans. Control Syst. Technol. 22, 2014, 776-782). An effect of
-the sensor is undone on the way from reading to motion, one of the drive done to the commands, one of the mover adds to
+position (A. Janot, P.-O. Vandanjon, M. Gautier, IEEE Trans. Control Syst. Technol. 22, 2014, 776-782). The second
+difference of a mass under held forces is exactly the mean of those before and behind the sample. An effect of the sensor is undone on the way from reading to motion, one of the drive done to the commands, one of the mover adds to
 the force; friction is the catalogue's stops at the measured position. Delays, lags and a second mass are filters.
 """
 
@@ -37,9 +37,9 @@ class LowPass:
     equation: float
     rate: float
 
-    def smooth(self, position: Array) -> Array:
-        """A position before it is differentiated."""
-        return self._passed(position, min(OF_POSITION * self.equation, 0.45 * self.rate))
+    def smooth(self, signal: Array) -> Array:
+        """A position before it is differentiated, and the commands beside it."""
+        return self._passed(signal, min(OF_POSITION * self.equation, 0.45 * self.rate))
 
     def both_sides(self, force: Array) -> Array:
         """Either side of the equation."""
@@ -91,7 +91,7 @@ def missing_force(plant: PlantParameters, data: RunData, effects: Array, *, gain
     Parameters
     ----------
     plant : with the parameters to be tried
-    data : its position already low-passed
+    data : position and commands already low-passed alike
     effects : (N_PARAMETER,) of the catalogue
     gain : position reading over position, beside the effects
     """
@@ -135,8 +135,8 @@ def measured_motion(
         seen = _filtered(
             seen, rate, lambda s: np.exp(s * late) * (1 + s * lag) / (1 + read * mode(s)) * (np.abs(s) < 4 * highest)
         )
-    velocity = np.gradient(seen, 1 / rate)
-    acceleration = np.gradient(velocity, 1 / rate)
+    velocity, acceleration = np.gradient(seen, 1 / rate), np.zeros(seen.size)
+    acceleration[1:-1] = (seen[2:] - 2 * seen[1:-1] + seen[:-2]) * rate**2
     other = _filtered(acceleration, rate, mode) if share else np.zeros(seen.size)
     return Motion(seen, velocity, acceleration, other)
 

@@ -154,12 +154,14 @@ def loop_candidates(likelihood: Likelihood, found: Fit) -> list[Variant]:
     return [v for effect in possible(plant) if effect not in have for v in variants(effect, looked, plant)]
 
 
-def prepared_loops(record: Record, belief: Belief, data: Sequence[RunData]) -> tuple[LoopLikelihood, Unknowns]:
+def prepared_loops(
+    record: Record, belief: Belief, data: Sequence[RunData], *, way: Way = "one-step"
+) -> tuple[LoopLikelihood, Unknowns]:
     """The likelihood of fit runs (and the static map), and what it does not know without any effect."""
     runs = tuple(_without_voltages(run) for run in data)
     plant = believed_plant(belief, rate=runs[0].rate, ideal_current=runs[0].ideal_current)
-    way: Way = "closed-loop" if all(run.law is not None for run in runs) else "one-step"
-    guesses, sigmas, noise = (), (np.zeros(0),) * len(runs), ProcessNoise(0.0, 0.0)
+    guesses: tuple[Start, ...] = ()
+    sigmas, noise = (np.zeros(0),) * len(runs), ProcessNoise(0.0, 0.0)
     if way == "closed-loop":
         guesses = tuple(measured_start(plant, run) for run in runs)
         sigmas = tuple(START * start_sigmas(plant, run) for run in runs)

@@ -41,7 +41,7 @@ REVERSAL = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class InverseLikelihood(Likelihood):
-    """Runs as the likelihood of the force that they miss; their positions are low-passed already.
+    """Runs as the likelihood of the force that they miss; positions and commands are low-passed already.
 
     Attributes
     ----------
@@ -102,8 +102,10 @@ def one_band(samples: Sequence[int], low_pass: LowPass) -> Bands:
 
 
 def smoothed(data: RunData, low_pass: LowPass) -> RunData:
-    """A run with its position low-passed."""
-    return replace(data, measured={POSITION: low_pass.smooth(data.measured[POSITION])})
+    """A run with position and commands low-passed alike, so that the filter bends no side against the other."""
+    commands = np.zeros_like(data.commands)
+    commands[:, 0] = low_pass.smooth(data.commands[:, 0])
+    return replace(data, commands=commands, measured={POSITION: low_pass.smooth(data.measured[POSITION])})
 
 
 def force_sigma(plant: PlantParameters, data: RunData, low_pass: LowPass) -> float:

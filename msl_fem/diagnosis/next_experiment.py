@@ -5,7 +5,7 @@ other, a sweep, two tones, steps), a run with the mover locked, and measurements
 weighed, a gauge block under the position sensor, the resistance, one force at rest. Each is judged by `separation`.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -269,7 +269,7 @@ def planned(question: Question, excitation: Excitation, *, locked: bool = False)
     likelihood = Likelihood(problem, make_bands([len(commands)], rate, highest=rate / 2), plant.substeps)
     plain = Unknowns(question.believed, n_table, (sigmas.size,))
     plan = PlannedRecord(likelihood, plain, weight=PLANNED / SIMULATED)
-    return plan, borne.model_copy(update=_longer(borne))
+    return plan, at_planned_length(borne)
 
 
 def _locked(plant: Plant) -> Plant:
@@ -281,11 +281,13 @@ def _locked(plant: Plant) -> Plant:
     )  # fmt: skip
 
 
-def _longer(excitation: Excitation) -> Mapping[str, object]:
-    """The planned length, and as many periods more."""
-    more = {"duration": PLANNED}
+def at_planned_length(excitation: Excitation) -> Excitation:
+    """The excitation at its planned length, with as many periods more."""
+    update: dict[str, object] = {"duration": PLANNED}
     periods = getattr(excitation, "periods", None)
-    return more if periods is None else {**more, "periods": round(periods * PLANNED / SIMULATED)}
+    if periods is not None:
+        update["periods"] = round(periods * PLANNED / SIMULATED)
+    return excitation.model_copy(update=update)
 
 
 def spec_of(excitation: Excitation) -> str:

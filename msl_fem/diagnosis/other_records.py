@@ -81,6 +81,8 @@ def searched(likelihood: Likelihood, unknowns: Unknowns, kind: Kind, *, rule: Ru
         if best is None or best.gain < (rule.further if n else rule.threshold):
             break
         fits.append(best.fit)
+        if n and not _finishes(likelihood.excess(fits[-2]), likelihood.excess(fits[-1]), kind):
+            break
     return Trail(tuple(fits), tuple(stages), tuple(likelihood.excess(found) for found in fits))
 
 
@@ -100,9 +102,10 @@ def verdict(likelihood: Likelihood, trail: Trail, kind: Kind, *, rule: Rule) -> 
             "power is left"
         )
         taken = 0
-    if taken and sum(gains[:taken]) < -WORSE:
-        notes.append("the effects that fit best make held-out data worse, so they are not named")
-        taken = 0
+    while taken and gains[taken - 1] < -WORSE:
+        taken -= 1
+        name = trail.fits[taken + 1].unknowns.effects[-1].effect
+        notes.append(f"{name} makes held-out data worse and is not named")
     final, calm = trail.fits[taken], quiet(trail.excesses[taken])
     words = ("nothing-found", "unexplained", "named", "named-and-unexplained")
     return Diagnosis(
@@ -115,6 +118,7 @@ def verdict(likelihood: Likelihood, trail: Trail, kind: Kind, *, rule: Rule) -> 
         kind.extend(trail.fits[0]),
         kind.extend(final),
         rule.threshold,
+        statistics=tuple(tuple((r.variant.effect, r.gain) for r in s.refits[:3]) for s in trail.stages),
         notes=tuple(notes),
     )
 
@@ -126,13 +130,15 @@ def _accepted(trail: Trail, kind: Kind, rule: Rule) -> int:
         best = one.best
         if best is None or best.gain < (rule.further if n else rule.threshold):
             break
-        before, later = trail.excesses[n], trail.excesses[n + 1 :]
-        if n and not quiet(before):
-            enough = kind.finished * excess_power(before)
-            if not any(quiet(e) or excess_power(e) <= enough for e in later):
-                break
+        if n and not _finishes(trail.excesses[n], trail.excesses[n + 1], kind):
+            break
         taken = n + 1
     return taken
+
+
+def _finishes(before: Mapping[str, float], after: Mapping[str, float], kind: Kind) -> bool:
+    enough = kind.finished * excess_power(before)
+    return quiet(before) or quiet(after) or excess_power(after) <= enough
 
 
 def _share(trail: Trail, taken: int) -> float:

@@ -120,7 +120,6 @@ class _Scene:
     ) -> None:
         self.likelihood, self.plant, self.data, self.start, self.out = likelihood, plant, data, start, out
         self.channels = likelihood.problem.channels(0)
-        self.n_number = 2 * likelihood.bands.lines[0] * len(self.channels)
         root = found.weights.root
         j = found.jacobian * root[:, None]
         self.root = root

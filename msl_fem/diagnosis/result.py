@@ -56,12 +56,14 @@ class Unexplained:
     ----------
     share : of the residual power of the model that was fitted within its tolerances
     depends_on : variables that what is left depends on; empty where none was found
+    next_experiment : what would show more of it, in words and as an excitation
     equation : where it stands: "force", "voltage", "position reading", "current reading"; empty where not known
     """
 
     share: float
     depends_on: tuple[str, ...] = ()
     equation: str = ""
+    next_experiment: str = ""
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,7 @@ class Diagnosis:
                 "share_of_residual_power": self.unexplained.share,
                 "depends_on": list(self.unexplained.depends_on),
                 "equation": self.unexplained.equation,
+                "next_experiment": self.unexplained.next_experiment,
             },
             "accuracy": [one.fields() for one in self.accuracy],
             "parameters": {

@@ -27,7 +27,6 @@ def scene(likelihood: Likelihood, found: Fit) -> Scene:
         current=_rms(currents) if p.sides else 1.0,
         velocity=_rms([_velocity(run) for run in problem.runs]),
         own_frequency=float(own) or 20.0,
-        duration=max(len(run.commands) / run.rate for run in problem.runs),
         lines=loud_lines(likelihood, found),
     )
 

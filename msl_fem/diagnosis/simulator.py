@@ -1,6 +1,5 @@
 """A record's `fit` runs simulated for many values of the unknowns at once, as residuals over the noise."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,9 +54,8 @@ class Points:
         effects = None if unknowns.plain else np.array([unknowns.effect_vector(z) for z in rows])
         return cls(unknowns, rows, effects)
 
-    def only(self, row: int) -> "Points":
-        one = slice(row, row + 1)
-        return Points(self.unknowns, self.rows[one], None if self.effects is None else self.effects[one])
+    def only(self, rows: slice) -> "Points":
+        return Points(self.unknowns, self.rows[rows], None if self.effects is None else self.effects[rows])
 
 
 def residuals(problem: Problem, points: Points, *, substeps: int) -> list[list[Array]]:
@@ -74,7 +72,7 @@ def _of_run(problem: Problem, points: Points, run: int, substeps: int) -> list[A
     except InputError:  # an effect beyond what the kernel takes, like a delay of more samples than it keeps
         if len(points.rows) == 1:
             return [np.full((1, len(data.commands)), np.nan) for _ in problem.channels(run)]
-        parts = [_of_run(problem, points.only(n), run, substeps) for n in range(len(points.rows))]
+        parts = [_of_run(problem, points.only(slice(n, n + 1)), run, substeps) for n in range(len(points.rows))]
         return [np.concatenate(channel) for channel in zip(*parts, strict=True)]
     factors = [points.unknowns.factors(z) for z in points.rows]
     gains = np.array([f.get("position_gain", 1.0) for f in factors]) * problem.plant.gain
@@ -128,13 +126,3 @@ def _surfaces(problem: Problem, unknowns: Unknowns, rows: Array) -> Surface:
     scale = np.array([unknowns.factors(z).get("magnetic_scale", 1.0) for z in rows])
     change = np.tensordot(rows[:, unknowns.table_rows], problem.table_error.modes, axes=1)
     return surface._replace(coefficients=scale[:, None, None, None, None] * (surface.coefficients + change))
-
-
-def per_run(problem: Problem, values: Sequence[Array]) -> list[Array]:
-    """A flat sequence of channels' arrays, one list a run."""
-    found, at = [], 0
-    for run in range(len(problem.runs)):
-        n = len(problem.channels(run))
-        found.append(np.array(values[at : at + n]))
-        at += n
-    return found

@@ -204,7 +204,7 @@ def candidates_of_map(likelihood: Likelihood, found: Fit) -> list[Variant]:
     """The variants that a static map can show."""
     assert isinstance(likelihood, StaticLikelihood)
     plant = likelihood.problem.plant.parameters
-    scene = Scene(1.0, float(np.std(likelihood.measured.rows.current)), 1.0, 1.0, 1.0)
+    scene = Scene(1.0, float(np.std(likelihood.measured.rows.current)), 1.0, 1.0)
     have = {one.effect for one in found.unknowns.effects}
     return [v for effect in STATIC_EFFECTS if effect not in have for v in variants(effect, scene, plant)]
 

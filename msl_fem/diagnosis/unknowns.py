@@ -18,11 +18,6 @@ WIDE = 10.0
 LINEAR = 0.1  # relative tolerance up to which a parameter is linear in z
 STEP, STEP_OF_AMOUNTS = 1e-5, 1e-7
 CAUCHY = float(np.log(2 / np.pi) / 2)  # log of 1/pi over that of the normal distribution's 1/sqrt(2 pi)
-PER_RUN = {
-    ("coil_heating", "initial_rise"), ("sensor_drift", "rate"), ("sensor_drift", "acceleration"),
-    ("sensor_drift", "jerk"),
-}  # fmt: skip
-"""Parameters of effects that belong to a run and not to the rig."""
 
 
 def factor(sigma: float, z: float) -> float:

@@ -87,7 +87,6 @@ class Scene:
     ----------
     position, current, velocity : RMS of what varies, m, A, m/s
     own_frequency : Hz, of the mover on its spring, or where its spectrum is highest
-    duration : s, of the longest run
     lines : Hz, the highest lines of the residual
     """
 
@@ -95,7 +94,6 @@ class Scene:
     current: float
     velocity: float
     own_frequency: float
-    duration: float
     lines: tuple[float, ...] = ()
 
 

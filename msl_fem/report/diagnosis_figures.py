@@ -11,6 +11,7 @@ from scipy.signal import welch
 from msl_fem.comparison.accuracy import over_variable
 from msl_fem.diagnosis.evidence import ChannelResiduals
 from msl_fem.diagnosis.extension import Estimate
+from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.result import Accuracy
 from msl_fem.report.diagnosis_words import FAR, called, channel_name, floors
 from msl_fem.report.style import BLUE, GREY, ORANGE, SKY, dress, figure, line, logarithmic
@@ -25,6 +26,11 @@ VARIABLES = {
     "position_m": ("position in mm", 1e3), "velocity_m_per_s": ("velocity in mm/s", 1e3),
     "current_1_A": ("current 1 in A", 1.0), "current_2_A": ("current 2 in A", 1.0), "time_s": ("time in s", 1.0),
 }  # fmt: skip
+_OF_VARIABLE = (
+    ("product", "A²"), ("flux linkage's rate", "V"), ("flux", "Wb"), ("current", "A"), ("velocity", "m/s"),
+    ("acceleration", "m/s²"), ("position", "m"), ("time", "s"),
+)  # fmt: skip
+_OF_EQUATION = {"force": "N", "voltage": "V", "position reading": "m", "current reading": "A"}
 _UNITS = {"m": ("µm", 1e6), "A": ("mA", 1e3), "V": ("mV", 1e3), "N": ("N", 1.0), "Wb": ("µWb", 1e6)}
 
 
@@ -141,6 +147,24 @@ def over_variables(left: ChannelResiduals, variables: Mapping[str, Array], *, na
         made.add_hline(y=left.sigma * scale, line={"color": GREY, "dash": "dash", "width": 1}, **place)
         made.update_xaxes(title={"text": label}, **place)
         made.update_yaxes(title={"text": f"RMS in {unit}"}, rangemode="tozero", **place)
+    return made
+
+
+def dependence_figure(found: Dependence) -> go.Figure:
+    """The function of a variable that would account for what is left, with two standard errors on either side."""
+    x_unit = next((u for name, u in _OF_VARIABLE if name in found.variable), "")
+    y_unit = _OF_EQUATION[found.equation]
+    made = figure(x=f"{found.variable}{f' in {x_unit}' if x_unit else ''}", y=f"{found.equation} in {y_unit}")
+    low, high = found.value - 2 * found.band, found.value + 2 * found.band
+    both, edge = np.r_[found.at, found.at[::-1]], np.r_[low, high[::-1]]
+    fill = go.Scatter(
+        x=both, y=edge, fill="toself", fillcolor="rgba(86,180,233,0.3)", mode="none", name="two standard errors",
+        hoverinfo="skip",
+    )  # fmt: skip
+    made.add_trace(fill)
+    made.add_trace(line(found.at, found.value, name="what the model lacks", colour=BLUE))
+    for axis in (made.update_xaxes, made.update_yaxes):
+        axis(exponentformat="SI")
     return made
 
 

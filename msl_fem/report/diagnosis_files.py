@@ -88,8 +88,9 @@ def model_of(belief: Belief, folder: Path, *, believed: MagneticTable | None) ->
 
 def known_by_table(actuator: Actuator, folder: Path) -> Actuator:
     """The actuator with the table in a folder in place of its magnet's geometry; the winding's resistance is kept."""
-    assert actuator.drive is not None
-    drive = actuator.drive.model_copy(update={"coil_resistance": actuator.coil_resistance()})
+    drive = actuator.drive
+    if drive is not None:
+        drive = drive.model_copy(update={"coil_resistance": actuator.coil_resistance()})
     sources = {key: text for key, text in actuator.sources.items() if not key.startswith("magnet")}
     sources["magnet"] = f"the table of {actuator.name}, corrected within its tolerance by the diagnosis of a record"
     magnet = TableMagnet(kind="table", table=TABLE)

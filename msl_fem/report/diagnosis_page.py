@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from importlib.metadata import version
 
 from msl_fem.diagnosis.evidence import ChannelResiduals, Evidence, Size, Tried
+from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.effects import CATALOGUE, find_parameter
 from msl_fem.quantity import format_quantity
 from msl_fem.record import Record
 from msl_fem.record_fit.believed import UNITS
 from msl_fem.report.diagnosis_figures import (
+    dependence_figure,
     gain_figure,
     over_frequency,
     over_time,
@@ -37,6 +39,8 @@ from msl_fem.report.diagnosis_words import (
     what_is_left,
 )
 from msl_fem.report.page import Grid, Page, Stage
+
+MOST_DEPENDENCES = 8
 
 
 def diagnosis_page(record: Record, found: Diagnosis) -> Page:
@@ -114,7 +118,7 @@ def _how_sure(found: Diagnosis) -> Stage:
 
 def _how_much_better(found: Diagnosis) -> Stage:
     judged = judged_runs(found)
-    sentence = f"{gain_sentence(found)} Drawn are RMS errors of a {judged[0].prediction} over the noise's sigma."
+    sentence = f"{gain_sentence(found)} Drawn are RMS errors ({judged[0].prediction}) over the noise's sigma."
     return Stage("How much better", sentence, (), plot=gain_figure(judged, named=bool(found.causes)))
 
 
@@ -157,7 +161,22 @@ def _evidence(found: Diagnosis, evidence: Evidence) -> list[Stage]:
             "The variables are measured and move together, so a slope here is a hint and no proof.",
             (), plot=over_variables(left, evidence.variables[left.run], named=named),
         ))  # fmt: skip
+    if evidence.dependences:
+        stages.insert(0, _dependences(evidence.dependences))
     return [*stages, _tried(evidence.tried)]
+
+
+def _dependences(ranked: Sequence[Dependence]) -> Stage:
+    best = ranked[0]
+    rows = [(d.equation, d.variable, nats_text(d.gain), f"{100 * d.share:.3g} %") for d in ranked[:MOST_DEPENDENCES]]
+    sentence = (
+        "A free function of one variable, in one equation at a time, simulated through the model: how probable it "
+        "makes the record, and how much of the excess power it explains. Drawn is the best one; whether it stands out "
+        "is said above."
+    )
+    columns = ("in the equation of", "function of", "evidence", "explains")
+    return Stage("Evidence: what the rest depends on", sentence, (), plot=dependence_figure(best),
+                 table=Grid(columns, rows))  # fmt: skip
 
 
 def _shown(found: Diagnosis, evidence: Evidence) -> ChannelResiduals | None:
@@ -212,10 +231,11 @@ def _parameters(found: Diagnosis) -> Stage:
         "believed of it is right."
         if far else f"None moved by more than {FAR:g} tolerances."
     )  # fmt: skip
+    beside = " together with what was found" if found.causes else ""
     sentence = (
-        f"What was believed within a tolerance, and what the record makes of it together with what was found. {judged} "
-        "Mass, stiffness, gap and the scales of force and position act alike in such a record: their intervals rest "
-        "on the tolerances stated."
+        f"What was believed within a tolerance, and what the record makes of it{beside}. {judged} Mass, stiffness, gap "
+        "and the scales of force and position act alike in such a record: their intervals rest on the tolerances "
+        "stated."
     )
     columns = ("parameter", "believed", "fitted", "95 % interval", "tolerances")
     return Stage("Believed parameters", sentence, (), plot=parameters_figure(found.parameters),

@@ -139,12 +139,15 @@ def sure_rows(found: Diagnosis) -> list[tuple[str, str]]:
     """How sure the verdict is, as (what, figure)."""
     rows = []
     for cause in found.causes:
-        rows.append((called(cause.effect), f"{nats_text(cause.statistic)} over the model without it"))
-        rows.append(("held-out runs, of which no fit knew", f"{nats_text(cause.gain, sign=True)} of log likelihood"))
+        name = called(cause.effect)
+        rows.append((name, f"{nats_text(cause.statistic)} over the model without it"))
+        gain = nats_text(cause.gain, sign=True)
+        rows.append((f"{name}, on runs of which no fit knew", f"{gain} of log likelihood"))
         if cause.p_value is not None:
-            rows.append(("clean records that reach it", f"{100 * cause.p_value:.2g} %"))
+            share = f"{100 * cause.p_value:.2g} %, this one counted"
+            rows.append((f"{name}, clean records with as much", share))
         if cause.rivals:
-            rows.append(("not told apart from", ", ".join(called(name) for name in cause.rivals)))
+            rows.append((f"{name}, not told apart from", ", ".join(called(other) for other in cause.rivals)))
     if found.threshold == found.threshold:
         rows.append(("threshold of the first effect", nats_text(found.threshold)))
     rows.append(("false alarms", false_alarm_text(found)))
@@ -158,7 +161,10 @@ def judged_runs(found: Diagnosis) -> list[Accuracy]:
 
 def floors(one: Accuracy) -> tuple[float, float, float]:
     """RMS errors of the believed, the re-fitted and the extended model over the noise's sigma."""
-    return tuple(f.rms / f.floor for f in (one.nominal, one.refitted, one.extended))  # type: ignore[return-value]
+    nominal, refitted, extended = (
+        f.rms / f.floor if f.floor > 0 else float("inf") for f in (one.nominal, one.refitted, one.extended)
+    )
+    return nominal, refitted, extended
 
 
 def telling(found: Diagnosis) -> Accuracy | None:
@@ -208,7 +214,7 @@ def next_steps(found: Diagnosis) -> list[tuple[str, str]]:
         gain = found.parameters.get("position_gain")
         if gain is not None:
             told += "; the fitted gain of the position reading stands in it as position_sensor_nonlinearity.gain_error"
-        steps.append(("to use the better model", told))
+        steps.append((f"to use the {'better' if found.causes else 're-fitted'} model", told))
     return steps
 
 
@@ -222,9 +228,11 @@ def _separating(cause: Cause) -> str:
 
 
 def _looking(found: Diagnosis) -> str:
-    if found.unexplained.depends_on:
-        return "Vary that variable alone in a further run."
-    return "Look at the residuals below: over frequency for a line or a resonance, over time for an event or a drift."
+    looking = "Look at the residuals below: over frequency for lines and resonances, over time for events and drift."
+    asked = found.unexplained.next_experiment
+    if not asked:
+        return looking
+    return f"Next run: {asked}." if found.unexplained.depends_on else f"{looking} Next run: {asked}."
 
 
 def one_of(cause: Cause) -> str:

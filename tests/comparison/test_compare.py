@@ -87,7 +87,7 @@ def test_held_out_data_move_no_model(record, found, table):
 def test_the_report_stands_alone(found, tmp_path):
     page = write_page(comparison_page(found), tmp_path / "report.html").read_text()
     assert found.verdict.split(";")[0].replace("'", "&#39;") in page
-    assert "measured - modelled in" in page
+    assert "difference in" in page
     assert '<script src="http' not in page
 
 

@@ -21,7 +21,7 @@ from control_cases import (
 )
 from scipy.signal import lfilter
 
-from msl_fem.control import TruePlant, design_controller, run_closed_loop, with_measured_gap
+from msl_fem.control import TruePlant, closed_loop_record, design_controller, run_closed_loop, with_measured_gap
 from msl_fem.control.controller import controller_state, controller_step
 from msl_fem.control.inverse import force_domain
 from msl_fem.control.linear_loop import AtPosition
@@ -212,6 +212,19 @@ def test_figures_are_those_of_the_arrays():
     assert content["tracking_rms_m"] == run.tracking_rms
     assert content["guard_violations"] == 0
     assert 30e-9 < np.std(run.measured - run.position) < 200e-9
+
+
+@pytest.mark.parametrize("delay", [0, 1, 2])
+def test_a_record_holds_the_commands_that_act(delay):
+    actuator = delayed(delay)
+    design = servo_design() if delay == 1 else delayed_design(delay)
+    run = run_closed_loop(design, sine(0.2e-3, 10.0, 0.4), plant=TruePlant(actuator, TABLE), generator=noise())
+    np.testing.assert_array_equal(run.acting[delay:], run.command[: run.time.size - delay])
+    assert (run.acting[:delay] == 0).all()
+    columns = closed_loop_record(actuator, run, excitation="sine").runs[0].columns
+    np.testing.assert_array_equal(columns["command_2_A"], run.acting[:, 1])
+    np.testing.assert_array_equal(columns["position_m"], run.measured)
+    assert 1e-3 < np.std(columns["current_1_A"] - run.current[:, 0]) < 4e-3
 
 
 def test_the_same_seed_gives_the_same_run_and_another_does_not():

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from control_cases import TABLE, believed, delayed, delayed_design, servo_design
+from control_cases import TABLE, believed, delayed, delayed_design, servo, servo_design, servo_map
 
-from msl_fem.control import TruePlant, frequency_response
+from msl_fem.control import TruePlant, belief_of, frequency_response, lqr_design
 from msl_fem.errors import InputError
 
 FREQUENCIES = (2.0, 5.0, 11.0, 23.0, 37.0, 50.0, 61.0, 80.0, 110.0)

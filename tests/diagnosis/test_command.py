@@ -25,7 +25,7 @@ from msl_fem.record import Record, load_record, write_record
 from msl_fem.table import MagneticTable, read_table, write_table
 
 Run = Callable[..., Outcome]
-NOISE = "band-limited-noise:bias=0.5 A,amplitude=0.12 A,band=300 Hz,duration=0.8 s,seed=4"
+NOISE = "band-limited-noise:bias=0.5 A,amplitude=0.12 A,band=300 Hz,duration=0.6 s,seed=4"
 SWEEP = "swept-sine:bias=0.5 A,amplitude=0.05 A,start=10 Hz,stop=200 Hz,duration=0.5 s"
 RATE, DELAY = 5e3, 1.6e-4
 FIELDS = {"schema", "verdict", "reason", "causes", "unexplained", "accuracy", "parameters"}
@@ -43,9 +43,9 @@ def simulated(actuator: Actuator, table: MagneticTable, effects: EffectValues | 
 
 @pytest.fixture(scope="module")
 def desk(servo: Actuator, table: MagneticTable, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a record of a rig whose commands act late, its table, and its diagnosis in `out`."""
+    """A folder with a record of a rig whose position is read late, its table, and its diagnosis in `out`."""
     folder = tmp_path_factory.mktemp("desk")
-    late = EffectValues({"time_delay": {"command": DELAY}})
+    late = EffectValues({"time_delay": {"position": DELAY}})
     write_record(simulated(servo, table, late), folder / "record")
     write_table(table, folder / "table.nc")
     return folder
@@ -67,7 +67,7 @@ def test_the_cause_is_named_and_all_files_are_there(desk: Path, said: str) -> No
     assert fields["verdict"] == "named"
     (cause,) = fields["causes"]
     assert cause["effect"] == "time_delay"
-    found = cause["parameters"]["command"]
+    found = cause["parameters"]["position"]
     assert found["unit"] == "s"
     assert found["ci95"][0] < DELAY < found["ci95"][1]
     assert found["value"] == pytest.approx(DELAY, rel=0.05)
@@ -80,7 +80,7 @@ def test_the_cause_is_named_and_all_files_are_there(desk: Path, said: str) -> No
 
 def test_the_extended_model_names_its_table_and_has_the_effect(desk: Path, said: str) -> None:
     model = load_extended_model(desk / "out" / "extended_model.toml")
-    assert model.effects.get("time_delay", "command") == pytest.approx(DELAY, rel=0.05)
+    assert model.effects.get("time_delay", "position") == pytest.approx(DELAY, rel=0.05)
     assert model.actuator.magnet is not None
     assert model.actuator.magnet.kind == "table"
     corrected = read_table(model.actuator.folder / model.actuator.magnet.table)

@@ -16,6 +16,7 @@ from docs_walk import ROOT, TRIED, Block, blocks
 
 from msl_fem import study as study_module
 from msl_fem.actuator import Actuator
+from msl_fem.cli import study as study_command
 from msl_fem.cli import table as table_command
 from msl_fem.cli.app import app
 from msl_fem.cli.output import run_guarded
@@ -45,6 +46,8 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(study_module, "default_grid", small_grid)
     monkeypatch.setattr(table_command, "default_grid", small_grid)
+    for command in (table_command, study_command):  # a small grid is not worth a process that imports everything
+        monkeypatch.setattr(command, "default_workers", lambda: 1)
     monkeypatch.setenv("MPLBACKEND", "Agg")
     return tmp_path
 

@@ -164,6 +164,9 @@ def fuzz_in_children(n: int, *, seed: int, names: list[str] | None) -> dict[str,
                 done += 1
         except EOFError:
             pass
+        except KeyboardInterrupt:  # what was judged so far counts
+            child.kill()
+            break
         if done < n:
             name = chosen[done % len(chosen)]
             child.join(1)
@@ -190,7 +193,8 @@ def main() -> int:
         cells = (sum(v.ends.values()), v.ends["0"], v.ends["2"], v.ends["1"], len(v.wrong), f"{v.slowest:.2f}")
         print(f"| {name} | {' | '.join(map(str, cells))} |")
     wrong = [one for v in verdicts.values() for one in v.wrong]
-    print(f"\n{wanted.inputs} inputs, seed {wanted.seed}, {time.perf_counter() - start:.0f} s: {len(wrong)} wrong")
+    judged = sum(sum(v.ends.values()) for v in verdicts.values())
+    print(f"\n{judged} inputs, seed {wanted.seed}, {time.perf_counter() - start:.0f} s: {len(wrong)} wrong")
     for one in wrong[:200]:
         print(one)
     return bool(wrong)

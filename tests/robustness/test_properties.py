@@ -117,6 +117,18 @@ def test_an_extended_model_reads_back_as_it_was_written(effects: EffectValues) -
     assert again.effects.present == effects.present
 
 
+@pytest.mark.parametrize("end", [0, 1])
+def test_effects_at_their_bounds_read_back(end: int, tmp_path: Path) -> None:
+    """A text with a prefix may round across a bound; then the file says the number itself."""
+    stated: dict[str, dict[str, float]] = {}
+    for effect, p in PARAMETERS:
+        if np.isfinite(p.bounds[end]):
+            stated.setdefault(effect, {})[p.name] = p.bounds[end]
+    effects = EffectValues(stated)
+    again = load_extended_model(write_extended_model(ExtendedModel(SERVO, effects), tmp_path / "e.toml"))
+    np.testing.assert_allclose(again.effects.vector(), effects.vector(), rtol=5e-16, atol=0)
+
+
 @FEW
 @given(n=st.sampled_from(range(len(PARAMETERS))), beyond=st.floats(1e-6, 1e6), above=st.booleans())
 def test_an_effect_beyond_its_bounds_is_refused(n: int, beyond: float, above: bool) -> None:

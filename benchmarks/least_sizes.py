@@ -1,0 +1,75 @@
+"""The least size of each effect that a record of 4 s can show, before anything is measured: docs/diagnosis.md.
+
+    python benchmarks/least_sizes.py
+
+Records are planned ones: the usual excitations of the virtual bench, simulated by the believed model itself.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from diagnosis_study import DRIVES, ROOT, actuator_of
+from marked_text import put
+
+from msl_fem.bench import BenchOptions, sealed_record
+from msl_fem.diagnosis.fit import fit
+from msl_fem.diagnosis.least_sizes import LeastSize, least_sizes
+from msl_fem.diagnosis.prepare import prepared
+from msl_fem.diagnosis.scene import scene
+from msl_fem.diagnosis.scoring import scores
+from msl_fem.diagnosis.variants import possible, variants
+from msl_fem.effects import CATALOGUE, find_parameter
+from msl_fem.quantity import format_quantity
+from msl_fem.record_fit import Belief, run_data
+from msl_fem.table import read_table
+
+DOCUMENT = ROOT / "docs" / "diagnosis.md"
+IDENTIFIABLE = 0.03
+
+
+def of_drive(drive: str) -> dict[str, LeastSize]:
+    """Least sizes in a drive, by effect."""
+    actuator, table = actuator_of(drive), read_table(ROOT / "lookup_tables" / "fast_tool_servo.nc")
+    record = sealed_record(actuator, table, (), BenchOptions(seed=1)).record
+    belief = Belief(record.actuator, table)
+    likelihood, unknowns = prepared(belief, [run_data(record, record.runs[0])], record.tolerance)
+    base = fit(likelihood, unknowns, np.zeros(unknowns.size))
+    plant = likelihood.problem.plant.parameters
+    tried = [v for e in possible(plant) for v in variants(e, scene(likelihood, base), plant)]
+    return {one.effect: one for one in least_sizes(likelihood, base, scores(likelihood, base, tried))}
+
+
+def table_of(found: dict[str, dict[str, LeastSize]]) -> str:
+    head = ["effect", *(f"{drive}: least size | amount | all else known" for drive in found)]
+    lines = ["| " + " | ".join(head) + " |", "| --- " * (1 + 3 * len(found)) + "|"]
+    for effect in CATALOGUE:
+        cells = [f"`{effect}`"]
+        for drive in found:
+            one = found[drive].get(effect)
+            cells += ["-", "-", "-"] if one is None else _cells(one)
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _cells(one: LeastSize) -> list[str]:
+    unit = find_parameter(one.effect, one.name).unit
+    amount = format_quantity(one.amount, unit, digits=2) if unit else f"{one.amount:.2g}"
+    return [f"{100 * one.size:.2g} %", f"{one.name} {amount}", f"{100 * one.alone:.1g} %"]
+
+
+def main() -> None:
+    found = {drive: of_drive(drive) for drive in DRIVES}
+    text = table_of(found)
+    hidden = {
+        drive: [effect for effect in CATALOGUE if effect not in sizes or sizes[effect].size > IDENTIFIABLE]
+        for drive, sizes in found.items()
+    }
+    said = "; ".join(f"{drive} drive: {', '.join(names) or 'all can'}" for drive, names in hidden.items())
+    text += f"\n\nNot to be found at 3 % on such a record: {said}."
+    print(text)
+    if Path(DOCUMENT).is_file():
+        DOCUMENT.write_text(put(DOCUMENT.read_text(encoding="utf-8"), "least sizes", text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,53 @@
+"""A smooth error of the table: its size, its smoothness, and that force and flux stay derivatives of one coenergy."""
+
+import numpy as np
+import pytest
+from diagnosed import TABLE
+
+from msl_fem.diagnosis.table_error import Visited, corrected, table_error
+
+VISITED = Visited((0.3, 1.2), (4.5e-4, 7.5e-4))
+
+
+def test_the_corrected_table_is_what_the_lanes_take() -> None:
+    error = table_error(TABLE, VISITED, tolerance=1e-3)
+    numbers = np.random.default_rng(3).standard_normal(len(error.modes))
+    table = corrected(TABLE, error, numbers, scale=1.002)
+    surface = 1.002 * (TABLE.surface.coefficients + np.tensordot(numbers, error.modes, axes=1))
+    assert table.surface.coefficients == pytest.approx(surface, rel=1e-7, abs=1e-9 * np.abs(surface).max())
+
+
+def test_force_and_flux_stay_reciprocal() -> None:
+    error = table_error(TABLE, VISITED, tolerance=0.05)
+    table = corrected(TABLE, error, np.ones(len(error.modes)), scale=1.0)
+    i, g, d = 0.7, 6e-4, 1e-5
+    force_slope = (table.force(i + d, g) - table.force(i - d, g)) / (2 * d)
+    flux_slope = (table.flux_linkage(i, g + 1e-8) - table.flux_linkage(i, g - 1e-8)) / 2e-8
+    assert float(force_slope) == pytest.approx(-float(flux_slope), rel=1e-5)
+
+
+def test_its_size_over_the_whole_table_is_the_tolerance() -> None:
+    """With the whole table visited, the RMS relative error of force or flux over random draws is the tolerance."""
+    everywhere = Visited((0.0, float(TABLE.current[-1])), (float(TABLE.gap[0]), float(TABLE.gap[-1])))
+    error = table_error(TABLE, everywhere, tolerance=1e-3)
+    chance, found = np.random.default_rng(4), []
+    for _ in range(60):
+        numbers = chance.standard_normal(len(error.modes))
+        changes = {n: np.tensordot(numbers, error.nodes[n], axes=1)[:, 1:] for n in ("force", "flux_linkage")}
+        found.append([float(np.mean((changes[n] / TABLE.nodes[n][:, 1:]) ** 2)) for n in changes])
+    assert np.sqrt(np.max(np.mean(found, axis=0))) == pytest.approx(1e-3, rel=0.25)
+
+
+def test_where_a_record_goes_an_error_of_another_kind_is_a_sum_of_modes() -> None:
+    """A smooth factor that is not made of the modes: what they cannot follow is below a fiftieth of it."""
+    error = table_error(TABLE, VISITED, tolerance=1e-3)
+    i, g = np.meshgrid(np.linspace(0.3, 1.2, 12), np.linspace(4.5e-4, 7.5e-4, 12))
+    wanted = 1e-3 * np.cos(i / 2.5 + g / 4e-4)
+    coenergy = TABLE.evaluate(i.ravel(), g.ravel())["coenergy"]
+    factors = []
+    for k in range(len(error.modes)):
+        one = corrected(TABLE, error, np.eye(len(error.modes))[k], scale=1.0)
+        factors.append(one.evaluate(i.ravel(), g.ravel())["coenergy"] / coenergy - 1)
+    basis = np.array(factors).T
+    numbers = np.linalg.lstsq(basis, wanted.ravel(), rcond=None)[0]
+    assert np.abs(basis @ numbers - wanted.ravel()).max() < 2e-5
