@@ -22,7 +22,7 @@ from msl_fem.actuator import parse_actuator
 from msl_fem.constants import MU_0
 from msl_fem.coupled_model import Inputs, Options, simulate
 from msl_fem.material import iron_from_points
-from msl_fem.plunger import PlungerMagnet
+from msl_fem.plunger import PlungerMagnet, solve_plunger
 from msl_fem.plunger_table import plunger_table
 from msl_fem.table import MagneticTable
 
@@ -37,6 +37,8 @@ SHARES = (0.0, 0.02, 0.032)
 COARSE_GAPS = np.r_[0.2, 0.25, 0.3, 0.4, 0.6, 1, 1.5, 2, 3, 4, 5, 5.1]
 COARSE_CURRENTS = np.r_[0.05, 0.2, 0.35, 0.5, 0.7, 0.9, 1.1, 1.25]
 PERMEABLE = (1.0, 1.25, 1.4)
+PLACES = (4.9e-3, 3.5e-3, 2.0e-3, 0.9e-3, 0.27e-3)  # m, of the reference's run
+STATIC_PLACES = (5e-3, 3e-3, 1e-3, 0.25e-3)  # m, of its static table at 1.2 A
 FLAT = 400.0  # relative permeability of the steel's formula below the knee
 RIG = {
     "schema": 1,
@@ -120,6 +122,32 @@ def steel_rows(wanted: PullIn) -> str:
     return "\n".join(lines)
 
 
+def path_rows() -> str:
+    """Flux linkage and force at the reference's own currents and gaps, by the formula's steel and another.
+
+    The reference's flux linkage is the integral of 12 V less the resistance's drop.
+    """
+    t, i, force, x = np.loadtxt(REFERENCE / "solenoid" / "fea_pullin_12V_10g.csv", delimiter=",").T
+    kept = np.r_[True, np.diff(t) > 0]
+    t, i, force, x = t[kept], i[kept], np.abs(force[kept]), x[kept]
+    flux = np.r_[0.0, np.cumsum((12.0 - 10.0 * (i[1:] + i[:-1]) / 2) * np.diff(t))]
+    places = [int(np.argmax(x <= place)) for place in PLACES]
+    points = [("run", i[k], x[k], flux[k], force[k]) for k in places]
+    static = np.genfromtxt(REFERENCE / "solenoid" / "fea_quasistatic_12V.csv", delimiter=",")
+    for place in STATIC_PLACES:
+        row = static[np.argmin(np.abs(static[:, 0] - place))]
+        points.append(("static", FULL_CURRENT, row[0], FULL_CURRENT * row[3], abs(row[1])))
+    head = f"flux linkage, force (%) | {100 * (PERMEABLE[-1] - 1):.0f} % more permeable (%)"
+    lines = [f"| reference | i (A) | x (mm) | {head} |", "| --- | ---: | ---: | ---: | ---: |"]
+    for name, current, gap, linked, pull in points:
+        cells = []
+        for factor in (1.0, PERMEABLE[-1]):
+            got = solve_plunger(more_permeable(solenoid(), factor), float(current), float(gap))
+            cells.append(f"{100 * (got.flux_linkage / linked - 1):+.1f}, {100 * (abs(got.force) / pull - 1):+.1f}")
+        lines.append(f"| {name} | {current:.3f} | {gap * 1e3:.2f} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 def main() -> None:
     table, wanted = plunger_table(solenoid(), GAPS * 1e-3, CURRENTS), reference()
     lines = ["| table | 0.30 mm at (ms) | time (%) | current (% of 1.2 A) | gap (% of 5 mm) |"]
@@ -131,7 +159,11 @@ def main() -> None:
         name = f"ours, {100 * share:.1f} % more work over the stroke" if share else "ours"
         figures = f"{found.passed * 1e3:.2f} | {100 * time:+.2f} | {100 * current:.1f} | {100 * gap:.1f}"
         lines.append(f"| {name} | {figures} |")
-    for mark, content in (("pull-in", "\n".join(lines)), ("pull-in steel", steel_rows(wanted))):
+    for mark, content in (
+        ("pull-in", "\n".join(lines)),
+        ("pull-in path", path_rows()),
+        ("pull-in steel", steel_rows(wanted)),
+    ):
         print(content)
         DOCUMENT.write_text(put(DOCUMENT.read_text(encoding="utf-8"), mark, content), encoding="utf-8")
 

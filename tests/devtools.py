@@ -23,7 +23,7 @@ SWITCHES = (
     "--disable-component-update", "--disable-sync", "--disable-quic", "--disable-dev-shm-usage", "--hide-scrollbars",
     "--remote-debugging-pipe", "--force-color-profile=srgb",
 )  # fmt: skip
-PATIENCE = 60.0  # s for one answer; a loaded machine starts a browser slowly
+PATIENCE = 180.0  # s for one answer; a loaded machine starts a browser slowly
 KEYS = {"ArrowRight": 39, "ArrowLeft": 37, "ArrowUp": 38, "ArrowDown": 40, "Home": 36, "End": 35}
 
 

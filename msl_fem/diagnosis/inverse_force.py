@@ -2,8 +2,9 @@
 
 Position and force pass one zero-phase low-pass; velocity and acceleration are central differences of the low-passed
 position (A. Janot, P.-O. Vandanjon, M. Gautier, IEEE Trans. Control Syst. Technol. 22, 2014, 776-782). The second
-difference of a mass under held forces is exactly the mean of those before and behind the sample. An effect of the sensor is undone on the way from reading to motion, one of the drive done to the commands, one of the mover adds to
-the force; friction is the catalogue's stops at the measured position. Delays, lags and a second mass are filters.
+difference of a mass under held forces is exactly the mean of those before and behind the sample. An effect of the
+sensor is undone on the way from reading to motion, one of the drive done to the commands, one of the mover adds to the
+force; friction is the catalogue's stops at the measured position. Delays, lags and a second mass are filters.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,6 +23,7 @@ from msl_fem.record_fit import RunData
 from msl_fem.record_fit.run_data import POSITION
 
 Array = NDArray[np.float64]
+Spectrum = NDArray[np.complexfloating]
 ORDER = 4
 OF_POSITION = 2.5
 """The position's low-pass over the equation's: so it does not bend what the equation keeps."""
@@ -127,7 +129,7 @@ def measured_motion(
     natural = 2 * np.pi * v["structural_mode", "frequency"]
     zeta = v["structural_mode", "damping_ratio"]
 
-    def mode(s: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def mode(s: Spectrum) -> Spectrum:
         return -(s**2) / (s**2 + 2 * zeta * natural * s + natural**2)
 
     if late or lag or read:
@@ -202,7 +204,7 @@ def _undone(reading: Array, v: dict[tuple[str, str], float]) -> Array:
 _SENSOR = "position_sensor_nonlinearity"
 
 
-def _filtered(signal: Array, rate: float, answer: Callable[[NDArray[np.complex128]], NDArray[np.complex128]]) -> Array:
+def _filtered(signal: Array, rate: float, answer: Callable[[Spectrum], Spectrum]) -> Array:
     """A signal through a filter's frequency response (of s); the line between its ends passes by its value at 0, its
     slope by the response's first derivative there."""
     n = signal.size

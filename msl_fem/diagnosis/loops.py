@@ -25,7 +25,7 @@ from msl_fem.diagnosis.prepare import START, highest_line, visited
 from msl_fem.diagnosis.scene import scene
 from msl_fem.diagnosis.simulator import Points, Problem
 from msl_fem.diagnosis.static_maps import StaticLikelihood, prepared_map
-from msl_fem.diagnosis.table_error import Visited, table_error
+from msl_fem.diagnosis.table_error import TableError, Visited, table_error
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant, possible, variants
 from msl_fem.effects import neutral_vector
@@ -188,7 +188,7 @@ def _without_voltages(run: RunData) -> RunData:
 
 def _common_error(
     record: Record, belief: Belief, plant: Plant, data: tuple[Sequence[RunData], StaticLikelihood | None]
-):  # type: ignore[no-untyped-def]
+) -> TableError | None:
     """The table's error over all that runs and map visit."""
     (runs, static), tolerance = data, record.tolerance.table
     if belief.table is None or not tolerance:

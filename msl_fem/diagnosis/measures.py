@@ -1,6 +1,6 @@
 """Numbers that can be measured beside a run, as functions of what a fit does not know."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ def beside_a_run(problem: Problem) -> Iterator[Measure]:
         yield Measure("one force at rest, by a load cell", _static_force(problem), LOAD_CELL)
 
 
-def _static_force(problem: Problem):  # type: ignore[no-untyped-def]
+def _static_force(problem: Problem) -> Callable[[dict[str, float], Array, Array], float]:
     """The log of a magnet's force at rest, at the nominal gap and the mean current of the runs."""
     plant = problem.plant
     p = plant.parameters

@@ -1,4 +1,4 @@
-"""Which records free runs do not serve, and their diagnoses: static maps alone, carriages, closed or unstable loops."""
+"""Which records free runs do not serve, and their diagnoses: static maps alone, carriages, unstable plants."""
 
 from collections.abc import Sequence
 
@@ -8,6 +8,7 @@ from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.loops import of_loops
 from msl_fem.diagnosis.mechanical_rig import carriage, is_carriage
 from msl_fem.diagnosis.other_records import Tell, diagnosis_of
+from msl_fem.diagnosis.rests import of_rests, rests
 from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.diagnosis.static_maps import of_map, why_no_map
 from msl_fem.record import Record
@@ -32,11 +33,15 @@ def other_diagnosis(
         likelihood, unknowns, kind = of_map(record, belief)
         return diagnosis_of(likelihood, unknowns, kind, rule=rule, tell=tell)
     mechanical = is_carriage(plant_parameters(record.actuator))
-    looped = any("reference_m" in run for run in record.runs) or bool(unstable_run(belief, data))
-    if not (mechanical or looped):
-        return None
+    if not mechanical and not unstable_run(belief, data):
+        return None  # the recorded commands make a free run, whatever made them
     reason = why_not(record, data)
     if reason:
         return Diagnosis("undecidable", reason)
+    if record.static is not None and plant_parameters(record.actuator).sides == 1:
+        stood = rests(record)
+        if {"fit", "held-out"} <= set(stood.role):
+            static, unknowns, kind = of_rests(record, belief, stood)
+            return diagnosis_of(static, unknowns, kind, rule=rule, tell=tell)
     likelihood_, unknowns, kind = (carriage if mechanical else of_loops)(record, belief, data)
     return diagnosis_of(likelihood_, unknowns, kind, rule=rule, tell=tell)

@@ -39,6 +39,8 @@ class Kind:
     finished : share of the excess power that a further effect may leave, where the fit before was not quiet
     experiments : effect to what would separate it from its rivals
     notes : what the reader must know beside the verdict
+    next_experiment : what would show more of what is left unexplained
+    faithful : how many times their error on the fit data the effects may err on held-out data, to be named
     """
 
     prediction: str
@@ -49,6 +51,8 @@ class Kind:
     finished: float = FINISHED
     experiments: Mapping[str, str] | None = None
     notes: tuple[str, ...] = ()
+    next_experiment: str = ""
+    faithful: float = float("inf")
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,21 +110,46 @@ def verdict(likelihood: Likelihood, trail: Trail, kind: Kind, *, rule: Rule) -> 
         taken -= 1
         name = trail.fits[taken + 1].unknowns.effects[-1].effect
         notes.append(f"{name} makes held-out data worse and is not named")
+    mimics = _unfaithful(follows[taken], kind) if taken else ""
+    if mimics:
+        tried = ", ".join(one.unknowns.effects[-1].effect for one in trail.fits[1 : taken + 1])
+        reason = (
+            f"{tried} would account for the fit data, and {mimics}: something else acts alike where these were taken"
+        )
+        rows = tuple(Accuracy(*row, kind.prediction) for row in zip(nominal, follows[0], follows[taken], strict=True))
+        left = Unexplained(_share(trail, taken), next_experiment=kind.next_experiment)
+        return Diagnosis(
+            "undecidable", reason, unexplained=left, accuracy=rows, refitted=kind.extend(trail.fits[0]),
+            threshold=rule.threshold, statistics=_statistics(trail), notes=tuple(notes),
+        )  # fmt: skip
     final, calm = trail.fits[taken], quiet(trail.excesses[taken])
     words = ("nothing-found", "unexplained", "named", "named-and-unexplained")
     return Diagnosis(
         words[2 * bool(taken) + (not calm)],  # type: ignore[arg-type]
         _reason(trail, taken),
         tuple(_cause(trail, n, gains[n], (kind, final)) for n in range(taken)),
-        Unexplained(0.0 if calm else _share(trail, taken)),
+        Unexplained(0.0) if calm else Unexplained(_share(trail, taken), next_experiment=kind.next_experiment),
         tuple(Accuracy(*row, kind.prediction) for row in zip(nominal, follows[0], follows[taken], strict=True)),
         believed_estimates(kind.belief, final) if final.unknowns.believed else {},
         kind.extend(trail.fits[0]),
         kind.extend(final),
         rule.threshold,
-        statistics=tuple(tuple((r.variant.effect, r.gain) for r in s.refits[:3]) for s in trail.stages),
+        statistics=_statistics(trail),
         notes=tuple(notes),
     )
+
+
+def _unfaithful(found: Sequence[Followed], kind: Kind) -> str:
+    """On which channel held-out data are followed much worse than fit data, in words; empty where on none."""
+    for one in _held_out(found):
+        own = [f.rms for f in found if f.role == "fit" and f.channel == one.channel]
+        if own and one.rms > kind.faithful * max(*own, one.floor):
+            return f"errs by {one.rms:.3g} on held-out {one.channel}, {one.rms / max(own):.3g} times as much as there"
+    return ""
+
+
+def _statistics(trail: Trail) -> tuple[tuple[tuple[str, float], ...], ...]:
+    return tuple(tuple((r.variant.effect, r.gain) for r in s.refits[:3]) for s in trail.stages)
 
 
 def _accepted(trail: Trail, kind: Kind, rule: Rule) -> int:

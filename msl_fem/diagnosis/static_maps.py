@@ -37,6 +37,7 @@ STATIC_EFFECTS = (
 """What a magnet at rest can show; of the current's sensor, side 1's stands for the map's."""
 FEWEST_ROWS = 12
 FORCE, FLUX = "force_N", "flux_linkage_Wb"
+MARGIN = 4.0  # tolerances of the gap: rows nearer to the table's ends would leave it in a fit
 LEAST_NOISE = 1e-5  # of the largest value, where no noise is stated
 EXPERIMENTS = {
     "gap_offset": "a map down to half the smallest gap: an offset grows there as 1/gap, a scale does not",
@@ -54,7 +55,7 @@ class MeasuredMap:
 
     Attributes
     ----------
-    channels : name to (n_row,) measured
+    channels : name to (n_row,) measured; nan where a row lacks it
     sigmas : name to one sigma
     counted : (n_row,) rows of the role `fit` that lie inside the table
     """
@@ -63,6 +64,10 @@ class MeasuredMap:
     channels: dict[str, Array]
     sigmas: dict[str, float]
     counted: NDArray[np.bool_]
+
+    def counts(self, name: str) -> NDArray[np.bool_]:
+        """(n_row,) rows of a channel that a fit looks at."""
+        return np.asarray(self.counted & np.isfinite(self.channels[name]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +82,8 @@ class StaticLikelihood(Likelihood):
         found = []
         for z, effects in zip(points.rows, vectors, strict=True):
             missed = self.missed(points.unknowns, z, effects)
-            kept = self.measured.counted
-            found.append(np.concatenate([missed[n][kept] / s for n, s in self.measured.sigmas.items()]))
+            m = self.measured
+            found.append(np.concatenate([missed[n][m.counts(n)] / s for n, s in m.sigmas.items()]))
         return np.array(found)
 
     def missed(self, unknowns: Unknowns, z: Array, effects: Array) -> dict[str, Array]:
@@ -98,7 +103,7 @@ class StaticLikelihood(Likelihood):
             )  # fmt: skip
         except (OutOfTable, InputError):
             force = flux = np.full(rows.gap.size, np.nan)
-        return {FORCE: force, FLUX: flux}
+        return {FORCE: force + effects[PLACE["force_offset", "force"]], FLUX: flux}
 
     def _surface(self, unknowns: Unknowns, z: Array) -> Surface:
         surface, error = self.problem.plant.surface, self.problem.table_error
@@ -109,16 +114,21 @@ class StaticLikelihood(Likelihood):
     @property
     def labels(self) -> NDArray[np.intp]:
         """(n_number,) the channel of each number."""
-        return np.repeat(np.arange(len(self.measured.sigmas)), int(self.measured.counted.sum()))
+        numbers = [int(self.measured.counts(name).sum()) for name in self.measured.sigmas]
+        return np.repeat(np.arange(len(numbers)), numbers)
 
     @property
     def channel_names(self) -> list[str]:
         return list(self.measured.sigmas)
 
     def excess(self, found: Fit) -> dict[str, float]:
-        """Channel to RMS residual of the counted rows over the noise."""
-        parts = np.split(found.residual, len(self.measured.sigmas))
-        return {name: float(np.sqrt(np.mean(one**2))) for name, one in zip(self.measured.sigmas, parts, strict=True)}
+        """Channel to RMS residual of the counted rows over the noise, over what chance makes of so few: 1 and two
+        standard errors of an RMS of n numbers, 1/sqrt(2 n) each."""
+        labels, made = self.labels, {}
+        for n, name in enumerate(self.measured.sigmas):
+            own = found.residual[labels == n]
+            made[name] = float(np.sqrt(np.mean(own**2)) / (1.0 + 2.0 / np.sqrt(2.0 * own.size)))
+        return made
 
 
 def why_no_map(static: StaticMap) -> str:
@@ -145,7 +155,10 @@ def measured_map(record: Record, table: MagneticTable) -> MeasuredMap:
     stated = {FORCE: record.noise.force, FLUX: record.noise.flux_linkage}
     channels = {n: c for n, c in ((FORCE, static.force), (FLUX, static.flux_linkage)) if c is not None}
     sigmas = {name: float(stated[name] or _roughness(static, values)) for name, values in channels.items()}
-    inside = (static.gap > table.gap[0]) & (static.gap < table.gap[-1]) & (np.abs(static.current) < table.current[-1])
+    motion = record.actuator.motion
+    margin = MARGIN * record.tolerance.nominal_gap * float((motion.nominal_gap if motion else None) or 0.0)
+    inside = (static.gap > table.gap[0] + margin) & (static.gap < table.gap[-1] - margin)
+    inside &= np.abs(static.current) < table.current[-1]
     counted = inside & (static.role == "fit")
     if not counted.any():
         raise InputError("no row of static.csv lies inside the table; extend the sweep")
@@ -220,10 +233,12 @@ def map_followed(likelihood: StaticLikelihood, found: Fit | None) -> list[Follow
     missed = likelihood.missed(unknowns, z, unknowns.effect_vector(z))
     made = []
     for role in ("fit", "held-out"):
-        at = np.flatnonzero(measured.rows.role == role)
-        for name in missed if at.size else ():
+        for name in missed:
+            at = np.flatnonzero((measured.rows.role == role) & np.isfinite(measured.channels[name]))
+            if not at.size:
+                continue
             rms = float(np.sqrt(np.mean(missed[name][at] ** 2)))
-            deviation = float(measured.channels[name][at].std())
+            deviation = float(measured.channels[name][at].std()) or float(np.abs(measured.channels[name][at]).mean())
             made.append(
                 Followed("static", role, name, rms if np.isfinite(rms) else np.inf, rms / deviation,
                          measured.sigmas[name], at.size, deviation)
@@ -246,7 +261,7 @@ def map_extension(belief: Belief, likelihood: StaticLikelihood, found: Fit) -> B
 
 
 def of_map(record: Record, belief: Belief) -> tuple[StaticLikelihood, Unknowns, Kind]:
-    """What the diagnosis of a static map needs.
+    """What the diagnosis of the static map of a record needs.
 
     Raises
     ------

@@ -72,5 +72,6 @@ def test_the_explorer_says_where_a_level_is_not_reached(browser: Browser, tmp_pa
 def test_ticks_of_a_logarithmic_axis_say_their_number(browser: Browser, tmp_path: Path) -> None:
     browser.size(1200)
     browser.open(write_page(hostile(), tmp_path / "page.html"))
+    browser.until("document.querySelectorAll('.xtick text').length > 0")
     ticks = browser.run("[...document.querySelectorAll('.xtick text')].map(t => t.textContent)")
     assert ticks == ["2", "5", "10", "20", "50", "100", "200"]

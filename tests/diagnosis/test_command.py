@@ -16,10 +16,12 @@ from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.app import app
 from msl_fem.cli.diagnose import tried_line
 from msl_fem.cli.output import run_guarded
+from msl_fem.comparison import CompareSettings
 from msl_fem.coupled_model import NamedRun, bearable_run, simulation_record
 from msl_fem.coupled_model.excitation import parse_excitation
 from msl_fem.diagnosis.diagnose import DiagnosisSettings
 from msl_fem.effects import EffectValues
+from msl_fem.errors import InputError
 from msl_fem.extended_model import load_extended_model
 from msl_fem.record import Record, load_record, write_record
 from msl_fem.table import MagneticTable, read_table, write_table
@@ -105,7 +107,7 @@ def test_simulate_takes_it_and_makes_the_measured_run(msl_fem: Run, desk: Path, 
     assert measured.std() > 20 * error
 
 
-def test_compare_takes_it_with_its_own_table(msl_fem: Run, desk: Path, said: str) -> None:
+def test_compare_takes_it(msl_fem: Run, desk: Path, said: str) -> None:
     extended = str(desk / "out" / "extended_model.toml")
     arguments = ["compare", str(desk / "record"), "--table", str(desk / "table.nc"), "--extended", extended, "--json"]
     rows = msl_fem(*arguments).json["models"]
@@ -113,6 +115,25 @@ def test_compare_takes_it_with_its_own_table(msl_fem: Run, desk: Path, said: str
     name = next(name for name in free if "extended" in name)
     other = min(value for model, value in free.items() if model.startswith("coupled") and value is not None)
     assert free[name] < 0.5 * other
+
+
+def test_the_table_given_to_compare_is_the_records_not_the_extended_models(
+    msl_fem: Run, desk: Path, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+
+    def looked_at(record: Record, settings: CompareSettings) -> None:
+        seen.append(settings)
+        raise InputError("seen")
+
+    monkeypatch.setattr("msl_fem.cli.compare.compare", looked_at)
+    extended, given = str(desk / "out" / "extended_model.toml"), str(desk / "table.nc")
+    msl_fem("compare", str(desk / "record"), "--table", given, "--extended", extended)
+    (settings,) = seen
+    own, believed = read_table(desk / "out" / "corrected_table.nc"), read_table(given)
+    assert np.array_equal(settings.extended.table.nodes["force"], own.nodes["force"])
+    assert np.array_equal(settings.table.nodes["force"], believed.nodes["force"])
+    assert not np.array_equal(own.nodes["force"], believed.nodes["force"])
 
 
 def test_control_takes_it_with_its_own_table(msl_fem: Run, desk: Path, said: str) -> None:
