@@ -7,7 +7,7 @@ import pytest
 
 import msl_fem
 
-VERBS = ("load_actuator", "solve", "sweep", "operating_map", "simulate", "identify", "design_controller")
+VERBS = ("load_actuator", "solve", "sweep", "operating_map", "simulate", "identify", "design_controller", "diagnose")
 
 
 @pytest.mark.parametrize("verb", VERBS)

@@ -218,7 +218,7 @@ def _cause(searched: Searched, n: int, gain: float, studied: Calibration | None)
 def _reason(searched: Searched, names: int, calm: bool) -> str:
     excess = searched.excesses[names]
     worst = max(excess, key=lambda name: excess[name])
-    told = f"residuals are at most {excess[worst]:.3g} of the noise ({worst})"
+    told = f"the largest residual is {excess[worst]:.3g} times the noise ({worst})"
     best = searched.stages[names].best if names < len(searched.stages) else None
     if names == 0:
         return f"{told}; " + (

@@ -13,6 +13,7 @@ from msl_fem.diagnosis.unknowns import EffectUnknown, factor
 from msl_fem.effects import POSITION, EffectValues, find_parameter, from_vector
 from msl_fem.record_fit import Belief
 from msl_fem.record_fit.believed import believed_value
+from msl_fem.table import MagneticTable
 
 Array = NDArray[np.float64]
 INTERVAL = 1.96
@@ -41,9 +42,12 @@ def extended_belief(belief: Belief, problem: Problem, found: Fit) -> Belief:
     """
     factors = found.unknowns.factors(found.z)
     table = belief.table
+    scale = factors.get("magnetic_scale", 1.0)
     if table is not None and problem.table_error is not None:
-        numbers = found.z[found.unknowns.table_rows]
-        table = corrected(table, problem.table_error, numbers, scale=factors.get("magnetic_scale", 1.0))
+        table = corrected(table, problem.table_error, found.z[found.unknowns.table_rows], scale=scale)
+    elif table is not None and scale != 1.0:
+        nodes = {name: scale * values for name, values in table.nodes.items()}
+        table = MagneticTable(table.gap, table.current, nodes, provenance=dict(table.provenance))
     vector = found.unknowns.effect_vector(found.z)
     gain = factors.get("position_gain", 1.0)
     place = POSITION["position_sensor_nonlinearity", "gain_error"]

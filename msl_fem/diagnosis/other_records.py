@@ -114,8 +114,9 @@ def verdict(likelihood: Likelihood, trail: Trail, kind: Kind, *, rule: Rule) -> 
     if mimics:
         tried = ", ".join(one.unknowns.effects[-1].effect for one in trail.fits[1 : taken + 1])
         reason = (
-            f"{tried} would account for the fit data, and {mimics}: something else acts alike where these were taken"
+            f"{tried} would account for the fit data, and {mimics}: something else acts alike where they were taken"
         )
+        reason += f"; what would decide: {kind.next_experiment}" if kind.next_experiment else ""
         rows = tuple(Accuracy(*row, kind.prediction) for row in zip(nominal, follows[0], follows[taken], strict=True))
         left = Unexplained(_share(trail, taken), next_experiment=kind.next_experiment)
         return Diagnosis(

@@ -181,7 +181,7 @@ def gain_sentence(found: Diagnosis) -> str:
     where = f"On the {channel_name(one.nominal.channel)} of {one.nominal.run}, {one.nominal.role}, "
     start = f"{where}the model as believed errs by {nominal:.3g} times the noise, re-fitted within its tolerances by "
     if not found.causes:
-        return f"{start}{refitted:.3g} times; no effect is added, so this is all that can be had."
+        return f"{start}{refitted:.3g} times; no effect is added."
     told = f"{start}{refitted:.3g} times, with what was found by {extended:.3g} times."
     if refitted <= LITTLE * extended:
         return f"{told} Re-fitting alone does as well on these runs: they show no gain by what was found."
