@@ -250,11 +250,11 @@ def test_interrupted_write_leaves_the_old_file_whole(full, tmp_path, monkeypatch
     path = write_table(full, tmp_path / "t.nc")
     before = path.read_bytes()
 
-    def interrupted(self, partial, **_):
+    def interrupted(data, partial, **_):
         partial.write_bytes(b"half a file")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(xr.Dataset, "to_netcdf", interrupted)
+    monkeypatch.setattr("msl_fem.table.write_netcdf", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write_table(closed_form_table(n_gap=4), path)
     assert path.read_bytes() == before

@@ -17,7 +17,7 @@ TEXTS = [
     NOISE,
     "swept-sine:channel=differential,start=5 Hz,stop=150 Hz,amplitude=0.5 A,duration=4 s",
     "swept-sine:start=1 Hz,stop=1 kHz,law=logarithmic,fade=0 s,amplitude=0.5 A,bias=0.5 A,duration=2 s",
-    "multisine:start=1 Hz,stop=300 Hz,lines=odd,periods=5,amplitude=0.1 A,bias=0.6 A,duration=4 s,seed=3,loop=closed",
+    "multisine:start=1 Hz,stop=300 Hz,lines=odd,periods=5,amplitude=30 um,bias=0.3 mm,duration=4 s,seed=3,loop=closed",
     "sine:channel=1,frequency=2 Hz,amplitude=0.3 A,bias=0.5 A,duration=1 s,role=held-out",
     "step:frequency=3 Hz,amplitude=0.4 A,duration=1 s",
     "step:channel=2,amplitude=0.4 A,duration=1 s",
