@@ -13,7 +13,7 @@ SHORT := tests/test_package.py tests/test_actuator.py tests/test_quantity.py tes
   tests/coupled_model/test_kernel.py tests/record tests/operating_map/test_operating_map.py tests/export \
   tests/control/test_design.py tests/identification/test_armax_fit.py tests/report/test_page.py tests/robustness
 
-.PHONY: study test newest bench lint docs clean
+.PHONY: study test newest bench lint docs clean diagnosis-study
 .DELETE_ON_ERROR:
 
 study: $(VENV)/.installed
@@ -65,6 +65,10 @@ $(VENV)/.installed-bench: $(VENV)/.installed-test
 $(VENV)/.installed-docs: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	@touch $@
+
+diagnosis-study: $(VENV)/.installed # hours; goes on where it stopped
+	$(BIN)/python benchmarks/diagnosis_study.py
+	$(BIN)/python benchmarks/diagnosis_study_tables.py
 
 clean:
 	rm -rf $(VENV) $(NEWEST) $(OUT) site build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache

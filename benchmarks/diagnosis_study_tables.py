@@ -17,13 +17,13 @@ from msl_fem.effects import CATALOGUE
 
 DATA = ROOT / "msl_fem" / "diagnosis" / "calibration_data.py"
 VARIABLES = {
-    "outside:cogging": ("force", {"position"}),
-    "outside:quadratic_drag": ("force", {"velocity"}),
-    "outside:power_law_memory": ("force", {"memory"}),
-    "outside:amplifier_crossover": ("voltage", {"command", "current", "flux linkage's rate"}),
-    "outside:current_product_force": ("force", {"current product"}),
-    "outside:random_force": ("", set()),
-    "outside:position_play": ("position reading", {"position", "memory", "velocity"}),
+    "cogging": ("force", {"position"}),
+    "quadratic_drag": ("force", {"velocity"}),
+    "power_law_memory": ("force", {"memory"}),
+    "amplifier_crossover": ("voltage", {"command", "current", "flux linkage's rate"}),
+    "current_product_force": ("force", {"current product"}),
+    "random_force": ("", set()),
+    "position_play": ("position reading", {"position", "memory", "velocity"}),
 }
 """Equation and variable of what lies outside the catalogue; none of a random force."""
 Row = dict[str, Any]
@@ -143,7 +143,7 @@ def outside_table(rows: Sequence[Row]) -> str:
         right = sum(_variable_right(r) for r in found)
         named = Counter(name for r in found for name in names(r))
         said = ", ".join(f"{name} ({n})" for name, n in named.items())
-        lines.append(f"| `{effect.removeprefix('outside:')}` | {drive} | {len(found)} | {told} | {right} | {said} |")
+        lines.append(f"| `{effect}` | {drive} | {len(found)} | {told} | {right} | {said} |")
     return "\n".join(lines)
 
 
