@@ -6,7 +6,7 @@ leave is the noise, or a small part of what was there without them; and when run
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,10 @@ FINISHED = 0.25
 """Share of the excess power that a further effect may leave, where the fit before was not quiet."""
 TOLERANCES = 4.0
 """Tolerances of a believed parameter below which what coincides with it is no cause."""
+TIE = 5.0
+"""Nats within which two names cannot be told apart."""
+WORSE = 10.0
+"""Nats that held-out data may become less probable before a name is refused."""
 STRONG = 25.0  # the square of a number of standard errors at which the rest of an effect counts by itself
 COINCIDING = {
     ("gap_offset", "offset"): "nominal_gap",
@@ -40,12 +44,14 @@ class Rule:
     """Thresholds in nats, and how many effects are looked for.
 
     A further effect also has to bring `share` of what the first one brought: so much may come from what the first one's
-    equation leaves out.
+    equation leaves out. `finished` is the share of the excess power that it may leave, where the fit before was not
+    quiet.
     """
 
     threshold: float = 5.0
     further: float = 12.0
     share: float = 0.003
+    finished: float = FINISHED
     most: int = 3
 
     def enough(self, stages: Sequence[Stage], n: int) -> bool:
@@ -59,6 +65,12 @@ class Rule:
 def excess_power(excess: Mapping[str, float]) -> float:
     """The channels' residual powers over the noise's, what is above 1 of each, together."""
     return sum(max(value**2 - 1, 0.0) for value in excess.values())
+
+
+def share_left(excesses: Sequence[Mapping[str, float]], taken: int) -> float:
+    """Share of the excess power without effects that is left with so many."""
+    without = excess_power(excesses[0])
+    return excess_power(excesses[taken]) / without if without > 0 else 0.0
 
 
 def quiet(excess: Mapping[str, float]) -> bool:
@@ -88,15 +100,21 @@ def leaves_tolerance(problem: Problem, found: Fit, effect: str) -> bool:
     return strong >= STRONG or len(apart) == sum(o.effect == effect and not o.width for o in found.unknowns.effects)
 
 
+def allowed(problem: Problem, found: Stage) -> Stage:
+    """A stage without refits that are no more than a believed parameter within its tolerances."""
+    kept = [r for r in found.refits if r.gain <= 0 or leaves_tolerance(problem, r.fit, r.variant.effect)]
+    return replace(found, refits=tuple(kept))
+
+
 def _relative(problem: Problem, one: EffectUnknown, value: float) -> float:
     """An effect's parameter over the believed value of what it coincides with."""
     return value / problem.plant.parameters.nominal_gap if one.name == "offset" else value
 
 
-def finishes(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
+def finishes(before: Mapping[str, float], after: Mapping[str, float], share: float = FINISHED) -> bool:
     """Whether one effect more is more than an ornament of those before: they were enough, or it leaves little of what
     they left."""
-    return quiet(before) or quiet(after) or excess_power(after) <= FINISHED * excess_power(before)
+    return quiet(before) or quiet(after) or excess_power(after) <= share * excess_power(before)
 
 
 def accepted(stages: Sequence[Stage], excesses: Sequence[Mapping[str, float]], rule: Rule) -> int:
@@ -110,7 +128,7 @@ def accepted(stages: Sequence[Stage], excesses: Sequence[Mapping[str, float]], r
     for n in range(len(stages)):
         if not rule.enough(stages, n):
             break
-        if n and not finishes(excesses[n], excesses[n + 1]):
+        if n and not finishes(excesses[n], excesses[n + 1], rule.finished):
             break
         taken = n + 1
     return taken

@@ -10,24 +10,26 @@ from msl_fem.diagnosis.calibration import Calibration, calibration_of
 from msl_fem.diagnosis.decidable import why_not
 from msl_fem.diagnosis.decision import (
     LEFT_OVER,
+    TIE,
+    WORSE,
     Rule,
     accepted,
-    excess_power,
+    allowed,
     finishes,
-    leaves_tolerance,
     quiet,
+    share_left,
 )
 from msl_fem.diagnosis.evidence import Models, gathered
 from msl_fem.diagnosis.extension import believed_estimates, effect_estimates, extended_belief
 from msl_fem.diagnosis.fit import Fit, FitPlan, Likelihood, fit
-from msl_fem.diagnosis.held_out import Followed, followed, log_likelihood_gain
+from msl_fem.diagnosis.held_out import followed, held_out_gains
 from msl_fem.diagnosis.next_experiment import Question, separating
 from msl_fem.diagnosis.other_kinds import other_diagnosis
 from msl_fem.diagnosis.outside import Dependence, dependences, named
 from msl_fem.diagnosis.prepare import prepared
 from msl_fem.diagnosis.result import Cause, Diagnosis, Unexplained, Verdict, accuracy
 from msl_fem.diagnosis.scene import scene
-from msl_fem.diagnosis.search import ROUGH, Stage, stage
+from msl_fem.diagnosis.search import ROUGH, Stage, stage, statistics_of
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant, possible, variants
 from msl_fem.diagnosis.widening import wider
@@ -37,9 +39,6 @@ from msl_fem.record_fit import Belief, RunData, run_data
 from msl_fem.table import MagneticTable
 
 Progress = Callable[[str], None]
-TIE = 5.0
-"""Nats within which two names cannot be told apart."""
-WORSE = 10.0  # nats that held-out runs may become less probable before a name is refused
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,22 +109,16 @@ def search(likelihood: Likelihood, unknowns: Unknowns, how: DiagnosisSettings) -
         found = stage(likelihood, fits[-1], tried, tell=how.progress)
         if n == 0:
             fits[0] = found.base
-        found = _allowed(likelihood, found)
+        found = allowed(likelihood.problem, found)
         stages.append(found)
         if found.best is None or not how.rule.enough(stages, n):
             break
         fits.append(found.best.fit)
         excesses.append(likelihood.excess(found.best.fit))
-        if n and not finishes(excesses[-2], excesses[-1]):
+        if n and not finishes(excesses[-2], excesses[-1], how.rule.finished):
             break
     taken = accepted(stages, excesses, how.rule)
     return Searched(likelihood, tuple(fits), tuple(stages), tuple(excesses), taken)
-
-
-def _allowed(likelihood: Likelihood, found: Stage) -> Stage:
-    """A stage without refits that are no more than a believed parameter within its tolerances."""
-    kept = [r for r in found.refits if r.gain <= 0 or leaves_tolerance(likelihood.problem, r.fit, r.variant.effect)]
-    return replace(found, refits=tuple(kept))
 
 
 def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: DiagnosisSettings) -> Diagnosis:
@@ -133,7 +126,7 @@ def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: 
     problem = searched.likelihood.problem
     models = [extended_belief(belief, problem, found) for found in searched.fits[: searched.taken + 1]]
     follows = [followed(model, data) for model in models]
-    gains = [log_likelihood_gain(_held_out(a), _held_out(b)) for a, b in zip(follows, follows[1:], strict=False)]
+    gains = held_out_gains(follows)
     names, notes = _kept(searched, gains)
     searched = replace(searched, taken=names)
     calm = quiet(searched.excesses[names])
@@ -150,7 +143,7 @@ def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: 
         how.progress("what is left over every variable")
         ranked = dependences(searched.likelihood, searched.final, models[names])
         equation, variables = named(ranked)
-        left = Unexplained(_left(searched, names), variables, equation, wider(asked, variables))
+        left = Unexplained(share_left(searched.excesses, names), variables, equation, wider(asked, variables))
     return Diagnosis(
         _verdict(names, calm),
         _reason(searched, names, calm),
@@ -162,7 +155,7 @@ def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: 
         models[names],
         how.rule.threshold,
         (studied.named, studied.records) if studied is not None else None,
-        statistics=tuple(tuple((r.variant.effect, r.gain) for r in s.refits[:3]) for s in searched.stages),
+        statistics=statistics_of(searched.stages),
         notes=(*notes, *([outside] if outside else [])),
         evidence=gathered(
             data,
@@ -177,7 +170,7 @@ def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: 
 def _kept(searched: Searched, gains: Sequence[float]) -> tuple[int, list[str]]:
     """How many of the search's effects are named, and why not more."""
     names, notes = searched.taken, []
-    left = _left(searched, names)
+    left = share_left(searched.excesses, names)
     if names and not quiet(searched.excesses[names]) and left > LEFT_OVER:
         tried = ", ".join(r.variant.effect for s in searched.stages[:names] if (r := s.best))
         notes.append(
@@ -191,20 +184,10 @@ def _kept(searched: Searched, gains: Sequence[float]) -> tuple[int, list[str]]:
     return names, notes
 
 
-def _left(searched: Searched, names: int) -> float:
-    """Share of the excess power without effects that is left with so many."""
-    without = excess_power(searched.excesses[0])
-    return excess_power(searched.excesses[names]) / without if without > 0 else 0.0
-
-
 def _verdict(names: int, calm: bool) -> Verdict:
     if names:
         return "named" if calm else "named-and-unexplained"
     return "nothing-found" if calm else "unexplained"
-
-
-def _held_out(found: Sequence[Followed]) -> list[Followed]:
-    return [one for one in found if one.role == "held-out"]
 
 
 def _cause(searched: Searched, n: int, gain: float, studied: Calibration | None) -> Cause:

@@ -50,6 +50,12 @@ def _judged(data: RunData, name: str, readings: Mapping[str, Array]) -> Followed
     return Followed(data.name, data.role, name, rms, rms / deviation, data.noise[name].sigma, error.size, deviation)
 
 
+def held_out_gains(follows: Sequence[Sequence[Followed]]) -> list[float]:
+    """Nats that each model brings on held-out data over the one before it; every model follows all data."""
+    unseen = [[one for one in found if one.role == "held-out"] for found in follows]
+    return [log_likelihood_gain(a, b) for a, b in zip(unseen, unseen[1:], strict=False)]
+
+
 def log_likelihood_gain(before: Sequence[Followed], after: Sequence[Followed]) -> float:
     """Nats by which runs are more probable under the second model, the noise's variance estimated for each, at least
     the instrument's."""

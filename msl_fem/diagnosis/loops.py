@@ -44,6 +44,7 @@ from msl_fem.record_fit import (
     measured_start,
     tuned,
 )
+from msl_fem.record_fit.believed import with_factors
 from msl_fem.record_fit.free_run import moved_start, start_sigmas
 
 Array = NDArray[np.float64]
@@ -114,14 +115,7 @@ class LoopLikelihood(Likelihood):
 def plant_at(problem: Problem, unknowns: Unknowns, z: Array, effects: Array) -> Plant:
     """The plant at a point of the unknowns, with the steps of the believed one."""
     base, f = problem.plant, unknowns.factors(z)
-    p = base.parameters
-    p = p._replace(
-        mass=p.mass * f.get("moving_mass", 1.0),
-        stiffness=p.stiffness * f.get("stiffness", 1.0),
-        damping=p.damping * f.get("damping", 1.0),
-        resistance=p.resistance * f.get("coil_resistance", 1.0),
-        nominal_gap=p.nominal_gap * f.get("nominal_gap", 1.0),
-    )
+    p = with_factors(base.parameters, f)
     surface = base.surface
     if problem.table_error is not None:
         change = np.tensordot(z[unknowns.table_rows], problem.table_error.modes, axes=1)

@@ -29,6 +29,7 @@ from msl_fem.diagnosis.variants import Variant, possible, variants
 from msl_fem.effects import neutral_vector
 from msl_fem.record import Record, Tolerance
 from msl_fem.record_fit import Belief, RunData, believed_plant, free_parameters
+from msl_fem.record_fit.believed import with_factors
 from msl_fem.record_fit.noise import highest_band_sigma
 from msl_fem.record_fit.run_data import POSITION
 
@@ -58,7 +59,7 @@ class InverseLikelihood(Likelihood):
         found = []
         for z, effects in zip(points.rows, vectors, strict=True):
             factors = points.unknowns.factors(z)
-            plant = _plant(self.problem.plant.parameters, factors)
+            plant = with_factors(self.problem.plant.parameters, factors)
             gain = self.problem.plant.gain * factors.get("position_gain", 1.0)
             found.append(np.concatenate([self._of_run(n, plant, effects, gain) for n in range(len(self.sigmas))]))
         return np.array(found)
@@ -166,14 +167,6 @@ def force_followed(belief: Belief, runs: Sequence[RunData]) -> list[Followed]:
         samples = round(band * error.size)
         found.append(Followed(data.name, data.role, FORCE, rms, rms / deviation, float(floor), samples, deviation))
     return found
-
-
-def _plant(p: PlantParameters, f: dict[str, float]) -> PlantParameters:
-    return p._replace(
-        mass=p.mass * f.get("moving_mass", 1.0),
-        stiffness=p.stiffness * f.get("stiffness", 1.0),
-        damping=p.damping * f.get("damping", 1.0),
-    )
 
 
 FINISHED = 0.5

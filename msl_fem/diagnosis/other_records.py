@@ -5,24 +5,32 @@ record stands in `Kind`: which variants there are, how a fit is followed along t
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from msl_fem.diagnosis.decision import FINISHED, LEFT_OVER, Rule, excess_power, leaves_tolerance, quiet
+from msl_fem.diagnosis.decision import (
+    FINISHED,
+    LEFT_OVER,
+    TIE,
+    WORSE,
+    Rule,
+    accepted,
+    allowed,
+    finishes,
+    quiet,
+    share_left,
+)
 from msl_fem.diagnosis.extension import believed_estimates, effect_estimates
 from msl_fem.diagnosis.fit import Fit, FitPlan, Likelihood, fit
-from msl_fem.diagnosis.held_out import Followed, log_likelihood_gain
+from msl_fem.diagnosis.held_out import Followed, held_out_gains
 from msl_fem.diagnosis.result import Accuracy, Cause, Diagnosis, Unexplained
-from msl_fem.diagnosis.search import ROUGH, Refit, Stage, stage
+from msl_fem.diagnosis.search import ROUGH, Stage, stage, statistics_of
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant
 from msl_fem.record_fit import Belief
 
 Tell = Callable[[str], None]
-TIE = 5.0
-"""Nats within which two names cannot be told apart."""
-WORSE = 10.0  # nats that held-out data may become less probable before a name is refused
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +74,10 @@ class Trail:
 
 def diagnosis_of(likelihood: Likelihood, unknowns: Unknowns, kind: Kind, *, rule: Rule, tell: Tell) -> Diagnosis:
     """The diagnosis of a record of this kind."""
-    trail = searched(likelihood, unknowns, kind, rule=rule, tell=tell)
+    own = replace(rule, finished=kind.finished, share=0.0)
+    trail = searched(likelihood, unknowns, kind, rule=own, tell=tell)
     tell("held-out data")
-    return verdict(likelihood, trail, kind, rule=rule)
+    return verdict(trail, kind, rule=own)
 
 
 def searched(likelihood: Likelihood, unknowns: Unknowns, kind: Kind, *, rule: Rule, tell: Tell) -> Trail:
@@ -79,32 +88,25 @@ def searched(likelihood: Likelihood, unknowns: Unknowns, kind: Kind, *, rule: Ru
     for n in range(rule.most):
         found = stage(likelihood, fits[-1], kind.candidates(likelihood, fits[-1]), tell=tell)
         fits[-1] = found.base
-        allowed = tuple(r for r in found.refits if r.gain <= 0 or _allowed(likelihood, r))
-        stages.append(Stage(found.base, found.scores, allowed))
+        stages.append(allowed(likelihood.problem, found))
         best = stages[-1].best
-        if best is None or best.gain < (rule.further if n else rule.threshold):
+        if best is None or not rule.enough(stages, n):
             break
         fits.append(best.fit)
-        if n and not _finishes(likelihood.excess(fits[-2]), likelihood.excess(fits[-1]), kind):
+        if n and not finishes(likelihood.excess(fits[-2]), likelihood.excess(fits[-1]), rule.finished):
             break
     return Trail(tuple(fits), tuple(stages), tuple(likelihood.excess(found) for found in fits))
 
 
-def _allowed(likelihood: Likelihood, refit: Refit) -> bool:
-    return leaves_tolerance(likelihood.problem, refit.fit, refit.variant.effect)
-
-
-def verdict(likelihood: Likelihood, trail: Trail, kind: Kind, *, rule: Rule) -> Diagnosis:
+def verdict(trail: Trail, kind: Kind, *, rule: Rule) -> Diagnosis:
     """What a search has found, with what held-out data say."""
     nominal, follows = kind.follow(None), [kind.follow(found) for found in trail.fits]
-    gains = [log_likelihood_gain(_held_out(a), _held_out(b)) for a, b in zip(follows, follows[1:], strict=False)]
-    taken, notes = _accepted(trail, kind, rule), list(kind.notes)
-    if taken and not quiet(trail.excesses[taken]) and _share(trail, taken) > LEFT_OVER:
+    gains = held_out_gains(follows)
+    taken, notes = accepted(trail.stages, trail.excesses, rule), list(kind.notes)
+    if taken and not quiet(trail.excesses[taken]) and share_left(trail.excesses, taken) > LEFT_OVER:
         tried = ", ".join(one.unknowns.effects[-1].effect for one in trail.fits[1 : taken + 1])
-        notes.append(
-            f"nearest in the catalogue: {tried}; not named, since {100 * _share(trail, taken):.3g} % of the excess "
-            "power is left"
-        )
+        left_over = f"{100 * share_left(trail.excesses, taken):.3g} % of the excess power is left"
+        notes.append(f"nearest in the catalogue: {tried}; not named, since {left_over}")
         taken = 0
     while taken and gains[taken - 1] < -WORSE:
         taken -= 1
@@ -118,66 +120,39 @@ def verdict(likelihood: Likelihood, trail: Trail, kind: Kind, *, rule: Rule) -> 
         )
         reason += f"; what would decide: {kind.next_experiment}" if kind.next_experiment else ""
         rows = tuple(Accuracy(*row, kind.prediction) for row in zip(nominal, follows[0], follows[taken], strict=True))
-        left = Unexplained(_share(trail, taken), next_experiment=kind.next_experiment)
+        left = Unexplained(share_left(trail.excesses, taken), next_experiment=kind.next_experiment)
         return Diagnosis(
             "undecidable", reason, unexplained=left, accuracy=rows, refitted=kind.extend(trail.fits[0]),
-            threshold=rule.threshold, statistics=_statistics(trail), notes=tuple(notes),
+            threshold=rule.threshold, statistics=statistics_of(trail.stages), notes=tuple(notes),
         )  # fmt: skip
     final, calm = trail.fits[taken], quiet(trail.excesses[taken])
+    share = share_left(trail.excesses, taken)
+    left = Unexplained(0.0) if calm else Unexplained(share, next_experiment=kind.next_experiment)
     words = ("nothing-found", "unexplained", "named", "named-and-unexplained")
     return Diagnosis(
         words[2 * bool(taken) + (not calm)],  # type: ignore[arg-type]
         _reason(trail, taken),
         tuple(_cause(trail, n, gains[n], (kind, final)) for n in range(taken)),
-        Unexplained(0.0) if calm else Unexplained(_share(trail, taken), next_experiment=kind.next_experiment),
+        Unexplained(0.0)
+        if calm
+        else Unexplained(share_left(trail.excesses, taken), next_experiment=kind.next_experiment),
         tuple(Accuracy(*row, kind.prediction) for row in zip(nominal, follows[0], follows[taken], strict=True)),
         believed_estimates(kind.belief, final) if final.unknowns.believed else {},
         kind.extend(trail.fits[0]),
         kind.extend(final),
         rule.threshold,
-        statistics=_statistics(trail),
+        statistics=statistics_of(trail.stages),
         notes=tuple(notes),
     )
 
 
 def _unfaithful(found: Sequence[Followed], kind: Kind) -> str:
     """On which channel held-out data are followed much worse than fit data, in words; empty where on none."""
-    for one in _held_out(found):
+    for one in (f for f in found if f.role == "held-out"):
         own = [f.rms for f in found if f.role == "fit" and f.channel == one.channel]
         if own and one.rms > kind.faithful * max(*own, one.floor):
             return f"errs by {one.rms:.3g} on held-out {one.channel}, {one.rms / max(own):.3g} times as much as there"
     return ""
-
-
-def _statistics(trail: Trail) -> tuple[tuple[tuple[str, float], ...], ...]:
-    return tuple(tuple((r.variant.effect, r.gain) for r in s.refits[:3]) for s in trail.stages)
-
-
-def _accepted(trail: Trail, kind: Kind, rule: Rule) -> int:
-    """How many stages are taken: as `decision.accepted`, with the kind's own share that is left over."""
-    taken = 0
-    for n, one in enumerate(trail.stages):
-        best = one.best
-        if best is None or best.gain < (rule.further if n else rule.threshold):
-            break
-        if n and not _finishes(trail.excesses[n], trail.excesses[n + 1], kind):
-            break
-        taken = n + 1
-    return taken
-
-
-def _finishes(before: Mapping[str, float], after: Mapping[str, float], kind: Kind) -> bool:
-    enough = kind.finished * excess_power(before)
-    return quiet(before) or quiet(after) or excess_power(after) <= enough
-
-
-def _share(trail: Trail, taken: int) -> float:
-    without = excess_power(trail.excesses[0])
-    return excess_power(trail.excesses[taken]) / without if without > 0 else 0.0
-
-
-def _held_out(found: Sequence[Followed]) -> list[Followed]:
-    return [one for one in found if one.role == "held-out"]
 
 
 def _cause(trail: Trail, n: int, gain: float, where: tuple[Kind, Fit]) -> Cause:

@@ -20,11 +20,9 @@ from scipy.signal import lfilter
 
 from msl_fem.coupled_model import kernel
 from msl_fem.coupled_model.plant import FORCE_DRIVE
-from msl_fem.coupled_model.readings import Channels, currents_before_noise, position_before_noise
 from msl_fem.diagnosis.fit import Fit, Likelihood
 from msl_fem.record_fit import Belief, Plant, RunData, Start, believed_plant, measured_start
-from msl_fem.record_fit.free_run import kernel_state
-from msl_fem.record_fit.run_data import POSITION
+from msl_fem.record_fit.free_run import kernel_state, readings_of
 
 Array = NDArray[np.float64]
 N_SPLINE = 14
@@ -127,7 +125,7 @@ class _Scene:
         self.inverse = np.linalg.inv(j.T @ j + np.diag(found.unknowns.prior(found.z)[2]))
         self.raw = found.residual
         self.variables = _variables(plant, data, out)
-        self.zero = self._readings(out)
+        self.zero = readings_of(plant, data, out)
         self.sizes = {
             "force": plant.parameters.mass * float(np.std(np.gradient(out[:, kernel.OUT_V]))) * data.rate,
             "voltage": float(np.std(data.commands)) or 1.0,
@@ -178,7 +176,7 @@ class _Scene:
             out = _simulated(self.plant, self.data, self.start, more=more)
         if not np.isfinite(out).all():
             return self._numbers(zeros)
-        moved = self._readings(out)
+        moved = readings_of(self.plant, self.data, out)
         return self._numbers([(self.zero[name] - moved[name]) * (SMALL**-1) for name in self.channels])
 
     def _numbers(self, series: Sequence[Array]) -> Array:
@@ -186,17 +184,6 @@ class _Scene:
                  for k, r in enumerate(self.likelihood.problem.runs)]  # fmt: skip
         found[0] = [values[None] for values in series]
         return self.likelihood.transformed(found)[0]
-
-    def _readings(self, out: Array) -> dict[str, Array]:
-        channels = Channels.of(out, self.plant.parameters.sides)
-        rate, vector = self.data.rate, self.plant.readings
-        made = {POSITION: self.plant.gain * position_before_noise(channels, vector, rate=rate)}
-        if self.plant.parameters.sides:
-            currents = currents_before_noise(channels, vector, rate=rate)
-            for j in range(self.plant.parameters.sides):
-                made[f"current_{j + 1}_A"] = currents[:, j]
-                made[f"voltage_{j + 1}_V"] = out[:, kernel.OUT_VOLTAGE_1 + j]
-        return made
 
 
 def _variables(plant: Plant, data: RunData, out: Array) -> dict[str, Array]:

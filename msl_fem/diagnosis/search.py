@@ -73,6 +73,11 @@ def stage(likelihood: Likelihood, start: Fit, tried: Sequence[Variant], *, tell:
     return Stage(base, tuple(every), tuple(_refits(likelihood, base, ranked(every), tell=tell)))
 
 
+def statistics_of(stages: Sequence[Stage]) -> tuple[tuple[tuple[str, float], ...], ...]:
+    """Of each stage the best effects with their gains."""
+    return tuple(tuple((r.variant.effect, r.gain) for r in one.refits[:3]) for one in stages)
+
+
 def extended(base: Unknowns, variant: Variant) -> Unknowns:
     """The unknowns with those of a variant behind them."""
     return replace(base, effects=(*base.effects, *variant.unknowns))

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coupled_model import PlantParameters, Surface
+from msl_fem.coupled_model import Surface
 from msl_fem.coupled_model.inputs import Inputs
 from msl_fem.coupled_model.lane_run import LaneRun, LaneSettings, run_lanes
 from msl_fem.diagnosis.table_error import TableError
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.errors import InputError
 from msl_fem.record_fit import Plant, RunData, Start
+from msl_fem.record_fit.believed import with_factors
 from msl_fem.record_fit.free_run import counted
 from msl_fem.record_fit.run_data import POSITION
 
@@ -82,7 +83,7 @@ def _of_run(problem: Problem, points: Points, run: int, substeps: int) -> list[A
 def lanes(problem: Problem, points: Points, run: int, *, inputs: Inputs, substeps: int) -> LaneRun:
     """The runs of all rows under some inputs, from the starts that the rows say."""
     unknowns, rows = points.unknowns, points.rows
-    plants = [_plant(problem.plant.parameters, unknowns.factors(z)) for z in rows]
+    plants = [with_factors(problem.plant.parameters, unknowns.factors(z)) for z in rows]
     settings = LaneSettings(
         effects=points.effects,
         starts=np.array([_start(problem, unknowns, z, run) for z in rows]),
@@ -98,16 +99,6 @@ def reading(found: LaneRun, channel: str, gains: Array) -> Array:
         return gains[:, None] * found.position
     side = int(channel.split("_")[1]) - 1
     return (found.voltage if channel.startswith("voltage") else found.current)[:, :, side]
-
-
-def _plant(p: PlantParameters, f: dict[str, float]) -> PlantParameters:
-    return p._replace(
-        mass=p.mass * f.get("moving_mass", 1.0),
-        stiffness=p.stiffness * f.get("stiffness", 1.0),
-        damping=p.damping * f.get("damping", 1.0),
-        resistance=p.resistance * f.get("coil_resistance", 1.0),
-        nominal_gap=p.nominal_gap * f.get("nominal_gap", 1.0),
-    )
 
 
 def _start(problem: Problem, unknowns: Unknowns, z: Array, run: int) -> Array:

@@ -92,6 +92,17 @@ def believed_value(belief: Belief, name: str) -> float:
     return values.get(name, 1.0) * belief.factors.get(name, 1.0)
 
 
+def with_factors(p: PlantParameters, factors: Mapping[str, float]) -> PlantParameters:
+    """Parameters of `BELIEVED` that a plant states itself, each times its factor; 1 where none is stated."""
+    return p._replace(
+        mass=p.mass * factors.get("moving_mass", 1.0),
+        stiffness=p.stiffness * factors.get("stiffness", 1.0),
+        damping=p.damping * factors.get("damping", 1.0),
+        resistance=p.resistance * factors.get("coil_resistance", 1.0),
+        nominal_gap=p.nominal_gap * factors.get("nominal_gap", 1.0),
+    )
+
+
 def believed_plant(
     belief: Belief, *, rate: float, factors: Mapping[str, float] | None = None, ideal_current: bool = False
 ) -> Plant:
@@ -107,14 +118,7 @@ def believed_plant(
     f = {name: belief.factors.get(name, 1.0) * (factors or {}).get(name, 1.0) for name in BELIEVED}
     p = plant_parameters(belief.actuator)
     fastest = fastest_rate(p, belief.table)  # as believed: steps that changed with the factors would be jumps of a fit
-    p = p._replace(
-        mass=p.mass * f["moving_mass"],
-        stiffness=p.stiffness * f["stiffness"],
-        damping=p.damping * f["damping"],
-        resistance=p.resistance * f["coil_resistance"],
-        nominal_gap=p.nominal_gap * f["nominal_gap"],
-        bandwidth=np.inf if ideal_current else p.bandwidth,
-    )
+    p = with_factors(p, f)._replace(bandwidth=np.inf if ideal_current else p.bandwidth)
     vector = neutral_vector()
     if belief.effects is not None:
         check_effects(p, belief.effects)

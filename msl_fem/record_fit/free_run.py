@@ -72,7 +72,7 @@ def free_run(plant: Plant, data: RunData, start: Start) -> FreeRun:
         plant.step, plant.substeps, out,
     )  # fmt: skip
     out[done:] = np.nan
-    readings = _readings(plant, data, out)
+    readings = readings_of(plant, data, out)
     if status == OK:
         return FreeRun(readings)
     return FreeRun(readings, int(done), f"{STATUS[int(status)]} at sample {int(done)}")
@@ -157,7 +157,8 @@ def counted(data: RunData) -> list[str]:
     return [name for name in data.measured if not name.startswith("voltage") or data.noise[name].stated]
 
 
-def _readings(plant: Plant, data: RunData, out: Array) -> dict[str, Array]:
+def readings_of(plant: Plant, data: RunData, out: Array) -> dict[str, Array]:
+    """What a run's instruments read, before noise, of the kernel's rows (n_sample, N_OUT): channel to (n_sample,)."""
     channels = Channels.of(out, plant.parameters.sides)
     found = {POSITION: plant.gain * position_before_noise(channels, plant.readings, rate=data.rate)}
     if plant.parameters.sides:
