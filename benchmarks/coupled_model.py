@@ -22,7 +22,8 @@ from msl_fem.coupled_model.excitation import parse_excitation
 from msl_fem.coupled_model.extended import effect_coefficients
 from msl_fem.coupled_model.inputs import Inputs, excitation_inputs
 from msl_fem.coupled_model.lane_run import LaneSettings, run_lanes
-from msl_fem.coupled_model.state import initial_state, start_effects
+from msl_fem.coupled_model.starting import start_effects
+from msl_fem.coupled_model.state import initial_state
 from msl_fem.effects import CATALOGUE, EffectValues
 from msl_fem.table import MagneticTable, read_table
 
@@ -60,7 +61,7 @@ def single(surface: Surface, plant: PlantParameters, inputs: Inputs, effects: Ef
     def work() -> np.ndarray:
         state = initial_state(plant, 0.0, 0.0, 0.0, 0.0)
         if e is not None:
-            start_effects(e, state)
+            start_effects(surface, plant, e, state)
         status, done = kernel.run(surface, plant, e, state, commands, push, step, SUBSTEPS, out)
         assert (status, done) == (0, commands.shape[0])
         return out

@@ -15,6 +15,7 @@ from msl_fem.errors import InputError
 from msl_fem.material import AnalyticIron, Iron, laminated, load_iron
 
 SHEET_CONDUCTIVITY = 2.2e6  # S/m: iron with 2 to 3 % silicon (Bozorth, Ferromagnetism, 1951, ch. 4)
+MOST_STAGES = 16
 _GAUSS = ((-np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (np.sqrt(0.6), 5 / 18))
 Hidden = tuple[Rig, dict[str, float]]
 
@@ -134,7 +135,7 @@ def _mean_slope(setting: Setting) -> float:
 def _eddy_currents(setting: Setting, rig: Rig, diffusion_time: float) -> Hidden:
     """Sheets as thick as the diffusion time says: T = mu sigma d^2/4, and G/T = 1/(3 L) with L of the iron alone."""
     conductance = diffusion_time / (3 * _iron_inductance(setting))
-    ladder = Ladder(4, conductance, diffusion_time)
+    ladder = Ladder(MOST_STAGES, conductance, diffusion_time)
     while ladder.stages > 1 and fastest_ladder_rate(ladder) > 6 * setting.rate:
         ladder = ladder._replace(stages=ladder.stages - 1)
     thickness = 2 * np.sqrt(diffusion_time / (_mean_slope(setting) * SHEET_CONDUCTIVITY))

@@ -12,6 +12,7 @@ from msl_fem.table import NODES, MagneticTable
 
 ERROR_TERMS = tuple((a, b) for a in range(5) for b in range(5) if 0 < a + b <= 4)
 """Degrees over current and gap of the terms of a table's error; the constant is the magnetic scale's."""
+FINER = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,8 @@ def multiplied(table: MagneticTable, factor: Factor) -> MagneticTable:
 def averaged(table: MagneticTable, shifts: Sequence[float], weights: Sequence[float]) -> MagneticTable:
     """The mean over magnets (or strips of one) at the same current whose gaps differ by `shifts` (m) from the table's.
 
-    Its gaps are those between which every shifted gap lies in the table.
+    Its gaps are those between which every shifted gap lies in the table, `FINER` times as many: between its nodes the
+    mean of the table's pieces is no single piece.
 
     Raises
     ------
@@ -55,7 +57,7 @@ def averaged(table: MagneticTable, shifts: Sequence[float], weights: Sequence[fl
     low, high = table.gap[0] - min(shifts), table.gap[-1] - max(shifts)
     if not low < table.gap[0] + 0.5 * (table.gap[-1] - table.gap[0]) < high:
         raise InputError(f"gaps that differ by {max(shifts) - min(shifts):.3g} m do not fit the table's range")
-    gap = np.geomspace(low, high, table.gap.size)
+    gap = np.geomspace(low, high, FINER * table.gap.size)
     nodes = dict.fromkeys(NODES, np.zeros((gap.size, table.current.size)))
     for shift, weight in zip(shifts, weights, strict=True):
         at = np.clip(gap[:, None] + shift, table.gap[0], table.gap[-1])  # a rounding beyond the edge

@@ -139,12 +139,12 @@ def cell_slopes(work: Rows, block: int, current: Value, gap: Value) -> tuple[Val
 
 @compiled
 def cell_values(
-    work: Rows, block: int, current: Value, gap: Value, tilt: Value
+    work: Rows, block: int, current: Value, gap: Value, tilt: Value, tilt_slope: Value
 ) -> tuple[Value, Value, Value, Value, Value]:
     """(W', W'_g, W'_i, W'_ii, W'_ig) of W' + tilt W'_gg/2 at |current| and gap inside the block's cell.
 
-    `tilt` in m2 is the variance of the gap over the face, see `side.py`. Without it the slopes equal those of
-    `cell_slopes` to the last bit.
+    `tilt` in m2 stands for the variance of the gap over the face, see `side.py`, `tilt_slope` is its slope over the
+    gap. Without them the slopes equal those of `cell_slopes` to the last bit.
     """
     x, y = current - work[block + _CURRENT_LOW], gap - work[block + _GAP_LOW]
     w = w_g = w_gg = w_ggg = w_i = w_ig = w_igg = w_iggg = w_ii = w_iig = w_iigg = x - x
@@ -164,8 +164,8 @@ def cell_values(
     three = 3.0 * tilt
     return (
         w + tilt * w_gg,
-        w_g + three * w_ggg,
+        w_g + (three * w_ggg + tilt_slope * w_gg),
         w_i + tilt * w_igg,
         2.0 * (w_ii + tilt * w_iigg),
-        w_ig + three * w_iggg,
+        w_ig + (three * w_iggg + tilt_slope * w_igg),
     )

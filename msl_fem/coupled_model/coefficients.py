@@ -7,13 +7,17 @@ from numpy.typing import NDArray
 
 from msl_fem.coupled_model.plant import CURRENT_DRIVE, PlantParameters
 from msl_fem.effects import POSITION
+from msl_fem.effects.lags import pole_and_delay
 from msl_fem.errors import InputError
 
 Array = NDArray[np.float64]
 
 N_STOP = 6  # stops of a Prandtl-Ishlinskii operator; their widths are 1, 2 ... 6 times the first
 N_QUEUE = 16  # samples by which a command can be late
-N_EDDY = 4  # modes of the eddy currents of a side, beside what answers at once
+EDDY_POLES = (9.961828, 46.97476, 177.0982, 678.4545, 2655.095, 12635.84)
+EDDY_WEIGHTS = (6.148609, 8.745795, 16.96271, 33.58058, 68.57505, 209.0614)
+"""Modes by which the currents in sheets are taken: conductance 3 (q coth q - 1)/q^2 = sum w/(q^2 + p) + rest."""
+N_EDDY = len(EDDY_POLES)  # modes of the eddy currents of a side, beside what answers at once
 
 # Rows of the coefficients. Gaps of the sides at x = 0 (m); what multiplies the magnets' current; W' is multiplied by
 # depth + growth g; variance of the gap over a face (m2); share of the other side's current; 1/(1 - share^2)
@@ -30,7 +34,7 @@ MODE_KEPT, MODE_RATIO, MODE_STIFFNESS, MODE_DAMPING, MODE_MASS, MODE_READING = 1
 CREEP_STIFFNESS, CREEP_RATE, COMPLIANCE, BASE_STIFFNESS, BASE_DAMPING = 25, 26, 27, 28, 29
 BASE_INERTIA = 52  # compliance over w^2 (kg (m/N)^2)
 # Modes of the eddy currents: current over flux linkage (A/Wb), rates (1/s)
-EDDY_MODE, EDDY_RATE = 53, 57
+EDDY_MODE, EDDY_RATE = 53, 53 + N_EDDY
 # Forces (N): constant, of the periodic disturbance; rotation of its phase in half a step
 FORCE, FORCE_COSINE, FORCE_SINE, TURN_COSINE, TURN_SINE = 30, 31, 32, 33, 34
 # Bandwidths of drive and position sensor (rad/s)
@@ -41,8 +45,10 @@ DELAY_SAMPLES, JUMP_STEP, JUMP_SHARE = 37, 38, 39
 FALL, JUMP, SLEW_TIME, RAMP_MIDDLE, RAMP_END = 40, 44, 48, 49, 50
 # Rate at which the core follows the coil's temperature (1/s); friction at rest over that in motion less 1, one over
 # the square of the velocity (m/s) over which it falls
-CORE_RATE, STRIBECK_RISE, STRIBECK_FALL = 61, 62, 63
-N_COEFFICIENT = 64
+CORE_RATE, STRIBECK_RISE, STRIBECK_FALL = (53 + 2 * N_EDDY + n for n in range(3))
+# Iron in series: one over L_0 (1/H), current at low fields (A), its width (A), current over the cube (1/A2)
+IRON_SCALE, IRON_LOW, IRON_WIDTH, IRON_KNEE = (56 + 2 * N_EDDY + n for n in range(4))
+N_COEFFICIENT = 60 + 2 * N_EDDY
 FASTEST_EDDY = 1.0  # steps: faster modes of the eddy currents are taken to answer at once
 
 
@@ -66,8 +72,7 @@ def kernel_coefficients(
     _eddy_currents(e, v, inductance, step)
     _mechanics(e, plant, v, step)
     _drive(e, plant, v, step, n_step)
-    lag = v["position_sensor_lag", "lag"]
-    e[SENSOR_BANDWIDTH] = _slower(plant.sensor_bandwidth, lag)
+    e[SENSOR_BANDWIDTH] = _slower(plant.sensor_bandwidth, pole_and_delay(v, "position_sensor_lag")[0])
     return e
 
 
@@ -79,6 +84,9 @@ def _magnets(e: Array, plant: PlantParameters, v: dict[tuple[str, str], float], 
     e[DEPTH] = (1.0 + v["fringing", "depth_error"]) / sooner**2
     e[GROWTH] = v["fringing", "growth"] / sooner**2
     e[TILT] = v["armature_tilt", "gap_variance"]
+    e[IRON_SCALE] = 1.0 / inductance
+    e[IRON_LOW], e[IRON_WIDTH] = v["early_saturation", "low_field_current"], v["early_saturation", "low_field_width"]
+    e[IRON_KNEE] = v["early_saturation", "knee_excess"]
     e[SHARE] = v["cross_coupling", "share"] if plant.sides == 2 else 0.0
     e[UNMIX] = 1.0 / (1.0 - e[SHARE] ** 2)
     widest = inductance * v["magnetic_hysteresis", "reversal_current"]
@@ -91,15 +99,14 @@ def _magnets(e: Array, plant: PlantParameters, v: dict[tuple[str, str], float], 
 
 def _eddy_currents(e: Array, v: dict[tuple[str, str], float], inductance: float, step: float) -> None:
     """Sheets of diffusion time T and low-frequency conductance G: a magnetising current (3 G/T) (q coth q - 1) Lambda,
-    q^2 = s T, is the sum over k of (6 G/T) s T_k/(1 + s T_k) Lambda with T_k = T/(k pi)^2 (Mittag-Leffler). Modes that
-    are faster than the step answer at once."""
+    q^2 = s T, is taken as the sum over k of (G w_k/T) s/(s + p_k/T) Lambda, and the rest of G at once: within 0.5 % up
+    to s T = 10^4. Modes that are faster than the step answer at once."""
     conductance, diffusion = v["eddy_currents", "time_constant"] / inductance, v["eddy_currents", "diffusion_time"]
     at_once = 1.0
-    for k in range(N_EDDY):
-        time = diffusion / ((k + 1) * math.pi) ** 2
-        if conductance and time > FASTEST_EDDY * step:
-            e[EDDY_MODE + k], e[EDDY_RATE + k] = 6 * conductance / diffusion, 1 / time
-            at_once -= 6 / ((k + 1) * math.pi) ** 2
+    for k, (pole, weight) in enumerate(zip(EDDY_POLES, EDDY_WEIGHTS, strict=True)):
+        if conductance and diffusion > FASTEST_EDDY * step * pole:
+            e[EDDY_MODE + k], e[EDDY_RATE + k] = weight * conductance / diffusion, pole / diffusion
+            at_once -= weight / pole
     e[EDDY] = conductance * at_once
 
 
@@ -132,17 +139,18 @@ def _mechanics(e: Array, plant: PlantParameters, v: dict[tuple[str, str], float]
 
 def _drive(e: Array, plant: PlantParameters, v: dict[tuple[str, str], float], step: float, n_step: int) -> None:
     e[BANDWIDTH] = plant.bandwidth * (1.0 + v["amplifier_bandwidth", "bandwidth_error"])
-    late = v["time_delay", "command"] / step
+    lag, delay = pole_and_delay(v, "amplifier_bandwidth")
+    delay += v["time_delay", "command"]
+    late = delay / step
     whole = math.floor(late / n_step)
     if whole >= N_QUEUE:
         raise InputError(
-            f"time_delay.command: {v['time_delay', 'command']:g} s are {late / n_step:.3g} samples, the coupled model "
+            f"time_delay.command: {delay:g} s are {late / n_step:.3g} samples, the coupled model "
             f"delays a command by less than {N_QUEUE}; sample more slowly"
         )
     e[DELAY_SAMPLES], rest = whole, max(late - whole * n_step, 0.0)
     e[JUMP_STEP] = math.floor(rest)
     e[JUMP_SHARE] = rest - e[JUMP_STEP]
-    lag = v["amplifier_bandwidth", "lag"]
     decay = step / lag if lag > 0 else math.inf
     e[FALL : FALL + 4] = fall_stages(0.0, decay)
     e[JUMP : JUMP + 4] = fall_stages(float(e[JUMP_SHARE]), decay)

@@ -8,7 +8,7 @@ from msl_fem.compiled import compiled
 from msl_fem.coupled_model import coefficients as c
 from msl_fem.coupled_model.cell import Cells
 from msl_fem.coupled_model.circuits import solve_circuits
-from msl_fem.coupled_model.lanes import Flag, Rows, Value, choose
+from msl_fem.coupled_model.lanes import Flag, Rows, Value, choose, size
 from msl_fem.coupled_model.plant import FORCE_DRIVE, PlantParameters
 from msl_fem.coupled_model.side import side_gap, side_with_effects
 from msl_fem.coupled_model.state import (
@@ -82,7 +82,7 @@ def rates_with_effects(
         film = film + closeness * closeness * closeness
         circuit = CIRCUITS + j * N_CIRCUIT
         emf = 0.0 - flux_slope * toward * gap_speed
-        memory = _hysteresis(e, state, j, flux, settle)
+        memory = _hysteresis(e, state, j, flux, settle) + series_iron(e, flux)
         work[circuit + INDUCTANCE] = inductance
         work[circuit + EMF] = emf
         eddies = _eddy_modes(e, state, work, j, flux, dy)
@@ -113,6 +113,13 @@ def _hysteresis(e: Rows, state: Rows, j: int, flux: Value, settle: bool) -> Valu
         state[ANCHOR_1 + j] = flux
         change = flux - flux
     return e[c.HYSTERESIS_SLOPE] * stop_sum(state, first, width, change)
+
+
+@compiled
+def series_iron(e: Rows, flux: Value) -> Value:
+    """The part of a side's current (A) that its iron takes in excess of the table's, see early_saturation."""
+    y = e[c.IRON_SCALE] * flux
+    return y * (e[c.IRON_LOW] / (e[c.IRON_WIDTH] + size(y)) + e[c.IRON_KNEE] * y * y)
 
 
 @compiled

@@ -34,7 +34,7 @@ class EnergyAudit:
     copper, damping : losses; damping with that of the air film
     eddy_currents, hysteresis, friction, impact : losses of the effects and of end stops
     internal : losses in flexure, second mass and base
-    field : change of lambda i - W' over all magnets and of what hysteresis and eddy currents store
+    field : change of lambda i - W' over all magnets, of the iron in series, of what hysteresis and eddy currents store
     mechanical : change of m x'^2/2 + k x^2/2, with those of second mass, base, flexure and friction's elastic part
     """
 
@@ -120,6 +120,10 @@ def _field(surface: Surface, p: PlantParameters, effects: Array | None, state: A
     for j in range(p.sides):
         _, flux, stored = side_flux(cells, p, e, work, j, rows[s.I1 + j], side_gap(p, e, work, j))
         energy += stored
+        if effects is not None:
+            y, width = abs(e[c.IRON_SCALE] * flux), e[c.IRON_WIDTH]
+            iron = e[c.IRON_LOW] * (y - width * np.log(1.0 + y / width)) + e[c.IRON_KNEE] * y**4 / 4
+            energy += iron / e[c.IRON_SCALE]
         if effects is not None and not settled:
             for k in range(c.N_EDDY):
                 energy += 0.5 * e[c.EDDY_MODE + k] * (flux - rows[s.EDDY_FLUX_1 + j * c.N_EDDY + k]) ** 2

@@ -12,6 +12,8 @@ from msl_fem.errors import InputError
 
 Array = NDArray[np.float64]
 
+LAGGING = (("time_delay", "command"), ("early_saturation", "low_field_current"), ("early_saturation", "knee_excess"))
+"""Parameters that need a drive whose current cannot jump, of effects that do without."""
 _LACKING = {
     "magnets": "magnets, this plant is a mechanical rig",
     "two sides": "two sides, this plant has one",
@@ -31,8 +33,9 @@ def check_effects(plant: PlantParameters, effects: EffectValues) -> None:
         for need in CATALOGUE[name].needs:
             if not has[need]:
                 raise InputError(f"{name} needs {_LACKING[need]}, or leave the effect out")
-    if effects.get("time_delay", "command") and not has["drive lag"]:
-        raise InputError(f"time_delay.command needs {_LACKING['drive lag']}, or leave it out")
+    for effect, name in LAGGING:
+        if effects.get(effect, name) and not has["drive lag"]:
+            raise InputError(f"{effect}.{name} needs {_LACKING['drive lag']}, or leave it out")
 
 
 def small_signal_inductance(plant: PlantParameters, surface: Surface) -> float:

@@ -7,6 +7,7 @@ gives is what `kernel.run` gives alone, to the last bit.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,7 @@ from msl_fem.coupled_model.lag import lag_weights
 from msl_fem.coupled_model.lanes import LANES, Rows, choose, every, first, keep, lane_of, rows_of, set_lane, size
 from msl_fem.coupled_model.plant import CURRENT_DRIVE, PlantParameters
 from msl_fem.coupled_model.readings import Channels, currents_before_noise, position_before_noise
+from msl_fem.coupled_model.starting import start_effects
 from msl_fem.coupled_model.state import (
     COIL_1,
     COIL_SLOPE_1,
@@ -41,7 +43,6 @@ from msl_fem.coupled_model.state import (
     VOLT_SECONDS_1,
     X,
     initial_state,
-    start_effects,
 )
 from msl_fem.coupled_model.step import keep_step, look_at, try_step
 from msl_fem.coupled_model.work import (
@@ -54,6 +55,7 @@ from msl_fem.coupled_model.work import (
     lane_workspace,
 )
 from msl_fem.effects import N_PARAMETER, POSITION, neutral_vector
+from msl_fem.effects.lags import position_delay
 from msl_fem.errors import InputError
 
 Array = NDArray[np.float64]
@@ -77,22 +79,78 @@ class LaneSettings:
 
 @dataclass(frozen=True, eq=False)
 class LaneRun:
-    """The readings of all lanes before noise, nan from where a lane left its table or range.
+    """The readings of all lanes before noise, nan from where a lane left its table or range; each is put together when
+    it is first asked for.
 
     Attributes
     ----------
+    blocks : of eight lanes each, (n_sample, N_OUT, LANES) as the kernel wrote them
+    effects : (n_lane, N_PARAMETER), or (N_PARAMETER,) neutral ones of all
     position : (n_lane, n_sample) m, as the sensor reads it
     current, voltage, flux_linkage : (n_lane, n_sample, n_side) A, V, Wb; voltages are means until the next sample
     true_position : (n_lane, n_sample) m
     done : (n_lane,) whole samples
     """
 
-    position: Array
-    current: Array
-    voltage: Array
-    flux_linkage: Array
-    true_position: Array
-    done: NDArray[np.int64]
+    blocks: tuple[Array, ...]
+    effects: Array
+    n_lane: int
+    sides: int
+    rate: float
+
+    @cached_property
+    def position(self) -> Array:
+        slope = self._of_lanes(kernel.OUT_SENSOR_SLOPE) if self._late else self._nothing(1)[..., 0]
+        channels = Channels(self._of_lanes(kernel.OUT_SENSOR), slope, *(self._nothing(self.sides) for _ in range(3)))
+        return position_before_noise(channels, self.effects, rate=self.rate)
+
+    @cached_property
+    def current(self) -> Array:
+        slopes = [self._nothing(self.sides)] * 2
+        if self._late:
+            slopes = [self._of_sides(OUT_SLOPE_AFTER_1), self._of_sides(OUT_SLOPE_BEFORE_1)]
+        sensor = self._nothing(1)[..., 0]
+        channels = Channels(sensor, sensor, self._of_sides(kernel.OUT_I1), *slopes)
+        return currents_before_noise(channels, self.effects, rate=self.rate)
+
+    @cached_property
+    def voltage(self) -> Array:
+        return self._of_sides(OUT_VOLTAGE_1, max(self.sides, 1))
+
+    @cached_property
+    def flux_linkage(self) -> Array:
+        return self._of_sides(kernel.OUT_FLUX_1)
+
+    @cached_property
+    def true_position(self) -> Array:
+        return self._of_lanes(kernel.OUT_X)
+
+    @cached_property
+    def done(self) -> NDArray[np.int64]:
+        good: NDArray[np.bool_] = ~np.isnan(self.true_position + self.voltage[..., 0])
+        return np.where(np.all(good, axis=1), good.shape[1], np.argmin(good, axis=1))
+
+    @property
+    def _late(self) -> bool:
+        """Whether a reading is delayed: nothing else looks at slopes."""
+        values = {key: np.asarray(self.effects)[..., n] for key, n in POSITION.items()}
+        return bool(np.any(position_delay(values)) or np.any(values["time_delay", "current"]))
+
+    def _nothing(self, columns: int) -> Array:
+        return np.broadcast_to(0.0, (self.n_lane, self.blocks[0].shape[0], columns))
+
+    def _of_lanes(self, n: int) -> Array:
+        return self._of_sides(n, 1)[..., 0]
+
+    def _of_sides(self, n: int, columns: int | None = None) -> Array:
+        """Columns from n of the kernel's rows, (n_lane, n_sample, columns)."""
+        count = self.sides if columns is None else columns
+        found = np.empty((count, self.n_lane, self.blocks[0].shape[0]))
+        for k in range(0, self.n_lane, LANES):
+            rows = self.blocks[k // LANES]
+            for j in range(count):
+                found[j, k : k + LANES] = rows[:, n + j, : self.n_lane - k].T
+        return np.moveaxis(found, 0, -1)
 
 
 def run_lanes(
@@ -128,7 +186,8 @@ def run_lanes(
         rows = blocks[lane // LANES][:, :, lane % LANES]
         if plant.end_stop is not None and np.isnan(rows[-1]).any():
             rows[:] = _alone(surface, plant, settings, lane, inputs, substeps)
-    return _readings(blocks, n_lane, sides, settings, rate=inputs.rate)
+    effects = neutral_vector() if settings.effects is None else settings.effects
+    return LaneRun(tuple(blocks), effects, n_lane, sides, inputs.rate)
 
 
 class _Block(NamedTuple):
@@ -155,18 +214,18 @@ def _block(
     substeps: int,
 ) -> _Block:  # fmt: skip
     effects = None
+    starts = settings.starts if settings.starts.ndim == 2 else np.tile(settings.starts, (lanes.max() + 1, 1))
+    states = [initial_state(p, *map(float, starts[k])) for k, p in zip(lanes, plants, strict=True)]
     if settings.effects is not None:
-        columns = []
+        columns: list[Array] = []
         for lane, plant in zip(lanes, plants, strict=True):
             inductance = small_signal_inductance(plant, _own_surface(surface, settings, lane))
             columns.append(
                 kernel_coefficients(plant, settings.effects[lane], inductance=inductance, step=step, n_step=substeps)
             )
+            start_effects(_own_surface(surface, settings, lane), plant, columns[-1], states[len(columns) - 1])
         effects = np.ascontiguousarray(np.column_stack(columns))
-    starts = settings.starts if settings.starts.ndim == 2 else np.tile(settings.starts, (lanes.max() + 1, 1))
-    state = np.column_stack([initial_state(p, *map(float, starts[k])) for k, p in zip(lanes, plants, strict=True)])
-    if effects is not None:
-        start_effects(effects, state)
+    state = np.column_stack(states)
     work = lane_workspace()
     if settings.surface_index is not None:
         first = settings.surface_index[lanes] * surface.coefficients[0].size
@@ -215,43 +274,12 @@ def _alone(
     if settings.effects is not None:
         inductance = small_signal_inductance(plant, own)
         effects = kernel_coefficients(plant, settings.effects[lane], inductance=inductance, step=step, n_step=substeps)
-        start_effects(effects, state)
+        start_effects(own, plant, effects, state)
     commands = inputs.for_sides(max(plant.sides, 1))
     out = np.full((commands.shape[0], N_OUT), np.nan)
     done = kernel.run(own, plant, effects, state, commands, np.asarray(inputs.disturbance), step, substeps, out)[1]
     out[done:] = np.nan
     return out
-
-
-def _readings(blocks: Sequence[Array], n_lane: int, sides: int, settings: LaneSettings, *, rate: float) -> LaneRun:
-    """The readings of rows (n_sample, N_OUT, LANES) of blocks of lanes."""
-
-    def column(n: int) -> Array:
-        return np.concatenate([np.ascontiguousarray(block[:, n].T) for block in blocks])[:n_lane]
-
-    def by_side(n: int) -> Array:
-        return np.stack([column(n + j) for j in range(sides)], axis=-1) if sides else np.empty((n_lane, n_sample, 0))
-
-    n_sample = blocks[0].shape[0]
-    effects = neutral_vector() if settings.effects is None else settings.effects
-    late = settings.effects is not None and any(
-        np.any(settings.effects[:, n]) for (effect, _), n in POSITION.items() if effect == "time_delay"
-    )
-    slopes = np.empty((n_lane, n_sample)), np.empty((n_lane, n_sample, sides)), np.empty((n_lane, n_sample, sides))
-    if late:  # nothing else looks at them
-        slopes = column(kernel.OUT_SENSOR_SLOPE), by_side(OUT_SLOPE_AFTER_1), by_side(OUT_SLOPE_BEFORE_1)
-    channels = Channels(column(kernel.OUT_SENSOR), slopes[0], by_side(kernel.OUT_I1), slopes[1], slopes[2])
-    position, voltage = column(kernel.OUT_X), column(kernel.OUT_VOLTAGE_1)
-    good: NDArray[np.bool_] = ~np.isnan(position + voltage)
-    voltages = np.stack([voltage, *(column(OUT_VOLTAGE_1 + j) for j in range(1, sides))], axis=-1)
-    return LaneRun(
-        position=position_before_noise(channels, effects, rate=rate),
-        current=currents_before_noise(channels, effects, rate=rate),
-        voltage=voltages,
-        flux_linkage=by_side(kernel.OUT_FLUX_1),
-        true_position=position,
-        done=np.where(np.all(good, axis=1), n_sample, np.argmin(good, axis=1)),
-    )
 
 
 @compiled

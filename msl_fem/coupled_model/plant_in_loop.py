@@ -22,6 +22,7 @@ from msl_fem.coupled_model.coefficients import MODE_READING, SENSOR_BANDWIDTH
 from msl_fem.coupled_model.extended import effect_coefficients
 from msl_fem.coupled_model.kernel import advance
 from msl_fem.coupled_model.plant import PlantParameters, Surface, plant_parameters, surface_of
+from msl_fem.coupled_model.starting import start_effects
 from msl_fem.coupled_model.state import (
     COIL_1,
     COIL_SLOPE_1,
@@ -32,7 +33,6 @@ from msl_fem.coupled_model.state import (
     V,
     X,
     initial_state,
-    start_effects,
 )
 from msl_fem.coupled_model.step_size import (
     STEP_OF_FASTEST,
@@ -41,6 +41,7 @@ from msl_fem.coupled_model.step_size import (
     steps_a_sample,
 )
 from msl_fem.effects import POSITION, EffectValues, neutral_vector
+from msl_fem.effects.lags import position_delay
 from msl_fem.errors import InputError
 from msl_fem.table import MagneticTable
 
@@ -120,7 +121,7 @@ def plant_at_rest(
         position = p.constant_force / p.stiffness if p.stiffness > 0 else 0.0
     state = initial_state(p, float(currents[0]), float(currents[1]), float(position), 0.0)
     if plant.effects is not None:
-        start_effects(plant.effects, state)
+        start_effects(plant.surface, p, plant.effects, state)
     depth = 2 + int(np.ceil(plant.instruments.delay.max()))
     return state, np.zeros((depth, _N_HISTORY))
 
@@ -222,7 +223,7 @@ def instruments_of(effects: Array, *, rate: float, resolution: float = 0.0) -> I
         polynomial[j, :2] = v["current_sensor_error", f"offset_{j}"], 1.0 + v["current_sensor_error", f"gain_{j}"]
     for n, channel in enumerate(("position", "current", "current")):
         hum[n] = [v["periodic_disturbance", f"{channel}_{part}"] for part in ("cosine", "sine")]
-    late = [v["time_delay", channel] for channel in ("position", "current", "current")]
+    late = [position_delay(v), v["time_delay", "current"], v["time_delay", "current"]]
     drift = [v["sensor_drift", "rate"], v["sensor_drift", "acceleration"] / 2, v["sensor_drift", "jerk"] / 6]
     return Instruments(
         rate=rate,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from msl_fem.coupled_model import kernel
 from msl_fem.effects import POSITION
+from msl_fem.effects.lags import position_delay
 
 Array = NDArray[np.float64]
 
@@ -44,7 +45,8 @@ class Channels:
 def position_before_noise(channels: Channels, effects: Array, *, rate: float) -> Array:
     """The position as the record has it, before noise, (..., n_sample) m.
 
-    Effects: position_sensor_nonlinearity, time_delay, periodic_disturbance, sensor_drift; the lag is the kernel's.
+    Effects: position_sensor_nonlinearity, time_delay, periodic_disturbance, sensor_drift; of position_sensor_lag what
+    is a delay, the pole is the kernel's.
 
     Parameters
     ----------
@@ -52,8 +54,8 @@ def position_before_noise(channels: Channels, effects: Array, *, rate: float) ->
     rate : samples a second
     """
     v = _values(effects)
-    delay = v["time_delay", "position"]
-    y = delayed(channels.sensor, channels.sensor_slope, channels.sensor_slope[..., 1:], delay=delay, rate=rate)
+    slope = channels.sensor_slope
+    y = delayed(channels.sensor, slope, slope[..., 1:], delay=position_delay(v), rate=rate)
     time = np.arange(y.shape[-1]) / rate
     reading = (1.0 + v["position_sensor_nonlinearity", "gain_error"]) * y
     for power, name in ((2, "quadratic"), (3, "cubic")):

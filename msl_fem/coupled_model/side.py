@@ -1,6 +1,6 @@
 """One side of the actuator: its equal magnets and their connection, seen from the side's terminals.
 
-With effects its coenergy is n A(g) (W' + tilt W'_gg/2)(c share i, g), A = depth + growth g (early_saturation, fringing,
+With effects its coenergy is n A(g) (W' + V(g) W'_gg/2)(c share i, g), A = depth + growth g (early_saturation, fringing,
 armature_tilt; gap_offset lies in g). Force, flux and their slopes are derivatives of this one function, so
 dF/di = -dlambda/dg holds with any of them.
 """
@@ -50,7 +50,8 @@ def side_with_effects(
     linkages = p.magnets * per_magnet
     i = per_magnet * current
     inside = enter_cell(cells, work, BLOCKS + j * N_BLOCK, size(i), gap)
-    w, w_g, w_i, w_ii, w_ig = cell_values(work, BLOCKS + j * N_BLOCK, size(i), gap, e[TILT])
+    tilt, tilt_slope = _tilt(e[TILT], gap)
+    w, w_g, w_i, w_ii, w_ig = cell_values(work, BLOCKS + j * N_BLOCK, size(i), gap, tilt, tilt_slope)
     depth, growth = e[DEPTH] + e[GROWTH] * gap, e[GROWTH]
     pull = p.magnets * (depth * (0.0 - w_g) - growth * w)
     inductance = linkages * per_magnet * (depth * w_ii)
@@ -62,6 +63,19 @@ def side_with_effects(
 
 
 @compiled
+def _tilt(variance: Value, gap: Value) -> tuple[Value, Value]:
+    """(V, dV/dg): the variance of the gap over the face that acts as all even moments of the tilt do.
+
+    For a coenergy in proportion to 1/g the mean over gaps g - e ... g + e is artanh(e/g)/(e/g) times that of the
+    middle, which is 1 + V/g^2 with r = e^2/(3 g^2), V = e^2/3 (1 + 9 r/5 + 27 r^2/7 + 9 r^3 + ...).
+    """
+    r = variance / (gap * gap)
+    more = r * (1.8 + r * (27.0 / 7.0 + 9.0 * r))
+    slope = r * (1.8 + r * (54.0 / 7.0 + 27.0 * r))
+    return variance + variance * more, (0.0 - 2.0 * variance) * slope / gap
+
+
+@compiled
 def side_flux(
     cells: Cells, p: PlantParameters, e: Rows, work: Rows, j: int, current: Value, gap: Value
 ) -> tuple[Flag, Value, Value]:
@@ -69,7 +83,7 @@ def side_flux(
     if e is None:
         i = p.current_share * current
         inside = enter_cell(cells, work, BLOCKS + j * N_BLOCK, size(i), gap)
-        w, _, w_i, _, _ = cell_values(work, BLOCKS + j * N_BLOCK, size(i), gap, 0.0)
+        w, _, w_i, _, _ = cell_values(work, BLOCKS + j * N_BLOCK, size(i), gap, 0.0, 0.0)
         flux = p.magnets * p.current_share * choose(i < 0.0, 0.0 - w_i, w_i)
         return inside, flux, flux * current - p.magnets * w
     else:

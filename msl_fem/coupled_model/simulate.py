@@ -15,6 +15,7 @@ from msl_fem.coupled_model.plant import FORCE_DRIVE, PlantParameters, Surface, p
 from msl_fem.coupled_model.readings import Channels, currents_before_noise, position_before_noise
 from msl_fem.coupled_model.sensors import current_reading, position_reading
 from msl_fem.coupled_model.stability import stability_limit
+from msl_fem.coupled_model.starting import start_effects
 from msl_fem.coupled_model.state import (
     AT_CURRENT_LIMIT_1,
     I1,
@@ -26,7 +27,6 @@ from msl_fem.coupled_model.state import (
     V,
     X,
     initial_state,
-    start_effects,
 )
 from msl_fem.coupled_model.step_size import default_substeps
 from msl_fem.effects import EffectValues, neutral_vector
@@ -137,7 +137,7 @@ def simulate(
     e = None
     if effects is not None:
         e = effect_coefficients(plant, surface, effects, step=1.0 / (inputs.rate * substeps), n_step=substeps)
-        start_effects(e, state)
+        start_effects(surface, plant, e, state)
     start = state.copy()
     status, out = integrate(surface, plant, inputs, state=state, substeps=substeps, effects=e)
     if status != OK and not options.partial:

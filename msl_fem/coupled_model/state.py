@@ -3,15 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coupled_model.coefficients import (
-    HEAT_START,
-    HYSTERESIS_SLOPE,
-    HYSTERESIS_WIDTH,
-    N_EDDY,
-    N_QUEUE,
-    N_STOP,
-    SHARE,
-)
+from msl_fem.coupled_model.coefficients import N_EDDY, N_QUEUE, N_STOP
 from msl_fem.coupled_model.plant import FORCE_DRIVE, PlantParameters
 
 Array = NDArray[np.float64]
@@ -80,17 +72,3 @@ def initial_state(
         state[SLEW_1 + j] = state[LAG_1 + j] = hold
         state[QUEUE_1 + j * (N_QUEUE + 1) : QUEUE_1 + (j + 1) * (N_QUEUE + 1)] = hold
     return state
-
-
-def start_effects(coefficients: Array, state: Array) -> None:
-    """Puts into a state of `initial_state`, (N_STATE,) or (N_STATE, LANES), what effects add to the beginning.
-
-    The currents have risen from nothing in demagnetised iron, so that its memory takes all it can (of currents beyond
-    the reversal's; at smaller ones the first sample errs by a part of the coercive current).
-    """
-    state[HEAT_1] = state[HEAT_2] = coefficients[HEAT_START]
-    state[CORE_1] = state[CORE_1 + 1] = 0.0
-    pinned = coefficients[HYSTERESIS_SLOPE] * coefficients[HYSTERESIS_WIDTH] * (N_STOP * (N_STOP + 1) // 2)
-    for j in range(2):
-        own, other = state[COIL_1 + j], state[COIL_1 + 1 - j]
-        state[I1 + j] = own + coefficients[SHARE] * other - np.sign(own) * pinned

@@ -7,6 +7,7 @@ from msl_fem.compiled import compiled
 from msl_fem.coupled_model import coefficients as c
 from msl_fem.coupled_model.cell import Cells, Surface, cells_of
 from msl_fem.coupled_model.coefficients import kernel_coefficients
+from msl_fem.coupled_model.effect_rates import series_iron
 from msl_fem.coupled_model.extended import small_signal_inductance
 from msl_fem.coupled_model.lanes import Rows, keep, rows_of
 from msl_fem.coupled_model.plant import PlantParameters
@@ -89,16 +90,20 @@ def _follow(
 def _magnetising(
     cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, gap: float, current: float, anchor: float
 ) -> float:
-    """The u with u + h = i, by bisection: h grows with the flux, and is at most the coercive current."""
+    """The u with u + h + iron = i, by bisection: h grows with the flux and is at most the coercive current, and iron in
+    series takes a part of the current's sign."""
     slope, width = e[c.HYSTERESIS_SLOPE], e[c.HYSTERESIS_WIDTH]
     reach = slope * width * (c.N_STOP * (c.N_STOP + 1) // 2)
-    if reach == 0.0:
+    iron = e[c.IRON_LOW] > 0.0 or e[c.IRON_KNEE] > 0.0
+    if reach == 0.0 and not iron:
         return current
     low, high = current - reach, current + reach
+    if iron:
+        low, high = min(low, 0.0 - reach), max(high, reach)
     for _ in range(80):
         u = 0.5 * (low + high)
         _, _, _, _, linked, _ = side_with_effects(cells, p, e, work, 0, u, gap)
-        if u + slope * stop_sum(state, STOPS_1, width, linked - anchor) > current:
+        if u + slope * stop_sum(state, STOPS_1, width, linked - anchor) + series_iron(e, linked) > current:
             high = u
         else:
             low = u

@@ -18,6 +18,7 @@ from msl_fem.compiled import compiled
 from msl_fem.coupled_model import PlantParameters
 from msl_fem.coupled_model.coefficients import N_STOP
 from msl_fem.effects import POSITION as PLACE
+from msl_fem.effects.lags import pole_and_delay, position_delay
 from msl_fem.errors import InputError
 from msl_fem.record_fit import RunData
 from msl_fem.record_fit.run_data import POSITION
@@ -111,7 +112,8 @@ def applied_force(data: RunData, v: dict[tuple[str, str], float]) -> Array:
     command = data.commands[:, 0]
     force = command.copy()
     force[1:] = (command[1:] + command[:-1]) / 2
-    late, lag = v["time_delay", "command"], v["amplifier_bandwidth", "lag"]
+    lag, delay = pole_and_delay(v, "amplifier_bandwidth")
+    late = delay + v["time_delay", "command"]
     if late or lag:
         force = _filtered(force, data.rate, lambda s: np.exp(-s * late) / (1 + s * lag))
     return force
@@ -123,8 +125,8 @@ def measured_motion(
     """The motion that a low-passed reading says, the sensor's effects undone."""
     reading = data.measured[POSITION] / gain - _false_reading(v, data.time)
     seen = _undone(reading, v)
-    late, rate = v["time_delay", "position"], data.rate
-    lag = v["position_sensor_lag", "lag"] + (0.0 if np.isinf(plant.sensor_bandwidth) else 1 / plant.sensor_bandwidth)
+    late, rate, pole = position_delay(v), data.rate, pole_and_delay(v, "position_sensor_lag")[0]
+    lag = pole + (0.0 if np.isinf(plant.sensor_bandwidth) else 1 / plant.sensor_bandwidth)
     share, read = v["structural_mode", "mass_share"], v["structural_mode", "load_reading"]
     natural = 2 * np.pi * v["structural_mode", "frequency"]
     zeta = v["structural_mode", "damping_ratio"]

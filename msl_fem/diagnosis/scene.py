@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 MOST_LINES = 3
 LOUD = 12.0  # times the mean power of the lines around: what noise does once in e^12 lines
 APART = 4  # lines between two that are taken
+SLOWEST = 3  # periods of a run below which a line is a drift
 SMOOTH = 20  # samples over which a velocity is taken
 
 
@@ -52,7 +53,7 @@ def loud_lines(likelihood: Likelihood, found: Fit) -> tuple[float, ...]:
             at += 2 * n
             around = np.convolve(power, np.ones(31) / 31, "same")
             loud = np.flatnonzero(power > LOUD * np.maximum(around - power / 31, 2.0 / 3))
-            candidates += [(float(power[k]), _peak(power, int(k)) * spacing, spacing) for k in loud if k > 0]
+            candidates += [(float(power[k]), _peak(power, int(k)) * spacing, spacing) for k in loud if k >= SLOWEST]
     found_lines: list[float] = []
     for _, frequency, spacing in sorted(candidates, reverse=True):
         if all(abs(frequency - other) > APART * spacing for other in found_lines):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.coupled_model.coefficients import drive_lags
+from msl_fem.coupled_model.extended import LAGGING
 from msl_fem.coupled_model.plant import FORCE_DRIVE, PlantParameters
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.effects import CATALOGUE
@@ -20,6 +21,7 @@ Array = NDArray[np.float64]
 
 SUBSETS: dict[str, tuple[tuple[str, ...], ...]] = {
     "gap_offset": (("offset",), ("centring",)),
+    "early_saturation": (("knee_shift",), ("low_field_current", "knee_excess"), ("knee_excess",)),
     "fringing": (("growth",), ("depth_error",), ("turns_error",), ("growth", "depth_error")),
     "coil_heating": (("rise_per_joule",), ("rise_per_joule", "initial_rise")),
     "amplifier_bandwidth": (("lag",), ("slew_time",), ("bandwidth_error",), ("lag", "slew_time")),
@@ -50,13 +52,21 @@ ABSOLUTE = {
     ("coil_heating", "core_rate"): (0.03,),
     ("coulomb_friction", "stribeck_rise"): (0.2,),
     ("eddy_currents", "diffusion_time"): (1e-3, 1e-2, 1e-1, 1.0),
+    ("position_sensor_lag", "delay_share"): (0.3,),
+    ("amplifier_bandwidth", "delay_share"): (0.3,),
+    ("early_saturation", "low_field_width"): (0.1,),
 }
 SHAPE_WIDTH = {"damping_ratio": 1.0, "time_constant": 0.8, "cooling_rate": 1.5, "core_rate": 1.5, "presliding": 1.0,
                "reversal_current": 1.0, "stribeck_rise": 1.0, "stribeck_velocity": 1.0,
-               "diffusion_time": 1.0}  # fmt: skip
+               "diffusion_time": 1.0, "delay_share": 0.8, "low_field_width": 1.0}  # fmt: skip
 FREQUENCY_WIDTH = 0.15
-WITHOUT_SHAPE = {("coil_heating", "initial_rise"), ("eddy_currents", "time_constant")}
+WITHOUT_SHAPE = {
+    ("coil_heating", "initial_rise"), ("eddy_currents", "time_constant"), ("position_sensor_lag", "lag"),
+    ("amplifier_bandwidth", "lag"),
+}  # fmt: skip
 """Single amounts that act without their effect's shapes too."""
+OF_ONE = {("amplifier_bandwidth", "delay_share"): "lag", ("early_saturation", "low_field_width"): "low_field_current"}
+"""Shapes that belong to one of their effect's amounts."""
 MOST_LINES = 3  # of a residual's spectrum that are tried as frequencies of a disturbance
 MAINS = (50.0, 60.0)
 
@@ -111,12 +121,14 @@ def variants(effect: str, scene: Scene, plant: PlantParameters) -> list[Variant]
     sets = [s for s in SUBSETS.get(effect, (names,)) if _there(effect, s, plant)]
     shapes = [p.name for p in entry.parameters if p.shape]
     found = []
-    for centres in _grid(effect, shapes, scene):
-        made = tuple(
-            EffectUnknown(effect, name, centre, SHAPE_WIDTH.get(name, FREQUENCY_WIDTH))
-            for name, centre in zip(shapes, centres, strict=True)
-        )
-        found += [Variant(effect, tuple(EffectUnknown(effect, name) for name in chosen), made) for chosen in sets]
+    for chosen in sets:
+        own = [name for name in shapes if OF_ONE.get((effect, name), chosen[0]) in chosen]
+        for centres in _grid(effect, own, scene):
+            made = tuple(
+                EffectUnknown(effect, name, centre, SHAPE_WIDTH.get(name, FREQUENCY_WIDTH))
+                for name, centre in zip(own, centres, strict=True)
+            )
+            found.append(Variant(effect, tuple(EffectUnknown(effect, name) for name in chosen), made))
     plain = [Variant(effect, (EffectUnknown(effect, name),)) for name in names if (effect, name) in WITHOUT_SHAPE]
     return found + plain
 
@@ -131,7 +143,7 @@ def _there(effect: str, names: Sequence[str], plant: PlantParameters) -> bool:
         return False
     if "bandwidth_error" in names and math.isinf(plant.bandwidth):
         return False
-    return not (effect == "time_delay" and "command" in names and not drive_lags(plant))
+    return drive_lags(plant) or not any((effect, name) in LAGGING for name in names)
 
 
 def _grid(effect: str, shapes: Sequence[str], scene: Scene) -> list[tuple[float, ...]]:

@@ -19,9 +19,21 @@ MAGNETIC = (
         name="early_saturation",
         group="magnetic",
         sentence="the iron saturates sooner than its B-H curve says (stacking factor, cutting stress)",
-        equation="W'(i, g) -> W'((1 + s) i, g) / (1 + s)^2: B and H of the iron scaled by 1/(1 + s), the gap unchanged",
+        equation=(
+            "W'(i, g) -> W'((1 + s) i, g) / (1 + s)^2: B and H of the iron scaled by 1/(1 + s), the gap unchanged; "
+            "i = u + low_field_current y/(low_field_width + |y|) + knee_excess y^3, y = lambda/L_0: iron in series"
+        ),
         source="Schoppa, Schneider, Wuppermann, J. Magn. Magn. Mater. 215-216, 2000, 74-78 (cutting)",
-        parameters=(Parameter("knee_shift", "", 0.0, (-0.3, 5.0), 0.02, "s: the flux at the knee is 1/(1 + s)"),),
+        parameters=(
+            Parameter("knee_shift", "", 0.0, (-0.3, 5.0), 0.02, "s: the flux at the knee is 1/(1 + s)"),
+            Parameter(
+                "low_field_current", "A", 0.0, (0.0, 2.0), 0.01, "that the iron takes in excess where its curve begins"
+            ),
+            Parameter("knee_excess", "A^-2", 0.0, (0.0, 100.0), 0.01, "current in excess over the cube of lambda/L_0"),
+            Parameter(
+                "low_field_width", "A", 0.1, (1e-3, 10.0), 0.1, "lambda/L_0 at half the low-field current", shape=True
+            ),
+        ),
         needs=("magnets",),
     ),
     Effect(
@@ -92,7 +104,10 @@ MAGNETIC = (
         name="armature_tilt",
         group="magnetic",
         sentence="the faces are not parallel",
-        equation="W'(i, g) -> W' + (gap_variance / 2) d2W'/dg2: the mean over the face to second order in its slope",
+        equation=(
+            "W'(i, g) -> W' + (V/2) d2W'/dg2, V = v (1 + 9/5 r + 27/7 r^2 + 9 r^3), r = v/g^2, v = gap_variance: the "
+            "mean over the face to second order, and to the eighth for W' in proportion to 1/g"
+        ),
         source="mean of parallel flux tubes, Roters, 1941, ch. 5; gap_variance = angle^2 <y^2>, width^2/12 of a face",
         parameters=(
             Parameter("gap_variance", "m^2", 0.0, (0.0, 1e-8), 4e-10, "mean square deviation of the gap over the face"),

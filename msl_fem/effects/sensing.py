@@ -19,9 +19,12 @@ SENSING = (
         name="position_sensor_lag",
         group="sensing and timing",
         sentence="the position reading lags",
-        equation="(1/w + lag) y' = x - y, w: the sensor's stated bandwidth",
+        equation="(1/w + (1 - s) lag) y' = x - y, read s lag later; w: the sensor's stated bandwidth, s: delay_share",
         source="Fleming, Sensors and Actuators A 190, 2013, 106-126",
-        parameters=(Parameter("lag", "s", 0.0, (0.0, 0.05), 1e-5, "added to the sensor's time constant"),),
+        parameters=(
+            Parameter("lag", "s", 0.0, (0.0, 0.05), 1e-5, "added to the sensor's time constant"),
+            Parameter("delay_share", "", 0.0, (0.0, 0.95), 0.1, "of the lag: what more than one pole do", shape=True),
+        ),
     ),
     Effect(
         name="time_delay",

@@ -11,7 +11,8 @@ from msl_fem.coupled_model.coefficients import drive_lags
 from msl_fem.coupled_model.plant import FORCE_DRIVE
 from msl_fem.coupled_model.readings import Channels, currents_before_noise, position_before_noise
 from msl_fem.coupled_model.simulate import STATUS
-from msl_fem.coupled_model.state import OK, initial_state, start_effects
+from msl_fem.coupled_model.starting import start_effects
+from msl_fem.coupled_model.state import OK, initial_state
 from msl_fem.errors import ComputationError, OutOfTable
 from msl_fem.map_fit import FitSettings, fit_map
 from msl_fem.record_fit.believed import Belief, Plant
@@ -82,7 +83,7 @@ def kernel_state(plant: Plant, start: Start) -> Array:
     """The kernel's state (N_STATE,) at a start."""
     state = initial_state(plant.parameters, *start.currents, start.position, start.velocity)
     if plant.effects is not None:
-        start_effects(plant.effects, state)
+        start_effects(plant.surface, plant.parameters, plant.effects, state)
     return state
 
 

@@ -10,6 +10,7 @@ from msl_fem.coupled_model.coefficients import COMPLIANCE, MODE_MASS
 from msl_fem.coupled_model.readings import Channels, currents_before_noise, position_before_noise
 from msl_fem.coupled_model.state import BASE, BASE_RATE, I1, MODE, MODE_RATE, N_STATE, SENSOR, V, X
 from msl_fem.effects import POSITION as PLACE
+from msl_fem.effects.lags import position_delay
 from msl_fem.record_fit.believed import Plant
 from msl_fem.record_fit.free_run import Start, first_guess, kernel_state
 from msl_fem.record_fit.kalman_kernel import ahead, filter_run
@@ -129,8 +130,8 @@ def _read_channels(data: RunData) -> list[str]:
 def _setting(plant: Plant, data: RunData, names: list[str], noise: ProcessNoise) -> tuple[Array, ...]:
     """What `filter_run` takes: readings, their delays, rows of the state, differences, variances."""
     which = np.array([2 if name == POSITION else int(name[8]) - 1 for name in names])
-    late = {2: "position"}
-    delay = np.array([plant.readings[PLACE["time_delay", late.get(int(w), "current")]] for w in which])
+    values = {key: float(plant.readings[n]) for key, n in PLACE.items()}
+    delay = np.where(which == 2, position_delay(values), values["time_delay", "current"])
     rows = [I1 + j for j in range(plant.parameters.sides)] + [X, V, SENSOR]
     if plant.effects is not None:
         rows += [MODE, MODE_RATE] if plant.effects[MODE_MASS] else []
@@ -152,7 +153,8 @@ def _setting(plant: Plant, data: RunData, names: list[str], noise: ProcessNoise)
 def _as_read(plant: Plant, data: RunData, name: str, sensed: Array) -> Array:
     """What an instrument reads, without the delay, of a sensor's or coil's signal (n_sample,)."""
     prompt = plant.readings.copy()
-    prompt[PLACE["time_delay", "position"]] = prompt[PLACE["time_delay", "current"]] = 0.0
+    for late in (("time_delay", "position"), ("time_delay", "current"), ("position_sensor_lag", "delay_share")):
+        prompt[PLACE[late]] = 0.0
     nothing, sides = np.zeros((sensed.size, 2)), np.zeros((sensed.size, 2))
     if name == POSITION:
         channels = Channels(sensed, nothing[:, 0], nothing, nothing, nothing)

@@ -15,7 +15,7 @@ from msl_fem.table import MagneticTable
 
 SMOOTH = EffectValues({
     "gap_offset": {"offset": 1e-5, "centring": 5e-6},
-    "early_saturation": {"knee_shift": 0.05},
+    "early_saturation": {"knee_shift": 0.05, "low_field_current": 0.02, "knee_excess": 0.03},
     "fringing": {"growth": 30.0, "depth_error": 0.01, "turns_error": -0.01},
     "eddy_currents": {"time_constant": 3e-4},
     "cross_coupling": {"share": 0.04},
@@ -59,6 +59,12 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
             n * scale * (-depth * float(at["force_current_slope"]) + growth * float(at["flux_linkage"])),
         )
 
+    def iron(flux: np.ndarray) -> np.ndarray:
+        """What iron in series takes of a side's current."""
+        at = flux / inductance_0
+        low, knee = get("early_saturation", "low_field_current"), get("early_saturation", "knee_excess")
+        return low * at / (get("early_saturation", "low_field_width") + np.abs(at)) + knee * at**3
+
     def sides(y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(four values a side, gaps, their rates)."""
         base, base_rate = get("support_compliance", "compliance") * y[[8, 9]]
@@ -72,7 +78,7 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
         values_of, _, gap_rates = sides(y)
         ind, emf = values_of[:, 2], values_of[:, 3] * gap_rates
         resistance = p.resistance * (1 + y[10:12])
-        # unknown i, v, E: mix i = u + eddy E;  v = R i + mix E;  v = R i + emf + L w (command - i)
+        # unknown i, v, E: mix i = u + iron + eddy E;  v = R i + mix E;  v = R i + emf + L w (command - i)
         one, none = np.eye(2), np.zeros((2, 2))
         matrix = np.block(
             [
@@ -81,7 +87,7 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
                 [-np.diag(resistance) + np.diag(ind * w), one, none],
             ]
         )
-        found = np.linalg.solve(matrix, np.r_[y[:2], np.zeros(2), emf + ind * w * command])
+        found = np.linalg.solve(matrix, np.r_[y[:2] + iron(values_of[:, 0]), np.zeros(2), emf + ind * w * command])
         return found[:2], found[2:4], found[4:]
 
     def rate(t: float, y: np.ndarray, command: np.ndarray, push: float) -> np.ndarray:

@@ -8,8 +8,11 @@ from effect_cases import effects, rig
 from scipy.linalg import expm
 
 from msl_fem.actuator import Actuator
+from msl_fem.coupled_model.coefficients import EDDY_POLES, EDDY_WEIGHTS
 from msl_fem.coupled_model.inputs import Inputs
 from msl_fem.coupled_model.simulate import Options, simulate
+from msl_fem.effects import EffectValues
+from msl_fem.errors import InputError
 
 INDUCTANCE = 2 * 1.08e-5 / 6.3e-4  # of a side of two magnets of `linear_table`, H
 
@@ -23,7 +26,7 @@ def test_eddy_currents_in_sheets_follow_the_diffusion_equation(servo: Actuator, 
     run = simulate(
         locked(servo), linear_table(), Inputs(np.column_stack([command, command]), rate),
         effects=effects("eddy_currents", time_constant=tau, diffusion_time=diffusion),
-        options=Options(currents=(1.0, 1.0), substeps=6),
+        options=Options(currents=(1.0, 1.0), substeps=8),
     )  # fmt: skip
     turn = np.exp(-1j * turns[-n:])
     ratio = np.mean(run.current[-n:, 0] * turn) / np.mean(run.flux_linkage[-n:, 0] * turn) * INDUCTANCE
@@ -34,6 +37,68 @@ def test_eddy_currents_in_sheets_follow_the_diffusion_equation(servo: Actuator, 
     assert abs(expected - alone) > 2 * abs(ratio - expected), "a single loop is another thing"
     assert abs(run.audit.imbalance) < 1e-6
     assert run.audit.eddy_currents > 0
+
+
+def test_the_modes_of_the_sheets_are_the_closed_form_s() -> None:
+    """3 (q coth q - 1)/q^2, q^2 = j w T, within 0.5 % of it up to w T = 10^4: five decades above the first pole."""
+    w = np.geomspace(1e-3, 1e4, 200)
+    q, poles, weights = np.sqrt(1j * w), np.array(EDDY_POLES), np.array(EDDY_WEIGHTS)
+    exact = 3 * (q / np.tanh(q) - 1) / q**2
+    rest = 1 - np.sum(weights / poles)
+    assert rest > 0
+    found = (weights / (q[:, None] ** 2 + poles)).sum(axis=1) + rest
+    assert np.all(np.abs(found - exact) < 0.005 * np.abs(exact))
+    assert abs(exact[-1]) < 0.05, "far beyond where one mode would do"
+
+
+def test_iron_in_series_takes_its_current_and_gives_its_energy_back(servo: Actuator) -> None:
+    """i = u + a y/(w + y) + k y^3 with y = lambda/L_0 = u on a linear table, at rest and in a closed ledger."""
+    a, width, k = 0.02, 0.1, 0.01
+    values = effects("early_saturation", low_field_current=a, low_field_width=width, knee_excess=k)
+    command = 1.0 + 0.5 * np.sin(2 * np.pi * 20 * np.arange(2000) / 1e4)
+    run = simulate(
+        locked(servo), linear_table(), Inputs(np.column_stack([command, -command]), 1e4), effects=values,
+        options=Options(currents=(1.0, -1.0)),
+    )  # fmt: skip
+    y = run.flux_linkage / INDUCTANCE
+    assert run.current == pytest.approx(y + a * y / (width + np.abs(y)) + k * y**3, rel=1e-9)
+    assert y[:, 0].max() < 1.46
+    assert run.flux_linkage[0, 0] == pytest.approx(-run.flux_linkage[0, 1], rel=1e-12)
+    assert abs(run.audit.imbalance) < 1e-7
+    assert run.audit.hysteresis == 0.0
+
+
+@pytest.mark.parametrize("name", ["low_field_current", "knee_excess"])
+def test_iron_in_series_needs_a_current_that_cannot_jump(servo: Actuator, name: str) -> None:
+    ideal = changed(servo, drive={"bandwidth": None})
+    with pytest.raises(InputError, match=f"early_saturation.{name} needs a drive whose current cannot jump"):
+        simulate(
+            ideal,
+            linear_table(),
+            Inputs(np.full((20, 2), 0.5), 1e3),
+            effects=effects("early_saturation", **{name: 0.1}),
+        )
+
+
+@pytest.mark.parametrize("name", ["position_sensor_lag", "amplifier_bandwidth"])
+@pytest.mark.parametrize("frequency", [50.0, 500.0])
+def test_a_lag_of_two_poles_is_one_pole_and_a_delay(name: str, frequency: float) -> None:
+    """Poles of 62 and 28 us: one of the root of their squares' sum, and the rest of the lag a delay."""
+    first, second, rate, cycle = 62e-6, 28e-6, 1e4, int(1e4 / frequency)
+    share = 1 - np.hypot(first, second) / (first + second)
+    loose, turns = rig(stiffness="0 N/m", damping="200 N s/m"), 2 * np.pi * np.arange(1000) / cycle
+    last = slice(1000 - 4 * cycle if cycle > 100 else 600, 1000)
+
+    def amplitude(values: EffectValues | None) -> complex:
+        found = simulate(loose, None, Inputs(20 * np.sin(turns)[:, None], rate), effects=values)
+        read = found.measured_position[last]
+        return complex(np.mean((read - read.mean()) * np.exp(-1j * turns[last])))
+
+    ratio = amplitude(effects(name, lag=first + second, delay_share=float(share))) / amplitude(None)
+    w = 2j * np.pi * frequency
+    both = 1 / ((1 + w * first) * (1 + w * second))
+    assert ratio == pytest.approx(both, rel=1e-3)
+    assert abs(1 / (1 + w * (first + second)) - both) > abs(ratio - both), "one pole alone is farther away"
 
 
 def test_a_coil_warms_towards_its_core(servo: Actuator) -> None:

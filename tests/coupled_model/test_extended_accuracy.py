@@ -14,6 +14,7 @@ from msl_fem.coupled_model.inputs import Inputs
 from msl_fem.coupled_model.lane_run import LaneSettings, run_lanes
 from msl_fem.coupled_model.plant import plant_parameters, surface_of
 from msl_fem.coupled_model.simulate import Options, simulate
+from msl_fem.coupled_model.starting import start_effects
 from msl_fem.coupled_model.state import (
     BASE,
     CREEP,
@@ -26,7 +27,6 @@ from msl_fem.coupled_model.state import (
     V,
     X,
     initial_state,
-    start_effects,
 )
 from msl_fem.effects import N_PARAMETER, EffectValues, neutral_vector
 from msl_fem.errors import InputError
@@ -55,7 +55,7 @@ def test_the_order_of_convergence_is_four(servo: Actuator, table: MagneticTable,
         step = 4e-4 / steps
         e = effect_coefficients(plant, surface, SMOOTH, step=step, n_step=steps)
         state = initial_state(plant, 1.0, 0.9, 1e-4, -0.05)
-        start_effects(e, state)
+        start_effects(surface, plant, e, state)
         assert kernel.advance(surface, plant, e, state, command, 5.0, step, steps, np.zeros(2)) == OK
         return state[[I1, I2, X, V, SENSOR, HEAT_1, CREEP, MODE, BASE]]
 
@@ -93,7 +93,7 @@ def test_lanes_equal_single_runs_to_the_last_bit(
         if vectors is not None:
             inductance = small_signal_inductance(plant, surface)
             e = kernel_coefficients(plant, vectors[lane], inductance=inductance, step=1e-5, n_step=10)
-            start_effects(e, state)
+            start_effects(surface, plant, e, state)
         out = np.empty((150, kernel.N_OUT))
         push = np.asarray(inputs.disturbance)
         assert kernel.run(surface, plant, e, state, inputs.for_sides(2), push, 1e-5, 10, out) == (OK, 150)

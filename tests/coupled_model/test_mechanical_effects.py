@@ -12,7 +12,8 @@ from msl_fem.coupled_model.extended import effect_coefficients
 from msl_fem.coupled_model.inputs import Inputs
 from msl_fem.coupled_model.plant import plant_parameters, surface_of
 from msl_fem.coupled_model.simulate import Options, simulate
-from msl_fem.coupled_model.state import N_INTEGRATED, V, initial_state, start_effects
+from msl_fem.coupled_model.starting import start_effects
+from msl_fem.coupled_model.state import N_INTEGRATED, V, initial_state
 from msl_fem.effects import EffectValues
 from msl_fem.table import MagneticTable
 
@@ -129,7 +130,7 @@ def test_an_air_film_damps_with_the_cube_of_its_closeness(servo: Actuator, table
         slopes = []
         for v in (0.0, 0.1):
             state, dy = initial_state(plant, 0.0, 0.0, x, v), np.zeros(N_INTEGRATED)
-            start_effects(e, state)
+            start_effects(surface, plant, e, state)
             assert kernel.rates_at(surface, plant, e, state, np.zeros(5), dy)
             slopes.append(plant.mass * dy[V])
         closeness = (6e-4 / (6e-4 - x)) ** 3 + (6e-4 / (6e-4 + x)) ** 3
