@@ -84,7 +84,7 @@ class LaneRun:
 
     Attributes
     ----------
-    blocks : of eight lanes each, (n_sample, N_OUT, LANES) as the kernel wrote them
+    blocks : of eight lanes each, (n_sample, N_OUT, LANES) as the kernel wrote them; a last one may be of one lane
     effects : (n_lane, N_PARAMETER), or (N_PARAMETER,) neutral ones of all
     position : (n_lane, n_sample) m, as the sensor reads it
     current, voltage, flux_linkage : (n_lane, n_sample, n_side) A, V, Wb; voltages are means until the next sample
@@ -177,6 +177,9 @@ def run_lanes(
     n_sample = commands.shape[0]
     blocks: list[Array] = []
     for begin in range(0, n_lane, LANES):
+        if begin == n_lane - 1:  # a single one is faster by itself
+            blocks.append(_alone(surface, plants[begin], settings, begin, inputs, substeps)[:, :, None])
+            break
         lanes = [min(begin + k, n_lane - 1) for k in range(LANES)]  # the last one fills up
         block = _block(surface, [plants[lane] for lane in lanes], settings, np.array(lanes), step, substeps)
         out = np.empty((n_sample * N_OUT, LANES))
