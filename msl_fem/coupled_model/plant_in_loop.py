@@ -218,7 +218,7 @@ def instruments_of(effects: Array, *, rate: float, resolution: float = 0.0) -> I
     v = {key: float(effects[n]) for key, n in POSITION.items()}
     polynomial, hum = np.zeros((N_READING, 4)), np.zeros((N_READING, 2))
     bent = "position_sensor_nonlinearity"
-    polynomial[0] = 0.0, 1.0 + v[bent, "gain_error"], v[bent, "quadratic"], v[bent, "cubic"]
+    polynomial[0] = v["sensor_drift", "offset"], 1.0 + v[bent, "gain_error"], v[bent, "quadratic"], v[bent, "cubic"]
     for j in (1, 2):
         polynomial[j, :2] = v["current_sensor_error", f"offset_{j}"], 1.0 + v["current_sensor_error", f"gain_{j}"]
     for n, channel in enumerate(("position", "current", "current")):

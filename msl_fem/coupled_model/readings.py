@@ -2,7 +2,7 @@
 
 position  (1 + gain_error) y + quadratic y^2 + cubic y^3 + drift(t) + hum(t),  y the sensor's answer at t - delay
 current   (1 + gain_j) i_j(t - delay) + offset_j + hum(t)
-drift     rate t + acceleration t^2/2 + jerk t^3/6
+drift     offset + rate t + acceleration t^2/2 + jerk t^3/6
 """
 
 from dataclasses import dataclass
@@ -64,7 +64,7 @@ def position_before_noise(channels: Channels, effects: Array, *, rate: float) ->
     if any(np.any(v["sensor_drift", name]) for name in ("rate", "acceleration", "jerk")):
         drift = v["sensor_drift", "acceleration"] / 2 + time * v["sensor_drift", "jerk"] / 6
         reading = reading + time * (v["sensor_drift", "rate"] + time * drift)
-    return reading + _hum(v, time, "position")
+    return reading + (v["sensor_drift", "offset"] + _hum(v, time, "position"))
 
 
 def currents_before_noise(channels: Channels, effects: Array, *, rate: float) -> Array:

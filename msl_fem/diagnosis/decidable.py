@@ -35,5 +35,5 @@ def why_not(record: Record, data: Sequence[RunData]) -> str:
 
 
 def unstable_run(belief: Belief, data: Sequence[RunData]) -> str:
-    """The first fit run of an open loop that is not stable, in which a free run says nothing; empty where none is."""
-    return next((run.name for run in data if run.role == "fit" and not open_loop_stable(belief, run)), "")
+    """The first run of an open loop that is not stable, in which a free run says nothing; empty where none is."""
+    return next((run.name for run in data if not open_loop_stable(belief, run)), "")

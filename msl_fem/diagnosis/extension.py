@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 INTERVAL = 1.96
 _READ = (
     ("position_sensor_nonlinearity", "quadratic"), ("position_sensor_nonlinearity", "cubic"), ("sensor_drift", "rate"),
-    ("sensor_drift", "acceleration"), ("sensor_drift", "jerk"), ("periodic_disturbance", "position_cosine"),
+    ("sensor_drift", "acceleration"), ("sensor_drift", "jerk"), ("sensor_drift", "offset"),
+    ("periodic_disturbance", "position_cosine"),
     ("periodic_disturbance", "position_sine"),
 )  # fmt: skip
 

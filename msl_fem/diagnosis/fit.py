@@ -19,6 +19,7 @@ from msl_fem.errors import ComputationError
 Array = NDArray[np.float64]
 STALE = 0.6
 """Share of the predicted decrease that a step has to bring for the nuisances' columns to be kept."""
+SLOW_CEILING = 100.0
 AT_ONCE = 16  # rows that are simulated together: what bounds the memory
 ENOUGH = 0.05
 """Nats that a further step would gain, at which a fit has converged."""
@@ -68,6 +69,20 @@ class Likelihood:
         return np.concatenate(parts)
 
     @property
+    def ceilings(self) -> Array:
+        """(n_label,) the largest density over the white one that a band's noise can have: of the lowest one of each
+        channel `SLOW_CEILING`, where there are several. A drift or an offset of any size would pass as noise there for
+        a few nats."""
+        found = np.full(self.bands.n_band * len(self.channel_names), np.inf)
+        if self.bands.n_band > 1:
+            found[:: self.bands.n_band] = SLOW_CEILING
+        return found
+
+    def weights(self, residual: Array) -> "Weights":
+        """The most probable densities given a residual (n_number,)."""
+        return weights_of(residual, self.labels, self.ceilings)
+
+    @property
     def channel_names(self) -> list[str]:
         found: list[str] = []
         for run in range(len(self.problem.runs)):
@@ -91,12 +106,13 @@ class Weights:
     nats: float
 
 
-def weights_of(residual: Array, labels: NDArray[np.intp]) -> Weights:
-    """The most probable densities given a residual (n_number,)."""
-    count = np.bincount(labels)
-    power = np.bincount(labels, weights=residual**2)
-    density = (power + PRIOR) / (count + PRIOR)
-    return Weights(density, 1 / np.sqrt(density)[labels], float(np.sum((count + PRIOR) * np.log(density)) / 2))
+def weights_of(residual: Array, labels: NDArray[np.intp], ceilings: Array) -> Weights:
+    """The most probable densities given a residual (n_number,), none above its ceiling (n_label,)."""
+    count = np.bincount(labels) + PRIOR
+    power = np.bincount(labels, weights=residual**2) + PRIOR
+    density = np.minimum(power / count, ceilings)
+    nats = np.sum(count * (np.log(density) - 1) + power / density) / 2
+    return Weights(density, 1 / np.sqrt(density)[labels], float(nats))
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,12 +222,13 @@ class _Search:
     """Where a fit is, and its quadratic model there."""
 
     def __init__(self, likelihood: Likelihood, unknowns: Unknowns, z: Array) -> None:
-        self.likelihood, self.unknowns, self.labels = likelihood, unknowns, likelihood.labels
+        self.likelihood, self.unknowns = likelihood, unknowns
+        self.labels, self.ceilings = likelihood.labels, likelihood.ceilings
         self.z, self.simulations, self.stale = z, 1, False
         self.residual = likelihood.spectra(Points.of(unknowns, z[None]))[0]
         if not np.isfinite(self.residual).all():
             raise ComputationError("the simulation fails at the start of the fit")
-        self.weights = weights_of(self.residual, self.labels)
+        self.weights = weights_of(self.residual, self.labels, self.ceilings)
         self.cost = self.weights.nats + unknowns.prior(z)[0]
         self.jacobian = np.empty((self.residual.size, z.size))
 
@@ -253,7 +270,7 @@ class _Search:
         self.simulations += 1
         if not np.isfinite(residual).all():
             return -np.inf
-        weights = weights_of(residual, self.labels)
+        weights = weights_of(residual, self.labels, self.ceilings)
         gained = self.cost - weights.nats - self.unknowns.prior(there)[0]
         if gained > 0:
             self.z, self.residual, self.weights, self.cost = there, residual, weights, self.cost - gained

@@ -189,6 +189,7 @@ def _false_reading(v: dict[tuple[str, str], float], time: Array) -> Array:
     hum = v["periodic_disturbance", "position_cosine"] * np.cos(phase)
     hum = hum + v["periodic_disturbance", "position_sine"] * np.sin(phase)
     rate, acceleration, jerk = (v["sensor_drift", name] for name in ("rate", "acceleration", "jerk"))
+    hum = hum + v["sensor_drift", "offset"]
     return np.asarray(hum + rate * time + acceleration * time**2 / 2 + jerk * time**3 / 6)
 
 

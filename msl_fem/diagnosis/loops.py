@@ -93,8 +93,14 @@ class LoopLikelihood(Likelihood):
     @property
     def labels(self) -> NDArray[np.intp]:
         """(n_number,) the band of each number of the runs, then the channel of each of the map."""
-        own = super().labels
-        return own if self.static is None else np.concatenate([own, self.static.labels + own.max() + 1])
+        own, n = super().labels, self.bands.n_band * len(super().channel_names)
+        return own if self.static is None else np.concatenate([own, self.static.labels + n])
+
+    @property
+    def ceilings(self) -> Array:
+        """(n_label,) of the runs' bands, then of the map."""
+        own = super().ceilings
+        return own if self.static is None else np.concatenate([own, self.static.ceilings])
 
     def excess(self, found: Fit) -> dict[str, float]:
         """Channel to RMS residual over the noise, of the lines that the bands hold; those of the map by its name."""

@@ -6,6 +6,9 @@ a weak prior at the white noise of the instrument's sigma (an inverse gamma dist
 Integrating it out leaves, for a band of n real numbers with the sum of squares Q over the white density,
 
     (n + PRIOR)/2 log((Q + PRIOR)/(n + PRIOR)).
+
+No instrument's noise is ten times its stated sigma at the lowest frequencies, so in the lowest band the density ends
+at a ceiling (`fit.SLOW_CEILING`): what is above it, an offset or a drift, counts by its square.
 """
 
 from collections.abc import Sequence

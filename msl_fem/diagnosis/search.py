@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.diagnosis.fit import ENOUGH, Fit, FitPlan, Likelihood, fit, weights_of
+from msl_fem.diagnosis.fit import ENOUGH, Fit, FitPlan, Likelihood, fit
 from msl_fem.diagnosis.scoring import Score, scores
 from msl_fem.diagnosis.simulator import Points
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -91,9 +91,9 @@ def started(likelihood: Likelihood, base: Fit, score: Score) -> Array:
     rows += [np.concatenate([base.z, part * score.guess, shapes]) for part in SHARES]
     unknowns = extended(base.unknowns, score.variant)
     points = np.array([unknowns.allowed(row) for row in rows])
-    residuals, labels = likelihood.spectra(Points.of(unknowns, points)), likelihood.labels
+    residuals = likelihood.spectra(Points.of(unknowns, points))
     costs = [
-        weights_of(r, labels).nats + unknowns.prior(z)[0] if np.isfinite(r).all() else np.inf
+        likelihood.weights(r).nats + unknowns.prior(z)[0] if np.isfinite(r).all() else np.inf
         for r, z in zip(residuals, points, strict=True)
     ]
     return np.asarray(points[int(np.argmin(costs))])

@@ -118,6 +118,10 @@ class StaticLikelihood(Likelihood):
         return np.repeat(np.arange(len(numbers)), numbers)
 
     @property
+    def ceilings(self) -> Array:
+        return np.full(len(self.measured.sigmas), np.inf)
+
+    @property
     def channel_names(self) -> list[str]:
         return list(self.measured.sigmas)
 

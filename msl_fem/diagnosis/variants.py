@@ -36,7 +36,8 @@ SUBSETS: dict[str, tuple[tuple[str, ...], ...]] = {
     "time_delay": (("command",), ("position",), ("current",), ("position", "current")),
     "periodic_disturbance": (("force_cosine", "force_sine"), ("position_cosine", "position_sine"),
                              ("current_cosine", "current_sine")),
-    "sensor_drift": (("rate",), ("rate", "acceleration"), ("rate", "acceleration", "jerk")),
+    "sensor_drift": (("rate",), ("offset", "rate"), ("offset", "rate", "acceleration"),
+                     ("offset", "rate", "acceleration", "jerk")),
 }  # fmt: skip
 """Parameters tried together; effects that are not here have one set, all that are no shapes."""
 RELATIVE = {

@@ -58,12 +58,13 @@ SENSING = (
         name="sensor_drift",
         group="sensing and timing",
         sentence="a slow wander of the position zero",
-        equation="reading = ... + rate t + acceleration t^2/2 + jerk t^3/6",
+        equation="reading = ... + offset + rate t + acceleration t^2/2 + jerk t^3/6",
         source="Fleming, Sensors and Actuators A 190, 2013, 106-126; the first terms of any slow drift",
         parameters=(
             Parameter("rate", "m/s", 0.0, (-1e-3, 1e-3), 1e-7, "of the zero"),
             Parameter("acceleration", "m/s^2", 0.0, (-1e-3, 1e-3), 1e-7, "of the zero"),
             Parameter("jerk", "m/s^3", 0.0, (-1e-3, 1e-3), 1e-7, "of the zero"),
+            Parameter("offset", "m", 0.0, (-1e-3, 1e-3), 1e-7, "of the zero when a run begins"),
         ),
     ),
 )

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from msl_fem.coupled_model import kernel, linearise
 from msl_fem.coupled_model.coefficients import drive_lags
-from msl_fem.coupled_model.plant import FORCE_DRIVE
+from msl_fem.coupled_model.plant import FORCE_DRIVE, plant_parameters
 from msl_fem.coupled_model.readings import Channels, currents_before_noise, position_before_noise
 from msl_fem.coupled_model.simulate import STATUS
 from msl_fem.coupled_model.starting import start_effects
@@ -19,6 +19,8 @@ from msl_fem.record_fit.believed import Belief, Plant
 from msl_fem.record_fit.run_data import POSITION, RunData
 
 Array = NDArray[np.float64]
+GROWTH = 20.0  # of an error in one stretch of a run, beyond which a free run says nothing
+LOOKED_AT = 4000  # samples of a run at which its stiffness is looked at
 START_SECONDS, START_SAMPLES = 0.05, 100  # what the start of a run is estimated from, the longer of both
 FIRST_LOOK = 9  # samples of the straight line that gives a first guess of position and velocity
 
@@ -42,16 +44,39 @@ class FreeRun:
 
 
 def open_loop_stable(belief: Belief, data: RunData) -> bool:
-    """Whether the plant returns from a small push at the run's mean position and RMS currents.
+    """Whether the plant returns from a small push at the run's mean position and RMS currents, and nowhere along the
+    run grows an error by more than `GROWTH`.
 
-    A rig without a spring does not: an error of its force stays in its position.
+    A rig without a spring does not return: an error of its force stays in its position.
     """
     p = believed_currents(belief, data)
     try:
         at = linearise(belief.actuator, belief.table, currents=p, position=float(np.mean(data.measured[POSITION])))
     except OutOfTable:
         return False
-    return at.stiffness > 0 and at.is_stable
+    return at.stiffness > 0 and at.is_stable and error_growth(belief, data) <= GROWTH
+
+
+def error_growth(belief: Belief, data: RunData) -> float:
+    """The largest factor by which a small error of the position grows in one stretch of a run, by the stiffness K that
+    the belief has at the measured positions and currents: exp of the integral of sqrt(-K/m) - c/(2 m) where K < 0."""
+    p, table = plant_parameters(belief.actuator), belief.table
+    if table is None or not p.sides:
+        return 1.0
+    every = max(1, len(data.commands) // LOOKED_AT)
+    x = data.measured[POSITION][::every]
+    stiffness = np.full(x.shape, p.stiffness)
+    for j in range(p.sides):
+        current = np.abs(data.measured.get(f"current_{j + 1}_A", data.commands[:, j])[::every]) * p.current_share
+        gap = np.clip(p.nominal_gap - (1 - 2 * j) * x, table.gap[0], table.gap[-1])
+        magnet = table.evaluate(np.minimum(current, table.current[-1]), gap)
+        stiffness = stiffness + p.magnets * magnet["force_gap_slope"]
+    rate = np.sqrt(np.maximum(-stiffness, 0.0) / p.mass) - p.damping / (2 * p.mass)
+    grown, largest = 0.0, 0.0
+    for step in rate * every / data.rate:
+        grown = max(grown + step, 0.0) if step > 0 else 0.0
+        largest = max(largest, grown)
+    return float(np.exp(min(largest, 700.0)))
 
 
 def believed_currents(belief: Belief, data: RunData) -> tuple[float, float]:

@@ -63,7 +63,7 @@ def test_channels_are_read_as_they_were(servo: Actuator, table: MagneticTable, i
 def test_drift_and_hum_are_on_the_reading_alone(servo: Actuator, table: MagneticTable, inputs: Inputs) -> None:
     values = EffectValues(
         {
-            "sensor_drift": {"rate": 1e-6, "acceleration": -2e-6, "jerk": 3e-6},
+            "sensor_drift": {"offset": 2e-7, "rate": 1e-6, "acceleration": -2e-6, "jerk": 3e-6},
             "periodic_disturbance": {
                 "position_cosine": 2e-7, "position_sine": -1e-7, "current_cosine": 3e-3, "current_sine": 1e-3,
                 "frequency": 60.0,
@@ -72,7 +72,7 @@ def test_drift_and_hum_are_on_the_reading_alone(servo: Actuator, table: Magnetic
     )  # fmt: skip
     plain, run = simulate(servo, table, inputs), simulate(servo, table, inputs, effects=values)
     t, w = run.time, 2 * np.pi * 60.0
-    drift = 1e-6 * t - 2e-6 * t**2 / 2 + 3e-6 * t**3 / 6
+    drift = 2e-7 + 1e-6 * t - 2e-6 * t**2 / 2 + 3e-6 * t**3 / 6
     hum = 2e-7 * np.cos(w * t) - 1e-7 * np.sin(w * t)
     assert run.measured_position - plain.measured_position == pytest.approx(drift + hum, abs=1e-18)
     current_hum = 3e-3 * np.cos(w * t) + 1e-3 * np.sin(w * t)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from msl_fem.diagnosis.fit import Weights, weights_of
 from msl_fem.diagnosis.simulator import Points
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 
@@ -15,7 +16,7 @@ CUBIC = EffectUnknown("stiffness_nonlinearity", "cubic")
 
 @dataclass(frozen=True, eq=False)
 class LinearRecord:
-    """`spectra` and `labels` of a `Likelihood`: residual = data - columns z, one column an unknown or effect."""
+    """`spectra`, `labels` and `weights` of a `Likelihood`: residual = data - columns z, a column each."""
 
     data: Array
     nuisances: Array
@@ -24,6 +25,13 @@ class LinearRecord:
     @property
     def labels(self) -> NDArray[np.intp]:
         return np.zeros(self.data.size, dtype=np.intp)
+
+    @property
+    def ceilings(self) -> Array:
+        return np.array([np.inf])
+
+    def weights(self, residual: Array) -> Weights:
+        return weights_of(residual, self.labels, self.ceilings)
 
     def spectra(self, points: Points) -> Array:
         rows = []

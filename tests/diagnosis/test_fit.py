@@ -38,11 +38,30 @@ def test_bands_are_octaves_and_hold_every_line_once() -> None:
 def test_the_density_of_coloured_noise_is_found() -> None:
     residual = np.r_[3 * np.random.default_rng(3).standard_normal(5000), np.random.default_rng(4).standard_normal(5000)]
     labels = np.repeat([0, 1], 5000)
-    weights = weights_of(residual, labels)
+    weights = weights_of(residual, labels, np.full(2, np.inf))
     assert weights.density == pytest.approx([9.0, 1.0], rel=0.06)
     assert weights.root[[0, -1]] == pytest.approx([1 / 3, 1.0], rel=0.03)
     expected = sum((5000 + PRIOR) / 2 * np.log((q + PRIOR) / (5000 + PRIOR)) for q in np.bincount(labels, residual**2))
     assert weights.nats == pytest.approx(expected)
+
+
+def test_beyond_a_band_s_ceiling_a_residual_counts_by_its_square() -> None:
+    """A density is the noise's as far as noise can be that loud: nats and their slope go on without a jump there."""
+    labels, at, ceilings = np.repeat([0, 1], 16), np.ones(32), np.array([100.0, np.inf])
+    at[:16] = np.sqrt((100 * (16 + PRIOR) - PRIOR) / 16)  # the density is its ceiling
+
+    def nats(size: float, top: np.ndarray) -> float:
+        return weights_of(np.where(labels == 0, size * at, at), labels, top).nats
+
+    for size in (0.1, 0.5, 0.999):
+        assert nats(size, ceilings) == pytest.approx(nats(size, np.full(2, np.inf)), rel=1e-12)
+    assert nats(1.001, ceilings) - nats(1, ceilings) == pytest.approx(
+        nats(1, ceilings) - nats(0.999, ceilings), rel=5e-3
+    )
+    q = 16 * at[0] ** 2
+    assert nats(5, ceilings) - nats(2, ceilings) == pytest.approx(21 * q / (2 * 100), rel=1e-9)
+    assert weights_of(5 * at, labels, ceilings).density[0] == 100
+    assert nats(5, np.full(2, np.inf)) - nats(2, np.full(2, np.inf)) < 20, "where a drift would pass for noise"
 
 
 def test_a_linear_fit_is_the_closed_form() -> None:

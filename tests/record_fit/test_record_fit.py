@@ -1,5 +1,7 @@
 """The coupled model along simulated runs: it finds what was shifted, and its predictor's errors are white."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fit_cases import RATE, in_voltage_drive, simulated_record
@@ -23,6 +25,7 @@ from msl_fem.record_fit import (
     run_data,
     tuned,
 )
+from msl_fem.record_fit.free_run import error_growth
 from msl_fem.record_fit.noise import highest_band_sigma
 
 SHIFT = {"stiffness": 0.97, "damping": 1.2}
@@ -165,12 +168,29 @@ def test_a_run_that_leaves_the_range_says_where(runs, servo, table):
 
 
 def test_stability_is_told_by_the_currents(runs, servo, table):
-    from dataclasses import replace
-
     belief = Belief(servo, table)
     assert open_loop_stable(belief, runs[0])
     strong = {k: 3 * v if k.startswith("current") else v for k, v in runs[0].measured.items()}
     assert not open_loop_stable(belief, replace(runs[0], measured=strong))
+
+
+def test_a_run_that_is_unstable_for_a_while_has_no_free_run(runs, servo, table):
+    """Where the stiffness is -K an error grows by exp(t (sqrt(K/m) - c/(2 m))); here 0.1 s near a magnet."""
+    belief, run = Belief(servo, table), runs[0]
+    assert error_growth(belief, run) == 1.0
+    near = dict(run.measured)
+    stretch = slice(1000, 1000 + int(0.1 * run.rate))
+    x, current = 3e-4, 1.3
+    near["position_m"], near["current_1_A"] = near["position_m"].copy(), near["current_1_A"].copy()
+    near["position_m"][stretch], near["current_1_A"][stretch] = x, current
+    it = replace(run, measured=near)
+    motion = servo.motion
+    slope = 2 * float(table.evaluate(current, motion.nominal_gap - x)["force_gap_slope"])
+    missing = -(motion.stiffness + slope)
+    assert missing > 0
+    rate = np.sqrt(missing / motion.moving_mass) - motion.damping / (2 * motion.moving_mass)
+    assert np.log(error_growth(belief, it)) == pytest.approx(0.1 * rate, rel=0.1)
+    assert not open_loop_stable(belief, it)
 
 
 def test_voltage_drive_reads_currents(servo, table):
