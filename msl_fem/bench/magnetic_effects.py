@@ -16,7 +16,7 @@ from msl_fem.material import AnalyticIron, Iron, laminated, load_iron
 
 SHEET_CONDUCTIVITY = 2.2e6  # S/m: iron with 2 to 3 % silicon (Bozorth, Ferromagnetism, 1951, ch. 4)
 MOST_STAGES = 16
-_GAUSS = ((-np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (np.sqrt(0.6), 5 / 18))
+_STRIPS = np.polynomial.legendre.leggauss(9)  # of a face: places from -1 to 1, weights
 Hidden = tuple[Rig, dict[str, float]]
 
 
@@ -158,7 +158,7 @@ def _cross_coupling(setting: Setting, rig: Rig, share: float) -> Hidden:
 def _armature_tilt(setting: Setting, rig: Rig, edge: float) -> Hidden:
     """Gaps that differ by up to `edge` (m) to either side of the middle, averaged over the faces."""
     assert rig.table is not None
-    made = averaged(rig.table, [edge * at for at, _ in _GAUSS], [weight for _, weight in _GAUSS])
+    made = averaged(rig.table, list(edge * _STRIPS[0]), list(_STRIPS[1] / 2))
     return replace(rig, table=made), {"gap_at_the_edge": edge}
 
 

@@ -138,34 +138,16 @@ def cell_slopes(work: Rows, block: int, current: Value, gap: Value) -> tuple[Val
 
 
 @compiled
-def cell_values(
-    work: Rows, block: int, current: Value, gap: Value, tilt: Value, tilt_slope: Value
-) -> tuple[Value, Value, Value, Value, Value]:
-    """(W', W'_g, W'_i, W'_ii, W'_ig) of W' + tilt W'_gg/2 at |current| and gap inside the block's cell.
-
-    `tilt` in m2 stands for the variance of the gap over the face, see `side.py`, `tilt_slope` is its slope over the
-    gap. Without them the slopes equal those of `cell_slopes` to the last bit.
-    """
+def cell_values(work: Rows, block: int, current: Value, gap: Value) -> tuple[Value, Value, Value, Value, Value]:
+    """(W', W'_g, W'_i, W'_ii, W'_ig) at |current| and gap inside the block's cell; the slopes equal those of
+    `cell_slopes` to the last bit."""
     x, y = current - work[block + _CURRENT_LOW], gap - work[block + _GAP_LOW]
-    w = w_g = w_gg = w_ggg = w_i = w_ig = w_igg = w_iggg = w_ii = w_iig = w_iigg = x - x
-    for p in range(5, -1, -1):  # each is a derivative over the gap divided by its factorial
+    w = w_g = w_i = w_ig = w_ii = x - x
+    for p in range(5, -1, -1):
         a, b, c = _in_current(work, block + 6 * p, x)
-        w_ggg = fma(w_ggg, y, w_gg)
-        w_gg = fma(w_gg, y, w_g)
         w_g = fma(w_g, y, w)
         w = fma(w, y, a)
-        w_iggg = fma(w_iggg, y, w_igg)
-        w_igg = fma(w_igg, y, w_ig)
         w_ig = fma(w_ig, y, w_i)
         w_i = fma(w_i, y, b)
-        w_iigg = fma(w_iigg, y, w_iig)
-        w_iig = fma(w_iig, y, w_ii)
         w_ii = fma(w_ii, y, c)
-    three = 3.0 * tilt
-    return (
-        w + tilt * w_gg,
-        w_g + (three * w_ggg + tilt_slope * w_gg),
-        w_i + tilt * w_igg,
-        2.0 * (w_ii + tilt * w_iigg),
-        w_ig + (three * w_iggg + tilt_slope * w_igg),
-    )
+    return w, w_g, w_i, 2.0 * w_ii, w_ig

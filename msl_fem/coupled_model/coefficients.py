@@ -20,7 +20,8 @@ EDDY_WEIGHTS = (6.148609, 8.745795, 16.96271, 33.58058, 68.57505, 209.0614)
 N_EDDY = len(EDDY_POLES)  # modes of the eddy currents of a side, beside what answers at once
 
 # Rows of the coefficients. Gaps of the sides at x = 0 (m); what multiplies the magnets' current; W' is multiplied by
-# depth + growth g; variance of the gap over a face (m2); share of the other side's current; 1/(1 - share^2)
+# depth + growth g; from the middle to the outer points of a face (m); share of the other side's current;
+# 1/(1 - share^2)
 GAP_1, GAP_2, CURRENT_SCALE, DEPTH, GROWTH, TILT, SHARE, UNMIX = range(8)
 # Conductance of the eddy loop (1/ohm); slope of a stop of the hysteresis (A/Wb) and its first width (Wb)
 EDDY, HYSTERESIS_SLOPE, HYSTERESIS_WIDTH = 8, 9, 10
@@ -83,7 +84,7 @@ def _magnets(e: Array, plant: PlantParameters, v: dict[tuple[str, str], float], 
     e[CURRENT_SCALE] = sooner * turns
     e[DEPTH] = (1.0 + v["fringing", "depth_error"]) / sooner**2
     e[GROWTH] = v["fringing", "growth"] / sooner**2
-    e[TILT] = v["armature_tilt", "gap_variance"]
+    e[TILT] = math.sqrt(1.8 * v["armature_tilt", "gap_variance"])  # sqrt(3/5) of half the span, which is sqrt(3 v)
     e[IRON_SCALE] = 1.0 / inductance
     e[IRON_LOW], e[IRON_WIDTH] = v["early_saturation", "low_field_current"], v["early_saturation", "low_field_width"]
     e[IRON_KNEE] = v["early_saturation", "knee_excess"]

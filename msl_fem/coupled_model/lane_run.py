@@ -51,6 +51,7 @@ from msl_fem.coupled_model.work import (
     DRIVE_WHOLE,
     SENSOR_WEIGHTS,
     SLOPES,
+    TILTED,
     Y,
     lane_workspace,
 )
@@ -232,7 +233,8 @@ def _block(
     work = lane_workspace()
     if settings.surface_index is not None:
         first = settings.surface_index[lanes] * surface.coefficients[0].size
-        work[BLOCKS + SURFACE_START] = work[BLOCKS + N_BLOCK + SURFACE_START] = first
+        for block in (BLOCKS, BLOCKS + N_BLOCK, *range(TILTED, TILTED + 4 * N_BLOCK, N_BLOCK)):
+            work[block + SURFACE_START] = first
     stops = [p.end_stop.position if p.end_stop else np.inf for p in plants]
     numbers = np.array([[getattr(p, name) for p in plants] for name in _NUMBERS], dtype=float)
     p = plants[0]

@@ -1,17 +1,20 @@
 """One side of the actuator: its equal magnets and their connection, seen from the side's terminals.
 
-With effects its coenergy is n A(g) (W' + V(g) W'_gg/2)(c share i, g), A = depth + growth g (early_saturation, fringing,
-armature_tilt; gap_offset lies in g). Force, flux and their slopes are derivatives of this one function, so
-dF/di = -dlambda/dg holds with any of them.
+With effects its coenergy is n A(g) <W'>(c share i, g), A = depth + growth g (early_saturation, fringing), <> the mean
+over a face that is not parallel (armature_tilt); gap_offset lies in g. Force, flux and their slopes are derivatives of
+this one function, so dF/di = -dlambda/dg holds with any of them.
 """
 
 from msl_fem.compiled import compiled
 from msl_fem.coupled_model.cell import N_BLOCK, Cells, cell_slopes, cell_values, enter_cell
 from msl_fem.coupled_model.coefficients import COMPLIANCE, CURRENT_SCALE, DEPTH, GAP_1, GROWTH, TILT
-from msl_fem.coupled_model.lanes import Flag, Rows, Value, choose, size
+from msl_fem.coupled_model.lanes import Flag, Rows, Value, choose, size, some
 from msl_fem.coupled_model.plant import PlantParameters
 from msl_fem.coupled_model.state import BASE, X
-from msl_fem.coupled_model.work import BLOCKS, Y
+from msl_fem.coupled_model.work import BLOCKS, TILTED, Y
+
+Five = tuple[Value, Value, Value, Value, Value]
+GAUSS = 5.0 / 18.0  # weight of the outer two of three points
 
 
 @compiled
@@ -50,8 +53,12 @@ def side_with_effects(
     linkages = p.magnets * per_magnet
     i = per_magnet * current
     inside = enter_cell(cells, work, BLOCKS + j * N_BLOCK, size(i), gap)
-    tilt, tilt_slope = _tilt(e[TILT], gap)
-    w, w_g, w_i, w_ii, w_ig = cell_values(work, BLOCKS + j * N_BLOCK, size(i), gap, tilt, tilt_slope)
+    w, w_g, w_i, w_ii, w_ig = cell_values(work, BLOCKS + j * N_BLOCK, size(i), gap)
+    if some(e[TILT] > 0.0):
+        middle = (w, w_g, w_i, w_ii, w_ig)
+        found, mean = _mean_over_face(cells, work, j, size(i), gap, e[TILT], middle)
+        inside = inside & found
+        w, w_g, w_i, w_ii, w_ig = mean
     depth, growth = e[DEPTH] + e[GROWTH] * gap, e[GROWTH]
     pull = p.magnets * (depth * (0.0 - w_g) - growth * w)
     inductance = linkages * per_magnet * (depth * w_ii)
@@ -63,16 +70,24 @@ def side_with_effects(
 
 
 @compiled
-def _tilt(variance: Value, gap: Value) -> tuple[Value, Value]:
-    """(V, dV/dg): the variance of the gap over the face that acts as all even moments of the tilt do.
-
-    For a coenergy in proportion to 1/g the mean over gaps g - e ... g + e is artanh(e/g)/(e/g) times that of the
-    middle, which is 1 + V/g^2 with r = e^2/(3 g^2), V = e^2/3 (1 + 9 r/5 + 27 r^2/7 + 9 r^3 + ...).
-    """
-    r = variance / (gap * gap)
-    more = r * (1.8 + r * (27.0 / 7.0 + 9.0 * r))
-    slope = r * (1.8 + r * (54.0 / 7.0 + 27.0 * r))
-    return variance + variance * more, (0.0 - 2.0 * variance) * slope / gap
+def _mean_over_face(
+    cells: Cells, work: Rows, j: int, current: Value, gap: Value, shift: Value, middle: Five
+) -> tuple[Flag, Five]:
+    """The values of `cell_values` as their mean over gaps that differ evenly over a face, by Gauss' three points: the
+    middle and `shift` to either side of it; without a shift those of the middle. The flag: both are in the table."""
+    low, high = TILTED + 2 * j * N_BLOCK, TILTED + (2 * j + 1) * N_BLOCK
+    inside = enter_cell(cells, work, low, current, gap - shift) & enter_cell(cells, work, high, current, gap + shift)
+    w, w_g, w_i, w_ii, w_ig = middle
+    v, v_g, v_i, v_ii, v_ig = cell_values(work, low, current, gap - shift)
+    u, u_g, u_i, u_ii, u_ig = cell_values(work, high, current, gap + shift)
+    tilted = shift > 0.0
+    return inside, (
+        choose(tilted, w + GAUSS * (v - 2.0 * w + u), w),
+        choose(tilted, w_g + GAUSS * (v_g - 2.0 * w_g + u_g), w_g),
+        choose(tilted, w_i + GAUSS * (v_i - 2.0 * w_i + u_i), w_i),
+        choose(tilted, w_ii + GAUSS * (v_ii - 2.0 * w_ii + u_ii), w_ii),
+        choose(tilted, w_ig + GAUSS * (v_ig - 2.0 * w_ig + u_ig), w_ig),
+    )
 
 
 @compiled
@@ -83,7 +98,7 @@ def side_flux(
     if e is None:
         i = p.current_share * current
         inside = enter_cell(cells, work, BLOCKS + j * N_BLOCK, size(i), gap)
-        w, _, w_i, _, _ = cell_values(work, BLOCKS + j * N_BLOCK, size(i), gap, 0.0, 0.0)
+        w, _, w_i, _, _ = cell_values(work, BLOCKS + j * N_BLOCK, size(i), gap)
         flux = p.magnets * p.current_share * choose(i < 0.0, 0.0 - w_i, w_i)
         return inside, flux, flux * current - p.magnets * w
     else:

@@ -37,7 +37,9 @@ CIRCUITS = DRIVE_WHOLE + 1
 INDUCTANCE, EMF, MMF, RESISTANCE, SLOPE, VOLTAGE, COIL_CURRENT, MODE_LOSS = range(8)
 N_CIRCUIT = 8
 CIRCUIT_1, CIRCUIT_2 = CIRCUITS, CIRCUITS + N_CIRCUIT
-N_WORK = CIRCUITS + 2 * N_CIRCUIT
+# Cells of both sides at either end of a face that is not parallel: side 1's lower and upper gap, then side 2's
+TILTED = CIRCUITS + 2 * N_CIRCUIT
+N_WORK = TILTED + 4 * N_BLOCK
 
 
 @compiled

@@ -30,6 +30,9 @@ NEAR = 15.0  # nats behind the best within which refits are converged
 FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the best
 ROUGH = 5.0  # nats that a fit may still gain when it is scored, where the best score is far above
 FAR_ABOVE = 40.0
+STRAINED = 4.0  # tolerances by which a believed parameter of a fit has moved, where something else bends it
+COMPENSATED = ("gap_offset", "early_saturation", "fringing", "armature_tilt")
+"""Effects that gap, scale and table make up for nearly, so that at a strained fit a linear score misses them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +73,25 @@ def stage(likelihood: Likelihood, start: Fit, tried: Sequence[Variant], *, tell:
     if not base.converged and not (every and every[0].gain > FAR_ABOVE + 10 * base.predicted):
         base = fit(likelihood, base.unknowns, base.z, nuisance_columns=base.jacobian[:, : base.unknowns.n_nuisance])
         every = scores(likelihood, base, tried)
-    return Stage(base, tuple(every), tuple(_refits(likelihood, base, ranked(every), tell=tell)))
+    candidates = ranked(every)
+    if strained(base):
+        tried_too = {score.variant.effect for score in candidates}
+        candidates += [s for s in _best_of(every).values() if s.variant.effect in set(COMPENSATED) - tried_too]
+    return Stage(base, tuple(every), tuple(_refits(likelihood, base, candidates, tell=tell)))
+
+
+def strained(found: Fit) -> bool:
+    """Whether a believed parameter is so far off that something else must be wrong."""
+    return bool(np.any(np.abs(found.z[: len(found.unknowns.believed)]) > STRAINED))
+
+
+def _best_of(every: Sequence[Score]) -> dict[str, Score]:
+    """The best score of each effect, of scores in their order, with a guess that is not nothing."""
+    found: dict[str, Score] = {}
+    for one in every:
+        if np.any(one.guess != 0):
+            found.setdefault(one.variant.effect, one)
+    return found
 
 
 def statistics_of(stages: Sequence[Stage]) -> tuple[tuple[tuple[str, float], ...], ...]:

@@ -105,8 +105,8 @@ MAGNETIC = (
         group="magnetic",
         sentence="the faces are not parallel",
         equation=(
-            "W'(i, g) -> W' + (V/2) d2W'/dg2, V = v (1 + 9/5 r + 27/7 r^2 + 9 r^3), r = v/g^2, v = gap_variance: the "
-            "mean over the face to second order, and to the eighth for W' in proportion to 1/g"
+            "W'(i, g) -> 4/9 W'(i, g) + 5/18 (W'(i, g - d) + W'(i, g + d)), d^2 = 9/5 gap_variance: the mean over gaps "
+            "spread evenly, by Gauss' three points"
         ),
         source="mean of parallel flux tubes, Roters, 1941, ch. 5; gap_variance = angle^2 <y^2>, width^2/12 of a face",
         parameters=(
