@@ -28,8 +28,8 @@ def compiled(function: Function) -> Function:
 
     Numba's cache looks at the file of the function called, not at those of the functions that it calls in turn, so a
     change there would leave stale machine code behind. The digest in the cached name makes every change count.
-    Division by zero gives inf or nan, as in numpy.
+    Division by zero gives inf or nan, as in numpy. Other threads may run meanwhile.
     """
     function.__qualname__ = f"{function.__qualname__}_{DIGEST}"
-    made: Function = njit(cache=True, error_model="numpy")(function)
+    made: Function = njit(cache=True, nogil=True, error_model="numpy")(function)
     return made

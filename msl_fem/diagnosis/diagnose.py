@@ -23,6 +23,7 @@ from msl_fem.diagnosis.evidence import Models, gathered
 from msl_fem.diagnosis.extension import believed_estimates, effect_estimates, extended_belief
 from msl_fem.diagnosis.fit import Fit, FitPlan, Likelihood, fit
 from msl_fem.diagnosis.held_out import followed, held_out_gains
+from msl_fem.diagnosis.joint import NOTE, JointLikelihood, joined
 from msl_fem.diagnosis.next_experiment import Question, separating
 from msl_fem.diagnosis.other_kinds import other_diagnosis
 from msl_fem.diagnosis.outside import Dependence, dependences, named
@@ -43,10 +44,11 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisSettings:
-    """What a diagnosis takes beside the record: the table of its magnets, the rule, a progress report."""
+    """What a diagnosis takes beside the record: the table of its magnets, the rule, threads, a progress report."""
 
     table: MagneticTable | None = None
     rule: Rule = field(default_factory=Rule)
+    threads: int = 1
     progress: Progress = lambda said: None
 
 
@@ -90,7 +92,8 @@ def diagnose(record: Record, settings: DiagnosisSettings | None = None) -> Diagn
         return Diagnosis("undecidable", reason)
     fit_runs = [run for run in data if run.role == "fit"]
     how.progress("the model within its tolerances")
-    likelihood, unknowns = prepared(belief, fit_runs, record.tolerance)
+    likelihood, unknowns = prepared(belief, fit_runs, record.tolerance, threads=how.threads)
+    likelihood, unknowns = joined(record, belief, likelihood, unknowns)
     searched = search(likelihood, unknowns, how)
     how.progress("held-out runs")
     return concluded(belief, data, searched, how)
@@ -128,6 +131,8 @@ def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: 
     follows = [followed(model, data) for model in models]
     gains = held_out_gains(follows)
     names, notes = _kept(searched, gains)
+    if isinstance(searched.likelihood, JointLikelihood):
+        notes.append(NOTE)
     searched = replace(searched, taken=names)
     calm = quiet(searched.excesses[names])
     studied, outside = calibration_of(problem.plant.parameters, list(problem.runs))
@@ -141,7 +146,7 @@ def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: 
     ranked: list[Dependence] = []
     if not calm:
         how.progress("what is left over every variable")
-        ranked = dependences(searched.likelihood, searched.final, models[names])
+        ranked = dependences(*searched.likelihood.runs_part(searched.final), models[names])
         equation, variables = named(ranked)
         left = Unexplained(share_left(searched.excesses, names), variables, equation, wider(asked, variables))
     return Diagnosis(

@@ -57,6 +57,10 @@ class Likelihood:
                 power.setdefault(name, []).append(float(np.mean(values**2)) / sigma**2)
         return {name: float(np.sqrt(np.mean(values))) for name, values in power.items()}
 
+    def runs_part(self, found: "Fit") -> tuple["Likelihood", "Fit"]:
+        """The runs alone, and a fit as they see it: all there is, where nothing stands beside them."""
+        return self, found
+
     @property
     def labels(self) -> NDArray[np.intp]:
         """(n_number,) the band of each number, channels apart, runs together."""

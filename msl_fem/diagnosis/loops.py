@@ -19,13 +19,13 @@ from msl_fem.coupled_model.extended import small_signal_inductance
 from msl_fem.diagnosis.extension import extended_belief
 from msl_fem.diagnosis.fit import Fit, Likelihood
 from msl_fem.diagnosis.held_out import Followed
+from msl_fem.diagnosis.joint import NOTE, JointLikelihood, common_error
 from msl_fem.diagnosis.noise_bands import make_bands, transformed
 from msl_fem.diagnosis.other_records import Kind
-from msl_fem.diagnosis.prepare import START, highest_line, visited
+from msl_fem.diagnosis.prepare import START, highest_line
 from msl_fem.diagnosis.scene import scene
 from msl_fem.diagnosis.simulator import Points, Problem
-from msl_fem.diagnosis.static_maps import StaticLikelihood, prepared_map
-from msl_fem.diagnosis.table_error import TableError, Visited, table_error
+from msl_fem.diagnosis.static_maps import prepared_map
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant, possible, variants
 from msl_fem.effects import neutral_vector
@@ -52,26 +52,23 @@ Way = Literal["closed-loop", "one-step"]
 
 
 @dataclass(frozen=True, eq=False)
-class LoopLikelihood(Likelihood):
+class LoopLikelihood(JointLikelihood):
     """Runs by closed loop or by innovations, and the rows of a static map.
 
     Attributes
     ----------
     way : how the runs are predicted
     noise : of the predictor, for innovations
-    static : a map of the same magnet, its table error that of `problem`
     """
 
     way: Way
     noise: ProcessNoise
-    static: StaticLikelihood | None
 
-    def spectra(self, points: Points) -> Array:
-        """Residuals of the runs in the frequency domain over their white sigma, then the map's; (n_row, n_number)."""
+    def of_runs(self, points: Points) -> Array:
+        """Residuals of the runs in the frequency domain over their white sigma, (n_row, n_number)."""
         vectors = points.effects if points.effects is not None else [neutral_vector()] * len(points.rows)
         rows = [self._row(points.unknowns, z, effects) for z, effects in zip(points.rows, vectors, strict=True)]
-        found = np.array(rows)
-        return found if self.static is None else np.hstack([found, self.static.spectra(points)])
+        return np.array(rows)
 
     def _row(self, unknowns: Unknowns, z: Array, effects: Array) -> Array:
         parts = []
@@ -90,21 +87,8 @@ class LoopLikelihood(Likelihood):
             parts += [transformed(missed[name] / data.noise[name].sigma, n) for name in self.problem.channels(run)]
         return np.concatenate(parts)
 
-    @property
-    def labels(self) -> NDArray[np.intp]:
-        """(n_number,) the band of each number of the runs, then the channel of each of the map."""
-        own, n = super().labels, self.bands.n_band * len(super().channel_names)
-        return own if self.static is None else np.concatenate([own, self.static.labels + n])
-
-    @property
-    def ceilings(self) -> Array:
-        """(n_label,) of the runs' bands, then of the map."""
-        own = super().ceilings
-        return own if self.static is None else np.concatenate([own, self.static.ceilings])
-
-    def excess(self, found: Fit) -> dict[str, float]:
-        """Channel to RMS residual over the noise, of the lines that the bands hold; those of the map by its name."""
-        n = 2 * sum(self.bands.lines[k] * len(self.problem.channels(k)) for k in range(len(self.problem.runs)))
+    def excess_of_runs(self, found: Fit) -> dict[str, float]:
+        """Channel to RMS residual over the noise, of the lines that the bands hold."""
         power: dict[str, list[float]] = {}
         at = 0
         for run in range(len(self.problem.runs)):
@@ -112,10 +96,7 @@ class LoopLikelihood(Likelihood):
                 width = 2 * self.bands.lines[run]
                 power.setdefault(name, []).append(float(np.mean(found.residual[at : at + width] ** 2)))
                 at += width
-        made = {name: float(np.sqrt(np.mean(values))) for name, values in power.items()}
-        if self.static is not None:
-            made |= self.static.excess(replace(found, residual=found.residual[n:]))
-        return made
+        return {name: float(np.sqrt(np.mean(values))) for name, values in power.items()}
 
 
 def plant_at(problem: Problem, unknowns: Unknowns, z: Array, effects: Array) -> Plant:
@@ -170,7 +151,7 @@ def prepared_loops(
     static = None
     if record.static is not None and belief.table is not None:
         static = prepared_map(record, belief.table)[0]
-    error = _common_error(record, belief, plant, (runs, static))
+    error = common_error(record, belief, plant, (runs, static))
     problem = Problem(plant, runs, guesses, sigmas, error)
     if static is not None:
         static = replace(static, problem=replace(static.problem, table_error=error))
@@ -179,29 +160,11 @@ def prepared_loops(
     believed = tuple(free_parameters(belief, record.tolerance).items())
     n_table = 0 if error is None else len(error.modes)
     unknowns = Unknowns(believed, n_table, tuple(s.size for s in sigmas))
-    return LoopLikelihood(problem, bands, plant.substeps, way, noise, static), unknowns
+    return LoopLikelihood(problem, bands, plant.substeps, static, way, noise), unknowns
 
 
 def _without_voltages(run: RunData) -> RunData:
     return replace(run, measured={n: v for n, v in run.measured.items() if not n.startswith("voltage")})
-
-
-def _common_error(
-    record: Record, belief: Belief, plant: Plant, data: tuple[Sequence[RunData], StaticLikelihood | None]
-) -> TableError | None:
-    """The table's error over all that runs and map visit."""
-    (runs, static), tolerance = data, record.tolerance.table
-    if belief.table is None or not tolerance:
-        return None
-    seen = visited(plant, runs)
-    if static is not None:
-        rows = static.measured.rows
-        current, gap = np.abs(rows.current), rows.gap
-        seen = Visited(
-            (min(seen.current[0], float(current.min())), max(seen.current[1], float(current.max()))),
-            (min(seen.gap[0], float(gap.min())), max(seen.gap[1], float(gap.max()))),
-        )
-    return table_error(belief.table, seen, tolerance=tolerance)
 
 
 def loops_followed(belief: Belief, runs: Sequence[RunData], way: Way, *, noise: ProcessNoise) -> list[Followed]:
@@ -238,7 +201,7 @@ def of_loops(record: Record, belief: Belief, data: Sequence[RunData]) -> tuple[L
         notes.append("judged by one-step predictions: no law of the controller is stated, and the process noise of the "
                      "predictor takes up part of what the model gets wrong")  # fmt: skip
     if likelihood.static is not None:
-        notes.append("the rows of the static map count beside the runs")
+        notes.append(NOTE)
     kind = Kind(
         way, belief, loop_candidates,
         lambda found: loops_followed(belief if found is None else extend(found), data, way, noise=noise), extend,

@@ -29,7 +29,9 @@ START = 10.0  # times the instruments' sigma: how far a run's start may lie from
 WINDOWED = 1.3  # a margin above the highest line that is heard
 
 
-def prepared(belief: Belief, runs: Sequence[RunData], tolerance: Tolerance) -> tuple[Likelihood, Unknowns]:
+def prepared(
+    belief: Belief, runs: Sequence[RunData], tolerance: Tolerance, *, threads: int = 1
+) -> tuple[Likelihood, Unknowns]:
     """The likelihood of runs under a belief, and what it does not know without any effect."""
     plant = believed_plant(belief, rate=runs[0].rate, ideal_current=runs[0].ideal_current)
     guesses = tuple(measured_start(plant, run) for run in runs)
@@ -37,7 +39,7 @@ def prepared(belief: Belief, runs: Sequence[RunData], tolerance: Tolerance) -> t
     error = None
     if belief.table is not None and plant.parameters.sides:
         error = table_error(belief.table, visited(plant, runs), tolerance=tolerance.table) if tolerance.table else None
-    problem = Problem(plant, tuple(runs), guesses, sigmas, error)
+    problem = Problem(plant, tuple(runs), guesses, sigmas, error, threads)
     highest = max(
         highest_line(run, free_run(plant, run, guess).readings) for run, guess in zip(runs, guesses, strict=True)
     )

@@ -28,6 +28,7 @@ class Problem:
     plant : as believed, at the runs' rate
     runs, guesses, start_sigmas : each run, the first guess of its start and its sigmas (position, velocity, currents)
     table_error : None for a rig without magnets
+    threads : for the simulations of many rows
     """
 
     plant: Plant
@@ -35,6 +36,7 @@ class Problem:
     guesses: tuple[Start, ...]
     start_sigmas: tuple[Array, ...]
     table_error: TableError | None
+    threads: int = 1
 
     def channels(self, run: int) -> list[str]:
         """The channels of a run that are compared."""
@@ -88,6 +90,7 @@ def lanes(problem: Problem, points: Points, run: int, *, inputs: Inputs, substep
         effects=points.effects,
         starts=np.array([_start(problem, unknowns, z, run) for z in rows]),
         surface_index=np.arange(len(rows)) if problem.table_error is not None else None,
+        threads=problem.threads,
     )
     surface = _surfaces(problem, unknowns, rows)
     return run_lanes(surface, plants, inputs, substeps=substeps, settings=settings)

@@ -128,6 +128,21 @@ def test_lanes_may_have_surfaces_of_their_own(servo: Actuator, table: MagneticTa
     assert np.abs(run.true_position[1] / run.true_position[0] - 1)[-1] > 1e-3
 
 
+def test_threads_change_nothing_but_the_time(servo: Actuator, table: MagneticTable) -> None:
+    plant, inputs = plant_parameters(servo), rough(200)
+    plants = [plant._replace(mass=plant.mass * (1 + 0.001 * n)) for n in range(19)]
+    effects = np.tile(SMOOTH.vector(), (19, 1))
+    one, two = (
+        run_lanes(
+            surface_of(table), plants, inputs, substeps=5, settings=LaneSettings(effects=effects, threads=threads)
+        )
+        for threads in (1, 3)
+    )
+    assert np.array_equal(one.position, two.position)
+    assert np.array_equal(one.current, two.current)
+    assert np.ptp(one.true_position[:, -1]) > 0, "the lanes differ"
+
+
 def test_a_lane_that_leaves_the_table_does_not_stop_the_others(servo: Actuator, table: MagneticTable) -> None:
     plant, inputs = plant_parameters(servo), Inputs(np.tile([0.5, 0.4], (600, 1)), 1e4)
     weak = plant._replace(stiffness=1e3)
