@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 ACTUATOR ?= geometries/fast_tool_servo.toml
 OUT ?= study
 NEWEST ?= .venv-newest
+WORKERS ?= 2
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
@@ -13,14 +14,18 @@ SHORT := tests/test_package.py tests/test_actuator.py tests/test_quantity.py tes
   tests/coupled_model/test_kernel.py tests/record tests/operating_map/test_operating_map.py tests/export \
   tests/control/test_design.py tests/identification/test_armax_fit.py tests/report/test_page.py tests/robustness
 
-.PHONY: study test newest bench lint docs clean diagnosis-study
+.PHONY: study test coverage newest bench lint docs clean diagnosis-study
 .DELETE_ON_ERROR:
 
 study: $(VENV)/.installed
 	$(BIN)/msl-fem study $(ACTUATOR) -o $(OUT)
 
 test: $(VENV)/.installed-test lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
+
+# Which lines the tests run; compiled functions are not counted.
+coverage: $(VENV)/.installed-test
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --cov --cov-report=term
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
