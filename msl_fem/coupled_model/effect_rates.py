@@ -1,14 +1,14 @@
 """The equations of motion with every effect of the catalogue; `docs/coupled_model.md` writes them out.
 
 At the effects' neutral values each term below is the plain one, plus zero or times one, so the output equals that of
-`rates.py` to the last bit.
+`rates.py` to the last bit. Pieces with many numbers are passed by where no lane has them.
 """
 
 from msl_fem.compiled import compiled
 from msl_fem.coupled_model import coefficients as c
 from msl_fem.coupled_model.cell import Cells
 from msl_fem.coupled_model.circuits import solve_circuits
-from msl_fem.coupled_model.lanes import Flag, Rows, Value, choose, size
+from msl_fem.coupled_model.lanes import Flag, Rows, Value, choose, size, some
 from msl_fem.coupled_model.plant import FORCE_DRIVE, PlantParameters
 from msl_fem.coupled_model.side import side_gap, side_with_effects
 from msl_fem.coupled_model.state import (
@@ -105,6 +105,8 @@ def rates_with_effects(
 @compiled
 def _hysteresis(e: Rows, state: Rows, j: int, flux: Value, settle: bool) -> Value:
     """The part of a side's current that its iron's memory takes, h = s sum_k e_k of the flux linkage, in A."""
+    if not some(e[c.HYSTERESIS_SLOPE] > 0.0):
+        return flux - flux
     width, first = e[c.HYSTERESIS_WIDTH], STOPS_1 + j * c.N_STOP
     change = flux - state[ANCHOR_1 + j]
     if settle:
@@ -118,6 +120,8 @@ def _hysteresis(e: Rows, state: Rows, j: int, flux: Value, settle: bool) -> Valu
 @compiled
 def series_iron(e: Rows, flux: Value) -> Value:
     """The part of a side's current (A) that its iron takes in excess of the table's, see early_saturation."""
+    if not (some(e[c.IRON_LOW] > 0.0) or some(e[c.IRON_KNEE] > 0.0)):
+        return flux - flux
     y = e[c.IRON_SCALE] * flux
     return y * (e[c.IRON_LOW] / (e[c.IRON_WIDTH] + size(y)) + e[c.IRON_KNEE] * y * y)
 
@@ -128,6 +132,8 @@ def _eddy_modes(e: Rows, state: Rows, work: Rows, j: int, flux: Value, dy: int) 
     settled. Their losses go into the side's loss row."""
     taken = flux - flux
     lost = taken
+    if not some(e[c.EDDY_MODE] > 0.0):
+        return taken
     for k in range(c.N_EDDY):
         row = EDDY_FLUX_1 + j * c.N_EDDY + k
         settled = state[ANCHORED] > 0.0
@@ -170,6 +176,8 @@ def _suspension(e: Rows, state: Rows, work: Rows, settle: bool) -> tuple[Value, 
     x, width = work[Y + X], e[c.FRICTION_WIDTH]
     spring = (e[c.QUADRATIC] + e[c.CUBIC] * x) * x * x
     creep = e[c.CREEP_STIFFNESS] * (x - work[Y + CREEP])
+    if not some(e[c.FRICTION_SLOPE] > 0.0):
+        return spring + creep, x - x
     change = x - state[ANCHOR_X]
     if settle:
         lost = e[c.FRICTION_SLOPE] * settle_stops(state, STOPS_X, width, change)

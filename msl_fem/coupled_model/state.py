@@ -23,11 +23,12 @@ N_PLAIN = 10
 # the armature (m, m/s); force that the base has given way to (N, N/s); losses of eddy currents, and of flexure, second
 # mass and base (J)
 HEAT_1, HEAT_2, CREEP, MODE, MODE_RATE, BASE, BASE_RATE, ENERGY_EDDY, ENERGY_INTERNAL = range(10, 19)
-# Flux linkages that the modes of the eddy currents follow (Wb), of side 1, then of side 2
-EDDY_FLUX_1 = 19
 # Relative rise that the core's temperature stands for, of the sides
-CORE_1 = EDDY_FLUX_1 + 2 * N_EDDY
-N_INTEGRATED = CORE_1 + 2
+CORE_1 = 19
+# Flux linkages that the modes of the eddy currents follow (Wb), of side 1, then of side 2; the last, since without
+# eddy currents in sheets they are not integrated
+EDDY_FLUX_1 = CORE_1 + 2
+N_INTEGRATED = EDDY_FLUX_1 + 2 * N_EDDY
 # What is known in closed form over a step: position as its sensor gives it, before noise (m); the drive's outputs
 # (V, or N in force drive). Then counts of the calls of `advance` in which a limit of the drive was reached.
 SENSOR, OUTPUT_1, OUTPUT_2 = range(N_INTEGRATED, N_INTEGRATED + 3)

@@ -9,12 +9,13 @@ hysteresis that begins or ceases to slide.
 
 from msl_fem.compiled import compiled
 from msl_fem.coupled_model.cell import Cells
-from msl_fem.coupled_model.coefficients import MODE_READING
+from msl_fem.coupled_model.coefficients import EDDY_MODE, MODE_READING
 from msl_fem.coupled_model.effect_rates import rates_with_effects
-from msl_fem.coupled_model.lanes import Flag, Rows, Value, first, fma
+from msl_fem.coupled_model.lanes import Flag, Rows, Value, first, fma, some
 from msl_fem.coupled_model.plant import PlantParameters
 from msl_fem.coupled_model.rates import rates
 from msl_fem.coupled_model.state import (
+    EDDY_FLUX_1,
     HELD,
     MODE,
     MODE_RATE,
@@ -60,14 +61,23 @@ def slopes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, s
 @compiled
 def look_at(e: Rows, state: Rows, work: Rows) -> None:
     """Puts the state into Y."""
-    for n in range(N_PLAIN if e is None else N_INTEGRATED):
+    for n in range(integrated(e)):
         work[Y + n] = state[n]
+
+
+@compiled
+def integrated(e: Rows) -> int:
+    """How many states Runge-Kutta integrates."""
+    if e is None:
+        return N_PLAIN
+    else:
+        return N_INTEGRATED if some(e[EDDY_MODE] > 0.0) else EDDY_FLUX_1
 
 
 @compiled
 def try_step(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float) -> Flag:
     """The integrated states after one step into Y; False where a stage left the table."""
-    n_integrated = N_PLAIN if e is None else N_INTEGRATED
+    n_integrated = integrated(e)
     look_at(e, state, work)
     inside = state[X] == state[X]
     for stage in range(4):
@@ -93,7 +103,7 @@ def keep_step(p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
     sensor = work[SENSOR_WEIGHTS] * state[SENSOR]
     sensor = sensor + work[SENSOR_WEIGHTS + 1] * x_0 + work[SENSOR_WEIGHTS + 2] * v_0
     state[SENSOR] = sensor + (work[SENSOR_WEIGHTS + 3] * x_1 + work[SENSOR_WEIGHTS + 4] * v_1)
-    for n in range(N_PLAIN if e is None else N_INTEGRATED):
+    for n in range(integrated(e)):
         state[n] = work[Y + n]
     for j in range(2):
         state[OUTPUT_1 + j] = work[INPUTS + 2 * N_INPUT + OUTPUT_OF_1 + j]
