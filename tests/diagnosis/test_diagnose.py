@@ -77,6 +77,15 @@ def test_a_hidden_effect_is_named_and_measured(hidden: str, parameter: str, true
     assert worst_over_floor([a.extended for a in held_out(found)]) < QUIET
 
 
+def test_what_gap_and_scale_make_up_for_is_tried_where_a_fit_is_strained() -> None:
+    """A tilted face passes for a cubic spring by a linear score; fitted anew it is the tilt that is there."""
+    found = diagnosed("armature_tilt=3%", seed=20_000)
+    assert found.names == ("armature_tilt",)
+    edge = bench_record("armature_tilt=3%", seed=20_000).answer["effects"][0]["parameters"]["gap_at_the_edge"]
+    assert found.causes[0].parameters["gap_variance"].value == pytest.approx(edge**2 / 3, rel=0.25)
+    assert all(abs(one.tolerances) < 4 for one in found.parameters.values())
+
+
 def test_the_gain_is_told_beside_that_of_fitting_alone() -> None:
     found = diagnosed("time_delay=3%")
     x = next(a for a in held_out(found) if a.nominal.channel == "position_m")
