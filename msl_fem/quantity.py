@@ -10,6 +10,7 @@ from msl_fem.errors import QuantityError
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*([A-Za-zµμΩ%][A-Za-zµμΩ0-9 */^.·()-]{{0,40}})?\s*")
+_BEARS_PREFIX = re.compile(r"(?!kg\b|deg)[A-Za-zΩ]+(?![\w^]|\*\*)")  # its first factor does: no power, no prefix yet
 _POWER = re.compile(r"(\^|\*\*)\s*(?!-?\d{1,2}(?![\d.]|\s*(\^|\*\*)))")  # not of one or two digits alone
 _EXAMPLES = {"": "0.96", "m": "0.6 mm", "A": "5 A", "T": "1.2 T", "Hz": "2.5 kHz", "s": "4 s"}
 
@@ -106,10 +107,10 @@ def parse_quantities(text: str, unit: str) -> list[float]:
 
 
 def format_quantity(value: float, unit: str, *, digits: int = 4) -> str:
-    """A text for people, with an SI prefix: 0.0006 m -> "0.6 mm"."""
+    """A text for people: 0.0006 m -> "600 µm"; no prefix where a unit bears none: "0.01", "0.25 kg", "1e-05 m^2"."""
     if value == 0 or not math.isfinite(value):
         return f"{value:g} {unit}".rstrip()
-    if not 1e-12 <= abs(value) < 1e12:
+    if not 1e-12 <= abs(value) < 1e12 or _BEARS_PREFIX.match(unit) is None:
         return f"{value:.{digits}g} {unit}".rstrip()
     exponent = min(max(math.floor(math.log10(abs(value) * (1 + 1e-12)) / 3) * 3, -9), 6)
     prefix = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}[exponent]

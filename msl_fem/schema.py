@@ -4,6 +4,7 @@ import math
 import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_args
 
@@ -28,9 +29,9 @@ class In:
     def read(self, given: object) -> float:
         """The SI value; ValueError where the text is not a quantity of this dimension, or not finite."""
         if isinstance(given, float) or (isinstance(given, int) and not isinstance(given, bool)):
-            if not math.isfinite(given):
+            if isinstance(given, float) and not math.isfinite(given):
                 raise ValueError(f"{given} is not finite")
-            return self._plausible(float(given))
+            return float(self._plausible(given))
         try:
             return self._plausible(parse_quantity(given, self.unit))  # type: ignore[arg-type]
         except QuantityError as err:
@@ -40,7 +41,8 @@ class In:
         """The value; ValueError beyond what any machine has, where squares and products would overflow later."""
         if abs(value) > LARGEST:
             limit = f"{LARGEST:g} {self.unit}".rstrip()
-            raise ValueError(f"{value:g} {self.unit} is out of range; in size it must be at most {limit}")
+            size = f"{value:g}" if isinstance(value, float) else "a number"  # an integer of many digits is no float
+            raise ValueError(f"{size} {self.unit} is out of range; in size it must be at most {limit}")
         return value
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -87,10 +89,14 @@ def read_toml(path: str | Path, *, error: type[Exception], wanted: str) -> dict[
     """The content of a TOML file; raises `error`, saying what file is wanted, where there is none or it is not TOML."""
     try:
         text = small_text(path)
+    except UnicodeDecodeError as err:
+        raise error(
+            f"{path}: cannot be read (byte {err.start} is no UTF-8); give {wanted} (TOML) saved as UTF-8"
+        ) from err
     except (OSError, ValueError) as err:
         raise error(f"{path}: cannot be read ({reason(err)}); give {wanted} (TOML)") from err
     try:
-        content = tomllib.loads(text)
+        content = tomllib.loads(text.removeprefix("\ufeff"))  # some editors put a byte order mark first
     except (tomllib.TOMLDecodeError, RecursionError) as err:
         raise error(f"{path}: not valid TOML: {err}") from err
     if depth(content) > DEEPEST:
@@ -137,24 +143,39 @@ def bare_number(content: Mapping[Any, Any], pure: Collection[str], *, path: str 
     return None
 
 
+def has_unknown_key(err: ValidationError) -> bool:
+    """Whether a key that no section has is among the complaints."""
+    return any(one["type"] == "extra_forbidden" for one in err.errors())
+
+
 def first_complaint(err: ValidationError, *, unions: Collection[str] = ()) -> str:
     """One line: the key path, what is wrong with it, and how many complaints more there are.
 
     `unions` names the keys that hold one of several kinds: pydantic puts the kind into the path, the file does not.
     """
-    first = min(err.errors(), key=lambda one: one["type"] != "extra_forbidden")  # a misspelt key explains a missing one
+    errors, explained = err.errors(), 1
+    first = min(errors, key=lambda one: one["type"] != "extra_forbidden")  # a misspelt key explains a missing one
     loc = first["loc"]
     path = ".".join(str(p) for k, p in enumerate(loc) if k == 0 or loc[k - 1] not in unions)
     kind = first["type"]
     if kind == "extra_forbidden":
-        said = "unknown key; check its spelling or remove it"
+        missing = [str(one["loc"][-1]) for one in errors if one["type"] == "missing" and one["loc"][:-1] == loc[:-1]]
+        meant = get_close_matches(str(loc[-1]), missing, n=1)
+        explained += len(meant)
+        said = f"unknown key; is {meant[0]} meant?" if meant else "unknown key; check its spelling or remove it"
     elif kind == "missing":
         said = "is missing"
+    elif kind == "union_tag_invalid":
+        context = first["ctx"]
+        key = context["discriminator"].strip("'")
+        said = f"{key} {context['tag']!r} is unknown; choose one of {context['expected_tags']}"
+    elif kind == "union_tag_not_found":
+        said = f"{first['ctx']['discriminator']} is missing".replace("'", "")
     else:
         said = first["msg"].removeprefix("Value error, ")
         if not isinstance(first["input"], dict | BaseModel) and kind != "value_error":
             said += f", not {first['input']!r}"
-    more = f" (and {err.error_count() - 1} more)" if err.error_count() > 1 else ""
+    more = f" (and {err.error_count() - explained} more)" if err.error_count() > explained else ""
     return f"{path + ': ' if path else ''}{said}{more}"
 
 

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from distributed import Client
 
 CONNECT = 5.0
-"""Seconds within which a scheduler must answer, and have a worker."""
+"""Seconds within which a scheduler must answer."""
+FIRST_WORKER = 5.0
+"""Seconds within which it must have a worker."""
 PATIENCE = 10.0
 """Seconds without a finished row after which is asked whether any worker is left."""
 RETRIES = 3
@@ -85,7 +87,7 @@ def connected(address: str) -> "Client":
     except (OSError, ValueError, TypeError, ImportError) as err:
         raise InputError(f"no scheduler answers at '{address}' within {CONNECT:g} s; {way_out}") from err
     try:
-        client.wait_for_workers(1, timeout=CONNECT)
+        client.wait_for_workers(1, timeout=FIRST_WORKER)
     except TimeoutError as err:
         client.close()
         raise InputError(

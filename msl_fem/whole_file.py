@@ -4,7 +4,7 @@ import contextlib
 import errno
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from msl_fem.errors import InputError
@@ -12,9 +12,11 @@ from msl_fem.errors import InputError
 _NO_ROOM = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO, errno.EROFS}
 
 
-def check_target(target: Path) -> None:
-    """InputError, before the work begins, where `whole_file` could not put a file."""
+def check_target(target: Path, *, apart_from: Collection[Path] = ()) -> None:
+    """InputError, before the work begins, where `whole_file` cannot put a file or would replace one `apart_from`."""
     _refuse_what_is_no_file(target)
+    if target.exists() and any(source.exists() and target.samefile(source) for source in apart_from):
+        raise InputError(f"{target}: is what the command reads, and would be replaced; choose another name")
     nearest = next(parent for parent in target.absolute().parents if parent.exists())
     try:
         with tempfile.TemporaryFile(dir=nearest):

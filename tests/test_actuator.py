@@ -124,7 +124,9 @@ def put(content: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
         ("magnet.window_width", "-1 mm", "greater than 0"),
         ("magnet.window_width", "1e999 m", "not finite"),
         ("magnet.window_with", "10 mm", "unknown key"),
-        ("magnet.coil.windings", 3, "no unit|unknown key"),
+        ("magnet.coil.windings", 3, "unknown key"),
+        ("magnet.coil.fil_factor", 0.5, r"fil_factor: unknown key; check its spelling"),
+        ("magnet.window_width", 10**400, "no unit"),
         ("motor", {"power": "3 W"}, "unknown key"),
         ("file", "x.toml", "unknown key"),
         ("magnet.stack_depth", None, "is missing"),
@@ -137,7 +139,8 @@ def put(content: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
         ("magnet.coil.turns", True, "true is not"),
         ("magnet.coil.fill_factor", 1.0, "less than 1"),
         ("magnet.iron.stacking_factor", 1.01, "less than or equal to 1"),
-        ("magnet.kind", "c-core", "'e-core', 'table', 'mesh'"),
+        ("magnet.kind", "c-core", "magnet: kind 'c-core' is unknown; choose one of 'e-core', 'table', 'mesh'"),
+        ("magnet.kind", None, "magnet: kind is missing"),
         ("drive.kind", "pneumatic", "'current', 'voltage' or 'force'"),
         ("sides.count", 3, "1 or 2"),
         ("motion.range", "0.6 mm", "below nominal_gap"),
@@ -157,6 +160,27 @@ def test_a_fault_is_one_line_with_file_and_key_path(
     assert path.split(".")[0] in message
     assert "\n" not in message
     assert isinstance(caught.value, InputError)
+
+
+def test_a_misspelt_key_is_answered_with_the_one_that_is_missing(content: dict[str, Any]) -> None:
+    """Whatever stands under it, a bare number included; other faults are still counted."""
+    magnet = content["magnet"]
+    magnet["coil"]["fil_factor"] = magnet["coil"].pop("fill_factor")
+    with pytest.raises(ActuatorError, match=r"magnet\.coil\.fil_factor: unknown key; is fill_factor meant\?$"):
+        parse_actuator(content)
+    magnet["window_width"] = "1 kg"
+    with pytest.raises(ActuatorError, match=r"is fill_factor meant\? \(and 1 more\)$"):
+        parse_actuator(content)
+
+
+def test_a_byte_order_mark_is_no_fault_and_another_encoding_is_named(tmp_path: Path) -> None:
+    text = "# 5 µm\n" + (GEOMETRIES / "e1.toml").read_text(encoding="utf-8")
+    file = tmp_path / "mine.toml"
+    file.write_text(text, encoding="utf-8-sig")
+    assert load_actuator(file).digest == load_actuator(GEOMETRIES / "e1.toml").digest
+    file.write_text("# 5 µm", encoding="latin-1")
+    with pytest.raises(ActuatorError, match=r"byte 4 is no UTF-8.*saved as UTF-8"):
+        load_actuator(file)
 
 
 def test_the_key_path_is_the_files(content: dict[str, Any]) -> None:

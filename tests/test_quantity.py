@@ -82,7 +82,24 @@ def test_texts_for_people(value: float, unit: str, text: str) -> None:
     assert format_quantity(value, unit) == text
 
 
-@given(st.floats(min_value=1e-9, max_value=1e8), st.sampled_from(["m", "A", "Hz", "N", "V", "Wb", "T"]), st.booleans())
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (0.01, "", "0.01"), (1234.5, "", "1234"), (-2e-9, "", "-2e-09"), (2e7, "", "2e+07"), (0.02, "%", "0.02 %"),
+        (0.25, "kg", "0.25 kg"), (2e-4, "kg m^2", "0.0002 kg m^2"), (1e-5, "m^2", "1e-05 m^2"),
+        (2e-3, "m^-1", "0.002 m^-1"), (4e3, "s^-1", "4000 s^-1"), (2e3, "1/s", "2000 1/s"), (0.5, "degC", "0.5 degC"),
+        (2e6, "A/m^2", "2 MA/m^2"), (0.02, "m/s^2", "20 mm/s^2"), (4e-3, "N s/m", "4 mN s/m"), (2e-3, "ohm", "2 mohm"),
+    ],
+)  # fmt: skip
+def test_what_bears_no_prefix_has_none(value: float, unit: str, text: str) -> None:
+    """0.01 is not "10 m", 1e-5 m^2 is not "10 µm^2", and half a kilogram has a prefix already."""
+    assert format_quantity(value, unit) == text
+
+
+UNITS = ["m", "A", "Hz", "N", "V", "Wb", "T", "", "kg", "m^2", "m^-1", "s^-1", "A^-2", "m/s^2", "A/m^2", "kg m^2"]
+
+
+@given(st.floats(min_value=1e-9, max_value=1e8), st.sampled_from(UNITS), st.booleans())
 def test_a_formatted_quantity_parses_back(size: float, unit: str, negative: bool) -> None:
     value = -size if negative else size
     again = parse_quantity(format_quantity(value, unit, digits=17), unit)

@@ -5,6 +5,7 @@ import os
 import signal
 import socket
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,11 +19,22 @@ from msl_fem.errors import ComputationError, InputError
 from msl_fem.sweep import SweepReport, SweepSettings, sweep
 from msl_fem.table import MagneticTable
 
+dask = pytest.importorskip("dask", reason="the extra 'cluster' (dask.distributed) is not installed")
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' (dask.distributed) is not installed")
 
 GRID = (np.geomspace(2e-4, 8e-4, 5), np.array([1.0, 3.0, 5.0, 8.0]))
 ROWS = 5 + 4 + 3
 FAST = SweepSettings(accuracy="fast")
+LONG = 300.0  # s: nobody waits so long, a loaded machine takes what it takes
+
+
+@pytest.fixture(autouse=True, scope="module")
+def patience() -> Iterator[None]:
+    """Who is there is waited for as long as it takes; tests of those who are not wait less."""
+    with pytest.MonkeyPatch.context() as patch, dask.config.set({"distributed.comm.timeouts.connect": f"{LONG:g}s"}):
+        patch.setattr(sweep_cluster, "CONNECT", LONG)
+        patch.setattr(sweep_cluster, "FIRST_WORKER", LONG)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +84,7 @@ def test_killed_worker_costs_time_and_no_row(e1, undisturbed, cluster, tmp_path:
     assert report.failed == report.reused_rows == 0
     assert report.cpu_seconds > 0.3 * undisturbed[1].cpu_seconds, "the workers' time is counted"
     with distributed.Client(cluster) as client:
-        client.wait_for_workers(2, timeout=30)
+        client.wait_for_workers(2, timeout=LONG)
         assert set(client.run(os.getpid).values()) != set(workers.values()), "one was really killed"
 
 
@@ -94,13 +106,17 @@ def test_lost_workers_are_said_and_rows_kept(e1, tmp_path: Path, monkeypatch: py
         def leave(done: int, total: int) -> None:
             if done == 1:
                 lonely.scale(0)
+                end = time.monotonic() + LONG
+                while lonely.scheduler.workers:  # else it might solve all rows before it goes
+                    assert time.monotonic() < end, "the worker does not leave"
+                    time.sleep(0.02)
 
         settings = dataclasses.replace(FAST, scheduler=lonely.scheduler_address, cache=tmp_path, resume=True)
         with pytest.raises(ComputationError, match=r"no worker of the cluster tcp://.* is left.*--resume"):
             sweep(e1, *GRID, settings=settings, progress=leave)
         kept = len(list(tmp_path.glob("*.npz")))
         assert 1 <= kept < ROWS
-        monkeypatch.setattr(sweep_cluster, "CONNECT", 0.3)
+        monkeypatch.setattr(sweep_cluster, "FIRST_WORKER", 0.3)
         with pytest.raises(InputError, match=r"has no workers; start one with 'dask worker tcp://"):
             sweep(e1, *GRID, settings=settings)
     assert sweep(e1, *GRID, settings=dataclasses.replace(settings, scheduler=None))[1].reused_rows == kept

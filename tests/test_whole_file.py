@@ -3,7 +3,7 @@
 import pytest
 
 from msl_fem.errors import InputError
-from msl_fem.whole_file import whole_file
+from msl_fem.whole_file import check_target, whole_file
 
 
 def test_file_appears_only_when_the_block_ends_well(tmp_path):
@@ -50,6 +50,20 @@ def test_folder_that_cannot_hold_it_is_an_input_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="another folder"), whole_file(tmp_path / "file" / "a.txt"):
         pytest.fail("the block must not begin")
+
+
+def test_a_result_never_replaces_what_is_read(tmp_path):
+    """By whatever name; the source itself, a link to it, not another file nor one that is not there yet."""
+    source = tmp_path / "a.toml"
+    source.write_text("a")
+    (tmp_path / "link").symlink_to(source)
+    for target in (source, tmp_path / "." / "a.toml", tmp_path / "link"):
+        with pytest.raises(InputError, match="would be replaced"):
+            check_target(target, apart_from=[tmp_path / "none", source])
+    (tmp_path / "b.toml").write_text("b")
+    check_target(tmp_path / "b.toml", apart_from=[source])
+    check_target(tmp_path / "c.toml", apart_from=[source, tmp_path / "c.toml"])
+    check_target(source)
 
 
 def test_target_that_is_a_folder_is_an_input_error(tmp_path):

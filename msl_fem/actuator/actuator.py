@@ -48,6 +48,10 @@ class Actuator(FrozenModel):
         """SHA-256 of the content: equal for equal actuators, whatever the file's comments, sources and tolerances."""
         return hashlib.sha256(self.model_dump_json(exclude={"sources", "tolerances"}).encode()).hexdigest()
 
+    def lacking(self, *sections: str) -> str:
+        """Those of the sections that the file does not have, like "[magnet], [controller]"; "" where it has all."""
+        return ", ".join(f"[{name}]" for name in sections if getattr(self, name) is None)
+
     def e_core(self) -> ECore:
         """The magnet, where it is an E-core; ActuatorError otherwise."""
         if not isinstance(self.magnet, ECore):

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from msl_fem.actuator.actuator import Actuator
 from msl_fem.errors import ActuatorError
-from msl_fem.schema import bare_number, first_complaint, read_toml
+from msl_fem.schema import bare_number, first_complaint, has_unknown_key, read_toml
 
 PURE_NUMBERS = frozenset({
     "schema", "turns", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor",
@@ -34,9 +34,12 @@ def parse_actuator(content: dict[str, Any], *, file: Path | None = None) -> Actu
     if "file" in content:
         raise ActuatorError(f"{file or 'actuator'}: file: unknown key; remove it")
     complaint = bare_number(content, PURE_NUMBERS)
+    try:
+        actuator = Actuator.model_validate({**content, "file": file})
+    except ValidationError as err:
+        if complaint is None or has_unknown_key(err):  # the number of a misspelt key needs a name first, then a unit
+            complaint = first_complaint(err, unions=("magnet",))
+        raise ActuatorError(f"{file or 'actuator'}: {complaint}") from err
     if complaint:
         raise ActuatorError(f"{file or 'actuator'}: {complaint}")
-    try:
-        return Actuator.model_validate({**content, "file": file})
-    except ValidationError as err:
-        raise ActuatorError(f"{file or 'actuator'}: {first_complaint(err, unions=('magnet',))}") from err
+    return actuator

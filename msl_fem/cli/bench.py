@@ -10,6 +10,7 @@ from msl_fem.bench import BenchOptions, ClosedLoop, parse_requests, sealed_recor
 from msl_fem.cli.looped import usual_loop
 from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar, write_json
+from msl_fem.cli.sole_run import sole_run
 from msl_fem.cli.sweeping import table_for
 from msl_fem.coupled_model.excitation import load_excitations
 from msl_fem.coupled_model.excitation_kinds import Excitation
@@ -58,22 +59,23 @@ def command(
     sampling = read_option("--rate", rate, "Hz")
     if not sampling > 0:
         raise InputError(f'--rate {rate} is not allowed; it must be above 0 Hz, like "10 kHz"')
-    sealed = _answer_file(output, answer)
     excitations = _excitations(it, excitation or [])
-    magnet_table = table_for(it, table)
-    options = BenchOptions(
-        seed=seed,
-        rate=sampling,
-        excitations=excitations,
-        static=static,
-        exact=exact_size,
-        noise=noise,
-        loop=_loop(it, magnet_table, excitations, rate=sampling),
-    )
-    with progress_bar("bench") as progress:
-        made = sealed_record(it, magnet_table, requests, options, progress=progress)
-    write_record(made.record, output)
-    write_json(made.answer, sealed)
+    with sole_run(output):
+        sealed = _answer_file(output, answer)
+        magnet_table = table_for(it, table)
+        options = BenchOptions(
+            seed=seed,
+            rate=sampling,
+            excitations=excitations,
+            static=static,
+            exact=exact_size,
+            noise=noise,
+            loop=_loop(it, magnet_table, excitations, rate=sampling),
+        )
+        with progress_bar("bench") as progress:
+            made = sealed_record(it, magnet_table, requests, options, progress=progress)
+        write_record(made.record, output)
+        write_json(made.answer, sealed)
     runs = {run.name: {"role": run.role, "samples": run.time.size} for run in made.record.runs}
     fields = {"record": str(output), "answer": str(sealed), "runs": runs}
     print_result(fields, as_json=json, title=f"{it.name}: record {output}")

@@ -7,10 +7,11 @@ import typer
 
 from msl_fem.cli.options import Json, TableFile
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say, write_json
+from msl_fem.cli.sole_run import sole_run
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.comparison import CompareSettings, Comparison, compare
-from msl_fem.extended_model import load_extended_model
-from msl_fem.record import load_record
+from msl_fem.extended_model import ExtendedModel, load_extended_model
+from msl_fem.record import Record, load_record
 from msl_fem.record_fit import Belief
 from msl_fem.report.comparison_page import comparison_page
 from msl_fem.report.page import write_page
@@ -36,15 +37,20 @@ def command(
     json: Json = False,
 ) -> None:
     """Analytic, coupled, re-fitted, extended and ARMAX models against the record's runs and its static map."""
-    if output is not None:
-        for name in ("compare.json", "report.html"):
-            check_target(output / name)
     it = load_record(record)
-    for warning in it.warnings:
-        say(f"note: {warning}")
     beside = record / "extended_model.toml"
     file = extended if extended is not None else beside if beside.is_file() else None
     model = load_extended_model(file) if file is not None else None
+    with sole_run(output):
+        _compare(it, model, output=output, table=table, json=json)
+
+
+def _compare(it: Record, model: ExtendedModel | None, *, output: Path | None, table: Path | None, json: bool) -> None:
+    if output is not None:
+        for name in ("compare.json", "report.html"):
+            check_target(output / name)
+    for warning in it.warnings:
+        say(f"note: {warning}")
     magnet_table = table_for(it.actuator, table)
     belief = None
     if model is not None:

@@ -10,6 +10,7 @@ import typer
 from msl_fem.actuator import Actuator
 from msl_fem.cli.options import Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar
+from msl_fem.cli.sole_run import sole_run
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.control import (
     Belief,
@@ -77,8 +78,8 @@ def command(
     wanted = load_excitations(reference_, unit="m")
     if len(wanted) != 1:
         raise InputError(f"--reference names {len(wanted)} references; give one")
-    if plant.actuator.magnet is None or plant.actuator.controller is None:
-        raise InputError(f"{plant.actuator.name} has no [magnet] or no [controller]; control needs both")
+    if lacking := plant.actuator.lacking("magnet", "controller"):
+        raise InputError(f"{plant.actuator.name} has no {lacking}; control needs [magnet] and [controller]")
     choice = Choice(
         design,
         None if bandwidth is None else read_option("--bandwidth", bandwidth, "Hz"),
@@ -87,34 +88,35 @@ def command(
         read_option("--overlap", overlap, "N"),
         None if bias is None else read_option("--bias", bias, "A"),
     )
-    if output is not None:
-        check_record_folder(output)
-    if report is not None:
-        check_target(report)
-    known = None if model == "table" else _known(Path(model))
-    given = read_map(map_file) if map_file is not None else None
-    own = table_of_model(known.actuator, None) if isinstance(known, ExtendedModel) else None
-    magnet_table = own if own is not None else table_for(plant.actuator, table)
-    assert magnet_table is not None
-    regions = given if given is not None else operating_map(magnet_table)
-    belief = _belief(plant.actuator, known, magnet_table, regions)
-    made = designed(belief, choice)
-    track = reference(wanted[0], rate=1 / made.law.plant.period)
-    check_stable(made, track)
-    true = known if isinstance(known, ExtendedModel) else plant
-    acted_on = TruePlant(true.actuator, magnet_table, _effects(true))
-    run = run_closed_loop(made, track, plant=acted_on, generator=np.random.default_rng(seed))
-    if output is not None:
-        wishes = {name: text for name, text in (("bandwidth", bandwidth), ("bias", bias)) if text is not None}
-        section = stated(made, **wishes)
-        record = closed_loop_record(true.actuator, run, excitation=wanted[0].spec, controller=section)
-        write_record(record, output)
-    fields = control_fields(made, run) | {"effects": list(true.effects.present)}
-    if report is not None:
-        with progress_bar("trials") as progress:
-            found = examine(made, plant=acted_on, seed=seed, progress=progress)
-        write_page(control_page(found), report)
-        fields |= {"report": str(report)}
+    with sole_run(output):
+        if output is not None:
+            check_record_folder(output)
+        if report is not None:
+            check_target(report)
+        known = None if model == "table" else _known(Path(model))
+        given = read_map(map_file) if map_file is not None else None
+        own = table_of_model(known.actuator, None) if isinstance(known, ExtendedModel) else None
+        magnet_table = own if own is not None else table_for(plant.actuator, table)
+        assert magnet_table is not None
+        regions = given if given is not None else operating_map(magnet_table)
+        belief = _belief(plant.actuator, known, magnet_table, regions)
+        made = designed(belief, choice)
+        track = reference(wanted[0], rate=1 / made.law.plant.period)
+        check_stable(made, track)
+        true = known if isinstance(known, ExtendedModel) else plant
+        acted_on = TruePlant(true.actuator, magnet_table, _effects(true))
+        run = run_closed_loop(made, track, plant=acted_on, generator=np.random.default_rng(seed))
+        if output is not None:
+            wishes = {name: text for name, text in (("bandwidth", bandwidth), ("bias", bias)) if text is not None}
+            section = stated(made, **wishes)
+            record = closed_loop_record(true.actuator, run, excitation=wanted[0].spec, controller=section)
+            write_record(record, output)
+        fields = control_fields(made, run) | {"effects": list(true.effects.present)}
+        if report is not None:
+            with progress_bar("trials") as progress:
+                found = examine(made, plant=acted_on, seed=seed, progress=progress)
+            write_page(control_page(found), report)
+            fields |= {"report": str(report)}
     print_result(fields, as_json=json, title=f"{plant.actuator.name}: {made.kind} in closed loop on {wanted[0].spec}")
 
 

@@ -1,6 +1,7 @@
 """The command `diagnose`: what the simulation gets wrong on a record, by which cause, and a better model."""
 
 import contextlib
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
@@ -10,10 +11,11 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from msl_fem.cli.options import Json, TableFile
 from msl_fem.cli.output import ERRORS, print_columns, print_result, say
+from msl_fem.cli.sole_run import sole_run
 from msl_fem.cli.sweeping import table_for
 from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.result import Diagnosis
-from msl_fem.record import load_record
+from msl_fem.record import Record, load_record
 from msl_fem.report.diagnosis_files import DIAGNOSIS, FILES, REPORT, write_diagnosis
 from msl_fem.report.diagnosis_words import (
     channel_name,
@@ -42,15 +44,20 @@ def command(
 
     Without a folder the outcome is printed alone.
     """
+    it = load_record(record)
+    with sole_run(output):
+        _diagnose(it, output, table=table, json=json)
+
+
+def _diagnose(it: Record, output: Path | None, *, table: Path | None, json: bool) -> None:
     if output is not None:
         for name in FILES:
             check_target(output / name)
-    it = load_record(record)
     for warning in it.warnings:
         say(f"note: {warning}")
     magnet_table = table_for(it.actuator, table)
     with tried_line() as tell:
-        found = diagnose(it, DiagnosisSettings(table=magnet_table, progress=tell))
+        found = diagnose(it, DiagnosisSettings(table=magnet_table, threads=os.cpu_count() or 1, progress=tell))
     fields = found.fields()
     if output is not None:
         write_diagnosis(it, found, output, table=magnet_table)

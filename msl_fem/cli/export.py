@@ -41,7 +41,7 @@ def command(
     """
     kind = _kind(source)
     wanted = find_format(to, what, kind)
-    check_target(output)
+    check_target(output, apart_from=[] if table is None else [table])
     if output.exists() and source.exists() and output.samefile(source):
         raise InputError(f"{output} is the source itself; name another file with -o")
     if table is not None and kind != ACTUATOR:
@@ -90,8 +90,8 @@ def _record(path: Path, kind: str, needs: str, *, table: Path | None) -> Source:
 
 def _controller(actuator: Actuator, table: Path | None) -> ControllerSource:
     """The controller that `control` designs by default, of what is believed."""
-    if actuator.magnet is None or actuator.controller is None:
-        raise InputError(f"{actuator.name} has no [magnet] or no [controller]; a controller needs both")
+    if lacking := actuator.lacking("magnet", "controller"):
+        raise InputError(f"{actuator.name} has no {lacking}; a controller needs [magnet] and [controller]")
     magnet = _table_of(actuator, table)
     regions = operating_map(magnet)
     return ControllerSource(design_controller(actuator, magnet, regions), regions)

@@ -24,7 +24,7 @@ def command(
     it = load_actuator(actuator)
     wanted = None if bandwidth is None else read_option("--bandwidth", bandwidth, "Hz")
     if output is not None:
-        check_target(output)
+        check_target(output, apart_from=[actuator])
     report = assess_flexure(it, bandwidth=wanted)
     if output is not None:
         write_page(flexure_page(it, report), output)

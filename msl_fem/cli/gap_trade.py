@@ -35,7 +35,7 @@ def command(
         force=None if force is None else read_option("--force", force, "N"),
     )
     if output is not None:
-        check_target(output)
+        check_target(output, apart_from=[actuator, *([] if table is None else [table])])
     known = table_for(it, table)
     if known is None:
         raise InputError(f"{it.name} has no magnet, whose gap could be traded")

@@ -10,6 +10,7 @@ import typer
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.options import Json, read_option
 from msl_fem.cli.output import print_result, say
+from msl_fem.cli.sole_run import sole_run
 from msl_fem.errors import InputError
 from msl_fem.record import Run, check_record_folder, load_record
 from msl_fem.record.column_map import ColumnSource, column_sources, describe
@@ -40,16 +41,17 @@ def command(
     sources = column_sources(columns)
     label = _label(name or re.sub(r"[^A-Za-z0-9_.-]+", "_", log.stem), role, excitation, start, end)
     sampled = read_option("--rate", rate, "Hz") if rate else None
-    check_record_folder(output)
-    picture = picture or output.parent / f"{output.name}_{label.name}.png"
-    check_target(picture)
-    there = (output / "rig.toml").exists()
-    believed = load_record(output).actuator if there else load_actuator(_named(actuator, output))
-    run = imported_run(log, sources, believed, label=label, rate=sampled)
-    import_into(output, run, actuator=believed, rate=sampled)
-    save_run_picture(run, picture, made_of={it.column: _origin(it) for it in sources})
-    for warning in load_record(output).warnings:
-        say(f"note: {warning}")
+    with sole_run(output):
+        check_record_folder(output)
+        picture = picture or output.parent / f"{output.name}_{label.name}.png"
+        check_target(picture)
+        there = (output / "rig.toml").exists()
+        believed = load_record(output).actuator if there else load_actuator(_named(actuator, output))
+        run = imported_run(log, sources, believed, label=label, rate=sampled)
+        import_into(output, run, actuator=believed, rate=sampled)
+        save_run_picture(run, picture, made_of={it.column: _origin(it) for it in sources})
+        for warning in load_record(output).warnings:
+            say(f"note: {warning}")
     fields = {
         "record": str(output),
         "run": run.file,

@@ -16,6 +16,7 @@ from msl_fem.cli.thermal_options import ThermalTexts, thermal_columns, thermal_f
 from msl_fem.errors import InputError
 from msl_fem.field_map import FieldMapSettings, decoupling_map, decoupling_positions, field_map
 from msl_fem.operating_map import MEAN, OperatingMap, map_to_json, operating_map, parse_criterion
+from msl_fem.quantity import format_quantity
 from msl_fem.sweep import SweepSettings, default_grid, sweep
 from msl_fem.sweep_cache import RowCache
 from msl_fem.table import MagneticTable, read_table
@@ -72,7 +73,7 @@ def command(
     parse_criterion(criterion)
     wanted = read_options("--levels", levels, "T")
     if output is not None:
-        check_target(output)
+        check_target(output, apart_from=[source])
     request = thermal_request(ThermalTexts(temperature_rise, ambient, duty, period, thermal_resistance, frequency))
     options = FieldOptions(gaps, current_max, workers, resume, end_effects, decoupling)
     actuator = load_actuator(source) if source.suffix == ".toml" else None
@@ -88,12 +89,25 @@ def command(
     if output is not None:
         write_json(map_to_json(made) | thermal, output)
         RowCache(_cache(output)).clear()
-    for note in (*_notes(made), *made.warnings, *made.not_reached(), *thermal_notes(thermal)):
+    for note in (*_notes(made), *made.warnings, *_holes(made), *thermal_notes(thermal)):
         say(f"note: {note}")
     if json:
         print_result(map_to_json(made) | thermal, as_json=True, title="")
         return
     print_columns(_columns(made) | thermal_columns(thermal), title=f"operating map of {source}, {made.criterion}")
+
+
+def _holes(made: OperatingMap) -> list[str]:
+    """A line for each level that some gaps' currents do not reach, and what goes further; the file names every gap."""
+    of_fields = made.mesh_error is not None
+    further = "give a larger --current-max" if of_fields else "make the table with larger currents"
+    holes = [(level, made.gap[missing]) for level, missing in zip(made.levels, np.isnan(made.current), strict=True)]
+    return [
+        f"{level:g} T is not reached below {made.current_max:g} A at {gaps.size} of {made.gap.size} gaps, "
+        f"{format_quantity(gaps[0], 'm')} the smallest; {further}"
+        for level, gaps in holes
+        if gaps.size
+    ]
 
 
 def _table_in(source: Path, actuator: Actuator | None) -> MagneticTable:

@@ -28,6 +28,8 @@ def print_result(result: Mapping[str, Any], *, as_json: bool, title: str) -> Non
         sys.stdout.write(json.dumps(plain(result), allow_nan=False) + "\n")
         return
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    table.add_column(no_wrap=True)  # a name is searched for and goes into scripts: whole, however narrow the window
+    table.add_column(overflow="fold")
     for name, value in _rows(plain(result)):
         table.add_row(name, value)
     _print_table(title, table)

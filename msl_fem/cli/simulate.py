@@ -9,6 +9,7 @@ import typer
 from msl_fem.cli.looped import UsualLoop, usual_loop
 from msl_fem.cli.options import Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar
+from msl_fem.cli.sole_run import sole_run
 from msl_fem.cli.sweeping import table_for
 from msl_fem.coupled_model import (
     NamedRun,
@@ -28,7 +29,9 @@ from msl_fem.table import MagneticTable
 
 def command(
     actuator: Annotated[Path, typer.Argument(metavar="ACTUATOR", help="Actuator file, or an extended model (TOML).")],
-    excitation: Annotated[str, typer.Option(help='Like "sine:channel=1,...", or a TOML file with several.')],
+    excitation: Annotated[
+        list[str], typer.Option(help='Repeatable: like "sine:channel=1,...", or a TOML file with several.')
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Record folder to write.")],
     table: TableFile = None,
     map_file: Annotated[
@@ -43,31 +46,35 @@ def command(
     it = model.actuator
     if it.drive is None:
         raise InputError(f'{it.name} has no [drive]; add one with kind = "current", "voltage" or "force"')
-    excitations = load_excitations(excitation, unit=DRIVE_UNIT[it.drive.kind])
+    unit = DRIVE_UNIT[it.drive.kind]
+    excitations = [one for text in excitation for one in load_excitations(text, unit=unit)]
     sampling = read_option("--rate", rate, "Hz")
     if not sampling > 0:
         raise InputError(f'--rate {rate} is not allowed; it must be above 0 Hz, like "10 kHz"')
-    check_record_folder(output)
-    regions = None if map_file is None else read_map(map_file)
-    guard = None if regions is None else Guard(regions)
-    magnet_table = table_for(it, table)
-    generator = np.random.default_rng(seed)
-    closed = any(one.loop == "closed" for one in excitations)
-    loop = usual_loop(it, magnet_table, regions) if closed else None
-    runs: list[NamedRun] = []
-    with progress_bar("runs") as progress:
-        for n, one in enumerate(excitations):
-            progress(n, len(excitations))
-            name = one.name.replace("-", "_") + (f"_{n + 1}" if len(excitations) > 1 else "")
-            if one.loop == "closed":
-                assert loop is not None
-                runs.append(_closed_loop(model, magnet_table, one, name, rate=sampling, loop=loop, generator=generator))
-            else:
-                run = _open_loop(model, magnet_table, one, rate=sampling, guard=guard, generator=generator)
-                runs.append(NamedRun(name, one.spec, one.role, run))
-        progress(len(excitations), len(excitations))
-    record = simulation_record(it, runs, controller=None if loop is None else loop.section)
-    write_record(record, output)
+    with sole_run(output):
+        check_record_folder(output)
+        regions = None if map_file is None else read_map(map_file)
+        guard = None if regions is None else Guard(regions)
+        magnet_table = table_for(it, table)
+        generator = np.random.default_rng(seed)
+        closed = any(one.loop == "closed" for one in excitations)
+        loop = usual_loop(it, magnet_table, regions) if closed else None
+        runs: list[NamedRun] = []
+        with progress_bar("runs") as progress:
+            for n, one in enumerate(excitations):
+                progress(n, len(excitations))
+                name = one.name.replace("-", "_") + (f"_{n + 1}" if len(excitations) > 1 else "")
+                if one.loop == "closed":
+                    assert loop is not None
+                    runs.append(
+                        _closed_loop(model, magnet_table, one, name, rate=sampling, loop=loop, generator=generator)
+                    )
+                else:
+                    run = _open_loop(model, magnet_table, one, rate=sampling, guard=guard, generator=generator)
+                    runs.append(NamedRun(name, one.spec, one.role, run))
+            progress(len(excitations), len(excitations))
+        record = simulation_record(it, runs, controller=None if loop is None else loop.section)
+        write_record(record, output)
     fields = {
         "record": str(output),
         "effects": list(model.effects.present),

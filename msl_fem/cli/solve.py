@@ -44,7 +44,7 @@ def command(
     it, level = load_actuator(actuator), checked_accuracy(accuracy)
     for target in (picture, vtu, scene):
         if target is not None:
-            check_target(target)
+            check_target(target, apart_from=[actuator])
     amperes, metres = read_option("--current", current, "A"), _read_gap("--gap", gap)
     two_sided = (current_2, gap_2, tilt) != (None, None, None)
     from_mesh = isinstance(it.magnet, MeshMagnet)

@@ -5,9 +5,10 @@ from typing import Annotated, Any
 
 import typer
 
-from msl_fem.actuator import load_actuator
+from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json
 from msl_fem.cli.output import print_result, say, stages_bar, write_json
+from msl_fem.cli.sole_run import sole_run
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
 from msl_fem.errors import InputError
 from msl_fem.identification import model_to_json
@@ -29,15 +30,23 @@ def command(
     resume: Annotated[bool, typer.Option(help="Take finished rows of an interrupted table.")] = False,
     json: Json = False,
 ) -> None:
-    """Tables, map, coupled model, simulated record, ARMAX, closed loop, one report."""
+    """Tables, map, coupled model, simulated record, ARMAX, closed loop, one report.
+
+    Of two runs on one folder at once the second is refused, as with all commands that write several files.
+    """
     it = load_actuator(actuator)
     if output.exists() and not output.is_dir():
         raise InputError(f"{output} is a file; name a folder with -o")
+    settings = StudySettings(checked_accuracy(accuracy), workers or default_workers(), output / ".rows", resume)
+    with sole_run(output):
+        _study(it, settings, output=output, json=json)
+
+
+def _study(it: Actuator, settings: StudySettings, *, output: Path, json: bool) -> None:
     for name in ("table.nc", "map.json", "armax.json", "report.html", "study.json"):
         check_target(output / name)
     check_record_folder(output / "record")
     cache = RowCache(output / ".rows")
-    settings = StudySettings(checked_accuracy(accuracy), workers or default_workers(), cache.folder, resume)
 
     def keep(name: str, result: Any) -> None:
         if name == "table":

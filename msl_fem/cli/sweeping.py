@@ -36,7 +36,11 @@ def table_for(actuator: Actuator, given: Path | None) -> MagneticTable | None:
     if actuator.magnet is None:
         return None
     if given is not None:
-        return read_table(given)
+        table = read_table(given)
+        made_for = table.provenance.get("actuator")
+        if isinstance(made_for, str) and made_for not in ("", actuator.name):
+            say(f"note: {given} was made for {made_for[:80]!r}, and is taken here for {actuator.name!r}")
+        return table
     if isinstance(actuator.magnet, TableMagnet):
         return read_table(actuator.folder / actuator.magnet.table)
     say("no --table given: computing the default one ('msl-fem table' keeps it)")

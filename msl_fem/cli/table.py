@@ -46,7 +46,7 @@ def command(
     the noise that rig.toml states; the table spans the measured gaps and currents and never more.
     """
     it = load_actuator(actuator)
-    check_target(output)
+    check_target(output, apart_from=[actuator])
     if measured is not None:
         if scheduler is not None or workers or resume or end_effects:
             raise InputError(

@@ -48,7 +48,7 @@ def command(
     if resume and output is None:
         raise InputError("--resume needs -o: finished magnets are kept beside the page")
     if output is not None:
-        check_target(output)
+        check_target(output, apart_from=[actuator])
     settings = StudySettings(
         tolerances=dict(_limit(text) for text in tolerance or []),
         gaps=None if gaps is None else tuple(read_options("--gaps", gaps, "m")),

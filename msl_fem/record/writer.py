@@ -11,6 +11,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.errors import RecordError
 from msl_fem.record.checks import check_record, check_run
 from msl_fem.record.column_file import Column, write_columns
+from msl_fem.record.companions import check_companions, companions, file_keys
 from msl_fem.record.reader import static_map
 from msl_fem.record.record import Record, StaticMap
 from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RigFile, read_rig
@@ -30,6 +31,7 @@ def write_record(record: Record, folder: str | Path) -> None:
     Raises
     ------
     RecordError : `load_record` would refuse the record; the folder holds something else or cannot be written
+    InputError : a file that the actuator names is not what it should be, see `check_companions`
     """
     folder = Path(folder).absolute()
     check_record(record, rig_file=folder / RIG_FILE)
@@ -38,6 +40,7 @@ def write_record(record: Record, folder: str | Path) -> None:
         check_run(run, record.actuator, record.sampling, file=folder / run.file)
     if record.static is not None:
         static_map(_static_columns(record.static), role=None, file=folder / STATIC_FILE)
+    check_companions(record.actuator)
     rig_text = _rig_text(record, folder)
     _check_target(record, folder)
     try:
@@ -84,8 +87,8 @@ def _check_target(record: Record, folder: Path) -> None:
     rig = read_rig(folder)
     if rig.origin == "measured" and record.origin != "measured":
         raise RecordError(f"{folder}: holds measured data, which simulated data never replace; choose another folder")
-    companions = _companions(record.actuator).values()  # of an equal actuator, where the record is written anew
-    own = {RIG_FILE, STATIC_FILE, ACTUATOR_FILE, rig.actuator, *companions, *(entry.file for entry in rig.run)}
+    named = companions(record.actuator).values()  # of an equal actuator, where the record is written anew
+    own = {RIG_FILE, STATIC_FILE, ACTUATOR_FILE, rig.actuator, *named, *(entry.file for entry in rig.run)}
     if there - own:
         raise RecordError(
             f"{folder}: holds {', '.join(sorted(there - own))} beside the record; move it away or choose another folder"
@@ -127,11 +130,11 @@ def _rig_text(record: Record, folder: Path) -> str:
 def _write_files(record: Record, folder: Path) -> None:
     """The actuator, static.csv and the runs."""
     taken = {RIG_FILE, STATIC_FILE, ACTUATOR_FILE}
-    for name in (*_companions(record.actuator).values(), *(run.file for run in record.runs)):
+    for name in (*companions(record.actuator).values(), *(Path(run.file).as_posix() for run in record.runs)):
         if name in taken:
             raise RecordError(f"{name}: two files of the record have this name; rename one of them")
         taken.add(name)
-    for source, name in _companions(record.actuator).items():
+    for source, name in companions(record.actuator).items():
         shutil.copyfile(source, folder / name)
     (folder / ACTUATOR_FILE).write_text(_actuator_text(record.actuator), encoding="utf-8")
     for run in record.runs:
@@ -141,24 +144,10 @@ def _write_files(record: Record, folder: Path) -> None:
         write_columns(folder / STATIC_FILE, _static_columns(record.static))
 
 
-def _file_keys(content: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
-    """The sections and keys of an actuator's document that name files."""
-    magnet = content.get("magnet", {})
-    iron = magnet.get("iron", {})
-    curves = [(iron, key) for key in ("core", "armature") if iron.get(key, "").endswith(".csv")]
-    return [(magnet, key) for key in ("table", "mesh") if key in magnet] + curves
-
-
-def _companions(actuator: Actuator) -> dict[Path, str]:
-    """Files that the actuator names, and what they are called beside actuator.toml."""
-    named = [section[key] for section, key in _file_keys(document(actuator))]
-    return {actuator.folder / name: Path(name).name for name in named}
-
-
 def _actuator_text(actuator: Actuator) -> str:
     """The actuator as TOML that looks for its files beside itself."""
     content = document(actuator)
-    for section, key in _file_keys(content):
+    for section, key in file_keys(content):
         section[key] = Path(section[key]).name
     return toml_text(content)
 

@@ -245,8 +245,7 @@ def _parameters(found: Diagnosis) -> Stage:
 def _believed_text(name: str, value: float | None) -> str:
     if value is None:
         return "-"
-    unit = UNITS.get(name, "")
-    return f"{value:.5g} {unit}".rstrip() if unit in ("kg", "") else format_quantity(value, unit, digits=5)
+    return format_quantity(value, UNITS.get(name, ""), digits=5)
 
 
 def _provenance(record: Record, found: Diagnosis) -> tuple[tuple[str, str], ...]:

@@ -1,6 +1,5 @@
 """What a diagnosis says, in an engineer's words: what it is, how sure, how much better, what to do next."""
 
-import re
 from collections.abc import Sequence
 
 from scipy.stats import beta
@@ -12,7 +11,6 @@ from msl_fem.quantity import format_quantity
 
 FAR = 4.0  # tolerances by which a believed parameter has to be off before it is called far out
 LITTLE = 1.05  # times the error with the effects: re-fitting alone does as well
-_PREFIXED = re.compile(r"[A-Za-z]+(?![\w^])")
 MEND = {
     "gap_offset": "measure the gap at rest with feeler gauges; look for a glue line, a parting joint, a wrong zero",
     "early_saturation": "check the stacking factor and the sheets' cut edges; measure the B-H curve of a stacked ring",
@@ -45,8 +43,6 @@ def amount_text(effect: str, name: str, value: float, *, digits: int = 3) -> str
     unit, shape = unit_of(effect, name), find_parameter(effect, name).shape
     if not unit:
         return f"{value:.{digits}g}" if shape else f"{100 * value:.{digits}g} %"
-    if _PREFIXED.match(unit) is None:
-        return f"{value:.{digits}g} {unit}"
     return format_quantity(value, unit, digits=digits)
 
 

@@ -28,7 +28,7 @@ from msl_fem.actuator import (
 )
 from msl_fem.errors import RequirementError
 from msl_fem.quantity import format_quantity
-from msl_fem.schema import FrozenModel, In, bare_number, first_complaint, read_toml
+from msl_fem.schema import FrozenModel, In, bare_number, first_complaint, has_unknown_key, read_toml
 
 Newton = Annotated[float, In("N"), Field(gt=0)]
 SlewRate = Annotated[float, In("N/s"), Field(gt=0)]
@@ -220,9 +220,12 @@ def parse_requirement(content: dict[str, Any], *, file: Path | None = None) -> R
     if "file" in content:
         raise RequirementError(f"{where}: file: unknown key; remove it")
     complaint = bare_number(content, _PURE_NUMBERS)
+    try:
+        requirement = Requirement.model_validate({**content, "file": file})
+    except ValidationError as err:
+        if complaint is None or has_unknown_key(err):
+            complaint = first_complaint(err)
+        raise RequirementError(f"{where}: {complaint}") from err
     if complaint:
         raise RequirementError(f"{where}: {complaint}")
-    try:
-        return Requirement.model_validate({**content, "file": file})
-    except ValidationError as err:
-        raise RequirementError(f"{where}: {first_complaint(err)}") from err
+    return requirement

@@ -92,9 +92,6 @@ def _check(name: str, limit: float, nominal: float | None, unit: str) -> None:
         most = 1.0 - nominal
     if not 0 <= limit <= most * (1 + 1e-9):
         raise InputError(
-            f"tolerance {name} = {_text(limit, unit)} is not allowed; it must be 0 ... {_text(most, unit)}"
+            f"tolerance {name} = {format_quantity(limit, unit)} is not allowed; it must be "
+            f"0 ... {format_quantity(most, unit)}"
         )
-
-
-def _text(value: float, unit: str) -> str:
-    return format_quantity(value, unit) if unit else f"{value:.4g}"

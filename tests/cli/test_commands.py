@@ -13,6 +13,7 @@ from cli_paths import E1, EMPS, SERVO, TABLE
 
 from msl_fem.record import load_record
 from msl_fem.table import read_table
+from msl_fem.toml_text import toml_text
 
 Run = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/cli/conftest.py
 
@@ -139,6 +140,25 @@ def test_simulate_writes_a_record_that_identify_takes(msl_fem: Run, tmp_path: Pa
     assert fit["free_run"] > 95
     assert set(found["parameters"]["a1"]) == {"value", "standard_error"}
     assert json.loads(model.read_text())
+
+
+def test_excitations_given_one_by_one_are_those_of_a_file(msl_fem: Run, tmp_path: Path) -> None:
+    """All of them are run, in order: none is left out silently."""
+    keys = {"channel": "1", "bias": "0.3 A", "amplitude": "0.1 A", "duration": "0.5 s"}
+    both = [{"name": "sine", **keys, "frequency": "20 Hz"},
+            {"name": "sine", **keys, "frequency": "30 Hz", "role": "held-out"}]  # fmt: skip
+    file = tmp_path / "both.toml"
+    file.write_text(toml_text({"excitation": both}))
+    texts = ["sine:" + ",".join(f"{k}={v}" for k, v in one.items() if k != "name") for one in both]
+    common = ["simulate", SERVO, "--table", TABLE, "--rate", "2 kHz", "-o"]
+    one_by_one = [word for text in texts for word in ("--excitation", text)]
+    made = msl_fem(*common, str(tmp_path / "a"), *one_by_one, "--json").json
+    assert list(made["runs"]) == ["sine_1", "sine_2"]
+    again = msl_fem(*common, str(tmp_path / "b"), "--excitation", str(file), "--json").json
+    assert again["runs"] == made["runs"]
+    assert [run.role for run in load_record(tmp_path / "a").runs] == ["fit", "held-out"]
+    for name in ("rig.toml", "sine_1.csv", "sine_2.csv"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
 def test_simulate_refuses_what_the_open_loop_does_not_bear(msl_fem: Run, tmp_path: Path) -> None:

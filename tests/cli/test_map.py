@@ -95,3 +95,18 @@ def test_a_map_for_people(msl_fem: Run) -> None:
     assert "centre leg" in printed.stdout
     assert "1.70" in printed.stdout
     assert "the currents are within" in printed.stderr
+
+
+def test_a_level_that_is_not_reached_is_one_line_however_many_gaps(msl_fem: Run, tmp_path: Path) -> None:
+    """2 T and no other level of these; the count is that of the file's holes, and the way out is the source's."""
+    file = tmp_path / "map.json"
+    printed = msl_fem("map", TABLE, "--levels", "1.2,2.0 T", "-o", str(file))
+    missing = json.loads(file.read_text())["current_A"][1].count(None)
+    assert missing > 1
+    lines = [line for line in printed.stderr.splitlines() if "is not reached" in line]
+    assert len(lines) == 1
+    assert lines[0].startswith("note: 2 T is not reached below 12 A at ")
+    assert f" {missing} of " in lines[0]
+    assert lines[0].endswith("make the table with larger currents")
+    of_fields = msl_fem("map", E1, "--levels", "1.2 T", "--current-max", "3 A", *FEW).stderr
+    assert "at 1 of 2 gaps, 500 µm the smallest; give a larger --current-max" in of_fields

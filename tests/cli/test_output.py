@@ -46,3 +46,15 @@ def test_people_get_a_table(capsys: pytest.CaptureFixture[str]) -> None:
     printed = capsys.readouterr().out
     assert "flux.yoke" in printed
     assert "0 ... 8 (9 values)" in printed
+
+
+def test_a_long_name_stands_whole_in_a_narrow_window(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    name = "inverse_domain.known_but_left_to_feedback"
+    print_result({name: ["a" * 12, "b" * 12], "force_N": 1.0}, as_json=False, title="t")
+    printed = capsys.readouterr().out
+    assert name in printed
+    assert "…" not in printed
+    assert printed.count("a") - name.count("a") == 12 + "force_N".count("a")

@@ -56,11 +56,11 @@ def bad_file(folder: Path, kind: str) -> Path:
     ],
 )
 def test_what_leads_elsewhere_or_has_no_end_is_refused_at_once(tmp_path: Path, kind: str, said: str) -> None:
-    path, start = bad_file(tmp_path, kind), time.perf_counter()
+    path, start = bad_file(tmp_path, kind), time.process_time()
     with pytest.raises(TableError, match=r"bad\.nc: not a magnetic table") as refused:
         read_table(path)
     assert said in str(refused.value)
-    assert time.perf_counter() - start < 5
+    assert time.process_time() - start < 5, "of this process alone, however loaded the machine"
     with pytest.raises(RecordError, match=r"bad\.nc: cannot be read"):
         read_columns(path)
 

@@ -56,7 +56,7 @@ def test_supply_is_per_side() -> None:
         ({"motion": {"nominal_gap": "0.5 mm", "range": "0.6 mm"}}, "motion.range 600 µm must be below"),
         ({"motion": {"nominal_gap": "2 mm", "range": "1 mm"}}, "force.gap 500 µm lies outside the motion's gaps"),
         ({"winding": {"fill_factor": 1.5}}, "winding.fill_factor: Input should be less than 1"),
-        ({"bogus": 1}, "bogus: 1 has no unit"),
+        ({"bogus": 1}, "bogus: unknown key"),
         ({"file": "x"}, "file: unknown key"),
     ],
 )
