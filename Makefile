@@ -14,7 +14,7 @@ SHORT := tests/test_package.py tests/test_actuator.py tests/test_quantity.py tes
   tests/coupled_model/test_kernel.py tests/record tests/operating_map/test_operating_map.py tests/export \
   tests/control/test_design.py tests/identification/test_armax_fit.py tests/report/test_page.py tests/robustness
 
-.PHONY: study test coverage newest bench lint docs clean diagnosis-study
+.PHONY: study test short coverage newest bench lint docs clean diagnosis-study
 .DELETE_ON_ERROR:
 
 study: $(VENV)/.installed
@@ -31,6 +31,10 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# A short test of every part, as for another Python: make short PYTHON=python3.13 VENV=.venv-3.13
+short: $(VENV)/.installed-test
+	$(BIN)/python -m pytest $(SHORT)
 
 # The newest versions that pyproject.toml allows, in an environment of their own, and a short test of every part.
 newest:

@@ -3,6 +3,7 @@
 python benchmarks/diagnosis_study_tables.py
 """
 
+import textwrap
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from functools import cache
@@ -206,9 +207,10 @@ def write_calibration(rows: Sequence[Row]) -> None:
         gains = sorted((max((g for _, g in r["statistics"][0]), default=0.0) for r in clean), reverse=True)
         if not gains:
             continue
-        text = ", ".join(f"{gain:.2f}" for gain in gains)
-        lines.append(f'    "{drive}": ([{text}], {sum(bool(names(r)) for r in clean)}),')
-    DATA.write_text("\n".join([*lines, "}"]) + "\n", encoding="utf-8")
+        text = textwrap.fill(", ".join(f"{gain:.2f}" for gain in gains), 108, initial_indent=" " * 8,
+                             subsequent_indent=" " * 8)  # fmt: skip
+        lines += [f'    "{drive}": ([', text, f"    ], {sum(bool(names(r)) for r in clean)}),"]
+    DATA.write_text("\n".join([*lines, "}  # fmt: skip"]) + "\n", encoding="utf-8")
 
 
 def main() -> None:
