@@ -21,7 +21,7 @@ DATA = ROOT / "msl_fem" / "diagnosis" / "calibration_data.py"
 VARIABLES = {
     "cogging": ("force", {"position"}),
     "quadratic_drag": ("force", {"velocity"}),
-    "power_law_memory": ("force", {"memory"}),
+    "relaxing_cushion": ("force", {"memory"}),
     "amplifier_crossover": ("voltage", {"command", "current", "flux linkage's rate"}),
     "current_product_force": ("force", {"current product"}),
     "random_force": ("", set()),

@@ -56,6 +56,8 @@ def move(plant: Plant, y: Array, external: float, sides: Array, dy: Array) -> No
     for b in range(f.branches):
         branch = x - y[at.branches + b]
         force -= f.branch_stiffness[b] * branch
+        if b == 0:
+            force -= f.cushion * branch * abs(branch)
         dy[at.branches + b] = f.branch_rate[b] * branch
     if at.bristle >= 0:
         drag, dy[at.bristle] = friction_force(plant.friction, v, y[at.bristle])

@@ -6,13 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from msl_fem.bench.electrical_effects import AMPLIFIER_CROSSOVER
-from msl_fem.bench.mechanical_effects import branches, damping_force, resonant_force, spring, spring_force
-from msl_fem.bench.plant import MOST_BRANCHES
+from msl_fem.bench.mechanical_effects import branches, damping_force, resonant_force, spring_force
 from msl_fem.bench.rig import Rig
 from msl_fem.bench.setting import Effect, Setting
 
 Hidden = tuple[Rig, dict[str, float]]
-MEMORY_EXPONENT = 0.3
+CUSHION_TIME = 0.02  # s
 
 
 def _cogging(setting: Setting, rig: Rig, force: float) -> Hidden:
@@ -27,13 +26,11 @@ def _quadratic_drag(setting: Setting, rig: Rig, force: float) -> Hidden:
     return rig.with_parts(disturbance=rig.plant.disturbance._replace(drag=drag)), {"drag": drag}
 
 
-def _power_law_memory(setting: Setting, rig: Rig, share: float) -> Hidden:
-    """A spring whose relaxation goes with t^-0.3 over four decades, as eight branches (Prony's series)."""
-    times = np.geomspace(1e-3, 10.0, MOST_BRANCHES)
-    weight = times**-MEMORY_EXPONENT
-    strong = share * spring(setting) * weight / weight.sum()
-    made = rig.with_parts(flexure=branches(rig.plant.flexure, strong, times))
-    return made, {"stiffness_share": share, "exponent": MEMORY_EXPONENT}
+def _relaxing_cushion(setting: Setting, rig: Rig, force: float) -> Hidden:
+    """A cushion that resists by the square of its compression and relaxes within 20 ms: no spring, and no linear creep."""
+    flexure = branches(rig.plant.flexure, np.zeros(1), np.array([CUSHION_TIME]))
+    made = rig.with_parts(flexure=flexure._replace(cushion=force / setting.scales.position**2))
+    return made, {"force": force, "relaxation_time": CUSHION_TIME}
 
 
 def _current_product_force(setting: Setting, rig: Rig, force: float) -> Hidden:
@@ -54,7 +51,8 @@ OUTSIDE = (
     Effect("cogging", "force", "N", _cogging, lambda s: 0.02 * resonant_force(s), lambda s: 5 * spring_force(s)),
     Effect("quadratic_drag", "force", "N", _quadratic_drag, lambda s: 0.01 * damping_force(s),
            lambda s: 2 * spring_force(s)),
-    Effect("power_law_memory", "stiffness_share", "1", _power_law_memory, lambda s: 0.01, lambda s: 1.0),
+    Effect("relaxing_cushion", "force", "N", _relaxing_cushion, lambda s: 0.02 * resonant_force(s),
+           lambda s: 20 * spring_force(s)),
     AMPLIFIER_CROSSOVER,
     Effect("current_product_force", "force", "N", _current_product_force, lambda s: 0.02 * resonant_force(s),
            lambda s: 5 * spring_force(s), needs_magnets=True),

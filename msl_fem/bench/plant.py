@@ -102,6 +102,7 @@ class Flexure(NamedTuple):
     branches: int  # how many of the following are used
     branch_stiffness: Array  # (MOST_BRANCHES,) N/m
     branch_rate: Array  # (MOST_BRANCHES,) 1/s
+    cushion: float = 0.0  # N/m2, force over the square of the first branch's stretch
 
 
 class Friction(NamedTuple):

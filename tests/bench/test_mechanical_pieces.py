@@ -80,18 +80,18 @@ def test_leaves_stretch_with_the_cube() -> None:
 
 
 def test_relaxation_and_attached_mass_meet_an_adaptive_integrator() -> None:
-    """The mechanical rig with a Maxwell branch and an attached part, by DOP853 from the equations alone."""
+    """The mechanical rig with a Maxwell branch, a cushion on it and an attached part, by DOP853 from the equations."""
     rig = plain_rig("force")
     m = rig.plant.motion
     part = Attached(0.2, 2 * np.pi * 250, 0.01)
-    flexure = branches(rig.plant.flexure, np.array([3e4]), np.array([0.03]))
+    flexure = branches(rig.plant.flexure, np.array([3e4]), np.array([0.03]))._replace(cushion=2e9)
     commands = np.repeat([4.0, -2.0, 0.0, 3.0], 100)[:, None]
     run = run_rig(rig.with_parts(attached=part, flexure=flexure), commands, rate=RATE)
 
     def rate(_t: float, y: np.ndarray, push: float) -> list[float]:
         x, v, x2, v2, b = y
         inner = part.share * m.mass * (part.frequency**2 * (x2 - x) + 2 * 0.01 * part.frequency * (v2 - v))
-        force = push - m.damping * v - m.stiffness * x - 3e4 * (x - b) + inner
+        force = push - m.damping * v - m.stiffness * x - 3e4 * (x - b) - 2e9 * (x - b) * abs(x - b) + inner
         return [v, force / (0.8 * m.mass), v2, -inner / (0.2 * m.mass), (x - b) / 0.03]
 
     y, found = np.zeros(5), []
