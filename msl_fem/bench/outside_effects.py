@@ -27,7 +27,7 @@ def _quadratic_drag(setting: Setting, rig: Rig, force: float) -> Hidden:
 
 
 def _relaxing_cushion(setting: Setting, rig: Rig, force: float) -> Hidden:
-    """A cushion that resists by the square of its compression and relaxes within 20 ms: no spring, and no linear creep."""
+    """A cushion that resists by the square of its compression and relaxes within 20 ms: neither spring nor creep."""
     flexure = branches(rig.plant.flexure, np.zeros(1), np.array([CUSHION_TIME]))
     made = rig.with_parts(flexure=flexure._replace(cushion=force / setting.scales.position**2))
     return made, {"force": force, "relaxation_time": CUSHION_TIME}
