@@ -128,6 +128,6 @@ def test_a_wrong_option_is_one_line(
 
 def test_a_rubbish_requirement_is_one_line(msl_fem: Run, file: Path) -> None:
     file.write_text(REQUIREMENT + "bogus = 1\n")
-    assert "r.toml: motion.bogus: 1 has no unit" in msl_fem("size", str(file)).complaint
+    assert "r.toml: motion.bogus: unknown key" in msl_fem("size", str(file)).complaint
     file.write_text(REQUIREMENT.replace("sheets.csv", "none.csv"))
     assert "none.csv: cannot be read" in msl_fem("size", str(file), "-o", str(file.parent / "g.toml")).complaint
