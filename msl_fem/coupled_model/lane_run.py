@@ -226,19 +226,10 @@ def _block(
     surface: Surface, plants: Sequence[PlantParameters], settings: LaneSettings, lanes: NDArray[np.int64], step: float,
     substeps: int,
 ) -> _Block:  # fmt: skip
-    effects = None
-    starts = settings.starts if settings.starts.ndim == 2 else np.tile(settings.starts, (lanes.max() + 1, 1))
-    states = [initial_state(p, *map(float, starts[k])) for k, p in zip(lanes, plants, strict=True)]
-    if settings.effects is not None:
-        columns: list[Array] = []
-        for lane, plant in zip(lanes, plants, strict=True):
-            inductance = small_signal_inductance(plant, _own_surface(surface, settings, lane))
-            columns.append(
-                kernel_coefficients(plant, settings.effects[lane], inductance=inductance, step=step, n_step=substeps)
-            )
-            start_effects(_own_surface(surface, settings, lane), plant, columns[-1], states[len(columns) - 1])
-        effects = np.ascontiguousarray(np.column_stack(columns))
-    state = np.column_stack(states)
+    begun = [_begun(surface, p, settings, int(k), step, substeps) for k, p in zip(lanes, plants, strict=True)]
+    state = np.column_stack([one for one, _ in begun])
+    columns = [e for _, e in begun if e is not None]
+    effects = np.ascontiguousarray(np.column_stack(columns)) if columns else None
     work = lane_workspace()
     if settings.surface_index is not None:
         first = settings.surface_index[lanes] * surface.coefficients[0].size
@@ -248,6 +239,21 @@ def _block(
     numbers = np.array([[getattr(p, name) for p in plants] for name in _NUMBERS], dtype=float)
     p = plants[0]
     return _Block(numbers, effects, np.ascontiguousarray(state), work, p.sides, p.magnets, p.drive, min(stops))
+
+
+def _begun(
+    surface: Surface, plant: PlantParameters, settings: LaneSettings, lane: int, step: float, substeps: int
+) -> tuple[Array, Array | None]:  # fmt: skip
+    """(state, coefficients of the effects) with which a lane begins; None without effects."""
+    starts = settings.starts if settings.starts.ndim == 1 else settings.starts[lane]
+    state = initial_state(plant, *map(float, starts))
+    if settings.effects is None:
+        return state, None
+    own = _own_surface(surface, settings, lane)
+    inductance = small_signal_inductance(plant, own)
+    effects = kernel_coefficients(plant, settings.effects[lane], inductance=inductance, step=step, n_step=substeps)
+    start_effects(own, plant, effects, state)
+    return state, effects
 
 
 def _own_surface(surface: Surface, settings: LaneSettings, lane: int) -> Surface:
@@ -283,12 +289,7 @@ def _alone(
 ) -> Array:
     """The rows of one lane by the kernel for one run, nan from where it ended."""
     own, step = _own_surface(surface, settings, lane), 1.0 / (inputs.rate * substeps)
-    starts = settings.starts if settings.starts.ndim == 1 else settings.starts[lane]
-    state, effects = initial_state(plant, *map(float, starts)), None
-    if settings.effects is not None:
-        inductance = small_signal_inductance(plant, own)
-        effects = kernel_coefficients(plant, settings.effects[lane], inductance=inductance, step=step, n_step=substeps)
-        start_effects(own, plant, effects, state)
+    state, effects = _begun(surface, plant, settings, lane, step, substeps)
     commands = inputs.for_sides(max(plant.sides, 1))
     out = np.full((commands.shape[0], N_OUT), np.nan)
     done = kernel.run(own, plant, effects, state, commands, np.asarray(inputs.disturbance), step, substeps, out)[1]

@@ -189,9 +189,6 @@ def of_loops(record: Record, belief: Belief, data: Sequence[RunData]) -> tuple[L
     """What the diagnosis of such a record needs."""
     likelihood, unknowns = prepared_loops(record, belief, [run for run in data if run.role == "fit"])
     way: Way = "closed-loop" if all(run.law is not None for run in data) else "one-step"
-    noise = likelihood.noise
-    if way == "one-step" and likelihood.way == "closed-loop":
-        noise = tuned(likelihood.problem.plant, likelihood.problem.runs)
 
     def extend(found: Fit) -> Belief:
         return extended_belief(belief, likelihood.problem, found)
@@ -204,7 +201,9 @@ def of_loops(record: Record, belief: Belief, data: Sequence[RunData]) -> tuple[L
         notes.append(NOTE)
     kind = Kind(
         way, belief, loop_candidates,
-        lambda found: loops_followed(belief if found is None else extend(found), data, way, noise=noise), extend,
+        lambda found: loops_followed(
+            belief if found is None else extend(found), data, way, noise=likelihood.noise
+        ), extend,
         notes=tuple(notes),
     )  # fmt: skip
     return likelihood, unknowns, kind

@@ -133,9 +133,7 @@ def verdict(trail: Trail, kind: Kind, *, rule: Rule) -> Diagnosis:
         words[2 * bool(taken) + (not calm)],  # type: ignore[arg-type]
         _reason(trail, taken),
         tuple(_cause(trail, n, gains[n], (kind, final)) for n in range(taken)),
-        Unexplained(0.0)
-        if calm
-        else Unexplained(share_left(trail.excesses, taken), next_experiment=kind.next_experiment),
+        left,
         tuple(Accuracy(*row, kind.prediction) for row in zip(nominal, follows[0], follows[taken], strict=True)),
         believed_estimates(kind.belief, final) if final.unknowns.believed else {},
         kind.extend(trail.fits[0]),

@@ -74,7 +74,7 @@ def error_growth(belief: Belief, data: RunData) -> float:
     rate = np.sqrt(np.maximum(-stiffness, 0.0) / p.mass) - p.damping / (2 * p.mass)
     grown, largest = 0.0, 0.0
     for step in rate * every / data.rate:
-        grown = max(grown + step, 0.0) if step > 0 else 0.0
+        grown = grown + step if step > 0 else 0.0
         largest = max(largest, grown)
     return float(np.exp(min(largest, 700.0)))
 
