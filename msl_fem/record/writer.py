@@ -1,7 +1,11 @@
 """A record to a folder that stands on its own, whole or not at all."""
 
+import contextlib
+import os
 import shutil
+import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +21,9 @@ from msl_fem.record.record import Record, StaticMap
 from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RigFile, read_rig
 from msl_fem.schema import document, first_complaint, reason
 from msl_fem.toml_text import toml_text
+
+if sys.platform != "win32":
+    import fcntl
 
 ACTUATOR_FILE = "actuator.toml"
 
@@ -42,15 +49,18 @@ def write_record(record: Record, folder: str | Path) -> None:
         static_map(_static_columns(record.static), role=None, file=folder / STATIC_FILE)
     check_companions(record.actuator)
     rig_text = _rig_text(record, folder)
-    _check_target(record, folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
+        with _sole_writer(folder.parent):
+            _check_target(record, folder)
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as partial:
             new = Path(partial) / "new"
             new.mkdir()
             _write_files(record, new)
             (new / RIG_FILE).write_text(rig_text, encoding="utf-8")
-            _put_in_place(new, folder, aside=Path(partial) / "old")
+            with _sole_writer(folder.parent):
+                _check_target(record, folder)  # what stands there may have changed meanwhile
+                _put_in_place(new, folder, aside=Path(partial) / "old")
     except OSError as err:
         raise RecordError(f"{folder}: cannot be written ({reason(err)}); choose another folder") from err
 
@@ -58,13 +68,28 @@ def write_record(record: Record, folder: str | Path) -> None:
 def check_record_folder(folder: str | Path) -> None:
     """RecordError, before the work begins, where `write_record` could not put a record, whatever it holds."""
     folder = Path(folder).absolute()
-    _check_free(folder)
-    nearest = next(parent for parent in folder.parents if parent.exists())
     try:
+        _check_free(folder)
+        nearest = next(parent for parent in folder.parents if parent.exists())
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=nearest):
             return
     except OSError as err:
         raise RecordError(f"{folder}: cannot be written ({reason(err)}); choose another folder") from err
+
+
+@contextlib.contextmanager
+def _sole_writer(parent: Path) -> Iterator[None]:
+    """Waits until no other process replaces a record in this folder; without the system's locks there is no waiting."""
+    if sys.platform == "win32":
+        yield
+        return
+    handle = os.open(parent, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):  # a file system without locks
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
 
 def _put_in_place(new: Path, folder: Path, *, aside: Path) -> None:
