@@ -39,8 +39,9 @@ DRIVES = ("voltage", "current")
 VERSION = 3
 """Of search and rule: lines of another one are left out and made anew."""
 CLEAN, SINGLES, SMALL, PAIRS, OUTSIDE = 300, 10, 5, 40, 40
-FIRST = {"clean": 150, "pair": 20, "outside": 20}
-"""Of each drive so many come among the others: with both drives what is the least; the rest comes behind."""
+FIRST = {"clean": 150, "single": 5, "small": 3, "pair": 20, "outside": 20}
+"""Of each drive so many (of each effect) come among the others: with both drives what is the least; the rest comes
+behind."""
 DYNAMIC = (
     "magnetic_hysteresis", "eddy_currents", "cross_coupling", "coil_heating", "amplifier_bandwidth",
     "stiffness_nonlinearity", "coulomb_friction", "squeeze_film", "structural_mode", "flexure_relaxation",
@@ -75,9 +76,10 @@ def cases() -> list[Case]:
         for kind, seed, size, effects, count in (
             ("single", 20_000, "3%", names, SINGLES), ("small", 30_000, "0.3%", DYNAMIC, SMALL),
         ):  # fmt: skip
-            for k, name in enumerate(effects):
+            for k, name in enumerate(effects):  # each record with a seed of its own: a rig and noise of its own
+                made = [Case(drive, kind, (f"{name}={size}",), seed + 100 * k + n) for n in range(count)]
                 place = k / (len(effects) + 8)
-                found += [((n + place) / count, Case(drive, kind, (f"{name}={size}",), seed + n)) for n in range(count)]
+                found += [((n + place) / FIRST[kind], case) for n, case in enumerate(made)]
         for n, (a, b) in enumerate(pairs):
             found.append(((n + 0.3) / FIRST["pair"], Case(drive, "pair", (f"{a}=3%", f"{b}=3%"), 40_000 + n)))
         for n in range(OUTSIDE):

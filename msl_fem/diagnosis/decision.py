@@ -28,6 +28,8 @@ TIE = 5.0
 """Nats within which two names cannot be told apart."""
 WORSE = 10.0
 """Nats that held-out data may become less probable before a name is refused."""
+OWN_OF_A_RUN = {"sensor_drift"}
+"""Effects that begin anew in every run: held-out runs cannot speak against them."""
 STRONG = 25.0  # the square of a number of standard errors at which the rest of an effect counts by itself
 COINCIDING = {
     ("gap_offset", "offset"): "nominal_gap",
@@ -48,7 +50,7 @@ class Rule:
     quiet.
     """
 
-    threshold: float = 5.0
+    threshold: float = 6.0
     further: float = 12.0
     share: float = 0.003
     finished: float = FINISHED

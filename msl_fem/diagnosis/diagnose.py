@@ -10,6 +10,7 @@ from msl_fem.diagnosis.calibration import Calibration, calibration_of
 from msl_fem.diagnosis.decidable import why_not
 from msl_fem.diagnosis.decision import (
     LEFT_OVER,
+    OWN_OF_A_RUN,
     TIE,
     WORSE,
     Rule,
@@ -26,7 +27,7 @@ from msl_fem.diagnosis.held_out import followed, held_out_gains
 from msl_fem.diagnosis.joint import NOTE, JointLikelihood, joined
 from msl_fem.diagnosis.next_experiment import Question, separating
 from msl_fem.diagnosis.other_kinds import other_diagnosis
-from msl_fem.diagnosis.outside import Dependence, dependences, named
+from msl_fem.diagnosis.outside import ENOUGH, Dependence, dependences, named
 from msl_fem.diagnosis.prepare import prepared
 from msl_fem.diagnosis.result import Cause, Diagnosis, Unexplained, Verdict, accuracy
 from msl_fem.diagnosis.scene import scene
@@ -130,11 +131,16 @@ def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: 
     models = [extended_belief(belief, problem, found) for found in searched.fits[: searched.taken + 1]]
     follows = [followed(model, data) for model in models]
     gains = held_out_gains(follows)
+    patched = searched.taken > 1 and _patched(searched, models[searched.taken])
+    if patched:
+        searched = replace(searched, taken=1)
     names, notes = _kept(searched, gains)
+    if patched:
+        notes.append("several effects together leave what a function of one variable explains; only the first is kept")
     if isinstance(searched.likelihood, JointLikelihood):
         notes.append(NOTE)
     searched = replace(searched, taken=names)
-    calm = quiet(searched.excesses[names])
+    calm = quiet(searched.excesses[names]) and not patched
     studied, outside = calibration_of(problem.plant.parameters, list(problem.runs))
     causes = tuple(_cause(searched, n, gains[n], studied) for n in range(names))
     asked = Question(belief, problem, searched.final.unknowns.believed)
@@ -172,6 +178,14 @@ def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: 
     )
 
 
+def _patched(searched: Searched, model: Belief) -> bool:
+    """Whether several effects only patch up what none of them is: what they leave, small as it may be, is a function of
+    one variable that brings more than the last of them did."""
+    ranked = dependences(*searched.likelihood.runs_part(searched.final), model)
+    last = searched.stages[searched.taken - 1].best
+    return bool(ranked and last is not None and ranked[0].gain > max(ENOUGH, last.gain))
+
+
 def _kept(searched: Searched, gains: Sequence[float]) -> tuple[int, list[str]]:
     """How many of the search's effects are named, and why not more."""
     names, notes = searched.taken, []
@@ -183,9 +197,13 @@ def _kept(searched: Searched, gains: Sequence[float]) -> tuple[int, list[str]]:
         )
         names = 0
     while names and gains[names - 1] < -WORSE:
+        best = searched.stages[names - 1].best
+        effect = best.variant.effect if best else ""
+        if effect in OWN_OF_A_RUN:
+            notes.append(f"{effect} is of each run's own: that of the fit run says nothing of held-out runs")
+            break
         names -= 1
-        best = searched.stages[names].best
-        notes.append(f"{best.variant.effect if best else ''} makes held-out runs worse and is not named")
+        notes.append(f"{effect} makes held-out runs worse and is not named")
     return names, notes
 
 
