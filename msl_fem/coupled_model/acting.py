@@ -7,7 +7,20 @@ import numpy as np
 
 from msl_fem.compiled import compiled
 from msl_fem.coupled_model import coefficients as c
-from msl_fem.coupled_model.lanes import Rows, Value, choose, first, fma, size
+from msl_fem.coupled_model.lanes import (
+    Rows,
+    Value,
+    choose,
+    exponential,
+    first,
+    fma,
+    larger,
+    logarithm,
+    size,
+    smaller,
+    some,
+    square_root,
+)
 from msl_fem.coupled_model.plant import CURRENT_DRIVE, FORCE_DRIVE, PlantParameters
 from msl_fem.coupled_model.state import LAG_1, OUTPUT_1, PHASE_COSINE, PHASE_SINE, SLEW_1
 from msl_fem.coupled_model.work import (
@@ -27,6 +40,8 @@ from msl_fem.coupled_model.work import (
 )
 
 Three = tuple[Value, Value, Value]
+_STEEP = 20.0  # above it asinh(e^w/2) is w
+_FEW = 0.01  # below it series of a few terms are exact
 
 
 @compiled
@@ -49,7 +64,7 @@ def act_with_effects(
     """The inputs of step n of a sample with time_delay, amplifier_bandwidth, force_offset and periodic_disturbance.
 
     The command that acts changes from the former to the present one in step JUMP_STEP, after its share JUMP_SHARE;
-    then it passes the slew limit, the lag, and the drive's own bandwidth.
+    then it passes the lag with its slew limit, and the drive's own bandwidth.
     """
     for j in range(1 if p.drive == FORCE_DRIVE else p.sides):
         begin, middle, end = _amplifier(e, state, work, j, n, step)
@@ -69,7 +84,11 @@ def act_with_effects(
 
 @compiled
 def _amplifier(e: Rows, state: Rows, work: Rows, j: int, n: int, step: float) -> Three:
-    """The command of side j behind delay, slew limit and lag, at begin, middle and end of step n."""
+    """The command of side j behind delay, slew limit and lag, at begin, middle and end of step n.
+
+    The slew limit is that of the lag, y' = S tanh((s - y)/(S lag)); where there is no lag, of the command. What stands
+    for a fast fall between begin, middle and end (`fall_stages`) is `kept` as far as the limit leaves the fall fast.
+    """
     before, after = work[FORMER_1 + j], work[COMMAND_1 + j]
     jumps, late = e[c.JUMP_STEP] == n, e[c.JUMP_STEP] > n
     old, new = choose(late, before, choose(jumps, before, after)), choose(late, before, after)
@@ -80,9 +99,22 @@ def _amplifier(e: Rows, state: Rows, work: Rows, j: int, n: int, step: float) ->
     work[SLEW_END_1 + j] = held
     offset = 0.0 - (missing + more) / step
     away, jump = state[LAG_1 + j] - old, old - new
-    found = _lagged(e, 0, new, away, jump, offset, jumps)
-    work[LAG_END_1 + j] = _lagged(e, 3, new, away, jump, offset, jumps)
-    return found, _lagged(e, 1, new, away, jump, offset, jumps), _lagged(e, 2, new, away, jump, offset, jumps)
+    begin, middle, end, last = (
+        _lagged(e, 0, new, away, jump, offset, jumps), _lagged(e, 1, new, away, jump, offset, jumps),
+        _lagged(e, 2, new, away, jump, offset, jumps), _lagged(e, 3, new, away, jump, offset, jumps),
+    )  # fmt: skip
+    if some(e[c.SOFT] > 0.0):
+        far = larger(size(away), size(away + jump)) * e[c.SOFT]
+        kept = 1.0 / (1.0 + far * far * (far * far))
+        limited = e[c.SOFT] > 0.0
+        value = old + away
+        begin = choose(limited, fma(kept, begin - value, value), begin)
+        value, linear = _limited(e, new, away, jump, 0.5 * e[c.DECAY], choose(jumps, e[c.PAST_MIDDLE], 0.0))
+        middle = choose(limited, fma(kept, middle - linear, value), middle)
+        value, linear = _limited(e, new, away, jump, e[c.DECAY], choose(jumps, e[c.PAST_END], 0.0))
+        end, last = choose(limited, fma(kept, end - linear, value), end), choose(limited, value, last)
+    work[LAG_END_1 + j] = last
+    return begin, middle, end
 
 
 @compiled
@@ -90,6 +122,35 @@ def _lagged(e: Rows, k: int, new: Value, away: Value, jump: Value, offset: Value
     """Entry k of `fall_stages` for the lag's answer to a command that jumps, or stands, and to a constant offset."""
     fall = e[c.FALL + k]
     return new + away * fall + jump * choose(jumps, e[c.JUMP + k], fall) + offset * (1.0 - fall)
+
+
+@compiled
+def _limited(e: Rows, new: Value, away: Value, jump: Value, time: Value, past: Value) -> tuple[Value, Value]:
+    """The lag's answer with its slew limit, and without, to a command that jumps at `past`; times over its time
+    constant."""
+    before, after = exponential(0.0 - past), exponential(past - time)
+    soft = e[c.SOFT]
+    return new + _left(_left(away, past, soft) + jump, time - past, soft), new + (away * before + jump) * after
+
+
+@compiled
+def _left(away: Value, time: Value, soft: Value) -> Value:
+    """What is left of a distance `away` after a time over the lag's time constant.
+
+    With u the distance times `soft`, u' = -tanh u: sinh u falls exponentially. It is (e^w - e^(w - 2 u))/2 with w = u
+    less the time, so nothing overflows; of a small u the series are taken.
+    """
+    u = size(away) * soft
+    w = u - time
+    low = smaller(w, _STEEP)
+    sine = 0.5 * (exponential(low) - exponential(low - 2.0 * u))
+    large = choose(w > _STEEP, w, logarithm(sine + square_root(fma(sine, sine, 1.0))))
+    square = u * u
+    sine = u * fma(square / 6.0, fma(square, 0.05, 1.0), 1.0) * exponential(0.0 - time)
+    square = sine * sine
+    small = sine * fma(square, fma(square, 0.075, -1.0 / 6.0), 1.0)
+    found = choose(u < _FEW, small, large) / choose(soft > 0.0, soft, 1.0)
+    return choose(soft > 0.0, choose(away < 0.0, 0.0 - found, found), away * exponential(0.0 - time))
 
 
 @compiled

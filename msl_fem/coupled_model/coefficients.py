@@ -49,7 +49,10 @@ FALL, JUMP, SLEW_TIME, RAMP_MIDDLE, RAMP_END = 40, 44, 48, 49, 50
 CORE_RATE, STRIBECK_RISE, STRIBECK_FALL = (53 + 2 * N_EDDY + n for n in range(3))
 # Iron in series: one over L_0 (1/H), current at low fields (A), its width (A), current over the cube (1/A2)
 IRON_SCALE, IRON_LOW, IRON_WIDTH, IRON_KNEE = (56 + 2 * N_EDDY + n for n in range(4))
-N_COEFFICIENT = 60 + 2 * N_EDDY
+# Slew limit of the lag: one over what it moves by in a time constant at most (1/A, 1/V, 1/N); a step over the time
+# constant; of the step with the jump, time before it until middle and end, over the time constant
+SOFT, DECAY, PAST_MIDDLE, PAST_END = (60 + 2 * N_EDDY + n for n in range(4))
+N_COEFFICIENT = 64 + 2 * N_EDDY
 FASTEST_EDDY = 1.0  # steps: faster modes of the eddy currents are taken to answer at once
 
 
@@ -155,7 +158,11 @@ def _drive(e: Array, plant: PlantParameters, v: dict[tuple[str, str], float], st
     decay = step / lag if lag > 0 else math.inf
     e[FALL : FALL + 4] = fall_stages(0.0, decay)
     e[JUMP : JUMP + 4] = fall_stages(float(e[JUMP_SHARE]), decay)
-    e[SLEW_TIME] = v["amplifier_bandwidth", "slew_time"]
+    if lag > 0:
+        e[SOFT], e[DECAY] = v["amplifier_bandwidth", "slew_time"] / lag, decay
+        e[PAST_MIDDLE], e[PAST_END] = min(0.5, e[JUMP_SHARE]) * decay, e[JUMP_SHARE] * decay
+    else:
+        e[SLEW_TIME] = v["amplifier_bandwidth", "slew_time"]
     z = e[BANDWIDTH] * step
     if math.isfinite(z):
         half, whole_step = math.exp(-0.5 * z), math.exp(-z)

@@ -1,10 +1,10 @@
 """Numbers of compiled code that are one number, or one a lane: eight runs of the model advanced by one instruction.
 
 Compiled functions take `Rows`: an array (n_row,) as numbers, or (n_row, LANES) as lanes, by its address alone. Written
-with `rows[n]`, `fma`, `choose`, `smaller`, `larger` and the operators they work on either. Eight lanes are a vector of
-the machine (LLVM's <8 x double>), so what a lane computes equals to the last bit what the same function computes on
-numbers. Rows count no references: the array must outlive them, and what takes `rows_of` an array calls `keep` behind
-its last use.
+with `rows[n]`, `fma`, `choose`, `smaller`, `exponential` and their like, and the operators they work on either. Eight
+lanes are a vector of the machine (LLVM's <8 x double>), so what a lane computes equals to the last bit what the same
+function computes on numbers. Rows count no references: the array must outlive them, and what takes `rows_of` an array
+calls `keep` behind its last use.
 """
 
 import operator
@@ -159,6 +159,23 @@ def fma(context: Any, a: Any, b: Any, c: Any) -> Any:
 def size(context: Any, a: Any) -> Any:
     """|a|"""
     return _result(a)(a), _call("fabs", 1)
+
+
+@intrinsic
+def exponential(context: Any, a: Any) -> Any:
+    """exp(a)"""
+    return _result(a)(a), _call("exp", 1)
+
+
+@intrinsic
+def logarithm(context: Any, a: Any) -> Any:
+    """Natural, of a positive number."""
+    return _result(a)(a), _call("log", 1)
+
+
+@intrinsic
+def square_root(context: Any, a: Any) -> Any:
+    return _result(a)(a), _call("sqrt", 1)
 
 
 @intrinsic

@@ -28,13 +28,13 @@ ELECTRICAL = (
         group="electrical",
         sentence="the drive follows its command with a lag or a slew limit",
         equation=(
-            "(1 - d) lag y' = s(t - d lag) - y before the drive, |s'| <= 1/slew_time, drive's bandwidth "
+            "y' = S tanh((s(t - d lag) - y)/((1 - d) lag S)) before the drive, S = 1/slew_time, drive's bandwidth "
             "w (1 + bandwidth_error); d: delay_share"
         ),
         source="Schweitzer, Maslen (ed.), Magnetic Bearings, 2009, ch. 3 (power amplifiers)",
         parameters=(
             Parameter("lag", "s", 0.0, (0.0, 0.05), 1e-5, "time constant of a pole more"),
-            Parameter("slew_time", "s", 0.0, (0.0, 1.0), 1e-5, "that the drive takes for 1 A (1 V, 1 N) of command"),
+            Parameter("slew_time", "s", 0.0, (0.0, 1.0), 1e-5, "that the drive takes for 1 A (1 V, 1 N) at least"),
             Parameter("bandwidth_error", "", 0.0, (-0.9, 2.0), 0.05, "relative, of the drive's stated bandwidth"),
             Parameter("delay_share", "", 0.0, (0.0, 0.95), 0.1, "of the lag: what more than one pole do", shape=True),
         ),

@@ -1,10 +1,12 @@
 """The physics of the effects of coil, amplifier and time, where the answer is known."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from coupled_cases import changed, linear_table, locked
 from effect_cases import effects, rig, rough
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_ivp
 
 from msl_fem.actuator import Actuator
 from msl_fem.coupled_model.coefficients import fall_stages
@@ -80,6 +82,44 @@ def test_a_slew_limit_makes_a_ramp() -> None:
     )  # fmt: skip
     ramp = np.minimum((run.time + 0.5e-3) / 5e-3, 6.0)
     assert run.force == pytest.approx(ramp, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("lag", "late", "share"), [(4e-3, 0.0, 0.0), (4e-3, 3.7e-4, 0.0), (8e-3, 0.0, 0.9), (5e-4, 3.7e-4, 0.0)]
+)
+def test_a_lag_with_a_slew_limit_follows_its_equation(lag: float, late: float, share: float) -> None:
+    """y' = S tanh((s - y)/(lag S)) by another method; steps that slew all the way and steps that hardly do."""
+    commands, slope = np.repeat([6.0, -4.0, -3.9, 0.3], 15), 500.0
+    amplifier = {"lag": lag, "slew_time": 1 / slope, "delay_share": share}
+    values = EffectValues({"amplifier_bandwidth": amplifier, "time_delay": {"command": late}})
+    run = simulate(rig(), None, Inputs(commands[:, None], 1e3), effects=values, options=Options(substeps=16))
+    pole, jumps = (1 - share) * lag, np.arange(60) * 1e-3 + share * lag + late
+    held, state = np.append(0.0, commands), np.zeros(2)
+    samples = np.arange(61) * 1e-3
+    ends = np.union1d(jumps, samples)
+    impulse = [0.0]
+    for begin, end in pairwise(ends):
+        wanted = held[np.searchsorted(jumps, 0.5 * (begin + end))]
+        found = solve_ivp(
+            lambda t, y, s=wanted: [slope * np.tanh((s - y[0]) / (pole * slope)), y[0]],
+            (begin, end), state, method="Radau", rtol=1e-8, atol=1e-10,
+        )  # fmt: skip
+        state = found.y[:, -1]
+        impulse.append(state[1])
+    exact = np.diff(np.array(impulse)[np.searchsorted(ends, samples)]) * 1e3
+    assert run.force == pytest.approx(exact, abs=2e-3)
+
+
+def test_a_lag_that_vanishes_leaves_the_slew_limit() -> None:
+    inputs = Inputs(np.repeat([6.0, -4.0, 0.3], 20)[:, None], 1e3)
+    forces = [
+        simulate(
+            rig(), None, inputs, effects=effects("amplifier_bandwidth", slew_time=5e-3, lag=lag), options=FINE
+        ).force
+        for lag in (0.0, 1e-7, 1e-5)
+    ]
+    assert forces[1] == pytest.approx(forces[0], abs=1e-4)
+    assert forces[2] == pytest.approx(forces[0], abs=1e-2)
 
 
 @pytest.mark.parametrize("kind", ["current", "voltage"])
