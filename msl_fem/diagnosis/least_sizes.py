@@ -8,7 +8,7 @@ alone, so the same holds for a record that is only planned.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ class LeastSize:
     amount : SI, of the parameter `name`
     size : RMS change over RMS of the channel that shows it most
     alone : the size that would do were everything else known exactly
+    slowest : the size by the shapes (time constants, frequencies) that show the same amounts last
     """
 
     effect: str
@@ -39,19 +40,22 @@ class LeastSize:
     amount: float
     size: float
     alone: float
+    slowest: float = np.inf
 
 
 def least_sizes(likelihood: Likelihood, found: Fit, scored: Sequence[Score]) -> list[LeastSize]:
     """Of every effect its first parameter, by the shapes that show it soonest; smallest sizes first."""
-    best: dict[str, LeastSize] = {}
+    made: dict[str, list[tuple[tuple[str, ...], LeastSize]]] = {}
     for score in scored:
+        amounts = tuple(one.name for one in score.variant.amounts)
         first = CATALOGUE[score.variant.effect].parameters[0].name
-        if score.variant.amounts[0].name != first or not np.linalg.eigvalsh(score.own)[0] > 0:
-            continue
-        one = _least(likelihood, found, score)
-        if one.effect not in best or one.size < best[one.effect].size:
-            best[one.effect] = one
-    return sorted(best.values(), key=lambda one: one.size)
+        if amounts[0] == first and np.linalg.eigvalsh(score.own)[0] > 0:
+            made.setdefault(score.variant.effect, []).append((amounts, _least(likelihood, found, score)))
+    best = []
+    for every in made.values():
+        amounts, soonest = min(every, key=lambda pair: pair[1].size)
+        best.append(replace(soonest, slowest=max(one.size for same, one in every if same == amounts)))
+    return sorted(best, key=lambda one: one.size)
 
 
 def _least(likelihood: Likelihood, found: Fit, score: Score) -> LeastSize:

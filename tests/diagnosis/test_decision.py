@@ -8,6 +8,7 @@ import pytest
 
 from msl_fem.diagnosis.calibration import Calibration
 from msl_fem.diagnosis.decision import Rule, accepted, excess_power, finishes, quiet
+from msl_fem.diagnosis.diagnose import Searched, _kept, _patched
 from msl_fem.diagnosis.held_out import Followed, log_likelihood_gain
 
 
@@ -27,8 +28,8 @@ def test_excess_is_what_is_above_the_noise_in_all_channels() -> None:
 
 def test_effects_are_taken_as_long_as_they_bring_enough() -> None:
     rule = Rule()
-    assert accepted(stages(4.9), [QUIET], rule) == 0
-    assert accepted(stages(5.1, 3.0), [QUIET, QUIET], rule) == 1
+    assert accepted(stages(5.9), [QUIET], rule) == 0
+    assert accepted(stages(6.1, 3.0), [QUIET, QUIET], rule) == 1
     assert accepted(stages(400.0, 13.0, None), [LOUD, QUIET, QUIET], rule) == 2
     assert accepted(stages(400.0, 11.0), [LOUD, QUIET], rule) == 1
     assert accepted(stages(9000.0, 20.0), [LOUD, QUIET], rule) == 1, "a fraction of what the first one brought"
@@ -48,6 +49,34 @@ def test_the_p_value_counts_clean_records_that_reach_a_statistic() -> None:
     assert clean.p_value(3.0) == pytest.approx(2 / 5)
     assert clean.p_value(100.0) == pytest.approx(1 / 5)
     assert clean.records == 4
+
+
+def searched(*refits: tuple[str, float]) -> Searched:
+    """A search that has taken all of these effects, each to the noise."""
+    found = [SimpleNamespace(best=SimpleNamespace(gain=g, variant=SimpleNamespace(effect=e))) for e, g in refits]
+    likelihood: Any = SimpleNamespace(runs_part=lambda fit: (None, fit))
+    n = len(refits)
+    return Searched(likelihood, (None,) * (n + 1), tuple(found), (LOUD, *[QUIET] * n), n)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("left", "patchwork"), [(101.0, True), (40.0, False), (None, False)])
+def test_several_effects_are_a_patchwork_where_a_function_explains_more_than_the_last_of_them(
+    left: float | None, patchwork: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found: list[Any] = [] if left is None else [SimpleNamespace(gain=left)]
+    monkeypatch.setattr("msl_fem.diagnosis.diagnose.dependences", lambda *_: found)
+    model: Any = None
+    assert _patched(searched(("cubic", 992.0), ("film", 137.0), ("tilt", 42.7)), model) is patchwork
+    assert not _patched(searched(("cubic", 992.0), ("film", 137.0)), model)
+
+
+def test_a_drift_is_of_each_run_s_own_so_held_out_runs_do_not_speak_against_it() -> None:
+    names, notes = _kept(searched(("sensor_drift", 6000.0)), [-500.0])
+    assert names == 1
+    assert "each run's own" in notes[0]
+    names, notes = _kept(searched(("squeeze_film", 6000.0)), [-500.0])
+    assert names == 0
+    assert "makes held-out runs worse" in notes[0]
 
 
 def followed(rms: float) -> Followed:
