@@ -181,7 +181,7 @@ def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: 
 def _patched(searched: Searched, model: Belief) -> bool:
     """Whether several effects only patch up what none of them is: what they leave, small as it may be, is a function of
     one variable that brings more than the last of them did."""
-    ranked = dependences(*searched.likelihood.runs_part(searched.final), model)
+    ranked = dependences(*searched.likelihood.runs_part(searched.final), model, few=True)
     last = searched.stages[searched.taken - 1].best
     return bool(ranked and last is not None and ranked[0].gain > max(ENOUGH, last.gain))
 

@@ -64,7 +64,7 @@ def test_several_effects_are_a_patchwork_where_a_function_explains_more_than_the
     left: float | None, patchwork: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found: list[Any] = [] if left is None else [SimpleNamespace(gain=left)]
-    monkeypatch.setattr("msl_fem.diagnosis.diagnose.dependences", lambda *_: found)
+    monkeypatch.setattr("msl_fem.diagnosis.diagnose.dependences", lambda *_, few: found)
     model: Any = None
     assert _patched(searched(("cubic", 992.0), ("film", 137.0), ("tilt", 42.7)), model) is patchwork
     assert not _patched(searched(("cubic", 992.0), ("film", 137.0)), model)
