@@ -110,7 +110,7 @@ def search(likelihood: Likelihood, unknowns: Unknowns, how: DiagnosisSettings) -
         looked = scene(likelihood, fits[-1])
         have = {one.effect for one in fits[-1].unknowns.effects}
         tried = [v for effect in possible(plant) if effect not in have for v in variants(effect, looked, plant)]
-        found = stage(likelihood, fits[-1], tried, tell=how.progress)
+        found = stage(likelihood, fits[-1], tried, tell=how.progress, threads=how.threads)
         if n == 0:
             fits[0] = found.base
         found = allowed(likelihood.problem, found)

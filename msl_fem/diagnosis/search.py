@@ -5,6 +5,7 @@ variants of all effects (`scoring`) and judged by the evidence of their own conv
 """
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -66,7 +67,7 @@ class Stage:
         return list(found.values())
 
 
-def stage(likelihood: Likelihood, start: Fit, tried: Sequence[Variant], *, tell: Progress) -> Stage:
+def stage(likelihood: Likelihood, start: Fit, tried: Sequence[Variant], *, tell: Progress, threads: int = 1) -> Stage:
     """What one of these variants more would bring to a fit, which is converged as far as that asks for."""
     tell("all effects")
     base, every = start, scores(likelihood, start, tried)
@@ -77,7 +78,7 @@ def stage(likelihood: Likelihood, start: Fit, tried: Sequence[Variant], *, tell:
     if strained(base):
         tried_too = {score.variant.effect for score in candidates}
         candidates += [s for s in _best_of(every).values() if s.variant.effect in set(COMPENSATED) - tried_too]
-    return Stage(base, tuple(every), tuple(_refits(likelihood, base, candidates, tell=tell)))
+    return Stage(base, tuple(every), tuple(_refits(likelihood, base, candidates, tell=tell, threads=threads)))
 
 
 def strained(found: Fit) -> bool:
@@ -137,36 +138,42 @@ def ranked(every: Sequence[Score]) -> list[Score]:
     return found
 
 
-def _refits(likelihood: Likelihood, base: Fit, candidates: Sequence[Score], *, tell: Progress) -> list[Refit]:
-    """The candidates refitted in a race, best first; those that lag far behind are given up early, those in front go on
-    until nothing more is to be gained."""
-    found: list[Refit] = []
-    for score in candidates:
+def _refits(
+    likelihood: Likelihood, base: Fit, candidates: Sequence[Score], *, tell: Progress, threads: int
+) -> list[Refit]:
+    """The candidates refitted in a race, best first: heats for all, those that lag far behind are given up, and those
+    in front go on until nothing more is to be gained. The outcome does not depend on the number of threads."""
+
+    def heat(score: Score) -> Refit | None:
         tell(score.variant.name)
+        unknowns, n = extended(base.unknowns, score.variant), base.unknowns.n_nuisance
         try:
-            found.append(_raced(likelihood, base, score, best=max((r.gain for r in found), default=0.0)))
+            begin = started(likelihood, base, score)
+            plan = FitPlan(most_steps=FIRST_STEPS, renew=False)
+            found = fit(likelihood, unknowns, begin, plan=plan, nuisance_columns=base.jacobian[:, :n])
         except ComputationError:
-            continue
-    found.sort(key=lambda r: -r.gain)
-    for one in [r for r in found if r.gain + r.fit.predicted > found[0].gain - NEAR and r.gain > 0]:
-        enough = max(ENOUGH, FRACTION * one.gain if one.gain < found[0].gain else 0.0)
-        if one.fit.predicted > enough:
-            n, plan = one.fit.unknowns.n_nuisance, FitPlan(most_steps=LAST_STEPS, enough=enough)
-            columns = one.fit.jacobian[:, :n]
-            full = fit(likelihood, one.fit.unknowns, one.fit.z, plan=plan, nuisance_columns=columns)
-            found[found.index(one)] = Refit(one.variant, full, full.log_evidence - base.log_evidence)
-    return sorted(found, key=lambda r: -r.gain)
+            return None
+        return Refit(score.variant, found, found.log_evidence - base.log_evidence)
 
+    def race(one: Refit) -> Refit:
+        plan = FitPlan(most_steps=RACE_STEPS, enough=max(ROUGH, FRACTION * max(one.gain, 0.0)))
+        found = fit(likelihood, one.fit.unknowns, one.fit.z, plan=plan)
+        return replace(one, fit=found, gain=found.log_evidence - base.log_evidence)
 
-def _raced(likelihood: Likelihood, base: Fit, score: Score, *, best: float) -> Refit:
-    unknowns = extended(base.unknowns, score.variant)
-    n = base.unknowns.n_nuisance
-    found = fit(
-        likelihood, unknowns, started(likelihood, base, score), plan=FitPlan(most_steps=FIRST_STEPS, renew=False),
-        nuisance_columns=base.jacobian[:, :n],
-    )  # fmt: skip
-    gain = found.log_evidence - base.log_evidence
-    if not (best > 0 and gain < LOST * best):
-        plan = FitPlan(most_steps=RACE_STEPS, enough=max(ROUGH, FRACTION * max(gain, 0.0)))
-        found = fit(likelihood, unknowns, found.z, plan=plan)
-    return Refit(score.variant, found, found.log_evidence - base.log_evidence)
+    def end(one: Refit, enough: float) -> Refit:
+        if one.fit.predicted <= enough:
+            return one
+        n, plan = one.fit.unknowns.n_nuisance, FitPlan(most_steps=LAST_STEPS, enough=enough)
+        found = fit(likelihood, one.fit.unknowns, one.fit.z, plan=plan, nuisance_columns=one.fit.jacobian[:, :n])
+        return replace(one, fit=found, gain=found.log_evidence - base.log_evidence)
+
+    with ThreadPoolExecutor(threads) as pool:
+        heats = [one for one in pool.map(heat, candidates) if one is not None]
+        best = max((one.gain for one in heats), default=0.0)
+        lost = [one for one in heats if best > 0 and one.gain < LOST * best]
+        found = sorted(pool.map(race, [one for one in heats if one not in lost]), key=lambda one: -one.gain)
+        level = [one.gain > 0 and one.gain + one.fit.predicted > found[0].gain - NEAR for one in found]
+        enough = [max(ENOUGH, FRACTION * one.gain if n else 0.0) for n, one in enumerate(found)]
+        ends = [limit if near else np.inf for near, limit in zip(level, enough, strict=True)]
+        found = list(pool.map(end, found, ends))
+    return sorted([*found, *lost], key=lambda one: -one.gain)
