@@ -125,13 +125,16 @@ class Proposal:
         if not self.options:
             return f"no run of the menu is borne by the rig; {self.first} and {self.second} stay together"
         best = self.options[0]
-        said = f'{best.words}: simulate --excitation "{best.excitation}"; d2 = {best.noncentrality:.3g}'
+        said = f'{best.words}: simulate --excitation "{best.excitation}"'
+        both, d2 = f"{self.first} from {self.second}", f"d2 = {best.noncentrality:.3g}"
         name, value, unit = self.amount
         limit = f"{name} = {format_quantity(value, unit, digits=2) if unit else f'{value:.2g}'}"
         if self.decides:
-            return f"{said}, {DECIDES:.3g} decide; it tells {self.first} from {self.second} from {limit} on"
-        from_where = f", it would from {limit} on" if np.isfinite(value) else ""
-        return f"nothing on the menu decides at this size (d2 of {DECIDES:.3g} would). Nearest is {said}{from_where}"
+            return f"{said}; it tells {both} from {limit} on ({d2}; {DECIDES:.3g} is enough)"
+        from_where = f", enough from {limit} on" if np.isfinite(value) else ""
+        return (
+            f"no run of the menu tells {both} at this size ({DECIDES:.3g} is enough). Nearest, {d2}{from_where}: {said}"
+        )
 
 
 def separating(question: Question, stage: Stage, rivals: Sequence[str]) -> str:

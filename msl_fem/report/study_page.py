@@ -158,15 +158,13 @@ def _map(study: Study) -> Stage:
     nominal = _nominal_gap(study)
     at = [float(np.interp(nominal, made.gap, row)) for row in made.current]
     reached = [not np.isnan(i) for i in at]
-    said = " and ".join(
-        f"{level:g} T by {i:.2f} A" for level, i, ok in zip(made.levels, at, reached, strict=True) if ok
+    levels = " and ".join(
+        f"{level:g} T at {i:.2f} A" for level, i, ok in zip(made.levels, at, reached, strict=True) if ok
     )
     sentence = (
-        f"At the nominal gap {said or 'no level'} is brought; below the first curve commands are "
-        "preferred, between the "
-        f"curves discouraged, above the last unacceptable. The criterion is the {made.criterion} flux "
-        "density in the iron "
-        "of the most loaded section."
+        f"At the nominal gap the iron reaches {levels or 'no level'}; below the first curve commands are preferred, "
+        f"between the curves discouraged, above the last unacceptable. The criterion is the {made.criterion} flux "
+        "density in the iron of the most loaded section."
     )
     numbers = (
         *((f"{level:g} T at nominal gap", f"{i:.3f} A") for level, i in zip(made.levels, at, strict=True)),
