@@ -41,7 +41,7 @@ SUBSETS: dict[str, tuple[tuple[str, ...], ...]] = {
 }  # fmt: skip
 """Parameters tried together; effects that are not here have one set, all that are no shapes."""
 RELATIVE = {
-    ("structural_mode", "frequency"): (1.7, 2.4, 3.4, 4.8, 7.0, 12.0, 24.0),
+    ("structural_mode", "frequency"): tuple(1.6 * 1.18**n for n in range(17)),  # a resonance is narrow
     ("support_compliance", "frequency"): (4.0, 10.0, 25.0),
 }
 """Frequencies tried, over the mover's own."""
