@@ -30,6 +30,8 @@ WORSE = 10.0
 """Nats that held-out data may become less probable before a name is refused."""
 OWN_OF_A_RUN = {"sensor_drift"}
 """Effects that begin anew in every run: held-out runs cannot speak against them."""
+BESIDE = 0.1
+"""Share of such an effect's gain that another one beside it has to bring."""
 STRONG = 25.0  # the square of a number of standard errors at which the rest of an effect counts by itself
 COINCIDING = {
     ("gap_offset", "offset"): "nominal_gap",
@@ -62,6 +64,14 @@ class Rule:
         if best is None or first is None:
             return False
         return best.gain >= (max(self.further, self.share * first.gain) if n else self.threshold)
+
+    def goes_on(self, stages: Sequence[Stage], n: int, before: Mapping[str, float], after: Mapping[str, float]) -> bool:
+        """Whether the best effect of stage n is more than an ornament of those before (`finishes`). What is of a run's
+        own, a wandering sensor, leaves a rest that no other effect finishes: beside it a large gain counts."""
+        first, best = stages[0].best, stages[n].best
+        if n == 0 or finishes(before, after, self.finished) or first is None or best is None:
+            return True
+        return first.variant.effect in OWN_OF_A_RUN and best.gain >= BESIDE * first.gain
 
 
 def excess_power(excess: Mapping[str, float]) -> float:
@@ -130,7 +140,7 @@ def accepted(stages: Sequence[Stage], excesses: Sequence[Mapping[str, float]], r
     for n in range(len(stages)):
         if not rule.enough(stages, n):
             break
-        if n and not finishes(excesses[n], excesses[n + 1], rule.finished):
+        if not rule.goes_on(stages, n, excesses[n], excesses[n + 1]):
             break
         taken = n + 1
     return taken

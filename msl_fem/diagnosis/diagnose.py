@@ -16,7 +16,6 @@ from msl_fem.diagnosis.decision import (
     Rule,
     accepted,
     allowed,
-    finishes,
     quiet,
     share_left,
 )
@@ -119,7 +118,7 @@ def search(likelihood: Likelihood, unknowns: Unknowns, how: DiagnosisSettings) -
             break
         fits.append(found.best.fit)
         excesses.append(likelihood.excess(found.best.fit))
-        if n and not finishes(excesses[-2], excesses[-1], how.rule.finished):
+        if not how.rule.goes_on(stages, n, excesses[-2], excesses[-1]):
             break
     taken = accepted(stages, excesses, how.rule)
     return Searched(likelihood, tuple(fits), tuple(stages), tuple(excesses), taken)

@@ -17,7 +17,6 @@ from msl_fem.diagnosis.decision import (
     Rule,
     accepted,
     allowed,
-    finishes,
     quiet,
     share_left,
 )
@@ -93,7 +92,7 @@ def searched(likelihood: Likelihood, unknowns: Unknowns, kind: Kind, *, rule: Ru
         if best is None or not rule.enough(stages, n):
             break
         fits.append(best.fit)
-        if n and not finishes(likelihood.excess(fits[-2]), likelihood.excess(fits[-1]), rule.finished):
+        if not rule.goes_on(stages, n, likelihood.excess(fits[-2]), likelihood.excess(fits[-1])):
             break
     return Trail(tuple(fits), tuple(stages), tuple(likelihood.excess(found) for found in fits))
 

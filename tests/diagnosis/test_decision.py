@@ -12,8 +12,11 @@ from msl_fem.diagnosis.diagnose import Searched, _kept, _patched
 from msl_fem.diagnosis.held_out import Followed, log_likelihood_gain
 
 
-def stages(*gains: float | None) -> list[Any]:
-    return [SimpleNamespace(best=None if g is None else SimpleNamespace(gain=g)) for g in gains]
+def stages(*gains: float | None, first: str = "time_delay") -> list[Any]:
+    return [
+        SimpleNamespace(best=None if g is None else SimpleNamespace(gain=g, variant=SimpleNamespace(effect=first)))
+        for g in gains
+    ]
 
 
 QUIET, LOUD, LOUDER = {"x": 1.02, "i": 1.0}, {"x": 3.0, "i": 1.1}, {"x": 10.0, "i": 2.0}
@@ -42,6 +45,12 @@ def test_an_ornament_of_an_effect_that_fits_badly_is_not_taken() -> None:
     assert finishes(LOUD, QUIET)
     assert accepted(stages(1000.0, 100.0), [LOUDER, LOUD, {"x": 2.9, "i": 1.0}], rule) == 1
     assert accepted(stages(1000.0, 900.0), [LOUDER, LOUD, QUIET], rule) == 2
+
+
+def test_beside_a_wandering_sensor_a_large_gain_counts_though_nothing_finishes_what_it_leaves() -> None:
+    powers = [LOUDER, LOUD, {"x": 2.9, "i": 1.0}]
+    assert accepted(stages(1000.0, 130.0, first="sensor_drift"), powers, Rule()) == 2
+    assert accepted(stages(1000.0, 90.0, first="sensor_drift"), powers, Rule()) == 1
 
 
 def test_the_p_value_counts_clean_records_that_reach_a_statistic() -> None:
