@@ -48,7 +48,8 @@ class Rule:
     """Thresholds in nats, and how many effects are looked for.
 
     A further effect also has to bring `share` of what the first one brought: so much may come from what the first one's
-    equation leaves out. `finished` is the share of the excess power that it may leave, where the fit before was not
+    equation leaves out. Not so of what coincides with a believed parameter: its tolerance bounds what it can bring,
+    however far it has left that. `finished` is the share of the excess power that it may leave, where the fit before was not
     quiet.
     """
 
@@ -63,7 +64,10 @@ class Rule:
         best, first = stages[n].best, stages[0].best
         if best is None or first is None:
             return False
-        return best.gain >= (max(self.further, self.share * first.gain) if n else self.threshold)
+        if n == 0:
+            return best.gain >= self.threshold
+        bounded = all((one.effect, one.name) in COINCIDING for one in best.variant.amounts)
+        return best.gain >= (self.further if bounded else max(self.further, self.share * first.gain))
 
     def goes_on(self, stages: Sequence[Stage], n: int, before: Mapping[str, float], after: Mapping[str, float]) -> bool:
         """Whether the best effect of stage n is more than an ornament of those before (`finishes`). What is of a run's

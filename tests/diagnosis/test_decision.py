@@ -12,11 +12,9 @@ from msl_fem.diagnosis.diagnose import Searched, _kept, _patched
 from msl_fem.diagnosis.held_out import Followed, log_likelihood_gain
 
 
-def stages(*gains: float | None, first: str = "time_delay") -> list[Any]:
-    return [
-        SimpleNamespace(best=None if g is None else SimpleNamespace(gain=g, variant=SimpleNamespace(effect=first)))
-        for g in gains
-    ]
+def stages(*gains: float | None, first: str = "time_delay", amount: str = "command") -> list[Any]:
+    variant = SimpleNamespace(effect=first, amounts=(SimpleNamespace(effect=first, name=amount),))
+    return [SimpleNamespace(best=None if g is None else SimpleNamespace(gain=g, variant=variant)) for g in gains]
 
 
 QUIET, LOUD, LOUDER = {"x": 1.02, "i": 1.0}, {"x": 3.0, "i": 1.1}, {"x": 10.0, "i": 2.0}
@@ -36,6 +34,8 @@ def test_effects_are_taken_as_long_as_they_bring_enough() -> None:
     assert accepted(stages(400.0, 13.0, None), [LOUD, QUIET, QUIET], rule) == 2
     assert accepted(stages(400.0, 11.0), [LOUD, QUIET], rule) == 1
     assert accepted(stages(9000.0, 20.0), [LOUD, QUIET], rule) == 1, "a fraction of what the first one brought"
+    gap = stages(9000.0, 20.0, first="gap_offset", amount="offset")
+    assert accepted(gap, [LOUD, QUIET, QUIET], rule) == 2, "the gap's tolerance bounds what an offset can bring"
 
 
 def test_an_ornament_of_an_effect_that_fits_badly_is_not_taken() -> None:
