@@ -49,8 +49,8 @@ class Rule:
 
     A further effect also has to bring `share` of what the first one brought: so much may come from what the first one's
     equation leaves out. Not so of what coincides with a believed parameter: its tolerance bounds what it can bring,
-    however far it has left that. `finished` is the share of the excess power that it may leave, where the fit before was not
-    quiet.
+    however far it has left that. `finished` is the share of the excess power that it may leave, where the fit before
+    was not quiet.
     """
 
     threshold: float = 6.0
