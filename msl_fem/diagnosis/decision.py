@@ -5,7 +5,7 @@ when what coincides with a believed parameter has left that parameter's toleranc
 leave is the noise, or a small part of what was there without them; and when runs that no fit has seen become no worse.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,8 @@ TIE = 5.0
 """Nats within which two names cannot be told apart."""
 WORSE = 10.0
 """Nats that held-out data may become less probable before a name is refused."""
+WANDERED = 0.25
+"""`LEFT_OVER` where one of them wanders: a random walk may keep as much beside its best cubic."""
 OWN_OF_A_RUN = {"sensor_drift"}
 """Effects that begin anew in every run: held-out runs cannot speak against them."""
 BESIDE = 0.1
@@ -87,6 +89,11 @@ def share_left(excesses: Sequence[Mapping[str, float]], taken: int) -> float:
     """Share of the excess power without effects that is left with so many."""
     without = excess_power(excesses[0])
     return excess_power(excesses[taken]) / without if without > 0 else 0.0
+
+
+def may_leave(effects: Iterable[str]) -> float:
+    """Share of the excess power without effects that these may leave, where what they leave is not noise."""
+    return LEFT_OVER if OWN_OF_A_RUN.isdisjoint(effects) else WANDERED
 
 
 def quiet(excess: Mapping[str, float]) -> bool:

@@ -9,13 +9,13 @@ from msl_fem.blas_threads import one_blas_thread
 from msl_fem.diagnosis.calibration import Calibration, calibration_of
 from msl_fem.diagnosis.decidable import why_not
 from msl_fem.diagnosis.decision import (
-    LEFT_OVER,
     OWN_OF_A_RUN,
     TIE,
     WORSE,
     Rule,
     accepted,
     allowed,
+    may_leave,
     quiet,
     share_left,
 )
@@ -189,11 +189,10 @@ def _kept(searched: Searched, gains: Sequence[float]) -> tuple[int, list[str]]:
     """How many of the search's effects are named, and why not more."""
     names, notes = searched.taken, []
     left = share_left(searched.excesses, names)
-    if names and not quiet(searched.excesses[names]) and left > LEFT_OVER:
-        tried = ", ".join(r.variant.effect for s in searched.stages[:names] if (r := s.best))
-        notes.append(
-            f"nearest in the catalogue: {tried}; not named, since {100 * left:.3g} % of the excess power is left"
-        )
+    tried = [r.variant.effect for s in searched.stages[:names] if (r := s.best)]
+    if names and not quiet(searched.excesses[names]) and left > may_leave(tried):
+        power = f"{100 * left:.3g} % of the excess power is left"
+        notes.append(f"nearest in the catalogue: {', '.join(tried)}; not named, since {power}")
         names = 0
     while names and gains[names - 1] < -WORSE:
         best = searched.stages[names - 1].best

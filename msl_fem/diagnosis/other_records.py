@@ -11,12 +11,12 @@ import numpy as np
 
 from msl_fem.diagnosis.decision import (
     FINISHED,
-    LEFT_OVER,
     TIE,
     WORSE,
     Rule,
     accepted,
     allowed,
+    may_leave,
     quiet,
     share_left,
 )
@@ -102,10 +102,10 @@ def verdict(trail: Trail, kind: Kind, *, rule: Rule) -> Diagnosis:
     nominal, follows = kind.follow(None), [kind.follow(found) for found in trail.fits]
     gains = held_out_gains(follows)
     taken, notes = accepted(trail.stages, trail.excesses, rule), list(kind.notes)
-    if taken and not quiet(trail.excesses[taken]) and share_left(trail.excesses, taken) > LEFT_OVER:
-        tried = ", ".join(one.unknowns.effects[-1].effect for one in trail.fits[1 : taken + 1])
+    names = [one.unknowns.effects[-1].effect for one in trail.fits[1 : taken + 1]]
+    if taken and not quiet(trail.excesses[taken]) and share_left(trail.excesses, taken) > may_leave(names):
         left_over = f"{100 * share_left(trail.excesses, taken):.3g} % of the excess power is left"
-        notes.append(f"nearest in the catalogue: {tried}; not named, since {left_over}")
+        notes.append(f"nearest in the catalogue: {', '.join(names)}; not named, since {left_over}")
         taken = 0
     while taken and gains[taken - 1] < -WORSE:
         taken -= 1

@@ -1,5 +1,6 @@
 """The rule that names: what is enough evidence, what must be left, what a believed parameter may do."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from msl_fem.diagnosis.calibration import Calibration
-from msl_fem.diagnosis.decision import Rule, accepted, excess_power, finishes, quiet
+from msl_fem.diagnosis.decision import Rule, accepted, excess_power, finishes, may_leave, quiet
 from msl_fem.diagnosis.diagnose import Searched, _kept, _patched
 from msl_fem.diagnosis.held_out import Followed, log_likelihood_gain
 
@@ -86,6 +87,15 @@ def test_a_drift_is_of_each_run_s_own_so_held_out_runs_do_not_speak_against_it()
     names, notes = _kept(searched(("squeeze_film", 6000.0)), [-500.0])
     assert names == 0
     assert "makes held-out runs worse" in notes[0]
+
+
+def test_a_wandering_sensor_may_leave_more_than_an_equation() -> None:
+    assert may_leave(["time_delay", "gap_offset"]) == 0.05
+    assert may_leave(["sensor_drift", "gap_offset"]) == 0.25
+    left = {"x": 4.2, "i": 2.0}  # a fifth of the excess power
+    for effect, names in (("sensor_drift", 1), ("squeeze_film", 0)):
+        found = replace(searched((effect, 1385.0)), excesses=(LOUDER, left))
+        assert _kept(found, [100.0])[0] == names
 
 
 def followed(rms: float) -> Followed:
