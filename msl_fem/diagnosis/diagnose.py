@@ -130,7 +130,7 @@ def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: 
     models = [extended_belief(belief, problem, found) for found in searched.fits[: searched.taken + 1]]
     follows = [followed(model, data) for model in models]
     gains = held_out_gains(follows)
-    patched = searched.taken > 1 and _patched(searched, models[searched.taken])
+    patched = searched.taken > 1 and _patched(searched, models[searched.taken], threads=how.threads)
     if patched:
         searched = replace(searched, taken=1)
     names, notes = _kept(searched, gains)
@@ -151,7 +151,7 @@ def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: 
     ranked: list[Dependence] = []
     if not calm:
         how.progress("what is left over every variable")
-        ranked = dependences(*searched.likelihood.runs_part(searched.final), models[names])
+        ranked = dependences(*searched.likelihood.runs_part(searched.final), models[names], threads=how.threads)
         equation, variables = named(ranked)
         left = Unexplained(share_left(searched.excesses, names), variables, equation, wider(asked, variables))
     return Diagnosis(
@@ -177,10 +177,10 @@ def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: 
     )
 
 
-def _patched(searched: Searched, model: Belief) -> bool:
+def _patched(searched: Searched, model: Belief, *, threads: int) -> bool:
     """Whether several effects only patch up what none of them is: what they leave, small as it may be, is a function of
     one variable that brings more than the last of them did."""
-    ranked = dependences(*searched.likelihood.runs_part(searched.final), model, few=True)
+    ranked = dependences(*searched.likelihood.runs_part(searched.final), model, few=True, threads=threads)
     last = searched.stages[searched.taken - 1].best
     return bool(ranked and last is not None and ranked[0].gain > max(ENOUGH, last.gain))
 

@@ -11,6 +11,7 @@ is the model's own, so a variable is known but for what the model gets wrong.
 """
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,7 +63,9 @@ class Dependence:
     band: Array
 
 
-def dependences(likelihood: Likelihood, found: Fit, belief: Belief, *, few: bool = False) -> list[Dependence]:
+def dependences(
+    likelihood: Likelihood, found: Fit, belief: Belief, *, few: bool = False, threads: int = 1
+) -> list[Dependence]:
     """Every (equation, variable), the most probable first.
 
     Parameters
@@ -79,7 +82,8 @@ def dependences(likelihood: Likelihood, found: Fit, belief: Belief, *, few: bool
         return []
     scene = _Scene(likelihood, found, plant, data, start, out)
     pairs = [(equation, name) for equation, names in _tried(scene).items() for name in names]
-    made = [scene.judged(*pair) for pair in pairs if pair in FEW or not few]
+    with ThreadPoolExecutor(threads) as pool:
+        made = list(pool.map(lambda pair: scene.judged(*pair), [pair for pair in pairs if pair in FEW or not few]))
     return sorted(made, key=lambda d: -d.gain)
 
 
