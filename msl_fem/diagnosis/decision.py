@@ -96,6 +96,17 @@ def may_leave(effects: Iterable[str]) -> float:
     return LEFT_OVER if OWN_OF_A_RUN.isdisjoint(effects) else WANDERED
 
 
+def too_much_left(effects: Sequence[str], excesses: Sequence[Mapping[str, float]]) -> str:
+    """Why effects that were taken, in their order, are not named: they leave neither noise nor a small part of what was
+    there without them. Empty where they do."""
+    taken = len(effects)
+    left = share_left(excesses, taken)
+    if not taken or quiet(excesses[taken]) or left <= may_leave(effects):
+        return ""
+    power = f"{100 * left:.3g} % of the excess power is left"
+    return f"nearest in the catalogue: {', '.join(effects)}; not named, since {power}"
+
+
 def quiet(excess: Mapping[str, float]) -> bool:
     return max(excess.values(), default=0.0) <= QUIET
 

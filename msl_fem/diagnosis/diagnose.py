@@ -15,9 +15,9 @@ from msl_fem.diagnosis.decision import (
     Rule,
     accepted,
     allowed,
-    may_leave,
     quiet,
     share_left,
+    too_much_left,
 )
 from msl_fem.diagnosis.evidence import Models, gathered
 from msl_fem.diagnosis.extension import believed_estimates, effect_estimates, extended_belief
@@ -188,11 +188,9 @@ def _patched(searched: Searched, model: Belief, *, threads: int) -> bool:
 def _kept(searched: Searched, gains: Sequence[float]) -> tuple[int, list[str]]:
     """How many of the search's effects are named, and why not more."""
     names, notes = searched.taken, []
-    left = share_left(searched.excesses, names)
     tried = [r.variant.effect for s in searched.stages[:names] if (r := s.best)]
-    if names and not quiet(searched.excesses[names]) and left > may_leave(tried):
-        power = f"{100 * left:.3g} % of the excess power is left"
-        notes.append(f"nearest in the catalogue: {', '.join(tried)}; not named, since {power}")
+    if too_much := too_much_left(tried, searched.excesses):
+        notes.append(too_much)
         names = 0
     while names and gains[names - 1] < -WORSE:
         best = searched.stages[names - 1].best

@@ -16,9 +16,9 @@ from msl_fem.diagnosis.decision import (
     Rule,
     accepted,
     allowed,
-    may_leave,
     quiet,
     share_left,
+    too_much_left,
 )
 from msl_fem.diagnosis.extension import believed_estimates, effect_estimates
 from msl_fem.diagnosis.fit import Fit, FitPlan, Likelihood, fit
@@ -103,9 +103,8 @@ def verdict(trail: Trail, kind: Kind, *, rule: Rule) -> Diagnosis:
     gains = held_out_gains(follows)
     taken, notes = accepted(trail.stages, trail.excesses, rule), list(kind.notes)
     names = [one.unknowns.effects[-1].effect for one in trail.fits[1 : taken + 1]]
-    if taken and not quiet(trail.excesses[taken]) and share_left(trail.excesses, taken) > may_leave(names):
-        left_over = f"{100 * share_left(trail.excesses, taken):.3g} % of the excess power is left"
-        notes.append(f"nearest in the catalogue: {', '.join(names)}; not named, since {left_over}")
+    if too_much := too_much_left(names, trail.excesses):
+        notes.append(too_much)
         taken = 0
     while taken and gains[taken - 1] < -WORSE:
         taken -= 1

@@ -144,28 +144,30 @@ def _refits(
     """The candidates refitted in a race, best first: heats for all, those that lag far behind are given up, and those
     in front go on until nothing more is to be gained. The outcome does not depend on the number of threads."""
 
+    n = base.unknowns.n_nuisance
+
+    def refitted(variant: Variant, z: Array, plan: FitPlan, columns: Array | None = None) -> Refit:
+        unknowns = extended(base.unknowns, variant)
+        found = fit(likelihood, unknowns, z, plan=plan, nuisance_columns=columns)
+        return Refit(variant, found, found.log_evidence - base.log_evidence)
+
     def heat(score: Score) -> Refit | None:
         tell(score.variant.name)
-        unknowns, n = extended(base.unknowns, score.variant), base.unknowns.n_nuisance
+        plan = FitPlan(most_steps=FIRST_STEPS, renew=False)
         try:
-            begin = started(likelihood, base, score)
-            plan = FitPlan(most_steps=FIRST_STEPS, renew=False)
-            found = fit(likelihood, unknowns, begin, plan=plan, nuisance_columns=base.jacobian[:, :n])
+            return refitted(score.variant, started(likelihood, base, score), plan, base.jacobian[:, :n])
         except ComputationError:
             return None
-        return Refit(score.variant, found, found.log_evidence - base.log_evidence)
 
     def race(one: Refit) -> Refit:
         plan = FitPlan(most_steps=RACE_STEPS, enough=max(ROUGH, FRACTION * max(one.gain, 0.0)))
-        found = fit(likelihood, one.fit.unknowns, one.fit.z, plan=plan)
-        return replace(one, fit=found, gain=found.log_evidence - base.log_evidence)
+        return refitted(one.variant, one.fit.z, plan)
 
     def end(one: Refit, enough: float) -> Refit:
         if one.fit.predicted <= enough:
             return one
-        n, plan = one.fit.unknowns.n_nuisance, FitPlan(most_steps=LAST_STEPS, enough=enough)
-        found = fit(likelihood, one.fit.unknowns, one.fit.z, plan=plan, nuisance_columns=one.fit.jacobian[:, :n])
-        return replace(one, fit=found, gain=found.log_evidence - base.log_evidence)
+        plan = FitPlan(most_steps=LAST_STEPS, enough=enough)
+        return refitted(one.variant, one.fit.z, plan, one.fit.jacobian[:, :n])
 
     with ThreadPoolExecutor(threads) as pool:
         heats = [one for one in pool.map(heat, candidates) if one is not None]
@@ -173,7 +175,7 @@ def _refits(
         lost = [one for one in heats if best > 0 and one.gain < LOST * best]
         found = sorted(pool.map(race, [one for one in heats if one not in lost]), key=lambda one: -one.gain)
         level = [one.gain > 0 and one.gain + one.fit.predicted > found[0].gain - NEAR for one in found]
-        enough = [max(ENOUGH, FRACTION * one.gain if n else 0.0) for n, one in enumerate(found)]
+        enough = [max(ENOUGH, FRACTION * one.gain if place else 0.0) for place, one in enumerate(found)]
         ends = [limit if near else np.inf for near, limit in zip(level, enough, strict=True)]
         found = list(pool.map(end, found, ends))
     return sorted([*found, *lost], key=lambda one: -one.gain)
