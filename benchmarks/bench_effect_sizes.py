@@ -13,9 +13,9 @@ from msl_fem.bench.sealed import prepared_setting
 from msl_fem.bench.setting import Effect, Setting
 from msl_fem.bench.size import hidden_of_size
 from msl_fem.errors import InputError
-from msl_fem.quantity import format_quantity
-from msl_fem.table import read_table
-from msl_fem.whole_file import whole_file
+from msl_fem.files.quantity import format_quantity
+from msl_fem.files.whole_file import whole_file
+from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent
 DOCUMENT = ROOT / "docs" / "bench.md"

@@ -46,9 +46,9 @@ from msl_fem.control import (
     with_measured_gap,
 )
 from msl_fem.control.bias_design import bias_point, default_bias
-from msl_fem.effects import EffectValues
 from msl_fem.errors import InputError
-from msl_fem.whole_file import whole_file
+from msl_fem.files.whole_file import whole_file
+from msl_fem.plant.effects import EffectValues
 
 KINDS = ("lqr", "robust", "biased", "pid")
 

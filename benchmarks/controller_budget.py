@@ -10,10 +10,10 @@ from controller_effects import sized_effects
 from msl_fem.actuator import Actuator
 from msl_fem.cli.control import identified_plant
 from msl_fem.control import Belief, Choice, ControllerDesign, belief_of_terms, designed
-from msl_fem.coupled_model import NamedRun, bearable_run, simulation_record
-from msl_fem.coupled_model.excitation import parse_excitation
 from msl_fem.errors import InputError
 from msl_fem.identification import ModelChoice, identify
+from msl_fem.plant import NamedRun, bearable_run, simulation_record
+from msl_fem.plant.excitation import parse_excitation
 from msl_fem.record import Record
 
 Effects = dict[str, dict[str, float]]

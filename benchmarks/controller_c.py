@@ -25,11 +25,11 @@ from msl_fem.control import ControllerDesign, design_controller
 from msl_fem.control.belief import belief_of
 from msl_fem.control.lqr_design import LqrOptions, lqr_design
 from msl_fem.control.stepper import Stepper
-from msl_fem.coupled_model.closed_run import simulate_closed
-from msl_fem.coupled_model.excitation import parse_excitation, reference
 from msl_fem.export.c_controller import ControllerSource, controller_header
-from msl_fem.operating_map import operating_map
-from msl_fem.table import read_table
+from msl_fem.maps import operating_map
+from msl_fem.plant.closed_run import simulate_closed
+from msl_fem.plant.excitation import parse_excitation, reference
+from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent
 BEGIN, END = "<!-- benchmarks/controller_c.py writes from here -->", "<!-- to here -->"

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.control import Belief, Choice, ClosedLoopRun, ControllerDesign, TruePlant, belief_of, designed
 from msl_fem.control.closed_loop import run_closed_loop
-from msl_fem.coupled_model.excitation import parse_excitation
-from msl_fem.coupled_model.excitation import reference as excitation_reference
-from msl_fem.effects import EffectValues
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.operating_map import OperatingMap, operating_map
+from msl_fem.maps import OperatingMap, operating_map
+from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.excitation import parse_excitation
+from msl_fem.plant.excitation import reference as excitation_reference
 from msl_fem.record import Tolerance
-from msl_fem.table import MagneticTable, read_table
+from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).parent.parent

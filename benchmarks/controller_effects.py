@@ -10,10 +10,10 @@ from functools import cache
 import numpy as np
 from controller_cases import SERVO, TABLE, Array
 
-from msl_fem.coupled_model import Options, excitation_inputs, simulate
-from msl_fem.coupled_model.excitation import parse_excitation
-from msl_fem.effects import EffectValues
 from msl_fem.errors import ComputationError
+from msl_fem.plant import Options, excitation_inputs, simulate
+from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.excitation import parse_excitation
 
 EXCITATIONS = (
     "band-limited-noise:amplitude=47 mA,bias=610 mA,duration=4 s,seed=1,band=500 Hz",

@@ -17,15 +17,15 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import RegularGridInterpolator
 
 from msl_fem.actuator import load_actuator
-from msl_fem.coupled_model import PlantParameters, Surface, kernel, plant_parameters, surface_of
-from msl_fem.coupled_model.excitation import parse_excitation
-from msl_fem.coupled_model.extended import effect_coefficients
-from msl_fem.coupled_model.inputs import Inputs, excitation_inputs
-from msl_fem.coupled_model.lane_run import LaneSettings, run_lanes
-from msl_fem.coupled_model.starting import start_effects
-from msl_fem.coupled_model.state import initial_state
-from msl_fem.effects import CATALOGUE, EffectValues
-from msl_fem.table import MagneticTable, read_table
+from msl_fem.plant import PlantParameters, Surface, kernel, plant_parameters, surface_of
+from msl_fem.plant.effects import CATALOGUE, EffectValues
+from msl_fem.plant.excitation import parse_excitation
+from msl_fem.plant.extended import effect_coefficients
+from msl_fem.plant.inputs import Inputs, excitation_inputs
+from msl_fem.plant.lane_run import LaneSettings, run_lanes
+from msl_fem.plant.starting import start_effects
+from msl_fem.plant.state import initial_state
+from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 ROOT = Path(__file__).parent.parent
 RATE, SUBSTEPS = 1e4, 10

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from msl_fem.actuator import load_actuator
-from msl_fem.field_map import DecouplingMap, FieldMapSettings, decoupling_map
+from msl_fem.magnetics.field_map import DecouplingMap, FieldMapSettings, decoupling_map
 from msl_fem.report.decoupling_figure import draw_decoupling
 from msl_fem.report.field_picture import save_picture
 

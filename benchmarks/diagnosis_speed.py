@@ -19,9 +19,9 @@ from diagnosis_study import ROOT, TABLE, actuator_of
 from marked_text import put
 
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record, usual_excitations
-from msl_fem.coupled_model.excitation import Excitation, parse_excitation
 from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
-from msl_fem.table import read_table
+from msl_fem.plant.excitation import Excitation, parse_excitation
+from msl_fem.table.magnetic_table import read_table
 
 CASES = (
     ("voltage", "none"), ("voltage", "time_delay=3%"), ("voltage", "eddy_currents=3%"), ("current", "none"),

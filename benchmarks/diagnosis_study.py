@@ -23,13 +23,13 @@ import numpy as np
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record, usual_excitations
-from msl_fem.blas_threads import one_blas_thread
-from msl_fem.coupled_model.excitation import Excitation
+from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.result import Diagnosis
-from msl_fem.effects import CATALOGUE
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.table import read_table
+from msl_fem.plant.effects import CATALOGUE
+from msl_fem.plant.excitation import Excitation
+from msl_fem.table.magnetic_table import read_table
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent

@@ -15,7 +15,7 @@ from marked_text import put
 from scipy.stats import beta
 
 from msl_fem.diagnosis.calibration_data import CLEAN as SHIPPED
-from msl_fem.effects import CATALOGUE
+from msl_fem.plant.effects import CATALOGUE
 
 DATA = ROOT / "msl_fem" / "diagnosis" / "calibration_data.py"
 VARIABLES = {

@@ -11,12 +11,12 @@ import numpy as np
 from marked_text import put
 
 from msl_fem.actuator import ECore, load_actuator
-from msl_fem.end_effects import FlushEdges, corner_excess, gap_edges, window_factor
-from msl_fem.end_section import EndSection, EndTurns
-from msl_fem.magnet_field import MagnetField, magnet_mesh
-from msl_fem.magnetostatics import AirDepth
-from msl_fem.sweep import SweepSettings, sweep
-from msl_fem.table import MagneticTable
+from msl_fem.magnetics.kinds.e_core import MagnetField, magnet_mesh
+from msl_fem.magnetics.kinds.end_effects import FlushEdges, corner_excess, gap_edges, window_factor
+from msl_fem.magnetics.kinds.end_section import EndSection, EndTurns
+from msl_fem.magnetics.solver.magnetostatics import AirDepth
+from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
+from msl_fem.table.magnetic_table import MagneticTable
 
 ROOT = Path(__file__).parent.parent
 DOCUMENT = ROOT / "docs" / "end_effects.md"

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from msl_fem.actuator import load_actuator
-from msl_fem.blas_threads import one_blas_thread
-from msl_fem.mesh import MeshSize, triangulate
-from msl_fem.section import e_core_section
-from msl_fem.sparse_tangent import SparseTangent
-from msl_fem.sweep_rows import Job, Row, RowSolver
+from msl_fem.computing.blas_threads import one_blas_thread
+from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
+from msl_fem.magnetics.solver.section import e_core_section
+from msl_fem.magnetics.solver.sparse_tangent import SparseTangent
+from msl_fem.magnetics.sweep.rows import Job, Row, RowSolver
 
 ROOT = Path(__file__).parent.parent
 CURRENTS = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)

@@ -8,9 +8,9 @@ import json
 import sys
 from dataclasses import asdict
 
-from msl_fem.core_loss_data import INDEX, LossCoefficients, Sheet, loss_sheets, read_loss_points
-from msl_fem.iron_loss import FittedRange, fit_losses
-from msl_fem.material import LIBRARY
+from msl_fem.losses import FittedRange, fit_losses
+from msl_fem.materials.core_loss_data import INDEX, LossCoefficients, Sheet, loss_sheets, read_loss_points
+from msl_fem.materials.material import LIBRARY
 
 
 def refit(name: str) -> LossCoefficients:

@@ -21,9 +21,9 @@ from pathlib import Path
 import numpy as np
 
 from msl_fem.export.c_guard import guard_header
-from msl_fem.operating_map import Guard, OperatingMap, operating_map
-from msl_fem.operating_map.guard import region_of
-from msl_fem.table import read_table
+from msl_fem.maps import Guard, OperatingMap, operating_map
+from msl_fem.maps.guard import region_of
+from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent
 BEGIN, END = "<!-- benchmarks/guard.py writes from here -->", "<!-- to here -->"

@@ -18,10 +18,10 @@ from msl_fem.diagnosis.prepare import prepared
 from msl_fem.diagnosis.scene import scene
 from msl_fem.diagnosis.scoring import scores
 from msl_fem.diagnosis.variants import possible, variants
-from msl_fem.effects import CATALOGUE, find_parameter
-from msl_fem.quantity import format_quantity
-from msl_fem.record_fit import Belief, run_data
-from msl_fem.table import read_table
+from msl_fem.files.quantity import format_quantity
+from msl_fem.plant.effects import CATALOGUE, find_parameter
+from msl_fem.prediction import Belief, run_data
+from msl_fem.table.magnetic_table import read_table
 
 DOCUMENT = ROOT / "docs" / "diagnosis.md"
 IDENTIFIABLE = 0.03

@@ -14,7 +14,7 @@ from marked_text import put
 from scipy.optimize import brentq
 
 from msl_fem.record import Record, load_record
-from msl_fem.table import MagneticTable, read_table
+from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 ROOT = Path(__file__).parent.parent
 RIG = ROOT / "measurements" / "levitation_rig"

@@ -7,9 +7,9 @@ import time
 from pathlib import Path
 
 from msl_fem.actuator import load_actuator
-from msl_fem.blas_threads import one_blas_thread
-from msl_fem.magnet_field import LEVELS, magnet_mesh
-from msl_fem.sweep_rows import Job, Row, RowSolver
+from msl_fem.computing.blas_threads import one_blas_thread
+from msl_fem.magnetics.kinds.e_core import LEVELS, magnet_mesh
+from msl_fem.magnetics.sweep.rows import Job, Row, RowSolver
 
 ROOT = Path(__file__).parent.parent
 GAPS = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0)  # mm

@@ -17,11 +17,11 @@ from pathlib import Path
 from msl_fem.actuator import load_actuator
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record
 from msl_fem.comparison import CompareSettings, Comparison, compare
-from msl_fem.coupled_model.excitation import parse_excitation
-from msl_fem.extended_model import load_extended_model
+from msl_fem.plant.excitation import parse_excitation
+from msl_fem.plant.extended_model import load_extended_model
+from msl_fem.prediction import Belief
 from msl_fem.record import load_record, write_record
-from msl_fem.record_fit import Belief
-from msl_fem.table import read_table
+from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent
 BEGIN, END = "<!-- benchmarks/paper_verdict.py writes from here -->", "<!-- to here -->"

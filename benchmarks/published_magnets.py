@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from marked_text import put
 
-from msl_fem.constants import MU_0
-from msl_fem.material import Iron, iron_from_points
-from msl_fem.plunger import PlungerMagnet, PlungerResult, plunger_field, solve_plunger
-from msl_fem.section import Region
+from msl_fem.magnetics.kinds.plunger import PlungerMagnet, PlungerResult, plunger_field, solve_plunger
+from msl_fem.magnetics.solver.section import Region
+from msl_fem.materials.constants import MU_0
+from msl_fem.materials.material import Iron, iron_from_points
 
 ROOT = Path(__file__).parent.parent
 REFERENCE = ROOT / "tests" / "reference"

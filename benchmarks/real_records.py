@@ -17,9 +17,9 @@ from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.other_records import diagnosis_of
 from msl_fem.diagnosis.rests import Rests, of_rests, rests
+from msl_fem.prediction import Belief
 from msl_fem.record import load_record
-from msl_fem.record_fit import Belief
-from msl_fem.table import read_table
+from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent
 DOCUMENT = ROOT / "docs" / "real_records.md"

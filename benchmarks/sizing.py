@@ -18,7 +18,7 @@ import numpy as np
 import optuna
 from optuna.samplers import BaseSampler, NSGAIISampler, TPESampler
 
-from msl_fem.sizing import (
+from msl_fem.design.sizing import (
     Judge,
     SearchResult,
     SearchSettings,
@@ -28,9 +28,9 @@ from msl_fem.sizing import (
     pareto_front,
     search,
 )
-from msl_fem.sizing.closed_form import Factors
-from msl_fem.sizing.parameters import design_from
-from msl_fem.sizing.sampler import MixedSampler
+from msl_fem.design.sizing.closed_form import Factors
+from msl_fem.design.sizing.parameters import design_from
+from msl_fem.design.sizing.sampler import MixedSampler
 
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parent / "requirements" / "400_newton.toml"

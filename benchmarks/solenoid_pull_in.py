@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from published_magnets import REFERENCE, solenoid
 
 from msl_fem.actuator import parse_actuator
-from msl_fem.constants import MU_0
-from msl_fem.coupled_model import Inputs, Options, simulate
-from msl_fem.material import iron_from_points
-from msl_fem.plunger import PlungerMagnet, solve_plunger
-from msl_fem.plunger_table import plunger_table
-from msl_fem.table import MagneticTable
+from msl_fem.magnetics.kinds.plunger import PlungerMagnet, solve_plunger
+from msl_fem.magnetics.kinds.plunger_table import plunger_table
+from msl_fem.materials.constants import MU_0
+from msl_fem.materials.material import iron_from_points
+from msl_fem.plant import Inputs, Options, simulate
+from msl_fem.table.magnetic_table import MagneticTable
 
 Array = NDArray[np.float64]
 DOCUMENT = Path(__file__).parent.parent / "docs" / "verification.md"

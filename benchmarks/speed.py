@@ -23,14 +23,14 @@ from guard import of_c, pairs
 from marked_text import put
 
 from msl_fem.actuator import load_actuator
-from msl_fem.coupled_model import plant_parameters, surface_of
-from msl_fem.coupled_model.excitation import parse_excitation
-from msl_fem.coupled_model.inputs import Inputs, excitation_inputs
 from msl_fem.export import fmu
 from msl_fem.export.formats import ModelSource
-from msl_fem.operating_map import Guard, operating_map
-from msl_fem.sweep import SweepSettings, default_grid, sweep
-from msl_fem.table import read_table
+from msl_fem.magnetics.sweep.table_sweep import SweepSettings, default_grid, sweep
+from msl_fem.maps import Guard, operating_map
+from msl_fem.plant import plant_parameters, surface_of
+from msl_fem.plant.excitation import parse_excitation
+from msl_fem.plant.inputs import Inputs, excitation_inputs
+from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent
 Work = Callable[[], object]

@@ -28,10 +28,11 @@ from published_magnets import INCH, ROTERS_CURRENT, SOLENOID_CURRENT, roters, so
 
 from benchmarks.emps import LOOP, pulses  # noqa: E402
 from msl_fem.actuator import load_actuator  # noqa: E402
-from msl_fem.field_map import decoupling_map  # noqa: E402
 from msl_fem.identification.friction_drive import closed_loop, inverse_dynamics, refined  # noqa: E402
-from msl_fem.magnet_field import solve_with_field  # noqa: E402
-from msl_fem.plunger import solve_plunger  # noqa: E402
+from msl_fem.magnetics.field_map import decoupling_map  # noqa: E402
+from msl_fem.magnetics.kinds.e_core import solve_with_field  # noqa: E402
+from msl_fem.magnetics.kinds.plunger import solve_plunger  # noqa: E402
+from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep  # noqa: E402
 from msl_fem.record import load_record  # noqa: E402
 from msl_fem.report.decoupling_figure import draw_decoupling  # noqa: E402
 from msl_fem.report.field_picture import draw_field  # noqa: E402
@@ -39,7 +40,6 @@ from msl_fem.report.page import write_page  # noqa: E402
 from msl_fem.report.study_page import study_page  # noqa: E402
 from msl_fem.report.style import BLUE, GREY, ORANGE  # noqa: E402
 from msl_fem.study import run_study  # noqa: E402
-from msl_fem.sweep import SweepSettings, sweep  # noqa: E402
 
 SERVO = ROOT / "geometries" / "fast_tool_servo.toml"
 REFERENCE = ROOT / "tests" / "reference"

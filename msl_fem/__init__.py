@@ -12,21 +12,21 @@ from typing import Any
 
 _VERBS = {
     "load_actuator": "msl_fem.actuator",
-    "solve": "msl_fem.magnet_field",
-    "sweep": "msl_fem.sweep",
-    "read_table": "msl_fem.table",
-    "write_table": "msl_fem.table",
-    "operating_map": "msl_fem.operating_map",
-    "choose_wire": "msl_fem.wire",
-    "copper_loss": "msl_fem.copper_loss",
-    "iron_loss": "msl_fem.iron_loss",
-    "continuous_current": "msl_fem.thermal",
-    "assess_flexure": "msl_fem.suspension",
-    "gap_trade": "msl_fem.gap_trade",
-    "tolerance_study": "msl_fem.tolerance_study",
+    "solve": "msl_fem.magnetics.kinds.e_core",
+    "sweep": "msl_fem.magnetics.sweep.table_sweep",
+    "read_table": "msl_fem.table.magnetic_table",
+    "write_table": "msl_fem.table.magnetic_table",
+    "operating_map": "msl_fem.maps",
+    "choose_wire": "msl_fem.losses",
+    "copper_loss": "msl_fem.losses.copper_loss",
+    "iron_loss": "msl_fem.losses",
+    "continuous_current": "msl_fem.losses",
+    "assess_flexure": "msl_fem.mechanics",
+    "gap_trade": "msl_fem.mechanics.gap_trade",
+    "tolerance_study": "msl_fem.design.tolerances",
     "load_record": "msl_fem.record",
     "write_record": "msl_fem.record",
-    "simulate": "msl_fem.coupled_model",
+    "simulate": "msl_fem.plant",
     "identify": "msl_fem.identification",
     "design_controller": "msl_fem.control",
     "diagnose": "msl_fem.diagnosis.diagnose",
@@ -42,11 +42,11 @@ except PackageNotFoundError:  # a checkout that is not installed
 def operating_map(source: Any, *gap: Any, **wishes: Any) -> Any:
     """The operating map of an actuator, by root finding on field solutions, or of a table, by interpolation.
 
-    Takes what `msl_fem.field_map.field_map` or `msl_fem.operating_map.operating_map` takes; only the first needs finite
-    elements.
+    Takes what `msl_fem.magnetics.field_map.field_map` or `msl_fem.maps.operating_map` takes; only the first needs
+    finite elements.
     """
     fields = isinstance(source, import_module("msl_fem.actuator").Actuator)
-    home = import_module("msl_fem.field_map" if fields else _VERBS["operating_map"])
+    home = import_module("msl_fem.magnetics.field_map" if fields else _VERBS["operating_map"])
     return (home.field_map if fields else home.operating_map)(source, *gap, **wishes)
 
 

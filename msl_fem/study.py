@@ -19,7 +19,13 @@ from msl_fem.control import (
     frequency_response,
     run_closed_loop,
 )
-from msl_fem.coupled_model import (
+from msl_fem.errors import InputError
+from msl_fem.identification import Identification, identify
+from msl_fem.magnetics.kinds.e_core import Accuracy, MagnetField, PointResult, solve_with_field
+from msl_fem.magnetics.solver.magnetostatics import FieldSolution
+from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, default_grid, sweep
+from msl_fem.maps import OperatingMap, operating_map
+from msl_fem.plant import (
     Linearisation,
     NamedRun,
     Simulation,
@@ -28,15 +34,9 @@ from msl_fem.coupled_model import (
     simulation_record,
     stability_limit,
 )
-from msl_fem.coupled_model.excitation import parse_excitation, reference
-from msl_fem.errors import InputError
-from msl_fem.identification import Identification, identify
-from msl_fem.magnet_field import Accuracy, MagnetField, PointResult, solve_with_field
-from msl_fem.magnetostatics import FieldSolution
-from msl_fem.operating_map import OperatingMap, operating_map
+from msl_fem.plant.excitation import parse_excitation, reference
 from msl_fem.record import Record
-from msl_fem.sweep import SweepReport, SweepSettings, default_grid, sweep
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 Progress = Callable[[str, int, int], None]
 Keep = Callable[[str, Any], None]

@@ -17,7 +17,7 @@ from msl_fem import study as study_module
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.app import app
 from msl_fem.cli.output import run_guarded
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 ROOT = Path(__file__).parent.parent
 settings.register_profile("untimed", deadline=None)  # a loaded machine is no error of the code

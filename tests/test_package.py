@@ -18,8 +18,8 @@ def test_a_verb_is_a_function_every_time(verb: str) -> None:
 
 
 def test_modules_of_a_verb_s_name_can_still_be_imported_from() -> None:
-    from msl_fem.operating_map import Guard
-    from msl_fem.sweep import default_grid
+    from msl_fem.magnetics.sweep.table_sweep import default_grid
+    from msl_fem.maps import Guard
 
     assert Guard.__name__ == "Guard"
     assert callable(default_grid)
@@ -32,7 +32,7 @@ def test_control_needs_no_finite_elements() -> None:
     code = (
         "import sys\n"
         "sys.modules['skfem'] = sys.modules['netgen'] = None\n"
-        "import msl_fem.control, msl_fem.identification, msl_fem.coupled_model, msl_fem.operating_map\n"
+        "import msl_fem.control, msl_fem.identification, msl_fem.plant, msl_fem.maps\n"
         "import msl_fem; assert callable(msl_fem.simulate) and callable(msl_fem.operating_map)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

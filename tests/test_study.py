@@ -10,10 +10,10 @@ import pytest
 from msl_fem import study as study_module
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.errors import InputError
-from msl_fem.operating_map import read_map
+from msl_fem.maps import read_map
 from msl_fem.record import load_record
 from msl_fem.study import run_study
-from msl_fem.table import read_table
+from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent
 SERVO = ROOT / "geometries" / "fast_tool_servo.toml"

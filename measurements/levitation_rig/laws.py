@@ -15,7 +15,7 @@ import numpy as np
 from convert import RUNS
 from scipy.io import loadmat
 
-from msl_fem.toml_text import toml_text
+from msl_fem.files.toml_text import toml_text
 
 VOLTS_OF_DUTY = 11.6
 PERIOD = 1e-3

@@ -11,7 +11,7 @@ from msl_fem.actuator.magnet import ECore, MeshMagnet, TableMagnet
 from msl_fem.actuator.motion import Motion, Sides
 from msl_fem.actuator.tolerances import Tolerances
 from msl_fem.errors import ActuatorError
-from msl_fem.schema import FrozenModel
+from msl_fem.files.schema import FrozenModel
 
 
 class Actuator(FrozenModel):

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from msl_fem.actuator.quantities import Current, CurrentNoise, Frequency, PositionNoise, Resistance, Voltage
-from msl_fem.schema import FrozenModel
+from msl_fem.files.schema import FrozenModel
 
 
 class Drive(FrozenModel):

@@ -4,11 +4,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from msl_fem.actuator.leaf import Leaf
+from msl_fem.actuator.leaf_materials import flexure_material
+from msl_fem.actuator.leaf_placement import Placement, placed
 from msl_fem.actuator.quantities import Clearance, Inertia, Length
 from msl_fem.errors import ActuatorError, MaterialError
-from msl_fem.flexure import Leaf, Placement, flexure_material, placed
-from msl_fem.quantity import format_quantity
-from msl_fem.schema import FrozenModel
+from msl_fem.files.quantity import format_quantity
+from msl_fem.files.schema import FrozenModel
 
 SLENDER = 5.0  # length over thickness, from which shear and the clamps' give are below about 1 % of the bending
 
@@ -21,7 +23,7 @@ class Flexure(FrozenModel):
     length, width, thickness : of one leaf, free of its clamps
     count : leaves of one set
     sets : places along the motion that carry a set
-    material : name in `msl_fem.flexure.FLEXURE_MATERIALS`
+    material : name in `msl_fem.actuator.FLEXURE_MATERIALS`
     arrangement : "opposed", half of a set's leaves on either side of the mover, whose ends hold each other apart;
         "one-sided", all on one side, free to shorten
     attachment : from the axis of the motion to where the leaves meet the mover

@@ -7,8 +7,8 @@ from pydantic import Field, model_validator
 
 from msl_fem.actuator.proportions import check_air_beyond_armature, check_chamfer, check_coil_fits, check_proportions
 from msl_fem.actuator.quantities import Clearance, Fraction, Length, Turns
-from msl_fem.constants import COPPER_RESISTIVITY
-from msl_fem.schema import FrozenModel
+from msl_fem.files.schema import FrozenModel
+from msl_fem.materials.constants import COPPER_RESISTIVITY
 
 _SECTION_LENGTHS = (
     "centre_leg_width", "outer_leg_width", "window_width", "window_height", "yoke_thickness", "armature_thickness",
@@ -27,7 +27,7 @@ class Coil(FrozenModel):
 
 
 class Iron(FrozenModel):
-    """Names of irons (see `msl_fem.material.load_iron`) and the stacking factors of their laminations."""
+    """Names of irons (see `msl_fem.materials.material.load_iron`) and the stacking factors of their laminations."""
 
     core: str
     armature: str

@@ -6,8 +6,8 @@ from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, mode
 
 from msl_fem.actuator.flexure_section import Flexure
 from msl_fem.actuator.quantities import Damping, Force, Length, Mass, Stiffness
-from msl_fem.quantity import format_quantity
-from msl_fem.schema import FrozenModel
+from msl_fem.files.quantity import format_quantity
+from msl_fem.files.schema import FrozenModel
 
 
 class Sides(FrozenModel):

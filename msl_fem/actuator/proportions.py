@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from msl_fem.quantity import format_quantity
+from msl_fem.files.quantity import format_quantity
 
 LARGEST_MAGNET, THINNEST = 10.0, 1e-3  # m; of the largest length: beyond, the mesher has nothing to hold on to
 WIDEST_MARGIN = 100.0  # of the largest length

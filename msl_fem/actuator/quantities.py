@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from msl_fem.schema import In
+from msl_fem.files.schema import In
 
 Length = Annotated[float, In("m"), Field(gt=0)]
 Clearance = Annotated[float, In("m"), Field(ge=0)]

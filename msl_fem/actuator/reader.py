@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from msl_fem.actuator.actuator import Actuator
 from msl_fem.errors import ActuatorError
-from msl_fem.schema import bare_number, first_complaint, has_unknown_key, read_toml
+from msl_fem.files.schema import bare_number, first_complaint, has_unknown_key, read_toml
 
 PURE_NUMBERS = frozenset({
     "schema", "turns", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor",

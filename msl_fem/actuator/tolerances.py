@@ -5,13 +5,13 @@ from typing import Annotated
 from pydantic import Field
 
 from msl_fem.actuator.quantities import Clearance
-from msl_fem.schema import FrozenModel, In
+from msl_fem.files.schema import FrozenModel, In
 
 Share = Annotated[float, In(""), Field(ge=0, le=0.5)]
 
 
 class Tolerances(FrozenModel):
-    """Limits, plus and minus; what is left out has the default that `msl_fem.tolerance_study` names with its source.
+    """Limits, plus and minus; what is left out has the default that `msl_fem.design.tolerances` names with its source.
 
     Attributes
     ----------

@@ -3,7 +3,7 @@
 import numpy as np
 
 from msl_fem.bench.plant import Amplifier
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 
 
 @compiled

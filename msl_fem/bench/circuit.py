@@ -16,7 +16,7 @@ from msl_fem.bench.magnet import series_current, side_magnet
 from msl_fem.bench.plant import CURRENT_DRIVE, IM1, Array, Bench, Plant
 from msl_fem.bench.preisach import pinned_current
 from msl_fem.bench.thermal import warm_resistance
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 
 # Columns of a side's scratch row
 FLUX, PULL, INDUCTANCE, GAP_SLOPE, CURRENT, VOLTAGE = range(6)

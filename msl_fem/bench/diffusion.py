@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.bench.plant import Array, Ladder
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 
 
 @compiled

@@ -11,7 +11,7 @@ its break-away force, and give energy back (Olsson, Astrom, Canudas de Wit, Gafv
 import numpy as np
 
 from msl_fem.bench.plant import Friction
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 
 
 @compiled

@@ -23,7 +23,7 @@ from msl_fem.bench.plant import (
 )
 from msl_fem.bench.preisach import settle
 from msl_fem.bench.rates import rates
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 
 OK, OUTSIDE_TABLE, NOT_FINITE, OUTSIDE_RANGE = 0, 1, 2, 3
 # Columns of a run: true values at the sample, the position as its sensor's electronics give it; mean until the next row

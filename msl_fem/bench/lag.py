@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 
 
 @compiled

@@ -3,7 +3,7 @@
 import numpy as np
 
 from msl_fem.bench.plant import IRON_NODES, Array, Magnets, SeriesIron, Surface
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 
 N = 6  # coefficients a direction of a cell
 

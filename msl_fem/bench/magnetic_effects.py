@@ -10,9 +10,9 @@ from msl_fem.bench.plant import IRON_NODES, Hysteresis, Ladder, SeriesIron
 from msl_fem.bench.rig import Rig
 from msl_fem.bench.setting import Effect, Setting
 from msl_fem.bench.table_change import Factor, averaged, multiplied
-from msl_fem.constants import MU_0
 from msl_fem.errors import InputError
-from msl_fem.material import AnalyticIron, Iron, laminated, load_iron
+from msl_fem.materials.constants import MU_0
+from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
 
 SHEET_CONDUCTIVITY = 2.2e6  # S/m: iron with 2 to 3 % silicon (Bozorth, Ferromagnetism, 1951, ch. 4)
 MOST_STAGES = 16

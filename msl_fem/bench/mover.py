@@ -6,7 +6,7 @@ from msl_fem.bench.circuit import CURRENT, PULL
 from msl_fem.bench.friction import friction_force
 from msl_fem.bench.plant import Array, Disturbance, Flexure, Plant, V, X
 from msl_fem.bench.squeeze_film import film_damping
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 
 
 @compiled

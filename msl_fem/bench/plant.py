@@ -15,7 +15,7 @@ IRON_NODES, MOST_BRANCHES = 257, 8
 
 
 class Surface(NamedTuple):
-    """The coenergy surface of one magnet, see `msl_fem.coenergy_surface`."""
+    """The coenergy surface of one magnet, see `msl_fem.table.coenergy_surface`."""
 
     gap: Array  # (n_gap,) m
     current: Array  # (n_current,) A

@@ -13,7 +13,7 @@ current leads the flux. Memory is a stack of turning points; evaluation leaves i
 import numpy as np
 
 from msl_fem.bench.plant import Array, Hysteresis
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 
 DEPTH = 400
 # A side's memory: how many turning points, the last flux (stretched) and current, the direction; then the points

@@ -17,7 +17,7 @@ from msl_fem.bench.plant import (
     X,
 )
 from msl_fem.bench.thermal import thermal_rates
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 
 
 @compiled

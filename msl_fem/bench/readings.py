@@ -9,7 +9,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.bench.plant import CURRENT_DRIVE, FORCE_DRIVE, Array
 from msl_fem.bench.rig import Rig
 from msl_fem.bench.running import Response, smooth_noise
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 from msl_fem.record import Noise
 
 VOLTAGE_NOISE = 5e-3

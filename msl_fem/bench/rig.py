@@ -11,7 +11,7 @@ from msl_fem.bench import plant as parts
 from msl_fem.bench.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE, Plant, Surface
 from msl_fem.bench.truth import Truth, true_table
 from msl_fem.errors import ActuatorError, InputError
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 DRIVES = {"current": CURRENT_DRIVE, "voltage": VOLTAGE_DRIVE, "force": FORCE_DRIVE}
 

@@ -25,8 +25,8 @@ from msl_fem.bench.preisach import virgin_memory
 from msl_fem.bench.rig import Rig, surface_of
 from msl_fem.bench.step_size import default_substeps
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.quantity import format_quantity
-from msl_fem.table import MagneticTable
+from msl_fem.files.quantity import format_quantity
+from msl_fem.table.magnetic_table import MagneticTable
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,11 +19,11 @@ from msl_fem.bench.stability import check_stable, stability_limit
 from msl_fem.bench.static_map import FLUX_NOISE, FORCE_NOISE, static_map
 from msl_fem.bench.truth import draw_truth
 from msl_fem.bench.usual_excitation import commands_of, usual_excitations, usual_unit
-from msl_fem.coupled_model.excitation import reference
-from msl_fem.coupled_model.excitation_kinds import Excitation
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.plant.excitation import reference
+from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.record import Record, Run, Sampling, Tolerance
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 Progress = Callable[[int, int], None]
 

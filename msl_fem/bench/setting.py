@@ -13,7 +13,7 @@ from msl_fem.bench.rig import Rig
 from msl_fem.bench.running import Response, run_rig
 from msl_fem.bench.truth import Truth
 from msl_fem.record import Tolerance
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 DRIVE_WORD = {CURRENT_DRIVE: "current", VOLTAGE_DRIVE: "voltage", FORCE_DRIVE: "force"}
 

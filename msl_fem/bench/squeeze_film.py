@@ -14,7 +14,7 @@ import math
 
 from msl_fem.actuator import Actuator, ECore
 from msl_fem.bench.plant import Film
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 
 AIR_VISCOSITY = 1.81e-5  # Pa s at 20 degC
 AMBIENT_PRESSURE = 1.013e5  # Pa

@@ -7,7 +7,7 @@ from msl_fem.bench.plant import Array, Bench, Plant, as_record
 from msl_fem.bench.preisach import pinned_current, settle, virgin_memory
 from msl_fem.bench.rig import Rig, surface_of
 from msl_fem.bench.setting import Setting
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
 from msl_fem.record import StaticMap
 

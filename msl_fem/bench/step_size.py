@@ -7,8 +7,8 @@ import numpy as np
 from msl_fem.bench.diffusion import fastest_ladder_rate
 from msl_fem.bench.plant import VOLTAGE_DRIVE, Plant
 from msl_fem.errors import InputError
-from msl_fem.quantity import format_quantity
-from msl_fem.table import MagneticTable
+from msl_fem.files.quantity import format_quantity
+from msl_fem.table.magnetic_table import MagneticTable
 
 STEP_OF_DRIVE, STEP_OF_PIECES, MOST_SUBSTEPS = 0.22, 0.8, 400
 

@@ -8,7 +8,7 @@ from numpy.polynomial import legendre
 
 from msl_fem.bench.plant import Array
 from msl_fem.errors import InputError
-from msl_fem.table import NODES, MagneticTable
+from msl_fem.table.magnetic_table import NODES, MagneticTable
 
 ERROR_TERMS = tuple((a, b) for a in range(5) for b in range(5) if 0 < a + b <= 4)
 """Degrees over current and gap of the terms of a table's error; the constant is the magnetic scale's."""

@@ -1,7 +1,7 @@
 """The coil's resistance as its copper warms up: a network of two nodes, coil and core, for each side."""
 
 from msl_fem.bench.plant import Thermal
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 
 COPPER_COEFFICIENT = 3.93e-3  # 1/K, IEC 60028 at 20 degC
 

@@ -9,7 +9,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.bench.plant import Array
 from msl_fem.bench.table_change import ERROR_TERMS, Factor, error_factor, multiplied, term_errors
 from msl_fem.record import Tolerance
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 CUT = 3.0
 """Standard deviations beyond which no parameter lies."""

@@ -9,11 +9,11 @@ from msl_fem.bench.plant import Array
 from msl_fem.bench.rig import Rig, true_rig
 from msl_fem.bench.running import run_rig
 from msl_fem.bench.stability import stability_limit
-from msl_fem.coupled_model.excitation import parse_excitation, samples
-from msl_fem.coupled_model.excitation_kinds import Excitation, Unit
 from msl_fem.errors import ActuatorError, ComputationError, InputError
-from msl_fem.quantity import format_quantity
-from msl_fem.table import MagneticTable
+from msl_fem.files.quantity import format_quantity
+from msl_fem.plant.excitation import parse_excitation, samples
+from msl_fem.plant.excitation_kinds import Excitation, Unit
+from msl_fem.table.magnetic_table import MagneticTable
 
 DRIVE_UNIT: dict[str, Unit] = {"current": "A", "voltage": "V", "force": "N"}
 REACH = 0.2

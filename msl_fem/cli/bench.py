@@ -10,14 +10,14 @@ from msl_fem.bench import BenchOptions, ClosedLoop, parse_requests, sealed_recor
 from msl_fem.cli.looped import usual_loop
 from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar, write_json
-from msl_fem.cli.sole_run import sole_run
 from msl_fem.cli.sweeping import table_for
-from msl_fem.coupled_model.excitation import load_excitations
-from msl_fem.coupled_model.excitation_kinds import Excitation
 from msl_fem.errors import InputError
+from msl_fem.files.sole_run import sole_run
+from msl_fem.files.whole_file import check_target
+from msl_fem.plant.excitation import load_excitations
+from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.record import check_record_folder, write_record
-from msl_fem.table import MagneticTable
-from msl_fem.whole_file import check_target
+from msl_fem.table.magnetic_table import MagneticTable
 
 NOISES = ("coloured", "white", "none")
 

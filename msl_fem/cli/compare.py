@@ -7,15 +7,15 @@ import typer
 
 from msl_fem.cli.options import Json, TableFile
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say, write_json
-from msl_fem.cli.sole_run import sole_run
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.comparison import CompareSettings, Comparison, compare
-from msl_fem.extended_model import ExtendedModel, load_extended_model
+from msl_fem.files.sole_run import sole_run
+from msl_fem.files.whole_file import check_target
+from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
+from msl_fem.prediction import Belief
 from msl_fem.record import Record, load_record
-from msl_fem.record_fit import Belief
 from msl_fem.report.comparison_page import comparison_page
 from msl_fem.report.page import write_page
-from msl_fem.whole_file import check_target
 
 KINDS = {
     "nrmse_one_step": "1 step", "nrmse_ten_step": "10 steps", "nrmse_closed_loop": "closed", "nrmse_free_run": "free",

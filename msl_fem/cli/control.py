@@ -10,7 +10,6 @@ import typer
 from msl_fem.actuator import Actuator
 from msl_fem.cli.options import Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar
-from msl_fem.cli.sole_run import sole_run
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.control import (
     Belief,
@@ -30,19 +29,20 @@ from msl_fem.control import (
     run_closed_loop,
 )
 from msl_fem.control.stepper import stated
-from msl_fem.coupled_model.excitation import load_excitations, reference
-from msl_fem.effects import EffectValues
 from msl_fem.errors import InputError
-from msl_fem.extended_model import ExtendedModel, load_extended_model
+from msl_fem.files.schema import reason, small_text
+from msl_fem.files.sole_run import sole_run
+from msl_fem.files.whole_file import check_target
 from msl_fem.identification import ArmaxModel, Believed, model_from_json, physical_parameters
 from msl_fem.identification.rational import rational_term
-from msl_fem.operating_map import OperatingMap, operating_map, read_map
+from msl_fem.maps import OperatingMap, operating_map, read_map
+from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.excitation import load_excitations, reference
+from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.record import check_record_folder, write_record
 from msl_fem.report.control_page import control_page
 from msl_fem.report.page import write_page
-from msl_fem.schema import reason, small_text
-from msl_fem.table import MagneticTable
-from msl_fem.whole_file import check_target
+from msl_fem.table.magnetic_table import MagneticTable
 
 
 def command(

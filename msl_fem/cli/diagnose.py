@@ -11,10 +11,11 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from msl_fem.cli.options import Json, TableFile
 from msl_fem.cli.output import ERRORS, print_columns, print_result, say
-from msl_fem.cli.sole_run import sole_run
 from msl_fem.cli.sweeping import table_for
 from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.result import Diagnosis
+from msl_fem.files.sole_run import sole_run
+from msl_fem.files.whole_file import check_target
 from msl_fem.record import Record, load_record
 from msl_fem.report.diagnosis_files import DIAGNOSIS, FILES, REPORT, write_diagnosis
 from msl_fem.report.diagnosis_words import (
@@ -26,7 +27,6 @@ from msl_fem.report.diagnosis_words import (
     sure_rows,
     verdict_sentence,
 )
-from msl_fem.whole_file import check_target
 
 
 def command(

@@ -7,7 +7,7 @@ import typer
 from msl_fem.cli import installation
 from msl_fem.cli.options import Json
 from msl_fem.cli.output import print_result
-from msl_fem.compiled import DIGEST
+from msl_fem.computing.compiled import DIGEST
 
 KERNELS = 40
 """Compiled functions below which the cache is not that of a machine on which everything ran once."""

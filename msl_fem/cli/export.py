@@ -14,9 +14,9 @@ from msl_fem.errors import InputError
 from msl_fem.export.c_controller import ControllerSource
 from msl_fem.export.fmu import platforms
 from msl_fem.export.formats import ACTUATOR, CONTROLLER, MAP, MODEL, TABLE, ModelSource, find_format
-from msl_fem.operating_map import OperatingMap, operating_map, read_map
-from msl_fem.table import MagneticTable, read_table
-from msl_fem.whole_file import check_target
+from msl_fem.files.whole_file import check_target
+from msl_fem.maps import OperatingMap, operating_map, read_map
+from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 _HDF5 = b"\x89HDF"
 Source = Actuator | MagneticTable | OperatingMap | ModelSource | ControllerSource

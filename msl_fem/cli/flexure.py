@@ -8,10 +8,10 @@ import typer
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.options import ActuatorFile, Json, read_option
 from msl_fem.cli.output import print_columns, print_result, say
+from msl_fem.files.whole_file import check_target
+from msl_fem.mechanics import SuspensionReport, assess_flexure
 from msl_fem.report.mechanics import flexure_page
 from msl_fem.report.page import write_page
-from msl_fem.suspension import SuspensionReport, assess_flexure
-from msl_fem.whole_file import check_target
 
 
 def command(

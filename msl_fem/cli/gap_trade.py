@@ -10,10 +10,10 @@ from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
 from msl_fem.cli.output import print_columns, print_result
 from msl_fem.cli.sweeping import table_for
 from msl_fem.errors import InputError
-from msl_fem.gap_trade import TradeSettings, gap_trade
+from msl_fem.files.whole_file import check_target
+from msl_fem.mechanics.gap_trade import TradeSettings, gap_trade
 from msl_fem.report.mechanics import gap_trade_page
 from msl_fem.report.page import write_page
-from msl_fem.whole_file import check_target
 
 
 def command(

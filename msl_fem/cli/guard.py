@@ -9,7 +9,7 @@ import typer
 from msl_fem.cli.options import Json, read_option
 from msl_fem.cli.output import print_columns, print_result
 from msl_fem.errors import InputError
-from msl_fem.operating_map import REGIONS, Guard, read_map
+from msl_fem.maps import REGIONS, Guard, read_map
 
 _NO_NUMBER = re.compile(r"\s*([+-]?)(nan|inf|infinity)\b\s*(.*)", re.IGNORECASE)
 

@@ -8,9 +8,9 @@ import typer
 from msl_fem.cli.options import Json
 from msl_fem.cli.output import print_result, say, write_json
 from msl_fem.errors import InputError
+from msl_fem.files.whole_file import check_target
 from msl_fem.identification import ArmaxOrders, ModelChoice, identify, model_to_json
 from msl_fem.record import load_record
-from msl_fem.whole_file import check_target
 
 
 def command(

@@ -105,7 +105,7 @@ def processors() -> dict[str, Any]:
 def compiled_cache(digest: str) -> dict[str, Any]:
     """The machine code that numba keeps beside the sources: of the present state of the sources, and of former ones.
 
-    `digest` is that of `msl_fem.compiled`, a part of each name in the cache.
+    `digest` is that of `msl_fem.computing.compiled`, a part of each name in the cache.
     """
     folders = list(_cache_folders())
     files = [path for folder in folders for path in folder.glob("*.nb[ic]")]

@@ -7,7 +7,7 @@ import typer
 
 from msl_fem.cli.options import Current, Gap, Json, read_option
 from msl_fem.cli.output import print_result
-from msl_fem.table import read_table
+from msl_fem.table.magnetic_table import read_table
 
 
 def command(

@@ -8,12 +8,12 @@ from msl_fem.control import design_controller
 from msl_fem.control.closed_loop import checked_reference
 from msl_fem.control.design import ControllerDesign
 from msl_fem.control.stepper import Stepper, stated
-from msl_fem.coupled_model.closed_run import clock_of
-from msl_fem.coupled_model.excitation import Reference, reference
-from msl_fem.coupled_model.excitation_kinds import Excitation
 from msl_fem.errors import InputError
-from msl_fem.operating_map import OperatingMap, operating_map
-from msl_fem.table import MagneticTable
+from msl_fem.maps import OperatingMap, operating_map
+from msl_fem.plant.closed_run import clock_of
+from msl_fem.plant.excitation import Reference, reference
+from msl_fem.plant.excitation_kinds import Excitation
+from msl_fem.table.magnetic_table import MagneticTable
 
 
 @dataclass(frozen=True, eq=False)

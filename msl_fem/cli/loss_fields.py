@@ -3,12 +3,26 @@
 from typing import Any
 
 from msl_fem.actuator import Actuator, ECore
-from msl_fem.copper import resistance_ratio
-from msl_fem.copper_loss import CopperLoss
 from msl_fem.errors import InputError
-from msl_fem.iron_loss import IronLoss
-from msl_fem.thermal import ContinuousCurrent, Heating, ThermalLimit, ThermalRunaway, continuous_current, steady_rise
-from msl_fem.wire import Grade, Packing, Series, WireChoice, choose_wire, negligible_below, resistance_factor, slot_rows
+from msl_fem.losses import (
+    ContinuousCurrent,
+    Grade,
+    Heating,
+    IronLoss,
+    Packing,
+    Series,
+    ThermalLimit,
+    ThermalRunaway,
+    WireChoice,
+    choose_wire,
+    continuous_current,
+    negligible_below,
+    resistance_factor,
+    slot_rows,
+    steady_rise,
+)
+from msl_fem.losses.copper_loss import CopperLoss
+from msl_fem.materials.copper import resistance_ratio
 
 WireOptions = tuple[Series, Grade, Packing]
 

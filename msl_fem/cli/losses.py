@@ -19,11 +19,10 @@ from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
 from msl_fem.cli.output import print_result, say
 from msl_fem.cli.sweeping import table_for
 from msl_fem.cli.thermal_options import ThermalTexts, read_temperature, thermal_limit
-from msl_fem.copper_loss import CopperLoss, copper_loss, copper_loss_of_period
 from msl_fem.errors import InputError
-from msl_fem.iron_loss import IronLoss, PeriodicOperation, iron_loss, mean_period, sine_operation
+from msl_fem.losses import IronLoss, PeriodicOperation, WireChoice, iron_loss, mean_period, sine_operation
+from msl_fem.losses.copper_loss import CopperLoss, copper_loss, copper_loss_of_period
 from msl_fem.record import load_record
-from msl_fem.wire import WireChoice
 
 
 class _Sine(NamedTuple):

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from msl_fem.errors import QuantityError
-from msl_fem.quantity import parse_quantities
+from msl_fem.files.quantity import parse_quantities
 
 ActuatorFile = Annotated[Path, typer.Argument(metavar="ACTUATOR", help="Actuator file (TOML).")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]

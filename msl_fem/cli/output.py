@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.whole_file import whole_file
+from msl_fem.files.whole_file import whole_file
 
 ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
 COMPUTATION_FAILED, INPUT_WRONG, INTERRUPTED = 1, 2, 130

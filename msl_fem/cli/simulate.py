@@ -9,22 +9,22 @@ import typer
 from msl_fem.cli.looped import UsualLoop, usual_loop
 from msl_fem.cli.options import Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar
-from msl_fem.cli.sole_run import sole_run
 from msl_fem.cli.sweeping import table_for
-from msl_fem.coupled_model import (
+from msl_fem.errors import InputError
+from msl_fem.files.sole_run import sole_run
+from msl_fem.maps import Guard, read_map
+from msl_fem.plant import (
     NamedRun,
     Simulation,
     refused_unless_borne,
     simulation_record,
 )
-from msl_fem.coupled_model.closed_run import simulate_closed
-from msl_fem.coupled_model.excitation import Excitation, load_excitations
-from msl_fem.coupled_model.inputs import DRIVE_UNIT
-from msl_fem.errors import InputError
-from msl_fem.extended_model import ExtendedModel, load_extended_model
-from msl_fem.operating_map import Guard, read_map
+from msl_fem.plant.closed_run import simulate_closed
+from msl_fem.plant.excitation import Excitation, load_excitations
+from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
+from msl_fem.plant.inputs import DRIVE_UNIT
 from msl_fem.record import check_record_folder, write_record
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 
 def command(

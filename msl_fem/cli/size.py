@@ -8,10 +8,7 @@ import typer
 from msl_fem.cli.options import Json
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say
 from msl_fem.cli.sweeping import default_workers
-from msl_fem.errors import InputError
-from msl_fem.report.field_picture import save_picture
-from msl_fem.report.pareto_picture import FrontPoints, draw_front
-from msl_fem.sizing import (
+from msl_fem.design.sizing import (
     RULE,
     Choice,
     Judge,
@@ -26,8 +23,11 @@ from msl_fem.sizing import (
     sized_actuator,
     write_sized_actuator,
 )
-from msl_fem.thermal import CLASS_130_RISE
-from msl_fem.whole_file import check_target
+from msl_fem.errors import InputError
+from msl_fem.files.whole_file import check_target
+from msl_fem.losses import CLASS_130_RISE
+from msl_fem.report.field_picture import save_picture
+from msl_fem.report.pareto_picture import FrontPoints, draw_front
 
 FIELD_NAMES = {"mass": "mass_kg", "loss": "loss_W", "force": "force_N", "inductance": "inductance_H"}
 

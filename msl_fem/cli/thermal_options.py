@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.options import read_option
 from msl_fem.errors import InputError, QuantityError
-from msl_fem.quantity import parse_temperature
-from msl_fem.table import MagneticTable
-from msl_fem.thermal import Cooling, Cycle, ThermalLimit, thermal_curve, thermal_curve_with_iron
+from msl_fem.files.quantity import parse_temperature
+from msl_fem.losses import Cooling, Cycle, ThermalLimit, thermal_curve, thermal_curve_with_iron
+from msl_fem.table.magnetic_table import MagneticTable
 
 Rise = Annotated[str, typer.Option("--temperature-rise", help="Allowed, of the winding over ambient.")]
 Ambient = Annotated[str, typer.Option("--ambient", help='Like "20 degC".')]

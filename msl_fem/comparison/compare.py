@@ -11,10 +11,10 @@ from msl_fem.comparison.residuals import Residuals, residuals
 from msl_fem.comparison.static_map import StaticError, static_errors
 from msl_fem.comparison.verdict import verdict
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.prediction import Belief, RunData, open_loop_stable, run_data
+from msl_fem.prediction.run_data import POSITION
 from msl_fem.record import Record
-from msl_fem.record_fit import Belief, RunData, open_loop_stable, run_data
-from msl_fem.record_fit.run_data import POSITION
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 Progress = Callable[[str, int, int], None]
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from msl_fem.comparison.accuracy import nrmse
 from msl_fem.comparison.models import ARMAX, CoupledModel
 from msl_fem.identification import ArmaxModel, predict, sampled_run, simulate
-from msl_fem.record import Record, Role, Run
-from msl_fem.record_fit import (
+from msl_fem.prediction import (
     Asked,
     RunData,
     believed_plant,
@@ -22,7 +21,8 @@ from msl_fem.record_fit import (
     measured_start,
     open_loop_stable,
 )
-from msl_fem.record_fit.run_data import POSITION
+from msl_fem.prediction.run_data import POSITION
+from msl_fem.record import Record, Role, Run
 
 Array = NDArray[np.float64]
 HORIZON = 10

@@ -8,11 +8,11 @@ import numpy as np
 from msl_fem.actuator import Actuator, ECore
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.identification import ArmaxModel, identify
-from msl_fem.material import laminated, load_iron
+from msl_fem.materials.material import laminated, load_iron
+from msl_fem.prediction import Belief, ProcessNoise, RunData, RunFit, believed_plant, fit_record, tuned
 from msl_fem.record import Record
-from msl_fem.record_fit import Belief, ProcessNoise, RunData, RunFit, believed_plant, fit_record, tuned
-from msl_fem.reluctance_table import circuit_fitted, circuit_of, reluctance_table
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
+from msl_fem.table.reluctance_table import circuit_fitted, circuit_of, reluctance_table
 
 ANALYTIC, COUPLED, REFITTED, EXTENDED, ARMAX = "analytic", "coupled", "coupled, re-fitted", "extended", "armax"
 Progress = Callable[[str], None]

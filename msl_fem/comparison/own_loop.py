@@ -11,15 +11,15 @@ from msl_fem.control.belief import belief_of
 from msl_fem.control.design import ControllerDesign
 from msl_fem.control.designs import Choice, designed
 from msl_fem.control.stepper import Stepper
-from msl_fem.coupled_model.closed_run import clock_of
-from msl_fem.coupled_model.excitation import parse_excitation, reference
 from msl_fem.errors import InputError
-from msl_fem.operating_map import operating_map
+from msl_fem.files.schema import In
+from msl_fem.maps import operating_map
+from msl_fem.plant.closed_run import clock_of
+from msl_fem.plant.excitation import parse_excitation, reference
+from msl_fem.prediction import RunData
+from msl_fem.prediction.closed_loop import Asked
 from msl_fem.record import Record, Run
-from msl_fem.record_fit import RunData
-from msl_fem.record_fit.closed_loop import Asked
-from msl_fem.schema import In
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 Array = NDArray[np.float64]
 SAME = 1e-6  # of the largest gain: what a search may differ by on another machine

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.record import Role, StaticMap
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 Array = NDArray[np.float64]
 Quantity = Literal["force_N", "flux_linkage_Wb"]

@@ -8,7 +8,7 @@ from msl_fem.comparison.judged import Judged
 from msl_fem.comparison.models import ARMAX, COUPLED, REFITTED
 from msl_fem.comparison.residuals import Residuals
 from msl_fem.comparison.static_map import StaticError
-from msl_fem.record_fit.run_data import POSITION
+from msl_fem.prediction.run_data import POSITION
 
 WORDS = {
     "free_run": "in free run", "closed_loop": "in closed loop", "ten_step": "ten samples ahead",

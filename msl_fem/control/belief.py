@@ -9,11 +9,11 @@ from msl_fem.actuator import Actuator
 from msl_fem.control.believed_plant import BelievedPlant, believed_plant
 from msl_fem.control.inverse import Inverse, SideBelief, force_domain, held_stiffness, inverse_of
 from msl_fem.control.linear_loop import AtPosition
-from msl_fem.coupled_model.plant import PlantParameters, plant_parameters, surface_of
 from msl_fem.errors import InputError
-from msl_fem.operating_map.guard import Guard
-from msl_fem.operating_map.level_currents import OperatingMap
-from msl_fem.table import MagneticTable
+from msl_fem.maps.guard import Guard
+from msl_fem.maps.level_currents import OperatingMap
+from msl_fem.plant.plant import PlantParameters, plant_parameters, surface_of
+from msl_fem.table.magnetic_table import MagneticTable
 
 _N_REACH = 101
 

@@ -19,15 +19,15 @@ from dataclasses import replace
 import numpy as np
 
 from msl_fem.actuator import Actuator
-from msl_fem.coenergy_surface import fit_coenergy_surface
 from msl_fem.control.belief import Belief
 from msl_fem.control.believed_plant import BelievedPlant, believed_plant
 from msl_fem.control.inverse import SideBelief, inverse_of
-from msl_fem.coupled_model.plant import Surface, plant_parameters
-from msl_fem.effects import CATALOGUE, EffectValues
-from msl_fem.operating_map.guard import Guard
-from msl_fem.operating_map.level_currents import OperatingMap
-from msl_fem.table import MagneticTable
+from msl_fem.maps.guard import Guard
+from msl_fem.maps.level_currents import OperatingMap
+from msl_fem.plant.effects import CATALOGUE, EffectValues
+from msl_fem.plant.plant import Surface, plant_parameters
+from msl_fem.table.coenergy_surface import fit_coenergy_surface
+from msl_fem.table.magnetic_table import MagneticTable
 
 _KNOWN = {
     ("gap_offset", "offset"), ("gap_offset", "centring"), ("early_saturation", "knee_shift"), ("fringing", "growth"),

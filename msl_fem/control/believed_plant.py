@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
+from msl_fem.computing.statespace import StateSpace
 from msl_fem.errors import ActuatorError, InputError
-from msl_fem.statespace import StateSpace
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coenergy_surface import evaluate
 from msl_fem.control.belief import Belief, reach_of
 from msl_fem.control.design import ControllerDesign, Made, completed
 from msl_fem.control.inverse import magnet_current_limit, side_gap, side_surface
@@ -22,6 +21,7 @@ from msl_fem.control.lqr_design import DEFAULT_WISH, WORKING_SHARE, following_ga
 from msl_fem.control.output_stage import BIAS, Stage
 from msl_fem.control.weight_search import Wish, check_wish, search_weights
 from msl_fem.errors import InputError
+from msl_fem.table.coenergy_surface import evaluate
 
 Array = NDArray[np.float64]
 

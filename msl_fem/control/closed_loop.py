@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 from msl_fem.control.controller import (
     D_HAT,
     FORCE,
@@ -23,8 +23,11 @@ from msl_fem.control.controller import (
 )
 from msl_fem.control.design import ControllerDesign
 from msl_fem.control.inverse import force_limits
-from msl_fem.coupled_model.plant import CURRENT_DRIVE, PlantParameters
-from msl_fem.coupled_model.plant_in_loop import (
+from msl_fem.errors import ComputationError, InputError
+from msl_fem.files.quantity import format_quantity
+from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
+from msl_fem.plant.plant_in_loop import (
     N_READING,
     PlantInLoop,
     act,
@@ -33,11 +36,8 @@ from msl_fem.coupled_model.plant_in_loop import (
     read,
     reading_noise,
 )
-from msl_fem.coupled_model.state import COIL_1, COIL_2, I1, I2, NOT_FINITE, OK, OUTSIDE_RANGE, X
-from msl_fem.effects import EffectValues
-from msl_fem.errors import ComputationError, InputError
-from msl_fem.quantity import format_quantity
-from msl_fem.table import MagneticTable
+from msl_fem.plant.state import COIL_1, COIL_2, I1, I2, NOT_FINITE, OK, OUTSIDE_RANGE, X
+from msl_fem.table.magnetic_table import MagneticTable
 
 Array = NDArray[np.float64]
 

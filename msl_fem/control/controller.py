@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 from msl_fem.control.inverse import Inverse
 from msl_fem.control.output_stage import Stage, side_currents
 

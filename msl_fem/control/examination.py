@@ -13,8 +13,8 @@ from msl_fem.control.frequency_response import FrequencyResponse, frequency_resp
 from msl_fem.control.linear_loop import grid
 from msl_fem.control.margins import Margins, margins
 from msl_fem.control.replay import Replay, replay
-from msl_fem.coupled_model.excitation import Reference, parse_excitation, reference
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.plant.excitation import Reference, parse_excitation, reference
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coenergy_surface import evaluate, evaluate_slopes
-from msl_fem.compiled import compiled
-from msl_fem.coupled_model.plant import PlantParameters, Surface
+from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
-from msl_fem.operating_map.guard import Guard, GuardArrays, limit_at
-from msl_fem.quantity import format_quantity
+from msl_fem.files.quantity import format_quantity
+from msl_fem.maps.guard import Guard, GuardArrays, limit_at
+from msl_fem.plant.plant import PlantParameters, Surface
+from msl_fem.table.coenergy_surface import evaluate, evaluate_slopes
 
 Array = NDArray[np.float64]
 _GAP_SLOPE = 5  # row of an evaluation of the surface

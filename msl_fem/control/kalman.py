@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solve_discrete_are, solve_discrete_lyapunov
 from scipy.optimize import minimize
 
+from msl_fem.computing.statespace import StateSpace
 from msl_fem.control.believed_plant import BelievedPlant
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.statespace import StateSpace
 
 Array = NDArray[np.float64]
 _X, _B = slice(0, 1), slice(1, 3)

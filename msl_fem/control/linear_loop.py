@@ -13,11 +13,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from msl_fem.computing.statespace import StateSpace
 from msl_fem.control.believed_plant import BelievedPlant
 from msl_fem.control.controller import NO_SHAPE
 from msl_fem.control.kalman import ReducedOrderFilter
 from msl_fem.control.lqr import LqrGains
-from msl_fem.statespace import StateSpace
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

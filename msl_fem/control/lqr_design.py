@@ -14,8 +14,8 @@ from msl_fem.control.lqr import LqrGains, Weights, lqr_gains
 from msl_fem.control.output_stage import HARD_HAND_OVER, INVERSE, Stage
 from msl_fem.control.weight_search import Wish, check_wish, search_weights
 from msl_fem.errors import InputError
-from msl_fem.operating_map.level_currents import OperatingMap
-from msl_fem.table import MagneticTable
+from msl_fem.maps.level_currents import OperatingMap
+from msl_fem.table.magnetic_table import MagneticTable
 
 BANDWIDTH = 60.0
 """Default wish in Hz: -3 dB from reference to position by the integral alone, without the feedforward."""

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 from msl_fem.control.inverse import (
     Inverse,
     hand_over,
@@ -15,7 +15,7 @@ from msl_fem.control.inverse import (
     side_gap,
     side_surface,
 )
-from msl_fem.operating_map.guard import limit_at
+from msl_fem.maps.guard import limit_at
 
 Array = NDArray[np.float64]
 

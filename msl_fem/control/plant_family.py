@@ -6,8 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from msl_fem.computing.statespace import StateSpace
 from msl_fem.control.believed_plant import BelievedPlant
-from msl_fem.statespace import StateSpace
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
-from msl_fem.coenergy_surface import fit_coenergy_surface
 from msl_fem.control.belief import Belief
 from msl_fem.control.believed_plant import believed_plant
 from msl_fem.control.inverse import SideBelief, inverse_of
-from msl_fem.coupled_model.plant import PlantParameters, Surface, plant_parameters
 from msl_fem.errors import InputError
-from msl_fem.operating_map.guard import Guard
-from msl_fem.operating_map.level_currents import OperatingMap
-from msl_fem.quantity import format_quantity
+from msl_fem.files.quantity import format_quantity
+from msl_fem.maps.guard import Guard
+from msl_fem.maps.level_currents import OperatingMap
+from msl_fem.plant.plant import PlantParameters, Surface, plant_parameters
+from msl_fem.table.coenergy_surface import fit_coenergy_surface
 
 Array = NDArray[np.float64]
 _N_GAP, _N_CURRENT, _N_CHECK = 41, 25, 400

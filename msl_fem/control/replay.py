@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from msl_fem.computing.statespace import StateSpace
 from msl_fem.control.closed_loop import ClosedLoopRun
 from msl_fem.control.design import ControllerDesign
 from msl_fem.control.inverse import magnet_force, side_gap, side_surface
-from msl_fem.statespace import StateSpace
 
 Array = NDArray[np.float64]
 

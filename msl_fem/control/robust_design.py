@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from msl_fem.computing.statespace import StateSpace
 from msl_fem.control.belief import Belief
 from msl_fem.control.believed_plant import BelievedPlant
 from msl_fem.control.design import ControllerDesign, Made, completed
@@ -29,7 +30,6 @@ from msl_fem.control.lqr_design import (
 from msl_fem.control.plant_family import Deviation, deviating_plant
 from msl_fem.control.weight_search import Wish, check_wish, feedback_bandwidth
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.statespace import StateSpace
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

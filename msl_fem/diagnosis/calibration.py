@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from msl_fem.coupled_model.plant import CURRENT_DRIVE, VOLTAGE_DRIVE, PlantParameters
 from msl_fem.diagnosis.calibration_data import CLEAN
-from msl_fem.record_fit import RunData
+from msl_fem.plant.plant import CURRENT_DRIVE, VOLTAGE_DRIVE, PlantParameters
+from msl_fem.prediction import RunData
 
 DRIVES = {CURRENT_DRIVE: "current", VOLTAGE_DRIVE: "voltage"}
 RATE = (8e3, 12e3)  # Hz

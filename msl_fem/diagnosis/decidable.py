@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from msl_fem.prediction import Belief, RunData, open_loop_stable
+from msl_fem.prediction.run_data import POSITION
 from msl_fem.record import Record
-from msl_fem.record_fit import Belief, RunData, open_loop_stable
-from msl_fem.record_fit.run_data import POSITION
 
 SHORTEST = 0.5  # s of all fit runs together
 FEWEST = 3000  # samples of them

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from msl_fem.blas_threads import one_blas_thread
+from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.diagnosis.calibration import Calibration, calibration_of
 from msl_fem.diagnosis.decidable import why_not
 from msl_fem.diagnosis.decision import (
@@ -35,9 +35,9 @@ from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant, possible, variants
 from msl_fem.diagnosis.widening import wider
 from msl_fem.errors import InputError
+from msl_fem.prediction import Belief, RunData, run_data
 from msl_fem.record import Record
-from msl_fem.record_fit import Belief, RunData, run_data
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 Progress = Callable[[str], None]
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.search import Stage
-from msl_fem.effects import EffectValues
-from msl_fem.record_fit import Belief, RunData, believed_plant, free_run, measured_start
-from msl_fem.record_fit.free_run import counted
-from msl_fem.record_fit.run_data import POSITION
+from msl_fem.plant.effects import EffectValues
+from msl_fem.prediction import Belief, RunData, believed_plant, free_run, measured_start
+from msl_fem.prediction.free_run import counted
+from msl_fem.prediction.run_data import POSITION
 
 Array = NDArray[np.float64]
 SMOOTH = 0.5e-3  # s over which a velocity is taken, at least three samples

@@ -10,10 +10,10 @@ from msl_fem.diagnosis.fit import Fit
 from msl_fem.diagnosis.simulator import Problem
 from msl_fem.diagnosis.table_error import corrected
 from msl_fem.diagnosis.unknowns import EffectUnknown, factor
-from msl_fem.effects import POSITION, EffectValues, find_parameter, from_vector
-from msl_fem.record_fit import Belief
-from msl_fem.record_fit.believed import believed_value
-from msl_fem.table import MagneticTable
+from msl_fem.plant.effects import POSITION, EffectValues, find_parameter, from_vector
+from msl_fem.prediction import Belief
+from msl_fem.prediction.believed import believed_value
+from msl_fem.table.magnetic_table import MagneticTable
 
 Array = NDArray[np.float64]
 INTERVAL = 1.96

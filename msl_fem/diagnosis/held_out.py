@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.record_fit import Belief, RunData, believed_plant, free_run, measured_start
-from msl_fem.record_fit.free_run import counted
+from msl_fem.prediction import Belief, RunData, believed_plant, free_run, measured_start
+from msl_fem.prediction.free_run import counted
 
 Array = NDArray[np.float64]
 

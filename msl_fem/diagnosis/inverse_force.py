@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from msl_fem.compiled import compiled
-from msl_fem.coupled_model import PlantParameters
-from msl_fem.coupled_model.coefficients import N_STOP
-from msl_fem.effects import POSITION as PLACE
-from msl_fem.effects.lags import pole_and_delay, position_delay
+from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
-from msl_fem.record_fit import RunData
-from msl_fem.record_fit.run_data import POSITION
+from msl_fem.plant import PlantParameters
+from msl_fem.plant.coefficients import N_STOP
+from msl_fem.plant.effects import POSITION as PLACE
+from msl_fem.plant.effects.lags import pole_and_delay, position_delay
+from msl_fem.prediction import RunData
+from msl_fem.prediction.run_data import POSITION
 
 Array = NDArray[np.float64]
 Spectrum = NDArray[np.complexfloating]

@@ -12,8 +12,8 @@ from msl_fem.diagnosis.simulator import Points
 from msl_fem.diagnosis.static_maps import StaticLikelihood, prepared_map, why_no_map
 from msl_fem.diagnosis.table_error import TableError, Visited, table_error
 from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.prediction import Belief, Plant, RunData
 from msl_fem.record import Record
-from msl_fem.record_fit import Belief, Plant, RunData
 
 Array = NDArray[np.float64]
 NOTE = "the rows of the static map count beside the runs"

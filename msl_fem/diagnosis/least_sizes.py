@@ -17,7 +17,7 @@ from msl_fem.diagnosis.decision import COINCIDING, TOLERANCES
 from msl_fem.diagnosis.fit import Fit, Likelihood
 from msl_fem.diagnosis.scoring import Score
 from msl_fem.diagnosis.unknowns import EffectUnknown
-from msl_fem.effects import CATALOGUE
+from msl_fem.plant.effects import CATALOGUE
 
 Array = NDArray[np.float64]
 NONCENTRALITY = 17.8

@@ -14,8 +14,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coupled_model.coefficients import kernel_coefficients
-from msl_fem.coupled_model.extended import small_signal_inductance
 from msl_fem.diagnosis.extension import extended_belief
 from msl_fem.diagnosis.fit import Fit, Likelihood
 from msl_fem.diagnosis.held_out import Followed
@@ -28,10 +26,11 @@ from msl_fem.diagnosis.simulator import Points, Problem
 from msl_fem.diagnosis.static_maps import prepared_map
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant, possible, variants
-from msl_fem.effects import neutral_vector
 from msl_fem.errors import InputError
-from msl_fem.record import Record
-from msl_fem.record_fit import (
+from msl_fem.plant.coefficients import kernel_coefficients
+from msl_fem.plant.effects import neutral_vector
+from msl_fem.plant.extended import small_signal_inductance
+from msl_fem.prediction import (
     Belief,
     Plant,
     ProcessNoise,
@@ -44,8 +43,9 @@ from msl_fem.record_fit import (
     measured_start,
     tuned,
 )
-from msl_fem.record_fit.believed import with_factors
-from msl_fem.record_fit.free_run import moved_start, start_sigmas
+from msl_fem.prediction.believed import with_factors
+from msl_fem.prediction.free_run import moved_start, start_sigmas
+from msl_fem.record import Record
 
 Array = NDArray[np.float64]
 Way = Literal["closed-loop", "one-step"]

@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coupled_model import static_map
 from msl_fem.diagnosis.separation import Measure
 from msl_fem.diagnosis.simulator import Problem
-from msl_fem.effects import POSITION, from_vector
+from msl_fem.plant import static_map
+from msl_fem.plant.effects import POSITION, from_vector
 
 Array = NDArray[np.float64]
 GAUGE_BLOCK, SCALES, OHMMETER, LOAD_CELL = 2e-4, 2e-4, 1e-3, 2e-3

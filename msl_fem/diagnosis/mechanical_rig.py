@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coupled_model import PlantParameters
 from msl_fem.diagnosis.extension import extended_belief
 from msl_fem.diagnosis.fit import Fit, Likelihood
 from msl_fem.diagnosis.held_out import Followed
@@ -26,12 +25,13 @@ from msl_fem.diagnosis.scene import scene
 from msl_fem.diagnosis.simulator import Points, Problem
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant, possible, variants
-from msl_fem.effects import neutral_vector
+from msl_fem.plant import PlantParameters
+from msl_fem.plant.effects import neutral_vector
+from msl_fem.prediction import Belief, RunData, believed_plant, free_parameters
+from msl_fem.prediction.believed import with_factors
+from msl_fem.prediction.noise import highest_band_sigma
+from msl_fem.prediction.run_data import POSITION
 from msl_fem.record import Record, Tolerance
-from msl_fem.record_fit import Belief, RunData, believed_plant, free_parameters
-from msl_fem.record_fit.believed import with_factors
-from msl_fem.record_fit.noise import highest_band_sigma
-from msl_fem.record_fit.run_data import POSITION
 
 Array = NDArray[np.float64]
 FORCE = "force_N"

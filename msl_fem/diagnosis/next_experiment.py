@@ -11,10 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coupled_model import bearable_run
-from msl_fem.coupled_model.excitation import parse_excitation
-from msl_fem.coupled_model.excitation_kinds import Excitation
-from msl_fem.coupled_model.inputs import DRIVE_UNIT
 from msl_fem.diagnosis.fit import Likelihood
 from msl_fem.diagnosis.measures import beside_a_run
 from msl_fem.diagnosis.noise_bands import make_bands
@@ -23,12 +19,16 @@ from msl_fem.diagnosis.search import Stage
 from msl_fem.diagnosis.separation import Hypothesis, Measure, PlannedRecord
 from msl_fem.diagnosis.simulator import Problem
 from msl_fem.diagnosis.unknowns import Unknowns
-from msl_fem.effects import find_parameter
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.quantity import format_quantity
-from msl_fem.record_fit import Belief, Plant, RunData, Start
-from msl_fem.record_fit.free_run import start_sigmas
-from msl_fem.record_fit.run_data import POSITION
+from msl_fem.files.quantity import format_quantity
+from msl_fem.plant import bearable_run
+from msl_fem.plant.effects import find_parameter
+from msl_fem.plant.excitation import parse_excitation
+from msl_fem.plant.excitation_kinds import Excitation
+from msl_fem.plant.inputs import DRIVE_UNIT
+from msl_fem.prediction import Belief, Plant, RunData, Start
+from msl_fem.prediction.free_run import start_sigmas
+from msl_fem.prediction.run_data import POSITION
 
 Array = NDArray[np.float64]
 TOLD_APART = 5.0

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from msl_fem.coupled_model import plant_parameters
 from msl_fem.diagnosis.decidable import unstable_run, why_not
 from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.loops import of_loops
@@ -11,8 +10,9 @@ from msl_fem.diagnosis.other_records import Tell, diagnosis_of
 from msl_fem.diagnosis.rests import of_rests, rests
 from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.diagnosis.static_maps import of_map, why_no_map
+from msl_fem.plant import plant_parameters
+from msl_fem.prediction import Belief, RunData
 from msl_fem.record import Record
-from msl_fem.record_fit import Belief, RunData
 
 
 def other_diagnosis(

@@ -27,7 +27,7 @@ from msl_fem.diagnosis.result import Accuracy, Cause, Diagnosis, Unexplained
 from msl_fem.diagnosis.search import ROUGH, Stage, stage, statistics_of
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant
-from msl_fem.record_fit import Belief
+from msl_fem.prediction import Belief
 
 Tell = Callable[[str], None]
 

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.signal import lfilter
 
-from msl_fem.coupled_model import kernel
-from msl_fem.coupled_model.plant import FORCE_DRIVE
 from msl_fem.diagnosis.fit import Fit, Likelihood
-from msl_fem.record_fit import Belief, Plant, RunData, Start, believed_plant, measured_start
-from msl_fem.record_fit.free_run import kernel_state, readings_of
+from msl_fem.plant import kernel
+from msl_fem.plant.plant import FORCE_DRIVE
+from msl_fem.prediction import Belief, Plant, RunData, Start, believed_plant, measured_start
+from msl_fem.prediction.free_run import kernel_state, readings_of
 
 Array = NDArray[np.float64]
 N_SPLINE = 14

@@ -10,8 +10,7 @@ from msl_fem.diagnosis.noise_bands import make_bands
 from msl_fem.diagnosis.simulator import Problem
 from msl_fem.diagnosis.table_error import Visited, table_error
 from msl_fem.diagnosis.unknowns import Unknowns
-from msl_fem.record import Tolerance
-from msl_fem.record_fit import (
+from msl_fem.prediction import (
     Belief,
     Plant,
     RunData,
@@ -20,8 +19,9 @@ from msl_fem.record_fit import (
     free_run,
     measured_start,
 )
-from msl_fem.record_fit.free_run import counted, start_sigmas
-from msl_fem.record_fit.run_data import POSITION
+from msl_fem.prediction.free_run import counted, start_sigmas
+from msl_fem.prediction.run_data import POSITION
+from msl_fem.record import Tolerance
 
 Array = NDArray[np.float64]
 HEARD = 0.02  # of the noise's density: lines where the model's readings stay below it tell nothing

@@ -10,15 +10,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coupled_model import plant_parameters
 from msl_fem.diagnosis.fit import Fit, Likelihood
 from msl_fem.diagnosis.other_records import Kind
 from msl_fem.diagnosis.static_maps import StaticLikelihood, candidates_of_map, of_map
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
+from msl_fem.plant import plant_parameters
+from msl_fem.prediction import Belief, noise_floor
+from msl_fem.prediction.run_data import POSITION
 from msl_fem.record import Record, Run, StaticMap
-from msl_fem.record_fit import Belief, noise_floor
-from msl_fem.record_fit.run_data import POSITION
 
 Array = NDArray[np.float64]
 WINDOW = 1.0  # s; its second half is averaged

@@ -7,7 +7,7 @@ from typing import Any, Literal
 from msl_fem.diagnosis.evidence import Evidence
 from msl_fem.diagnosis.extension import Estimate, unit_of
 from msl_fem.diagnosis.held_out import Followed
-from msl_fem.record_fit import Belief
+from msl_fem.prediction import Belief
 
 Verdict = Literal["nothing-found", "named", "unexplained", "named-and-unexplained", "undecidable"]
 

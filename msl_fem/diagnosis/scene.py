@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from msl_fem.diagnosis.fit import Fit, Likelihood
 from msl_fem.diagnosis.variants import Scene
-from msl_fem.record_fit import RunData
-from msl_fem.record_fit.run_data import POSITION
+from msl_fem.prediction import RunData
+from msl_fem.prediction.run_data import POSITION
 
 Array = NDArray[np.float64]
 MOST_LINES = 3

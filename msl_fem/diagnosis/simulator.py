@@ -5,16 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coupled_model import Surface
-from msl_fem.coupled_model.inputs import Inputs
-from msl_fem.coupled_model.lane_run import LaneRun, LaneSettings, run_lanes
 from msl_fem.diagnosis.table_error import TableError
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.errors import InputError
-from msl_fem.record_fit import Plant, RunData, Start
-from msl_fem.record_fit.believed import with_factors
-from msl_fem.record_fit.free_run import counted
-from msl_fem.record_fit.run_data import POSITION
+from msl_fem.plant import Surface
+from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
+from msl_fem.prediction import Plant, RunData, Start
+from msl_fem.prediction.believed import with_factors
+from msl_fem.prediction.free_run import counted
+from msl_fem.prediction.run_data import POSITION
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
-from msl_fem.coupled_model import PlantParameters, Surface, plant_parameters, surface_of
-from msl_fem.coupled_model.plant import VOLTAGE_DRIVE
-from msl_fem.coupled_model.static_map import static_map
 from msl_fem.diagnosis.extension import extended_belief
 from msl_fem.diagnosis.fit import Fit, Likelihood
 from msl_fem.diagnosis.held_out import Followed
@@ -23,12 +20,15 @@ from msl_fem.diagnosis.simulator import Points, Problem
 from msl_fem.diagnosis.table_error import Visited, corrected, table_error
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Scene, Variant, variants
-from msl_fem.effects import POSITION as PLACE
-from msl_fem.effects import EffectValues, from_vector, neutral_vector
 from msl_fem.errors import InputError, OutOfTable
+from msl_fem.plant import PlantParameters, Surface, plant_parameters, surface_of
+from msl_fem.plant.effects import POSITION as PLACE
+from msl_fem.plant.effects import EffectValues, from_vector, neutral_vector
+from msl_fem.plant.plant import VOLTAGE_DRIVE
+from msl_fem.plant.static_map import static_map
+from msl_fem.prediction import Belief, Plant
 from msl_fem.record import Record, StaticMap
-from msl_fem.record_fit import Belief, Plant
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 Array = NDArray[np.float64]
 STATIC_EFFECTS = (

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coenergy_surface import fit_coenergy_surface
-from msl_fem.table import NODES, MagneticTable
+from msl_fem.table.coenergy_surface import fit_coenergy_surface
+from msl_fem.table.magnetic_table import NODES, MagneticTable
 
 Array = NDArray[np.float64]
 LENGTH = 0.6

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.effects import CATALOGUE, POSITION, neutral_vector
+from msl_fem.plant.effects import CATALOGUE, POSITION, neutral_vector
 
 Array = NDArray[np.float64]
 WIDE = 10.0

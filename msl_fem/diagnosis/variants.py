@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coupled_model.coefficients import drive_lags
-from msl_fem.coupled_model.extended import LAGGING
-from msl_fem.coupled_model.plant import FORCE_DRIVE, PlantParameters
 from msl_fem.diagnosis.unknowns import EffectUnknown
-from msl_fem.effects import CATALOGUE
+from msl_fem.plant.coefficients import drive_lags
+from msl_fem.plant.effects import CATALOGUE
+from msl_fem.plant.extended import LAGGING
+from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters
 
 Array = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coupled_model import Simulation, bearable_run
-from msl_fem.coupled_model.excitation_kinds import Excitation
 from msl_fem.diagnosis.next_experiment import Question, at_planned_length, menu, spec_of
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.plant import Simulation, bearable_run
+from msl_fem.plant.excitation_kinds import Excitation
 
 Array = NDArray[np.float64]
 WIDER = 1.1  # times the spread of the run as it was, that is worth a run

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.coenergy_surface import CoenergySurface
 from msl_fem.control.controller import controller_state, controller_step
 from msl_fem.control.design import KINDS, ControllerDesign
 from msl_fem.control.output_stage import BIAS
-from msl_fem.coupled_model.plant import Surface
 from msl_fem.export.c_guard import guard_header
 from msl_fem.export.c_text import c_header, c_prefix, write_header
-from msl_fem.operating_map import OperatingMap
-from msl_fem.table import INTERPOLANT
+from msl_fem.maps import OperatingMap
+from msl_fem.plant.plant import Surface
+from msl_fem.table.coenergy_surface import CoenergySurface
+from msl_fem.table.magnetic_table import INTERPOLANT
 
 Array = NDArray[np.float64]
 _CHECKED = 64

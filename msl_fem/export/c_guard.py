@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.export.c_text import c_header, c_prefix, write_header
-from msl_fem.operating_map import Guard, OperatingMap
-from msl_fem.operating_map.guard import REASONS
+from msl_fem.maps import Guard, OperatingMap
+from msl_fem.maps.guard import REASONS
 
 Array = NDArray[np.float64]
 _NAMES = ("BELOW_FIRST", "BETWEEN", "ABOVE_LAST", "BEYOND_MAP", "GAP_OUTSIDE", "GAP_NAN", "CURRENT_NAN")

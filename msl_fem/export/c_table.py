@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.export.c_text import c_header, c_prefix, write_header
-from msl_fem.table import INTERPOLANT, MagneticTable
+from msl_fem.table.magnetic_table import INTERPOLANT, MagneticTable
 
 Array = NDArray[np.float64]
 _MOST_NODES_CHECKED = 4

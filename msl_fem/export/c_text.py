@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import ArrayLike
 
 from msl_fem.errors import InputError
-from msl_fem.whole_file import whole_file
+from msl_fem.files.whole_file import whole_file
 
 _WORD = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 _LONGEST_NAME = 24  # with what follows below the 63 characters of a name that C99 tells apart

@@ -3,8 +3,8 @@
 import csv
 from pathlib import Path
 
-from msl_fem.table import EXTRAS, NODES, SECTION, MagneticTable
-from msl_fem.whole_file import whole_file
+from msl_fem.files.whole_file import whole_file
+from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION, MagneticTable
 
 _FIRST = ("force", "flux_linkage")
 

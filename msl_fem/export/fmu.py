@@ -1,7 +1,7 @@
 """The coupled model as an FMU: FMI 2.0, co-simulation, C source with the tables compiled in.
 
 The archive holds the model description, `sources/` with everything that a compiler needs, a page of documentation, and
-the shared library for this machine where gcc is there. What is compiled is the plain model of `msl_fem.coupled_model`:
+the shared library for this machine where gcc is there. What is compiled is the plain model of `msl_fem.plant`:
 both sides, the drive with its limits, the motion, end stops, the position sensor's bandwidth.
 """
 
@@ -15,15 +15,15 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from msl_fem.coupled_model import plant_parameters
-from msl_fem.coupled_model.step_size import STEP_OF_FASTEST, fastest_rate
 from msl_fem.errors import InputError
 from msl_fem.export.c_table import table_header
 from msl_fem.export.c_text import c_prefix, c_source
 from msl_fem.export.fmu_library import FLAGS, compile_library
 from msl_fem.export.fmu_variables import UNITS, Variable, channel_count, variables
 from msl_fem.export.formats import ModelSource
-from msl_fem.whole_file import whole_file
+from msl_fem.files.whole_file import whole_file
+from msl_fem.plant import plant_parameters
+from msl_fem.plant.step_size import STEP_OF_FASTEST, fastest_rate
 
 COMPILED = ("fmu_api.c", "fmu_plant.c")
 _SHIPPED = (*COMPILED, "fmu_plant.h", "fmi2/fmi2TypesPlatform.h", "fmi2/fmi2FunctionTypes.h", "fmi2/fmi2Functions.h")

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from msl_fem.coupled_model import PlantParameters
-from msl_fem.coupled_model.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE
+from msl_fem.plant import PlantParameters
+from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE
 
 Causality = Literal["parameter", "input", "output"]
 REAL, INTEGER, BOOLEAN = "Real", "Integer", "Boolean"

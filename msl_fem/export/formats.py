@@ -8,7 +8,7 @@ from typing import Any
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 ACTUATOR, TABLE, MAP, MODEL, CONTROLLER = "actuator", "table", "map", "model", "controller"
 

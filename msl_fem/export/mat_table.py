@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 from msl_fem.export.refined_grid import refined_grid
-from msl_fem.table import MagneticTable
-from msl_fem.whole_file import whole_file
+from msl_fem.files.whole_file import whole_file
+from msl_fem.table.magnetic_table import MagneticTable
 
 RULE = (
     "One magnet of the full stack depth, SI units. Rows: current i (A); columns: air gap x (m) between case C and "

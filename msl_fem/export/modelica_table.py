@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from msl_fem.export.c_text import c_comment
 from msl_fem.export.refined_grid import RefinedGrid, refined_grid
-from msl_fem.table import NODES, MagneticTable
-from msl_fem.whole_file import whole_file
+from msl_fem.files.whole_file import whole_file
+from msl_fem.table.magnetic_table import NODES, MagneticTable
 
 Array = NDArray[np.float64]
 MATRICES = ("force", "flux_linkage", "incremental_inductance", "force_current_slope", "coenergy")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.table import NODES, MagneticTable
+from msl_fem.table.magnetic_table import NODES, MagneticTable
 
 Array = NDArray[np.float64]
 _AT_REST = (

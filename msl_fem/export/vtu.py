@@ -5,10 +5,10 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from msl_fem.magnet_field import MagnetField
-from msl_fem.magnetostatics import FieldSolution
-from msl_fem.postprocess import triangle_flux_density
-from msl_fem.whole_file import whole_file
+from msl_fem.files.whole_file import whole_file
+from msl_fem.magnetics.kinds.e_core import MagnetField
+from msl_fem.magnetics.solver.magnetostatics import FieldSolution
+from msl_fem.magnetics.solver.postprocess import triangle_flux_density
 
 
 def write_vtu(field: MagnetField, solution: FieldSolution, path: Path) -> None:

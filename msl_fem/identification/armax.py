@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from msl_fem.blas_threads import one_blas_thread
+from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.errors import ComputationError
 from msl_fem.identification.armax_model import ArmaxModel
 from msl_fem.identification.data import SampledRun, check_length, check_runs

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from msl_fem.blas_threads import one_blas_thread
+from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.identification.armax import fit_armax
 from msl_fem.identification.armax_model import ArmaxModel

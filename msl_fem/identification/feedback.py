@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from msl_fem.blas_threads import one_blas_thread
+from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.identification.data import SampledRun
 from msl_fem.identification.model import ArmaxEstimate
 from msl_fem.identification.prediction_error import prediction_errors, sensitivity_columns, sensitivity_signals

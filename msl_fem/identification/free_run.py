@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
 from msl_fem.identification.data import FloatArray, SampledRun
 from msl_fem.identification.model import ArmaxEstimate

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import butter, sosfiltfilt
 
-from msl_fem.compiled import compiled
+from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
 from msl_fem.identification.data import FloatArray
 

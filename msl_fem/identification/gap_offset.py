@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from msl_fem.blas_threads import one_blas_thread
+from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.errors import InputError
 from msl_fem.identification.armax import EXCERPT_SAMPLES, best_search, fit_armax, model_of
 from msl_fem.identification.armax_model import ArmaxModel

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from msl_fem.blas_threads import one_blas_thread
+from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.identification.armax import best_search
 from msl_fem.identification.criterion import Criterion

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, norm
 
-from msl_fem.blas_threads import one_blas_thread
+from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.errors import InputError
 from msl_fem.identification.data import FloatArray, SampledRun
 from msl_fem.identification.model import ArmaxEstimate

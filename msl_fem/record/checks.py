@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import RecordError
-from msl_fem.quantity import format_quantity
+from msl_fem.files.quantity import format_quantity
 from msl_fem.record.column_file import numbers, place
 from msl_fem.record.linear_law import linear_laws
 from msl_fem.record.record import Array, Record, Run, Sampling

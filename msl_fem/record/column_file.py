@@ -11,8 +11,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from msl_fem.errors import RecordError
-from msl_fem.netcdf_file import read_netcdf, write_netcdf
-from msl_fem.schema import LARGEST, reason
+from msl_fem.files.netcdf_file import read_netcdf, write_netcdf
+from msl_fem.files.schema import LARGEST, reason
 
 Column = NDArray[Any]
 MOST_VALUES = 1_000_000_000  # of a NetCDF file, 8 GB

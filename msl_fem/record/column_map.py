@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from msl_fem.errors import QuantityError, RecordError
-from msl_fem.quantity import parse_quantity
-from msl_fem.schema import read_toml
+from msl_fem.files.quantity import parse_quantity
+from msl_fem.files.schema import read_toml
 
 UNIT = {
     "time_s": "s",

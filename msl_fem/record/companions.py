@@ -10,9 +10,9 @@ from typing import Any
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import RecordError
-from msl_fem.material import load_iron
-from msl_fem.schema import document
-from msl_fem.table import read_table
+from msl_fem.files.schema import document
+from msl_fem.materials.material import load_iron
+from msl_fem.table.magnetic_table import read_table
 
 
 def file_keys(content: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from msl_fem.errors import RecordError
-from msl_fem.schema import FrozenModel, In, bare_number, first_complaint
+from msl_fem.files.schema import FrozenModel, In, bare_number, first_complaint
 
 Array = NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]

@@ -12,8 +12,8 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
 from msl_fem.errors import RecordError
-from msl_fem.netcdf_file import refuse_endless_heap
-from msl_fem.schema import reason
+from msl_fem.files.netcdf_file import refuse_endless_heap
+from msl_fem.files.schema import reason
 
 Array = NDArray[np.float64]
 DELIMITERS = ",;\t"

@@ -10,6 +10,9 @@ import numpy as np
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import RecordError
+from msl_fem.files.schema import reason
+from msl_fem.files.toml_text import toml_text
+from msl_fem.files.whole_file import whole_file
 from msl_fem.record.checks import check_columns, check_run, known_columns
 from msl_fem.record.column_file import numbers, write_columns
 from msl_fem.record.column_map import ColumnSource
@@ -18,9 +21,6 @@ from msl_fem.record.reader import load_record
 from msl_fem.record.record import Record, Role, Run, Sampling
 from msl_fem.record.rig_file import RIG_FILE
 from msl_fem.record.writer import write_record
-from msl_fem.schema import reason
-from msl_fem.toml_text import toml_text
-from msl_fem.whole_file import whole_file
 
 LONG = 100_000  # samples from which a run is written as NetCDF
 

@@ -11,8 +11,8 @@ from pydantic import Field
 
 from msl_fem.actuator import Actuator, CurrentNoise, Frequency, PositionNoise
 from msl_fem.errors import RecordError
+from msl_fem.files.schema import FrozenModel, In
 from msl_fem.record.linear_law import LinearLaw, law_of, linear_laws
-from msl_fem.schema import FrozenModel, In
 
 Array = NDArray[np.float64]
 Role = Literal["fit", "held-out"]

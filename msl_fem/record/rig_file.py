@@ -7,8 +7,8 @@ from pydantic import Field, ValidationError, model_validator
 
 from msl_fem.actuator import PURE_NUMBERS, Actuator, load_actuator
 from msl_fem.errors import RecordError
+from msl_fem.files.schema import FrozenModel, bare_number, first_complaint, read_toml
 from msl_fem.record.record import Noise, Origin, Role, Sampling, Tolerance
-from msl_fem.schema import FrozenModel, bare_number, first_complaint, read_toml
 
 RIG_FILE = "rig.toml"
 STATIC_FILE = "static.csv"

@@ -13,14 +13,14 @@ from pydantic import ValidationError
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import RecordError
+from msl_fem.files.schema import document, first_complaint, reason
+from msl_fem.files.toml_text import toml_text
 from msl_fem.record.checks import check_record, check_run
 from msl_fem.record.column_file import Column, write_columns
 from msl_fem.record.companions import check_companions, companions, file_keys
 from msl_fem.record.reader import static_map
 from msl_fem.record.record import Record, StaticMap
 from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RigFile, read_rig
-from msl_fem.schema import document, first_complaint, reason
-from msl_fem.toml_text import toml_text
 
 if sys.platform != "win32":
     import fcntl

@@ -12,9 +12,9 @@ from plotly.subplots import make_subplots
 
 from msl_fem.comparison import Comparison, Judged, StaticError
 from msl_fem.comparison.residuals import Residuals
-from msl_fem.quantity import format_quantity
-from msl_fem.record_fit.believed import UNITS
-from msl_fem.record_fit.run_data import POSITION
+from msl_fem.files.quantity import format_quantity
+from msl_fem.prediction.believed import UNITS
+from msl_fem.prediction.run_data import POSITION
 from msl_fem.report.page import Grid, Page, Stage
 from msl_fem.report.style import GREY, SERIES, dress, figure, line, logarithmic
 

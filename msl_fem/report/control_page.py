@@ -8,7 +8,7 @@ import numpy as np
 from plotly.subplots import make_subplots
 
 from msl_fem.control import KINDS, ClosedLoopRun, Examination, Replay
-from msl_fem.quantity import format_quantity
+from msl_fem.files.quantity import format_quantity
 from msl_fem.report.figures import Tracking, frequency_response, tracking
 from msl_fem.report.page import Grid, Page, Stage
 from msl_fem.report.style import BLUE, GREY, ORANGE, SERIES, dress, figure, line, logarithmic

@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from msl_fem.field_map import DecouplingMap
+from msl_fem.magnetics.field_map import DecouplingMap
 from msl_fem.report.style import GREY, SERIES
 
 Array = NDArray[np.float64]

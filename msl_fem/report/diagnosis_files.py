@@ -12,14 +12,14 @@ import numpy as np
 
 from msl_fem.actuator import Actuator, TableMagnet
 from msl_fem.diagnosis.result import Diagnosis
-from msl_fem.effects import EffectValues
 from msl_fem.errors import InputError
-from msl_fem.extended_model import ExtendedModel, write_extended_model
+from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.extended_model import ExtendedModel, write_extended_model
+from msl_fem.prediction import Belief
 from msl_fem.record import Record
-from msl_fem.record_fit import Belief
 from msl_fem.report.diagnosis_page import diagnosis_page
 from msl_fem.report.page import write_page
-from msl_fem.table import SECTION, MagneticTable, write_table
+from msl_fem.table.magnetic_table import SECTION, MagneticTable, write_table
 
 DIAGNOSIS, REPORT, MODEL, TABLE = "diagnosis.json", "report.html", "extended_model.toml", "corrected_table.nc"
 FILES = (TABLE, MODEL, REPORT, DIAGNOSIS)

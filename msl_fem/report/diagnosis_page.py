@@ -8,10 +8,10 @@ from importlib.metadata import version
 from msl_fem.diagnosis.evidence import ChannelResiduals, Evidence, Size, Tried
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.result import Diagnosis
-from msl_fem.effects import CATALOGUE, find_parameter
-from msl_fem.quantity import format_quantity
+from msl_fem.files.quantity import format_quantity
+from msl_fem.plant.effects import CATALOGUE, find_parameter
+from msl_fem.prediction.believed import UNITS
 from msl_fem.record import Record
-from msl_fem.record_fit.believed import UNITS
 from msl_fem.report.diagnosis_figures import (
     dependence_figure,
     gain_figure,

@@ -6,8 +6,8 @@ from scipy.stats import beta
 
 from msl_fem.diagnosis.extension import Estimate, unit_of
 from msl_fem.diagnosis.result import Accuracy, Cause, Diagnosis
-from msl_fem.effects import CATALOGUE, find_parameter
-from msl_fem.quantity import format_quantity
+from msl_fem.files.quantity import format_quantity
+from msl_fem.plant.effects import CATALOGUE, find_parameter
 
 FAR = 4.0  # tolerances by which a believed parameter has to be off before it is called far out
 LITTLE = 1.05  # times the error with the effects: re-fitting alone does as well

@@ -1,7 +1,7 @@
 """The operating map to walk about in: current and gap in the page, region, force and flux computed there.
 
 The page carries the coefficients of the table's own coenergy surface and the guard's lines as doubles, and evaluates
-both by the formulas of `msl_fem.coenergy_surface` and `msl_fem.operating_map.guard`: what it shows is what table and
+both by the formulas of `msl_fem.table.coenergy_surface` and `msl_fem.maps.guard`: what it shows is what table and
 guard say, to rounding.
 """
 
@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from msl_fem.operating_map import Guard, OperatingMap
-from msl_fem.operating_map.guard import REASONS, REGIONS
+from msl_fem.maps import Guard, OperatingMap
+from msl_fem.maps.guard import REASONS, REGIONS
 from msl_fem.report.figures import operating_regions
 from msl_fem.report.page import Widget, html_from, page_part, script_text
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 QUANTITIES = (
     ("coenergy", "coenergy", "mJ", 1e3),

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
-from msl_fem.magnet_field import MagnetField
-from msl_fem.magnetostatics import FieldSolution
-from msl_fem.whole_file import whole_file
+from msl_fem.files.whole_file import whole_file
+from msl_fem.magnetics.kinds.e_core import MagnetField
+from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 
 Array = NDArray[np.float64]
 COLOURS = "viridis"

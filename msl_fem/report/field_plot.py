@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
-from msl_fem.magnet_field import MagnetField
-from msl_fem.magnetostatics import FieldSolution
+from msl_fem.magnetics.kinds.e_core import MagnetField
+from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.report.field_picture import COLOURS, HIGHEST, PaintedField, paint, painted_field
 from msl_fem.report.style import figure
 

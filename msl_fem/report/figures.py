@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from msl_fem.operating_map import OperatingMap
+from msl_fem.maps import OperatingMap
 from msl_fem.report.style import (
     BLUE,
     GREEN,
@@ -23,7 +23,7 @@ from msl_fem.report.style import (
     line,
     logarithmic,
 )
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 Array = NDArray[np.float64]
 MOST_POINTS = 4000

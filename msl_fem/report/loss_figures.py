@@ -3,12 +3,11 @@
 import numpy as np
 import plotly.graph_objects as go
 
-from msl_fem.copper_loss import CopperLoss
-from msl_fem.core_loss_data import LossPoints, Sheet
 from msl_fem.errors import MaterialError
-from msl_fem.iron_loss import IronLoss, sinusoidal_loss
+from msl_fem.losses import IronLoss, ThermalCurve, sinusoidal_loss
+from msl_fem.losses.copper_loss import CopperLoss
+from msl_fem.materials.core_loss_data import LossPoints, Sheet
 from msl_fem.report.style import BLUE, GREEN, GREY, ORANGE, SERIES, SKY, figure, line, logarithmic
-from msl_fem.thermal import ThermalCurve
 
 TERMS = (("hysteresis", BLUE), ("eddy", ORANGE), ("excess", GREEN))
 

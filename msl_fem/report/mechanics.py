@@ -5,12 +5,12 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from msl_fem.actuator import Actuator
-from msl_fem.flexure_beam import LeafBeam
-from msl_fem.gap_trade import GapTrade
-from msl_fem.quantity import format_quantity
+from msl_fem.files.quantity import format_quantity
+from msl_fem.mechanics import SuspensionReport
+from msl_fem.mechanics.flexure_beam import LeafBeam
+from msl_fem.mechanics.gap_trade import GapTrade
 from msl_fem.report.page import Grid, Page, Stage
 from msl_fem.report.style import BLUE, GREEN, GREY, ORANGE, RED, dress, figure, line, logarithmic
-from msl_fem.suspension import SuspensionReport
 
 N_DISPLACEMENT, N_BEAM = 61, 9
 

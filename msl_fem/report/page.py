@@ -12,8 +12,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from matplotlib.figure import Figure
 from plotly.offline import get_plotlyjs
 
+from msl_fem.files.whole_file import whole_file
 from msl_fem.report.style import HEIGHT
-from msl_fem.whole_file import whole_file
 
 _FOLDER = Path(__file__).parent
 _ENVIRONMENT = Environment(

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from msl_fem.files.whole_file import whole_file
 from msl_fem.record import Run
-from msl_fem.whole_file import whole_file
 
 PREFIXED = {"m", "A", "V", "N", "Wb", "T"}
 SMALL = (("m", 1e3), ("µ", 1e6), ("n", 1e9))

@@ -5,7 +5,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from msl_fem.whole_file import whole_file
+from msl_fem.files.whole_file import whole_file
 
 TIME_LIMIT = 120  # s
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from msl_fem.control import ClosedLoopRun
+from msl_fem.files.quantity import format_quantity
 from msl_fem.identification import sampled_run, simulate
-from msl_fem.quantity import format_quantity
 from msl_fem.report.explorer import explorer
 from msl_fem.report.field_plot import field_plot
 from msl_fem.report.figures import (

@@ -4,10 +4,10 @@ import numpy as np
 import plotly.graph_objects as go
 
 from msl_fem.actuator import Actuator
-from msl_fem.quantity import format_quantity
+from msl_fem.design.tolerances import Sensitivity, ToleranceStudy
+from msl_fem.files.quantity import format_quantity
 from msl_fem.report.page import Grid, Page, Stage
 from msl_fem.report.style import BLUE, GREEN, ORANGE, RED, figure, line
-from msl_fem.tolerance_study import Sensitivity, ToleranceStudy
 
 FILLS = ("rgba(0,158,115,0.25)", "rgba(213,94,0,0.25)", "rgba(0,114,178,0.25)")
 

@@ -8,9 +8,9 @@ from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.bench.rig import Rig, true_rig
 from msl_fem.bench.sealed import BenchOptions, prepared_setting
 from msl_fem.bench.setting import Setting
-from msl_fem.coupled_model.excitation import parse_excitation
-from msl_fem.coupled_model.excitation_kinds import Excitation
-from msl_fem.table import MagneticTable, read_table
+from msl_fem.plant.excitation import parse_excitation
+from msl_fem.plant.excitation_kinds import Excitation
+from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 ROOT = Path(__file__).parent.parent.parent
 SERVO = load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")

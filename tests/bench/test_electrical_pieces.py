@@ -14,7 +14,7 @@ from msl_fem.bench.plant import Amplifier, Thermal
 from msl_fem.bench.rig import surface_of
 from msl_fem.bench.running import run_rig
 from msl_fem.bench.thermal import thermal_rates, warm_resistance
-from msl_fem.material import laminated, load_iron
+from msl_fem.materials.material import laminated, load_iron
 
 SLOW = Amplifier(2 * np.pi * 200, 0.7, np.inf, 0.0, 1.0)
 

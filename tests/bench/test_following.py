@@ -11,8 +11,8 @@ from msl_fem.bench.following import Following, follow
 from msl_fem.bench.readings import readings
 from msl_fem.bench.rig import true_rig
 from msl_fem.bench.running import run_rig
-from msl_fem.coupled_model.excitation import parse_excitation, reference
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.plant.excitation import parse_excitation, reference
 
 RATE = 1e4
 SPEC = "multisine:start=5 Hz,stop=60 Hz,amplitude=5 um,duration=0.4 s,periods=2,seed=1,loop=closed"

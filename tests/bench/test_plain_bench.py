@@ -18,8 +18,8 @@ from msl_fem.bench.rig import Rig, surface_of, true_rig
 from msl_fem.bench.running import run_rig
 from msl_fem.bench.stability import stability_limit
 from msl_fem.bench.usual_excitation import commands_of
-from msl_fem.coupled_model import Inputs, Options, simulate
-from msl_fem.coupled_model import stability_limit as coupled_limit
+from msl_fem.plant import Inputs, Options, simulate
+from msl_fem.plant import stability_limit as coupled_limit
 
 CHANNELS = ("current", "voltage", "flux_linkage", "position", "velocity")
 

@@ -13,8 +13,8 @@ from msl_fem.bench.readings import disturbed, instrument_noise
 from msl_fem.bench.rig import true_rig
 from msl_fem.bench.running import run_rig
 from msl_fem.bench.sealed import Sealed
-from msl_fem.coupled_model.excitation import parse_excitation
 from msl_fem.errors import InputError
+from msl_fem.plant.excitation import parse_excitation
 from msl_fem.record import load_record, write_record
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from devtools import Browser
 
-from msl_fem.operating_map import Guard, read_map
-from msl_fem.table import MagneticTable, read_table
+from msl_fem.maps import Guard, read_map
+from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 UNITS = {
     "coenergy": ("mJ", 1e3), "flux_linkage": ("mWb", 1e3), "force": ("N", 1.0), "incremental_inductance": ("mH", 1e3),

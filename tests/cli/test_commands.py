@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from cli_paths import E1, EMPS, SERVO, TABLE
 
+from msl_fem.files.toml_text import toml_text
 from msl_fem.record import load_record
-from msl_fem.table import read_table
-from msl_fem.toml_text import toml_text
+from msl_fem.table.magnetic_table import read_table
 
 Run = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/cli/conftest.py
 

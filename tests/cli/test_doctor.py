@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from msl_fem.cli import doctor, installation
-from msl_fem.compiled import DIGEST
+from msl_fem.computing.compiled import DIGEST
 
 Run = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/conftest.py
 

@@ -12,8 +12,8 @@ import pytest
 import scipy.io
 from cli_paths import E1, EMPS, SERVO, TABLE
 
-from msl_fem.operating_map import Guard, operating_map, read_map, write_map
-from msl_fem.table import read_table
+from msl_fem.maps import Guard, operating_map, read_map, write_map
+from msl_fem.table.magnetic_table import read_table
 
 Run = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/conftest.py
 

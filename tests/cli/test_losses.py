@@ -8,10 +8,10 @@ import pytest
 from cli_paths import E1, ROOT, SERVO, TABLE
 
 from msl_fem.actuator import load_actuator
-from msl_fem.iron_loss import iron_loss, sine_operation
+from msl_fem.losses import iron_loss, sine_operation
 from msl_fem.record import Record, Run, write_record
 from msl_fem.record.record import Sampling
-from msl_fem.table import read_table
+from msl_fem.table.magnetic_table import read_table
 
 Command = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/conftest.py
 SINE = ("--current", "2 A", "--amplitude", "1 A", "--frequency", "100 Hz", "--gap", "0.6 mm")

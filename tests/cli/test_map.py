@@ -9,9 +9,9 @@ import pytest
 from cli_paths import E1, SERVO, TABLE
 
 from msl_fem.actuator import load_actuator
-from msl_fem.magnet_field import solve
-from msl_fem.operating_map import parse_criterion, read_map
-from msl_fem.table import read_table
+from msl_fem.magnetics.kinds.e_core import solve
+from msl_fem.maps import parse_criterion, read_map
+from msl_fem.table.magnetic_table import read_table
 
 Run = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/conftest.py
 FEW = ("--gaps", "0.2,0.5 mm", "--workers", "1", "--accuracy", "fast")

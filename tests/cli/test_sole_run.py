@@ -11,8 +11,8 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.cli import sole_run as module
-from msl_fem.cli.sole_run import sole_run
 from msl_fem.errors import InputError
+from msl_fem.files.sole_run import sole_run
 from msl_fem.record import load_record
 
 SERVO, TABLE = str(ROOT / "geometries" / "fast_tool_servo.toml"), str(ROOT / "lookup_tables" / "fast_tool_servo.nc")
@@ -21,7 +21,7 @@ SINE = "sine:channel=1,frequency=20 Hz,bias=0.3 A,amplitude=0.1 A,duration=0.6 s
 HOLDER = """
 import sys
 from pathlib import Path
-from msl_fem.cli.sole_run import sole_run
+from msl_fem.files.sole_run import sole_run
 with sole_run(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()
@@ -126,7 +126,7 @@ def test_two_commands_at_once_leave_the_record_of_one(tmp_path: Path) -> None:
 def test_never_two_at_once_though_lock_files_come_and_go(tmp_path: Path) -> None:
     """Four processes take and drop the lock as fast as they can; a file that only one may make says if two had it."""
     code = (
-        "import os, sys; from pathlib import Path; from msl_fem.cli.sole_run import sole_run\n"
+        "import os, sys; from pathlib import Path; from msl_fem.files.sole_run import sole_run\n"
         "from msl_fem.errors import InputError\n"
         "out, alone, had = Path(sys.argv[1], 'out'), Path(sys.argv[1], 'alone'), 0\n"
         "while had < 200:\n"

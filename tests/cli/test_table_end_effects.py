@@ -5,7 +5,7 @@ from pathlib import Path
 
 from cli_paths import E1
 
-from msl_fem.table import read_table
+from msl_fem.table.magnetic_table import read_table
 
 Run = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/conftest.py
 GRID = ("--currents", "1,4 A", "--gaps", "0.3,0.6 mm", "--accuracy", "fast", "--workers", "1", "--json")

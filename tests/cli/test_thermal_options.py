@@ -14,8 +14,8 @@ from msl_fem.cli.thermal_options import (
     thermal_notes,
     thermal_request,
 )
-from msl_fem.operating_map import map_from_json, map_to_json, operating_map
-from msl_fem.table import read_table
+from msl_fem.maps import map_from_json, map_to_json, operating_map
+from msl_fem.table.magnetic_table import read_table
 
 Command = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/conftest.py
 GAPS = [2e-4, 6e-4, 1e-3]

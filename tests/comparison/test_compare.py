@@ -10,13 +10,13 @@ from conftest import ROOT
 from msl_fem.comparison import CompareSettings, compare, static_errors
 from msl_fem.comparison.judged import UNSTABLE, Judged
 from msl_fem.comparison.verdict import judging_kind, score, verdict
-from msl_fem.effects import EffectValues
 from msl_fem.errors import InputError
+from msl_fem.plant.effects import EffectValues
+from msl_fem.prediction import Belief
 from msl_fem.record import Record, Run, StaticMap, load_record
-from msl_fem.record_fit import Belief
 from msl_fem.report.comparison_page import comparison_page
 from msl_fem.report.page import write_page
-from msl_fem.table import read_table
+from msl_fem.table.magnetic_table import read_table
 
 sys.path.insert(0, str(ROOT / "tests" / "record_fit"))
 from fit_cases import shifted, simulated_record

@@ -13,12 +13,12 @@ from control_cases import TABLE, servo, servo_design
 from msl_fem.comparison import CompareSettings, compare, nrmse
 from msl_fem.comparison.own_loop import own_loop
 from msl_fem.control.stepper import Stepper, stated
-from msl_fem.coupled_model.closed_run import simulate_closed
-from msl_fem.coupled_model.excitation import parse_excitation, reference
-from msl_fem.coupled_model.recording import NamedRun, simulation_record
 from msl_fem.errors import InputError
+from msl_fem.plant.closed_run import simulate_closed
+from msl_fem.plant.excitation import parse_excitation, reference
+from msl_fem.plant.recording import NamedRun, simulation_record
+from msl_fem.prediction import Belief, Start, believed_plant, closed_run, run_data
 from msl_fem.record import Record
-from msl_fem.record_fit import Belief, Start, believed_plant, closed_run, run_data
 
 SPEC = "multisine:start=5 Hz,stop=60 Hz,amplitude=20 um,duration=0.4 s,periods=2,seed=1,loop=closed"
 AT_REST = Start((0.0, 0.0), 0.0, 0.0)

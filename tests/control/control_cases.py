@@ -9,7 +9,7 @@ from conftest import ROOT, closed_form_table
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.control import Belief, Choice, ControllerDesign, TruePlant, belief_of, design_controller, designed
-from msl_fem.operating_map import OperatingMap, operating_map
+from msl_fem.maps import OperatingMap, operating_map
 
 RATE = 2500.0
 TABLE = closed_form_table()

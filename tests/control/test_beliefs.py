@@ -23,9 +23,9 @@ from msl_fem.control.believed_effects import left_to_feedback, plant_with_effect
 from msl_fem.control.believed_plant import believed_plant
 from msl_fem.control.inverse import magnet_force
 from msl_fem.control.rational_force import term_force
-from msl_fem.coupled_model import plant_parameters, static_map, surface_of
-from msl_fem.effects import EffectValues
 from msl_fem.errors import InputError
+from msl_fem.plant import plant_parameters, static_map, surface_of
+from msl_fem.plant.effects import EffectValues
 
 KNOWN = EffectValues(
     {

@@ -25,13 +25,13 @@ from msl_fem.control import TruePlant, closed_loop_record, design_controller, ru
 from msl_fem.control.controller import controller_state, controller_step
 from msl_fem.control.inverse import force_domain
 from msl_fem.control.linear_loop import AtPosition
-from msl_fem.coupled_model.excitation import parse_excitation
-from msl_fem.coupled_model.excitation import reference as excitation_reference
-from msl_fem.coupled_model.kernel import advance
-from msl_fem.coupled_model.plant import plant_parameters, surface_of
-from msl_fem.coupled_model.state import I1, I2, SENSOR, X, initial_state
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.operating_map.guard import Guard
+from msl_fem.maps.guard import Guard
+from msl_fem.plant.excitation import parse_excitation
+from msl_fem.plant.excitation import reference as excitation_reference
+from msl_fem.plant.kernel import advance
+from msl_fem.plant.plant import plant_parameters, surface_of
+from msl_fem.plant.state import I1, I2, SENSOR, X, initial_state
 
 
 def noise(seed: int = 1) -> np.random.Generator:

@@ -9,11 +9,11 @@ from conftest import ROOT
 
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.control import identified_plant
-from msl_fem.coupled_model import NamedRun, bearable_run, simulation_record
-from msl_fem.coupled_model.excitation import parse_excitation
 from msl_fem.identification import identify, model_to_json
+from msl_fem.plant import NamedRun, bearable_run, simulation_record
+from msl_fem.plant.excitation import parse_excitation
 from msl_fem.record import load_record
-from msl_fem.table import read_table
+from msl_fem.table.magnetic_table import read_table
 
 SERVO, TABLE = str(ROOT / "geometries" / "fast_tool_servo.toml"), str(ROOT / "lookup_tables" / "fast_tool_servo.nc")
 SINE = "sine:frequency=5 Hz,amplitude=0.25 mm,duration=0.6 s"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from control_cases import TABLE, believed, rest, rival, servo, servo_belief, servo_design, sine, step
 
+from msl_fem.computing.statespace import StateSpace
 from msl_fem.control import (
     BiasOptions,
     Choice,
@@ -24,9 +25,8 @@ from msl_fem.control.bias_design import bias_point
 from msl_fem.control.controller import FORCE, controller_state, controller_step
 from msl_fem.control.linear_loop import AtPosition
 from msl_fem.control.plant_family import deviating_plant
-from msl_fem.effects import EffectValues
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.statespace import StateSpace
+from msl_fem.plant.effects import EffectValues
 
 MODE = EffectValues({"structural_mode": {"mass_share": 0.08, "frequency": 450.0}})
 

@@ -11,7 +11,7 @@ from control_cases import TABLE, believed, rival, servo, servo_design, sine
 from msl_fem.control import Examination, TruePlant, examine, replay, run_closed_loop
 from msl_fem.control.linear_loop import grid
 from msl_fem.control.margins import margins
-from msl_fem.effects import EffectValues
+from msl_fem.plant.effects import EffectValues
 from msl_fem.report.control_page import control_page
 from msl_fem.report.page import write_page
 

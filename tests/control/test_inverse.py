@@ -17,10 +17,10 @@ from msl_fem.control.inverse import (
     magnet_current,
     magnet_force,
 )
-from msl_fem.coupled_model.plant import plant_parameters, surface_of
 from msl_fem.errors import InputError
-from msl_fem.operating_map.guard import Guard
-from msl_fem.operating_map.level_currents import operating_map
+from msl_fem.maps.guard import Guard
+from msl_fem.maps.level_currents import operating_map
+from msl_fem.plant.plant import plant_parameters, surface_of
 
 SURFACE = surface_of(TABLE)
 

@@ -17,14 +17,14 @@ from msl_fem.cli.app import app
 from msl_fem.cli.diagnose import tried_line
 from msl_fem.cli.output import run_guarded
 from msl_fem.comparison import CompareSettings
-from msl_fem.coupled_model import NamedRun, bearable_run, simulation_record
-from msl_fem.coupled_model.excitation import parse_excitation
 from msl_fem.diagnosis.diagnose import DiagnosisSettings
-from msl_fem.effects import EffectValues
 from msl_fem.errors import InputError
-from msl_fem.extended_model import load_extended_model
+from msl_fem.plant import NamedRun, bearable_run, simulation_record
+from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.excitation import parse_excitation
+from msl_fem.plant.extended_model import load_extended_model
 from msl_fem.record import Record, load_record, write_record
-from msl_fem.table import MagneticTable, read_table, write_table
+from msl_fem.table.magnetic_table import MagneticTable, read_table, write_table
 
 Run = Callable[..., Outcome]
 NOISE = "band-limited-noise:bias=0.5 A,amplitude=0.12 A,band=300 Hz,duration=0.6 s,seed=4"

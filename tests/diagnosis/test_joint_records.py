@@ -7,13 +7,13 @@ import pytest
 from diagnosed import RUNS, TABLE, VOLTAGE_SERVO
 
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record
-from msl_fem.coupled_model.excitation import parse_excitation
 from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.joint import NOTE, JointLikelihood, joined
 from msl_fem.diagnosis.prepare import prepared
 from msl_fem.diagnosis.simulator import Points
-from msl_fem.record_fit import Belief, run_data
+from msl_fem.plant.excitation import parse_excitation
+from msl_fem.prediction import Belief, run_data
 
 
 @cache

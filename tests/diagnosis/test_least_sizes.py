@@ -10,8 +10,8 @@ from msl_fem.diagnosis.prepare import prepared
 from msl_fem.diagnosis.scene import scene
 from msl_fem.diagnosis.scoring import scores
 from msl_fem.diagnosis.variants import variants
-from msl_fem.effects import EffectValues
-from msl_fem.record_fit import Belief, believed_plant, free_run, measured_start, run_data
+from msl_fem.plant.effects import EffectValues
+from msl_fem.prediction import Belief, believed_plant, free_run, measured_start, run_data
 
 TRIED = ("time_delay", "force_offset", "gap_offset", "squeeze_film")
 

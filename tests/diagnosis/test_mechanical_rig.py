@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msl_fem.coupled_model import plant_parameters
 from msl_fem.diagnosis.diagnose import diagnose
 from msl_fem.diagnosis.inverse_force import LowPass, missing_force, stops, usual_low_pass
 from msl_fem.diagnosis.mechanical_rig import attenuation, smoothed
-from msl_fem.effects import neutral_vector
+from msl_fem.plant import plant_parameters
+from msl_fem.plant.effects import neutral_vector
+from msl_fem.prediction import run_data
 from msl_fem.record import Noise, Record, Run, Sampling, load_record
-from msl_fem.record_fit import run_data
 
 EMPS = Path(__file__).parents[2] / "measurements" / "emps"
 PUBLISHED = {"moving_mass": 95.1089, "damping": 203.5034}  # Janot, Gautier, Brunot 2019

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from msl_fem.actuator import Actuator
-from msl_fem.coupled_model import NamedRun, bearable_run, simulation_record
-from msl_fem.coupled_model.excitation import parse_excitation
 from msl_fem.diagnosis.next_experiment import DECIDES, Entry, Question, menu, next_experiment, planned
 from msl_fem.diagnosis.prepare import prepared
 from msl_fem.diagnosis.separation import Hypothesis
 from msl_fem.diagnosis.unknowns import EffectUnknown
+from msl_fem.plant import NamedRun, bearable_run, simulation_record
+from msl_fem.plant.excitation import parse_excitation
+from msl_fem.prediction import Belief, run_data
 from msl_fem.record import Tolerance
-from msl_fem.record_fit import Belief, run_data
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 NOISE = "band-limited-noise:bias=0.5 V,amplitude=0.4 V,band=300 Hz,duration=0.4 s,seed=4"
 RATE = 5e3

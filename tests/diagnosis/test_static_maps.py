@@ -8,15 +8,15 @@ import pytest
 
 from msl_fem.actuator import load_actuator
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record
-from msl_fem.coupled_model.excitation import parse_excitation
-from msl_fem.coupled_model.static_map import static_map
 from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.simulator import Points
 from msl_fem.diagnosis.static_maps import of_map, prepared_map
-from msl_fem.effects import EffectValues
+from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.excitation import parse_excitation
+from msl_fem.plant.static_map import static_map
+from msl_fem.prediction import Belief
 from msl_fem.record import Tolerance
-from msl_fem.record_fit import Belief
-from msl_fem.table import read_table
+from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parents[2]
 SHORT = tuple(

@@ -13,9 +13,9 @@ from msl_fem.diagnosis.loops import prepared_loops
 from msl_fem.diagnosis.other_records import diagnosis_of
 from msl_fem.diagnosis.rests import Rests, of_rests, rests
 from msl_fem.diagnosis.simulator import Points
+from msl_fem.prediction import Belief, run_data
 from msl_fem.record import load_record
-from msl_fem.record_fit import Belief, run_data
-from msl_fem.table import read_table
+from msl_fem.table.magnetic_table import read_table
 
 RIG = Path(__file__).parents[2] / "measurements" / "levitation_rig"
 WEIGHT = 0.604  # N

@@ -11,10 +11,10 @@ from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 
 from msl_fem.actuator import Actuator
-from msl_fem.coupled_model import Inputs, Options, Simulation, simulate
 from msl_fem.export import fmu
 from msl_fem.export.formats import ModelSource
-from msl_fem.table import MagneticTable
+from msl_fem.plant import Inputs, Options, Simulation, simulate
+from msl_fem.table.magnetic_table import MagneticTable
 
 RATE = 1e4
 PAIRS = {"current": "current", "voltage": "voltage", "flux_linkage": "flux_linkage"}

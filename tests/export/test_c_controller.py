@@ -17,11 +17,11 @@ from msl_fem.control.controller import N_PREFERRED, N_VIOLATION, controller_stat
 from msl_fem.control.design import ControllerDesign
 from msl_fem.control.output_stage import BIAS, INVERSE, Stage
 from msl_fem.control.stepper import Stepper
-from msl_fem.coupled_model.closed_run import simulate_closed
-from msl_fem.coupled_model.excitation import parse_excitation, reference
-from msl_fem.coupled_model.plant import Surface
 from msl_fem.errors import InputError
 from msl_fem.export.c_controller import ControllerSource, controller_header, write
+from msl_fem.plant.closed_run import simulate_closed
+from msl_fem.plant.excitation import parse_excitation, reference
+from msl_fem.plant.plant import Surface
 
 BOARD = r"""
 #include <stdio.h>

@@ -13,7 +13,7 @@ from c_programs import READ_AND_WRITE, VARIANTS, any_doubles, assert_same_bits, 
 from msl_fem.errors import InputError
 from msl_fem.export.c_guard import check_points, guard_header, write
 from msl_fem.export.c_text import c_number
-from msl_fem.operating_map import Guard, OperatingMap, operating_map
+from msl_fem.maps import Guard, OperatingMap, operating_map
 
 DOCUMENT = Path(__file__).parent.parent.parent / "docs" / "guard.md"
 N_POINTS = 1_000_000

@@ -11,10 +11,10 @@ from fmpy.validation import validate_fmu
 from fmu_cases import RATE, Master, assert_equal_runs, cases, changed, exported, run_in_python, steps
 
 from msl_fem.actuator import load_actuator
-from msl_fem.coupled_model import Options
 from msl_fem.export import fmu
 from msl_fem.export.formats import ModelSource
-from msl_fem.table import read_table
+from msl_fem.plant import Options
+from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent.parent
 KINDS = list(cases(load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")))

@@ -8,7 +8,7 @@ from conftest import closed_form_table
 
 from msl_fem.export import modelica_table
 from msl_fem.export.refined_grid import refined_grid
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 

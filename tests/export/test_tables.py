@@ -9,13 +9,13 @@ import pytest
 from c_programs import READ_AND_WRITE, VARIANTS, any_doubles, assert_same_bits, compile_c, run_pairs
 from conftest import closed_form_table
 
-from msl_fem.coenergy_surface import evaluate_slopes
 from msl_fem.errors import InputError
 from msl_fem.export import csv_table
 from msl_fem.export.c_table import check_points, table_header
 from msl_fem.export.formats import FORMATS, find_format
-from msl_fem.operating_map import operating_map
-from msl_fem.table import NODES
+from msl_fem.maps import operating_map
+from msl_fem.table.coenergy_surface import evaluate_slopes
+from msl_fem.table.magnetic_table import NODES
 
 JUDGE = """
 enum { n_out = 12 };

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from msl_fem.actuator import Actuator
-from msl_fem.coupled_model import NamedRun, excitation_inputs, simulate, simulation_record
-from msl_fem.coupled_model.excitation import parse_excitation
 from msl_fem.errors import InputError
 from msl_fem.identification import ArmaxOrders, ModelChoice, identify
+from msl_fem.plant import NamedRun, excitation_inputs, simulate, simulation_record
+from msl_fem.plant.excitation import parse_excitation
 from msl_fem.record import Record
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 NOISE = "band-limited-noise:channel=independent,band=500 Hz,bias=0.4 A,amplitude=0.06 A,duration=1 s,seed=3"
 SWEEP = "swept-sine:channel=differential,start=5 Hz,stop=140 Hz,bias=0.4 A,amplitude=0.01 A,duration=1 s"

@@ -11,7 +11,7 @@ from record_cases import RATE, columns
 
 from msl_fem.actuator import Actuator, MeshMagnet, TableMagnet
 from msl_fem.errors import InputError
-from msl_fem.material import LIBRARY
+from msl_fem.materials.material import LIBRARY
 from msl_fem.record.reader import load_record
 from msl_fem.record.record import Record, Run, Sampling
 from msl_fem.record.writer import write_record

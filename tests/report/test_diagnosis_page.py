@@ -12,7 +12,7 @@ from msl_fem.diagnosis.evidence import ChannelResiduals, Evidence, Size, Tried
 from msl_fem.diagnosis.extension import Estimate
 from msl_fem.diagnosis.held_out import Followed
 from msl_fem.diagnosis.result import Accuracy, Cause, Diagnosis, Unexplained
-from msl_fem.effects import CATALOGUE
+from msl_fem.plant.effects import CATALOGUE
 from msl_fem.record import Noise, Record, Run, Sampling
 from msl_fem.report.diagnosis_figures import amplitude_density, envelope, gain_figure, over_frequency, over_variables
 from msl_fem.report.diagnosis_page import diagnosis_page

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msl_fem.operating_map import operating_map
+from msl_fem.maps import operating_map
 from msl_fem.report.figures import (
     MOST_POINTS,
     Tracking,
@@ -13,7 +13,7 @@ from msl_fem.report.figures import (
     predicted_position,
     tracking,
 )
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 
 def test_force_lines_are_the_table(table: MagneticTable) -> None:

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.copper_loss import copper_loss
-from msl_fem.core_loss_data import loss_sheets, read_loss_points, sheet_of
 from msl_fem.errors import MaterialError
-from msl_fem.iron_loss import iron_loss, sine_operation
-from msl_fem.material import LIBRARY
-from msl_fem.operating_map import operating_map
+from msl_fem.losses import Cycle, ThermalLimit, iron_loss, sine_operation, thermal_curve
+from msl_fem.losses.copper_loss import copper_loss
+from msl_fem.maps import operating_map
+from msl_fem.materials.core_loss_data import loss_sheets, read_loss_points, sheet_of
+from msl_fem.materials.material import LIBRARY
 from msl_fem.report.figures import operating_regions
 from msl_fem.report.loss_figures import add_thermal_limit, losses_by_section, measured_and_fitted_losses
-from msl_fem.table import MagneticTable, read_table
-from msl_fem.thermal import Cycle, ThermalLimit, thermal_curve
+from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 ROOT = Path(__file__).parents[2]
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from msl_fem.actuator import load_actuator
-from msl_fem.gap_trade import gap_trade
+from msl_fem.design.tolerances import StudySettings, ToleranceStudy, tolerance_study
+from msl_fem.mechanics import assess_flexure
+from msl_fem.mechanics.gap_trade import gap_trade
 from msl_fem.report.mechanics import flexure_force, flexure_page, gap_trade_figure, gap_trade_page, mode_chart
 from msl_fem.report.page import write_page
 from msl_fem.report.tolerances import map_band, tolerance_effects, tolerance_page
-from msl_fem.suspension import assess_flexure
-from msl_fem.table import read_table
-from msl_fem.tolerance_study import StudySettings, ToleranceStudy, tolerance_study
+from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent.parent
 FLEXURE = load_actuator(ROOT / "geometries" / "fast_tool_servo_flexure.toml")

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from msl_fem.operating_map import operating_map
+from msl_fem.maps import operating_map
 from msl_fem.report.explorer import explorer
 from msl_fem.report.page import Grid, Page, Stage, script_text, write_page
 from msl_fem.report.style import figure, line
-from msl_fem.table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable
 
 
 def test_texts_are_escaped_and_the_page_asks_nothing_of_the_network(tmp_path: Path) -> None:

@@ -10,17 +10,17 @@ from hostile_files import spoilt_csv, spoilt_json, spoilt_netcdf, spoilt_toml
 
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.app import app
-from msl_fem.coupled_model import plant_parameters
-from msl_fem.coupled_model.excitation import load_excitations, samples
+from msl_fem.design.sizing.requirement import load_requirement
 from msl_fem.errors import InputError
-from msl_fem.extended_model import load_extended_model, write_extended_model
-from msl_fem.material import load_iron
-from msl_fem.measured_table import table_from_measurements
-from msl_fem.operating_map import operating_map, write_map
+from msl_fem.maps import operating_map, write_map
+from msl_fem.materials.material import load_iron
+from msl_fem.plant import plant_parameters
+from msl_fem.plant.excitation import load_excitations, samples
+from msl_fem.plant.extended_model import load_extended_model, write_extended_model
 from msl_fem.record import load_record, write_record
 from msl_fem.record.log_file import read_log
-from msl_fem.sizing.requirement import load_requirement
-from msl_fem.table import read_table
+from msl_fem.record.measured_table import table_from_measurements
+from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent.parent
 SERVO = ROOT / "geometries" / "fast_tool_servo.toml"

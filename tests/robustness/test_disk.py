@@ -10,9 +10,9 @@ import pytest
 from targets import RUN, SERVO, STATIC, TABLE, _record
 
 from msl_fem.errors import InputError
+from msl_fem.files.whole_file import check_target, whole_file
 from msl_fem.record import load_record
-from msl_fem.table import read_table, write_table
-from msl_fem.whole_file import check_target, whole_file
+from msl_fem.table.magnetic_table import read_table, write_table
 
 WRITERS = {
     "csv": ("export", str(TABLE), "--to", "csv", "-o", "OUT"),

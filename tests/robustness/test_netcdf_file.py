@@ -10,10 +10,10 @@ import xarray as xr
 from targets import TABLE
 
 from msl_fem.errors import RecordError, TableError
-from msl_fem.netcdf_file import read_netcdf, write_netcdf
+from msl_fem.files.netcdf_file import read_netcdf, write_netcdf
 from msl_fem.record.column_file import read_columns
 from msl_fem.record.log_file import read_log
-from msl_fem.table import read_table
+from msl_fem.table.magnetic_table import read_table
 
 
 def bad_file(folder: Path, kind: str) -> Path:

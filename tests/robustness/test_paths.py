@@ -7,7 +7,7 @@ import pytest
 from targets import LOG, RIG, SERVO, TABLE, TYPED_COLUMNS, _record
 
 from msl_fem.errors import InputError, RecordError
-from msl_fem.material import load_iron
+from msl_fem.materials.material import load_iron
 from msl_fem.record import load_record
 
 LEADING_AWAY = ["../run.csv", "../../../../etc/passwd", "/etc/passwd", "a/../../run.csv", "C:\\run.csv", "..\\run.csv",

@@ -12,17 +12,17 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from msl_fem.actuator import Actuator, load_actuator, parse_actuator
-from msl_fem.effects import CATALOGUE, EffectValues
+from msl_fem.design.sizing.requirement import load_requirement, parse_requirement
 from msl_fem.errors import InputError, OutOfTable
-from msl_fem.extended_model import ExtendedModel, load_extended_model, write_extended_model
-from msl_fem.operating_map import Guard, OperatingMap, read_map, write_map
-from msl_fem.operating_map.map_file import map_from_json, map_to_json
-from msl_fem.quantity import parse_quantity
+from msl_fem.files.quantity import parse_quantity
+from msl_fem.files.schema import document
+from msl_fem.files.toml_text import quantity_text, toml_text
+from msl_fem.maps import Guard, OperatingMap, read_map, write_map
+from msl_fem.maps.map_file import map_from_json, map_to_json
+from msl_fem.plant.effects import CATALOGUE, EffectValues
+from msl_fem.plant.extended_model import ExtendedModel, load_extended_model, write_extended_model
 from msl_fem.record import Record, Run, Sampling, load_record, write_record
-from msl_fem.schema import document
-from msl_fem.sizing.requirement import load_requirement, parse_requirement
-from msl_fem.table import MagneticTable, read_table, write_table
-from msl_fem.toml_text import quantity_text, toml_text
+from msl_fem.table.magnetic_table import MagneticTable, read_table, write_table
 
 ROOT = Path(__file__).parent.parent.parent
 SERVO = load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")

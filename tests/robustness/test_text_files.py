@@ -9,12 +9,12 @@ import pytest
 from targets import EXCITATIONS, EXTENDED, LOG, RIG, SERVO, STATIC, TABLE, _record
 
 from msl_fem.cli.output import run_guarded
-from msl_fem.core_loss_data import read_loss_points
 from msl_fem.errors import ComputationError, InputError, MaterialError
-from msl_fem.extended_model import load_extended_model
-from msl_fem.measured_table import table_from_measurements
+from msl_fem.files.schema import DEEPEST, LARGEST_TEXT, depth, small_text
+from msl_fem.materials.core_loss_data import read_loss_points
+from msl_fem.plant.extended_model import load_extended_model
 from msl_fem.record import Noise, StaticMap
-from msl_fem.schema import DEEPEST, LARGEST_TEXT, depth, small_text
+from msl_fem.record.measured_table import table_from_measurements
 
 Run = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/conftest.py
 NESTED = ["x = " + "[" * n + "]" * n for n in (DEEPEST + 2, 900, 5000)] + ["x = " + "{a = " * 60 + "1" + "}" * 60,

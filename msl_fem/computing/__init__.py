@@ -1,0 +1,1 @@
+"""How things are computed: compiled functions, lanes, Gauss-Newton, linear models, BLAS threads."""

@@ -1,0 +1,1 @@
+"""From a requirement to a magnet, and what tolerances do to it."""

@@ -1,0 +1,140 @@
+"""A design judged: by the closed equations, and by field solutions; what cannot be built reaches neither."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+from msl_fem.actuator import LARGEST_MAGNET, THINNEST
+from msl_fem.design.sizing.closed_form import Circuit, Factors, Irons, closed_form
+from msl_fem.design.sizing.constraints import Constraint, at_least, at_most, total_violation
+from msl_fem.design.sizing.design import GRID, Design, building_constraints, magnet_of, plain_magnet, section_lengths
+from msl_fem.design.sizing.field_point import TOLERANCE, field_point
+from msl_fem.design.sizing.performance import Performance, PlanePoint, performance_constraints, wound
+from msl_fem.design.sizing.requirement import Objective, Requirement
+from msl_fem.magnetics.kinds.e_core import SMALLEST_GAP, Accuracy
+from msl_fem.materials.material import laminated, load_iron
+
+CLOSED_FORM_ERROR = 0.1
+"""Relative: what the closed equations may be wrong by where they refuse a design (docs/sizing.md has their errors)."""
+MOST_SLENDER, LEAST_STACK = 50.0, 1e-3
+"""Of the stack's depth: over the core's half width at most, and in m at least."""
+NOT_BUILT, NO_FIELD, SOLVED = "not built", "refused by the closed equations", "solved"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is known of a design.
+
+    Attributes
+    ----------
+    judged : NOT_BUILT, NO_FIELD or SOLVED: how far it came
+    constraints : all that is known of it at that point
+    performance : None where it is not built
+    solves : field solutions that were spent on it
+    """
+
+    judged: str
+    constraints: tuple[Constraint, ...]
+    performance: Performance | None = None
+    solves: int = 0
+
+    @property
+    def feasible(self) -> bool:
+        return self.judged == SOLVED and all(c.kept for c in self.constraints)
+
+    @property
+    def violation(self) -> float:
+        return total_violation(self.constraints)
+
+
+@dataclass(frozen=True)
+class Judge:
+    """Judges designs against one requirement; can be sent to another process."""
+
+    requirement: Requirement
+
+    @cached_property
+    def irons(self) -> Irons:
+        iron, folder = self.requirement.iron, self.requirement.folder
+        return (
+            laminated(load_iron(iron.core, folder=folder), iron.core_stacking),
+            laminated(load_iron(iron.armature, folder=folder), iron.armature_stacking),
+        )
+
+    def not_built(self, design: Design) -> Verdict | None:
+        """The verdict on a design that cannot be built, or None."""
+        constraints = (*building_constraints(design, self.requirement), *self._proportions(design))
+        return Verdict(NOT_BUILT, constraints) if any(not c.kept for c in constraints) else None
+
+    def _proportions(self, design: Design) -> tuple[Constraint, ...]:
+        """What a section's mesh and an actuator file ask for; only what is broken."""
+        lengths, gap = section_lengths(design, self.requirement), self.requirement.force.gap
+        largest = max(lengths)
+        limits = (
+            at_most("largest_length", largest, min(LARGEST_MAGNET, gap / SMALLEST_GAP), "m"),
+            at_least("smallest_length", min(length for length in lengths if length > 0), THINNEST * largest, "m"),
+            at_least("half_width", design.half_width, gap, "m"),
+        )
+        return tuple(c for c in limits if not c.kept)
+
+    def by_closed_form(self, design: Design, *, factors: Factors | None = None) -> Verdict:
+        """The verdict of the closed equations (its `judged` is NO_FIELD where the design can be built)."""
+        refused = self.not_built(design)
+        if refused is not None:
+            return refused
+        return self._verdict(NO_FIELD, design, self.circuit(design, factors=factors).point)
+
+    def circuit(self, design: Design, *, factors: Factors | None = None) -> Circuit:
+        """The closed equations at a design's flux density."""
+        gap = self.requirement.force.gap
+        return closed_form(
+            plain_magnet(design, self.requirement), self.irons, gap, design.flux_density, factors=factors
+        )
+
+    def by_field(self, design: Design, *, accuracy: Accuracy = "fast") -> Verdict:
+        """The verdict of field solutions; without any where the design cannot be built.
+
+        A design whose depth is far outside the envelope by the closed equations already is not solved either.
+
+        Raises
+        ------
+        ComputationError : the mesher failed or a field did not converge
+        """
+        first = self.by_closed_form(design)
+        if first.judged == NOT_BUILT or any(
+            c.name == "envelope_depth" and c.violation > CLOSED_FORM_ERROR for c in first.constraints
+        ):
+            return first
+        requirement = self.requirement
+        aim = min(design.flux_density, requirement.flux.limit * (1 - 2 * TOLERANCE))
+        found = field_point(
+            magnet_of(design, requirement, depth=design.half_width, turns=1), requirement.force.gap, aim,
+            guess=self.circuit(design).point.ampere_turns, folder=requirement.folder, accuracy=accuracy,
+        )  # fmt: skip
+        return self._verdict(SOLVED, design, found.point, solves=found.solves)
+
+    def _verdict(self, judged: str, design: Design, point: PlanePoint, *, solves: int = 0) -> Verdict:
+        """The depth that gives the force, on the grid's next multiple; the winding; all constraints."""
+        depth = round(math.ceil(design.force / point.force / GRID) * GRID, 9)
+        building = building_constraints(design, self.requirement)
+        largest = max(section_lengths(design, self.requirement))
+        stack = (
+            at_least("stack_depth", depth, max(LEAST_STACK, THINNEST * largest), "m"),
+            at_most("stack_depth", depth, min(LARGEST_MAGNET, MOST_SLENDER * design.half_width), "m"),
+        )
+        if not all(c.kept for c in stack):
+            return Verdict(judged, (*building, *(c for c in stack if not c.kept)), None, solves)
+        found = wound(design, point, self.requirement, depth=depth)
+        rest = (c for c in building if c.name != "envelope_depth")  # it was that of the end turns alone
+        return Verdict(judged, (*rest, *performance_constraints(found, self.requirement)), found, solves)
+
+
+def objective_values(found: Performance, objectives: tuple[Objective, ...]) -> tuple[float, ...]:
+    """The objectives in SI units, in the requirement's order."""
+    values = {"mass": found.masses.total, "loss": found.loss, "force": found.force, "inductance": found.inductance}
+    return tuple(values[name] for name in objectives)
+
+
+def direction(objective: Objective) -> str:
+    """ "maximize" or "minimize", as Optuna has it."""
+    return "maximize" if objective == "force" else "minimize"

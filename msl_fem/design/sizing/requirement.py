@@ -1,0 +1,231 @@
+"""What a magnet has to do: a requirement file (TOML) as a frozen record in SI units.
+
+Every number of a magnet (force, current, voltage of its coil) is derived from here; [supply] is per side, as [drive]
+is in an actuator file.
+"""
+
+import hashlib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from msl_fem.actuator import (
+    LARGEST_MAGNET,
+    Clearance,
+    Controller,
+    Current,
+    CurrentSensor,
+    Damping,
+    Force,
+    Frequency,
+    Iron,
+    Length,
+    PositionSensor,
+    Sides,
+    Stiffness,
+    Voltage,
+)
+from msl_fem.errors import RequirementError
+from msl_fem.files.quantity import format_quantity
+from msl_fem.files.schema import FrozenModel, In, bare_number, first_complaint, has_unknown_key, read_toml
+
+Newton = Annotated[float, In("N"), Field(gt=0)]
+SlewRate = Annotated[float, In("N/s"), Field(gt=0)]
+FluxDensity = Annotated[float, In("T"), Field(ge=0.05, le=3.0)]
+CurrentDensity = Annotated[float, In("A/m^2"), Field(gt=0)]
+TemperatureRise = Annotated[float, In("K"), Field(gt=0, le=1000)]
+HeatTransfer = Annotated[float, In("W/(m^2 K)"), Field(ge=0.1, le=1e5)]
+Density = Annotated[float, In("kg/m^3"), Field(gt=0)]
+Payload = Annotated[float, In("kg"), Field(ge=0)]
+Objective = Literal["mass", "loss", "force", "inductance"]
+DEFAULT_CURRENT_DENSITY = 5e6
+"""A/m2 where neither current density nor temperature rise is limited: usual for windings in still air."""
+DEFAULT_RANGE = 0.8
+"""Of the nominal gap, where no range is stated."""
+
+
+class ForceWanted(FrozenModel):
+    """The force of one magnet at a gap, and how fast it must be able to change there."""
+
+    minimum: Newton
+    gap: Length
+    slew_rate: SlewRate | None = None
+
+
+class FluxLimit(FrozenModel):
+    """The largest flux density in the iron, by the operating map's criterion: the mean of the most loaded section."""
+
+    limit: FluxDensity = 1.2
+    criterion: Literal["mean"] = "mean"
+
+
+class Supply(FrozenModel):
+    """What the amplifier of a side gives at most."""
+
+    voltage: Voltage = 80.0
+    current: Current = 12.0
+    bandwidth: Frequency | None = None
+
+
+class Heat(FrozenModel):
+    """How warm the coil may get at the wanted force; `duty` is the share of time that it is held."""
+
+    current_density: CurrentDensity | None = None
+    temperature_rise: TemperatureRise | None = None
+    heat_transfer: HeatTransfer = 10.0
+    duty: Annotated[float, Field(ge=1e-4, le=1)] = 1.0
+
+    @property
+    def largest_current_density(self) -> float | None:
+        """As stated; a default where nothing limits the heat."""
+        if self.current_density is None and self.temperature_rise is None:
+            return DEFAULT_CURRENT_DENSITY
+        return self.current_density
+
+
+class Envelope(FrozenModel):
+    """The box around one magnet with its armature at the wanted gap, end turns included; what is not stated is free."""
+
+    width: Length | None = None
+    height: Length | None = None
+    depth: Length | None = None
+
+
+class Winding(FrozenModel):
+    """The coil's copper and its clearances in the window; with `wire_diameter` the turns follow from the area."""
+
+    fill_factor: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    wire_diameter: Length | None = None
+    leg_clearance: Clearance = 1e-3
+    face_clearance: Clearance = 2e-3
+    back_clearance: Clearance = 1e-3
+
+
+class Densities(FrozenModel):
+    """Mass densities in place of those that belong to the materials' names."""
+
+    core: Density | None = None
+    armature: Density | None = None
+    copper: Density | None = None
+
+
+class MotionWanted(FrozenModel):
+    """What the actuator file says of the motion; the armatures' mass is added to `payload`."""
+
+    payload: Payload = 0.0
+    stiffness: Stiffness | None = None
+    damping: Damping | None = None
+    nominal_gap: Length | None = None
+    range: Length | None = None
+    constant_force: Force = 0.0
+
+
+class Requirement(FrozenModel):
+    """A requirement file. What is left out has the default given here; `docs/sizing.md` lists them."""
+
+    schema_version: Literal[1] = Field(alias="schema")
+    name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9_. -]+$")]
+    objectives: Annotated[tuple[Objective, ...], Field(min_length=1)] = ("mass", "loss")
+    force: ForceWanted
+    flux: FluxLimit = FluxLimit()
+    supply: Supply = Supply()
+    heat: Heat = Heat()
+    envelope: Envelope = Envelope()
+    iron: Iron = Iron(core="m19", armature="m19", stacking_factor=0.96)
+    winding: Winding = Winding()
+    densities: Densities = Densities()
+    sides: Sides = Sides(count=2, magnets_per_side=1)
+    motion: MotionWanted = MotionWanted()
+    position_sensor: PositionSensor = PositionSensor(noise=50e-9)
+    current_sensor: CurrentSensor = CurrentSensor(noise=2e-3)
+    controller: Controller = Controller(rate=2.5e3, delay_samples=1)
+    sources: dict[str, str] = Field(default_factory=dict)
+    file: Path | None = Field(default=None, exclude=True)
+
+    @model_validator(mode="after")
+    def _parts_belong_together(self) -> "Requirement":
+        if len(set(self.objectives)) < len(self.objectives):
+            raise ValueError(f"objectives names one twice: {', '.join(self.objectives)}; name each once")
+        if self.force.gap > LARGEST_MAGNET:
+            raise ValueError(
+                f"force.gap {format_quantity(self.force.gap, 'm')} is above {format_quantity(LARGEST_MAGNET, 'm')}, "
+                "larger than any magnet; look at its unit"
+            )
+        low, high = self.nominal_gap - self.range, self.nominal_gap + self.range
+        if low <= 0:
+            raise ValueError(
+                f"motion.range {format_quantity(self.range, 'm')} must be below the nominal gap "
+                f"{format_quantity(self.nominal_gap, 'm')}, or the faces touch"
+            )
+        if not low <= self.force.gap <= high * (1 + 1e-9):
+            raise ValueError(
+                f"force.gap {format_quantity(self.force.gap, 'm')} lies outside the motion's gaps "
+                f"{format_quantity(low, 'm')} ... {format_quantity(high, 'm')}; change motion.nominal_gap or "
+                "motion.range"
+            )
+        return self
+
+    @property
+    def nominal_gap(self) -> float:
+        return self.force.gap if self.motion.nominal_gap is None else self.motion.nominal_gap
+
+    @property
+    def range(self) -> float:
+        """Travel, plus and minus about the nominal gap."""
+        return DEFAULT_RANGE * self.nominal_gap if self.motion.range is None else self.motion.range
+
+    @property
+    def coil_current(self) -> float:
+        """The largest current of one magnet's coil in A."""
+        return self.supply.current / (self.sides.magnets_per_side if self.sides.connection == "parallel" else 1)
+
+    @property
+    def coil_voltage(self) -> float:
+        """The largest voltage across one magnet's coil in V."""
+        return self.supply.voltage / (self.sides.magnets_per_side if self.sides.connection == "series" else 1)
+
+    @property
+    def folder(self) -> Path:
+        """Where relative names in the file are looked up."""
+        return self.file.parent if self.file else Path()
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the content: equal for equal requirements, whatever the file's comments."""
+        return hashlib.sha256(self.model_dump_json(exclude={"sources"}).encode()).hexdigest()
+
+
+_PURE_NUMBERS = {
+    "schema", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor", "duty", "count",
+    "magnets_per_side", "delay_samples",
+}  # fmt: skip
+
+
+def load_requirement(path: str | Path) -> Requirement:
+    """The requirement that a TOML file states.
+
+    Raises
+    ------
+    RequirementError : no such file, not TOML, an unknown or a missing key, a wrong unit, a value out of its range;
+        the message names the file and the key path
+    """
+    content = read_toml(path, error=RequirementError, wanted="a requirement file")
+    return parse_requirement(content, file=Path(path))
+
+
+def parse_requirement(content: dict[str, Any], *, file: Path | None = None) -> Requirement:
+    """The requirement that a parsed TOML document states; raises as `load_requirement`."""
+    where = file or "requirement"
+    if "file" in content:
+        raise RequirementError(f"{where}: file: unknown key; remove it")
+    complaint = bare_number(content, _PURE_NUMBERS)
+    try:
+        requirement = Requirement.model_validate({**content, "file": file})
+    except ValidationError as err:
+        if complaint is None or has_unknown_key(err):
+            complaint = first_complaint(err)
+        raise RequirementError(f"{where}: {complaint}") from err
+    if complaint:
+        raise RequirementError(f"{where}: {complaint}")
+    return requirement

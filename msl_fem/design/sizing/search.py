@@ -1,0 +1,207 @@
+"""The search: designs asked from Optuna, judged by fields, told back; it goes on where an earlier run ended."""
+
+import contextlib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import optuna
+from optuna.distributions import BaseDistribution
+from optuna.samplers import BaseSampler
+from optuna.trial import TrialState
+
+from msl_fem.design.sizing.clash import refuse_clash
+from msl_fem.design.sizing.closed_search import ClosedSearch
+from msl_fem.design.sizing.design import Design
+from msl_fem.design.sizing.first_guess import first_guess
+from msl_fem.design.sizing.judge import SOLVED, Judge, Verdict, direction, objective_values
+from msl_fem.design.sizing.judges import Judges, Outcome, judges_here, judges_in_processes, judges_on_cluster
+from msl_fem.design.sizing.parameters import Space, design_from, parameters_of, space_around
+from msl_fem.design.sizing.requirement import Objective
+from msl_fem.design.sizing.sampler import MixedSampler
+from msl_fem.design.sizing.study_storage import (
+    FIRST,
+    begun_by_one,
+    clear_abandoned,
+    count_judged,
+    distributions,
+    enqueue_first,
+    judged_trials,
+    new_file,
+    open_storage,
+    open_study,
+    quiet_optuna,
+    storage_trouble,
+    store_space,
+    stored_space,
+)
+from msl_fem.design.sizing.trial_record import VERDICT, JudgedTrial, verdict_attribute
+
+Progress = Callable[[int, int], None]
+GUESS, CLOSEST = "closed-form guess", "closed-form closest"
+"""Names of the first designs."""
+_PENALTY = 10.0  # of a relative violation, in the closed equations' search
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """How a search runs.
+
+    Attributes
+    ----------
+    storage : an Optuna storage URL
+    trials : judged designs at the end, those of earlier runs counted
+    seed : of all random numbers
+    workers, scheduler : processes here, or the address of a dask scheduler
+    sampler : makes an Optuna sampler of a seed and the parameters' ranges
+    """
+
+    storage: str
+    trials: int = 200
+    seed: int = 1
+    workers: int = 1
+    scheduler: str | None = None
+    sampler: Callable[[int, dict[str, BaseDistribution]], BaseSampler] = MixedSampler
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """What a search found: all judged trials, in order; `reused` of them were there before."""
+
+    space: Space
+    trials: tuple[JudgedTrial, ...]
+    failed: int
+    reused: int
+
+
+def search(judge: Judge, settings: SearchSettings, *, progress: Progress | None = None) -> SearchResult:
+    """So many judged designs, beginning with the closed equations' guess and their best design for each objective.
+
+    Designs in flight are lost with the process, nothing else: each verdict is in the storage as soon as it is there.
+
+    Raises
+    ------
+    InputError : a storage or scheduler that cannot be reached, a study of another requirement
+    RequirementError : no first guess
+    ComputationError : processes, cluster or storage were lost on the way; judged designs are kept
+    """
+    with quiet_optuna(), storage_trouble(settings.storage):
+        # before a file is made, so that a requirement that cannot be met leaves none
+        begin = first_designs(judge) if new_file(settings.storage) else None
+        storage = open_storage(settings.storage)
+        study, space = begun_by_one(lambda: _begun(open_study(storage, judge), judge, begin))
+        study.sampler = settings.sampler(settings.seed, distributions(space))
+        clear_abandoned(study)
+        reused = count_judged(study)
+        if reused < settings.trials:
+            with _judges(judge, settings) as judges:
+                _Run(study, judge, space, settings.trials, progress or (lambda *_: None)).go(judges)
+        trials = judged_trials(study)
+        return SearchResult(space, tuple(trials), count_judged(study) - len(trials), reused)
+
+
+def _judges(judge: Judge, settings: SearchSettings) -> contextlib.AbstractContextManager[Judges]:
+    if settings.scheduler is not None:
+        return judges_on_cluster(judge, settings.scheduler)
+    return judges_here(judge) if settings.workers <= 1 else judges_in_processes(judge, settings.workers)
+
+
+def _begun(
+    study: "optuna.Study", judge: Judge, begin: tuple[Space, dict[str, Design]] | None
+) -> tuple["optuna.Study", Space]:
+    """The study and its space; at its beginning it is made, and the first designs are put in front."""
+    space = stored_space(study)
+    if space is None:
+        space, designs = begin or first_designs(judge)
+        study.set_user_attr(FIRST, {n: parameters_of(d, space, judge) for n, d in designs.items()})
+        store_space(study, space)
+    enqueue_first(study, study.user_attrs[FIRST])
+    return study, space
+
+
+def first_designs(judge: Judge) -> tuple[Space, dict[str, Design]]:
+    """The space of a search, and by name the designs of the closed equations that it begins with.
+
+    The textbook's guess; where that breaks a constraint, the closest design; from there the best design for each
+    objective, and for the product of all.
+
+    Raises
+    ------
+    RequirementError : the demands clash
+    """
+    guess = first_guess(judge)
+    space = space_around(guess, judge)
+    designs, start = {GUESS: guess}, guess
+    verdict = judge.by_closed_form(guess)
+    if any(c.violation > 1e-3 for c in verdict.constraints):  # more than the rounding of its dimensions
+        designs[CLOSEST] = start = refuse_clash(judge, space)
+    objectives = judge.requirement.objectives
+    wishes: dict[str, tuple[Objective, ...]] = {f"closed-form {name}": (name,) for name in objectives}
+    if len(objectives) > 1:
+        wishes["closed-form compromise"] = objectives
+    for name, wish in wishes.items():
+        designs[name] = ClosedSearch(judge, space, _score(wish)).near(start).design
+    return space, designs
+
+
+def _score(wish: tuple[Objective, ...]) -> Callable[[Verdict], float]:
+    """The logarithm of the objectives' product, and what is broken."""
+
+    def score(verdict: Verdict) -> float:
+        assert verdict.performance is not None
+        total = math.log1p(_PENALTY * verdict.violation)
+        for name, value in zip(wish, objective_values(verdict.performance, wish), strict=True):
+            total += math.log(value) * (-1 if direction(name) == "maximize" else 1)
+        return total
+
+    return score
+
+
+@dataclass
+class _Run:
+    """One search on its way."""
+
+    study: "optuna.Study"
+    judge: Judge
+    space: Space
+    trials: int
+    tell_progress: Progress
+
+    def go(self, judges: Judges) -> None:
+        """Ask, judge and tell until there are enough trials."""
+        ranges = distributions(self.space)
+        waiting: dict[Any, tuple[optuna.Trial, Design]] = {}
+        judged = count_judged(self.study)
+        self.tell_progress(judged, self.trials)
+        while judged < self.trials or waiting:
+            while len(waiting) < judges.capacity and judged + len(waiting) < self.trials:
+                trial = self.study.ask(ranges)
+                design = design_from(trial.params, self.space, self.judge)
+                refused = self.judge.not_built(design)
+                if refused is None:
+                    waiting[judges.submit(design)] = trial, design
+                else:
+                    self._tell(trial, design, refused)
+                    judged += 1
+            if waiting:
+                for future in judges.wait(list(waiting)):
+                    self._tell(*waiting.pop(future), future.result())
+            judged = count_judged(self.study)  # other processes may work on the storage as well
+            self.tell_progress(min(judged, self.trials), self.trials)
+
+    def _tell(self, trial: "optuna.Trial", design: Design, outcome: Outcome) -> None:
+        """Into the storage: the values of what was solved; what is infeasible with its constraints' sizes."""
+        if isinstance(outcome, str):
+            trial.set_user_attr(VERDICT, {"failed": outcome})
+            self.study.tell(trial, state=TrialState.FAIL)
+            return
+        # what is broken by name, or how near the nearest limit is: each is a write to the storage
+        broken = {c.name: c.violation for c in outcome.constraints if not c.kept}
+        for name, size in (broken or {"nearest": max(c.violation for c in outcome.constraints)}).items():
+            trial.set_constraint(name, size)
+        trial.set_user_attr(VERDICT, verdict_attribute(design, outcome))
+        if outcome.judged == SOLVED and outcome.performance is not None:
+            self.study.tell(trial, objective_values(outcome.performance, self.judge.requirement.objectives))
+        else:
+            self.study.tell(trial, state=TrialState.PRUNED)

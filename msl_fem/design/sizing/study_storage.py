@@ -1,0 +1,200 @@
+"""The Optuna study of a requirement: opened or made, checked that it belongs, its trials read back."""
+
+import contextlib
+import datetime
+import logging
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import optuna
+from optuna.distributions import BaseDistribution, FloatDistribution
+from optuna.trial import TrialState
+from sqlalchemy import event
+from sqlalchemy.engine import make_url
+from sqlalchemy.exc import IntegrityError, OperationalError, SQLAlchemyError
+
+from msl_fem.design.sizing.judge import Judge, direction
+from msl_fem.design.sizing.parameters import Space, Span
+from msl_fem.design.sizing.trial_record import FIRST_DESIGN, VERDICT, JudgedTrial, judged_trial
+from msl_fem.errors import ComputationError, InputError
+
+Answer = TypeVar("Answer")
+PAUSES = (0.2, 0.5, 1.0, 2.0)
+"""Seconds between attempts to begin what another process begins as well."""
+PATIENCE = 60.0
+"""Seconds that a process waits for another one's write to a sqlite file."""
+ABANDONED = datetime.timedelta(minutes=10)
+"""A trial that has been running for so long was lost with its process: a design is judged in a second."""
+REQUIREMENT, SPACE, FIRST = "requirement_sha256", "space", "first_designs"
+
+
+@contextlib.contextmanager
+def quiet_optuna() -> Iterator[None]:
+    """Without Optuna's log and warnings, which would stand between the progress bar's lines."""
+    optuna.logging.set_verbosity(optuna.logging.CRITICAL)
+    logging.getLogger("alembic").setLevel(logging.CRITICAL)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+        yield
+
+
+def open_storage(url: str) -> "optuna.storages.BaseStorage":
+    """The storage at a URL as Optuna takes it: "sqlite:///file.sqlite3", "mysql://...", "postgresql://...".
+
+    Raises
+    ------
+    InputError : no storage answers there
+    """
+    try:
+        arguments = {"connect_args": {"timeout": PATIENCE}} if url.startswith("sqlite") else {}
+        storage = begun_by_one(lambda: optuna.storages.RDBStorage(url, engine_kwargs=arguments))
+        if url.startswith("sqlite"):
+            event.listen(storage.engine, "connect", _write_ahead)
+            storage.engine.dispose()  # the connections it already has did not hear that
+        return storage
+    except (SQLAlchemyError, ImportError, ValueError, OSError, RuntimeError, optuna.exceptions.OptunaError) as err:
+        raise InputError(
+            f"storage '{url}' cannot be reached ({_reason(err)}); give an Optuna storage URL, like "
+            "sqlite:///trials.sqlite3, or leave --storage out"
+        ) from err
+
+
+def begun_by_one(begin: Callable[[], Answer]) -> Answer:
+    """What `begin` answers; it is called again where another process began the same at the same moment.
+
+    Of two that make the same tables, study or attribute, the database refuses one, which then finds them made.
+    """
+    for pause in PAUSES:
+        try:
+            return begin()
+        except (IntegrityError, OperationalError, optuna.exceptions.StorageInternalError) as err:
+            if not any(word in str(err) for word in ("UNIQUE", "uplicate", "already exists", "locked")):
+                raise
+            time.sleep(pause)
+    return begin()
+
+
+def _write_ahead(connection: Any, _: Any) -> None:
+    """A write-ahead log: a commit does not wait for the disk, and a file stays whole whenever a process or power ends.
+
+    A dozen commits a trial, each waiting, would cost as much as its field; what may be lost with the power is a trial.
+    """
+    connection.execute("PRAGMA journal_mode=WAL")
+    connection.execute("PRAGMA synchronous=NORMAL")
+
+
+def new_file(url: str) -> bool:
+    """Whether opening the storage would make a file."""
+    try:
+        parts = make_url(url)
+    except SQLAlchemyError:
+        return False
+    return parts.get_backend_name() == "sqlite" and parts.database is not None and not Path(parts.database).exists()
+
+
+def _reason(err: BaseException) -> str:
+    """The innermost complaint's first line."""
+    while err.__cause__ is not None:
+        err = err.__cause__
+    original = getattr(err, "orig", None) or err
+    return (str(original).strip().splitlines() or [type(err).__name__])[0]
+
+
+@contextlib.contextmanager
+def storage_trouble(url: str) -> Iterator[None]:
+    """A storage that fails in the block is one clear error: finished trials are in it."""
+    try:
+        yield
+    except (SQLAlchemyError, optuna.exceptions.OptunaError) as err:
+        raise ComputationError(
+            f"the storage '{url}' failed on the way ({_reason(err)}); judged designs are kept: run the same "
+            "command again"
+        ) from err
+
+
+def open_study(storage: "optuna.storages.BaseStorage", judge: Judge) -> "optuna.Study":
+    """The requirement's study in a storage, under the requirement's name; made where it is not there yet.
+
+    Raises
+    ------
+    InputError : a study of that name belongs to another requirement
+    """
+    requirement = judge.requirement
+    directions: list[Any] = [direction(objective) for objective in requirement.objectives]
+    study = optuna.create_study(
+        storage=storage,
+        study_name=requirement.name,
+        directions=directions,
+        load_if_exists=True,
+    )
+    empty = not study.get_trials(deepcopy=False)
+    known = study.user_attrs.get(REQUIREMENT)  # read last: who puts trials has stated it before
+    if known is None and empty:
+        study.set_user_attr(REQUIREMENT, requirement.digest)
+        study.set_metric_names(list(requirement.objectives))
+    elif known != requirement.digest:
+        raise InputError(
+            f"the storage holds a study '{requirement.name}' of another requirement; rename the requirement, give "
+            "another --storage, or remove the old file"
+        )
+    return study
+
+
+def stored_space(study: "optuna.Study") -> Space | None:
+    """The space that the study was begun with, None at its beginning."""
+    stored = study.user_attrs.get(SPACE)
+    if stored is None:
+        return None
+    return Space({name: Span(*span) for name, span in stored["spans"].items()}, stored["current_density"])
+
+
+def store_space(study: "optuna.Study", space: Space) -> None:
+    """Keep the space, so that a resumed search goes on in it."""
+    spans = {name: [span.low, span.high, span.log] for name, span in space.spans.items()}
+    study.set_user_attr(SPACE, {"spans": spans, "current_density": space.current_density})
+
+
+def distributions(space: Space) -> dict[str, BaseDistribution]:
+    """The space as Optuna has it."""
+    return {name: FloatDistribution(s.low, s.high, log=s.log) for name, s in space.spans.items()}
+
+
+def judged_trials(study: "optuna.Study") -> list[JudgedTrial]:
+    """The trials that came to a verdict, in order of number."""
+    trials = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED))
+    return [judged_trial(trial) for trial in trials if VERDICT in trial.user_attrs]
+
+
+def count_judged(study: "optuna.Study") -> int:
+    """The number of trials that came to a verdict, or to a field that failed."""
+    trials = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED, TrialState.FAIL))
+    return sum(VERDICT in trial.user_attrs for trial in trials)
+
+
+def enqueue_first(study: "optuna.Study", designs: dict[str, dict[str, float]]) -> None:
+    """Put designs by name before all others, unless they were judged or wait already; lost ones are put again."""
+    alive = {
+        trial.user_attrs.get(FIRST_DESIGN)
+        for trial in study.get_trials(deepcopy=False)
+        if VERDICT in trial.user_attrs or trial.state == TrialState.WAITING or _runs(trial)
+    }
+    for name, parameters in designs.items():
+        if name not in alive:
+            study.enqueue_trial(parameters, user_attrs={FIRST_DESIGN: name})
+
+
+def _runs(trial: Any) -> bool:
+    if trial.state != TrialState.RUNNING or trial.datetime_start is None:
+        return False
+    return bool(datetime.datetime.now() - trial.datetime_start < ABANDONED)
+
+
+def clear_abandoned(study: "optuna.Study") -> int:
+    """Mark trials failed whose process was lost long ago; their number."""
+    lost = [trial for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)) if not _runs(trial)]
+    for trial in lost:
+        study.tell(trial.number, state=TrialState.FAIL, skip_if_finished=True)
+    return len(lost)

@@ -1,0 +1,234 @@
+"""The tolerance study of an actuator: sensitivities, and the band of its map."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.actuator import Actuator
+from msl_fem.design.tolerances.band import Band, direct_band, draw, governing, linearised_answers, linearised_band
+from msl_fem.design.tolerances.deviation import Tolerance, tolerances_of
+from msl_fem.design.tolerances.made_magnet import Nominal, made_field
+from msl_fem.design.tolerances.rows import MadeJob, Questions, Running, answers
+from msl_fem.design.tolerances.sensitivity import Sensitivity, sensitivities
+from msl_fem.errors import InputError
+from msl_fem.files.quantity import format_quantity
+from msl_fem.magnetics.field_map.level_roots import Climb
+from msl_fem.magnetics.field_map.readings import reader_of
+from msl_fem.magnetics.kinds.e_core import (
+    LARGEST_CURRENT_DENSITY,
+    LEVELS,
+    Accuracy,
+    MagnetField,
+    check_point,
+    magnet_mesh,
+)
+from msl_fem.magnetics.sweep.cache import RowCache
+from msl_fem.magnetics.sweep.rows import Arrays, Progress, in_processes
+from msl_fem.maps import LEVELS as FLUX_DENSITIES
+from msl_fem.maps.criterion import Criterion
+
+Array = NDArray[np.float64]
+BEYOND_DRIVE = 4.0  # times the drive's limit: where a level is still looked for
+MOST_SAMPLES = 100_000
+LARGEST_LEVEL = 10.0  # T
+NEARLY = 0.9  # of the governing section's flux density: what tolerances of a few per cent may make govern
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class StudySettings:
+    """What is studied and how.
+
+    Attributes
+    ----------
+    tolerances : limits that go before the file's and the defaults
+    gaps : m; by default five over the travel, the nominal one in the middle
+    levels : T
+    point : (current A, gap m) of force and flux linkage; by default the first level's current at the nominal gap
+    samples, seed : of the Monte Carlo
+    direct : solve the fields of all samples, instead of the linearised map of all and the fields of `checks`
+    """
+
+    tolerances: Mapping[str, float] = field(default_factory=dict)
+    gaps: tuple[float, ...] | None = None
+    levels: tuple[float, ...] = FLUX_DENSITIES
+    point: Point | None = None
+    samples: int = 2000
+    seed: int = 1
+    direct: bool = False
+    checks: int = 24
+    accuracy: Accuracy = "fast"
+
+
+@dataclass(frozen=True)
+class Resources:
+    """Processes, folder of finished magnets and whether they are taken from it, progress."""
+
+    workers: int = 1
+    cache: RowCache | None = None
+    resume: bool = False
+    progress: Progress | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ToleranceStudy:
+    """Sensitivities at a point and over the map, and the map's band.
+
+    Attributes
+    ----------
+    sections : those that govern somewhere, or nearly do
+    point : (current A, gap m) of force and flux linkage
+    nominal : section_current (n_section, n_level, n_gap) A, force N, flux_linkage Wb
+    """
+
+    levels: Array
+    gap: Array
+    sections: tuple[str, ...]
+    point: Point
+    nominal: Arrays
+    sensitivities: tuple[Sensitivity, ...]
+    band: Band
+
+    @property
+    def current(self) -> Array:
+        """(n_level, n_gap) A, nan where a level is not reached."""
+        return governing(self.nominal["section_current"], axis=0)
+
+    @property
+    def governing_section(self) -> NDArray[np.int64]:
+        """(n_level, n_gap) index into `sections`."""
+        found = self.nominal["section_current"]
+        return np.asarray(np.argmin(np.where(np.isnan(found), np.inf, found), axis=0))
+
+    @property
+    def tolerances(self) -> tuple[Tolerance, ...]:
+        return tuple(s.tolerance for s in self.sensitivities)
+
+
+def tolerance_study(
+    actuator: Actuator, *, settings: StudySettings | None = None, resources: Resources | None = None
+) -> ToleranceStudy:
+    """The tolerance study of an actuator's E-core.
+
+    Raises
+    ------
+    InputError : gaps, levels, samples or tolerances that are not allowed
+    ComputationError : a field did not converge; what is finished is kept
+    """
+    settings, resources = settings or StudySettings(), resources or Resources()
+    tolerances = tolerances_of(actuator, stated=settings.tolerances)
+    _check(settings)
+    gaps = _gaps(actuator, settings.gaps, tolerances)
+    magnet = actuator.e_core()
+    mesh = magnet_mesh(magnet, float(np.sqrt(gaps[0] * gaps[-1])), settings.accuracy)
+    nominal = Nominal(magnet, mesh, actuator.folder, LEVELS[settings.accuracy].order)
+    running = Running(in_processes(resources.workers), resources.cache, resources.resume, resources.progress)
+    most = _most(actuator)
+    drawn = made_field(nominal, {})
+    point = settings.point or _point(actuator, drawn, settings.levels[0], most=most, gaps=gaps)
+    check_point(actuator, *point)
+    sections = _sections(drawn, settings.levels, most=most, gaps=gaps)
+    job = MadeJob(nominal, Questions(gaps, settings.levels, sections, most, *point))
+    at, found = sensitivities(job, tolerances, running)
+    if settings.direct:
+        band = direct_band(job, tolerances, running, samples=settings.samples, seed=settings.seed)
+    else:
+        band = linearised_band(at, found, gap=point[1], samples=settings.samples, seed=settings.seed)
+        band = _checked(job, band, at, found, running=running, checks=settings.checks)
+    return ToleranceStudy(np.array(settings.levels), np.array(gaps), sections, point, at, found, band)
+
+
+def _gaps(actuator: Actuator, given: tuple[float, ...] | None, tolerances: tuple[Tolerance, ...]) -> tuple[float, ...]:
+    """The gaps of the map, increasing; InputError where one is no gap of this magnet with its tolerance."""
+    motion = actuator.motion
+    if given is None:
+        if motion is None or motion.nominal_gap is None or motion.range is None:
+            raise InputError(
+                f'{actuator.name} states no motion.nominal_gap and motion.range; give --gaps, like "0.2,0.5,1 mm"'
+            )
+        middle = motion.nominal_gap
+        low, high = np.geomspace(middle - motion.range, middle, 3), np.geomspace(middle, middle + motion.range, 3)
+        given = (*low[:-1].tolist(), middle, *high[1:].tolist())
+    gaps = tuple(sorted(set(given)))
+    limit = next(t.limit for t in tolerances if t.name == "gap")
+    for gap in gaps:
+        check_point(actuator, 0.0, gap)
+    if not limit < gaps[0] / 2:
+        raise InputError(
+            f"tolerance gap = {format_quantity(limit, 'm')} must be below half the smallest gap, "
+            f"{format_quantity(gaps[0] / 2, 'm')}; leave out small gaps or tighten it"
+        )
+    return gaps
+
+
+def _check(settings: StudySettings) -> None:
+    levels = settings.levels
+    if not levels or not all(0 < low < high for low, high in zip((1e-9, *levels), levels, strict=False)):
+        raise InputError(f"levels must be positive and increasing, like 1.2, 1.6 T; these are {list(levels)} T")
+    if levels[-1] > LARGEST_LEVEL:
+        raise InputError(f"level {levels[-1]:g} T is not allowed; it must be at most {LARGEST_LEVEL:g} T")
+    for name, value, least in (("samples", settings.samples, 20), ("checks", settings.checks, 0)):
+        if not least <= value <= MOST_SAMPLES:
+            raise InputError(f"{name} {value} is not allowed; it must be {least} ... {MOST_SAMPLES}")
+
+
+def _most(actuator: Actuator) -> float:
+    """The current of a magnet in A up to which a level is looked for."""
+    if actuator.drive is not None and actuator.drive.current_limit is not None:
+        return BEYOND_DRIVE * actuator.drive.current_limit
+    coil = actuator.e_core().coil
+    return LARGEST_CURRENT_DENSITY * coil.fill_factor * actuator.e_core().coil_section / coil.turns
+
+
+def _point(actuator: Actuator, drawn: MagnetField, level: float, *, most: float, gaps: tuple[float, ...]) -> Point:
+    """The current that brings the level at the nominal gap, or at the middle one where none is stated."""
+    stated = actuator.motion.nominal_gap if actuator.motion is not None else None
+    gap = stated if stated is not None else gaps[len(gaps) // 2]
+    current = Climb(drawn, reader_of(drawn, Criterion("mean")), gap).root(level, most).current
+    if np.isnan(current):
+        raise InputError(
+            f"{level:g} T is not reached at gap {format_quantity(gap, 'm')} below {most:g} A; give a lower level, or "
+            "--current and --gap for force and flux linkage"
+        )
+    return current, gap
+
+
+def _sections(
+    drawn: MagnetField, levels: tuple[float, ...], *, most: float, gaps: tuple[float, ...]
+) -> tuple[str, ...]:
+    """The sections whose mean flux density comes near a level where another one's, or their own, takes it."""
+    near: dict[str, None] = {}
+    reader = reader_of(drawn, Criterion("mean"))
+    for gap in {gaps[0], gaps[len(gaps) // 2], gaps[-1]}:
+        climb = Climb(drawn, reader, gap)
+        for level in levels:
+            potential = climb.root(level, most).point.solution.potential
+            means = {name: found.mean for name, found in drawn.probes.section_flux_density(potential).items()}
+            near |= dict.fromkeys(name for name in means if means[name] >= NEARLY * max(means.values()))
+    return tuple(name for name in drawn.probes.cuts if name in near)
+
+
+def _checked(
+    job: MadeJob, band: Band, at: Arrays, found: tuple[Sensitivity, ...], *, running: Running, checks: int
+) -> Band:
+    """The linearised band with its error, told by solving the fields of its first samples."""
+    if not checks:
+        return band
+    deviations = draw([s.tolerance for s in found], checks, band.seed)
+    solved = np.stack([row["current"] for row in answers(job, deviations, running)])
+    off = np.abs(linearised_answers(at, found, deviations, gap=job.questions.point_gap)["current"] - solved)
+    known = np.isfinite(off)
+    half = np.where(known, (band.high - band.low) / 2, np.nan)
+    return replace(
+        band,
+        checked=checks,
+        linearisation_error=_largest(off / governing(at["section_current"], axis=0)),
+        band_error=_largest(off / half) if (half[known] > 0).all() else 0.0,
+    )
+
+
+def _largest(values: Array) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if finite.size else 0.0

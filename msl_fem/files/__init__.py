@@ -1,0 +1,1 @@
+"""What is read and written: quantities with units, TOML, NetCDF, whole files, locks."""

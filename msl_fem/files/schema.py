@@ -1,0 +1,184 @@
+"""What the files that people write have in common: quantities with units, no unknown keys, one clear complaint."""
+
+import math
+import tomllib
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
+from pydantic_core import CoreSchema, core_schema
+
+from msl_fem.errors import QuantityError
+from msl_fem.files.quantity import parse_quantity
+from msl_fem.files.toml_text import quantity_text
+
+LARGEST = 1e18  # of any quantity in SI units
+LARGEST_TEXT = 16_000_000  # bytes of a file that people write: a device or a wrong file ends here, not the memory
+DEEPEST = 40  # levels of nesting: no file of ours has more than five
+
+
+@dataclass(frozen=True)
+class In:
+    """Annotation of a float: the text of a file with a unit of this dimension, or an SI number given from Python."""
+
+    unit: str
+
+    def read(self, given: object) -> float:
+        """The SI value; ValueError where the text is not a quantity of this dimension, or not finite."""
+        if isinstance(given, float) or (isinstance(given, int) and not isinstance(given, bool)):
+            if isinstance(given, float) and not math.isfinite(given):
+                raise ValueError(f"{given} is not finite")
+            return float(self._plausible(given))
+        try:
+            return self._plausible(parse_quantity(given, self.unit))  # type: ignore[arg-type]
+        except QuantityError as err:
+            raise ValueError(str(err)) from err
+
+    def _plausible(self, value: float) -> float:
+        """The value; ValueError beyond what any machine has, where squares and products would overflow later."""
+        if abs(value) > LARGEST:
+            limit = f"{LARGEST:g} {self.unit}".rstrip()
+            size = f"{value:g}" if isinstance(value, float) else "a number"  # an integer of many digits is no float
+            raise ValueError(f"{size} {self.unit} is out of range; in size it must be at most {limit}")
+        return value
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+
+class FrozenModel(BaseModel):
+    """A section of a file: frozen, and an unknown key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    def implied(self) -> frozenset[str]:
+        """Names of the fields that follow from others, which a file therefore leaves out."""
+        return frozenset()
+
+
+def document(model: BaseModel) -> dict[str, Any]:
+    """The model as a file states it: texts with units, aliases as keys, nothing where there is nothing."""
+    content: dict[str, Any] = {}
+    implied = model.implied() if isinstance(model, FrozenModel) else frozenset()
+    for name, info in type(model).model_fields.items():
+        value = getattr(model, name)
+        if value is None or info.exclude or value == {} or name in implied:
+            continue
+        unit = _unit((info.annotation, *info.metadata))
+        if isinstance(value, BaseModel):
+            value = document(value)
+        elif isinstance(value, float) and unit:
+            value = quantity_text(value, unit)
+        content[info.alias or name] = value
+    return content
+
+
+def _unit(parts: tuple[Any, ...]) -> str:
+    """The unit of the first `In` within an annotation and its metadata, "" without one."""
+    for part in parts:
+        unit = part.unit if isinstance(part, In) else _unit(get_args(part))
+        if unit:
+            return unit
+    return ""
+
+
+def read_toml(path: str | Path, *, error: type[Exception], wanted: str) -> dict[str, Any]:
+    """The content of a TOML file; raises `error`, saying what file is wanted, where there is none or it is not TOML."""
+    try:
+        text = small_text(path)
+    except UnicodeDecodeError as err:
+        raise error(
+            f"{path}: cannot be read (byte {err.start} is no UTF-8); give {wanted} (TOML) saved as UTF-8"
+        ) from err
+    except (OSError, ValueError) as err:
+        raise error(f"{path}: cannot be read ({reason(err)}); give {wanted} (TOML)") from err
+    try:
+        content = tomllib.loads(text.removeprefix("\ufeff"))  # some editors put a byte order mark first
+    except (tomllib.TOMLDecodeError, RecursionError) as err:
+        raise error(f"{path}: not valid TOML: {err}") from err
+    if depth(content) > DEEPEST:
+        raise error(f"{path}: is nested more than {DEEPEST} levels deep; give {wanted} (TOML)")
+    return content
+
+
+def small_text(path: str | Path, *, encoding: str = "utf-8") -> str:
+    """The text of a file of up to `LARGEST_TEXT` bytes.
+
+    Raises
+    ------
+    OSError : it cannot be read
+    ValueError : it is larger, or no text of that encoding
+    """
+    with Path(path).open("rb") as stream:
+        content = stream.read(LARGEST_TEXT + 1)
+    if len(content) > LARGEST_TEXT:
+        raise ValueError(f"more than {LARGEST_TEXT // 1_000_000} MB")
+    return content.decode(encoding)
+
+
+def depth(content: object) -> int:
+    """How many levels there are below the top, in tables and lists; found without recursion."""
+    levels, inside = 0, [content]
+    while inside := [v for one in inside if isinstance(one, dict | list)
+                     for v in (one.values() if isinstance(one, dict) else one)]:  # fmt: skip
+        levels += 1
+    return levels
+
+
+def bare_number(content: Mapping[Any, Any], pure: Collection[str], *, path: str = "") -> str | None:
+    """The complaint about the first number without a unit (keys named in `pure` need none), or None."""
+    for key, value in content.items():
+        inner = dict(enumerate(value)) if isinstance(value, list) else value
+        if isinstance(inner, dict):
+            said = bare_number(inner, pure, path=f"{path}{key}.")
+            if said:
+                return said
+        elif isinstance(value, bool):
+            return f"{path}{key}: {str(value).lower()} is not what is expected here; write a number or a text"
+        elif isinstance(value, int | float) and key not in pure:
+            return f'{path}{key}: {value} has no unit; write a text with one, like "0.6 mm"'
+    return None
+
+
+def has_unknown_key(err: ValidationError) -> bool:
+    """Whether a key that no section has is among the complaints."""
+    return any(one["type"] == "extra_forbidden" for one in err.errors())
+
+
+def first_complaint(err: ValidationError, *, unions: Collection[str] = ()) -> str:
+    """One line: the key path, what is wrong with it, and how many complaints more there are.
+
+    `unions` names the keys that hold one of several kinds: pydantic puts the kind into the path, the file does not.
+    """
+    errors, explained = err.errors(), 1
+    first = min(errors, key=lambda one: one["type"] != "extra_forbidden")  # a misspelt key explains a missing one
+    loc = first["loc"]
+    path = ".".join(str(p) for k, p in enumerate(loc) if k == 0 or loc[k - 1] not in unions)
+    kind = first["type"]
+    if kind == "extra_forbidden":
+        missing = [str(one["loc"][-1]) for one in errors if one["type"] == "missing" and one["loc"][:-1] == loc[:-1]]
+        meant = get_close_matches(str(loc[-1]), missing, n=1)
+        explained += len(meant)
+        said = f"unknown key; is {meant[0]} meant?" if meant else "unknown key; check its spelling or remove it"
+    elif kind == "missing":
+        said = "is missing"
+    elif kind == "union_tag_invalid":
+        context = first["ctx"]
+        key = context["discriminator"].strip("'")
+        said = f"{key} {context['tag']!r} is unknown; choose one of {context['expected_tags']}"
+    elif kind == "union_tag_not_found":
+        said = f"{first['ctx']['discriminator']} is missing".replace("'", "")
+    else:
+        said = first["msg"].removeprefix("Value error, ")
+        if not isinstance(first["input"], dict | BaseModel) and kind != "value_error":
+            said += f", not {first['input']!r}"
+    more = f" (and {err.error_count() - explained} more)" if err.error_count() > explained else ""
+    return f"{path + ': ' if path else ''}{said}{more}"
+
+
+def reason(err: Exception) -> str:
+    """Why a file could not be read, without its path (which the caller names)."""
+    return err.strerror or "error" if isinstance(err, OSError) else str(err)

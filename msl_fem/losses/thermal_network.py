@@ -1,0 +1,163 @@
+"""Where a magnet's heat goes: winding and core as two nodes, or one node with a stated thermal resistance."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.actuator import Actuator, ECore
+from msl_fem.errors import InputError
+from msl_fem.materials.copper import DENSITY, SPECIFIC_HEAT
+
+Array = NDArray[np.float64]
+IRON_DENSITY, IRON_SPECIFIC_HEAT = 7650.0, 460.0
+"""kg/m3, J/(kg K) of silicon steel (Bozorth, Ferromagnetism, 1951, table of iron-silicon alloys)."""
+
+COPPER_CONDUCTIVITY = 400.0  # W/(m K), Incropera and DeWitt, table A.1
+
+
+@dataclass(frozen=True)
+class Cooling:
+    """How a magnet is cooled, in W, m and K.
+
+    Attributes
+    ----------
+    heat_transfer_coefficient : of all free surfaces, W/(m2 K). 10: about 5 by natural convection from surfaces of this
+        size and 5 by radiation from a painted one (Incropera and DeWitt, ch. 9 and 12: gases 2 ... 25)
+    insulation_conductivity : between coil and leg, and between the wires, W/(m K). 0.2: varnish and liner (Staton,
+        Boglietti and Cavagnino, IEEE Trans. Energy Conversion 20, 2005)
+    thermal_resistance : K/W from winding to ambient; where stated, nothing else is used
+    """
+
+    heat_transfer_coefficient: float = 10.0
+    insulation_conductivity: float = 0.2
+    thermal_resistance: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, unit, low, high in (
+            ("heat_transfer_coefficient", "W/(m2 K)", 0.1, 1e5),
+            ("insulation_conductivity", "W/(m K)", 0.01, 100.0),
+            ("thermal_resistance", "K/W", 1e-4, 1e6),
+        ):
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                said = name.replace("_", " ")
+                raise InputError(f"a {said} of {value:g} {unit} is not allowed; it must be {low:g} ... {high:g} {unit}")
+
+
+@dataclass(frozen=True, eq=False)
+class ThermalNetwork:
+    """Nodes with heat capacities, joined to one another and to the ambient; the first node is the winding.
+
+    Attributes
+    ----------
+    names : of the nodes
+    capacity : (n_node,) J/K; nan where not known
+    conductance : (n_node, n_node) W/K: heat leaving each node is this times the rises over ambient
+    notes : on what grounds
+    """
+
+    names: tuple[str, ...]
+    capacity: Array
+    conductance: Array
+    notes: tuple[str, ...]
+
+    @property
+    def resistance(self) -> float:
+        """K/W: the winding's rise for each watt in the winding."""
+        return float(np.linalg.inv(self.conductance)[0, 0])
+
+    @property
+    def core_resistance(self) -> float:
+        """K/W: the winding's rise for each watt in the last node, the core."""
+        return float(np.linalg.inv(self.conductance)[0, -1])
+
+    @property
+    def time_constants(self) -> Array:
+        """(n_node,) s, the longest first, at constant resistance; nan where a heat capacity is not known."""
+        if not np.isfinite(self.capacity).all():
+            return np.full(self.capacity.size, math.nan)
+        root = np.sqrt(self.capacity)
+        return np.asarray(1 / np.linalg.eigvalsh(self.conductance / np.outer(root, root)))
+
+
+def thermal_network(actuator: Actuator, cooling: Cooling) -> ThermalNetwork:
+    """The network of one magnet.
+
+    With a stated resistance: one node with the heat capacity of the copper alone (of a coil that is no E-core's: not
+    known), so that a peak within a cycle is not taken too low. Else two nodes:
+
+    - winding to core: conduction through the clearance to the centre leg, filled with insulation, and from the coil's
+      mean temperature to that face, width/(3 k A), the coil's heat being even over its section. Its conductivity
+      across the wires is k_i ((1 + f) k_cu + (1 - f) k_i)/((1 - f) k_cu + (1 + f) k_i) at the fill factor f
+      (Hashin and Shtrikman, J. Appl. Phys. 33, 1962);
+    - winding to ambient: the end turns' surface; core to ambient: its surface outside the window.
+
+    The armature, what the core is mounted on, and the coil's other faces carry no heat away.
+
+    Raises
+    ------
+    InputError : the magnet is no E-core and no thermal resistance is stated
+    """
+    magnet = actuator.magnet
+    if cooling.thermal_resistance is not None:
+        capacity = winding_capacity(magnet) if isinstance(magnet, ECore) else math.nan
+        note = f"stated thermal resistance of {cooling.thermal_resistance:g} K/W, winding to ambient"
+        return ThermalNetwork(("winding",), np.array([capacity]), np.array([[1 / cooling.thermal_resistance]]), (note,))
+    if not isinstance(magnet, ECore):
+        raise InputError(
+            f"{actuator.name}: the cooling of a magnet that is no E-core is not known; state it, like "
+            '--thermal-resistance "2 K/W"'
+        )
+    h = cooling.heat_transfer_coefficient
+    between = 1 / winding_to_core_resistance(magnet, cooling)
+    ends, surface = h * end_turn_surface(magnet), h * core_surface(magnet)
+    return ThermalNetwork(
+        ("winding", "core"),
+        np.array([winding_capacity(magnet), core_capacity(magnet)]),
+        np.array([[between + ends, -between], [-between, between + surface]]),
+        (
+            f"two nodes: winding to core {1 / between:.3g} K/W through insulation of "
+            f"{cooling.insulation_conductivity:g} W/(m K), end turns to ambient {1 / ends:.3g} K/W and core to ambient "
+            f"{1 / surface:.3g} K/W at {h:g} W/(m2 K); no heat goes into what the core is mounted on",
+        ),
+    )
+
+
+def winding_conductivity(fill_factor: float, insulation: float) -> float:
+    """W/(m K) across round wires of a fill factor in an insulation: Hashin and Shtrikman's lower bound (1962)."""
+    f, k, i = fill_factor, COPPER_CONDUCTIVITY, insulation
+    return i * ((1 + f) * k + (1 - f) * i) / ((1 - f) * k + (1 + f) * i)
+
+
+def winding_to_core_resistance(magnet: ECore, cooling: Cooling) -> float:
+    """K/W from the winding's mean temperature to the centre leg, around all four sides of it."""
+    coil = magnet.coil
+    area = 2 * (magnet.stack_depth + magnet.centre_leg_width) * coil.height
+    across = winding_conductivity(coil.fill_factor, cooling.insulation_conductivity)
+    return (coil.leg_clearance / cooling.insulation_conductivity + coil.width / (3 * across)) / area
+
+
+def end_turn_surface(magnet: ECore) -> float:
+    """m2 of the coil outside the window: its outer face and both edges, along the turns beyond the stack."""
+    coil = magnet.coil
+    return (magnet.mean_turn_length - 2 * magnet.stack_depth) * (coil.height + 2 * coil.width)
+
+
+def core_surface(magnet: ECore) -> float:
+    """m2 of the core outside the window, without its pole faces: both ends of the stack, back and sides."""
+    section = 2 * magnet.half_width * magnet.height - 2 * magnet.window_width * magnet.window_height
+    return 2 * section + (2 * magnet.half_width + 2 * magnet.height) * magnet.stack_depth
+
+
+def winding_capacity(magnet: ECore) -> float:
+    """J/K of the copper."""
+    volume = magnet.coil.fill_factor * magnet.coil_section * magnet.mean_turn_length
+    return DENSITY * SPECIFIC_HEAT * volume
+
+
+def core_capacity(magnet: ECore) -> float:
+    """J/K of the core's iron."""
+    section = 2 * magnet.half_width * magnet.height - 2 * magnet.window_width * magnet.window_height
+    return IRON_DENSITY * IRON_SPECIFIC_HEAT * section * magnet.stack_depth * magnet.iron.core_stacking

@@ -1,0 +1,1 @@
+"""The field of a magnet: solver, kinds of magnet, sweeps to tables, maps by root finding."""

@@ -1,0 +1,1 @@
+"""Kinds of magnet: section, field, force by two routes."""

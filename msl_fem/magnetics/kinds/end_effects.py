@@ -1,0 +1,110 @@
+"""End effects: how much deeper than the stack the air of a magnet's plane section is.
+
+At the stack's two ends flux bulges out of the gap and of the window. In the plane across such an edge two faces of
+iron end together, and the permeance beyond it is that of an air that is deeper by delta at each end, while the iron
+keeps its depth: the extra flux goes through the same iron and saturates it.
+
+- Gap: pole and armature face each other in the plane (y, z). The pole's end face keeps the magnetomotive force of the
+  gap up to the coil; along the coil's end turns it falls linearly, to nothing where the pole is at the armature's
+  potential. The permeance grows like the logarithm of the height at which the face ends, so the height that counts is
+  the geometric mean of those at which the force is lost, and at most the armature's thickness.
+- Window: the turns lie in planes y = const., so that no current crosses these planes and the magnetomotive force
+  between two legs at the height y is the same around the end as through the window. A plane section (x, z) across the
+  legs is solved for their fringe, half the centre leg on its plane of symmetry and the outer leg with all its faces.
+
+What is left out, and how much it may be: docs/end_effects.md.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.actuator import ECore
+from msl_fem.magnetics.kinds.end_section import EndSection
+from msl_fem.magnetics.solver.magnetostatics import AirDepth
+
+Array = NDArray[np.float64]
+METHOD = "gap by the closed form of two flush edges, window by a plane section across the legs; iron at stack depth"
+
+
+@dataclass(frozen=True)
+class FlushEdges:
+    """Two faces a gap apart that end together at both ends of a depth, and end faces of the height `reach`, in m."""
+
+    depth: float
+    reach: float
+
+    def factor(self, gap: float) -> tuple[float, float, float]:
+        """(depth + 2 delta)/depth at a gap, and its first and second derivative with respect to the gap.
+
+        Midway between the faces lies an equipotential, so each edge is a corner over a plane at half the gap, and two
+        of them in series give delta = (g / 2) f(2 h / g), f of `corner_excess`.
+        """
+        ratio = 2 * self.reach / gap
+        excess, first, second = corner_excess(ratio)
+        return (
+            1 + gap * excess / self.depth,
+            (excess - ratio * first) / self.depth,
+            ratio**2 * second / (gap * self.depth),
+        )
+
+
+def corner_excess(ratio: float) -> tuple[float, float, float]:
+    """f(h/s): a corner's permeance per unit width and mu_0 beyond that of its front face, and f', f''.
+
+    The corner stands s over a plane that goes on, its side face counts to the height h above the corner. By Schwarz and
+    Christoffel z = (s/pi) (2 v + ln((v - 1)/(v + 1))), v = sqrt(w + 1), maps the half plane onto the air (e.g.
+    Binns, Lawrenson and Trowbridge, The Analytical and Numerical Solution of Electric and Magnetic Fields, 1992); with
+    q = sqrt(-w - 1) on the side face
+
+        h/s = (2/pi) (q - arctan q),    f = (2 - ln 4 + ln(1 + q^2))/pi,    f' = 1/q.
+
+    Roters' half cylinder and half shell (Electromagnetic Devices, 1941, ch. V), 0.26 + ln(1 + h/s)/pi for two such
+    corners in series, is within 0.05 of f/2 from h/s = 1 on.
+    """
+    target = math.pi * ratio / 2
+    q = target + math.pi / 2  # above the root of a convex function: Newton falls to it without a step too far
+    for _ in range(60):
+        step = (q - math.atan(q) - target) * (1 + 1 / q**2)
+        q -= step
+        if step <= 1e-15 * q:
+            break
+    excess = (2 - math.log(4) + math.log1p(q**2)) / math.pi
+    return excess, 1 / q, -math.pi / 2 * (1 + q**2) / q**4
+
+
+def gap_edges(magnet: ECore) -> FlushEdges:
+    """The edges of pole and armature at the stack's ends."""
+    coil, centre, outer = magnet.coil, magnet.centre_leg_width / 2, magnet.outer_leg_width
+    share = outer / (centre + outer)  # of the coil's magnetomotive force in the centre leg's gap: as the reluctances
+    begin, end = coil.face_clearance, coil.face_clearance + share * coil.height
+    mean_log = math.log(end) - 1 + begin / (end - begin) * (math.log(end / begin) if begin else 0.0)
+    return FlushEdges(magnet.stack_depth, min(math.exp(mean_log), magnet.armature_thickness))
+
+
+def window_factor(magnet: ECore) -> float:
+    """(depth + 2 delta)/depth of the window; raises ComputationError where the mesher fails."""
+    legs = EndSection(magnet.window_width, magnet.outer_leg_width, magnet.centre_leg_width / 2, mirror=True)
+    return 1 + 2 * magnet.window_width * legs.excess() / magnet.stack_depth
+
+
+def deeper_air(magnet: ECore, mesh_gap: float) -> AirDepth:
+    """The depth of the air of a magnet's section over that of its stack, for a mesh made at a gap.
+
+    In the strip it is the factor of the gap. In the window, at the height y above the pole faces, it is that of the
+    window times the share (pi y / 2) / window_width, at most 1: what a tube of flux gains at its ends goes with its
+    length, and the tubes near the pole faces lead from a leg's side to the armature, not to the next leg.
+
+    Raises
+    ------
+    ComputationError : the mesher failed
+    """
+    beyond, width = window_factor(magnet) - 1, magnet.window_width
+
+    def window(points: Array) -> Array:
+        height = np.maximum(points[1] - mesh_gap, 0.0)
+        return 1 + beyond * np.minimum(math.pi / 2 * height / width, 1.0)
+
+    return AirDepth(gap_edges(magnet).factor, {"window": window, "coil": window})

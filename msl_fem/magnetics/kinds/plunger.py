@@ -1,0 +1,274 @@
+"""Axisymmetric magnets with a plunger: the section at a displacement, its field, force by two routes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.errors import InputError
+from msl_fem.files.quantity import format_quantity
+from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, field_response, solve_field
+from msl_fem.magnetics.solver.mesh import MeshSize, TriangleMesh, triangulate
+from msl_fem.magnetics.solver.section import Region, Section
+from msl_fem.magnetics.solver.virtual_work import displacement_share, hat_gradients
+from msl_fem.materials.constants import MU_0
+from msl_fem.materials.material import AnalyticIron, Iron
+
+Array = NDArray[np.float64]
+PLUNGER = "plunger"
+SIZE = MeshSize(corner=0.05, gap=1.0, iron=0.25, growth=0.35)
+SURFACE = 0.5  # value of the virtual displacement on the surface around the plunger
+GAUSS = np.polynomial.legendre.leggauss(4)
+N_OUTLINE = 400
+
+
+@dataclass(frozen=True, eq=False)
+class PlungerMagnet:
+    """A magnet of revolution about r = 0 whose plunger moves along z; lengths in m.
+
+    Attributes
+    ----------
+    fixed : polygons (r, z) of iron and coil, painted in order on the air
+    plunger : polygon (r, z) of the plunger at displacement 0
+    irons : region name to iron, "plunger" among them; every other region is vacuum
+    turns_density : region name to turns per area in 1/m2, signed
+    box : outer radius, lowest and highest z of the air; A = 0 there
+    gap : the smallest distance of plunger and fixed iron, to which element sizes relate
+    """
+
+    fixed: tuple[Region, ...]
+    plunger: tuple[tuple[float, float], ...]
+    irons: "Mapping[str, Iron | AnalyticIron]"
+    turns_density: Mapping[str, float]
+    box: tuple[float, float, float]
+    gap: float
+
+
+@dataclass(frozen=True)
+class PlungerResult:
+    """One field solution of a plunger magnet, in SI units.
+
+    `force` along +z by virtual work and `force_stress_tensor` by the Maxwell stress on a surface around the plunger;
+    `plunger_flux` is the largest flux through a cross section of the plunger.
+    """
+
+    current: float
+    displacement: float
+    force: float
+    force_stress_tensor: float
+    flux_linkage: float
+    coenergy: float
+    incremental_inductance: float
+    plunger_flux: float
+    unknowns: int
+    newton_iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class PlungerField:
+    """A plunger magnet meshed at one displacement; `motion` (n_point,) is the virtual displacement along z.
+
+    It is 1 on the plunger, 0 on what is fixed and on the box, harmonic and linear by triangle in the air between.
+    """
+
+    magnet: PlungerMagnet
+    displacement: float
+    model: FieldModel
+    motion: Array = field(repr=False)
+
+    def solve(self, current: float, *, start: Array | None = None) -> FieldSolution:
+        """The field at a coil current; raises NotConverged."""
+        return solve_field(self.model, current, self.model.mesh.gap, start=start)
+
+    def evaluate(self, solution: FieldSolution) -> PlungerResult:
+        """The numbers of the last solution."""
+        model, a = self.model, solution.potential
+        flux_linkage = float(model.source @ a)
+        nodes = np.unique(model.mesh.triangles[:, model.mesh.elements(PLUNGER)])
+        flux = 2 * np.pi * model.mesh.points[0, nodes] * a[model.basis.nodal_dofs[0, nodes]]
+        return PlungerResult(
+            current=solution.current,
+            displacement=self.displacement,
+            force=force_by_virtual_work(model, solution, self.motion),
+            force_stress_tensor=force_on_surface(model, solution, self.motion),
+            flux_linkage=flux_linkage,
+            coenergy=solution.current * flux_linkage - model.energy(a, solution.gap),
+            incremental_inductance=float(model.source @ field_response(model, solution).by_current),
+            plunger_flux=float(flux[np.argmax(np.abs(flux))]),
+            unknowns=model.free.size,
+            newton_iterations=len(solution.trail),
+        )
+
+
+def plunger_section(magnet: PlungerMagnet, displacement: float) -> Section:
+    """The half section r >= 0 with the plunger displaced along z; convex corners of the iron are graded.
+
+    Raises
+    ------
+    InputError : the plunger would touch another region or the box's edge
+    """
+    moved = tuple((r, z + displacement) for r, z in magnet.plunger)
+    edge, low, high = magnet.box
+    air = Region("air", ((0.0, low), (edge, low), (edge, high), (0.0, high)))
+    plunger = Region(PLUNGER, moved)
+    for other in magnet.fixed:
+        _check_apart(plunger, other, displacement)
+    heights = [z for _, z in moved]
+    if min(heights) <= low or max(heights) >= high or max(r for r, _ in moved) >= edge:
+        raise InputError(
+            f"at displacement {format_quantity(displacement, 'm')} the plunger leaves the air box, z = "
+            f"{format_quantity(low, 'm')} ... {format_quantity(high, 'm')}; widen the box or move the plunger less"
+        )
+    iron = [r for r in magnet.fixed if r.name in magnet.irons]
+    corners = [c for r in iron for c in _corners(r, (plunger,), magnet.gap)]
+    corners += _corners(plunger, tuple(iron), magnet.gap)
+    names = {name: (material.name, 1.0) for name, material in magnet.irons.items()}
+    regions = (air, *magnet.fixed, plunger)
+    return Section(regions, tuple(corners), (), names, dict(magnet.turns_density), depth=1.0, gap=magnet.gap)
+
+
+def plunger_field(
+    magnet: PlungerMagnet, displacement: float, *, size: MeshSize | None = None, order: int = 3
+) -> PlungerField:
+    """The magnet meshed with its plunger at a displacement along z (m), ready to be solved.
+
+    Raises
+    ------
+    InputError : see `plunger_section`
+    ComputationError : the mesher gave up
+    """
+    mesh = triangulate(plunger_section(magnet, displacement), size or SIZE)
+    motion = displacement_share(mesh, (PLUNGER,), air=("air",), symmetry="x=0")
+    model = FieldModel(mesh, magnet.irons, turns_density=magnet.turns_density, order=order, axisymmetric=True)
+    return PlungerField(magnet, displacement, model, motion)
+
+
+def solve_plunger(
+    magnet: PlungerMagnet, current: float, displacement: float, *, size: MeshSize | None = None, order: int = 3
+) -> PlungerResult:
+    """One field solution: coil current in A, displacement of the plunger along z in m.
+
+    Raises
+    ------
+    InputError : see `plunger_section`
+    ComputationError : the mesher or Newton's iteration failed
+    """
+    meshed = plunger_field(magnet, displacement, size=size, order=order)
+    return meshed.evaluate(meshed.solve(current))
+
+
+def force_by_virtual_work(model: FieldModel, solution: FieldSolution, motion: Array) -> float:
+    """F_z in N: minus the exact derivative of the discrete energy at fixed potential when the nodes move along z.
+
+    With z' = z + s v, r kept and the flux 2 pi r A through each circle kept, dB_r/ds = -B_r dv/dz, dB_z/ds = B_r dv/dr
+    and the volume grows by dv/dz: F = integral of ((B_r^2 - B_z^2)/2 dv/dz - B_r B_z dv/dr)/mu_0 over the air
+    (Coulomb 1983).
+    """
+    a = model.basis.interpolate(solution.potential)
+    r = model.basis.global_coordinates()[0]
+    b_z, b_r = a.grad[0] + np.asarray(a) / r, -a.grad[1]
+    v_r, v_z = _gradient(model.mesh, motion)
+    density = (b_r**2 - b_z**2) / 2 * v_z[:, None] - b_r * b_z * v_r[:, None]
+    return float(np.sum(density * 2 * np.pi * r * model.basis.dx)) / MU_0
+
+
+def force_on_surface(model: FieldModel, solution: FieldSolution, motion: Array) -> float:
+    """F_z in N: the Maxwell stress integrated over the surface v = 1/2, which lies in air around the plunger."""
+    mesh = model.mesh
+    air = mesh.elements("air")
+    v = motion[mesh.triangles[:, air]]
+    cut = (v.min(axis=0) < SURFACE) & (v.max(axis=0) > SURFACE)
+    elements = air[cut]
+    ends = _crossings(mesh.points[:, mesh.triangles[:, elements]], v[:, cut])
+    length = np.hypot(*(ends[1] - ends[0]))
+    node, weight = GAUSS
+    points = ends[0][:, :, None] + (ends[1] - ends[0])[:, :, None] * (node + 1) / 2  # (2, element, point)
+    b_r, b_z = _flux_density_at(model, solution.potential, points, elements)
+    slope = _gradient(mesh, motion)[:, elements]
+    n_r, n_z = -(slope / np.hypot(*slope))[:, :, None]
+    stress = b_r * b_z * n_r + (b_z**2 - b_r**2) / 2 * n_z
+    return float(np.sum(stress * 2 * np.pi * points[0] * weight * length[:, None] / 2)) / MU_0
+
+
+def _flux_density_at(
+    model: FieldModel, potential: Array, points: Array, elements: NDArray[np.int64]
+) -> tuple[Array, Array]:
+    """B_r, B_z (element, point) at points (2, element, point) inside the elements given."""
+    basis = model.basis
+    local = basis.mapping.invF(points, tind=elements)
+    b_r, b_z = np.zeros(points.shape[1:]), np.zeros(points.shape[1:])
+    for k in range(basis.Nbfun):
+        shape = basis.elem.gbasis(basis.mapping, local, k, tind=elements)[0]
+        a = potential[basis.element_dofs[k, elements]][:, None]
+        b_r -= a * shape.grad[1]
+        b_z += a * (shape.grad[0] + np.asarray(shape) / points[0])
+    return b_r, b_z
+
+
+def _gradient(mesh: TriangleMesh, nodal: Array) -> Array:
+    """Gradient (2, element) of a function linear by triangle."""
+    gradient: Array = np.einsum("cje,ce->je", hat_gradients(mesh), nodal[mesh.triangles])
+    return gradient
+
+
+def _crossings(corners: Array, v: Array) -> tuple[Array, Array]:
+    """Both points (2, element) where v = SURFACE crosses the edges of triangles with corners (2, 3, element)."""
+    alone = np.argmax(np.stack([_alone(v, k) for k in range(3)]), axis=0)
+    every = np.arange(v.shape[1])
+    ends = []
+    for step in (1, 2):
+        other = (alone + step) % 3
+        t = (SURFACE - v[alone, every]) / (v[other, every] - v[alone, every])
+        ends.append(corners[:, alone, every] + t * (corners[:, other, every] - corners[:, alone, every]))
+    return ends[0], ends[1]
+
+
+def _alone(v: Array, k: int) -> NDArray[np.bool_]:
+    """Whether corner k lies on one side of the surface and the other two on the other."""
+    above = v > SURFACE
+    return (above[k] != above[k - 1]) & (above[k] != above[k - 2])
+
+
+def _corners(region: Region, others: tuple[Region, ...], gap: float) -> list[tuple[float, float, float]]:
+    """The convex corners off the axis with the grading's strength: element size goes with the distance to `others`."""
+    ring = np.array(region.vertices)
+    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    orientation = np.sign(
+        np.sum(ring[:, 0] * np.roll(ring, -1, axis=0)[:, 1] - np.roll(ring, -1, axis=0)[:, 0] * ring[:, 1])
+    )
+    found = []
+    for (r, z), sharp in zip(ring, turn * orientation > 0, strict=True):
+        if sharp and r > 0:
+            distance = min(_distance(np.array([r, z]), np.array(other.vertices)) for other in others)
+            found.append((float(r), float(z), float((gap / max(distance, gap)) ** (2 / 3))))
+    return found
+
+
+def _distance(point: Array, ring: Array) -> float:
+    """From a point to a polygon's outline."""
+    along = np.roll(ring, -1, axis=0) - ring
+    t = np.clip(((point - ring) * along).sum(axis=1) / (along**2).sum(axis=1), 0, 1)
+    return float(np.hypot(*(ring + t[:, None] * along - point).T).min())
+
+
+def _check_apart(plunger: Region, other: Region, displacement: float) -> None:
+    """InputError where an outline enters or touches the other polygon."""
+    one, two = np.array(plunger.vertices), np.array(other.vertices)
+    if _any_inside(one, two) or _any_inside(two, one):
+        raise InputError(
+            f"at displacement {format_quantity(displacement, 'm')} the plunger touches the {other.name}; "
+            "move it less or the other way"
+        )
+
+
+def _any_inside(outline: Array, ring: Array) -> bool:
+    """Whether a point of one outline lies in another polygon (even-odd rule)."""
+    t = np.arange(N_OUTLINE) / N_OUTLINE
+    x, y = (outline[:, None] + (np.roll(outline, -1, axis=0) - outline)[:, None] * t[:, None]).reshape(-1, 2).T
+    inside = np.zeros(x.size, dtype=bool)
+    for (x0, y0), (x1, y1) in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+        if y0 != y1:
+            inside ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+    return bool(inside.any())

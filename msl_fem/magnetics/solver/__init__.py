@@ -1,0 +1,1 @@
+"""The plane and axisymmetric nonlinear field solver; knows no magnet."""

@@ -1,0 +1,378 @@
+"""Nonlinear magnetostatics in two dimensions: weak form, exact tangent, damped Newton.
+
+It knows regions, irons and turns, nothing of E-cores. In a plane section the unknown is A_z; minimise
+Pi(A) = W(A; g) - i f.A, W the field energy per unit depth, f the flux linkage per unit depth of a unit potential (e.g.
+Bastos and Sadowski, Electromagnetic Modeling by Finite Element Methods, 2003, ch. 4). W is convex, so Newton with a
+line search ends at the one solution.
+
+The gap enters through one strip of air of height g, whose elements stretch with s = g / g_mesh:
+W_strip = (A.S_x A s + A.S_y A / s) / 2 exactly, so every derivative with respect to the gap is exact as well.
+
+In an axisymmetric section (x is r, y is z) the unknown is A_phi, zero on the axis; B_z = dA/dr + A/r takes the place of
+the derivative along x, weights are multiplied by 2 pi r, the rest stays, and energy and flux linkage are those of the
+whole. 2 pi r A is the flux through the circle of radius r. Quadratic elements for r A, the other choice, are 1.6 times
+less accurate in the energy norm and one order in B on the axis.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from skfem import Basis, ElementTriP2, ElementTriP3, ElementTriP4, MeshTri
+
+from msl_fem.errors import NotConverged
+from msl_fem.magnetics.solver.iron_elements import ElementGeometry, IronElements
+from msl_fem.magnetics.solver.mesh import TriangleMesh
+from msl_fem.magnetics.solver.sparse_tangent import SparseTangent
+from msl_fem.materials.constants import MU_0
+from msl_fem.materials.material import AnalyticIron, Iron
+
+Array = NDArray[np.float64]
+ELEMENTS = {2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
+STRIP = "strip"
+
+
+@dataclass(frozen=True)
+class NewtonSettings:
+    """When Newton's iteration ends.
+
+    Attributes
+    ----------
+    tolerance : on the energy norm of the error over that of the field, as `expected_error` tells it
+    iterations : most steps before NotConverged
+    """
+
+    tolerance: float = 1e-7
+    iterations: int = 60
+
+
+@dataclass(frozen=True, eq=False)
+class AirDepth:
+    """How many times deeper than the iron the air is: its field energy at a given A is divided by that.
+
+    Attributes
+    ----------
+    strip : gap (m) to the factor k of the strip, dk/dgap and d2k/dgap2
+    regions : name of another linear region to its factor at points (2, ...) of the mesh; 1 where not named
+    """
+
+    strip: Callable[[float], tuple[float, float, float]] = lambda gap: (1.0, 0.0, 0.0)
+    regions: Mapping[str, Callable[[Array], Array]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class FieldSolution:
+    """A converged field: nodal potential, where it belongs, and how Newton got there.
+
+    Attributes
+    ----------
+    potential : (n_dof,) A_z or A_phi in Wb/m at the free and fixed degrees of freedom
+    current, gap : A, m
+    trail : relative energy norm of each Newton step
+    tangent : (nnz,) the energy's second derivative at the potential, on the model's pattern
+    """
+
+    potential: Array
+    current: float
+    gap: float
+    trail: tuple[float, ...]
+    tangent: Array = field(default_factory=lambda: np.empty(0))
+
+
+@dataclass(frozen=True, eq=False)
+class FieldResponse:
+    """Derivatives of the potential: dA/di and dA/dgap, (n_dof,) each, by back-substitution of the last tangent."""
+
+    by_current: Array
+    by_gap: Array
+
+
+def _gradients(basis: Basis, axisymmetric: bool) -> tuple[Array, Array]:
+    """(dA/dx, dA/dy) or (dA/dr + A/r, dA/dz), (local, 2, element, point), and weights (element, point).
+
+    The size of either pair is |B|.
+    """
+    gradients = np.stack([basis.basis[k][0].grad for k in range(basis.Nbfun)])
+    if not axisymmetric:
+        return gradients, basis.dx
+    r = basis.global_coordinates()[0]
+    gradients[:, 0] += np.stack([np.asarray(basis.basis[k][0]) for k in range(basis.Nbfun)]) / r
+    return gradients, 2 * np.pi * r * basis.dx
+
+
+def _iron_geometry(basis: Basis, axisymmetric: bool) -> ElementGeometry:
+    """The elements of a basis, with the jets and frames of `_gradients`."""
+    shapes = [basis.elem.lbasis(basis.X, k) for k in range(basis.Nbfun)]
+    jets = np.stack([derivative for _, derivative in shapes])
+    if not axisymmetric:
+        frame = basis.mapping.invDF(basis.X[:, :1], basis.tind).transpose(1, 0, 2, 3)
+        return ElementGeometry(np.ascontiguousarray(basis.element_dofs.T), jets, frame, basis.dx)
+    r = basis.global_coordinates()[0]
+    jets = np.concatenate([jets, np.stack([value for value, _ in shapes])[:, None]], axis=1)
+    slopes = basis.mapping.invDF(basis.X, basis.tind).transpose(1, 0, 2, 3)
+    frame = np.concatenate([slopes, np.stack([1 / r, np.zeros_like(r)])[:, None]], axis=1)
+    return ElementGeometry(np.ascontiguousarray(basis.element_dofs.T), jets, frame, 2 * np.pi * r * basis.dx)
+
+
+class FieldModel:
+    """A discretised section: everything that does not depend on current, gap or field, made once.
+
+    Parameters
+    ----------
+    mesh : triangles with region names; one region may be called "strip"
+    irons : region name to iron; every other region is vacuum
+    turns_density : region name to turns per area in 1/m2, signed
+    order : polynomial degree of the potential, 2 to 4
+    axisymmetric : the mesh lies in the half plane (r, z), r >= 0; results are those of the whole, not per unit depth
+    air_depth : of air that is deeper than the iron; results are per unit depth of the iron
+    """
+
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        irons: "Mapping[str, Iron | AnalyticIron]",
+        *,
+        turns_density: Mapping[str, float],
+        order: int = 2,
+        axisymmetric: bool = False,
+        air_depth: AirDepth | None = None,
+    ) -> None:
+        self.mesh, self.order, self.axisymmetric = mesh, order, axisymmetric
+        self.air_depth = air_depth or AirDepth()
+        self._linear_degree = 2 * order if axisymmetric else 2 * order - 2  # of |B|^2 r and |B|^2
+        self.skfem_mesh = MeshTri(np.ascontiguousarray(mesh.points), np.ascontiguousarray(mesh.triangles))
+        element = ELEMENTS[order]()
+        whole = Basis(self.skfem_mesh, element, intorder=self._linear_degree)
+        self.basis = whole
+        self.n_dof = whole.N
+        fixed = whole.get_dofs().all()
+        self.free = np.setdiff1d(np.arange(self.n_dof), fixed)
+        s_x, s_y = self._stiffness(mesh.elements(STRIP))
+        rest_x, rest_y = self._stiffness(mesh.elements(*(n for n in mesh.names if n not in irons and n != STRIP)))
+        self.irons = {
+            name: IronElements(
+                _iron_geometry(
+                    Basis(self.skfem_mesh, element, intorder=2 * order, elements=mesh.elements(name)), axisymmetric
+                ),
+                iron,
+            )
+            for name, iron in irons.items()
+        }
+        self.source = self._source(turns_density)
+        linear = [s_x.tocoo(), s_y.tocoo(), (rest_x + rest_y).tocoo()]
+        pairs = [part.pairs for part in self.irons.values()]
+        self.tangent = SparseTangent(
+            self.free,
+            self.n_dof,
+            [*((m.row, m.col) for m in linear), *((np.minimum(a, b), np.maximum(a, b)) for a, b in pairs)],
+        )
+        self.strip_x, self.strip_y, self.rest = (self.tangent.gather(k, m.data) for k, m in enumerate(linear))
+        self._full = [m.tocsr() for m in linear]
+        self._linear = np.nan, self.rest  # the gap and the linear regions' values there
+        self.last_response: tuple[FieldSolution, FieldResponse] | None = None
+
+    def with_turns(self, turns_density: Mapping[str, float]) -> "FieldModel":
+        """The same discretisation with other turns, for sections with several coils.
+
+        For coil currents i_k drive it by the densities i_k n_k at a current of 1; `source` of the densities n_k alone
+        gives coil k's flux linkage.
+        """
+        other = self._unsolved()
+        other.source = self._source(turns_density)
+        return other
+
+    def with_irons(self, irons: "Mapping[str, Iron | AnalyticIron]") -> "FieldModel":
+        """The same discretisation with other irons in the same regions."""
+        other = self._unsolved()
+        other.irons = {name: copy(part) for name, part in self.irons.items()}
+        for name, part in other.irons.items():
+            part.iron = irons[name]
+        return other
+
+    def _unsolved(self) -> "FieldModel":
+        other = copy(self)
+        other.tangent, other.last_response = self.tangent.unfactored(), None
+        return other
+
+    def _stiffness(self, elements: NDArray[np.int64]) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
+        """Integrals of dA/dx dA'/dx and dA/dy dA'/dy over mu_0 (and the air's depth), each (n_dof, n_dof)."""
+        if elements.size == 0:
+            empty = sparse.csc_matrix((self.n_dof, self.n_dof))
+            return empty, empty
+        basis = Basis(self.skfem_mesh, ELEMENTS[self.order](), intorder=self._linear_degree, elements=elements)
+        gradient, weight = _gradients(basis, self.axisymmetric)
+        if self.air_depth.regions:
+            weight = weight / self._depth_factor(elements, np.asarray(basis.global_coordinates()))
+        rows = np.repeat(basis.element_dofs, basis.Nbfun, axis=0).ravel()
+        columns = np.tile(basis.element_dofs, (basis.Nbfun, 1)).ravel()
+        both = []
+        for direction in (0, 1):
+            g = gradient[:, direction]
+            values = np.einsum("aep,bep,ep->abe", g, g, weight / MU_0, optimize=True)
+            both.append(sparse.csc_matrix((values.ravel(), (rows, columns)), shape=(self.n_dof, self.n_dof)))
+        return both[0], both[1]
+
+    def _depth_factor(self, elements: NDArray[np.int64], points: Array) -> Array:
+        """The air's depth factor (element, point) outside the strip."""
+        factor = np.ones(points.shape[1:])
+        for name, depth in self.air_depth.regions.items():
+            inside = np.isin(elements, self.mesh.elements(name))
+            factor[inside] = depth(points[:, inside])
+        return factor
+
+    def _source(self, turns_density: Mapping[str, float]) -> Array:
+        """f (n_dof,): flux linkage (per unit depth in the plane) is f.A, and i f is the load."""
+        load = np.zeros(self.n_dof)
+        for name, density in turns_density.items():
+            basis = Basis(
+                self.skfem_mesh, ELEMENTS[self.order](), intorder=2 * self.order, elements=self.mesh.elements(name)
+            )
+            weight = 2 * np.pi * basis.global_coordinates()[0] * basis.dx if self.axisymmetric else basis.dx
+            for k in range(basis.Nbfun):
+                np.add.at(load, basis.element_dofs[k], density * (basis.basis[k][0] * weight).sum(axis=1))
+        return load
+
+    def linear_product(self, potential: Array, gap: float) -> Array:
+        """The product of the linear regions' stiffness at a gap with a potential, (n_dof,)."""
+        return self._strip_product(potential, gap) / self.air_depth.strip(gap)[0] + self._full[2] @ potential
+
+    def _strip_product(self, potential: Array, gap: float) -> Array:
+        """The strip's share of `linear_product`, were it as deep as the iron."""
+        s = gap / self.mesh.gap
+        x, y, _ = self._full
+        return s * (x @ potential) + (y @ potential) / s
+
+    def strip_energy(self, potential: Array, gap: float) -> float:
+        """Field energy of the strip, as `energy`."""
+        return 0.5 * float(potential @ self._strip_product(potential, gap)) / self.air_depth.strip(gap)[0]
+
+    def strip_products(self, potential: Array, gap: float) -> tuple[Array, Array]:
+        """First and second derivative with respect to the gap of `linear_product`, (n_dof,) each."""
+        s = gap / self.mesh.gap
+        x, y, _ = self._full
+        y_product = y @ potential
+        first, second = (x @ potential - y_product / s**2) / self.mesh.gap, 2 * y_product / s**3 / self.mesh.gap**2
+        k, slope, bend = self.air_depth.strip(gap)
+        if not slope and not bend:
+            return first / k, second / k
+        product = self._strip_product(potential, gap)  # (S/k)' and (S/k)''
+        return (
+            first / k - product * slope / k**2,
+            second / k - 2 * first * slope / k**2 + product * (2 * slope**2 / k - bend) / k**2,
+        )
+
+    def assemble(self, potential: Array, gap: float) -> tuple[Array, Array]:
+        """Gradient of W (n_dof,), and its second derivative's values on the pattern (nnz,)."""
+        if self._linear[0] != gap:
+            s = gap / self.mesh.gap
+            strip = (s * self.strip_x + self.strip_y / s) / self.air_depth.strip(gap)[0]
+            self._linear = gap, strip + self.rest
+        gradient, data = self.linear_product(potential, gap), self._linear[1].copy()
+        for k, part in enumerate(self.irons.values(), start=len(self._full)):
+            vector, matrix = part.residual_and_tangent(potential)
+            gradient += np.bincount(part.dofs.ravel(), vector.ravel(), minlength=self.n_dof)
+            data += self.tangent.gather(k, matrix)
+        return gradient, data
+
+    def energy(self, potential: Array, gap: float) -> float:
+        """Field energy W: per unit depth in J/m, or of the whole in J."""
+        linear = 0.5 * float(potential @ self.linear_product(potential, gap))
+        return linear + sum(part.energy(potential) for part in self.irons.values())
+
+
+def solve_field(
+    model: FieldModel,
+    current: float,
+    gap: float,
+    *,
+    start: Array | None = None,
+    settings: NewtonSettings | None = None,
+) -> FieldSolution:
+    """The field at a coil current (A) and a gap (m).
+
+    After it, `model` holds the tangent's factors of the last iteration: `field_response` uses them.
+
+    Raises
+    ------
+    NotConverged : the steps did not fall below the tolerance; the message has the trail
+    """
+    settings = settings or NewtonSettings()
+    potential = np.zeros(model.n_dof) if start is None else start.copy()
+    load = current * model.source
+    gradient, data = model.assemble(potential, gap)
+    trail: list[float] = []
+    for _ in range(settings.iterations):
+        model.tangent.factor(data)
+        residual = gradient - load
+        step = -model.tangent.substitute(residual)
+        descent = -float(step @ residual)
+        potential, gradient, data = _line_search(model, potential, step, gap=gap, load=load, descent=descent)
+        scale = float(potential @ gradient)
+        if not np.isfinite(descent) or not np.isfinite(scale):
+            trail.append(np.nan)
+            break
+        trail.append((descent / scale) ** 0.5 if scale > 0 and descent > 0 else 0.0)
+        if expected_error(trail) <= settings.tolerance:
+            return FieldSolution(potential, current, gap, tuple(trail), data)
+    raise NotConverged(
+        f"the field at {current:g} A and gap {gap * 1e3:g} mm did not converge in {len(trail)} Newton steps; "
+        f"relative steps {', '.join(f'{t:.1e}' for t in trail[-6:])}; check the iron's B-H curve or start nearer"
+    )
+
+
+def expected_error(trail: Sequence[float]) -> float:
+    """The relative error that the last of Newton's steps leaves, from the relative sizes of the steps so far.
+
+    Where three steps in a row fall fast, each is a constant times the square of the one before (Kantorovich), and the
+    error is about the step that would come next, which is taken ten times here, for curves that are smooth piece by
+    piece; else no more can be said than that it is below the last step. Two steps do not tell: the first one from
+    nothing is as large as the field, whatever follows.
+    """
+    last = trail[-1]
+    falling = len(trail) >= 3 and last <= 0.3 * trail[-2] and trail[-2] <= 0.3 * trail[-3]
+    return min(last, 10 * last * (last / trail[-2]) ** 2) if falling and last <= 1e-2 else last
+
+
+def _line_search(
+    model: FieldModel, potential: Array, step: Array, *, gap: float, load: Array, descent: float
+) -> tuple[Array, Array, Array]:
+    """Potential, gradient and tangent where the energy's slope along the step is small enough.
+
+    Along the step Pi is convex with slope -descent at 0: the full step is taken unless the slope there says that it
+    overshot by more than half; then the root of the slope is bracketed (regula falsi, Illinois).
+    """
+    low, low_slope, high, high_slope = 0.0, -descent, 1.0, 0.0
+    t = 1.0
+    for _ in range(30):
+        trial = potential + t * step
+        gradient, data = model.assemble(trial, gap)
+        slope = float(step @ (gradient - load))
+        if abs(slope) <= 0.5 * descent or (t == 1.0 and slope < 0) or descent <= 0:
+            break
+        if slope > 0:
+            high, high_slope = t, slope
+            low_slope /= 2
+        else:
+            low, low_slope = t, slope
+            high_slope /= 2
+        t = low - low_slope * (high - low) / (high_slope - low_slope)
+    return trial, gradient, data
+
+
+def field_response(model: FieldModel, solution: FieldSolution) -> FieldResponse:
+    """dA/di and dA/dgap at a solution that was the last one `model` solved, by back-substitutions.
+
+    The factors are those of the tangent one Newton step before; iterative refinement takes their answers to the tangent
+    at the solution itself.
+    """
+    if model.last_response is None or model.last_response[0] is not solution:
+        first, _ = model.strip_products(solution.potential, solution.gap)
+        response = FieldResponse(
+            model.tangent.refined_substitute(model.source, solution.tangent),
+            -model.tangent.refined_substitute(first, solution.tangent),
+        )
+        model.last_response = solution, response
+    return model.last_response[1]

@@ -1,0 +1,258 @@
+"""A section to a triangle mesh with named regions, graded at the corners where the field is singular."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from netgen.geom2d import SplineGeometry
+from netgen.meshing import MeshingParameters, NgException
+from numpy.typing import NDArray
+
+from msl_fem.errors import ComputationError
+from msl_fem.magnetics.solver.section import Section
+
+Array = NDArray[np.float64]
+TOLERANCE = 1e-9  # of the box: two vertices closer than this are one
+LAYER_RATIO = 1.4  # of a far-field layer's outer to its inner outline
+GAPS = {"strip", "gap"}  # regions of air whose edges at iron are meshed in fractions of the gap
+GROWTH_CHANGES = (1.0, 0.94, 1.06, 0.88, 1.13, 0.8, 1.2, 0.7)
+
+
+@dataclass(frozen=True)
+class MeshSize:
+    """Element sizes, as fractions of the section.
+
+    Attributes
+    ----------
+    corner : size at the corners that face the gap, of the gap
+    gap : largest size in the strip under the iron, of the gap
+    iron : largest size in the iron, of the thinnest iron
+    growth : of the size by the distance from a corner; along an edge each element is 1 + growth times the last
+    across : size on the other face of the gap where it is nearest to a corner, of the gap; None leaves it to `growth`.
+        It takes care of gaps that are smaller than the mesh's own, where fast growth would leave too little there
+    """
+
+    corner: float = 0.02
+    gap: float = 1.0
+    iron: float = 0.5
+    growth: float = 0.35
+    across: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """Straight-edged triangles.
+
+    Attributes
+    ----------
+    points : (2, n_point) in m
+    triangles : (3, n_triangle) point indices
+    region : (n_triangle,) index into `names`
+    names : region names
+    gap : the gap of these coordinates in m
+    """
+
+    points: Array
+    triangles: NDArray[np.int64]
+    region: NDArray[np.int64]
+    names: tuple[str, ...]
+    gap: float
+
+    def elements(self, *names: str) -> NDArray[np.int64]:
+        """Indices of the triangles in the regions named."""
+        wanted = [k for k, name in enumerate(self.names) if name in names]
+        return np.flatnonzero(np.isin(self.region, wanted))
+
+    def at_gap(self, gap: float, points: Array | None = None) -> Array:
+        """Coordinates (2, n) at another gap, of the mesh's points or of `points` at this mesh's gap.
+
+        The strip is stretched, what lies above it shifted.
+        """
+        x, y = self.points if points is None else points
+        moved = np.where(y <= 0, y, np.where(y >= self.gap, y + gap - self.gap, y * gap / self.gap))
+        return np.stack([x, moved])
+
+
+def triangulate(section: Section, size: MeshSize | None = None) -> TriangleMesh:
+    """A conforming mesh of the section.
+
+    The mesher's advancing front gets stuck on about one section in a hundred; it is then tried again with sizes that
+    grow a little faster or slower.
+
+    Raises
+    ------
+    ComputationError : the mesher gave up on every attempt
+    """
+    size = size or MeshSize()
+    for change in GROWTH_CHANGES:
+        try:
+            return _triangulate(section, replace(size, growth=size.growth * change))
+        except NgException as err:
+            reason = err
+    raise ComputationError(
+        f"the mesher failed {len(GROWTH_CHANGES)} times on the section at gap {section.gap * 1e3:g} mm ({reason}); "
+        "change a dimension slightly, or choose another accuracy"
+    ) from reason
+
+
+def _triangulate(section: Section, size: MeshSize) -> TriangleMesh:
+    """One attempt; raises netgen's NgException."""
+    vertices, edges = _subdivide(section)
+    at_corner = _corner_sizes(section, size, vertices)
+    iron = [r for r in section.regions if r.name in section.iron]
+    thin = min(min(np.ptp(np.array(r.vertices), axis=0)) for r in iron)
+    box = float(np.abs(vertices).max())
+    scale = box  # netgen works best on sizes near one
+    geometry = SplineGeometry()
+    for k, (x, y) in enumerate(vertices):
+        # The strip's ends and other plain points take their size from the surroundings.
+        geometry.AppendPoint(x / scale, y / scale, maxh=at_corner.get(k, 1e9) / scale)
+    names = tuple(dict.fromkeys(r.name for r in section.regions))
+    for start, end, left, right in edges:
+        at_gap = {left, right} & GAPS and {left, right} & (section.iron.keys() | {"window"})
+        between = _graded(vertices[start], vertices[end], (at_corner.get(start), at_corner.get(end)), size.growth)
+        chain = [start, *(geometry.AppendPoint(x / scale, y / scale) for x, y in between), end]
+        for a, b in zip(chain[:-1], chain[1:], strict=True):
+            geometry.Append(
+                ["line", a, b],
+                leftdomain=names.index(left) + 1 if left else 0,
+                rightdomain=names.index(right) + 1 if right else 0,
+                bc="inner" if left and right else "box",
+                maxh=size.gap * section.gap / scale if at_gap else 1e9,
+            )
+    for k, name in enumerate(names):
+        geometry.SetMaterial(k + 1, name)
+        geometry.SetDomainMaxH(k + 1, (size.iron * thin if name in section.iron else 0.15 * box) / scale)
+    limits = MeshingParameters(maxh=0.2, grading=size.growth)
+    if size.across is not None:
+        for x, y in _across_gap(section):
+            limits.RestrictH(x / scale, y / scale, 0.0, size.across * section.gap / scale)
+    mesh = geometry.GenerateMesh(limits)
+    return _surrounded(_from_netgen(mesh, scale, names, section.gap), section.far)
+
+
+def _corner_sizes(section: Section, size: MeshSize, vertices: Array) -> dict[int, float]:
+    """Element size at each vertex that is a corner to grade to, in m."""
+    sizes = {}
+    for x, y, strength in section.corners:
+        k = int(np.argmin(np.hypot(vertices[:, 0] - x, vertices[:, 1] - y)))
+        sizes[k] = size.corner * section.gap / strength**1.5
+    return sizes
+
+
+def _across_gap(section: Section) -> list[tuple[float, float]]:
+    """The points of a face of the gap that lie opposite a corner of the other."""
+    near = TOLERANCE * section.gap
+    return [(x, section.gap - y) for x, y, _ in section.corners if min(abs(y), abs(y - section.gap)) <= near]
+
+
+def _graded(start: Array, end: Array, sizes: tuple[float | None, float | None], growth: float) -> Array:
+    """Points (n, 2) inside an edge whose distances grow from the sizes at its ends by 1 + `growth`, None: no size.
+
+    The mesher finds an edge's sizes by sampling it, and can step over those at a corner; these points do not let it.
+    """
+    along = end - start
+    length = float(np.linalg.norm(along))
+    reach = length / 2 if None not in sizes else length
+    places = [np.empty(0)]
+    for size, backwards in zip(sizes, (False, True), strict=True):
+        if size is not None:
+            n = max(1, round(np.log1p(growth * reach / size) / np.log1p(growth)))
+            series = np.expm1(np.log1p(growth) * np.arange(1, n + 1))
+            place = reach * series / series[-1]
+            place = place[:-1] if backwards or reach == length else place  # the middle once, the far end not at all
+            places.append(length - place[::-1] if backwards else place)
+    return start + np.concatenate(places)[:, None] * along / length
+
+
+def _from_netgen(mesh: Any, scale: float, names: tuple[str, ...], gap: float) -> TriangleMesh:
+    points = np.array(mesh.Coordinates(), dtype=float)[:, :2].T * scale
+    elements = mesh.Elements2D().NumPy()
+    triangles = elements["nodes"][:, :3].T.astype(np.int64) - 1
+    region = elements["index"].astype(np.int64) - 1
+    for line in (0.0, gap):  # exactly on the strip's edges, whatever the mesher's rounding
+        near = np.abs(points[1] - line) < TOLERANCE * scale
+        points[1, near] = line
+    return TriangleMesh(points, triangles, region, names, gap)
+
+
+def _surrounded(mesh: TriangleMesh, factor: float) -> TriangleMesh:
+    """The mesh with its box widened by a factor, in layers of its own outline; the strip's lines go on straight."""
+    if factor == 1.0:
+        return mesh
+    edges = np.concatenate([mesh.triangles[[0, 1]], mesh.triangles[[1, 2]], mesh.triangles[[2, 0]]], axis=1)
+    _, first, count = np.unique(np.sort(edges, axis=0), axis=1, return_index=True, return_counts=True)
+    outline = first[count == 1]
+    outline = outline[mesh.points[0, edges[:, outline]].max(axis=0) > 0]  # not the symmetry line
+    region = mesh.region[outline % mesh.region.size]
+    nodes, place = np.unique(edges[:, outline], return_inverse=True)
+    x, y = mesh.points[:, nodes]
+    n_layer = int(np.ceil(np.log(factor) / np.log(LAYER_RATIO)))
+    points, triangles = [mesh.points], [mesh.triangles]
+    inner = edges[:, outline]
+    for layer in range(1, n_layer + 1):
+        stretch = factor ** (layer / n_layer)
+        above = mesh.gap + (y - mesh.gap) * stretch
+        points.append(np.stack([x * stretch, np.where(y <= 0, y * stretch, np.where(y >= mesh.gap, above, y))]))
+        outer = mesh.points.shape[1] + (layer - 1) * nodes.size + place.reshape(2, -1)
+        (a, b), (c, d) = inner, outer
+        triangles += [np.stack([a, c, d]), np.stack([a, d, b])]
+        inner = outer
+    return TriangleMesh(
+        np.concatenate(points, axis=1),
+        np.concatenate(triangles, axis=1),
+        np.concatenate([mesh.region, *[region] * (2 * n_layer)]),
+        mesh.names,
+        mesh.gap,
+    )
+
+
+def _subdivide(section: Section) -> tuple[Array, list[tuple[int, int, str, str]]]:
+    """Vertices (n, 2) and elementary edges (start, end, region to the left, to the right; "" outside)."""
+    every = np.array([v for r in section.regions for v in r.vertices])
+    tolerance = TOLERANCE * np.abs(every).max()
+    vertices: list[Array] = []
+    for v in every:
+        if not any(np.abs(v - w).max() < tolerance for w in vertices):
+            vertices.append(v)
+    points = np.array(vertices)
+    pairs = set()
+    for region in section.regions:
+        ring = np.array(region.vertices)
+        for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+            on = _on_segment(points, a, b, tolerance)
+            pairs |= {tuple(sorted(pair)) for pair in zip(on[:-1], on[1:], strict=True)}
+    edges = []
+    for start, end in sorted(pairs):
+        a, b = points[start], points[end]
+        normal = np.array([a[1] - b[1], b[0] - a[0]])
+        offset = normal / np.linalg.norm(normal) * 100 * tolerance
+        left, right = (_region_at((a + b) / 2 + sign * offset, section) for sign in (1, -1))
+        if left != right:
+            edges.append((int(start), int(end), left, right))
+    used = sorted({k for edge in edges for k in edge[:2]})
+    number = {old: new for new, old in enumerate(used)}
+    return points[used], [(number[s], number[e], left, right) for s, e, left, right in edges]
+
+
+def _on_segment(points: Array, a: Array, b: Array, tolerance: float) -> list[int]:
+    """Indices of the points on the segment a-b, in order."""
+    along = b - a
+    length = np.linalg.norm(along)
+    t = (points - a) @ along / length
+    off = np.abs((points - a) @ np.array([-along[1], along[0]])) / length
+    on = np.flatnonzero((off < tolerance) & (t > -tolerance) & (t < length + tolerance))
+    return [int(k) for k in on[np.argsort(t[on])]]
+
+
+def _region_at(point: Array, section: Section) -> str:
+    """The topmost region that covers the point (even-odd rule), "" outside all."""
+    for region in reversed(section.regions):
+        ring = np.array(region.vertices)
+        (x0, y0), (x1, y1) = ring.T, np.roll(ring, -1, axis=0).T
+        crosses = (y0 > point[1]) != (y1 > point[1])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = x0 + (point[1] - y0) * (x1 - x0) / (y1 - y0)
+        if np.count_nonzero(crosses & (point[0] < at)) % 2:
+            return region.name
+    return ""

@@ -1,0 +1,176 @@
+"""Numbers from a field: flux linkage, coenergy, force by two routes, slopes, flux density on sections."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from msl_fem.magnetics.solver.magnetostatics import STRIP, FieldModel, FieldSolution, field_response
+from msl_fem.magnetics.solver.section import Line, Section
+from msl_fem.materials.constants import MU_0
+
+Array = NDArray[np.float64]
+N_SAMPLE = 48
+END = 1e-6  # of a cut, so that a point at its end is inside the iron
+TAIL_SHARE = 0.01
+GAUSS = np.polynomial.legendre.leggauss(4)
+
+
+@dataclass(frozen=True)
+class SectionFluxDensity:
+    """|B| in the iron over a cut, in T: mean and max."""
+
+    mean: float
+    max: float
+
+
+@dataclass(frozen=True)
+class FieldQuantities:
+    """What a field solution says of one magnet of the full stack depth, in SI units.
+
+    `force` is by virtual work and `force_stress_tensor` by the Maxwell stress in mid-gap, attractive positive; the
+    slopes are exact derivatives of the discrete coenergy. `rests_on_tail` names the irons of which more
+    than 1 % of the area lies beyond the last point of their curve (a corner always does).
+    """
+
+    force: float
+    force_stress_tensor: float
+    flux_linkage: float
+    coenergy: float
+    incremental_inductance: float
+    force_current_slope: float
+    force_gap_slope: float
+    flux_density: Mapping[str, SectionFluxDensity]
+    rests_on_tail: tuple[str, ...]
+
+
+class Probes:
+    """Linear maps from the potential to the field where it is read; made once for a model."""
+
+    def __init__(self, model: FieldModel, section: Section) -> None:
+        self.model = model
+        self.scale = 2 * section.depth  # the model is half of the section
+        self.cuts = {cut.name: self._cut(cut) for cut in section.cuts}
+        points, elements, self.line_weight = _mid_gap(model)
+        self.line_x, self.line_y = gradient_maps(model, points, elements)
+
+    def _cut(self, cut: Line) -> tuple[str, sparse.csr_matrix, sparse.csr_matrix]:
+        model = self.model
+        start, end = np.array(cut.start), np.array(cut.end)
+        # midpoints of equal parts for the mean; beside them the ends, where the largest values stand
+        t = np.concatenate([[END], (np.arange(N_SAMPLE) + 0.5) / N_SAMPLE, [1 - END]])
+        points = start[:, None] + (end - start)[:, None] * t
+        elements = model.skfem_mesh.element_finder()(*points)
+        name = model.mesh.names[model.mesh.region[elements[N_SAMPLE // 2]]]
+        return (name, *gradient_maps(model, points, elements))
+
+    def section_flux_density(self, potential: Array) -> dict[str, SectionFluxDensity]:
+        """|B| in the iron over each cut."""
+        out = {}
+        for cut, (region, along_x, along_y) in self.cuts.items():
+            b = np.hypot(along_x @ potential, along_y @ potential)
+            sheets = self.model.irons[region].iron.iron_flux_density(b)
+            out[cut] = SectionFluxDensity(float(sheets[1:-1].mean()), float(sheets.max()))
+        return out
+
+    def force_stress_tensor(self, solution: FieldSolution) -> float:
+        """Integral of (B_y^2 - B_x^2)/(2 mu_0) over the mid-gap line, in N (Maxwell's stress on a plane in air).
+
+        Where the strip is deeper than the iron by a factor k, B is that times the air's own, and the force -W k'/k of a
+        depth that changes with the gap is added, W the strip's energy: no stress in the section's plane knows of it.
+        """
+        k, slope, _ = self.model.air_depth.strip(solution.gap)
+        b_y = -(self.line_x @ solution.potential)
+        b_x = (self.line_y @ solution.potential) * (self.model.mesh.gap / solution.gap)
+        in_plane = self.scale * float(self.line_weight @ (b_y**2 - b_x**2)) / (2 * MU_0) / k
+        if not slope:
+            return in_plane
+        return in_plane - self.scale * self.model.strip_energy(solution.potential, solution.gap) * slope / k
+
+
+def evaluate_field(probes: Probes, solution: FieldSolution) -> FieldQuantities:
+    """The quantities of a solution that was the last one its model solved (its tangent serves the slopes).
+
+    Force by virtual work at fixed potential: F = dW/dg|_A = A.S_g A / 2, the exact derivative -dW'/dg of the discrete
+    coenergy W' = i lambda - W (Coulomb 1983). With A_i = dA/di and A_g = dA/dg by back-substitution:
+    dlambda/di = f.A_i, dF/di = A.S_g A_i, dF/dg = A.S_gg A / 2 + A.S_g A_g.
+    """
+    model, a, scale = probes.model, solution.potential, probes.scale
+    first, second = model.strip_products(a, solution.gap)
+    response = field_response(model, solution)
+    flux_linkage = scale * float(model.source @ a)
+    return FieldQuantities(
+        force=scale * float(a @ first) / 2,
+        force_stress_tensor=probes.force_stress_tensor(solution),
+        flux_linkage=flux_linkage,
+        coenergy=solution.current * flux_linkage - scale * model.energy(a, solution.gap),
+        incremental_inductance=scale * float(model.source @ response.by_current),
+        force_current_slope=scale * float(first @ response.by_current),
+        force_gap_slope=scale * float(a @ second / 2 + first @ response.by_gap),
+        flux_density=probes.section_flux_density(a),
+        rests_on_tail=irons_on_tail(model, a),
+    )
+
+
+def irons_on_tail(model: FieldModel, potential: Array) -> tuple[str, ...]:
+    """The irons of which more than 1 % of the area lies beyond the last point of their curve."""
+    return tuple(
+        name
+        for name, part in model.irons.items()
+        if part.weight[part.flux_density(potential)[1] > part.iron.tail_from].sum() > TAIL_SHARE * part.weight.sum()
+    )
+
+
+def triangle_flux_density(model: FieldModel, solution: FieldSolution) -> Array:
+    """(2, n_triangle) mean B_x, B_y (or B_r, B_z) of each triangle in T, at the solution's gap."""
+    a = model.basis.interpolate(solution.potential)
+    gradient, weight = a.grad, model.basis.dx  # (2, triangle, point)
+    if model.axisymmetric:  # r, phi, z are right-handed: phi points away from the reader of (r, z)
+        r = model.basis.global_coordinates()[0]
+        gradient, weight = -np.stack([gradient[0] + np.asarray(a) / r, gradient[1]]), weight * r
+    mean = (gradient * weight).sum(axis=2) / weight.sum(axis=1)
+    stretch = np.ones(mean.shape[1])
+    stretch[model.mesh.elements(STRIP)] = model.mesh.gap / solution.gap
+    return np.stack([mean[1] * stretch, -mean[0]])
+
+
+def gradient_maps(
+    model: FieldModel, points: Array, elements: NDArray[np.int64]
+) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
+    """Maps (n_point, n_dof) to dA/dx and dA/dy at points (2, n_point) in the elements given, at the mesh's gap."""
+    mapping = model.basis.mapping
+    local = mapping.invF(points[:, :, None], tind=elements)
+    rows, columns, values = [], [], []
+    for k in range(model.basis.Nbfun):
+        gradient = model.basis.elem.gbasis(mapping, local, k, tind=elements)[0].grad
+        rows.append(np.arange(elements.size))
+        columns.append(model.basis.element_dofs[k, elements])
+        values.append(gradient[:, :, 0])
+    at = (np.concatenate(rows), np.concatenate(columns))
+    stacked, shape = np.concatenate(values, axis=1), (elements.size, model.n_dof)
+    return sparse.csr_matrix((stacked[0], at), shape=shape), sparse.csr_matrix((stacked[1], at), shape=shape)
+
+
+def _mid_gap(model: FieldModel) -> tuple[Array, NDArray[np.int64], Array]:
+    """Gauss points (2, n), their elements and weights on a line in or near mid-gap, element by element."""
+    mesh = model.mesh
+    strip = mesh.elements(STRIP)
+    levels = np.unique(mesh.points[1, mesh.triangles[:, strip]]) / mesh.gap
+    above = levels[levels > 0.5 + 1e-6][0]
+    # a node on the line would belong to elements that only touch it: pass between it and the next
+    middle = mesh.gap * (0.5 if np.abs(levels - 0.5).min() > 1e-6 else (0.5 + above) / 2)
+    x, y = mesh.points[:, mesh.triangles[:, strip]]  # (3, element) each
+    crossings = np.full((3, strip.size), np.nan)
+    for k in range(3):
+        (x0, y0), (x1, y1) = (x[k], y[k]), (x[k - 1], y[k - 1])
+        crosses = (y0 - middle) * (y1 - middle) < 0
+        crossings[k, crosses] = (x0 + (middle - y0) * (x1 - x0) / np.where(crosses, y1 - y0, 1.0))[crosses]
+    cut = np.isfinite(crossings).sum(axis=0) == 2
+    low, high = np.nanmin(crossings[:, cut], axis=0), np.nanmax(crossings[:, cut], axis=0)
+    node, weight = GAUSS
+    points_x = (low + high)[:, None] / 2 + (high - low)[:, None] / 2 * node
+    weights = (high - low)[:, None] / 2 * weight
+    elements = np.repeat(strip[cut], node.size)
+    return np.stack([points_x.ravel(), np.full(points_x.size, middle)]), elements, weights.ravel()

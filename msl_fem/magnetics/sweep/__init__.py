@@ -1,0 +1,1 @@
+"""Sweeps of field solutions over gap and current."""

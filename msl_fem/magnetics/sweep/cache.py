@@ -1,0 +1,67 @@
+"""Finished rows of a sweep on disk, keyed by all that determines them: what makes a sweep go on after a kill."""
+
+import contextlib
+import hashlib
+import json
+import time
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.errors import InputError
+from msl_fem.files.whole_file import whole_file
+
+Array = NDArray[np.float64]
+
+
+def content_key(content: dict[str, Any]) -> str:
+    """A name for a content: equal for equal contents, on every machine."""
+    text = json.dumps(content, sort_keys=True, default=repr)
+    return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+ABANDONED = 60.0
+"""Seconds after which an unfinished file belongs to a process that was killed: a row is written in milliseconds."""
+
+
+class RowCache:
+    """A folder of rows, one file each; a row appears whole or not at all, and two sweeps do not disturb each other."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def get(self, key: str) -> dict[str, Array] | None:
+        """The row stored under a key, or None where there is none or it cannot be read."""
+        try:
+            with np.load(self.folder / f"{key}.npz", allow_pickle=False) as stored:
+                return {name: stored[name] for name in stored.files}
+        except (OSError, ValueError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile):
+            return None
+
+    def put(self, key: str, row: dict[str, Array]) -> None:
+        """Store a row; raises InputError where the folder cannot be written."""
+        with whole_file(self.folder / f"{key}.npz") as partial, partial.open("wb") as stream:
+            np.savez(stream, **row)  # type: ignore[arg-type]
+
+    def clear(self) -> None:
+        """Remove the rows, what a killed process left unfinished, and the folder, if nothing else is in it."""
+        for file in self.folder.glob("*.npz"):
+            file.unlink(missing_ok=True)
+        for file in self.folder.glob(".*.npz.*.part"):
+            with contextlib.suppress(OSError):
+                if time.time() - file.stat().st_mtime > ABANDONED:
+                    file.unlink()
+        try:
+            self.folder.rmdir()
+        except OSError:
+            return
+
+    def check_writable(self) -> None:
+        """InputError, before the work begins, where rows cannot be stored."""
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as err:
+            raise InputError(f"{self.folder}: cannot be written ({err.strerror}); choose another output") from err

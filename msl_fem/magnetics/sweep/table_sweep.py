@@ -1,0 +1,298 @@
+"""A (gap, current) grid of field solutions to a MagneticTable with its errors stated."""
+
+import datetime
+import platform
+import time
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from msl_fem.actuator import Actuator
+from msl_fem.errors import ComputationError, InputError
+from msl_fem.magnetics.kinds.e_core import LEVELS, Accuracy, MagnetField, check_grid, check_point, magnet_mesh
+from msl_fem.magnetics.kinds.end_effects import METHOD as END_EFFECTS_METHOD
+from msl_fem.magnetics.sweep.cache import RowCache, content_key
+from msl_fem.magnetics.sweep.cluster import on_cluster
+from msl_fem.magnetics.sweep.rows import SECTION, Arrays, Job, Progress, Row, RowSolver, in_processes, solve_rows
+from msl_fem.table.magnetic_table import EXTRAS, NODES, MagneticTable
+
+Array = NDArray[np.float64]
+DEFAULT_GAPS, DEFAULT_CURRENTS = 14, 34
+SOLVER_VERSION = 1
+"""Raised when a change of the field solver changes its answers: cached rows of another version are not used."""
+
+
+@dataclass(frozen=True)
+class SweepSettings:
+    """How a sweep runs.
+
+    Attributes
+    ----------
+    accuracy : level of the mesh
+    workers : processes; 1 solves in this process
+    cache : folder of finished rows; None keeps none
+    resume : take finished rows from the cache
+    scheduler : address of a dask.distributed scheduler whose workers solve, in place of processes here
+    end_effects : correct for the flux that bulges out of gap and window at the stack's ends
+    """
+
+    accuracy: Accuracy = "normal"
+    workers: int = 1
+    cache: Path | None = None
+    resume: bool = False
+    scheduler: str | None = None
+    end_effects: bool = False
+
+
+@dataclass(frozen=True)
+class SweepReport:
+    """What a sweep took and how exact it is; field names as in the command line's JSON."""
+
+    points: int
+    failed: int
+    unknowns: int
+    newton_iterations: int
+    mesh_error: float
+    interpolation_error: float
+    reciprocity_error: float
+    cpu_seconds: float
+    reused_rows: int
+    notes: tuple[str, ...]
+
+
+def default_grid(actuator: Actuator) -> tuple[Array, Array]:
+    """Gaps (m) and currents (A) that cover an actuator's ranges with a margin.
+
+    Gaps run from half the smallest to a sixth of the nominal gap beyond the largest, in a geometric series; currents
+    from 0 to the drive's limit for one magnet, denser at small currents, where small gaps saturate.
+
+    Raises
+    ------
+    InputError : the actuator states no nominal gap, range or current limit
+    """
+    motion, drive, sides = actuator.motion, actuator.drive, actuator.sides
+    if motion is None or motion.nominal_gap is None or motion.range is None or drive is None or not drive.current_limit:
+        raise InputError(
+            f"{actuator.name} states no motion.nominal_gap, motion.range or drive.current_limit to choose a grid from; "
+            'give one, like --gaps "0.1,0.2,0.5 mm" --currents "1,2,5 A"'
+        )
+    parallel = sides.magnets_per_side if sides is not None and sides.connection == "parallel" else 1
+    smallest = (motion.nominal_gap - motion.range) / 2
+    largest = motion.nominal_gap + motion.range + motion.nominal_gap / 6
+    gaps = np.geomspace(smallest, largest, DEFAULT_GAPS)
+    share = np.arange(DEFAULT_CURRENTS) / (DEFAULT_CURRENTS - 1)
+    return gaps, drive.current_limit / parallel * share**2
+
+
+def sweep(
+    actuator: Actuator,
+    gaps: ArrayLike,
+    currents: ArrayLike,
+    *,
+    settings: SweepSettings | None = None,
+    progress: Progress | None = None,
+) -> tuple[MagneticTable, SweepReport]:
+    """The table over the grid, and what it took. The column i = 0 is added where it is missing.
+
+    Beside the grid's points it solves at points between the nodes (interpolation error) and at a few nodes with one
+    polynomial degree more (mesh error).
+
+    Parameters
+    ----------
+    gaps : (n_gap,) m, at least 2
+    currents : (n_current,) A, at least 2 beside 0
+    progress : called with the numbers of finished and of all rows
+
+    Raises
+    ------
+    InputError : a grid that is too small or has values out of range; a scheduler that cannot be reached
+    ComputationError : workers died, or points of the grid or of the checks failed; with a cache, rows without failures
+        are kept
+    """
+    settings = settings or SweepSettings()
+    gap, current = _checked_grid(actuator, gaps, currents)
+    started = time.process_time()
+    magnet, level = actuator.e_core(), LEVELS[settings.accuracy]
+    mesh = magnet_mesh(magnet, float(np.sqrt(gap[0] * gap[-1])), settings.accuracy)
+    job = Job(magnet, mesh, actuator.folder, level.order, settings.end_effects)
+    field = RowSolver(job).field()
+    groups = (
+        [Row(float(g), tuple(current.tolist())) for g in gap],
+        _between_nodes(gap, current),
+        [
+            Row(float(gap[m]), (float(current[n // 2]), float(current[n])), refine=True)
+            for m, n in _corners(gap, current)
+        ],
+    )
+    cache = RowCache(settings.cache) if settings.cache is not None else None
+    if cache is not None:
+        cache.check_writable()
+    done = solve_rows(
+        job,
+        [row for group in groups for row in group],
+        executor=in_processes(settings.workers) if settings.scheduler is None else on_cluster(settings.scheduler),
+        cache=cache,
+        key=_job_key(field, settings),
+        resume=settings.resume,
+        progress=progress,
+    )
+    n_gap, n_check = len(groups[0]), len(groups[1])
+    grid, checks, refined = done[:n_gap], done[n_gap : n_gap + n_check], done[n_gap + n_check :]
+    _refuse_failures([row for group in groups for row in group], done)
+    stored = [name for name in grid[0] if name in NODES or name in EXTRAS or name.startswith(SECTION)]
+    arrays = {name: np.stack([row[name] for row in grid]) for name in stored}
+    table = MagneticTable(
+        gap, current, {k: arrays[k] for k in NODES}, {k: v for k, v in arrays.items() if k not in NODES}
+    )
+    mesh_error = level.safety * _mesh_error(table, groups[2], refined)
+    interpolation_error, reciprocity_error = _interpolation_error(table, groups[1], checks)
+    notes = _notes(field, grid, gap, current)
+    table = replace(
+        table,
+        mesh_error=mesh_error,
+        interpolation_error=interpolation_error,
+        reciprocity_error=reciprocity_error,
+        provenance=_provenance(actuator, field, settings=settings, notes=notes),
+    )
+    elsewhere = settings.workers > 1 or settings.scheduler is not None
+    in_workers = sum(float(row["cpu_seconds"]) for row in done if "reused" not in row) if elsewhere else 0.0
+    report = SweepReport(
+        points=gap.size * (current.size - 1),
+        failed=0,
+        unknowns=field.model.free.size,
+        newton_iterations=int(sum(row["newton_iterations"].sum() for row in grid)),
+        mesh_error=mesh_error,
+        interpolation_error=interpolation_error,
+        reciprocity_error=reciprocity_error,
+        cpu_seconds=time.process_time() - started + in_workers,
+        reused_rows=sum("reused" in row for row in done),
+        notes=notes,
+    )
+    return table, report
+
+
+def _checked_grid(actuator: Actuator, gaps: ArrayLike, currents: ArrayLike) -> tuple[Array, Array]:
+    gap = np.unique(np.asarray(gaps, dtype=float))
+    current = np.unique(np.r_[0.0, np.asarray(currents, dtype=float)])
+    for g in gap:
+        check_point(actuator, 0.0, float(g))
+    bad = current[~(np.isfinite(current) & (current >= 0))]
+    if bad.size:
+        raise InputError(
+            f"current {bad[0]:g} A is not allowed in a table; give currents of 0 or more (negative ones follow by "
+            "symmetry)"
+        )
+    if gap.size < 2 or current.size < 3:
+        raise InputError(
+            f"a table needs at least 2 different gaps and 2 currents beside 0; given are {gap.size} and "
+            f"{current.size - 1}"
+        )
+    check_grid(actuator, gap.tolist(), current.tolist())
+    return gap, current
+
+
+def _between_nodes(gap: Array, current: Array) -> list[Row]:
+    """Rows midway between the gaps, each at every other midpoint of the currents, staggered."""
+    middle = (current[:-1] + current[1:]) / 2
+    return [
+        Row(float(np.sqrt(a * b)), tuple(middle[m % 2 :: 2].tolist() or middle.tolist()))
+        for m, (a, b) in enumerate(zip(gap[:-1], gap[1:], strict=True))
+    ]
+
+
+def _corners(gap: Array, current: Array) -> list[tuple[int, int]]:
+    """Node indices of the smallest, a middle and the largest gap, at the largest current."""
+    return [(m, current.size - 1) for m in sorted({0, gap.size // 2, gap.size - 1})]
+
+
+def _mesh_error(table: MagneticTable, rows: list[Row], refined: list[Arrays]) -> float:
+    """Largest change of the force with one degree more, of the table's largest force."""
+    change = 0.0
+    for row, fine in zip(rows, refined, strict=True):
+        m = int(np.argmin(np.abs(table.gap - row.gap)))
+        coarse = np.interp(row.currents, table.current, table.nodes["force"][m])
+        change = max(change, float(np.abs(fine["force"] - coarse).max()))
+    return change / float(np.abs(table.nodes["force"]).max())
+
+
+def _interpolation_error(table: MagneticTable, rows: list[Row], checks: list[Arrays]) -> tuple[float, float]:
+    """Largest difference of force, of full scale; and of force or flux linkage, each of its full scale."""
+    error = {"force": 0.0, "flux_linkage": 0.0}
+    for row, check in zip(rows, checks, strict=True):
+        between = table.evaluate(row.currents, row.gap)
+        for name in error:
+            error[name] = max(error[name], float(np.abs(check[name] - between[name]).max()))
+    relative = {name: value / float(np.abs(table.nodes[name]).max()) for name, value in error.items()}
+    return relative["force"], max(relative.values())
+
+
+def _refuse_failures(rows: list[Row], solved: list[Arrays]) -> None:
+    failed = [
+        f"{i:g} A at {row.gap * 1e3:g} mm"
+        for row, arrays in zip(rows, solved, strict=True)
+        for i, force in zip(row.currents, arrays.get("force", np.full(len(row.currents), np.nan)), strict=True)
+        if not np.isfinite(force)
+    ]
+    failed = list(dict.fromkeys(failed))
+    if failed:
+        raise ComputationError(
+            f"{len(failed)} points of the sweep did not converge ({', '.join(failed[:5])}"
+            f"{', ...' if failed[5:] else ''}); leave them out of the grid, or check the B-H curve; "
+            "finished rows are kept for --resume"
+        )
+
+
+def _notes(field: MagnetField, grid: list[Arrays], gap: Array, current: Array) -> tuple[str, ...]:
+    notes = list(dict.fromkeys(iron.note for iron in field.irons.values() if iron.note))
+    tail = np.stack([row["tail"] for row in grid]) > 0
+    if tail.any():
+        m, n = np.argwhere(tail)[0]
+        notes.append(
+            f"{np.count_nonzero(tail)} of {tail.size} points have more than 1 % of an iron beyond its last B-H point "
+            f"(first at {current[n]:.3g} A, gap {gap[m] * 1e3:.3g} mm); there the saturation tail is used"
+        )
+    return tuple(notes)
+
+
+def _job_key(field: MagnetField, settings: SweepSettings) -> str:
+    """What determines the answers: geometry, irons' curves, mesh, degree, solver."""
+    probe = np.linspace(0.0, 3.0, 3001)
+    irons = {name: iron.magnetise(probe)[0].tolist() for name, iron in field.irons.items()}
+    mesh = field.model.mesh
+    return content_key(
+        {
+            "magnet": field.magnet.model_dump(),
+            "irons": irons,
+            "mesh": [mesh.gap, mesh.points.shape, mesh.points.sum(), LEVELS[settings.accuracy]],
+            "solver": [SOLVER_VERSION, field.order],
+        }
+        | ({"end_effects": END_EFFECTS_METHOD} if field.end_effects else {})
+    )
+
+
+def _provenance(
+    actuator: Actuator, field: MagnetField, *, settings: SweepSettings, notes: tuple[str, ...]
+) -> dict[str, object]:
+    return {
+        "actuator": actuator.name,
+        "actuator_sha256": actuator.digest,
+        "iron": {
+            name: f"{iron.name}, stacking {iron.stacking_factor:g}: {iron.source}" for name, iron in field.irons.items()
+        },
+        "mesh": {
+            "accuracy": settings.accuracy,
+            "degree": field.order,
+            "triangles": field.model.mesh.triangles.shape[1],
+            "unknowns": field.model.free.size,
+            "gap_m": field.model.mesh.gap,
+        },
+        "solver": "plane A_z, damped Newton with exact tangent, virtual work",
+        "end_effects": END_EFFECTS_METHOD if field.end_effects else "none: plane section times stack depth",
+        "versions": {"python": platform.python_version()}
+        | {name: version(name) for name in ("msl-fem", "numpy", "scipy", "scikit-fem", "netgen-mesher", "qdldl")},
+        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
+        "notes": list(notes),
+    }

@@ -1,0 +1,1 @@
+"""Irons, copper, core losses and constants of nature, with their data."""

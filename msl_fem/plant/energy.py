@@ -1,0 +1,131 @@
+"""The energy ledger of a run: what came in is what was lost and what is stored."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.computing.compiled import compiled
+from msl_fem.computing.lanes import keep, rows_of
+from msl_fem.plant import coefficients as c
+from msl_fem.plant import state as s
+from msl_fem.plant.cell import Surface, cells_of
+from msl_fem.plant.plant import PlantParameters
+from msl_fem.plant.side import side_flux, side_gap
+from msl_fem.plant.step import look_at
+from msl_fem.plant.work import workspace
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class EnergyAudit:
+    """Energies of a run in J, from its start to its end.
+
+    electrical + external = copper + damping + eddy_currents + hysteresis + friction + internal + impact + field +
+    mechanical, up to the integrator's error: the integrals on the left and the losses run along with the state, the
+    rest is a difference of states. So the imbalance measures the error of the fixed step, and that the table and the
+    effects create no energy.
+
+    Attributes
+    ----------
+    electrical : integral of v i over all sides
+    external : work of the disturbance, the constant forces and a force drive
+    copper, damping : losses; damping with that of the air film
+    eddy_currents, hysteresis, friction, impact : losses of the effects and of end stops
+    internal : losses in flexure, second mass and base
+    field : change of lambda i - W' over all magnets, of the iron in series, of what hysteresis and eddy currents store
+    mechanical : change of m x'^2/2 + k x^2/2, with those of second mass, base, flexure and friction's elastic part
+    """
+
+    electrical: float
+    external: float
+    copper: float
+    damping: float
+    field: float
+    mechanical: float
+    eddy_currents: float = 0.0
+    hysteresis: float = 0.0
+    friction: float = 0.0
+    internal: float = 0.0
+    impact: float = 0.0
+
+    @property
+    def losses(self) -> float:
+        """All that is lost."""
+        effects = self.eddy_currents + self.hysteresis + self.friction + self.internal + self.impact
+        return self.copper + self.damping + effects
+
+    @property
+    def imbalance(self) -> float:
+        """What is missing, over the largest of the terms; 0 for a run in which nothing happens."""
+        missing = self.electrical + self.external - self.losses - self.field - self.mechanical
+        terms = (self.electrical, self.external, self.losses, self.field, self.mechanical)
+        largest = max(abs(term) for term in terms)
+        return missing / largest if largest > 0 else 0.0
+
+
+def energy_audit(
+    surface: Surface, parameters: PlantParameters, effects: Array | None, *, start: Array, end: Array
+) -> EnergyAudit:
+    """The ledger between two states (N_STATE,) of one run, `start` before its first command.
+
+    `effects` are the kernel's coefficients of the run, None of the plain model.
+    """
+
+    def gained(n: int) -> float:
+        return float(end[n] - start[n])
+
+    stored = [_stored(surface, parameters, effects, state) for state in (start, end)]
+    return EnergyAudit(
+        electrical=gained(s.ENERGY_ELECTRICAL),
+        external=gained(s.ENERGY_EXTERNAL),
+        copper=gained(s.ENERGY_COPPER),
+        damping=gained(s.ENERGY_DAMPING),
+        field=stored[1][0] - stored[0][0],
+        mechanical=stored[1][1] - stored[0][1],
+        eddy_currents=gained(s.ENERGY_EDDY),
+        hysteresis=gained(s.ENERGY_HYSTERESIS),
+        friction=gained(s.ENERGY_FRICTION),
+        internal=gained(s.ENERGY_INTERNAL),
+        impact=gained(s.ENERGY_IMPACT),
+    )
+
+
+def _stored(surface: Surface, p: PlantParameters, e: Array | None, state: Array) -> tuple[float, float]:
+    """(field, mechanical) energy of a state in J."""
+    field = float(_field(surface, p, e, state))
+    x, v = float(state[s.X]), float(state[s.V])
+    if e is None:
+        return field, 0.5 * p.mass * v**2 + 0.5 * p.stiffness * x**2
+    for start in (s.STOPS_1, s.STOPS_2):
+        field += 0.5 * e[c.HYSTERESIS_SLOPE] * np.sum(state[start : start + c.N_STOP] ** 2)
+    moving = 0.5 * e[c.MODE_KEPT] * p.mass * v**2 + 0.5 * e[c.MODE_MASS] * (v + state[s.MODE_RATE]) ** 2
+    spring = 0.5 * p.stiffness * x**2 + e[c.QUADRATIC] * x**3 / 3 + e[c.CUBIC] * x**4 / 4
+    spring += 0.5 * e[c.CREEP_STIFFNESS] * (x - state[s.CREEP]) ** 2
+    spring += 0.5 * e[c.FRICTION_SLOPE] * np.sum(state[s.STOPS_X : s.STOPS_X + c.N_STOP] ** 2)
+    link = 0.5 * e[c.MODE_MASS] * e[c.MODE_STIFFNESS] * state[s.MODE] ** 2
+    base = 0.5 * (e[c.COMPLIANCE] * state[s.BASE] ** 2 + e[c.BASE_INERTIA] * state[s.BASE_RATE] ** 2)
+    return field, float(moving + spring + link + base)
+
+
+@compiled
+def _field(surface: Surface, p: PlantParameters, effects: Array | None, state: Array) -> float:
+    """Field energy of all magnets in J, with that of their eddy currents."""
+    memory = workspace()
+    e, rows, work, cells = rows_of(effects), rows_of(state), rows_of(memory), cells_of(surface)
+    look_at(e, rows, work)
+    energy = 0.0
+    settled = rows[s.ANCHORED] <= 0.0  # before the first evaluation there are no eddy currents
+    for j in range(p.sides):
+        _, flux, stored = side_flux(cells, p, e, work, j, rows[s.I1 + j], side_gap(p, e, work, j))
+        energy += stored
+        if effects is not None:
+            y, width = abs(e[c.IRON_SCALE] * flux), e[c.IRON_WIDTH]
+            iron = e[c.IRON_LOW] * (y - width * np.log(1.0 + y / width)) + e[c.IRON_KNEE] * y**4 / 4
+            energy += iron / e[c.IRON_SCALE]
+        if effects is not None and not settled:
+            for k in range(c.N_EDDY):
+                energy += 0.5 * e[c.EDDY_MODE + k] * (flux - rows[s.EDDY_FLUX_1 + j * c.N_EDDY + k]) ** 2
+    keep(memory)
+    return energy

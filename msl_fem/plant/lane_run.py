@@ -1,0 +1,373 @@
+"""Many runs of one plant with different parameters, advanced together: for derivatives with respect to parameters.
+
+Eight runs are the lanes of one vector (`lanes.py`). Each has its own plant parameters, effects, start and, if wanted,
+its own coenergy surface; inputs, step and the plant's build (drive, sides, magnets) are the same for all. What a lane
+gives is what `kernel.run` gives alone, to the last bit.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.computing.compiled import compiled
+from msl_fem.computing.lanes import LANES, Rows, choose, every, first, keep, lane_of, rows_of, set_lane, size
+from msl_fem.errors import InputError
+from msl_fem.plant import coefficients as c
+from msl_fem.plant import kernel
+from msl_fem.plant.acting import act, act_with_effects
+from msl_fem.plant.cell import N_BLOCK, SURFACE_START, Cells, Surface, cells_of
+from msl_fem.plant.coefficients import kernel_coefficients
+from msl_fem.plant.drive import jump, take_command
+from msl_fem.plant.effects import N_PARAMETER, POSITION, neutral_vector
+from msl_fem.plant.effects.lags import position_delay
+from msl_fem.plant.extended import small_signal_inductance
+from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.kernel import (
+    N_OUT,
+    OUT_SLOPE_AFTER_1,
+    OUT_SLOPE_BEFORE_1,
+    OUT_VOLTAGE_1,
+    queue_command,
+    settle,
+    write_row,
+)
+from msl_fem.plant.lag import lag_weights
+from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
+from msl_fem.plant.readings import Channels, currents_before_noise, position_before_noise
+from msl_fem.plant.starting import start_effects
+from msl_fem.plant.state import (
+    COIL_1,
+    COIL_SLOPE_1,
+    I1,
+    VOLT_SECONDS_1,
+    X,
+    initial_state,
+)
+from msl_fem.plant.step import keep_step, look_at, try_step
+from msl_fem.plant.work import (
+    BLOCKS,
+    DRIVE_HALF,
+    DRIVE_WHOLE,
+    SENSOR_WEIGHTS,
+    SLOPES,
+    TILTED,
+    Y,
+    lane_workspace,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LaneSettings:
+    """What the lanes are, beside their plants.
+
+    Attributes
+    ----------
+    effects : (n_lane, N_PARAMETER) of the catalogue, or None: plain models
+    starts : (n_lane, 4) or (4,) currents of the sides (A), position (m), velocity (m/s)
+    surface_index : (n_lane,) which surface, where their coefficients have an axis more in front; None: the first
+    threads : that advance blocks of eight lanes at the same time
+    """
+
+    effects: Array | None = None
+    starts: Array = field(default_factory=lambda: np.zeros(4))
+    surface_index: NDArray[np.int64] | None = None
+    threads: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class LaneRun:
+    """The readings of all lanes before noise, nan from where a lane left its table or range; each is put together when
+    it is first asked for.
+
+    Attributes
+    ----------
+    blocks : of eight lanes each, (n_sample, N_OUT, LANES) as the kernel wrote them; a last one may be of one lane
+    effects : (n_lane, N_PARAMETER), or (N_PARAMETER,) neutral ones of all
+    position : (n_lane, n_sample) m, as the sensor reads it
+    current, voltage, flux_linkage : (n_lane, n_sample, n_side) A, V, Wb; voltages are means until the next sample
+    true_position : (n_lane, n_sample) m
+    done : (n_lane,) whole samples
+    """
+
+    blocks: tuple[Array, ...]
+    effects: Array
+    n_lane: int
+    sides: int
+    rate: float
+
+    @cached_property
+    def position(self) -> Array:
+        slope = self._of_lanes(kernel.OUT_SENSOR_SLOPE) if self._late else self._nothing(1)[..., 0]
+        channels = Channels(self._of_lanes(kernel.OUT_SENSOR), slope, *(self._nothing(self.sides) for _ in range(3)))
+        return position_before_noise(channels, self.effects, rate=self.rate)
+
+    @cached_property
+    def current(self) -> Array:
+        slopes = [self._nothing(self.sides)] * 2
+        if self._late:
+            slopes = [self._of_sides(OUT_SLOPE_AFTER_1), self._of_sides(OUT_SLOPE_BEFORE_1)]
+        sensor = self._nothing(1)[..., 0]
+        channels = Channels(sensor, sensor, self._of_sides(kernel.OUT_I1), *slopes)
+        return currents_before_noise(channels, self.effects, rate=self.rate)
+
+    @cached_property
+    def voltage(self) -> Array:
+        return self._of_sides(OUT_VOLTAGE_1, max(self.sides, 1))
+
+    @cached_property
+    def flux_linkage(self) -> Array:
+        return self._of_sides(kernel.OUT_FLUX_1)
+
+    @cached_property
+    def true_position(self) -> Array:
+        return self._of_lanes(kernel.OUT_X)
+
+    @cached_property
+    def done(self) -> NDArray[np.int64]:
+        good: NDArray[np.bool_] = ~np.isnan(self.true_position + self.voltage[..., 0])
+        return np.where(np.all(good, axis=1), good.shape[1], np.argmin(good, axis=1))
+
+    @property
+    def _late(self) -> bool:
+        """Whether a reading is delayed: nothing else looks at slopes."""
+        values = {key: np.asarray(self.effects)[..., n] for key, n in POSITION.items()}
+        return bool(np.any(position_delay(values)) or np.any(values["time_delay", "current"]))
+
+    def _nothing(self, columns: int) -> Array:
+        return np.broadcast_to(0.0, (self.n_lane, self.blocks[0].shape[0], columns))
+
+    def _of_lanes(self, n: int) -> Array:
+        return self._of_sides(n, 1)[..., 0]
+
+    def _of_sides(self, n: int, columns: int | None = None) -> Array:
+        """Columns from n of the kernel's rows, (n_lane, n_sample, columns)."""
+        count = self.sides if columns is None else columns
+        found = np.empty((count, self.n_lane, self.blocks[0].shape[0]))
+        for k in range(0, self.n_lane, LANES):
+            rows = self.blocks[k // LANES]
+            for j in range(count):
+                found[j, k : k + LANES] = rows[:, n + j, : self.n_lane - k].T
+        return np.moveaxis(found, 0, -1)
+
+
+def run_lanes(
+    surface: Surface,
+    plants: Sequence[PlantParameters],
+    inputs: Inputs,
+    *,
+    substeps: int,
+    settings: LaneSettings | None = None,
+) -> LaneRun:
+    """The runs of all plants under the same inputs, `substeps` Runge-Kutta steps a sample.
+
+    A lane whose mover meets an end stop is run again alone.
+
+    Raises
+    ------
+    InputError : the plants differ in their build, or settings do not fit them
+    """
+    settings = settings or LaneSettings()
+    _check(surface, plants, settings)
+    sides, n_lane = plants[0].sides, len(plants)
+    commands, push = inputs.for_sides(max(sides, 1)), np.asarray(inputs.disturbance)
+    step = 1.0 / (inputs.rate * substeps)
+    n_sample = commands.shape[0]
+
+    def block_of(begin: int) -> Array:
+        if begin == n_lane - 1:  # a single one is faster by itself
+            return _alone(surface, plants[begin], settings, begin, inputs, substeps)[:, :, None]
+        lanes = [min(begin + k, n_lane - 1) for k in range(LANES)]  # the last one fills up
+        block = _block(surface, [plants[lane] for lane in lanes], settings, np.array(lanes), step, substeps)
+        out = np.empty((n_sample * N_OUT, LANES))
+        _run_block(surface, block, commands, push, step, substeps, out)
+        return out.reshape(n_sample, N_OUT, LANES)
+
+    begins = range(0, n_lane, LANES)
+    if settings.threads > 1 and len(begins) > 1:
+        with ThreadPoolExecutor(settings.threads) as pool:
+            blocks = list(pool.map(block_of, begins))
+    else:
+        blocks = [block_of(begin) for begin in begins]
+    for lane, plant in enumerate(plants):
+        rows = blocks[lane // LANES][:, :, lane % LANES]
+        if plant.end_stop is not None and np.isnan(rows[-1]).any():
+            rows[:] = _alone(surface, plant, settings, lane, inputs, substeps)
+    effects = neutral_vector() if settings.effects is None else settings.effects
+    return LaneRun(tuple(blocks), effects, n_lane, sides, inputs.rate)
+
+
+class _Block(NamedTuple):
+    """Eight lanes as the compiled loop takes them; what all have in common as numbers."""
+
+    numbers: Array  # (n_number, LANES) the plants' numbers, in the order of _NUMBERS
+    effects: Array | None  # (N_COEFFICIENT, LANES)
+    state: Array  # (N_STATE, LANES)
+    work: Array  # (N_WORK, LANES)
+    sides: int
+    magnets: int
+    drive: int
+    reach: float  # m, beyond which a lane ends
+
+
+_NUMBERS = (
+    "mass", "stiffness", "damping", "constant_force", "nominal_gap", "travel", "current_share", "resistance",
+    "bandwidth", "voltage_limit", "current_limit", "sensor_bandwidth",
+)  # fmt: skip
+
+
+def _block(
+    surface: Surface, plants: Sequence[PlantParameters], settings: LaneSettings, lanes: NDArray[np.int64], step: float,
+    substeps: int,
+) -> _Block:  # fmt: skip
+    begun = [_begun(surface, p, settings, int(k), step, substeps) for k, p in zip(lanes, plants, strict=True)]
+    state = np.column_stack([one for one, _ in begun])
+    columns = [e for _, e in begun if e is not None]
+    effects = np.ascontiguousarray(np.column_stack(columns)) if columns else None
+    work = lane_workspace()
+    if settings.surface_index is not None:
+        first = settings.surface_index[lanes] * surface.coefficients[0].size
+        for block in (BLOCKS, BLOCKS + N_BLOCK, *range(TILTED, TILTED + 4 * N_BLOCK, N_BLOCK)):
+            work[block + SURFACE_START] = first
+    stops = [p.end_stop.position if p.end_stop else np.inf for p in plants]
+    numbers = np.array([[getattr(p, name) for p in plants] for name in _NUMBERS], dtype=float)
+    p = plants[0]
+    return _Block(numbers, effects, np.ascontiguousarray(state), work, p.sides, p.magnets, p.drive, min(stops))
+
+
+def _begun(
+    surface: Surface, plant: PlantParameters, settings: LaneSettings, lane: int, step: float, substeps: int
+) -> tuple[Array, Array | None]:  # fmt: skip
+    """(state, coefficients of the effects) with which a lane begins; None without effects."""
+    starts = settings.starts if settings.starts.ndim == 1 else settings.starts[lane]
+    state = initial_state(plant, *map(float, starts))
+    if settings.effects is None:
+        return state, None
+    own = _own_surface(surface, settings, lane)
+    inductance = small_signal_inductance(plant, own)
+    effects = kernel_coefficients(plant, settings.effects[lane], inductance=inductance, step=step, n_step=substeps)
+    start_effects(own, plant, effects, state)
+    return state, effects
+
+
+def _own_surface(surface: Surface, settings: LaneSettings, lane: int) -> Surface:
+    if surface.coefficients.ndim == 4:
+        return surface
+    index = 0 if settings.surface_index is None else int(settings.surface_index[lane])
+    return surface._replace(coefficients=surface.coefficients[index])
+
+
+def _check(surface: Surface, plants: Sequence[PlantParameters], settings: LaneSettings) -> None:
+    builds = {(p.sides, p.magnets, p.drive, np.isinf(p.bandwidth), np.isinf(p.sensor_bandwidth)) for p in plants}
+    if len(builds) != 1:
+        raise InputError(
+            f"the lanes' plants differ in sides, magnets, drive or in which bandwidths they have: {sorted(builds)}; "
+            "run those that are alike together"
+        )
+    n_surface = 1 if surface.coefficients.ndim == 4 else surface.coefficients.shape[0]
+    shapes = {
+        "effects": (settings.effects, (len(plants), N_PARAMETER)),
+        "surface_index": (settings.surface_index, (len(plants),)),
+        "starts": (settings.starts if settings.starts.ndim > 1 else None, (len(plants), 4)),
+    }
+    for name, (given, shape) in shapes.items():
+        if given is not None and given.shape != shape:
+            raise InputError(f"{name} has the shape {given.shape}; {len(plants)} lanes need {shape}")
+    index = settings.surface_index
+    if index is not None and (index.min() < 0 or index.max() >= n_surface):
+        raise InputError(f"surface_index goes from {index.min()} to {index.max()}; there are {n_surface} surfaces")
+
+
+def _alone(
+    surface: Surface, plant: PlantParameters, settings: LaneSettings, lane: int, inputs: Inputs, substeps: int
+) -> Array:
+    """The rows of one lane by the kernel for one run, nan from where it ended."""
+    own, step = _own_surface(surface, settings, lane), 1.0 / (inputs.rate * substeps)
+    state, effects = _begun(surface, plant, settings, lane, step, substeps)
+    commands = inputs.for_sides(max(plant.sides, 1))
+    out = np.full((commands.shape[0], N_OUT), np.nan)
+    done = kernel.run(own, plant, effects, state, commands, np.asarray(inputs.disturbance), step, substeps, out)[1]
+    out[done:] = np.nan
+    return out
+
+
+@compiled
+def _run_block(
+    surface: Surface, block: _Block, commands: Array, disturbance: Array, step: float, n_sub: int, out: Array
+) -> None:
+    """`kernel.run` for eight lanes: rows n_sample * N_OUT of lanes; a lane that cannot go on is nan from there."""
+    e, state, work, cells = rows_of(block.effects), rows_of(block.state), rows_of(block.work), cells_of(surface)
+    table, m = rows_of(out), rows_of(block.numbers)
+    p = PlantParameters(
+        m[0], m[1], m[2], m[3], m[4], m[5], block.sides, block.magnets, m[6], m[7], block.drive, m[8], m[9], m[10],
+        m[11], None,
+    )  # fmt: skip
+    _set_timing(p, e, m, step, work)
+    _loop(cells, p, e, state, work, block.reach, commands, disturbance, step, n_sub, table)
+    keep(block.numbers)
+    keep(block.work)
+    keep(block.effects)
+
+
+@compiled
+def _loop(
+    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float, commands: Array,
+    disturbance: Array, step: float, n_sub: int, table: Rows,
+) -> None:  # fmt: skip
+    """The loop of `_run_block`; e is None without effects."""
+    ideal = np.isinf(first(p.bandwidth if e is None else e[c.BANDWIDTH]))
+    for k in range(commands.shape[0]):
+        row = k * N_OUT
+        write_row(cells, p, e, state, work, table, row)
+        state[VOLT_SECONDS_1] = 0.0
+        state[VOLT_SECONDS_1 + 1] = 0.0
+        take_command(p, state, work, commands[k])
+        if e is not None:
+            queue_command(e, state, work)
+        if ideal and (e is None or p.drive == CURRENT_DRIVE):
+            look_at(e, state, work)
+            jump(cells, p, e, state, work)
+        push = p.constant_force + disturbance[k]
+        for n in range(n_sub):
+            if e is None:
+                act(p, state, work, push)
+            else:
+                act_with_effects(p, e, state, work, push, n, step)
+            inside = try_step(cells, p, e, state, work, step)
+            inside = inside & (size(work[Y + X]) <= p.travel) & (size(work[Y + X]) <= reach)
+            if not every(inside):
+                work[Y + X] = choose(inside, work[Y + X], np.nan)
+            keep_step(p, e, state, work)
+            if n == 0:
+                table[row + OUT_SLOPE_AFTER_1] = work[SLOPES + I1]
+                table[row + OUT_SLOPE_AFTER_1 + 1] = work[SLOPES + I1 + 1]
+        if e is None:
+            for j in range(p.sides):
+                state[COIL_1 + j] = state[I1 + j]
+        else:
+            settle(cells, p, e, state, work)
+        for j in range(2):
+            table[row + OUT_VOLTAGE_1 + j] = state[VOLT_SECONDS_1 + j] / (n_sub * step) + 0.0 * state[X]
+            table[row + OUT_SLOPE_BEFORE_1 + j] = state[COIL_SLOPE_1 + j]
+
+
+@compiled
+def _set_timing(p: PlantParameters, e: Rows, m: Rows, step: float, work: Rows) -> None:
+    """`kernel.set_timing` lane by lane."""
+    memory = np.empty(5)
+    weights = rows_of(memory)
+    for lane in range(LANES):
+        drive = lane_of(m, 8, lane) if e is None else lane_of(e, c.BANDWIDTH, lane)
+        sensor = lane_of(m, 11, lane) if e is None else lane_of(e, c.SENSOR_BANDWIDTH, lane)
+        lag_weights(sensor, step, weights, 0)
+        for n in range(5):
+            set_lane(work, SENSOR_WEIGHTS + n, lane, weights[n])
+        set_lane(work, DRIVE_HALF, lane, np.exp(-0.5 * drive * step))
+        set_lane(work, DRIVE_WHOLE, lane, np.exp(-drive * step))
+    keep(memory)

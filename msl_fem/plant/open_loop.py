@@ -1,0 +1,95 @@
+"""Whether the open loop bears an excitation, before it is run."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.actuator import Actuator
+from msl_fem.errors import ComputationError, InputError
+from msl_fem.plant.equilibrium import resting_point
+from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.kernel import OUT_I1, OUT_I2
+from msl_fem.plant.plant import PlantParameters, plant_parameters, surface_of
+from msl_fem.plant.simulate import integrate
+from msl_fem.plant.stability import stability_limit
+from msl_fem.plant.state import OK, initial_state
+from msl_fem.plant.step_size import default_substeps
+from msl_fem.table.magnetic_table import MagneticTable
+
+Array = NDArray[np.float64]
+
+
+def check_open_loop(actuator: Actuator, table: MagneticTable | None, inputs: Inputs) -> None:
+    """Returns where the averaged plant has a stable rest all the time, else raises.
+
+    Force and negative stiffness of a magnet go with the square of its current (below saturation), and the mover
+    averages them over its natural period T = 2 pi sqrt(m/k). So the currents' RMS values over every window of length T
+    have to leave an equilibrium that the mover reaches from x = 0 (`resting_point`); for equal sides that is RMS <=
+    `stability_limit`. A slow signal is judged by its peak, a fast one by its mean square. Tried are the windows with
+    the largest sum, sides and differences of the mean squares. The currents are those of the drive, with its bandwidth
+    and limits, at the locked mover.
+
+    The condition is necessary, not sufficient: resonance near the natural frequency, and a modulated stiffness near
+    twice it, can carry the mover off below the limit; `simulate` raises then. A force drive has nothing to check.
+
+    Raises
+    ------
+    InputError : the limit is exceeded; names it, the time, and the factor by which to scale the currents
+    """
+    plant = plant_parameters(actuator)
+    if plant.sides == 0 or table is None:
+        return
+    currents = _locked_currents(actuator, plant, table, inputs)
+    period = 2 * math.pi * math.sqrt(plant.mass / plant.stiffness) if plant.stiffness > 0 else math.inf
+    window = int(min(max(1, round(min(period, inputs.time.size / inputs.rate) * inputs.rate)), inputs.time.size))
+    for start, rms in _telling_windows(currents, window):
+        if not _rests(actuator, table, rms, 1.0):
+            limit = stability_limit(actuator, table)
+            known = f"up to {limit:.3g} A RMS on all sides at x = 0" if math.isfinite(limit) else "for smaller currents"
+            raise InputError(
+                f"{actuator.name}: from t = {start / inputs.rate:.4g} s the inputs make {rms[0]:.3g} A RMS on side 1 "
+                f"and {rms[1]:.3g} A on side 2 (over {window / inputs.rate * 1e3:.3g} ms); the open loop is stable "
+                f"{known}; scale the currents by {_bearable(actuator, table, rms):.2g}, or follow a "
+                "reference in closed loop ('msl-fem control')"
+            )
+
+
+def _locked_currents(actuator: Actuator, plant: PlantParameters, table: MagneticTable, inputs: Inputs) -> Array:
+    """The currents (n_sample, 2) that the drive makes while the mover is held at x = 0."""
+    locked = plant._replace(mass=math.inf)
+    state = initial_state(locked, 0.0, 0.0, 0.0, 0.0)
+    substeps = default_substeps(plant, table, rate=inputs.rate)
+    status, rows = integrate(surface_of(table), locked, inputs, state=state, substeps=substeps)
+    if status != OK:
+        raise InputError(
+            f"{actuator.name}: the inputs drive a current or the nominal gap out of the table ({table.rectangle}) at "
+            f"t = {len(rows) / inputs.rate:.4g} s; lower the amplitude or extend the sweep"
+        )
+    return rows[:, [OUT_I1, OUT_I2]]
+
+
+def _telling_windows(currents: Array, window: int) -> list[tuple[int, tuple[float, float]]]:
+    """(first sample, RMS currents) of the windows in which the mean squares are extreme."""
+    total = np.vstack([np.zeros(2), np.cumsum(currents**2, axis=0)])
+    square = np.maximum(total[window:] - total[:-window], 0.0) / window
+    one, two = square.T
+    starts = sorted({int(np.argmax(size)) for size in (one + two, one, two, one - two, two - one)})
+    return [(n, (math.sqrt(one[n]), math.sqrt(two[n]))) for n in starts]
+
+
+def _rests(actuator: Actuator, table: MagneticTable, rms: tuple[float, float], factor: float) -> bool:
+    try:
+        resting_point(actuator, table, currents=(factor * rms[0], factor * rms[1]))
+    except ComputationError:
+        return False
+    return True
+
+
+def _bearable(actuator: Actuator, table: MagneticTable, rms: tuple[float, float]) -> float:
+    """The largest factor on the currents that leaves a stable rest, rounded down to a hundredth."""
+    low, high = 0, 100
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if _rests(actuator, table, rms, middle / 100) else (low, middle)
+    return low / 100

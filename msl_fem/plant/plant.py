@@ -1,0 +1,103 @@
+"""The plant as the compiled kernel takes it: plain numbers of an actuator and plain arrays of a table."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from msl_fem.actuator import Actuator, Motion
+from msl_fem.errors import ActuatorError
+from msl_fem.plant.cell import Surface
+from msl_fem.table.magnetic_table import MagneticTable
+
+CURRENT_DRIVE, VOLTAGE_DRIVE, FORCE_DRIVE = 0, 1, 2
+_DRIVE_CODE = {"current": CURRENT_DRIVE, "voltage": VOLTAGE_DRIVE, "force": FORCE_DRIVE}
+
+
+class EndStop(NamedTuple):
+    """Where the mover is thrown back, plus and minus (m), and its velocity after over that before."""
+
+    position: float
+    restitution: float
+
+
+class PlantParameters(NamedTuple):
+    """What the kernel knows of an actuator, in SI units; `inf` switches a bandwidth or a limit off.
+
+    Magnets of a side, n of them, all carry `current_share` times the side's current (1 in series, 1/n in parallel).
+    From equal magnets follow, for either connection: flux linkage of the side n share lambda, its incremental
+    inductance n share^2 dlambda/di, its force n F, its resistance n share^2 R.
+    """
+
+    mass: float  # kg
+    stiffness: float  # N/m
+    damping: float  # N s/m
+    constant_force: float  # N, along +x
+    nominal_gap: float  # m
+    travel: float  # m, plus and minus: beyond it the run ends
+    sides: int  # 0 (force drive), 1 or 2
+    magnets: int  # a side
+    current_share: float  # magnet current over side current
+    resistance: float  # ohm, of a side
+    drive: int  # CURRENT_DRIVE, VOLTAGE_DRIVE or FORCE_DRIVE
+    bandwidth: float  # rad/s, of the drive
+    voltage_limit: float  # V, of a side
+    current_limit: float  # A, of a side
+    sensor_bandwidth: float  # rad/s, of the position sensor
+    end_stop: EndStop | None  # None: the run ends where the travel does
+
+
+def plant_parameters(actuator: Actuator) -> PlantParameters:
+    """The kernel's parameters of an actuator.
+
+    Raises
+    ------
+    ActuatorError : [motion], [drive], or with a magnet [sides] is missing
+    """
+    motion, drive = actuator.motion, actuator.drive
+    if motion is None:
+        raise ActuatorError(f"{actuator.name}: section [motion] is missing; the coupled model needs the moving mass")
+    if drive is None:
+        raise ActuatorError(
+            f"{actuator.name}: section [drive] is missing; the coupled model needs its kind (current, voltage or force)"
+        )
+    magnetic = drive.kind != "force"
+    if magnetic and actuator.sides is None:
+        raise ActuatorError(f"{actuator.name}: section [sides] is missing; the coupled model needs count and magnets")
+    sides = actuator.sides if magnetic else None
+    magnets = sides.magnets_per_side if sides else 1
+    share = 1.0 / magnets if sides and sides.connection == "parallel" else 1.0
+    return PlantParameters(
+        mass=motion.moving_mass,
+        stiffness=motion.stiffness,
+        damping=motion.damping,
+        constant_force=motion.constant_force,
+        nominal_gap=float(motion.nominal_gap or math.inf),
+        travel=_travel(motion),
+        sides=int(sides.count) if sides else 0,
+        magnets=magnets,
+        current_share=share,
+        resistance=magnets * share**2 * actuator.coil_resistance() if magnetic else 0.0,
+        drive=_DRIVE_CODE[drive.kind],
+        bandwidth=_angular(drive.bandwidth),
+        voltage_limit=float(drive.voltage_limit or math.inf),
+        current_limit=float(drive.current_limit or math.inf),
+        sensor_bandwidth=_angular(actuator.position_sensor.bandwidth),
+        end_stop=EndStop(motion.end_stop, motion.end_stop_restitution or 0.0) if motion.end_stop else None,
+    )
+
+
+def surface_of(table: MagneticTable | None) -> Surface:
+    """The arrays of the table's interpolant; None (a rig without magnets) gives a surface that is never evaluated."""
+    if table is None:
+        return Surface(np.zeros(2), np.zeros(2), np.zeros((1, 1, 6, 6)))
+    s = table.surface
+    return Surface(*(np.array(a, dtype=np.float64, order="C") for a in (s.gap, s.current, s.coefficients)))
+
+
+def _angular(frequency: float | None) -> float:
+    return math.inf if frequency is None else 2 * math.pi * frequency
+
+
+def _travel(motion: Motion) -> float:
+    return float(motion.end_stop or motion.range or motion.nominal_gap or math.inf)

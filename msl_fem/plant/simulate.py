@@ -1,0 +1,238 @@
+"""Open-loop runs of the coupled model."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.actuator import Actuator
+from msl_fem.errors import ComputationError, InputError
+from msl_fem.files.quantity import format_quantity
+from msl_fem.plant import kernel
+from msl_fem.plant.effects import EffectValues, neutral_vector
+from msl_fem.plant.energy import EnergyAudit, energy_audit
+from msl_fem.plant.extended import effect_coefficients
+from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters, Surface, plant_parameters, surface_of
+from msl_fem.plant.readings import Channels, currents_before_noise, position_before_noise
+from msl_fem.plant.sensors import current_reading, position_reading
+from msl_fem.plant.stability import stability_limit
+from msl_fem.plant.starting import start_effects
+from msl_fem.plant.state import (
+    AT_CURRENT_LIMIT_1,
+    I1,
+    I2,
+    NOT_FINITE,
+    OK,
+    OUTSIDE_RANGE,
+    OUTSIDE_TABLE,
+    V,
+    X,
+    initial_state,
+)
+from msl_fem.plant.step_size import default_substeps
+from msl_fem.table.magnetic_table import MagneticTable
+
+Array = NDArray[np.float64]
+STATUS = {
+    OK: "completed",
+    OUTSIDE_TABLE: "a gap or a current left the table",
+    NOT_FINITE: "the state is no longer finite",
+    OUTSIDE_RANGE: "the mover left its range",
+}
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a run is integrated.
+
+    Attributes
+    ----------
+    currents, position, velocity : where it starts, A of each side, m, m/s
+    substeps : Runge-Kutta steps a sample; None: `default_substeps`
+    partial : give what was reached instead of raising where a run cannot go on
+    """
+
+    currents: tuple[float, float] = (0.0, 0.0)
+    position: float = 0.0
+    velocity: float = 0.0
+    substeps: int | None = None
+    partial: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A simulated run. Samples are instantaneous and taken before the command of that instant acts.
+
+    Attributes
+    ----------
+    rate : samples a second, Hz
+    time : (n_sample,) s
+    command : (n_sample, n_side) as asked, A, V or N by the drive's kind
+    disturbance : (n_sample,) N
+    voltage : (n_sample, n_side) V, mean over [t_k, t_k+1); (n_sample, 0) in a force drive
+    force : (n_sample,) N, mean over [t_k, t_k+1) of what a force drive gives; 0 with magnets
+    current, flux_linkage : (n_sample, n_side) A, Wb, true values of the sides; (n_sample, 0) in a force drive
+    position, velocity : (n_sample,) m, m/s, true values
+    measured_position, measured_current : as the sensors give them, with bandwidth, noise and resolution
+    status : "completed", or why the run ended before its time
+    samples_at_current_limit, samples_at_voltage_limit : (n_side,) samples in which the drive met its limit
+    substeps : Runge-Kutta steps a sample
+    audit : the energy ledger; its imbalance shows the integrator's error
+    end_state : (N_STATE,) of the kernel, to go on from
+    """
+
+    rate: float
+    time: Array
+    command: Array
+    disturbance: Array
+    voltage: Array
+    force: Array
+    current: Array
+    flux_linkage: Array
+    position: Array
+    velocity: Array
+    measured_position: Array
+    measured_current: Array
+    status: str
+    samples_at_current_limit: NDArray[np.int64]
+    samples_at_voltage_limit: NDArray[np.int64]
+    substeps: int
+    audit: EnergyAudit
+    end_state: Array
+
+    @property
+    def complete(self) -> bool:
+        return self.status == STATUS[OK]
+
+
+def simulate(
+    actuator: Actuator,
+    table: MagneticTable | None,
+    inputs: Inputs,
+    *,
+    effects: EffectValues | None = None,
+    options: Options | None = None,
+    generator: np.random.Generator | None = None,
+) -> Simulation:
+    """The open-loop run of an actuator under sampled inputs.
+
+    `table` is None for a rig that an external force drives; `effects` are those that the plant has beside the plain
+    model. Sensor noise is drawn from `generator`; without one there
+    is none, the sensors' bandwidth and resolution stay.
+
+    Raises
+    ------
+    InputError : a section of the actuator is missing, inputs do not fit it, the start lies outside table or range, the
+        plant cannot have one of the effects
+    ComputationError : the run left the table or the mechanical range; names time, state and the way out
+    """
+    options = options or Options()
+    plant = plant_parameters(actuator)
+    _check_start(actuator, plant, table, options)
+    surface = surface_of(table if plant.sides else None)
+    substeps = options.substeps or default_substeps(plant, table, rate=inputs.rate, effects=effects)
+    state = initial_state(plant, *map(float, (*options.currents, options.position, options.velocity)))
+    e = None
+    if effects is not None:
+        e = effect_coefficients(plant, surface, effects, step=1.0 / (inputs.rate * substeps), n_step=substeps)
+        start_effects(surface, plant, e, state)
+    start = state.copy()
+    status, out = integrate(surface, plant, inputs, state=state, substeps=substeps, effects=e)
+    if status != OK and not options.partial:
+        raise ComputationError(_complaint(actuator, table, status, time=len(out) / inputs.rate, state=state))
+    n, limits = len(out), state[AT_CURRENT_LIMIT_1 : AT_CURRENT_LIMIT_1 + 4].astype(np.int64)
+    channels, read = _channels(plant, out), Channels.of(out, plant.sides)
+    v = neutral_vector() if effects is None else effects.vector()
+    return Simulation(
+        rate=inputs.rate,
+        time=inputs.time[:n],
+        command=inputs.commands[:n],
+        disturbance=np.asarray(inputs.disturbance)[:n],
+        measured_position=position_reading(
+            actuator, position_before_noise(read, v, rate=inputs.rate), generator=generator
+        ),
+        measured_current=current_reading(
+            actuator, currents_before_noise(read, v, rate=inputs.rate), generator=generator
+        ),
+        status=STATUS[status],
+        samples_at_current_limit=limits[: plant.sides],
+        samples_at_voltage_limit=limits[2 : 2 + plant.sides],
+        substeps=substeps,
+        audit=energy_audit(surface, plant, e, start=start, end=state),
+        end_state=state,
+        **channels,
+    )
+
+
+def _channels(plant: PlantParameters, out: Array) -> dict[str, Array]:
+    """The true signals in the rows (n_done, N_OUT) of the kernel; those of the sides as (n_done, n_side)."""
+    sides = slice(0, plant.sides)
+    return {
+        "voltage": out[:, kernel.OUT_VOLTAGE_1 : kernel.OUT_VOLTAGE_2 + 1][:, sides],
+        "force": out[:, kernel.OUT_VOLTAGE_1] if plant.drive == FORCE_DRIVE else np.zeros(len(out)),
+        "current": out[:, kernel.OUT_I1 : kernel.OUT_I2 + 1][:, sides],
+        "flux_linkage": out[:, kernel.OUT_FLUX_1 : kernel.OUT_FLUX_2 + 1][:, sides],
+        "position": out[:, kernel.OUT_X],
+        "velocity": out[:, kernel.OUT_V],
+    }
+
+
+def integrate(
+    surface: Surface,
+    plant: PlantParameters,
+    inputs: Inputs,
+    *,
+    state: Array,
+    substeps: int,
+    effects: Array | None = None,
+) -> tuple[int, Array]:
+    """(status, rows (n_done, N_OUT) of the whole samples done) from `state`, which is carried to the end.
+
+    `effects` are the kernel's coefficients for these substeps.
+
+    Raises
+    ------
+    InputError : the inputs have another number of columns than the drive
+    """
+    commands = inputs.for_sides(max(plant.sides, 1))
+    out = np.empty((commands.shape[0], kernel.N_OUT))
+    step = 1.0 / (inputs.rate * substeps)
+    push = np.asarray(inputs.disturbance)
+    status, done = kernel.run(surface, plant, effects, state, commands, push, step, substeps, out)
+    return int(status), out[:done]
+
+
+def _check_start(actuator: Actuator, plant: PlantParameters, table: MagneticTable | None, options: Options) -> None:
+    """InputError where the run cannot begin; OutOfTable among them."""
+    if options.substeps is not None and options.substeps < 1:
+        raise InputError(f"substeps {options.substeps} must be 1 or more, or None for the default")
+    start = (*options.currents, options.position, options.velocity)
+    if not np.isfinite(start).all():
+        raise InputError(f"the start {start} is not finite; give currents, position and velocity as numbers")
+    if abs(options.position) > plant.travel:
+        raise InputError(
+            f"the start at {format_quantity(options.position, 'm')} lies outside the range of "
+            f"{format_quantity(plant.travel, 'm')} to either side; start inside"
+        )
+    if any(options.currents[plant.sides :]):
+        raise InputError(f"{actuator.name} has {plant.sides} sides with coils; start the others with 0 A")
+    if plant.sides and table is None:
+        raise InputError(f"{actuator.name} has magnets and there is no table; make one with 'msl-fem table'")
+    for j in range(plant.sides if table else 0):
+        assert table is not None
+        table.evaluate(plant.current_share * options.currents[j], plant.nominal_gap - (1 - 2 * j) * options.position)
+
+
+def _complaint(actuator: Actuator, table: MagneticTable | None, status: int, *, time: float, state: Array) -> str:
+    where = f", x = {format_quantity(state[X], 'm')}, x' = {state[V]:.4g} m/s"
+    where = f"i = {state[I1]:.4g}, {state[I2]:.4g} A" + where
+    rectangle = f" ({table.rectangle})" if table is not None and status == OUTSIDE_TABLE else ""
+    limit = stability_limit(actuator, table) if table is not None else math.inf
+    known = f" (at x = 0 it is stable up to {limit:.3g} A RMS on all sides)" if math.isfinite(limit) else ""
+    return (
+        f"{actuator.name}: {STATUS[status]}{rectangle} after t = {time:.6g} s, at {where}; the open loop does not bear "
+        f"these inputs{known}: lower the amplitude or the bias, or "
+        "follow a reference in closed loop ('msl-fem control')"
+    )

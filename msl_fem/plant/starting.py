@@ -1,0 +1,53 @@
+"""What effects add to the beginning of a run: heat, the iron's memory, the current that iron in series takes."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.computing.compiled import compiled
+from msl_fem.computing.lanes import keep, rows_of
+from msl_fem.plant import coefficients as c
+from msl_fem.plant.cell import Surface, cells_of
+from msl_fem.plant.effect_rates import series_iron
+from msl_fem.plant.plant import PlantParameters
+from msl_fem.plant.side import side_gap, side_with_effects
+from msl_fem.plant.state import COIL_1, CORE_1, HEAT_1, HEAT_2, I1
+from msl_fem.plant.step import look_at
+from msl_fem.plant.work import workspace
+
+Array = NDArray[np.float64]
+
+
+def start_effects(surface: Surface, plant: PlantParameters, coefficients: Array, state: Array) -> None:
+    """Puts into a state (N_STATE,) of `initial_state` what effects (N_COEFFICIENT,) add to the beginning.
+
+    The currents have risen from nothing in demagnetised iron, so that its memory takes all it can (of currents beyond
+    the reversal's; at smaller ones the first sample errs by a part of the coercive current).
+    """
+    state[HEAT_1] = state[HEAT_2] = coefficients[c.HEAT_START]
+    state[CORE_1] = state[CORE_1 + 1] = 0.0
+    pinned = coefficients[c.HYSTERESIS_SLOPE] * coefficients[c.HYSTERESIS_WIDTH] * (c.N_STOP * (c.N_STOP + 1) // 2)
+    for j in range(2):
+        own, other = state[COIL_1 + j], state[COIL_1 + 1 - j]
+        state[I1 + j] = own + coefficients[c.SHARE] * other - np.sign(own) * pinned
+    if plant.sides and (coefficients[c.IRON_LOW] or coefficients[c.IRON_KNEE]):
+        _share(surface, plant._replace(end_stop=None), coefficients, state)
+
+
+@compiled
+def _share(surface: Surface, p: PlantParameters, coefficients: Array, state: Array) -> None:
+    """Takes from the magnetising currents of a state what iron in series needs, by bisection: that grows with them."""
+    memory = workspace()
+    e, rows, work, cells = rows_of(coefficients), rows_of(state), rows_of(memory), cells_of(surface)
+    look_at(e, rows, work)
+    for j in range(p.sides):
+        whole, gap = state[I1 + j], side_gap(p, e, work, j)
+        low, high = min(whole, 0.0), max(whole, 0.0)
+        for _ in range(80):
+            u = 0.5 * (low + high)
+            inside, _, _, _, flux, _ = side_with_effects(cells, p, e, work, j, u, gap)
+            if not inside or u + series_iron(e, flux) > whole:
+                high = u
+            else:
+                low = u
+        state[I1 + j] = 0.5 * (low + high)
+    keep(memory)

@@ -1,0 +1,135 @@
+"""What is believed of a plant, and the plant that follows when some of it is a little different."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.actuator import Actuator
+from msl_fem.plant import PlantParameters, Surface, plant_parameters, surface_of
+from msl_fem.plant.coefficients import kernel_coefficients
+from msl_fem.plant.effects import EffectValues, neutral_vector
+from msl_fem.plant.extended import check_effects, small_signal_inductance
+from msl_fem.plant.step_size import fastest_rate, fastest_rate_of_effects, steps_a_sample
+from msl_fem.record import Tolerance
+from msl_fem.table.magnetic_table import MagneticTable
+
+Array = NDArray[np.float64]
+STEP_OF_FASTEST = 0.25
+"""A step times the fastest rate: Runge-Kutta errs by 1e-5 of a signal, a hundredth of the instruments' noise."""
+BELIEVED = (
+    "moving_mass", "stiffness", "damping", "coil_resistance", "nominal_gap", "position_gain", "magnetic_scale",
+)  # fmt: skip
+"""Parameters known within a tolerance. `position_gain` is reading over position, `magnetic_scale` coenergy over the
+table's (both are 1 as believed)."""
+UNITS = {"moving_mass": "kg", "stiffness": "N/m", "damping": "N s/m", "coil_resistance": "ohm", "nominal_gap": "m"}
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """An actuator with its table and effects, and factors by which believed parameters differ from its files.
+
+    Attributes
+    ----------
+    actuator, table : as in the record; no table for a rig that a force drives
+    effects : of an extended model; None for the plain one
+    factors : parameter of `BELIEVED` to value over believed value; what is not stated is 1
+    """
+
+    actuator: Actuator
+    table: MagneticTable | None
+    effects: EffectValues | None = None
+    factors: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """What the compiled kernel takes for runs of one sampling rate.
+
+    Attributes
+    ----------
+    effects : (N_COEFFICIENT,) of the kernel, None for the plain model
+    readings : (N_PARAMETER,) of the catalogue, for what the instruments do
+    gain : position reading over position
+    substeps, step : Runge-Kutta steps a sample, and their size in s
+    """
+
+    surface: Surface
+    parameters: PlantParameters
+    effects: Array | None
+    readings: Array
+    gain: float
+    rate: float
+    substeps: int
+
+    @property
+    def step(self) -> float:
+        return 1.0 / (self.rate * self.substeps)
+
+
+def free_parameters(belief: Belief, tolerance: Tolerance) -> dict[str, float]:
+    """Parameters that the plant has and that are not known exactly, with one sigma relative."""
+    p = plant_parameters(belief.actuator)
+    magnetic = {"coil_resistance", "nominal_gap", "magnetic_scale"} if p.sides else set()
+    there = {"moving_mass", "position_gain", *magnetic}
+    there |= {"stiffness"} if p.stiffness else set()
+    there |= {"damping"} if p.damping else set()
+    sigmas = {name: float(getattr(tolerance, name)) for name in BELIEVED if name in there}
+    return {name: sigma for name, sigma in sigmas.items() if sigma > 0}
+
+
+def believed_value(belief: Belief, name: str) -> float:
+    """A parameter of `BELIEVED` in SI units, the belief's factor in it."""
+    p = plant_parameters(belief.actuator)
+    values = {
+        "moving_mass": p.mass,
+        "stiffness": p.stiffness,
+        "damping": p.damping,
+        "coil_resistance": p.resistance,
+        "nominal_gap": p.nominal_gap,
+    }
+    return values.get(name, 1.0) * belief.factors.get(name, 1.0)
+
+
+def with_factors(p: PlantParameters, factors: Mapping[str, float]) -> PlantParameters:
+    """Parameters of `BELIEVED` that a plant states itself, each times its factor; 1 where none is stated."""
+    return p._replace(
+        mass=p.mass * factors.get("moving_mass", 1.0),
+        stiffness=p.stiffness * factors.get("stiffness", 1.0),
+        damping=p.damping * factors.get("damping", 1.0),
+        resistance=p.resistance * factors.get("coil_resistance", 1.0),
+        nominal_gap=p.nominal_gap * factors.get("nominal_gap", 1.0),
+    )
+
+
+def believed_plant(
+    belief: Belief, *, rate: float, factors: Mapping[str, float] | None = None, ideal_current: bool = False
+) -> Plant:
+    """The plant of a belief whose parameters are further `factors` times the believed ones.
+
+    With `ideal_current` the drive of a current-driven plant makes its commands without a lag: for records that hold
+    currents and no commands.
+
+    Raises
+    ------
+    InputError : the actuator lacks a section, or cannot have an effect
+    """
+    f = {name: belief.factors.get(name, 1.0) * (factors or {}).get(name, 1.0) for name in BELIEVED}
+    p = plant_parameters(belief.actuator)
+    fastest = fastest_rate(p, belief.table)  # as believed: steps that changed with the factors would be jumps of a fit
+    p = with_factors(p, f)._replace(bandwidth=np.inf if ideal_current else p.bandwidth)
+    vector = neutral_vector()
+    if belief.effects is not None:
+        check_effects(p, belief.effects)
+        fastest = max(fastest, fastest_rate_of_effects(p, belief.effects))
+        vector = belief.effects.vector()
+    substeps = steps_a_sample(fastest, rate=rate, largest_step=STEP_OF_FASTEST)
+    surface = surface_of(belief.table if p.sides else None)
+    if f["magnetic_scale"] != 1.0:
+        surface = surface._replace(coefficients=surface.coefficients * f["magnetic_scale"])
+    e = None
+    if belief.effects is not None:
+        inductance = small_signal_inductance(p, surface)
+        e = kernel_coefficients(p, vector, inductance=inductance, step=1.0 / (rate * substeps), n_step=substeps)
+    return Plant(surface, p, e, vector, f["position_gain"], rate, substeps)

@@ -1,6 +1,0 @@
-"""A mover on leaf flexures: its modes, and whether the flexure does what the actuator needs."""
-
-from msl_fem.suspension.assessment import FullRange, SetModes, SuspensionReport, assess_flexure
-from msl_fem.suspension.rigid_modes import Mode, Mover, mover_modes
-
-__all__ = ["FullRange", "Mode", "Mover", "SetModes", "SuspensionReport", "assess_flexure", "mover_modes"]

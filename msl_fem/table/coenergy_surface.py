@@ -1,0 +1,171 @@
+"""One smooth coenergy surface W'(i, g) through field solutions; flux and force are its derivatives.
+
+The surface is the tensor product of quintic splines of class C3 (double knots at the nodes) that take, at every node,
+the field's W', lambda = dW'/di, F = -dW'/dg and d2W'/(di dg). Because flux and force come from one function,
+dF/di = -dlambda/dg holds to rounding and no closed path over the table yields energy.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_interp_spline
+
+from msl_fem.computing.compiled import compiled
+
+Array = NDArray[np.float64]
+N = 6  # coefficients a direction of a cell: quintic
+STATES = 6
+"""Rows of an evaluation: W', lambda, F, dlambda/di, dF/di, dF/dg."""
+
+
+@dataclass(frozen=True, eq=False)
+class CoenergySurface:
+    """Piecewise biquintic polynomials of the local coordinates (g - gap[m], |i| - current[n]).
+
+    Attributes
+    ----------
+    gap : (n_gap,) nodes in m
+    current : (n_current,) nodes in A, starting at 0; the surface is even in the current
+    coefficients : (n_gap - 1, n_current - 1, 6, 6), powers of the gap first
+    """
+
+    gap: Array
+    current: Array
+    coefficients: Array
+
+    def __call__(self, current: Array, gap: Array) -> Array:
+        """(6, ...) values of W', lambda, F, dlambda/di, dF/di, dF/dg; nan outside the rectangle."""
+        i, g = np.broadcast_arrays(np.asarray(current, dtype=float), np.asarray(gap, dtype=float))
+        out = np.empty((STATES, i.size))
+        evaluate_many(self.gap, self.current, self.coefficients, i.ravel(), g.ravel(), out)
+        return out.reshape(STATES, *i.shape)
+
+
+def fit_coenergy_surface(gap: Array, current: Array, nodes: dict[str, Array]) -> CoenergySurface:
+    """The surface through the nodes' values.
+
+    Parameters
+    ----------
+    gap, current : (n_gap,), (n_current,) increasing; current starts at 0
+    nodes : arrays (n_gap, n_current) of `coenergy`, `flux_linkage`, `force`, `force_current_slope` (all four taken
+        at every node), `incremental_inductance` and `force_gap_slope` (taken at the edges alone)
+    """
+    w, w_i = nodes["coenergy"], nodes["flux_linkage"]
+    w_g, w_ig = -nodes["force"], -nodes["force_current_slope"]
+    w_ii = nodes["incremental_inductance"][:, -1]
+    w_gg = -nodes["force_gap_slope"][[0, -1], :]
+    along_gap = _HermiteSpline(gap, symmetric_start=False)
+    along_current = _HermiteSpline(current, symmetric_start=True)
+    n_g, n_i = gap.size, current.size
+    data = np.zeros((2 * n_g + 2, 2 * n_i + 2))  # rows: value, slope along g, two ends; columns alike along i
+    data[:n_g, :n_i], data[:n_g, n_i : 2 * n_i] = w, w_i
+    data[n_g : 2 * n_g, :n_i], data[n_g : 2 * n_g, n_i : 2 * n_i] = w_g, w_ig
+    # At i = 0 the third derivative vanishes (W' is even); at the last current, d2W'/di2 and its slope along g.
+    curvature = make_interp_spline(gap, w_ii, k=min(5, n_g - 1))
+    data[:n_g, -1], data[n_g : 2 * n_g, -1] = w_ii, curvature(gap, 1)
+    # At both ends of the gap, d2W'/dg2 along i: even in i, so spline it over -i ... i.
+    for row, edge in ((-2, w_gg[0]), (-1, w_gg[1])):
+        mirrored = make_interp_spline(np.r_[-current[:0:-1], current], np.r_[edge[:0:-1], edge], k=min(5, n_i - 1))
+        data[row, :n_i], data[row, n_i : 2 * n_i] = edge, mirrored(current, 1)
+        data[row, -1] = curvature(gap[0 if row == -2 else -1], 2) if n_g > 2 else 0.0
+    taylor = np.einsum("mpr,rs,nqs->mnpq", along_gap.taylor, data, along_current.taylor, optimize=True)
+    return CoenergySurface(gap, current, np.ascontiguousarray(taylor))
+
+
+class _HermiteSpline:
+    """The map from (values, slopes, one condition at each end) to Taylor coefficients in every cell.
+
+    `taylor` has shape (n - 1, 6, 2 n + 2). The spline is quintic, C3, and takes value and slope at each node; the end
+    conditions are the second derivative, or at a symmetric start the third (zero for an even function).
+    """
+
+    def __init__(self, nodes: Array, *, symmetric_start: bool) -> None:
+        n = nodes.size
+        scale = nodes[-1] - nodes[0]
+        x = (nodes - nodes[0]) / scale
+        knots = np.r_[np.full(6, x[0]), np.repeat(x[1:-1], 2), np.full(6, x[-1])]
+        basis = BSpline(knots, np.eye(2 * n + 2), 5)
+        start = 3 if symmetric_start else 2
+        collocation = np.concatenate([basis(x), basis(x, 1), basis(x[:1], start), basis(x[-1:], 2)])
+        to_basis = np.linalg.solve(collocation, np.diag(np.r_[np.ones(n), np.full(n, scale), scale**start, scale**2]))
+        factorial = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0]
+        self.taylor = np.stack(
+            [basis(x[:-1], order) @ to_basis / (factorial[order] * scale**order) for order in range(N)], axis=1
+        )
+
+
+@compiled
+def evaluate(gap, current, coefficients, i, g, out):  # type: ignore[no-untyped-def]
+    """W', lambda, F, dlambda/di, dF/di, dF/dg at (i, g) into out (6,); False, and nan, outside the rectangle."""
+    size = abs(i)
+    if not (gap[0] <= g <= gap[-1] and size <= current[-1]):
+        out[:] = np.nan
+        return False
+    m, n = _cell(gap, g), _cell(current, size)
+    y, x = g - gap[m], size - current[n]
+    # Horner along i for value, first and second derivative of each power of g, then along g
+    w = w_g = w_gg = w_i = w_ig = w_ii = 0.0
+    for p in range(N - 1, -1, -1):
+        a = b = c = 0.0
+        for q in range(N - 1, -1, -1):
+            c = c * x + b
+            b = b * x + a
+            a = a * x + coefficients[m, n, p, q]
+        w_gg = w_gg * y + w_g
+        w_g = w_g * y + w
+        w = w * y + a
+        w_ig = w_ig * y + w_i
+        w_i = w_i * y + b
+        w_ii = w_ii * y + 2.0 * c
+    sign = -1.0 if i < 0 else 1.0
+    out[0] = w
+    out[1] = sign * w_i
+    out[2] = -w_g
+    out[3] = w_ii
+    out[4] = -sign * w_ig
+    out[5] = -2.0 * w_gg
+    return True
+
+
+@compiled
+def evaluate_slopes(gap, current, coefficients, i, g):  # type: ignore[no-untyped-def]
+    """(inside, F, dlambda/di, dF/di) at (i, g): what the equations of motion need, cheaper than `evaluate`."""
+    size = abs(i)
+    if not (gap[0] <= g <= gap[-1] and size <= current[-1]):
+        return False, np.nan, np.nan, np.nan
+    m, n = _cell(gap, g), _cell(current, size)
+    y, x = g - gap[m], size - current[n]
+    w = w_g = w_i = w_ig = w_ii = 0.0
+    for p in range(N - 1, -1, -1):
+        c0, c1, c2 = coefficients[m, n, p, 0], coefficients[m, n, p, 1], coefficients[m, n, p, 2]
+        c3, c4, c5 = coefficients[m, n, p, 3], coefficients[m, n, p, 4], coefficients[m, n, p, 5]
+        a = c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5))))
+        b = c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
+        c = 2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))
+        w_g = w_g * y + w
+        w = w * y + a
+        w_ig = w_ig * y + w_i
+        w_i = w_i * y + b
+        w_ii = w_ii * y + c
+    return True, -w_g, w_ii, -w_ig if i >= 0 else w_ig
+
+
+@compiled
+def _cell(nodes, x):  # type: ignore[no-untyped-def]
+    """The index m with nodes[m] <= x <= nodes[m + 1], by bisection."""
+    low, high = 0, nodes.size - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if nodes[middle] <= x:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@compiled
+def evaluate_many(gap, current, coefficients, i, g, out):  # type: ignore[no-untyped-def]
+    """`evaluate` for arrays i, g (n,) into out (6, n)."""
+    for k in range(i.size):
+        evaluate(gap, current, coefficients, i[k], g[k], out[:, k])

@@ -1,0 +1,254 @@
+"""The magnetic table, the waist between field solutions and models: a frozen record with one interpolant."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from msl_fem.errors import OutOfTable, TableError
+from msl_fem.files.netcdf_file import read_netcdf, write_netcdf
+from msl_fem.files.quantity import format_quantity
+from msl_fem.files.whole_file import whole_file
+from msl_fem.table.coenergy_surface import CoenergySurface, fit_coenergy_surface
+
+Array = NDArray[np.float64]
+SCHEMA = 1
+INTERPOLANT = "C3 quintic Hermite coenergy spline"
+NODES = {
+    "coenergy": ("J", "coenergy W'"),
+    "flux_linkage": ("Wb", "flux linkage, dW'/di"),
+    "force": ("N", "force, attractive positive, -dW'/dgap by virtual work"),
+    "incremental_inductance": ("H", "incremental inductance, d2W'/di2"),
+    "force_current_slope": ("N/A", "dF/di = -dlambda/dgap"),
+    "force_gap_slope": ("N/m", "dF/dgap"),
+}
+EXTRAS = {"force_stress_tensor": ("N", "force by the Maxwell stress tensor in mid-gap")}
+SECTION = "flux_density_"
+SMALLEST_GAP, LARGEST_GAP, LARGEST_VALUE = 1e-9, 100.0, 1e20  # m, m, SI: beyond are mistakes of units and damaged files
+MOST_VALUES = 20_000_000  # of a file
+AT_REST = 1e-9  # of the largest value: what a quantity that vanishes without current may have there
+
+
+@dataclass(frozen=True, eq=False)
+class MagneticTable:
+    """Force and flux of one magnet over gap and current, with exact derivatives and a stated error.
+
+    Arrays have the shape (n_gap, n_current) and belong to one magnet of the full stack depth; the first current is 0,
+    and negative currents follow from symmetry. Evaluation never extrapolates.
+
+    Attributes
+    ----------
+    gap, current : (n_gap,) m and (n_current,) A, increasing
+    nodes : the arrays named in `NODES`
+    extras : force_stress_tensor (N) and flux_density_<section> (T, mean over the section, in the iron)
+    mesh_error, interpolation_error : relative to the table's largest force; nan where not known
+    reciprocity_error : largest difference of force or flux linkage between independent field solutions at midpoints
+        and the interpolant's derivatives, each of its full scale; nan where not known
+    provenance : how the table came to be
+    """
+
+    gap: Array
+    current: Array
+    nodes: Mapping[str, Array]
+    extras: Mapping[str, Array] = field(default_factory=dict)
+    mesh_error: float = float("nan")
+    interpolation_error: float = float("nan")
+    reciprocity_error: float = float("nan")
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    @cached_property
+    def surface(self) -> CoenergySurface:
+        """The interpolant."""
+        return fit_coenergy_surface(self.gap, self.current, dict(self.nodes))
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections whose flux density is stored."""
+        return tuple(name.removeprefix(SECTION) for name in self.extras if name.startswith(SECTION))
+
+    @property
+    def rectangle(self) -> str:
+        """The table's range, for messages."""
+        return (
+            f"gap {self.gap[0] * 1e3:.3g} ... {self.gap[-1] * 1e3:.3g} mm, "
+            f"current up to {self.current[-1]:.3g} A in size"
+        )
+
+    def evaluate(self, current: ArrayLike, gap: ArrayLike) -> dict[str, Array]:
+        """The quantities of `NODES` at (current, gap), broadcast together; currents may be negative.
+
+        Raises
+        ------
+        OutOfTable : a point outside the rectangle or not a number
+        """
+        i, g = np.asarray(current, dtype=float), np.asarray(gap, dtype=float)
+        values = self.surface(i, g)
+        if np.isnan(values).any():
+            self._complain(*np.broadcast_arrays(i, g))
+        return dict(zip(NODES, values, strict=True))
+
+    def _complain(self, i: Array, g: Array) -> None:
+        bad_gap = ~((g >= self.gap[0]) & (g <= self.gap[-1]))
+        if bad_gap.any():
+            raise OutOfTable(
+                f"gap {format_quantity(float(g[bad_gap].flat[0]), 'm')} lies outside the table's "
+                f"{self.gap[0] * 1e3:.4g} ... {self.gap[-1] * 1e3:.4g} mm (currents up to {self.current[-1]:g} A); "
+                "extend the sweep (--gaps) or clip the request"
+            )
+        bad = ~(np.abs(i) <= self.current[-1])
+        worst = format_quantity(float(i[bad].flat[0]), "A") if bad.any() else "nan"
+        raise OutOfTable(
+            f"current {worst} lies outside the table's {-self.current[-1]:g} ... {self.current[-1]:g} A "
+            f"(gaps {self.gap[0] * 1e3:.4g} ... {self.gap[-1] * 1e3:.4g} mm); "
+            "extend the sweep (--currents) or clip the request"
+        )
+
+    def force(self, current: ArrayLike, gap: ArrayLike) -> Array:
+        """Force in N, attractive positive; raises OutOfTable."""
+        return self.evaluate(current, gap)["force"]
+
+    def flux_linkage(self, current: ArrayLike, gap: ArrayLike) -> Array:
+        """Flux linkage in Wb; raises OutOfTable."""
+        return self.evaluate(current, gap)["flux_linkage"]
+
+
+def _check(table: MagneticTable) -> None:
+    shape = (table.gap.size, table.current.size)
+    if table.gap.ndim != 1 or table.current.ndim != 1 or table.gap.size < 2 or table.current.size < 3:
+        raise TableError(f"a table needs at least 2 gaps and 3 currents (0 included), this one has {shape}")
+    if not (np.diff(table.gap) > 0).all() or not (np.diff(table.current) > 0).all() or table.gap[0] <= 0:
+        raise TableError("gaps must be positive and increasing, currents increasing")
+    if table.current[0] != 0:
+        raise TableError(f"the first current must be 0, it is {table.current[0]:g} A")
+    for name in NODES:
+        if name not in table.nodes:
+            raise TableError(f"variable '{name}' is missing; a table has {', '.join(NODES)}")
+    for name, values in {**table.nodes, **table.extras}.items():
+        if values.shape != shape:
+            raise TableError(f"variable '{name}' has shape {values.shape}, expected (gap, current) = {shape}")
+        if name in NODES and not np.isfinite(values).all():
+            m, n = np.argwhere(~np.isfinite(values))[0]
+            raise TableError(
+                f"variable '{name}' is not finite at gap {table.gap[m]:g} m, current {table.current[n]:g} A"
+            )
+    if table.gap[-1] > LARGEST_GAP or table.gap[0] < SMALLEST_GAP:
+        raise TableError(
+            f"gaps of {table.gap[0]:g} ... {table.gap[-1]:g} m are not a magnet's, allowed are "
+            f"{SMALLEST_GAP:g} ... {LARGEST_GAP:g} m; look at the unit"
+        )
+    for name in NODES:
+        if not np.abs(table.nodes[name]).max() < LARGEST_VALUE:
+            raise TableError(
+                f"variable '{name}' reaches {np.abs(table.nodes[name]).max():g} {NODES[name][0]}, above any magnet's "
+                f"({LARGEST_VALUE:g}); look at the unit"
+            )
+    for name in ("coenergy", "flux_linkage", "force", "force_current_slope", "force_gap_slope"):
+        values = np.abs(table.nodes[name])
+        if values[:, 0].max() > AT_REST * values.max():
+            raise TableError(
+                f"variable '{name}' reaches {values[:, 0].max():g} at i = 0; it must vanish there: a table is of a "
+                "magnet without remanence and without permanent magnets"
+            )
+
+
+def write_table(table: MagneticTable, path: str | Path) -> Path:
+    """The NetCDF-4 file written; it appears whole or not at all."""
+    units = NODES | EXTRAS
+    variables = {}
+    for name, values in {**table.nodes, **table.extras}.items():
+        section = name.removeprefix(SECTION).replace("_", " ")
+        unit, long_name = units.get(name, ("T", f"mean flux density in the iron, {section}"))
+        variables[name] = (("gap", "current"), np.asarray(values), {"units": unit, "long_name": long_name})
+    data = xr.Dataset(
+        variables,
+        coords={
+            "gap": ("gap", table.gap, {"units": "m", "long_name": "air gap between pole faces and armature"}),
+            "current": ("current", table.current, {"units": "A", "long_name": "coil current of one magnet"}),
+        },
+        attrs={
+            "schema": SCHEMA,
+            "title": "force and flux of one magnet over gap and current",
+            "interpolant": INTERPOLANT,
+            "mesh_error": table.mesh_error,
+            "interpolation_error": table.interpolation_error,
+            "reciprocity_error": table.reciprocity_error,
+            "provenance": json.dumps(dict(table.provenance), sort_keys=True),
+        },
+    )
+    target = Path(path)
+    with whole_file(target) as partial:
+        checksums = {
+            str(name): {"fletcher32": True} for name in data.variables
+        }  # a damaged file must not read as a table
+        write_netcdf(data, partial, encoding=checksums)
+    return target
+
+
+def _check_units(content: xr.Dataset, attributes: dict[str, Any]) -> None:
+    """TableError where a schema or a unit is stated and is not ours; a foreign table may state none."""
+    if int(attributes.get("schema", SCHEMA)) != SCHEMA:
+        raise TableError(f"schema {attributes['schema']} is not {SCHEMA}, the one this version reads")
+    wanted = {name: unit for name, (unit, _) in (NODES | EXTRAS).items()} | {"gap": "m", "current": "A"}
+    for name, unit in wanted.items():
+        stated = content.variables[name].attrs.get("units", unit) if name in content.variables else unit
+        if stated != unit:
+            raise TableError(f"variable '{name}' is in '{stated}', expected '{unit}'")
+
+
+def _belongs(variable: xr.DataArray) -> bool:
+    """Whether a variable is one of a table's; TableError where it is and has other dimensions."""
+    name = str(variable.name)
+    if name not in NODES | EXTRAS and not name.startswith(SECTION):
+        return False
+    if set(variable.dims) != {"gap", "current"}:
+        raise TableError(f"variable '{name}' has dimensions {variable.dims}, expected ('gap', 'current')")
+    return True
+
+
+def _real(variable: xr.DataArray) -> Array:
+    """The values; TableError where they are no real numbers."""
+    if variable.dtype.kind not in "fiu":
+        raise TableError(f"variable '{variable.name}' holds {variable.dtype}, expected real numbers")
+    return np.asarray(variable.values, dtype=float)
+
+
+def read_table(path: str | Path) -> MagneticTable:
+    """The table in a NetCDF file.
+
+    Raises
+    ------
+    TableError : no such file, not NetCDF, or a variable is missing or contradicts the others
+    """
+    if not Path(path).is_file():
+        said = "is no file" if Path(path).exists() else "no such file"
+        raise TableError(f"{path}: {said}; make a table with 'msl-fem table'")
+    try:
+        content = read_netcdf(Path(path), most_values=MOST_VALUES)
+        arrays = {str(k): _real(v.transpose("gap", "current")) for k, v in content.items() if _belongs(v)}
+        gap, current = _real(content["gap"]), _real(content["current"])
+        attributes = dict(content.attrs)
+        _check_units(content, attributes)
+        provenance = json.loads(attributes.get("provenance", "{}")) or {}
+        if not isinstance(provenance, dict):
+            raise TableError("attribute 'provenance' must be a JSON object")
+        names = ("mesh_error", "interpolation_error", "reciprocity_error")
+        errors = {name: float(attributes.get(name, "nan")) for name in names}
+    except Exception as err:  # attributes and variables of a foreign file can be of any kind
+        raise TableError(
+            f"{path}: not a magnetic table ({err or type(err).__name__}); make one with 'msl-fem table'"
+        ) from err
+    try:
+        nodes = {k: v for k, v in arrays.items() if k in NODES}
+        extras = {k: v for k, v in arrays.items() if k not in NODES}
+        return MagneticTable(gap, current, nodes, extras, **errors, provenance=provenance)
+    except TableError as err:
+        raise TableError(f"{path}: {err}") from err

@@ -1,0 +1,251 @@
+"""The search: it improves on the guess, goes on after a kill, shares its storage, and says when there is none."""
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import optuna
+import pytest
+from optuna.trial import TrialState
+from sizing_cases import envelope, judge
+
+from msl_fem.design.sizing import Judge, SearchResult, SearchSettings, choose, pareto_front, search
+from msl_fem.design.sizing import judges as judges_module
+from msl_fem.design.sizing.judge import NOT_BUILT
+from msl_fem.design.sizing.judges import judged
+from msl_fem.design.sizing.search import GUESS
+from msl_fem.errors import InputError
+from msl_fem.magnetics.sweep import cluster as sweep_cluster
+
+REQUIREMENT = """
+schema = 1
+name = "servo"
+[force]
+minimum = "150 N"
+gap = "0.5 mm"
+[heat]
+current_density = "6 A/mm^2"
+"""
+LONG = 300.0  # s: nobody waits so long, a loaded machine takes what it takes
+
+
+def settings(file: Path, trials: int, **more: Any) -> SearchSettings:
+    return SearchSettings(f"sqlite:///{file}", trials, **more)
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Judge, SearchResult, Path]:
+    """Twenty trials, most of them drawn."""
+    file = tmp_path_factory.mktemp("small") / "trials.sqlite3"
+    it = judge()
+    return it, search(it, settings(file, 20)), file
+
+
+def test_a_small_search_improves_on_the_first_guess(small: tuple[Judge, SearchResult, Path]) -> None:
+    """Less mass at the same force, verified at fine accuracy; and the front has more than one design."""
+    it, found, _ = small
+    assert [t.number for t in found.trials] == list(range(20))
+    assert found.trials[0].first_design == GUESS
+    choice = choose(it, found)
+    assert choice.guess is not None
+    assert choice.guess.performance is not None
+    best, first = choice.verdict.performance, choice.guess.performance
+    assert best is not None
+    assert choice.verdict.feasible
+    assert best.masses.total < 0.98 * first.masses.total
+    assert best.force >= 150.0
+    assert best.flux_density <= 1.2
+    assert len(choice.front) >= 3
+    assert all(1 <= t.solves <= 6 for t in found.trials)
+
+
+def test_the_search_itself_finds_better_than_what_it_began_with(small: tuple[Judge, SearchResult, Path]) -> None:
+    """Drawn trials stand on the front, beside those of the closed equations."""
+    it, found, _ = small
+    front = pareto_front(found.trials, it.requirement.objectives)
+    assert any(t.first_design is None for t in front)
+
+
+def test_a_resumed_search_is_the_undisturbed_one(small: tuple[Judge, SearchResult, Path], tmp_path: Path) -> None:
+    """One process: stopped after 12 of 20 trials and gone on, every trial is the same; the first twelve are kept."""
+    it, whole, _ = small
+    file = tmp_path / "trials.sqlite3"
+    first = search(it, settings(file, 12))
+    second = search(it, settings(file, 20))
+    assert (first.reused, second.reused) == (0, 12)
+    assert second.trials[:12] == first.trials
+    assert [t.parameters for t in second.trials] == [t.parameters for t in whole.trials]
+    again = search(it, settings(file, 20))
+    assert again.trials == second.trials
+    assert again.reused == 20
+
+
+def test_another_seed_draws_other_designs(small: tuple[Judge, SearchResult, Path], tmp_path: Path) -> None:
+    it, whole, _ = small
+    other = search(it, settings(tmp_path / "t.sqlite3", 7, seed=2))
+    firsts = sum(t.first_design is not None for t in whole.trials)
+    assert other.trials[:firsts] == whole.trials[:firsts], "the closed equations draw nothing"
+    assert other.trials[firsts].parameters != whole.trials[firsts].parameters
+
+
+def test_a_storage_of_another_requirement_is_refused(small: tuple[Judge, SearchResult, Path]) -> None:
+    _, _, file = small
+    with pytest.raises(InputError, match="holds a study 'servo' of another requirement"):
+        search(judge(flux={"limit": "1.1 T"}), settings(file, 20))
+
+
+@pytest.mark.parametrize(
+    ("url", "said"),
+    [
+        ("sqlite:////nowhere/at/all.sqlite3", "unable to open database file"),
+        ("mysql+pymysql://user@127.0.0.1:1/db", "cannot be reached"),
+        ("nonsense", "Could not parse"),
+        ("", "Could not parse"),
+        ("redis://127.0.0.1", "cannot be reached"),
+    ],
+)
+def test_a_storage_that_cannot_be_reached_is_one_line(url: str, said: str) -> None:
+    with pytest.raises(InputError, match=r"storage '.*' cannot be reached \(.*\); give an Optuna") as caught:
+        search(judge(), SearchSettings(url, 5))
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_designs_outside_the_envelope_are_recorded_and_never_solved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As many fields as designs that can be built; the others have their constraints' sizes in the storage."""
+    submitted: list[object] = []
+
+    def count(it: Judge, design: Any) -> Any:
+        submitted.append(design)
+        return judged(it, design)
+
+    monkeypatch.setattr(judges_module, "judged", count)
+    it, file = judge(**envelope("48 mm", "44 mm", "50 mm")), tmp_path / "t.sqlite3"
+    found = search(it, settings(file, 24))
+    unbuilt = [t for t in found.trials if t.judged == NOT_BUILT]
+    assert len(unbuilt) >= 3
+    assert len(submitted) == 24 - len(unbuilt)
+    assert all(t.solves == 0 and not t.feasible and t.values == () for t in unbuilt)
+    study = optuna.load_study(study_name="servo", storage=f"sqlite:///{file}")
+    for trial in unbuilt:
+        stored = study.trials[trial.number]
+        assert stored.state == TrialState.PRUNED
+        broken = {c.name: c.violation for c in trial.constraints if not c.kept}
+        assert stored.constraints == pytest.approx(broken)
+        assert min(broken.values()) > 0
+
+
+def test_force_as_an_objective_is_pushed_up(tmp_path: Path) -> None:
+    it = judge(objectives=["mass", "force", "inductance"])
+    found = search(it, settings(tmp_path / "t.sqlite3", 11))
+    front = pareto_front(found.trials, it.requirement.objectives)
+    forces = np.array([t.figures["force_N"] for t in front])
+    assert forces.min() >= 150.0
+    assert forces.max() > 1.2 * 150.0
+    masses = np.array([t.figures["mass_kg"] for t in front])
+    assert masses[np.argmax(forces)] > masses.min()
+
+
+# --- processes ---------------------------------------------------------------------------------------------------
+
+
+def start(folder: Path, *more: str) -> "subprocess.Popen[str]":
+    (folder / "r.toml").write_text(REQUIREMENT)
+    command = [sys.executable, "-m", "msl_fem.cli", "size", "r.toml", "-o", "g.toml", "--json", *more]
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder, start_new_session=True
+    )
+
+
+def finish(process: "subprocess.Popen[str]") -> dict[str, Any]:
+    out, err = process.communicate(timeout=LONG)
+    assert process.returncode == 0, err
+    return dict(json.loads(out))
+
+
+def verdicts(file: Path) -> dict[int, str]:
+    """Trial number to verdict, read past Optuna."""
+    if not file.exists():
+        return {}
+    query = (
+        "select t.number, a.value_json from trials t join trial_user_attributes a on a.trial_id = t.trial_id "
+        "where a.key = 'verdict' and t.state in ('COMPLETE', 'PRUNED')"
+    )
+    connection = sqlite3.connect(file, timeout=LONG)
+    try:
+        return dict(connection.execute(query).fetchall())
+    except sqlite3.OperationalError:  # the tables are being made
+        return {}
+    finally:
+        connection.close()
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + LONG
+    while not condition():
+        assert time.monotonic() < end, "nothing happened"
+        time.sleep(0.02)
+
+
+def test_killed_with_all_its_processes_it_loses_at_most_the_trials_in_flight(tmp_path: Path) -> None:
+    """SIGKILL to the group while two workers judge; the same command goes on, and nothing is judged twice."""
+    process, file = start(tmp_path, "--trials", "60", "--workers", "2"), tmp_path / ".g.toml.trials.sqlite3"
+    wait_until(lambda: len(verdicts(file)) >= 8)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate(timeout=LONG)
+    assert not (tmp_path / "g.toml").exists()
+    kept = verdicts(file)
+    assert 8 <= len(kept) < 60
+    number = max(kept) + 1
+    connection = sqlite3.connect(file)
+    begun = connection.execute("select count(*) from trials where state = 'RUNNING'").fetchone()[0]
+    connection.close()
+    assert begun <= 2, "those in flight"
+    found = finish(start(tmp_path, "--trials", str(len(kept) + 4), "--workers", "2"))
+    assert found["trials_reused"] == len(kept)
+    assert found["trials"] == len(kept) + 4
+    after = verdicts(file)
+    assert {n: after[n] for n in kept} == kept
+    assert sum(n >= number for n in after) >= 2
+    assert (tmp_path / "g.toml").exists()
+
+
+def test_two_commands_share_one_storage(tmp_path: Path) -> None:
+    """Each draws its own designs; together they make the number asked for, but for what was in flight."""
+    folders = [tmp_path / name for name in ("one", "two")]
+    url = f"sqlite:///{tmp_path / 'shared.sqlite3'}"
+    for folder in folders:
+        folder.mkdir()
+    both = [start(folder, "--trials", "12", "--workers", "1", "--storage", url) for folder in folders]
+    results = [finish(process) for process in both]
+    study = optuna.load_study(study_name="servo", storage=url)
+    done = [t for t in study.trials if t.state in (TrialState.COMPLETE, TrialState.PRUNED)]
+    assert 12 <= len(done) <= 14
+    drawn = [tuple(t.params.values()) for t in done if "first_design" not in t.user_attrs]
+    assert len(set(drawn)) == len(drawn)
+    assert all(abs(r["trials"] - 12) <= 2 for r in results)
+
+
+def test_on_a_cluster_as_here(
+    small: tuple[Judge, SearchResult, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The closed equations' designs have the same verdicts from a cluster's workers."""
+    distributed = pytest.importorskip("distributed", reason="the extra 'cluster' (dask.distributed) is not installed")
+    monkeypatch.setattr(sweep_cluster, "CONNECT", LONG)
+    monkeypatch.setattr(sweep_cluster, "FIRST_WORKER", LONG)
+    it, whole, _ = small
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
+    ) as cluster:
+        found = search(it, settings(tmp_path / "t.sqlite3", 6, scheduler=cluster.scheduler_address))
+    assert [t.values for t in found.trials] == [pytest.approx(t.values) for t in whole.trials[:6]]

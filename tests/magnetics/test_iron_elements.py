@@ -1,0 +1,64 @@
+"""Element vectors and matrices from reference tables against the plain sums over quadrature points."""
+
+import numpy as np
+import pytest
+from field_problems import cubic_iron, structured_mesh
+from skfem import Basis
+
+from msl_fem.magnetics.solver.magnetostatics import ELEMENTS, FieldModel
+
+LINES = np.array([0.3, 0.5, 0.9, 1.0])
+
+
+def crooked_model(order: int, *, axisymmetric: bool) -> FieldModel:
+    """An iron of triangles of which no two are alike, off the axis."""
+    mesh = structured_mesh(LINES, LINES, lambda x, y: "iron", gap=1.0)
+    x, y = mesh.points
+    mesh.points[:] = x + 0.1 * np.sin(3 * y), y + 0.1 * x**2
+    return FieldModel(mesh, {"iron": cubic_iron()}, turns_density={}, order=order, axisymmetric=axisymmetric)
+
+
+@pytest.mark.parametrize("axisymmetric", [False, True])
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_vectors_and_matrices_are_the_plain_quadrature(order, axisymmetric):
+    """The gradient of w(|B|) summed over points, and its second derivative nu I + (dH/dB - nu) n n^T."""
+    model = crooked_model(order, axisymmetric=axisymmetric)
+    part = model.irons["iron"]
+    potential = 0.3 * np.random.default_rng(1).standard_normal(model.n_dof)
+    basis = Basis(model.skfem_mesh, ELEMENTS[order](), intorder=2 * order)
+    gradient = np.stack([basis.basis[k][0].grad for k in range(basis.Nbfun)])  # (local, 2, element, point)
+    weight = basis.dx
+    if axisymmetric:
+        r = basis.global_coordinates()[0]
+        gradient[:, 0] += np.stack([np.asarray(basis.basis[k][0]) for k in range(basis.Nbfun)]) / r
+        weight = 2 * np.pi * r * weight
+    flux_density = np.einsum("ae,acep->cep", potential[basis.element_dofs], gradient)
+    size = np.hypot(*flux_density)
+    h, slope = part.iron.magnetise(size)
+    nu, unit = h / size, flux_density / size
+    tensor = nu * np.eye(2)[:, :, None, None] + (slope - nu) * unit[:, None] * unit
+    wanted_vector = np.einsum("acep,cep,ep->ea", gradient, nu * flux_density, weight)
+    wanted = np.einsum("acep,cdep,bdep,ep->eab", gradient, tensor, gradient, weight, optimize=True)
+
+    vector, matrix = part.residual_and_tangent(potential)
+    assert np.abs(part.flux_density(potential)[0] - flux_density).max() < 1e-12 * size.max()
+    assert np.abs(vector - wanted_vector).max() < 1e-12 * np.abs(wanted_vector).max()
+    upper = np.triu_indices(basis.Nbfun)
+    assert np.abs(matrix - wanted[:, upper[0], upper[1]]).max() < 1e-12 * np.abs(wanted).max()
+    assert (part.dofs == basis.element_dofs.T).all()
+    assert (part.pairs[0] == basis.element_dofs[upper[0]].T).all()
+    assert (part.pairs[1] == basis.element_dofs[upper[1]].T).all()
+
+
+def test_next_to_no_field_the_iron_is_linear():
+    """Down to nothing: vectors stay proportional to the potential, and the matrices are their slope."""
+    part = crooked_model(2, axisymmetric=False).irons["iron"]
+    direction = np.random.default_rng(2).standard_normal(part.dofs.max() + 1)
+    vector, matrix = part.residual_and_tangent(1e-8 * direction)
+    for size in (1e-11, 1e-14, 1e-20):
+        smaller, same = part.residual_and_tangent(size * direction)
+        assert smaller / size == pytest.approx(vector / 1e-8, rel=1e-6, abs=1e-9 * np.abs(vector).max() / 1e-8)
+        assert same == pytest.approx(matrix, rel=1e-6, abs=1e-9 * np.abs(matrix).max())
+    none, initial = part.residual_and_tangent(0 * direction)
+    assert not none.any()
+    assert initial == pytest.approx(matrix, rel=1e-6, abs=1e-9 * np.abs(matrix).max())

@@ -1,0 +1,224 @@
+"""The operating map against the closed-form magnet, and its JSON file."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+from conftest import closed_form_table, saturating_reluctance
+from scipy.optimize import brentq
+
+from msl_fem.errors import InputError, OutOfTable, TableError
+from msl_fem.maps import OperatingMap, operating_map
+from msl_fem.maps.map_file import map_to_json, read_map, write_map
+from msl_fem.table.magnetic_table import MagneticTable
+
+CENTRE_LEG = 200 * 0.01 * 0.02  # turns x section of the fixture's centre leg, which its yoke follows at 0.9
+
+
+def true_current(gap: float, level: float) -> float:
+    """The current that brings the level in the closed-form magnet; nan beyond 12 A."""
+
+    def excess(current: float) -> float:
+        return float(saturating_reluctance(np.array(current), np.array(gap))["flux_linkage"]) / CENTRE_LEG - level
+
+    return brentq(excess, 0.0, 12.0, xtol=1e-13) if excess(12.0) > 0 else math.nan
+
+
+def with_flux_densities(table: MagneticTable, **sections: np.ndarray) -> MagneticTable:
+    return dataclasses.replace(table, extras={f"flux_density_{k}": v for k, v in sections.items()})
+
+
+@pytest.mark.parametrize("n_current", [8, 12, 20])
+def test_currents_lie_within_the_stated_error_of_the_closed_form(n_current):
+    found = operating_map(closed_form_table(n_current=n_current))
+    truth = np.array([[true_current(g, level) for g in found.gap] for level in found.levels])
+    error = np.abs(found.current - truth)
+    assert (error <= found.error).all()
+    assert np.median(found.error / error) < 50, "the stated error should not be far from the true one"
+    if n_current == 20:
+        assert (error < 2e-4 * truth).all()
+
+
+def test_gaps_between_the_nodes_of_the_table(table):
+    gap = np.array([0.07e-3, 0.33e-3, 1.1e-3])
+    found = operating_map(table, gap=gap, levels=(0.8, 1.2))
+    truth = np.array([[true_current(g, level) for g in gap] for level in (0.8, 1.2)])
+    error = np.abs(found.current - truth)
+    assert (error <= found.error).all()
+    assert (error < 1e-3 * truth).all()
+
+
+def test_the_section_that_reaches_a_level_first_is_named(table):
+    leg = np.array(table.extras["flux_density_centre_leg"])
+    near, far = table.gap < 0.4e-3, table.gap >= 0.4e-3
+    yoke = np.where(near[:, None], 1.1 * leg, 0.5 * leg)
+    found = operating_map(with_flux_densities(table, centre_leg=leg, yoke=yoke))
+    for row in found.section:
+        assert set(np.array(row)[near]) == {"yoke"}
+        assert set(np.array(row)[far]) == {"centre_leg"}
+    plain = operating_map(table)
+    np.testing.assert_allclose(found.current[:, far], plain.current[:, far])
+    assert (found.current[:, near] < plain.current[:, near]).all()
+
+
+def test_where_a_section_passes_a_level_more_than_once_the_first_time_counts(table):
+    """Flux that leaves a section for another one as the iron saturates, and comes back."""
+    dented = np.array(table.extras["flux_density_centre_leg"])
+    dented[:, -3:] = [1.0, 0.9, 2.0]
+    rows = slice(6, 13)
+    found = operating_map(with_flux_densities(table, centre_leg=dented), levels=(1.2,), gap=table.gap[rows])
+    np.testing.assert_allclose(found.current[0], [true_current(g, 1.2) for g in found.gap], rtol=0.01)
+
+
+def test_a_level_beyond_the_currents_is_not_reached_and_says_so(table):
+    found = operating_map(table, levels=(1.2, 1.9))
+    never = np.isnan(found.current)
+    truth = np.array([[true_current(g, level) for g in found.gap] for level in found.levels])
+    np.testing.assert_array_equal(never, np.isnan(truth))
+    assert never[1].any()
+    assert not never[0].any()
+    assert len(found.not_reached()) == never.sum()
+    assert "1.9 T is not reached below 12 A at gap 1.2 mm" in found.not_reached()
+
+
+def test_a_curve_that_falls_with_the_gap_is_warned_of(table):
+    assert operating_map(table).warnings == ()
+    dented = np.array(table.extras["flux_density_centre_leg"])
+    dented[8] *= 1.4  # more flux at one gap, as from a bad field solution
+    (first, second) = operating_map(with_flux_densities(table, centre_leg=dented)).warnings
+    assert first.startswith("the 1.2 T curve falls between gaps")
+    assert second.startswith("the 1.6 T curve falls between gaps")
+    assert first.endswith("a larger gap should need more current; look for noise in the table's flux densities")
+
+
+@pytest.mark.parametrize(
+    ("bad", "said"),
+    [
+        ({"levels": (1.6, 1.2)}, "increasing"),
+        ({"levels": ()}, "levels"),
+        ({"levels": (-1.0, 1.2)}, "positive"),
+        ({"levels": (math.nan,)}, "positive"),
+        ({"gap": [0.3e-3]}, "at least two"),
+        ({"gap": [0.4e-3, 0.3e-3]}, "increasing"),
+    ],
+)
+def test_wishes_that_cannot_be_are_refused(table, bad, said):
+    with pytest.raises(InputError, match=said):
+        operating_map(table, **bad)
+
+
+def test_a_gap_outside_the_table_is_refused_with_the_range(table):
+    with pytest.raises(OutOfTable, match=r"2 mm lies outside the table's 0.05 ... 1.2 mm"):
+        operating_map(table, gap=[0.3e-3, 2e-3])
+
+
+def test_a_table_without_usable_sections_is_refused(table):
+    with pytest.raises(TableError, match="flux_density_"):
+        operating_map(dataclasses.replace(table, extras={}))
+    holed = np.array(table.extras["flux_density_yoke"])
+    holed[3, 4] = np.nan
+    with pytest.raises(TableError, match="flux_density_yoke is not finite"):
+        operating_map(with_flux_densities(table, yoke=holed))
+
+
+def test_name_and_digest_come_from_the_provenance_or_the_caller(table):
+    known = dataclasses.replace(table, provenance={"actuator": "a magnet", "actuator_sha256": "ab12"})
+    found = operating_map(known, levels=(1.2,), gap=table.gap[[3, 9]])
+    assert (found.actuator, found.digest) == ("a magnet", "ab12")
+    named = operating_map(known, levels=(1.2,), gap=table.gap[[3, 9]], actuator="other", digest="")
+    assert (named.actuator, named.digest) == ("other", "")
+
+
+@pytest.fixture(scope="module")
+def example(table: MagneticTable) -> OperatingMap:
+    return operating_map(table, levels=(1.2, 1.9), gap=table.gap[3::4], actuator="example", digest="ff")
+
+
+def test_a_map_survives_its_file(example, tmp_path):
+    again = read_map(write_map(example, tmp_path / "new" / "map.json"))
+    for field in dataclasses.fields(OperatingMap):
+        one, other = getattr(example, field.name), getattr(again, field.name)
+        if isinstance(one, np.ndarray):
+            np.testing.assert_array_equal(one, other)
+        else:
+            assert one == other
+
+
+def test_the_file_speaks_the_interface(example):
+    content = map_to_json(example)
+    assert content["levels_T"] == [1.2, 1.9]
+    assert len(content["gap_m"]) == example.gap.size
+    assert [len(row) for row in content["current_A"]] == [example.gap.size] * 2
+    assert content["criterion"] == "mean"
+    assert content["current_A"][1][-1] is None
+    assert json.dumps(content, allow_nan=False)
+
+
+def broken(content: dict, key: str, value: object) -> dict:
+    return {k: v for k, v in content.items() if k != key} | ({} if value is Ellipsis else {key: value})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("gap_m", ..., "gap_m is missing"),
+        ("criterion", ..., "criterion is missing"),
+        ("criterion", 3, "criterion must be a text"),
+        ("criterion", "mode", "criterion 'mode' is unknown"),
+        ("mesh_error_A", [[1.0]], "mesh_error has shape"),
+        ("mesh_error_A", "small", "mesh_error_A must hold numbers in 2"),
+        ("rests_on_tail", ["core"], "rests_on_tail must hold one list"),
+        ("rests_on_tail", [["core"]], "on_tail must hold one name for each level and gap"),
+        ("provenance", [1], "provenance must be a JSON object"),
+        ("decoupling", "none", "decoupling must be a JSON object"),
+        ("schema", 7, "schema is 7"),
+        ("levels_T", [1.9, 1.2], "increasing"),
+        ("levels_T", ["1.2", "1.9"], "levels_T must hold numbers"),
+        ("gap_m", [1.0, None, 3.0, 4.0, 5.0], "gaps"),
+        ("current_A", [1.0, 2.0], "current_A must hold numbers in 2"),
+        ("current_A", [[1.0], [2.0]], "shape"),
+        ("current_error_A", None, "current_error_A"),
+        ("current_max_A", -1.0, "largest current"),
+        ("section", "yoke", "section"),
+        ("section", [["yoke"]], "section"),
+    ],
+)
+def test_a_file_that_contradicts_itself_is_one_clear_error(example, tmp_path, key, value, said):
+    path = tmp_path / "map.json"
+    path.write_text(json.dumps(broken(map_to_json(example), key, value)))
+    with pytest.raises(InputError, match=said) as caught:
+        read_map(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_curves_in_the_wrong_order_or_range_are_refused(example):
+    content = map_to_json(example)
+    for change, said in (
+        (list(reversed(content["current_A"])), "must need more current"),
+        ([[-1.0] * 5, [None] * 5], "between 0 and"),
+        ([[50.0] * 5, [None] * 5], "between 0 and"),
+    ):
+        with pytest.raises(InputError, match=said):
+            OperatingMap(**{**_fields(example), "current": np.array(change, dtype=float)})
+    with pytest.raises(InputError, match="not negative"):
+        OperatingMap(**{**_fields(example), "allowance": -np.ones_like(example.allowance)})
+
+
+def _fields(record: OperatingMap) -> dict:
+    return {f.name: getattr(record, f.name) for f in dataclasses.fields(record)}
+
+
+@pytest.mark.parametrize("text", ["", "[1, 2", "[1, 2]", '"map"', "\xff"])
+def test_what_is_no_map_file_is_one_clear_error(tmp_path, text):
+    path = tmp_path / "map.json"
+    path.write_bytes(text.encode("latin-1"))
+    with pytest.raises(InputError, match=r"map\.json"):
+        read_map(path)
+
+
+def test_a_missing_map_file_names_the_way_out(tmp_path):
+    with pytest.raises(InputError, match="msl-fem map"):
+        read_map(tmp_path / "none.json")

@@ -1,0 +1,140 @@
+"""What the shapes of effects do: spread eddy currents, a core that warms, friction that falls over velocity, iron that
+was magnetised before the run."""
+
+import numpy as np
+import pytest
+from coupled_cases import changed, linear_table, locked
+from effect_cases import effects, rig
+from scipy.linalg import expm
+
+from msl_fem.actuator import Actuator
+from msl_fem.errors import InputError
+from msl_fem.plant.coefficients import EDDY_POLES, EDDY_WEIGHTS
+from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.simulate import Options, simulate
+
+INDUCTANCE = 2 * 1.08e-5 / 6.3e-4  # of a side of two magnets of `linear_table`, H
+
+
+@pytest.mark.parametrize("frequency", [50.0, 200.0, 800.0])
+def test_eddy_currents_in_sheets_follow_the_diffusion_equation(servo: Actuator, frequency: float) -> None:
+    """Current over flux is (1 + (3 tau/T)(q coth q - 1))/L, q^2 = j w T, up to two skin depths a sheet."""
+    tau, diffusion, rate, n = 1e-3, 2e-3, 100e3, int(100e3 / frequency)
+    turns = 2 * np.pi * frequency * np.arange(12 * n) / rate
+    command = 1.0 + 0.2 * np.sin(turns)
+    run = simulate(
+        locked(servo), linear_table(), Inputs(np.column_stack([command, command]), rate),
+        effects=effects("eddy_currents", time_constant=tau, diffusion_time=diffusion),
+        options=Options(currents=(1.0, 1.0), substeps=8),
+    )  # fmt: skip
+    turn = np.exp(-1j * turns[-n:])
+    ratio = np.mean(run.current[-n:, 0] * turn) / np.mean(run.flux_linkage[-n:, 0] * turn) * INDUCTANCE
+    q = np.sqrt(2j * np.pi * frequency * diffusion)
+    expected = 1 + 3 * tau / diffusion * (q / np.tanh(q) - 1)
+    assert ratio - 1 == pytest.approx(expected - 1, rel=0.02)
+    alone = 1 + 2j * np.pi * frequency * tau
+    assert abs(expected - alone) > 2 * abs(ratio - expected), "a single loop is another thing"
+    assert abs(run.audit.imbalance) < 1e-6
+    assert run.audit.eddy_currents > 0
+
+
+def test_the_modes_of_the_sheets_are_the_closed_form_s() -> None:
+    """3 (q coth q - 1)/q^2, q^2 = j w T, within 0.5 % of it up to w T = 10^4: five decades above the first pole."""
+    w = np.geomspace(1e-3, 1e4, 200)
+    q, poles, weights = np.sqrt(1j * w), np.array(EDDY_POLES), np.array(EDDY_WEIGHTS)
+    exact = 3 * (q / np.tanh(q) - 1) / q**2
+    rest = 1 - np.sum(weights / poles)
+    assert rest > 0
+    found = (weights / (q[:, None] ** 2 + poles)).sum(axis=1) + rest
+    assert np.all(np.abs(found - exact) < 0.005 * np.abs(exact))
+    assert abs(exact[-1]) < 0.05, "far beyond where one mode would do"
+
+
+def test_iron_in_series_takes_its_current_and_gives_its_energy_back(servo: Actuator) -> None:
+    """i = u + a y/(w + y) + k y^3 with y = lambda/L_0 = u on a linear table, at rest and in a closed ledger."""
+    a, width, k = 0.02, 0.1, 0.01
+    values = effects("early_saturation", low_field_current=a, low_field_width=width, knee_excess=k)
+    command = 1.0 + 0.5 * np.sin(2 * np.pi * 20 * np.arange(2000) / 1e4)
+    run = simulate(
+        locked(servo), linear_table(), Inputs(np.column_stack([command, -command]), 1e4), effects=values,
+        options=Options(currents=(1.0, -1.0)),
+    )  # fmt: skip
+    y = run.flux_linkage / INDUCTANCE
+    assert run.current == pytest.approx(y + a * y / (width + np.abs(y)) + k * y**3, rel=1e-9)
+    assert y[:, 0].max() < 1.46
+    assert run.flux_linkage[0, 0] == pytest.approx(-run.flux_linkage[0, 1], rel=1e-12)
+    assert abs(run.audit.imbalance) < 1e-7
+    assert run.audit.hysteresis == 0.0
+
+
+@pytest.mark.parametrize("name", ["low_field_current", "knee_excess"])
+def test_iron_in_series_needs_a_current_that_cannot_jump(servo: Actuator, name: str) -> None:
+    ideal = changed(servo, drive={"bandwidth": None})
+    with pytest.raises(InputError, match=f"early_saturation.{name} needs a drive whose current cannot jump"):
+        simulate(
+            ideal,
+            linear_table(),
+            Inputs(np.full((20, 2), 0.5), 1e3),
+            effects=effects("early_saturation", **{name: 0.1}),
+        )
+
+
+@pytest.mark.parametrize("name", ["position_sensor_lag", "amplifier_bandwidth"])
+@pytest.mark.parametrize("frequency", [50.0, 500.0])
+def test_a_lag_of_two_poles_is_one_pole_and_a_delay(name: str, frequency: float) -> None:
+    """Poles of 62 and 28 us: one of the root of their squares' sum, and the rest of the lag a delay."""
+    first, second, rate, cycle = 62e-6, 28e-6, 1e4, int(1e4 / frequency)
+    share = 1 - np.hypot(first, second) / (first + second)
+    loose, turns = rig(stiffness="0 N/m", damping="200 N s/m"), 2 * np.pi * np.arange(1000) / cycle
+    last = slice(1000 - 4 * cycle if cycle > 100 else 600, 1000)
+
+    def amplitude(values: EffectValues | None) -> complex:
+        found = simulate(loose, None, Inputs(20 * np.sin(turns)[:, None], rate), effects=values)
+        read = found.measured_position[last]
+        return complex(np.mean((read - read.mean()) * np.exp(-1j * turns[last])))
+
+    ratio = amplitude(effects(name, lag=first + second, delay_share=float(share))) / amplitude(None)
+    w = 2j * np.pi * frequency
+    both = 1 / ((1 + w * first) * (1 + w * second))
+    assert ratio == pytest.approx(both, rel=1e-3)
+    assert abs(1 / (1 + w * (first + second)) - both) > abs(ratio - both), "one pole alone is farther away"
+
+
+def test_a_coil_warms_towards_its_core(servo: Actuator) -> None:
+    """rho' = h P - c (rho - kappa), kappa' = r (rho - kappa) with P = R (1 + rho) i^2 at a held current."""
+    h, c, r, current = 0.02, 1.5, 0.3, 2.0
+    run = simulate(
+        locked(servo), linear_table(), Inputs(np.full((4000, 2), [current, 0.0]), 1e3),
+        effects=effects("coil_heating", rise_per_joule=h, cooling_rate=c, core_rate=r),
+        options=Options(currents=(current, 0.0)),
+    )  # fmt: skip
+    power = 2.0 * current**2  # two coils of 1 ohm in series
+    matrix = np.array([[h * power - c, c, h * power], [r, -r, 0.0], [0.0, 0.0, 0.0]])
+    rise = np.array([expm(matrix * t)[0, 2] for t in run.time[::500] + 0.5e-3])
+    assert run.voltage[::500, 0] / current / 2.0 - 1 == pytest.approx(rise, rel=2e-3, abs=2e-6)
+    assert rise[-1] > 1.15 * rise[4], "the core goes on warming"
+
+
+def test_friction_at_a_steady_velocity_falls_as_stated() -> None:
+    """Push = c v + F (1 + rise/(1 + (v/v_s)^2)) at the velocities where the mover settles."""
+    loose = rig(stiffness="0 N/m", damping="40 N s/m")
+    values = effects("coulomb_friction", force=1.0, presliding=1e-6, stribeck_rise=0.5, stribeck_velocity=5e-3)
+    for push in (1.6, 2.5):
+        run = simulate(loose, None, Inputs(np.full((4000, 1), push), 2e3), effects=values)
+        v = float(np.diff(run.position[-200:]).mean() * 2e3)
+        assert v > 1e-3
+        assert push == pytest.approx(40 * v + 1.0 + 0.5 / (1 + (v / 5e-3) ** 2), rel=1e-4)
+        assert abs(run.audit.imbalance) < 1e-5
+
+
+def test_iron_was_demagnetised_before_the_currents_rose(servo: Actuator) -> None:
+    """At the start of a run with 1 A the branch is the rising one: its flux is of 1 A less the coercive current."""
+    slow = changed(servo, drive={"bandwidth": 50.0}, motion={"moving_mass": 1e24})
+    run = simulate(
+        slow, linear_table(), Inputs(np.full((20, 2), [1.0, 0.0]), 1e3),
+        effects=effects("magnetic_hysteresis", coercive_current=0.05, reversal_current=0.2),
+        options=Options(currents=(1.0, 0.0)),
+    )  # fmt: skip
+    assert run.flux_linkage[:, 0] == pytest.approx(INDUCTANCE * 0.95, rel=1e-9)
+    assert run.current[:, 0] == pytest.approx(1.0, rel=1e-9)

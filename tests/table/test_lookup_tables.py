@@ -1,0 +1,66 @@
+"""The tables that ship agree with fresh field solutions of the actuators they name."""
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from msl_fem.actuator import load_actuator
+from msl_fem.magnetics.kinds.e_core import LEVELS, magnet_mesh, solve
+from msl_fem.magnetics.sweep.rows import Job, Row, RowSolver
+from msl_fem.table.magnetic_table import read_table
+
+TABLES = sorted((ROOT / "lookup_tables").glob("*.nc"))
+
+
+@pytest.mark.parametrize("path", TABLES, ids=lambda p: p.stem)
+def test_a_table_is_that_of_its_actuator(path) -> None:
+    """Hash, stated errors, and force and flux at random points off the nodes within the errors stated."""
+    table, actuator = read_table(path), load_actuator(ROOT / "geometries" / f"{path.stem}.toml")
+    assert table.provenance["actuator_sha256"] == actuator.digest
+    assert 0 < table.mesh_error < 1e-3
+    assert 0 < table.interpolation_error < 1e-3
+    generator = np.random.default_rng(11)
+    scale = np.abs(table.nodes["force"]).max()
+    for _ in range(4):
+        current, gap = generator.uniform(0.2, table.current[-1]), generator.uniform(1e-4, table.gap[-1])
+        fresh = solve(actuator, current, gap).quantities
+        allowed = table.mesh_error + table.interpolation_error
+        assert abs(float(table.force(current, gap)) - fresh.force) < 1.5 * allowed * scale
+        assert float(table.flux_linkage(current, gap)) == pytest.approx(fresh.flux_linkage, rel=2e-3)
+
+
+@pytest.mark.parametrize("path", TABLES, ids=lambda p: p.stem)
+def test_between_the_nodes_a_table_is_what_fields_say(path) -> None:
+    """On the table's own mesh, midway between nodes: 0.1 % of full scale, and 0.5 % of every force above 1 N."""
+    table, actuator = read_table(path), load_actuator(ROOT / "geometries" / f"{path.stem}.toml")
+    magnet, scale = actuator.e_core(), np.abs(table.nodes["force"]).max()
+    mesh = magnet_mesh(magnet, float(np.sqrt(table.gap[0] * table.gap[-1])))
+    solver = RowSolver(Job(magnet, mesh, actuator.folder, LEVELS["normal"].order))
+    middle = (table.current[1:] + table.current[:-1]) / 2
+    for m in (0, 1, table.gap.size // 2, table.gap.size - 2):
+        gap = float(np.sqrt(table.gap[m] * table.gap[m + 1]))
+        fresh = solver.solve(Row(gap, tuple(middle.tolist())))["force"]
+        off = np.abs(table.force(middle, gap) - fresh)
+        assert off.max() < 1e-3 * scale
+        assert (off[fresh > 1] / fresh[fresh > 1]).max() < 5e-3
+
+
+@pytest.mark.parametrize("path", TABLES, ids=lambda p: p.stem)
+def test_three_routes_to_the_force_agree_over_the_whole_grid(path) -> None:
+    """Virtual work, stress tensor, and the coenergy's difference between gaps, the saturated corner included."""
+    table = read_table(path)
+    scale = np.abs(table.nodes["force"]).max()
+    by_stress = table.extras["force_stress_tensor"]
+    assert np.abs(by_stress - table.nodes["force"]).max() < 2 * table.mesh_error * scale
+    # mean force between neighbouring gaps: from stored coenergies, and by quadrature of the stored forces and slopes
+    width = np.diff(table.gap)[:, None]
+    force, slope = table.nodes["force"], table.nodes["force_gap_slope"]
+    by_energy = -np.diff(table.nodes["coenergy"], axis=0) / width
+    by_force = (force[1:] + force[:-1]) / 2 - width * (slope[1:] - slope[:-1]) / 12  # Euler and Maclaurin
+    assert np.abs(by_energy - by_force).max() < 3e-3 * scale
+
+
+def test_there_is_a_table_and_the_readme_names_each() -> None:
+    assert TABLES
+    text = (ROOT / "lookup_tables" / "README.md").read_text()
+    assert all(path.name in text for path in TABLES)
