@@ -42,11 +42,8 @@ def analytic_table(actuator: Actuator, table: MagneticTable) -> MagneticTable:
     currents."""
     if isinstance(actuator.magnet, ECore):
         iron, folder = actuator.magnet.iron, actuator.folder
-        factors = iron.stacking_factor, iron.stacking_factor
-        core, armature = (
-            laminated(load_iron(name, folder=folder), factor)
-            for name, factor in zip((iron.core, iron.armature), factors, strict=True)
-        )
+        core = laminated(load_iron(iron.core, folder=folder), iron.core_stacking)
+        armature = laminated(load_iron(iron.armature, folder=folder), iron.armature_stacking)
         circuit = circuit_of(actuator.magnet, core, armature)
     else:
         circuit = circuit_fitted(table)

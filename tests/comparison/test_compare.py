@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from msl_fem.comparison import CompareSettings, compare, static_errors
+from msl_fem.comparison import CompareSettings, analytic_table, compare, static_errors
 from msl_fem.comparison.judged import UNSTABLE, Judged
 from msl_fem.comparison.verdict import judging_kind, score, verdict
 from msl_fem.errors import InputError
@@ -18,7 +18,7 @@ from msl_fem.report.comparison_page import comparison_page
 from msl_fem.report.page import write_page
 from msl_fem.table.magnetic_table import read_table
 
-sys.path.insert(0, str(ROOT / "tests" / "record_fit"))
+sys.path.insert(0, str(ROOT / "tests" / "prediction"))
 from fit_cases import shifted, simulated_record
 
 SHIFT = {"stiffness": 0.97, "damping": 1.2}
@@ -94,6 +94,28 @@ def test_the_report_stands_alone(found, tmp_path):
 def test_a_magnet_without_a_table_is_refused(record):
     with pytest.raises(InputError, match="no table"):
         compare(record)
+
+
+def with_stacking(actuator, **factors):
+    """The actuator with stacking factors stated anew."""
+    content = actuator.model_dump(by_alias=True, exclude_none=True)
+    content["magnet"]["iron"] |= factors
+    return type(actuator).model_validate({**content, "file": actuator.file})
+
+
+def test_the_analytic_model_takes_the_stacking_factor_of_each_part(servo, table):
+    """Stated part by part as once for both: the same table; of one part alone, between the two."""
+    plain, once, each, core = (
+        analytic_table(with_stacking(servo, **factors), table).nodes["force"][0, -1]
+        for factors in (
+            {},
+            {"stacking_factor": 0.6},
+            {"core_stacking_factor": 0.6, "armature_stacking_factor": 0.6},
+            {"core_stacking_factor": 0.6},
+        )
+    )
+    assert each == once
+    assert once < 0.9 * core < 0.81 * plain
 
 
 def static_of(table, scale, roles):
