@@ -1,33 +1,41 @@
 """The actuator: what a TOML file of geometries/ says, as frozen records in SI units; leaf flexures in closed form."""
 
-from msl_fem.actuator.actuator import Actuator
-from msl_fem.actuator.drive import Controller, CurrentSensor, Drive, PositionSensor
-from msl_fem.actuator.flexure_section import Flexure
-from msl_fem.actuator.leaf import GUIDED_MASS_SHARE, Leaf
-from msl_fem.actuator.leaf_materials import FLEXURE_MATERIALS, SAFETY, FlexureMaterial, flexure_material
-from msl_fem.actuator.leaf_placement import Placement, placed
-from msl_fem.actuator.magnet import Air, Coil, ECore, Iron, MeshMagnet, TableMagnet
-from msl_fem.actuator.motion import Motion, Sides
-from msl_fem.actuator.proportions import LARGEST_MAGNET, THINNEST
+from msl_fem.actuator.actuator import (
+    PURE_NUMBERS,
+    Actuator,
+    Controller,
+    CurrentSensor,
+    Drive,
+    PositionSensor,
+    load_actuator,
+    parse_actuator,
+)
+from msl_fem.actuator.leaf import (
+    FLEXURE_MATERIALS,
+    GUIDED_MASS_SHARE,
+    SAFETY,
+    FlexureMaterial,
+    Leaf,
+    Placement,
+    flexure_material,
+    placed,
+)
+from msl_fem.actuator.magnet import Air, Coil, ECore, IronSpec, MeshMagnet, TableMagnet, Tolerances
+from msl_fem.actuator.motion import Flexure, Motion, Sides
 from msl_fem.actuator.quantities import (
+    LARGEST_MAGNET,
+    THINNEST,
     Clearance,
     Current,
     CurrentNoise,
     Damping,
     Force,
-    Fraction,
     Frequency,
-    Inertia,
     Length,
-    Mass,
     PositionNoise,
-    Resistance,
     Stiffness,
-    Turns,
     Voltage,
 )
-from msl_fem.actuator.reader import PURE_NUMBERS, load_actuator, parse_actuator
-from msl_fem.actuator.tolerances import Tolerances
 
 __all__ = [
     "FLEXURE_MATERIALS",
@@ -50,24 +58,19 @@ __all__ = [
     "Flexure",
     "FlexureMaterial",
     "Force",
-    "Fraction",
     "Frequency",
-    "Inertia",
-    "Iron",
+    "IronSpec",
     "Leaf",
     "Length",
-    "Mass",
     "MeshMagnet",
     "Motion",
     "Placement",
     "PositionNoise",
     "PositionSensor",
-    "Resistance",
     "Sides",
     "Stiffness",
     "TableMagnet",
     "Tolerances",
-    "Turns",
     "Voltage",
     "flexure_material",
     "load_actuator",

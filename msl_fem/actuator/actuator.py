@@ -1,17 +1,41 @@
-"""The actuator: its sections in one frozen record."""
+"""The actuator file: its sections in one frozen record with the electronics, and the reader of the TOML."""
 
 import hashlib
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from msl_fem.actuator.drive import Controller, CurrentSensor, Drive, PositionSensor
-from msl_fem.actuator.magnet import ECore, MeshMagnet, TableMagnet
+from msl_fem.actuator.magnet import ECore, MeshMagnet, TableMagnet, Tolerances
 from msl_fem.actuator.motion import Motion, Sides
-from msl_fem.actuator.tolerances import Tolerances
+from msl_fem.actuator.quantities import Current, CurrentNoise, Frequency, PositionNoise, Resistance, Voltage
 from msl_fem.errors import ActuatorError
-from msl_fem.files.schema import FrozenModel
+from msl_fem.files.schema import FrozenModel, bare_number, first_complaint, has_unknown_key, read_toml
+
+
+class Drive(FrozenModel):
+    """The power amplifier of a side; limits are per side, the resistance is that of one magnet's coil."""
+
+    kind: Literal["current", "voltage", "force"]
+    bandwidth: Frequency | None = None
+    voltage_limit: Voltage | None = None
+    current_limit: Current | None = None
+    coil_resistance: Resistance | None = None
+
+
+class PositionSensor(FrozenModel):
+    noise: PositionNoise = 0.0
+    bandwidth: Frequency | None = None
+    resolution: PositionNoise = 0.0
+
+
+class CurrentSensor(FrozenModel):
+    noise: CurrentNoise = 0.0
+
+
+class Controller(FrozenModel):
+    rate: Frequency
+    delay_samples: Annotated[int, Field(ge=0, le=20)] = 0
 
 
 class Actuator(FrozenModel):
@@ -54,22 +78,58 @@ class Actuator(FrozenModel):
 
     def e_core(self) -> ECore:
         """The magnet, where it is an E-core; ActuatorError otherwise."""
-        if not isinstance(self.magnet, ECore):
-            kind = self.magnet.kind if self.magnet else "none"
-            raise ActuatorError(
-                f"{self.name}: the field solution needs [magnet] kind = \"e-core\", this one is '{kind}'"
-            )
-        return self.magnet
+        if isinstance(self.magnet, ECore):
+            return self.magnet
+        raise self._other_kind("the field solution", "e-core")
 
     def mesh_magnet(self) -> MeshMagnet:
         """The magnet, where it is a mesh; ActuatorError otherwise."""
-        if not isinstance(self.magnet, MeshMagnet):
-            kind = self.magnet.kind if self.magnet else "none"
-            raise ActuatorError(f"{self.name}: this needs [magnet] kind = \"mesh\", this one is '{kind}'")
-        return self.magnet
+        if isinstance(self.magnet, MeshMagnet):
+            return self.magnet
+        raise self._other_kind("this", "mesh")
+
+    def _other_kind(self, what: str, kind: str) -> ActuatorError:
+        there = self.magnet.kind if self.magnet else "none"
+        return ActuatorError(f"{self.name}: {what} needs [magnet] kind = \"{kind}\", this one is '{there}'")
 
     def coil_resistance(self) -> float:
         """Resistance of one magnet's coil in ohm: as stated in [drive], else from the winding."""
         if self.drive is not None and self.drive.coil_resistance is not None:
             return self.drive.coil_resistance
         return self.e_core().winding_resistance
+
+
+PURE_NUMBERS = frozenset({
+    "schema", "turns", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor",
+    "count", "magnets_per_side", "delay_samples", "sets", "bh_polarisation", "bh_field_strength",
+    "end_stop_restitution",
+})  # fmt: skip
+"""Keys of an actuator's sections whose numbers have no unit."""
+
+
+def load_actuator(path: str | Path) -> Actuator:
+    """The actuator that a TOML file describes.
+
+    Raises
+    ------
+    ActuatorError : no such file, not TOML, an unknown or a missing key, a wrong unit, a value out of its range;
+        the message names the file and the key path
+    """
+    content = read_toml(path, error=ActuatorError, wanted="an actuator file")
+    return parse_actuator(content, file=Path(path))
+
+
+def parse_actuator(content: dict[str, Any], *, file: Path | None = None) -> Actuator:
+    """The actuator that a parsed TOML document describes; raises as `load_actuator`."""
+    if "file" in content:
+        raise ActuatorError(f"{file or 'actuator'}: file: unknown key; remove it")
+    complaint = bare_number(content, PURE_NUMBERS)
+    try:
+        actuator = Actuator.model_validate({**content, "file": file})
+    except ValidationError as err:
+        if complaint is None or has_unknown_key(err):  # the number of a misspelt key needs a name first, then a unit
+            complaint = first_complaint(err, unions=("magnet",))
+        raise ActuatorError(f"{file or 'actuator'}: {complaint}") from err
+    if complaint:
+        raise ActuatorError(f"{file or 'actuator'}: {complaint}")
+    return actuator

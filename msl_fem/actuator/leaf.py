@@ -1,9 +1,10 @@
-"""One leaf of a flexure in closed form: a thin strip, clamped at the frame, guided without rotation at the mover.
+"""Leaf flexures in closed form: materials, where leaves stand at the mover, and one leaf.
 
-The guided end moves by x across the leaf; w(s) = x (3 s^2 - 2 s^3), s along the leaf from 0 to 1, is its shape. Where
-the guided end cannot come nearer (leaves on opposite sides of a mover hold each other), the leaf must stretch: that is
-the cubic term of the force. Where it is free to come nearer (leaves on one side), it does so by 3/5 x^2/L and the
-force stays linear (Awtar, Slocum and Sevincer, J. Mech. Design 129 (2007) 625: the coefficients 12, 6/5 and 3/5).
+A leaf is a thin strip, clamped at the frame, guided without rotation at the mover. The guided end moves by x across
+the leaf; w(s) = x (3 s^2 - 2 s^3), s along the leaf from 0 to 1, is its shape. Where the guided end cannot come nearer
+(leaves on opposite sides of a mover hold each other), the leaf must stretch: that is the cubic term of the force. Where
+it is free to come nearer (leaves on one side), it does so by 3/5 x^2/L and the force stays linear (Awtar, Slocum and
+Sevincer, J. Mech. Design 129 (2007) 625: the coefficients 12, 6/5 and 3/5).
 """
 
 import math
@@ -11,9 +12,128 @@ from dataclasses import dataclass
 
 from scipy.optimize import brentq
 
-from msl_fem.actuator.leaf_materials import FlexureMaterial
-from msl_fem.errors import InputError
+from msl_fem.errors import InputError, MaterialError
 from msl_fem.files.quantity import format_quantity
+
+SAFETY = 1.5
+"""Fatigue strength over allowed stress: room for the scatter of fatigue data and for the edges of a real leaf."""
+
+
+@dataclass(frozen=True)
+class FlexureMaterial:
+    """A sheet metal of flexures.
+
+    Attributes
+    ----------
+    youngs_modulus, poisson_ratio, density : Pa, 1, kg/m3
+    fatigue_strength : Pa, amplitude under reversed bending of a smooth specimen, at the cycles that `source` names
+    source : where the numbers come from
+    """
+
+    name: str
+    youngs_modulus: float
+    poisson_ratio: float
+    density: float
+    fatigue_strength: float
+    source: str
+
+    @property
+    def allowed_stress(self) -> float:
+        """Pa, the fatigue strength over `SAFETY`."""
+        return self.fatigue_strength / SAFETY
+
+    @property
+    def shear_modulus(self) -> float:
+        """Pa, E / (2 (1 + nu))."""
+        return self.youngs_modulus / (2 * (1 + self.poisson_ratio))
+
+
+FLEXURE_MATERIALS = {
+    material.name: material
+    for material in (
+        FlexureMaterial(
+            "spring_steel",
+            206e9,
+            0.30,
+            7850.0,
+            600e6,
+            "hardened and tempered carbon spring strip (C75S, EN 10132-4: tensile strength from 1200 MPa); endurance "
+            "limit half the tensile strength (Budynas and Nisbett, Shigley's Mechanical Engineering Design, ch. 6)",
+        ),
+        FlexureMaterial(
+            "beryllium_copper",
+            131e9,
+            0.30,
+            8360.0,
+            285e6,
+            "C17200 strip, age-hardened: 131 GPa, 8.36 g/cm3; fatigue strength at 1e8 cycles of reversed bending "
+            "285 MPa, the lower end of producers' data sheets",
+        ),
+        FlexureMaterial(
+            "titanium_6al4v",
+            113.8e9,
+            0.342,
+            4430.0,
+            510e6,
+            "Ti-6Al-4V, annealed (ASM Materials Properties Handbook: Titanium Alloys, 1994); unnotched fatigue "
+            "strength at 1e7 cycles",
+        ),
+        FlexureMaterial(
+            "aluminium_7075",
+            71.7e9,
+            0.33,
+            2810.0,
+            159e6,
+            "7075-T6 (ASM Metals Handbook vol. 2, 1990); fatigue strength at 5e8 cycles of rotating bending; no "
+            "endurance limit exists",
+        ),
+    )
+}
+
+
+def flexure_material(name: str) -> FlexureMaterial:
+    """The material of that name; MaterialError, which lists those there are, where there is none."""
+    if name not in FLEXURE_MATERIALS:
+        raise MaterialError(f"unknown flexure material '{name}'; choose one of {', '.join(FLEXURE_MATERIALS)}")
+    return FLEXURE_MATERIALS[name]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where a leaf meets the mover, from the mover's centre of mass, in m.
+
+    Attributes
+    ----------
+    along : along the motion
+    across : along the leaf, with its sign
+    sideways : along the leaf's width
+    side : +1 or -1, the direction in which the leaf leaves the mover
+    """
+
+    along: float
+    across: float
+    sideways: float
+    side: int
+
+
+def placed(
+    planes: tuple[float, ...], *, per_side: int, sides: tuple[int, ...], reach: float, pitch: float
+) -> tuple[Placement, ...]:
+    """Leaves in planes across the motion: in each, on each side, so many side by side.
+
+    Parameters
+    ----------
+    planes : places along the motion in m
+    reach : from the axis of the motion to where leaves meet the mover
+    pitch : between the middles of neighbouring leaves
+    """
+    return tuple(
+        Placement(plane, side * reach, (k - (per_side - 1) / 2) * pitch, side)
+        for plane in planes
+        for side in sides
+        for k in range(per_side)
+    )
+
 
 LARGEST_DEFLECTION = 0.1  # of the length: slopes up to 0.15, whose squares the theory neglects against 1
 SERIES_BELOW = 0.05  # of h, see `Leaf.tension`

@@ -1,13 +1,12 @@
-"""The kinds of magnets: an E-core by its dimensions, a table, a mesh."""
+"""The kinds of magnets: an E-core by its dimensions, a table, a mesh; how far a made one may be from its drawing."""
 
 import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from msl_fem.actuator.proportions import check_air_beyond_armature, check_chamfer, check_coil_fits, check_proportions
-from msl_fem.actuator.quantities import Clearance, Fraction, Length, Turns
-from msl_fem.files.schema import FrozenModel
+from msl_fem.actuator.quantities import Clearance, Fraction, Length, Turns, check_coil_fits, check_proportions, metres
+from msl_fem.files.schema import FrozenModel, In
 from msl_fem.materials.constants import COPPER_RESISTIVITY
 
 _SECTION_LENGTHS = (
@@ -26,7 +25,7 @@ class Coil(FrozenModel):
     fill_factor: Annotated[float, Field(gt=0, lt=1)]
 
 
-class Iron(FrozenModel):
+class IronSpec(FrozenModel):
     """Names of irons (see `msl_fem.materials.material.load_iron`) and the stacking factors of their laminations."""
 
     core: str
@@ -66,7 +65,7 @@ class ECore(FrozenModel):
     stack_depth: Length
     pole_chamfer: Clearance = 0.0
     coil: Coil
-    iron: Iron
+    iron: IronSpec
     air: Air | None = None
 
     @model_validator(mode="after")
@@ -81,7 +80,7 @@ class ECore(FrozenModel):
                 "coil.leg_clearance": coil.leg_clearance,
                 "coil.face_clearance": coil.face_clearance,
             },
-            margins={f"air.{n}": float(getattr(self.air, n)) for n in ("side", "bottom", "top")} if self.air else {},
+            margins={f"air.{side}": margin for side, margin in self.air or ()},
             stack_depth=self.stack_depth,
         )
         return self
@@ -91,9 +90,25 @@ class ECore(FrozenModel):
         coil = self.coil
         check_coil_fits("width", coil.leg_clearance + coil.width, self.window_width)
         check_coil_fits("height", coil.face_clearance + coil.height, self.window_height)
-        check_chamfer(self.pole_chamfer, min(self.centre_leg_width, 2 * self.outer_leg_width))
-        if self.air is not None:
-            check_air_beyond_armature(self.air.side, self.armature_overhang)
+        return self
+
+    @model_validator(mode="after")
+    def _chamfer_leaves_a_pole(self) -> "ECore":
+        largest = min(self.centre_leg_width, 2 * self.outer_leg_width) / 4
+        if self.pole_chamfer > largest:
+            raise ValueError(
+                f"pole_chamfer {metres(self.pole_chamfer)} is above {metres(largest)}, a quarter of the thinnest pole; "
+                "make it smaller"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _air_box_holds_the_armature(self) -> "ECore":
+        if self.air is not None and self.air.side <= self.armature_overhang:
+            raise ValueError(
+                f"air.side {metres(self.air.side)} counts from the core and must be above "
+                f"armature_overhang {metres(self.armature_overhang)}; make the air box wider"
+            )
         return self
 
     @property
@@ -135,12 +150,8 @@ class ECore(FrozenModel):
     @property
     def winding_resistance(self) -> float:
         """Resistance of the coil at 20 degC from its copper section: R = rho N^2 l_turn / (k_fill A_coil)."""
-        return (
-            COPPER_RESISTIVITY
-            * self.coil.turns**2
-            * self.mean_turn_length
-            / (self.coil.fill_factor * self.coil_section)
-        )
+        copper = self.coil.fill_factor * self.coil_section
+        return COPPER_RESISTIVITY * self.coil.turns**2 * self.mean_turn_length / copper
 
 
 class TableMagnet(FrozenModel):
@@ -172,4 +183,30 @@ class MeshMagnet(FrozenModel):
     gap: Length
     pull: Literal["+x", "-x", "+y", "-y"] = "+y"
     turns: Turns
-    iron: Iron
+    iron: IronSpec
+
+
+Share = Annotated[float, In(""), Field(ge=0, le=0.5)]
+
+
+class Tolerances(FrozenModel):
+    """Limits, plus and minus; what is left out has the default that `msl_fem.design.tolerances` names with its source.
+
+    Attributes
+    ----------
+    gap : of every gap of a magnet, from assembly
+    centre_leg_width, outer_leg_width, yoke_thickness, armature_thickness, stack_depth : of the dimension
+    stacking_factor : of its value, as a number
+    bh_polarisation : of the iron's polarisation at a field strength, relative
+    bh_field_strength : of the field strength that a polarisation takes, relative
+    """
+
+    gap: Clearance | None = None
+    centre_leg_width: Clearance | None = None
+    outer_leg_width: Clearance | None = None
+    yoke_thickness: Clearance | None = None
+    armature_thickness: Clearance | None = None
+    stack_depth: Clearance | None = None
+    stacking_factor: Share | None = None
+    bh_polarisation: Share | None = None
+    bh_field_strength: Share | None = None

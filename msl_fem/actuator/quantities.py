@@ -1,9 +1,11 @@
-"""The kinds of quantities of an actuator file: the dimension that its text must have, and the allowed sign."""
+"""The quantities of an actuator file: dimension and sign of each kind; whether lengths belong to one magnet."""
 
+from collections.abc import Mapping
 from typing import Annotated
 
 from pydantic import Field
 
+from msl_fem.files.quantity import format_quantity
 from msl_fem.files.schema import In
 
 Length = Annotated[float, In("m"), Field(gt=0)]
@@ -21,3 +23,63 @@ PositionNoise = Annotated[float, In("m"), Field(ge=0)]
 CurrentNoise = Annotated[float, In("A"), Field(ge=0)]
 Turns = Annotated[int, Field(gt=0, le=1_000_000)]
 Fraction = Annotated[float, Field(gt=0, le=1)]
+
+
+LARGEST_MAGNET = 10.0  # m
+THINNEST = 1e-3  # of the largest length: below, the mesher has nothing to hold on to
+WIDEST_MARGIN = 100.0  # of the largest length
+
+
+def check_proportions(
+    lengths: Mapping[str, float],
+    *,
+    clearances: Mapping[str, float],
+    margins: Mapping[str, float],
+    stack_depth: float,
+) -> None:
+    """ValueError unless the lengths of a section belong to one magnet.
+
+    Parameters
+    ----------
+    lengths : key to a length in m that is above 0
+    clearances : key to one that may be 0
+    margins : key to the air beyond the magnet
+    """
+    largest = max(lengths.values())
+    if largest > LARGEST_MAGNET:
+        name = max(lengths, key=lengths.__getitem__)
+        raise ValueError(f"{name} {metres(lengths[name])} is above {metres(LARGEST_MAGNET)}; look at its unit")
+    smallest = THINNEST * largest
+    for name, value in {**lengths, **{n: v for n, v in clearances.items() if v > 0}}.items():
+        if value < smallest:
+            or_zero = ", or 0" if name in clearances else ""
+            raise ValueError(
+                f"{name} {metres(value)} is below {metres(smallest)}, a thousandth of the magnet's largest "
+                f"length; make it larger{or_zero}"
+            )
+    widest = WIDEST_MARGIN * largest
+    for name, value in margins.items():
+        _check_range(name, value, smallest, widest)
+    _check_range("armature_overhang", clearances["armature_overhang"], 0.0, widest)
+    _check_range("stack_depth", stack_depth, smallest, LARGEST_MAGNET)
+
+
+def check_coil_fits(name: str, used: float, window: float) -> None:
+    """ValueError where a coil with its clearance, `used`, is larger than its window; `name` is width or height."""
+    if used > window * (1 + 1e-9):
+        raise ValueError(
+            f"coil.{name} with its clearance is {metres(used)}, more than the "
+            f"window's {metres(window)}; make the coil smaller or the window larger"
+        )
+
+
+def _check_range(name: str, value: float, lowest: float, highest: float) -> None:
+    if not lowest <= value <= highest:
+        raise ValueError(
+            f"{name} {metres(value)} is not allowed; with this magnet it must be {metres(lowest)} ... {metres(highest)}"
+        )
+
+
+def metres(value: float) -> str:
+    """A length as messages write it, like "0.5 mm"."""
+    return format_quantity(value, "m")

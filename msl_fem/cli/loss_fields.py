@@ -22,7 +22,7 @@ from msl_fem.losses import (
     steady_rise,
 )
 from msl_fem.losses.copper_loss import CopperLoss
-from msl_fem.materials.copper import resistance_ratio
+from msl_fem.materials.constants import resistance_ratio
 
 WireOptions = tuple[Series, Grade, Packing]
 

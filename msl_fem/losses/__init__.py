@@ -9,7 +9,6 @@ from msl_fem.losses.ac_resistance import (
     slot_rows,
 )
 from msl_fem.losses.bertotti import EXCESS_OF_SINE, LossDensity, eddy_coefficient, loss_density, sinusoidal_loss
-from msl_fem.losses.fit import FittedRange, fit_losses
 from msl_fem.losses.flux_waveform import FluxWaveform, closed_loops
 from msl_fem.losses.operation import (
     IronLoss,
@@ -35,7 +34,6 @@ __all__ = [
     "ContinuousCurrent",
     "Cooling",
     "Cycle",
-    "FittedRange",
     "FluxWaveform",
     "Grade",
     "Heating",
@@ -62,7 +60,6 @@ __all__ = [
     "core_surface",
     "eddy_coefficient",
     "end_turn_surface",
-    "fit_losses",
     "fitting_layers",
     "gauge_diameter",
     "gauge_wire",

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from msl_fem.actuator import ECore
 from msl_fem.errors import InputError
 from msl_fem.losses.winding import Winding
-from msl_fem.materials.constants import MU_0
-from msl_fem.materials.copper import REFERENCE_TEMPERATURE, resistivity
+from msl_fem.materials.constants import MU_0, REFERENCE_TEMPERATURE, resistivity
 
 Array = NDArray[np.float64]
 NEGLIGIBLE = 0.01  # of the resistance: what the copper's own tolerance hides

@@ -9,7 +9,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
 from msl_fem.losses.ac_resistance import resistance_factor, slot_rows
 from msl_fem.losses.winding import Winding
-from msl_fem.materials.copper import REFERENCE_TEMPERATURE, resistance_ratio
+from msl_fem.materials.constants import REFERENCE_TEMPERATURE, resistance_ratio
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from msl_fem.errors import InputError
-from msl_fem.materials.copper import REFERENCE_TEMPERATURE, resistivity
+from msl_fem.materials.constants import REFERENCE_TEMPERATURE, resistivity
 
 Grade = Literal[1, 2]
 Series = Literal["metric", "awg"]

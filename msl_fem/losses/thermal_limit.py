@@ -10,7 +10,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
 from msl_fem.losses.thermal_network import Cooling, ThermalNetwork, thermal_network
 from msl_fem.losses.winding_temperature import Cycle, Heating, peak_rise, runaway_current
-from msl_fem.materials.copper import COLDEST, HOTTEST, REFERENCE_TEMPERATURE, resistance_ratio
+from msl_fem.materials.constants import COLDEST, HOTTEST, REFERENCE_TEMPERATURE, resistance_ratio
 
 CLASS_130_RISE = 80.0
 """K: rise of a winding's mean temperature, by resistance, of insulation class 130 (B), IEC 60034-1, table 8."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator, ECore
 from msl_fem.errors import InputError
-from msl_fem.materials.copper import DENSITY, SPECIFIC_HEAT
+from msl_fem.materials.constants import COPPER_DENSITY, COPPER_SPECIFIC_HEAT
 
 Array = NDArray[np.float64]
 IRON_DENSITY, IRON_SPECIFIC_HEAT = 7650.0, 460.0
@@ -154,7 +154,7 @@ def core_surface(magnet: ECore) -> float:
 def winding_capacity(magnet: ECore) -> float:
     """J/K of the copper."""
     volume = magnet.coil.fill_factor * magnet.coil_section * magnet.mean_turn_length
-    return DENSITY * SPECIFIC_HEAT * volume
+    return COPPER_DENSITY * COPPER_SPECIFIC_HEAT * volume
 
 
 def core_capacity(magnet: ECore) -> float:

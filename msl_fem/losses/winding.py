@@ -8,7 +8,7 @@ from msl_fem.actuator import Actuator, ECore
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.losses.round_wire import Grade, RoundWire, Series, wires
-from msl_fem.materials.copper import REFERENCE_TEMPERATURE, resistivity
+from msl_fem.materials.constants import REFERENCE_TEMPERATURE, resistivity
 
 Packing = Literal["square", "orthocyclic"]
 _SLACK = 1e-9  # of a wire's diameter: what rounding may take from a window that fits exactly

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.losses.thermal_network import ThermalNetwork
-from msl_fem.materials.copper import REFERENCE_TEMPERATURE, TEMPERATURE_COEFFICIENT
+from msl_fem.materials.constants import REFERENCE_TEMPERATURE, TEMPERATURE_COEFFICIENT
 
 Array = NDArray[np.float64]
 SMALLEST_DUTY = 1e-4

@@ -98,23 +98,22 @@ def sheet_of(iron: str, *, thickness: float | None = None) -> Sheet:
     if stated is None:
         return Sheet(iron, thickness, None, reason=f"no loss data for iron '{iron}'; those of the library have some")
     conductivity = stated.get("conductivity_S_per_m") or 1 / stated.get("resistivity_ohm_m", math.inf) or None
-    known = {name: entry for name, entry in _losses().items() if iron in entry["irons"]}
-    wanted = thickness or stated.get("lamination_thickness_m") or None
-    for entry in known.values():
-        if wanted and abs(entry["thickness_m"] - wanted) <= SAME_THICKNESS * wanted:
+    known = [entry for entry in _losses().values() if iron in entry["irons"]]
+    gauge = thickness or stated.get("lamination_thickness_m") or None
+    for entry in known:
+        measured = entry["thickness_m"]
+        if gauge and abs(measured - gauge) <= SAME_THICKNESS * gauge:
             numbers = entry["coefficients"]
-            return Sheet(
-                iron, entry["thickness_m"], entry["conductivity_S_per_m"],
-                LossCoefficients(**numbers, density=entry["density_kg_per_m3"], source=entry["source"]),
-            )  # fmt: skip
-    return Sheet(iron, wanted, conductivity, reason=_why_not(iron, wanted, known))
+            losses = LossCoefficients(**numbers, density=entry["density_kg_per_m3"], source=entry["source"])
+            return Sheet(iron, measured, entry["conductivity_S_per_m"], losses)
+    return Sheet(iron, gauge, conductivity, reason=_why_not(iron, gauge, known))
 
 
-def _why_not(iron: str, thickness: float | None, known: dict[str, Any]) -> str:
-    measured = ", ".join(f"{entry['thickness_m'] * 1e3:.2f} mm" for entry in known.values())
+def _why_not(iron: str, thickness: float | None, known: list[dict[str, Any]]) -> str:
     if not known:
         irons = sorted({name for entry in _losses().values() for name in entry["irons"]})
         return f"no loss data with a source for iron '{iron}'; there are some for {', '.join(irons)}"
+    measured = ", ".join(f"{entry['thickness_m'] * 1e3:.2f} mm" for entry in known)
     sheet = f"sheets of {thickness * 1e3:.3g} mm" if thickness else "a sheet of unknown thickness"
     return f"no loss data for {sheet} of iron '{iron}'; there are some at {measured} (--sheet)"
 
@@ -122,15 +121,15 @@ def _why_not(iron: str, thickness: float | None, known: dict[str, Any]) -> str:
 @cache
 def _library() -> dict[str, Any]:
     """The irons of the library with what their source states."""
-    found: dict[str, Any] = json.loads((LIBRARY / "index.json").read_text())
-    return found
+    irons: dict[str, Any] = json.loads((LIBRARY / "index.json").read_text())
+    return irons
 
 
 @cache
 def _losses() -> dict[str, Any]:
     """The sheets with measured losses, see materials/SOURCE.md."""
-    found: dict[str, Any] = json.loads(INDEX.read_text())
-    return found
+    sheets: dict[str, Any] = json.loads(INDEX.read_text())
+    return sheets
 
 
 def loss_sheets() -> dict[str, Any]:
@@ -156,7 +155,10 @@ def read_loss_points(path: str | Path) -> LossPoints:
     header = [name.strip() for name in rows[0]] if rows else []
     if sorted(header) != sorted(COLUMNS):
         raise MaterialError(f"{path}: the first line must name the columns {', '.join(COLUMNS)}")
-    values = [_positive_numbers(path, number, row, len(header)) for number, row in enumerate(rows[1:], start=2) if row]
+    values = []
+    for number, row in enumerate(rows[1:], start=2):
+        if row:
+            values.append(_positive_numbers(path, number, row, len(header)))
     table = np.array(values, dtype=float).reshape(-1, len(COLUMNS))
     return LossPoints(*(table[:, header.index(name)] for name in COLUMNS))
 

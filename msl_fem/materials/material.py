@@ -68,7 +68,8 @@ class Iron:
     @cached_property
     def _tail(self) -> tuple[float, float, float, float]:
         """B, H, dJ/dH and J_s where the points end."""
-        b, h = float(self.flux_density[-1]), float(self.field_strength[-1])
+        b = float(self.flux_density[-1])
+        h = float(self.field_strength[-1])
         susceptibility = max(1.0 / float(self._curve(b, 1)) - MU_0, 0.0)
         return b, h, susceptibility, b - MU_0 * h + susceptibility * h
 
@@ -76,7 +77,8 @@ class Iron:
         """H in A/m and dH/dB in A/(m T) at |B| in T, both of the shape given."""
         b = np.asarray(flux_density, dtype=float)
         inside = np.minimum(b, self.tail_from)
-        h, slope = self._curve(inside), self._curve(inside, 1)
+        h = self._curve(inside)
+        slope = self._curve(inside, 1)
         if b.size and b.max() > self.tail_from:
             beyond = b > self.tail_from
             h[beyond], slope[beyond] = self._magnetise_tail(b[beyond])
@@ -97,9 +99,8 @@ class Iron:
             beyond = b > self.tail_from
             b_end, h_end, susceptibility, j_sat = self._tail
             h, _ = self._magnetise_tail(b[beyond])
-            coenergy = (
-                MU_0 * (h**2 - h_end**2) / 2 + j_sat * (h - h_end) - susceptibility * h_end**2 * np.log(h / h_end)
-            )
+            coenergy = MU_0 * (h**2 - h_end**2) / 2 + j_sat * (h - h_end)
+            coenergy -= susceptibility * h_end**2 * np.log(h / h_end)
             w[beyond] += b[beyond] * h - b_end * h_end - coenergy
         return w
 
@@ -137,13 +138,15 @@ def iron_from_points(flux_density: ArrayLike, field_strength: ArrayLike, *, name
     ------
     MaterialError : values not finite or negative, or fewer than 5 points left after the cut
     """
-    b, h = np.asarray(flux_density, dtype=float), np.asarray(field_strength, dtype=float)
+    b = np.asarray(flux_density, dtype=float)
+    h = np.asarray(field_strength, dtype=float)
     if b.shape != h.shape or b.ndim != 1 or not (np.isfinite(b).all() and np.isfinite(h).all()):
         raise MaterialError(f"{name}: B and H must be two equally long columns of finite numbers")
     if b.size and (b[0] < 0 or h[0] < 0):
         raise MaterialError(f"{name}: starts at B = {b[0]:g} T, H = {h[0]:g} A/m; give the curve for B, H >= 0")
     if b.size and b[0] > 0:
-        b, h = np.r_[0.0, b], np.r_[0.0, h]
+        b = np.r_[0.0, b]
+        h = np.r_[0.0, h]
     bad = (np.diff(b) <= 0) | (np.diff(h) <= 0)
     if b.size and (b[0] != 0 or h[0] != 0):
         bad[:1] = True
@@ -174,16 +177,8 @@ def laminated(iron: "Iron | AnalyticIron", stacking_factor: float) -> "Iron | An
         return iron
     if isinstance(iron, AnalyticIron):
         return _laminated_by_formula(iron, stacking_factor)
-    b_iron, h = iron.flux_density, iron.field_strength
-    b = stacking_factor * b_iron + (1 - stacking_factor) * MU_0 * h
-    return Iron(
-        name=iron.name,
-        flux_density=b,
-        field_strength=h,
-        source=iron.source,
-        note=iron.note,
-        stacking_factor=stacking_factor,
-    )
+    b = stacking_factor * iron.flux_density + (1 - stacking_factor) * MU_0 * iron.field_strength
+    return replace(iron, flux_density=b, stacking_factor=stacking_factor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,8 +281,10 @@ def _quintic(x: Array, value: Array, slope: Array, bend: Array) -> PPoly:
     """The piecewise quintic with these values and first and second derivatives at x (Hermite)."""
     h = np.diff(x)
     off = (np.diff(value) - slope[:-1] * h - bend[:-1] * h**2 / 2) / h**3
-    off_slope, off_bend = (np.diff(slope) - bend[:-1] * h) / h**2, np.diff(bend) / h / 2
-    third, fourth = 10 * off - 4 * off_slope + off_bend, (-15 * off + 7 * off_slope - 2 * off_bend) / h
+    off_slope = (np.diff(slope) - bend[:-1] * h) / h**2
+    off_bend = np.diff(bend) / h / 2
+    third = 10 * off - 4 * off_slope + off_bend
+    fourth = (-15 * off + 7 * off_slope - 2 * off_bend) / h
     fifth = (6 * off - 3 * off_slope + off_bend) / h**2
     return PPoly(np.stack([fifth, fourth, third, bend[:-1] / 2, slope[:-1], value[:-1]]), x)
 

@@ -10,8 +10,7 @@ from msl_fem.errors import InputError
 from msl_fem.losses import SlotRows, choose_wire, negligible_below, resistance_factor, skin_depth, slot_rows
 from msl_fem.magnetics.kinds.e_core import MagnetField, magnet_mesh
 from msl_fem.magnetics.solver.postprocess import triangle_flux_density
-from msl_fem.materials.constants import MU_0
-from msl_fem.materials.copper import resistivity
+from msl_fem.materials.constants import MU_0, resistivity
 
 ROWS = SlotRows(rows=20, abreast=10, breadth=10e-3, diameter=0.71e-3)
 

@@ -1,18 +1,20 @@
 """The three terms: closed forms, how they scale, what is refused, fits of measured losses."""
 
-import importlib.util
+import sys
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 from loss_cases import ROOT, m19, sine, triangle
 
 from msl_fem.errors import InputError, MaterialError
-from msl_fem.losses import FittedRange, FluxWaveform, fit_losses, loss_density, sinusoidal_loss
+from msl_fem.losses import FluxWaveform, loss_density, sinusoidal_loss
 from msl_fem.materials.core_loss_data import LossPoints, loss_sheets, read_loss_points, sheet_of
 from msl_fem.materials.material import LIBRARY
+
+sys.path.insert(0, str(ROOT / "benchmarks"))
+from fit_core_loss import FittedRange, fit_losses, refit
 
 POUND = 0.45359237
 
@@ -101,19 +103,10 @@ def test_the_sheet_chosen() -> None:
         sheet_of("m19", thickness=0.36)
 
 
-def fit_script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("fit_core_loss", ROOT / "benchmarks" / "fit_core_loss.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.parametrize("name", sorted(loss_sheets()))
 def test_stored_coefficients_are_those_of_the_stored_data(name: str) -> None:
     entry = loss_sheets()[name]
-    found = fit_script().refit(name)
+    found = refit(name)
     for key, value in entry["coefficients"].items():
         assert getattr(found, key) == pytest.approx(value, rel=1e-4), key
     assert found.rms_error < 0.09

@@ -3,7 +3,7 @@
 import pytest
 
 from msl_fem.errors import InputError
-from msl_fem.materials.copper import resistance_ratio, resistivity
+from msl_fem.materials.constants import resistance_ratio, resistivity
 
 
 def test_resistance_at_100_degrees() -> None:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from msl_fem.actuator import ECore
 from msl_fem.design.sizing.requirement import Densities
-from msl_fem.materials.copper import DENSITY as COPPER_DENSITY
+from msl_fem.materials.constants import COPPER_DENSITY
 
 SILICON_STEEL_DENSITY = 7650.0
 """kg/m3, where nothing better is known: non-oriented sheet with about 3 % silicon (EN 10106, M270-35A)."""

@@ -19,7 +19,7 @@ from msl_fem.actuator import (
     Damping,
     Force,
     Frequency,
-    Iron,
+    IronSpec,
     Length,
     PositionSensor,
     Sides,
@@ -132,7 +132,7 @@ class Requirement(FrozenModel):
     supply: Supply = Supply()
     heat: Heat = Heat()
     envelope: Envelope = Envelope()
-    iron: Iron = Iron(core="m19", armature="m19", stacking_factor=0.96)
+    iron: IronSpec = IronSpec(core="m19", armature="m19", stacking_factor=0.96)
     winding: Winding = Winding()
     densities: Densities = Densities()
     sides: Sides = Sides(count=2, magnets_per_side=1)

@@ -4,7 +4,7 @@ import math
 import os
 from pathlib import Path
 
-from msl_fem.actuator import Actuator, Drive, Iron, Motion
+from msl_fem.actuator import Actuator, Drive, IronSpec, Motion
 from msl_fem.design.sizing.performance import Performance
 from msl_fem.design.sizing.requirement import Requirement
 from msl_fem.files.schema import document
@@ -64,7 +64,7 @@ def _three_digits(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def _iron(requirement: Requirement, target: Path) -> Iron:
+def _iron(requirement: Requirement, target: Path) -> IronSpec:
     """The irons, their files named relative to the actuator file's folder."""
 
     def moved(name: str) -> str:
