@@ -20,7 +20,7 @@ from msl_fem.diagnosis.scoring import scores
 from msl_fem.diagnosis.variants import possible, variants
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import CATALOGUE, find_parameter
-from msl_fem.prediction import Belief, run_data
+from msl_fem.prediction import ModelHypothesis, run_data
 from msl_fem.table.magnetic_table import read_table
 
 DOCUMENT = ROOT / "docs" / "diagnosis.md"
@@ -31,7 +31,7 @@ def of_drive(drive: str) -> dict[str, LeastSize]:
     """Least sizes in a drive, by effect."""
     actuator, table = actuator_of(drive), read_table(ROOT / "lookup_tables" / "fast_tool_servo.nc")
     record = sealed_record(actuator, table, (), BenchOptions(seed=1)).record
-    belief = Belief(record.actuator, table)
+    belief = ModelHypothesis(record.actuator, table)
     likelihood, unknowns = prepared(belief, [run_data(record, record.runs[0])], record.tolerance)
     base = fit(likelihood, unknowns, np.zeros(unknowns.size))
     plant = likelihood.problem.plant.parameters

@@ -19,7 +19,7 @@ from msl_fem.bench import BenchOptions, parse_requests, sealed_record
 from msl_fem.comparison import CompareSettings, Comparison, compare
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.extended_model import load_extended_model
-from msl_fem.prediction import Belief
+from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import load_record, write_record
 from msl_fem.table.magnetic_table import read_table
 
@@ -54,7 +54,7 @@ def compared(folder: Path, extended: Path | None) -> Comparison:
     belief = None
     if extended is not None:
         model = load_extended_model(extended)
-        belief = Belief(model.actuator, table, model.effects)
+        belief = ModelHypothesis(model.actuator, table, model.effects)
     return compare(load_record(folder), CompareSettings(table=table, extended=belief))
 
 

@@ -17,7 +17,7 @@ from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.other_records import diagnosis_of
 from msl_fem.diagnosis.rests import Rests, of_rests, rests
-from msl_fem.prediction import Belief
+from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import load_record
 from msl_fem.table.magnetic_table import read_table
 
@@ -74,7 +74,9 @@ def levitation():
     """What the rests say, and the rests with the ramps."""
     record, table = load_record(RIG), read_table(RIG / "table.nc")
     alone = diagnose(record, DiagnosisSettings(table=table))
-    likelihood, unknowns, kind = of_rests(record, Belief(record.actuator, table), with_lift_off(rests(record), table))
+    likelihood, unknowns, kind = of_rests(
+        record, ModelHypothesis(record.actuator, table), with_lift_off(rests(record), table)
+    )
     both = diagnosis_of(likelihood, unknowns, kind, rule=Rule(), tell=lambda said: None)
     parts = []
     for title, found in (("The record's rests", alone), ("The rests and the ramps", both)):

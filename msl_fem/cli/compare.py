@@ -12,7 +12,7 @@ from msl_fem.comparison import CompareSettings, Comparison, compare
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
-from msl_fem.prediction import Belief
+from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import Record, load_record
 from msl_fem.report.comparison_page import comparison_page
 from msl_fem.report.page import write_page
@@ -54,7 +54,7 @@ def _compare(it: Record, model: ExtendedModel | None, *, output: Path | None, ta
     magnet_table = table_for(it.actuator, table)
     belief = None
     if model is not None:
-        belief = Belief(model.actuator, table_of_model(model.actuator, magnet_table), model.effects)
+        belief = ModelHypothesis(model.actuator, table_of_model(model.actuator, magnet_table), model.effects)
     with progress_bar("models and runs") as progress:
         settings = CompareSettings(
             table=magnet_table, extended=belief, progress=lambda _, done, total: progress(done, total)

@@ -2,7 +2,7 @@
 
 from msl_fem.comparison.accuracy import Bands, Spread, by_band, nrmse, octaves, over_variable
 from msl_fem.comparison.compare import CompareSettings, Comparison, compare
-from msl_fem.comparison.judged import Judged
+from msl_fem.comparison.judged import ModelAccuracy
 from msl_fem.comparison.models import analytic_table
 from msl_fem.comparison.static_map import StaticError, static_errors
 
@@ -10,7 +10,7 @@ __all__ = [
     "Bands",
     "CompareSettings",
     "Comparison",
-    "Judged",
+    "ModelAccuracy",
     "Spread",
     "StaticError",
     "analytic_table",

@@ -4,15 +4,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from msl_fem.comparison.judged import LEAD, Judged, judged_armax, judged_coupled
-from msl_fem.comparison.models import ANALYTIC, COUPLED, Models, analytic_table, fitted_models
+from msl_fem.comparison.judged import LEAD, ModelAccuracy, armax_accuracy, coupled_accuracy
+from msl_fem.comparison.models import ANALYTIC, COUPLED, ComparedModels, analytic_table, fitted_models
 from msl_fem.comparison.own_loop import OwnLoop, own_loop
-from msl_fem.comparison.residuals import Residuals, residuals
+from msl_fem.comparison.residuals import LocatedResidual, locate_residual
 from msl_fem.comparison.static_map import StaticError, static_errors
-from msl_fem.comparison.verdict import verdict
+from msl_fem.comparison.verdict import comparison_verdict
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.prediction import Belief, RunData, open_loop_stable, run_data
-from msl_fem.prediction.run_data import POSITION
+from msl_fem.prediction import ModelHypothesis, RunData, open_loop_stable, run_data
+from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -24,7 +24,7 @@ class CompareSettings:
     """What a comparison takes beside the record: the table of its magnets, an extended model, a progress report."""
 
     table: MagneticTable | None = None
-    extended: Belief | None = None
+    extended: ModelHypothesis | None = None
     progress: Progress | None = None
 
 
@@ -34,9 +34,9 @@ class Comparison:
 
     record: Record
     data: tuple[RunData, ...]
-    models: Models
-    judged: tuple[Judged, ...]
-    residuals: tuple[Residuals, ...]
+    models: ComparedModels
+    judged: tuple[ModelAccuracy, ...]
+    residuals: tuple[LocatedResidual, ...]
     static: tuple[StaticError, ...]
     verdict: str
 
@@ -100,8 +100,8 @@ def compare(record: Record, settings: CompareSettings | None = None) -> Comparis
         raise InputError(f"{record.actuator.name} has magnets and there is no table; make one with 'msl-fem table'")
     data = tuple(run_data(record, run) for run in record.runs)
     steps = _Steps(settings.progress, 7 + len(data))
-    models = Models((), None, None, ())
-    judged: list[Judged] = []
+    models = ComparedModels((), None, None, ())
+    judged: list[ModelAccuracy] = []
     if data:
         models = fitted_models(record, data, table, settings.extended, steps.next)
         loop, models = _loop(record, table, models)
@@ -109,23 +109,23 @@ def compare(record: Record, settings: CompareSettings | None = None) -> Comparis
             steps.next(its.name)
             asked = None if loop is None else loop.beside(run, its)
             for model in models.coupled:
-                judged += judged_coupled(model, its, asked)
+                judged += coupled_accuracy(model, its, asked)
             if models.armax is not None:
-                stable = open_loop_stable(Belief(record.actuator, table), its)
-                judged += judged_armax(models.armax, record, run, its, stable=stable, looped=asked is not None)
-    where = [r for j in judged if (r := residuals(record, record.run(j.run), j)) is not None]
+                stable = open_loop_stable(ModelHypothesis(record.actuator, table), its)
+                judged += armax_accuracy(models.armax, record, run, its, stable=stable, looped=asked is not None)
+    where = [r for j in judged if (r := locate_residual(record, record.run(j.run), j)) is not None]
     static = _static(record, table)
     floor = {
-        run.name: run.noise[POSITION].sigma / float(run.measured[POSITION][LEAD:].std())
+        run.name: run.noise[POSITION_COLUMN].sigma / float(run.measured[POSITION_COLUMN][LEAD:].std())
         for run in data
         if run.role == "held-out"
     }
     steps.done()
-    said = verdict(judged, where, floor, static)
+    said = comparison_verdict(judged, where, floor, static)
     return Comparison(record, data, models, tuple(judged), tuple(where), tuple(static), said)
 
 
-def _loop(record: Record, table: MagneticTable | None, models: Models) -> tuple[OwnLoop | None, Models]:
+def _loop(record: Record, table: MagneticTable | None, models: ComparedModels) -> tuple[OwnLoop | None, ComparedModels]:
     """The loop that a design of ours drove, and the models with a note where it cannot be made again."""
     try:
         return own_loop(record, table), models

@@ -11,17 +11,17 @@ from msl_fem.comparison.accuracy import nrmse
 from msl_fem.comparison.models import ARMAX, CoupledModel
 from msl_fem.identification import ArmaxModel, predict, sampled_run, simulate
 from msl_fem.prediction import (
-    Asked,
+    CallableLaw,
     RunData,
-    believed_plant,
     closed_run,
-    filtered,
     free_run,
     k_step,
+    kalman_filter,
+    kernel_plant,
     measured_start,
     open_loop_stable,
 )
-from msl_fem.prediction.run_data import POSITION
+from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record import Record, Role, Run
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ CURRENTS_IN = "armax takes currents, it has no drive for a law to command"
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class ModelAccuracy:
     """A model against one channel of one run.
 
     Attributes
@@ -69,17 +69,17 @@ class Judged:
         }  # fmt: skip
 
 
-def judged_coupled(model: CoupledModel, data: RunData, asked: Asked | None = None) -> list[Judged]:
+def coupled_accuracy(model: CoupledModel, data: RunData, asked: CallableLaw | None = None) -> list[ModelAccuracy]:
     """A coupled model on all channels of a run; in closed loop by `asked`, or by the run's linear law."""
-    plant = believed_plant(model.belief, rate=data.rate, ideal_current=data.ideal_current)
+    plant = kernel_plant(model.belief, rate=data.rate, ideal_current=data.ideal_current)
     start = measured_start(plant, data)
-    found = filtered(plant, data, model.noise, start=start)
+    found = kalman_filter(plant, data, model.noise, start=start)
     made: dict[str, Mapping[str, Array]] = {}
     reasons = []
     if found.ended is None:
         made["one_step"] = found.one_step
         made["ten_step"] = k_step(plant, data, found, HORIZON)
-        lost = int(np.isnan(made["ten_step"][POSITION][LEAD:]).sum())
+        lost = int(np.isnan(made["ten_step"][POSITION_COLUMN][LEAD:]).sum())
         if lost:
             del made["ten_step"]
             reasons.append(f"ten_step: {lost} predictions leave table or range")
@@ -102,30 +102,30 @@ def judged_coupled(model: CoupledModel, data: RunData, asked: Asked | None = Non
     return [_judged(model.name, data, channel, made, reasons) for channel in data.measured]
 
 
-def judged_armax(
+def armax_accuracy(
     model: ArmaxModel, record: Record, run: Run, data: RunData, *, stable: bool, looped: bool = False
-) -> list[Judged]:
+) -> list[ModelAccuracy]:
     """ARMAX on the position of a run; `looped` says that the run's loop is simulated with the other models."""
     sampled = sampled_run(record, run)
     made: dict[str, Mapping[str, Array]] = {
-        "one_step": {POSITION: predict(model, sampled)},
-        "ten_step": {POSITION: predict(model, sampled, HORIZON)},
+        "one_step": {POSITION_COLUMN: predict(model, sampled)},
+        "ten_step": {POSITION_COLUMN: predict(model, sampled, HORIZON)},
     }
     reasons = [f"closed_loop: {CURRENTS_IN}"] if data.law is not None or looped else []
     if stable:
         free = simulate(model, sampled)
         if free.diverged_at is None:
-            made["free_run"] = {POSITION: free.output}
+            made["free_run"] = {POSITION_COLUMN: free.output}
         else:
             reasons.append(f"free_run: {free.reason} at sample {free.diverged_at}")
     else:
         reasons.append(f"free_run: {UNSTABLE}")
-    return [_judged(ARMAX, data, POSITION, made, reasons)]
+    return [_judged(ARMAX, data, POSITION_COLUMN, made, reasons)]
 
 
 def _judged(
     model: str, data: RunData, channel: str, made: Mapping[str, Mapping[str, Array]], reasons: list[str]
-) -> Judged:
+) -> ModelAccuracy:
     measured = data.measured[channel]
     # the mean voltage of a run's last sample is no prediction of the state before it
     last = measured.size - (1 if channel.startswith("voltage") else 0)
@@ -139,4 +139,4 @@ def _judged(
         else:
             said.append(f"{kind}: not finite")
     kinds = {kind: values[channel] for kind, values in made.items() if errors[kind] is not None}
-    return Judged(model, data.name, data.role, channel, measured, kinds, errors, "; ".join(said))
+    return ModelAccuracy(model, data.name, data.role, channel, measured, kinds, errors, "; ".join(said))

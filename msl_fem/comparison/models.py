@@ -9,7 +9,15 @@ from msl_fem.actuator import Actuator, ECore
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.identification import ArmaxModel, identify
 from msl_fem.materials.material import laminated, load_iron
-from msl_fem.prediction import Belief, ProcessNoise, RunData, RunFit, believed_plant, fit_record, tuned
+from msl_fem.prediction import (
+    ModelHypothesis,
+    ProcessNoise,
+    RecordFit,
+    RunData,
+    fit_record,
+    kernel_plant,
+    tuned_process_noise,
+)
 from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable
 from msl_fem.table.reluctance_table import circuit_fitted, circuit_of, reluctance_table
@@ -23,17 +31,17 @@ class CoupledModel:
     """A coupled model with the process noise that its predictor takes, tuned on the `fit` runs."""
 
     name: str
-    belief: Belief
+    belief: ModelHypothesis
     noise: ProcessNoise
 
 
 @dataclass(frozen=True, eq=False)
-class Models:
+class ComparedModels:
     """All models of a comparison; `notes` say why one is missing, and what a reader should know of the others."""
 
     coupled: tuple[CoupledModel, ...]
     armax: ArmaxModel | None
-    refit: RunFit | None
+    refit: RecordFit | None
     notes: tuple[str, ...]
 
 
@@ -51,16 +59,16 @@ def analytic_table(actuator: Actuator, table: MagneticTable) -> MagneticTable:
 
 
 def fitted_models(
-    record: Record, runs: tuple[RunData, ...], table: MagneticTable | None, extended: Belief | None,
+    record: Record, runs: tuple[RunData, ...], table: MagneticTable | None, extended: ModelHypothesis | None,
     progress: Progress,
-) -> Models:  # fmt: skip
+) -> ComparedModels:  # fmt: skip
     """The models of a record: what is fitted sees runs with the role `fit` alone."""
     fit = [run for run in runs if run.role == "fit"]
-    believed = Belief(record.actuator, table)
-    beliefs: list[tuple[str, Belief]] = []
+    believed = ModelHypothesis(record.actuator, table)
+    beliefs: list[tuple[str, ModelHypothesis]] = []
     notes: list[str] = []
     if table is not None:
-        beliefs.append((ANALYTIC, Belief(record.actuator, analytic_table(record.actuator, table))))
+        beliefs.append((ANALYTIC, ModelHypothesis(record.actuator, analytic_table(record.actuator, table))))
     beliefs.append((COUPLED, believed))
     refit = None
     progress("re-fit")
@@ -75,8 +83,8 @@ def fitted_models(
     coupled = []
     for name, belief in beliefs:
         progress(name)
-        plant = believed_plant(belief, rate=fit[0].rate, ideal_current=fit[0].ideal_current)
-        coupled.append(CoupledModel(name, belief, tuned(plant, fit)))
+        plant = kernel_plant(belief, rate=fit[0].rate, ideal_current=fit[0].ideal_current)
+        coupled.append(CoupledModel(name, belief, tuned_process_noise(plant, fit)))
     progress(ARMAX)
     armax = None
     try:
@@ -84,10 +92,10 @@ def fitted_models(
         notes += [f"{ARMAX}: {note}" for note in armax.notes]
     except (InputError, ComputationError, np.linalg.LinAlgError) as err:
         notes.append(f"{ARMAX}: left out, {err}")
-    return Models(tuple(coupled), armax, refit, tuple(notes))
+    return ComparedModels(tuple(coupled), armax, refit, tuple(notes))
 
 
-def refit_notes(refit: RunFit) -> list[str]:
+def refit_notes(refit: RecordFit) -> list[str]:
     """What a reader should know of a fit: no end, parameters that left their tolerances."""
     notes = []
     if not refit.fit.converged:

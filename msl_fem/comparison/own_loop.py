@@ -17,7 +17,7 @@ from msl_fem.maps import operating_map
 from msl_fem.plant.closed_run import clock_of
 from msl_fem.plant.excitation import parse_excitation, reference
 from msl_fem.prediction import RunData
-from msl_fem.prediction.closed_loop import Asked
+from msl_fem.prediction.closed_loop import CallableLaw
 from msl_fem.record import Record, Run
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -31,7 +31,7 @@ class OwnLoop:
 
     design: ControllerDesign
 
-    def beside(self, run: Run, data: RunData) -> Asked | None:
+    def beside(self, run: Run, data: RunData) -> CallableLaw | None:
         """The answer of the controller to the simulated reading, less its answer to the recorded one; None without a
         reference."""
         if "reference_m" not in run:
@@ -49,7 +49,7 @@ class OwnLoop:
             made[: change.size] = change
             return made
 
-        return Asked(answer, every, delay)
+        return CallableLaw(answer, every, delay)
 
 
 def own_loop(record: Record, table: MagneticTable | None) -> OwnLoop | None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from msl_fem.comparison.accuracy import Bands, Spread, by_band, over_variable
-from msl_fem.comparison.judged import LEAD, Judged
+from msl_fem.comparison.judged import LEAD, ModelAccuracy
 from msl_fem.record import Record, Run
 
 Array = NDArray[np.float64]
@@ -17,10 +17,10 @@ SLOPE_SAMPLES = 15  # of the parabola that gives the velocity
 
 
 @dataclass(frozen=True, eq=False)
-class Residuals:
+class LocatedResidual:
     """Where one model's residual on one channel of one run lives; `kind` says of which prediction."""
 
-    judged: Judged
+    judged: ModelAccuracy
     kind: str
     over: Mapping[str, Spread]
     bands: Bands
@@ -40,7 +40,7 @@ class Residuals:
         }  # fmt: skip
 
 
-def variables(record: Record, run: Run) -> dict[str, Array]:
+def residual_variables(record: Record, run: Run) -> dict[str, Array]:
     """What a residual may depend on, by name with unit, (n_sample,) each."""
     x = run["position_m"]
     rate = 1.0 / run.sampling_period
@@ -61,13 +61,13 @@ def variables(record: Record, run: Run) -> dict[str, Array]:
     return found
 
 
-def residuals(record: Record, run: Run, judged: Judged) -> Residuals | None:
+def locate_residual(record: Record, run: Run, judged: ModelAccuracy) -> LocatedResidual | None:
     """Of the hardest prediction that the model bears; None where it bears none."""
     kind = judged.best_known
     if kind is None:
         return None
     error = judged.residual(kind)
     good = np.isfinite(error)  # of a voltage, the last sample is not
-    over = {name: over_variable(error[good], v[LEAD:][good]) for name, v in variables(record, run).items()}
+    over = {name: over_variable(error[good], v[LEAD:][good]) for name, v in residual_variables(record, run).items()}
     measured, model = judged.measured[LEAD:][good], judged.modelled[kind][LEAD:][good]
-    return Residuals(judged, kind, over, by_band(measured, model, rate=1.0 / run.sampling_period))
+    return LocatedResidual(judged, kind, over, by_band(measured, model, rate=1.0 / run.sampling_period))

@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from msl_fem.comparison.judged import Judged
+from msl_fem.comparison.judged import ModelAccuracy
 from msl_fem.comparison.models import ARMAX, COUPLED, REFITTED
-from msl_fem.comparison.residuals import Residuals
+from msl_fem.comparison.residuals import LocatedResidual
 from msl_fem.comparison.static_map import StaticError
-from msl_fem.prediction.run_data import POSITION
+from msl_fem.prediction.run_data import POSITION_COLUMN
 
 WORDS = {
     "free_run": "in free run", "closed_loop": "in closed loop", "ten_step": "ten samples ahead",
@@ -18,15 +18,17 @@ LEVEL = 1.05  # two models whose errors are within this factor are level
 WORSE, POWERFUL = 3.0, 1e-3  # of a band: errors to compare, share of the power that counts as excited
 
 
-def score(judged: Sequence[Judged], model: str, kind: str) -> float | None:
+def score(judged: Sequence[ModelAccuracy], model: str, kind: str) -> float | None:
     """RMS over the held-out runs of a model's position NRMSE; None where one is missing."""
-    values = [j.nrmse[kind] for j in judged if j.model == model and j.role == "held-out" and j.channel == POSITION]
+    values = [
+        j.nrmse[kind] for j in judged if j.model == model and j.role == "held-out" and j.channel == POSITION_COLUMN
+    ]
     if not values or any(v is None for v in values):
         return None
     return float(np.sqrt(np.mean([v**2 for v in values if v is not None])))
 
 
-def judging_kind(judged: Sequence[Judged]) -> str | None:
+def judging_kind(judged: Sequence[ModelAccuracy]) -> str | None:
     """The hardest prediction that two models at least bear on all held-out runs, or one where there is one alone."""
     names = {j.model for j in judged}
     for wanted in (min(2, len(names)), 1):
@@ -36,8 +38,11 @@ def judging_kind(judged: Sequence[Judged]) -> str | None:
     return None
 
 
-def verdict(
-    judged: Sequence[Judged], residuals: Sequence[Residuals], floor: Mapping[str, float], static: Sequence[StaticError]
+def comparison_verdict(
+    judged: Sequence[ModelAccuracy],
+    residuals: Sequence[LocatedResidual],
+    floor: Mapping[str, float],
+    static: Sequence[StaticError],
 ) -> str:
     """The sentence; `floor` holds the position's noise over its standard deviation by held-out run."""
     kind = judging_kind(judged)
@@ -68,7 +73,7 @@ def verdict(
     return "; ".join(p for p in parts if p) + "."
 
 
-def _armax_clause(scores: Mapping[str, float], kind: str, residuals: Sequence[Residuals]) -> str:
+def _armax_clause(scores: Mapping[str, float], kind: str, residuals: Sequence[LocatedResidual]) -> str:
     if ARMAX not in scores:
         return ""
     ratio = scores[COUPLED] / scores[ARMAX]
@@ -82,7 +87,7 @@ def _armax_clause(scores: Mapping[str, float], kind: str, residuals: Sequence[Re
     return f"{text}, and fails outside its band, {outside}" if outside else text
 
 
-def armax_outside_its_band(residuals: Sequence[Residuals]) -> str:
+def armax_outside_its_band(residuals: Sequence[LocatedResidual]) -> str:
     """The held-out band that the fit runs hardly excited and where ARMAX errs most, in words; none: an empty text."""
     own = [r for r in residuals if r.judged.model == ARMAX]
     fit = [r for r in own if r.judged.role == "fit"]

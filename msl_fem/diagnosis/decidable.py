@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from msl_fem.prediction import Belief, RunData, open_loop_stable
-from msl_fem.prediction.run_data import POSITION
+from msl_fem.prediction import ModelHypothesis, RunData, open_loop_stable
+from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record import Record
 
 SHORTEST = 0.5  # s of all fit runs together
@@ -28,12 +28,12 @@ def why_not(record: Record, data: Sequence[RunData]) -> str:
         return f"the fit runs hold {samples} samples in {seconds:.3g} s; at least {FEWEST} in {SHORTEST:g} s are needed"
     if max(float(np.ptp(run.commands, axis=0).max()) for run in fitted) == 0:
         return "the commands of the fit runs never change; excite the plant"
-    moved = max(float(run.measured[POSITION].std() / run.noise[POSITION].sigma) for run in fitted)
+    moved = max(float(run.measured[POSITION_COLUMN].std() / run.noise[POSITION_COLUMN].sigma) for run in fitted)
     if moved < RESPONSE:
         return f"the position moves by {moved:.3g} times its noise; at least {RESPONSE:g} times are needed, excite more"
     return ""
 
 
-def unstable_run(belief: Belief, data: Sequence[RunData]) -> str:
+def unstable_run(belief: ModelHypothesis, data: Sequence[RunData]) -> str:
     """The first run of an open loop that is not stable, in which a free run says nothing; empty where none is."""
     return next((run.name for run in data if not open_loop_stable(belief, run)), "")

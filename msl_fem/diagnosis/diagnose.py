@@ -35,7 +35,7 @@ from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant, possible, variants
 from msl_fem.diagnosis.widening import wider
 from msl_fem.errors import InputError
-from msl_fem.prediction import Belief, RunData, run_data
+from msl_fem.prediction import ModelHypothesis, RunData, run_data
 from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -83,7 +83,7 @@ def diagnose(record: Record, settings: DiagnosisSettings | None = None) -> Diagn
     if record.actuator.magnet is not None and how.table is None:
         raise InputError(f"{record.actuator.name} has magnets and there is no table; make one with 'msl-fem table'")
     data = tuple(run_data(record, run) for run in record.runs)
-    belief = Belief(record.actuator, how.table)
+    belief = ModelHypothesis(record.actuator, how.table)
     other = other_diagnosis(record, belief, data, rule=how.rule, tell=how.progress)
     if other is not None:
         return other
@@ -124,7 +124,9 @@ def search(likelihood: Likelihood, unknowns: Unknowns, how: DiagnosisSettings) -
     return Searched(likelihood, tuple(fits), tuple(stages), tuple(excesses), taken)
 
 
-def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: DiagnosisSettings) -> Diagnosis:
+def concluded(
+    belief: ModelHypothesis, data: Sequence[RunData], searched: Searched, how: DiagnosisSettings
+) -> Diagnosis:
     """The verdict of a search, with what held-out runs say."""
     problem = searched.likelihood.problem
     models = [extended_belief(belief, problem, found) for found in searched.fits[: searched.taken + 1]]
@@ -177,7 +179,7 @@ def concluded(belief: Belief, data: Sequence[RunData], searched: Searched, how: 
     )
 
 
-def _patched(searched: Searched, model: Belief, *, threads: int) -> bool:
+def _patched(searched: Searched, model: ModelHypothesis, *, threads: int) -> bool:
     """Whether several effects only patch up what none of them is: what they leave, small as it may be, is a function of
     one variable that brings more than the last of them did."""
     ranked = dependences(*searched.likelihood.runs_part(searched.final), model, few=True, threads=threads)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.search import Stage
 from msl_fem.plant.effects import EffectValues
-from msl_fem.prediction import Belief, RunData, believed_plant, free_run, measured_start
+from msl_fem.prediction import ModelHypothesis, RunData, free_run, kernel_plant, measured_start
 from msl_fem.prediction.free_run import counted
-from msl_fem.prediction.run_data import POSITION
+from msl_fem.prediction.run_data import POSITION_COLUMN
 
 Array = NDArray[np.float64]
 SMOOTH = 0.5e-3  # s over which a velocity is taken, at least three samples
@@ -24,9 +24,9 @@ SMOOTH = 0.5e-3  # s over which a velocity is taken, at least three samples
 class Models:
     """The model as believed, within its tolerances, and with the effects that are named (the same, where none is)."""
 
-    nominal: Belief
-    refitted: Belief
-    extended: Belief
+    nominal: ModelHypothesis
+    refitted: ModelHypothesis
+    extended: ModelHypothesis
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def tried_of(stages: Sequence[Stage], taken: int) -> tuple[Tried, ...]:
 
 def variables_of(run: RunData) -> dict[str, Array]:
     """What a residual of a run may depend on, from its readings: position, velocity, currents, time."""
-    x = run.measured[POSITION]
+    x = run.measured[POSITION_COLUMN]
     width = max(3, round(SMOOTH * run.rate) | 1)
     smooth = np.convolve(np.pad(x, width // 2, mode="edge"), np.ones(width) / width, "valid")
     found = {"position_m": x, "velocity_m_per_s": np.gradient(smooth) * run.rate}
@@ -155,17 +155,17 @@ def variables_of(run: RunData) -> dict[str, Array]:
     return found
 
 
-def _left(model: Belief, run: RunData) -> dict[str, Array]:
+def _left(model: ModelHypothesis, run: RunData) -> dict[str, Array]:
     readings = _readings(model, run)
     return {name: run.measured[name] - readings[name] for name in counted(run)}
 
 
-def _readings(model: Belief, run: RunData) -> Mapping[str, Array]:
-    plant = believed_plant(model, rate=run.rate, ideal_current=run.ideal_current)
+def _readings(model: ModelHypothesis, run: RunData) -> Mapping[str, Array]:
+    plant = kernel_plant(model, rate=run.rate, ideal_current=run.ideal_current)
     return free_run(plant, run, measured_start(plant, run)).readings
 
 
-def _size(extended: Belief, data: Sequence[RunData], effect: str) -> Size | None:
+def _size(extended: ModelHypothesis, data: Sequence[RunData], effect: str) -> Size | None:
     """The largest size of an effect over the runs; None where the model does not bear its absence."""
     assert extended.effects is not None
     rest = {name: dict(values) for name, values in extended.effects.stated.items() if name != effect}

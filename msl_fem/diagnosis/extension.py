@@ -11,7 +11,7 @@ from msl_fem.diagnosis.simulator import Problem
 from msl_fem.diagnosis.table_error import corrected
 from msl_fem.diagnosis.unknowns import EffectUnknown, factor
 from msl_fem.plant.effects import POSITION, EffectValues, find_parameter, from_vector
-from msl_fem.prediction import Belief
+from msl_fem.prediction import ModelHypothesis
 from msl_fem.prediction.believed import believed_value
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -36,7 +36,7 @@ class Estimate:
     tolerances: float | None = None
 
 
-def extended_belief(belief: Belief, problem: Problem, found: Fit) -> Belief:
+def extended_belief(belief: ModelHypothesis, problem: Problem, found: Fit) -> ModelHypothesis:
     """The belief with everything at its fitted value: what other commands take as the model.
 
     The sensor's gain becomes an error of the reading, the scale of the magnets and the table's error a table.
@@ -55,7 +55,7 @@ def extended_belief(belief: Belief, problem: Problem, found: Fit) -> Belief:
     vector[place] = gain * (1.0 + vector[place]) - 1.0
     for key in _READ:
         vector[POSITION[key]] *= gain
-    return Belief(fitted_actuator(belief.actuator, factors), table, _used(vector))
+    return ModelHypothesis(fitted_actuator(belief.actuator, factors), table, _used(vector))
 
 
 def _used(vector: Array) -> EffectValues | None:
@@ -84,7 +84,7 @@ def fitted_actuator(actuator: Actuator, factors: dict[str, float]) -> Actuator:
     return actuator.model_copy(update=update)
 
 
-def believed_estimates(belief: Belief, found: Fit) -> dict[str, Estimate]:
+def believed_estimates(belief: ModelHypothesis, found: Fit) -> dict[str, Estimate]:
     """The believed parameters after a fit."""
     error = np.sqrt(np.diag(np.linalg.inv(found.precision)))
     made = {}

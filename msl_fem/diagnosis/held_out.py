@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.prediction import Belief, RunData, believed_plant, free_run, measured_start
+from msl_fem.prediction import ModelHypothesis, RunData, free_run, kernel_plant, measured_start
 from msl_fem.prediction.free_run import counted
 
 Array = NDArray[np.float64]
@@ -33,11 +33,11 @@ class Followed:
     deviation: float
 
 
-def followed(belief: Belief, runs: Sequence[RunData]) -> list[Followed]:
+def followed(belief: ModelHypothesis, runs: Sequence[RunData]) -> list[Followed]:
     """A model along runs, channel by channel."""
     found = []
     for data in runs:
-        plant = believed_plant(belief, rate=data.rate, ideal_current=data.ideal_current)
+        plant = kernel_plant(belief, rate=data.rate, ideal_current=data.ideal_current)
         readings = free_run(plant, data, measured_start(plant, data)).readings
         found += [_judged(data, name, readings) for name in counted(data)]
     return found

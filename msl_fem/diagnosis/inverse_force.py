@@ -21,7 +21,7 @@ from msl_fem.plant.coefficients import N_STOP
 from msl_fem.plant.effects import POSITION as PLACE
 from msl_fem.plant.effects.lags import pole_and_delay, position_delay
 from msl_fem.prediction import RunData
-from msl_fem.prediction.run_data import POSITION
+from msl_fem.prediction.run_data import POSITION_COLUMN
 
 Array = NDArray[np.float64]
 Spectrum = NDArray[np.complexfloating]
@@ -123,7 +123,7 @@ def measured_motion(
     plant: PlantParameters, data: RunData, v: dict[tuple[str, str], float], *, gain: float, low_pass: LowPass
 ) -> Motion:
     """The motion that a low-passed reading says, the sensor's effects undone."""
-    reading = data.measured[POSITION] / gain - _false_reading(v, data.time)
+    reading = data.measured[POSITION_COLUMN] / gain - _false_reading(v, data.time)
     seen = _undone(reading, v)
     late, rate, pole = position_delay(v), data.rate, pole_and_delay(v, "position_sensor_lag")[0]
     lag = pole + (0.0 if np.isinf(plant.sensor_bandwidth) else 1 / plant.sensor_bandwidth)

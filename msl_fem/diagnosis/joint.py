@@ -12,7 +12,7 @@ from msl_fem.diagnosis.simulator import Points
 from msl_fem.diagnosis.static_maps import StaticLikelihood, prepared_map, why_no_map
 from msl_fem.diagnosis.table_error import TableError, Visited, table_error
 from msl_fem.diagnosis.unknowns import Unknowns
-from msl_fem.prediction import Belief, Plant, RunData
+from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData
 from msl_fem.record import Record
 
 Array = NDArray[np.float64]
@@ -70,7 +70,9 @@ class JointLikelihood(Likelihood):
         return 2 * sum(n * len(self.problem.channels(run)) for run, n in enumerate(self.bands.lines))
 
 
-def joined(record: Record, belief: Belief, likelihood: Likelihood, unknowns: Unknowns) -> tuple[Likelihood, Unknowns]:
+def joined(
+    record: Record, belief: ModelHypothesis, likelihood: Likelihood, unknowns: Unknowns
+) -> tuple[Likelihood, Unknowns]:
     """The likelihood of runs with a record's static map beside it, where there is one that a fit can use."""
     if record.static is None or belief.table is None or why_no_map(record.static):
         return likelihood, unknowns
@@ -83,7 +85,7 @@ def joined(record: Record, belief: Belief, likelihood: Likelihood, unknowns: Unk
 
 
 def common_error(
-    record: Record, belief: Belief, plant: Plant, data: tuple[Sequence[RunData], StaticLikelihood | None]
+    record: Record, belief: ModelHypothesis, plant: KernelPlant, data: tuple[Sequence[RunData], StaticLikelihood | None]
 ) -> TableError | None:
     """The table's error over all that runs and map visit."""
     (runs, static), tolerance = data, record.tolerance.table

@@ -31,17 +31,17 @@ from msl_fem.plant.coefficients import kernel_coefficients
 from msl_fem.plant.effects import neutral_vector
 from msl_fem.plant.extended import small_signal_inductance
 from msl_fem.prediction import (
-    Belief,
-    Plant,
+    KernelPlant,
+    ModelHypothesis,
     ProcessNoise,
     RunData,
     Start,
-    believed_plant,
     closed_run,
-    filtered,
     free_parameters,
+    kalman_filter,
+    kernel_plant,
     measured_start,
-    tuned,
+    tuned_process_noise,
 )
 from msl_fem.prediction.believed import with_factors
 from msl_fem.prediction.free_run import moved_start, start_sigmas
@@ -99,7 +99,7 @@ class LoopLikelihood(JointLikelihood):
         return {name: float(np.sqrt(np.mean(values))) for name, values in power.items()}
 
 
-def plant_at(problem: Problem, unknowns: Unknowns, z: Array, effects: Array) -> Plant:
+def plant_at(problem: Problem, unknowns: Unknowns, z: Array, effects: Array) -> KernelPlant:
     """The plant at a point of the unknowns, with the steps of the believed one."""
     base, f = problem.plant, unknowns.factors(z)
     p = with_factors(base.parameters, f)
@@ -110,10 +110,12 @@ def plant_at(problem: Problem, unknowns: Unknowns, z: Array, effects: Array) -> 
     e = kernel_coefficients(
         p, effects, inductance=small_signal_inductance(p, surface), step=base.step, n_step=base.substeps
     )
-    return Plant(surface, p, e, effects, base.gain * f.get("position_gain", 1.0), base.rate, base.substeps)
+    return KernelPlant(surface, p, e, effects, base.gain * f.get("position_gain", 1.0), base.rate, base.substeps)
 
 
-def missed_by(way: Way, plant: Plant, data: RunData, *, start: Start | None, noise: ProcessNoise) -> dict[str, Array]:
+def missed_by(
+    way: Way, plant: KernelPlant, data: RunData, *, start: Start | None, noise: ProcessNoise
+) -> dict[str, Array]:
     """Channel to (n_sample,) measured less predicted; nan where the model left its table or range.
 
     Innovations are scaled such that they have the noise's sigma where the predictor's variance is right.
@@ -121,7 +123,7 @@ def missed_by(way: Way, plant: Plant, data: RunData, *, start: Start | None, noi
     if way == "closed-loop":
         found = closed_run(plant, data, start or measured_start(plant, data)).readings
         return {name: data.measured[name] - found[name] for name in data.measured}
-    followed = filtered(plant, data, noise)
+    followed = kalman_filter(plant, data, noise)
     made = {name: followed.whitened[name] * data.noise[name].sigma for name in data.measured}
     for values in made.values():
         values[0] = 0.0
@@ -136,18 +138,18 @@ def loop_candidates(likelihood: Likelihood, found: Fit) -> list[Variant]:
 
 
 def prepared_loops(
-    record: Record, belief: Belief, data: Sequence[RunData], *, way: Way = "one-step"
+    record: Record, belief: ModelHypothesis, data: Sequence[RunData], *, way: Way = "one-step"
 ) -> tuple[LoopLikelihood, Unknowns]:
     """The likelihood of fit runs (and the static map), and what it does not know without any effect."""
     runs = tuple(_without_voltages(run) for run in data)
-    plant = believed_plant(belief, rate=runs[0].rate, ideal_current=runs[0].ideal_current)
+    plant = kernel_plant(belief, rate=runs[0].rate, ideal_current=runs[0].ideal_current)
     guesses: tuple[Start, ...] = ()
     sigmas, noise = (np.zeros(0),) * len(runs), ProcessNoise(0.0, 0.0)
     if way == "closed-loop":
         guesses = tuple(measured_start(plant, run) for run in runs)
         sigmas = tuple(START * start_sigmas(plant, run) for run in runs)
     else:
-        noise = tuned(plant, runs)
+        noise = tuned_process_noise(plant, runs)
     static = None
     if record.static is not None and belief.table is not None:
         static = prepared_map(record, belief.table)[0]
@@ -167,15 +169,17 @@ def _without_voltages(run: RunData) -> RunData:
     return replace(run, measured={n: v for n, v in run.measured.items() if not n.startswith("voltage")})
 
 
-def loops_followed(belief: Belief, runs: Sequence[RunData], way: Way, *, noise: ProcessNoise) -> list[Followed]:
+def loops_followed(
+    belief: ModelHypothesis, runs: Sequence[RunData], way: Way, *, noise: ProcessNoise
+) -> list[Followed]:
     """How well a model follows runs, channel by channel, from their measured starts."""
     found = []
     for run in runs:
         data = _without_voltages(run)
-        plant = believed_plant(belief, rate=data.rate, ideal_current=data.ideal_current)
+        plant = kernel_plant(belief, rate=data.rate, ideal_current=data.ideal_current)
         missed = missed_by(way, plant, data, start=None, noise=noise)
         if way == "one-step":
-            one_step = filtered(plant, data, noise).one_step
+            one_step = kalman_filter(plant, data, noise).one_step
             missed = {name: (data.measured[name] - one_step[name])[1:] for name in data.measured}
         for name, error in missed.items():
             rms = float(np.sqrt(np.mean(error**2))) if np.isfinite(error).all() else float("inf")
@@ -185,12 +189,12 @@ def loops_followed(belief: Belief, runs: Sequence[RunData], way: Way, *, noise: 
     return found
 
 
-def of_loops(record: Record, belief: Belief, data: Sequence[RunData]) -> tuple[LoopLikelihood, Unknowns, Kind]:
+def of_loops(record: Record, belief: ModelHypothesis, data: Sequence[RunData]) -> tuple[LoopLikelihood, Unknowns, Kind]:
     """What the diagnosis of such a record needs."""
     likelihood, unknowns = prepared_loops(record, belief, [run for run in data if run.role == "fit"])
     way: Way = "closed-loop" if all(run.law is not None for run in data) else "one-step"
 
-    def extend(found: Fit) -> Belief:
+    def extend(found: Fit) -> ModelHypothesis:
         return extended_belief(belief, likelihood.problem, found)
 
     notes = []

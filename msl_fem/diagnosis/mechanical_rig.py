@@ -27,10 +27,10 @@ from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant, possible, variants
 from msl_fem.plant import PlantParameters
 from msl_fem.plant.effects import neutral_vector
-from msl_fem.prediction import Belief, RunData, believed_plant, free_parameters
+from msl_fem.prediction import ModelHypothesis, RunData, free_parameters, kernel_plant
 from msl_fem.prediction.believed import with_factors
 from msl_fem.prediction.noise import highest_band_sigma
-from msl_fem.prediction.run_data import POSITION
+from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record import Record, Tolerance
 
 Array = NDArray[np.float64]
@@ -80,11 +80,11 @@ def is_carriage(plant: PlantParameters) -> bool:
 
 
 def prepared_carriage(
-    belief: Belief, runs: Sequence[RunData], tolerance: Tolerance
+    belief: ModelHypothesis, runs: Sequence[RunData], tolerance: Tolerance
 ) -> tuple[InverseLikelihood, Unknowns]:
     """The likelihood of a carriage's runs under a belief, and what it does not know without any effect."""
     low_pass = usual_low_pass(runs)
-    plant = believed_plant(belief, rate=runs[0].rate)
+    plant = kernel_plant(belief, rate=runs[0].rate)
     smooth = tuple(smoothed(run, low_pass) for run in runs)
     kept = [low_pass.kept(len(run.commands)) for run in runs]
     bands = one_band([k.stop - k.start for k in kept], low_pass)
@@ -106,7 +106,7 @@ def smoothed(data: RunData, low_pass: LowPass) -> RunData:
     """A run with position and commands low-passed alike, so that the filter bends no side against the other."""
     commands = np.zeros_like(data.commands)
     commands[:, 0] = low_pass.smooth(data.commands[:, 0])
-    return replace(data, commands=commands, measured={POSITION: low_pass.smooth(data.measured[POSITION])})
+    return replace(data, commands=commands, measured={POSITION_COLUMN: low_pass.smooth(data.measured[POSITION_COLUMN])})
 
 
 def force_sigma(plant: PlantParameters, data: RunData, low_pass: LowPass) -> float:
@@ -116,7 +116,7 @@ def force_sigma(plant: PlantParameters, data: RunData, low_pass: LowPass) -> flo
     """
     omega = 2 * np.pi * np.linspace(0, low_pass.equation, 201)
     passes = (plant.mass * omega**2) ** 2 + (plant.damping * omega) ** 2
-    by_position = data.noise[POSITION].sigma ** 2 * float(passes.mean())
+    by_position = data.noise[POSITION_COLUMN].sigma ** 2 * float(passes.mean())
     return float(np.sqrt(by_position + highest_band_sigma(data.commands[:, 0]) ** 2))
 
 
@@ -124,12 +124,14 @@ def attenuation(data: RunData, low_pass: LowPass) -> dict[str, float]:
     """The share of the position's noise in the power of velocity and acceleration in the equation's band."""
     kept = low_pass.kept(len(data.commands))
     found = {}
-    signal = smoothed(data, low_pass).measured[POSITION]
+    signal = smoothed(data, low_pass).measured[POSITION_COLUMN]
     for order, name in ((1, "velocity"), (2, "acceleration")):
         signal = np.gradient(signal, 1 / data.rate)
         power = float(np.mean(low_pass.both_sides(signal)[kept] ** 2))
         highest = 2 * np.pi * low_pass.equation
-        density = data.noise[POSITION].sigma ** 2 * 2 / data.rate / (2 * np.pi)  # over angular frequency, one-sided
+        density = (
+            data.noise[POSITION_COLUMN].sigma ** 2 * 2 / data.rate / (2 * np.pi)
+        )  # over angular frequency, one-sided
         found[name] = density * highest ** (2 * order + 1) / (2 * order + 1) / power
     return found
 
@@ -148,7 +150,7 @@ def candidates_of_carriage(likelihood: Likelihood, found: Fit) -> list[Variant]:
     return list(dict.fromkeys(replace(v, shapes=tuple(s for s in v.shapes if s.name not in _FALL)) for v in tried))
 
 
-def force_followed(belief: Belief, runs: Sequence[RunData]) -> list[Followed]:
+def force_followed(belief: ModelHypothesis, runs: Sequence[RunData]) -> list[Followed]:
     """A model's inverse dynamics along runs: the force that it misses, both sides low-passed alike.
 
     `samples` are the independent numbers of the equation's band.
@@ -156,7 +158,7 @@ def force_followed(belief: Belief, runs: Sequence[RunData]) -> list[Followed]:
     low_pass = usual_low_pass([run for run in runs if run.role == "fit"])
     found = []
     for data in runs:
-        plant = believed_plant(belief, rate=data.rate)
+        plant = kernel_plant(belief, rate=data.rate)
         kept = low_pass.kept(len(data.commands))
         smooth = smoothed(data, low_pass)
         missing = missing_force(plant.parameters, smooth, plant.readings, gain=plant.gain, low_pass=low_pass)
@@ -174,7 +176,9 @@ FINISHED = 0.5
 the noise of its instruments, and an effect that takes less than half of the rest mimics what no catalogue holds."""
 
 
-def carriage(record: Record, belief: Belief, data: Sequence[RunData]) -> tuple[InverseLikelihood, Unknowns, Kind]:
+def carriage(
+    record: Record, belief: ModelHypothesis, data: Sequence[RunData]
+) -> tuple[InverseLikelihood, Unknowns, Kind]:
     """What the diagnosis of a carriage's record needs.
 
     Raises
@@ -184,7 +188,7 @@ def carriage(record: Record, belief: Belief, data: Sequence[RunData]) -> tuple[I
     fitted = [run for run in data if run.role == "fit"]
     likelihood, unknowns = prepared_carriage(belief, fitted, record.tolerance)
 
-    def extend(found: Fit) -> Belief:
+    def extend(found: Fit) -> ModelHypothesis:
         return extended_belief(belief, likelihood.problem, found)
 
     share = max(attenuation(fitted[0], likelihood.low_pass).values())

@@ -26,9 +26,9 @@ from msl_fem.plant.effects import find_parameter
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.plant.inputs import DRIVE_UNIT
-from msl_fem.prediction import Belief, Plant, RunData, Start
+from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, Start
 from msl_fem.prediction.free_run import start_sigmas
-from msl_fem.prediction.run_data import POSITION
+from msl_fem.prediction.run_data import POSITION_COLUMN
 
 Array = NDArray[np.float64]
 TOLD_APART = 5.0
@@ -46,7 +46,7 @@ class Question:
     """What is known when the next experiment is asked for: the rig as believed, its channels with their noise, what is
     uncertain within tolerances, and how it was excited."""
 
-    belief: Belief
+    belief: ModelHypothesis
     problem: Problem
     believed: tuple[tuple[str, float], ...]
 
@@ -258,7 +258,7 @@ def planned(question: Question, excitation: Excitation, *, locked: bool = False)
     commands = np.zeros((simulation.time.size, 2))
     commands[:, : simulation.command.shape[1]] = simulation.command
     plant = question.problem.plant
-    names = [name for name in question.run.measured if not (locked and name == POSITION)]
+    names = [name for name in question.run.measured if not (locked and name == POSITION_COLUMN)]
     if locked:
         plant = _locked(plant)
     nothing = np.zeros(len(commands))
@@ -275,10 +275,10 @@ def planned(question: Question, excitation: Excitation, *, locked: bool = False)
     return plan, at_planned_length(borne)
 
 
-def _locked(plant: Plant) -> Plant:
+def _locked(plant: KernelPlant) -> KernelPlant:
     """The plant with a mover so heavy that it stays where it is."""
     from_believed = plant.parameters
-    return Plant(
+    return KernelPlant(
         plant.surface, from_believed._replace(mass=HEAVY * from_believed.mass), plant.effects, plant.readings,
         plant.gain, plant.rate, plant.substeps,
     )  # fmt: skip

@@ -11,12 +11,12 @@ from msl_fem.diagnosis.rests import of_rests, rests
 from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.diagnosis.static_maps import of_map, why_no_map
 from msl_fem.plant import plant_parameters
-from msl_fem.prediction import Belief, RunData
+from msl_fem.prediction import ModelHypothesis, RunData
 from msl_fem.record import Record
 
 
 def other_diagnosis(
-    record: Record, belief: Belief, data: Sequence[RunData], *, rule: Rule, tell: Tell
+    record: Record, belief: ModelHypothesis, data: Sequence[RunData], *, rule: Rule, tell: Tell
 ) -> Diagnosis | None:
     """The diagnosis of a record that free runs do not serve; None where they do.
 

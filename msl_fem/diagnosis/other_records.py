@@ -27,7 +27,7 @@ from msl_fem.diagnosis.result import Accuracy, Cause, Diagnosis, Unexplained
 from msl_fem.diagnosis.search import ROUGH, Stage, stage, statistics_of
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant
-from msl_fem.prediction import Belief
+from msl_fem.prediction import ModelHypothesis
 
 Tell = Callable[[str], None]
 
@@ -51,10 +51,10 @@ class Kind:
     """
 
     prediction: str
-    belief: Belief
+    belief: ModelHypothesis
     candidates: Callable[[Likelihood, Fit], list[Variant]]
     follow: Callable[[Fit | None], list[Followed]]
-    extend: Callable[[Fit], Belief]
+    extend: Callable[[Fit], ModelHypothesis]
     finished: float = FINISHED
     experiments: Mapping[str, str] | None = None
     notes: tuple[str, ...] = ()

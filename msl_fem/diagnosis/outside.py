@@ -22,7 +22,7 @@ from scipy.signal import lfilter
 from msl_fem.diagnosis.fit import Fit, Likelihood
 from msl_fem.plant import kernel
 from msl_fem.plant.plant import FORCE_DRIVE
-from msl_fem.prediction import Belief, Plant, RunData, Start, believed_plant, measured_start
+from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, Start, kernel_plant, measured_start
 from msl_fem.prediction.free_run import kernel_state, readings_of
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ class Dependence:
 
 
 def dependences(
-    likelihood: Likelihood, found: Fit, belief: Belief, *, few: bool = False, threads: int = 1
+    likelihood: Likelihood, found: Fit, belief: ModelHypothesis, *, few: bool = False, threads: int = 1
 ) -> list[Dependence]:
     """Every (equation, variable), the most probable first.
 
@@ -75,7 +75,7 @@ def dependences(
     """
     run = 0
     data = likelihood.problem.runs[run]
-    plant = believed_plant(belief, rate=data.rate, ideal_current=data.ideal_current)
+    plant = kernel_plant(belief, rate=data.rate, ideal_current=data.ideal_current)
     start = measured_start(plant, data)
     out = _simulated(plant, data, start)
     if not np.isfinite(out).all():
@@ -97,7 +97,7 @@ def named(ranked: Sequence[Dependence]) -> tuple[str, tuple[str, ...]]:
 
 
 def _simulated(
-    plant: Plant, data: RunData, start: Start, push: Array | None = None, more: Array | None = None
+    plant: KernelPlant, data: RunData, start: Start, push: Array | None = None, more: Array | None = None
 ) -> Array:
     n = len(data.commands)
     out = np.full((n, kernel.N_OUT), np.nan)
@@ -125,7 +125,7 @@ class _Scene:
     """A fitted run, its trajectory, and what is unknown around it."""
 
     def __init__(
-        self, likelihood: Likelihood, found: Fit, plant: Plant, data: RunData, start: Start, out: Array
+        self, likelihood: Likelihood, found: Fit, plant: KernelPlant, data: RunData, start: Start, out: Array
     ) -> None:
         self.likelihood, self.plant, self.data, self.start, self.out = likelihood, plant, data, start, out
         self.channels = likelihood.problem.channels(0)
@@ -197,7 +197,7 @@ class _Scene:
         return self.likelihood.transformed(found)[0]
 
 
-def _variables(plant: Plant, data: RunData, out: Array) -> dict[str, Array]:
+def _variables(plant: KernelPlant, data: RunData, out: Array) -> dict[str, Array]:
     """Variables (n_sample,), or (n_sample, 2) where each side has its own."""
     x, v = out[:, kernel.OUT_X], out[:, kernel.OUT_V]
     found = {"position": x, "velocity": v, "acceleration": np.gradient(v) * data.rate, "time": data.time}

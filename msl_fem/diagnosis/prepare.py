@@ -11,16 +11,16 @@ from msl_fem.diagnosis.simulator import Problem
 from msl_fem.diagnosis.table_error import Visited, table_error
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.prediction import (
-    Belief,
-    Plant,
+    KernelPlant,
+    ModelHypothesis,
     RunData,
-    believed_plant,
     free_parameters,
     free_run,
+    kernel_plant,
     measured_start,
 )
 from msl_fem.prediction.free_run import counted, start_sigmas
-from msl_fem.prediction.run_data import POSITION
+from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record import Tolerance
 
 Array = NDArray[np.float64]
@@ -30,10 +30,10 @@ WINDOWED = 1.3  # a margin above the highest line that is heard
 
 
 def prepared(
-    belief: Belief, runs: Sequence[RunData], tolerance: Tolerance, *, threads: int = 1
+    belief: ModelHypothesis, runs: Sequence[RunData], tolerance: Tolerance, *, threads: int = 1
 ) -> tuple[Likelihood, Unknowns]:
     """The likelihood of runs under a belief, and what it does not know without any effect."""
-    plant = believed_plant(belief, rate=runs[0].rate, ideal_current=runs[0].ideal_current)
+    plant = kernel_plant(belief, rate=runs[0].rate, ideal_current=runs[0].ideal_current)
     guesses = tuple(measured_start(plant, run) for run in runs)
     sigmas = tuple(START * start_sigmas(plant, run) for run in runs)  # the guess is the belief's, which may be off
     error = None
@@ -49,10 +49,10 @@ def prepared(
     return Likelihood(problem, bands, plant.substeps), Unknowns(believed, n_table, tuple(s.size for s in sigmas))
 
 
-def visited(plant: Plant, runs: Sequence[RunData]) -> Visited:
+def visited(plant: KernelPlant, runs: Sequence[RunData]) -> Visited:
     """Currents of a magnet and gaps that the readings of runs say, or where there are none, the commands."""
     p = plant.parameters
-    positions = np.concatenate([run.measured[POSITION] for run in runs]) / plant.gain
+    positions = np.concatenate([run.measured[POSITION_COLUMN] for run in runs]) / plant.gain
     gaps = [p.nominal_gap + s * positions for s in ((-1.0, 1.0) if p.sides == 2 else (-1.0,))]
     currents = [
         np.abs(run.measured.get(f"current_{j + 1}_A", run.commands[:, j])) * p.current_share

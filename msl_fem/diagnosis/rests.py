@@ -16,8 +16,8 @@ from msl_fem.diagnosis.static_maps import StaticLikelihood, candidates_of_map, o
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
 from msl_fem.plant import plant_parameters
-from msl_fem.prediction import Belief, noise_floor
-from msl_fem.prediction.run_data import POSITION
+from msl_fem.prediction import ModelHypothesis, noise_floor
+from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record import Record, Run, StaticMap
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ def rests(record: Record) -> Rests:
     rows = []
     for run in record.runs:
         for late in _still(record, run):
-            x, current = float(run[POSITION][late].mean()), float(run["current_1_A"][late].mean())
+            x, current = float(run[POSITION_COLUMN][late].mean()), float(run["current_1_A"][late].mean())
             pull = (p.stiffness * x - p.constant_force) / p.magnets
             rows.append((p.nominal_gap - x, p.current_share * current, pull))
     roles = [run.role for run in record.runs for _ in _still(record, run)]
@@ -59,8 +59,8 @@ def _still(record: Record, run: Run) -> list[slice]:
     """The second halves of the windows in which a run rests."""
     if "current_1_A" not in run:
         return []
-    n, x = round(WINDOW / run.sampling_period), run[POSITION]
-    limit, found = STILL * noise_floor(record, POSITION).sigma, []
+    n, x = round(WINDOW / run.sampling_period), run[POSITION_COLUMN]
+    limit, found = STILL * noise_floor(record, POSITION_COLUMN).sigma, []
     for start in range(0, x.size - n + 1, n):
         late = slice(start + n // 2, start + n)
         wanted = run["reference_m"][start : start + n] if "reference_m" in run else np.zeros(1)
@@ -94,7 +94,7 @@ def _force_noise(record: Record, found: Rests) -> float:
     """N: the noise of the means of current and position, a force that grows as i^2/g^2 assumed."""
     share = WINDOW / 2 * (record.sampling.rate if record.sampling else 1.0)
     current = noise_floor(record, "current_1_A").sigma / np.abs(found.current).mean()
-    gap = noise_floor(record, POSITION).sigma / found.gap.mean()
+    gap = noise_floor(record, POSITION_COLUMN).sigma / found.gap.mean()
     return float(2 * np.abs(found.force).mean() * np.hypot(current, gap) / np.sqrt(share))
 
 
@@ -104,7 +104,7 @@ def candidates_at_rest(likelihood: Likelihood, found: Fit) -> list[Variant]:
     return [*candidates_of_map(likelihood, found), *([] if "force_offset" in have else [OFFSET])]
 
 
-def of_rests(record: Record, belief: Belief, found: Rests) -> tuple[StaticLikelihood, Unknowns, Kind]:
+def of_rests(record: Record, belief: ModelHypothesis, found: Rests) -> tuple[StaticLikelihood, Unknowns, Kind]:
     """What the diagnosis of the rests beside the static map needs."""
     likelihood, unknowns, kind = of_map(with_rests(record, found), belief)
     notes = (f"judged by the force at {found.gap.size} rests beside the flux linkage of the static map", *kind.notes)

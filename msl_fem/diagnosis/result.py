@@ -7,7 +7,7 @@ from typing import Any, Literal
 from msl_fem.diagnosis.evidence import Evidence
 from msl_fem.diagnosis.extension import Estimate, unit_of
 from msl_fem.diagnosis.held_out import Followed
-from msl_fem.prediction import Belief
+from msl_fem.prediction import ModelHypothesis
 
 Verdict = Literal["nothing-found", "named", "unexplained", "named-and-unexplained", "undecidable"]
 
@@ -105,8 +105,8 @@ class Diagnosis:
     unexplained: Unexplained = field(default_factory=lambda: Unexplained(0.0))
     accuracy: tuple[Accuracy, ...] = ()
     parameters: Mapping[str, Estimate] = field(default_factory=dict)
-    refitted: Belief | None = None
-    extended: Belief | None = None
+    refitted: ModelHypothesis | None = None
+    extended: ModelHypothesis | None = None
     threshold: float = float("nan")
     false_alarms: tuple[int, int] | None = None
     statistics: tuple[tuple[tuple[str, float], ...], ...] = ()

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from msl_fem.diagnosis.fit import Fit, Likelihood
 from msl_fem.diagnosis.variants import Scene
 from msl_fem.prediction import RunData
-from msl_fem.prediction.run_data import POSITION
+from msl_fem.prediction.run_data import POSITION_COLUMN
 
 Array = NDArray[np.float64]
 MOST_LINES = 3
@@ -24,7 +24,7 @@ def scene(likelihood: Likelihood, found: Fit) -> Scene:
     currents = [run.measured.get("current_1_A", run.commands[:, 0]) for run in problem.runs]
     own = np.sqrt(p.stiffness / p.mass) / (2 * np.pi) if p.stiffness else 0.0
     return Scene(
-        position=_rms([run.measured[POSITION] for run in problem.runs]),
+        position=_rms([run.measured[POSITION_COLUMN] for run in problem.runs]),
         current=_rms(currents) if p.sides else 1.0,
         velocity=_rms([_velocity(run) for run in problem.runs]),
         own_frequency=float(own) or 20.0,
@@ -37,7 +37,7 @@ def _rms(values: Sequence[Array]) -> float:
 
 
 def _velocity(run: RunData) -> Array:
-    smooth = np.convolve(run.measured[POSITION], np.ones(SMOOTH) / SMOOTH, "valid")
+    smooth = np.convolve(run.measured[POSITION_COLUMN], np.ones(SMOOTH) / SMOOTH, "valid")
     return (smooth[SMOOTH:] - smooth[:-SMOOTH]) * run.rate / SMOOTH
 
 

@@ -11,10 +11,10 @@ from msl_fem.errors import InputError
 from msl_fem.plant import Surface
 from msl_fem.plant.inputs import Inputs
 from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
-from msl_fem.prediction import Plant, RunData, Start
+from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.believed import with_factors
 from msl_fem.prediction.free_run import counted
-from msl_fem.prediction.run_data import POSITION
+from msl_fem.prediction.run_data import POSITION_COLUMN
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class Problem:
     threads : for the simulations of many rows
     """
 
-    plant: Plant
+    plant: KernelPlant
     runs: tuple[RunData, ...]
     guesses: tuple[Start, ...]
     start_sigmas: tuple[Array, ...]
@@ -98,7 +98,7 @@ def lanes(problem: Problem, points: Points, run: int, *, inputs: Inputs, substep
 
 def reading(found: LaneRun, channel: str, gains: Array) -> Array:
     """(n_row, n_sample) of a channel by its column's name."""
-    if channel == POSITION:
+    if channel == POSITION_COLUMN:
         return gains[:, None] * found.position
     side = int(channel.split("_")[1]) - 1
     return (found.voltage if channel.startswith("voltage") else found.current)[:, :, side]

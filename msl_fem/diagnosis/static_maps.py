@@ -26,7 +26,7 @@ from msl_fem.plant.effects import POSITION as PLACE
 from msl_fem.plant.effects import EffectValues, from_vector, neutral_vector
 from msl_fem.plant.plant import VOLTAGE_DRIVE
 from msl_fem.plant.static_map import static_map
-from msl_fem.prediction import Belief, Plant
+from msl_fem.prediction import KernelPlant, ModelHypothesis
 from msl_fem.record import Record, StaticMap
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -186,7 +186,7 @@ def _roughness(static: StaticMap, values: Array) -> float:
     return float(max(np.median(np.abs(third)) / 0.6745, LEAST_NOISE * np.abs(values).max()))
 
 
-def static_plant(actuator: Actuator, table: MagneticTable, gap: Array) -> Plant:
+def static_plant(actuator: Actuator, table: MagneticTable, gap: Array) -> KernelPlant:
     """The plant whose magnet is measured; without [motion] or [drive] the middle of the gaps is the nominal one."""
     if actuator.motion is not None and actuator.drive is not None:
         p = plant_parameters(actuator)
@@ -197,7 +197,7 @@ def static_plant(actuator: Actuator, table: MagneticTable, gap: Array) -> Plant:
             travel=np.inf, sides=1, magnets=1, current_share=1.0, resistance=1.0, drive=VOLTAGE_DRIVE, bandwidth=np.inf,
             voltage_limit=np.inf, current_limit=np.inf, sensor_bandwidth=np.inf, end_stop=None,
         )  # fmt: skip
-    return Plant(surface_of(table), p._replace(sides=1), None, neutral_vector(), 1.0, 1.0, 1)
+    return KernelPlant(surface_of(table), p._replace(sides=1), None, neutral_vector(), 1.0, 1.0, 1)
 
 
 def prepared_map(record: Record, table: MagneticTable) -> tuple[StaticLikelihood, Unknowns]:
@@ -250,7 +250,7 @@ def map_followed(likelihood: StaticLikelihood, found: Fit | None) -> list[Follow
     return made
 
 
-def map_extension(belief: Belief, likelihood: StaticLikelihood, found: Fit) -> Belief:
+def map_extension(belief: ModelHypothesis, likelihood: StaticLikelihood, found: Fit) -> ModelHypothesis:
     """The belief with what a static map has told; an actuator without motion or drive stays as it is."""
     if belief.actuator.motion is not None and belief.actuator.drive is not None:
         return extended_belief(belief, likelihood.problem, found)
@@ -261,10 +261,10 @@ def map_extension(belief: Belief, likelihood: StaticLikelihood, found: Fit) -> B
         table = corrected(table, error, found.z[found.unknowns.table_rows], scale=scale)
     every = from_vector(found.unknowns.effect_vector(found.z))
     present = {name: every.stated[name] for name in every.present}
-    return Belief(belief.actuator, table, EffectValues(present) if present else None)
+    return ModelHypothesis(belief.actuator, table, EffectValues(present) if present else None)
 
 
-def of_map(record: Record, belief: Belief) -> tuple[StaticLikelihood, Unknowns, Kind]:
+def of_map(record: Record, belief: ModelHypothesis) -> tuple[StaticLikelihood, Unknowns, Kind]:
     """What the diagnosis of the static map of a record needs.
 
     Raises

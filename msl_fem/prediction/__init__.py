@@ -5,37 +5,37 @@ is known, it runs in closed loop. The parameters that are believed within tolera
 maximum a posteriori with those tolerances as their prior.
 """
 
-from msl_fem.prediction.believed import BELIEVED, Belief, Plant, believed_plant, free_parameters
-from msl_fem.prediction.closed_loop import Asked, closed_run
-from msl_fem.prediction.fit import Fitted, RunFit, fit_record
+from msl_fem.prediction.believed import BELIEVED, KernelPlant, ModelHypothesis, free_parameters, kernel_plant
+from msl_fem.prediction.closed_loop import CallableLaw, closed_run
+from msl_fem.prediction.fit import FittedParameter, RecordFit, fit_record
 from msl_fem.prediction.free_run import FreeRun, Start, free_run, measured_start, open_loop_stable
 from msl_fem.prediction.noise import NoiseFloor, noise_floor
-from msl_fem.prediction.prediction import Filtered, ProcessNoise, filtered, k_step, tuned
+from msl_fem.prediction.prediction import KalmanFilterRun, ProcessNoise, k_step, kalman_filter, tuned_process_noise
 from msl_fem.prediction.run_data import RunData, run_data
 
 __all__ = [
     "BELIEVED",
-    "Asked",
-    "Belief",
-    "Filtered",
-    "Fitted",
+    "CallableLaw",
+    "FittedParameter",
     "FreeRun",
+    "KalmanFilterRun",
+    "KernelPlant",
+    "ModelHypothesis",
     "NoiseFloor",
-    "Plant",
     "ProcessNoise",
+    "RecordFit",
     "RunData",
-    "RunFit",
     "Start",
-    "believed_plant",
     "closed_run",
-    "filtered",
     "fit_record",
     "free_parameters",
     "free_run",
     "k_step",
+    "kalman_filter",
+    "kernel_plant",
     "measured_start",
     "noise_floor",
     "open_loop_stable",
     "run_data",
-    "tuned",
+    "tuned_process_noise",
 ]

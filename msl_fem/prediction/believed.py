@@ -27,7 +27,7 @@ UNITS = {"moving_mass": "kg", "stiffness": "N/m", "damping": "N s/m", "coil_resi
 
 
 @dataclass(frozen=True, eq=False)
-class Belief:
+class ModelHypothesis:
     """An actuator with its table and effects, and factors by which believed parameters differ from its files.
 
     Attributes
@@ -44,7 +44,7 @@ class Belief:
 
 
 @dataclass(frozen=True, eq=False)
-class Plant:
+class KernelPlant:
     """What the compiled kernel takes for runs of one sampling rate.
 
     Attributes
@@ -68,7 +68,7 @@ class Plant:
         return 1.0 / (self.rate * self.substeps)
 
 
-def free_parameters(belief: Belief, tolerance: Tolerance) -> dict[str, float]:
+def free_parameters(belief: ModelHypothesis, tolerance: Tolerance) -> dict[str, float]:
     """Parameters that the plant has and that are not known exactly, with one sigma relative."""
     p = plant_parameters(belief.actuator)
     magnetic = {"coil_resistance", "nominal_gap", "magnetic_scale"} if p.sides else set()
@@ -79,7 +79,7 @@ def free_parameters(belief: Belief, tolerance: Tolerance) -> dict[str, float]:
     return {name: sigma for name, sigma in sigmas.items() if sigma > 0}
 
 
-def believed_value(belief: Belief, name: str) -> float:
+def believed_value(belief: ModelHypothesis, name: str) -> float:
     """A parameter of `BELIEVED` in SI units, the belief's factor in it."""
     p = plant_parameters(belief.actuator)
     values = {
@@ -103,9 +103,9 @@ def with_factors(p: PlantParameters, factors: Mapping[str, float]) -> PlantParam
     )
 
 
-def believed_plant(
-    belief: Belief, *, rate: float, factors: Mapping[str, float] | None = None, ideal_current: bool = False
-) -> Plant:
+def kernel_plant(
+    belief: ModelHypothesis, *, rate: float, factors: Mapping[str, float] | None = None, ideal_current: bool = False
+) -> KernelPlant:
     """The plant of a belief whose parameters are further `factors` times the believed ones.
 
     With `ideal_current` the drive of a current-driven plant makes its commands without a lag: for records that hold
@@ -132,4 +132,4 @@ def believed_plant(
     if belief.effects is not None:
         inductance = small_signal_inductance(p, surface)
         e = kernel_coefficients(p, vector, inductance=inductance, step=1.0 / (rate * substeps), n_step=substeps)
-    return Plant(surface, p, e, vector, f["position_gain"], rate, substeps)
+    return KernelPlant(surface, p, e, vector, f["position_gain"], rate, substeps)

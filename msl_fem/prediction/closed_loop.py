@@ -18,15 +18,15 @@ from msl_fem.computing.compiled import compiled
 from msl_fem.plant.plant_in_loop import Array, PlantInLoop, act, instruments_of, plant_at_rest, read
 from msl_fem.plant.simulate import STATUS
 from msl_fem.plant.state import OK
-from msl_fem.prediction.believed import Plant
+from msl_fem.prediction.believed import KernelPlant
 from msl_fem.prediction.free_run import FreeRun, Start, kernel_state
-from msl_fem.prediction.run_data import POSITION, LoopLaw, RunData
+from msl_fem.prediction.run_data import POSITION_COLUMN, LoopLaw, RunData
 
 _READINGS, _VOLTAGES, _N_OUT = slice(0, 3), slice(3, 5), 5
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class CallableLaw:
     """A law that is asked sample by sample.
 
     Attributes
@@ -41,7 +41,7 @@ class Asked:
     delay: int
 
 
-def closed_run(plant: Plant, data: RunData, start: Start, asked: Asked | None = None) -> FreeRun:
+def closed_run(plant: KernelPlant, data: RunData, start: Start, asked: CallableLaw | None = None) -> FreeRun:
     """The run of the simulated loop, to its end or to where the plant leaves table or range.
 
     By `asked`, or by the linear law of the data, which must be there then.
@@ -57,7 +57,7 @@ def closed_run(plant: Plant, data: RunData, start: Start, asked: Asked | None = 
         assert data.read is not None
         status, done = _run(looped, data.law, state, history, data.commands, data.read, out)
     out[done:] = np.nan
-    found = {POSITION: out[:, 0]}
+    found = {POSITION_COLUMN: out[:, 0]}
     for j in range(plant.parameters.sides):
         found[f"current_{j + 1}_A"] = out[:, 1 + j]
         found[f"voltage_{j + 1}_V"] = out[:, _VOLTAGES][:, j]
@@ -67,7 +67,7 @@ def closed_run(plant: Plant, data: RunData, start: Start, asked: Asked | None = 
     return FreeRun(readings, int(done), f"{STATUS[int(status)]} at sample {int(done)}")
 
 
-def _in_loop(plant: Plant) -> PlantInLoop:
+def _in_loop(plant: KernelPlant) -> PlantInLoop:
     it = instruments_of(plant.readings, rate=plant.rate)
     polynomial, hum = it.polynomial.copy(), it.hum.copy()
     polynomial[0] *= plant.gain
@@ -106,7 +106,7 @@ def _run(
 
 
 def _run_asking(
-    plant: PlantInLoop, asked: Asked, state: Array, history: Array, commands: Array, out: Array
+    plant: PlantInLoop, asked: CallableLaw, state: Array, history: Array, commands: Array, out: Array
 ) -> tuple[int, int]:
     """(status, samples done) as `_run`, by a law that is no compiled one."""
     waiting, silence, voltage = np.zeros((asked.delay + 1, 2)), np.zeros(3), np.zeros(2)

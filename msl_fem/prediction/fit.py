@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.map_fit import FitSettings, MapFit, fit_map
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.prediction.believed import Belief, Plant, believed_plant, believed_value, free_parameters
+from msl_fem.prediction.believed import KernelPlant, ModelHypothesis, believed_value, free_parameters, kernel_plant
 from msl_fem.prediction.free_run import (
     counted,
     free_run,
@@ -19,7 +19,7 @@ from msl_fem.prediction.free_run import (
     start_sigmas,
     weighted,
 )
-from msl_fem.prediction.prediction import filtered, tuned
+from msl_fem.prediction.prediction import kalman_filter, tuned_process_noise
 from msl_fem.prediction.run_data import RunData
 from msl_fem.record import Tolerance
 
@@ -32,7 +32,7 @@ FAR = 3.0  # tolerances: a fitted parameter further off is named
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedParameter:
     """A believed parameter after the fit, SI units; `tolerances` is how many of them it moved."""
 
     believed: float
@@ -43,7 +43,7 @@ class Fitted:
 
 
 @dataclass(frozen=True, eq=False)
-class RunFit:
+class RecordFit:
     """The outcome of a fit.
 
     Attributes
@@ -54,19 +54,19 @@ class RunFit:
     excess : channel to RMS residual over noise at the end; above 1 the noise was taken as larger by it
     """
 
-    belief: Belief
-    parameters: Mapping[str, Fitted]
+    belief: ModelHypothesis
+    parameters: Mapping[str, FittedParameter]
     by: Literal["free run", "one-step predictions"]
     excess: Mapping[str, float]
     fit: MapFit
 
     @property
-    def far(self) -> dict[str, Fitted]:
+    def far(self) -> dict[str, FittedParameter]:
         """The parameters that left their tolerances far behind."""
         return {name: found for name, found in self.parameters.items() if abs(found.tolerances) > FAR}
 
 
-def fit_record(belief: Belief, runs: Sequence[RunData], tolerance: Tolerance) -> RunFit:
+def fit_record(belief: ModelHypothesis, runs: Sequence[RunData], tolerance: Tolerance) -> RecordFit:
     """The most probable parameters of a belief given runs, by free runs where all of them can run free.
 
     Prior: the logarithm of a parameter over its believed value is normal with the tolerance as its sigma. The starts
@@ -93,7 +93,7 @@ def fit_record(belief: Belief, runs: Sequence[RunData], tolerance: Tolerance) ->
 class _FreeRuns:
     """Residuals of free runs; z holds parameters, then the starts of the runs."""
 
-    def __init__(self, belief: Belief, runs: Sequence[RunData], sigmas: Mapping[str, float]) -> None:
+    def __init__(self, belief: ModelHypothesis, runs: Sequence[RunData], sigmas: Mapping[str, float]) -> None:
         self.belief, self.runs, self.sigmas = belief, runs, sigmas
         plants = [_plant(belief, run, sigmas, np.zeros(len(sigmas))) for run in runs]
         self.guesses = [measured_start(plant, run) for plant, run in zip(plants, runs, strict=True)]
@@ -121,15 +121,15 @@ class _FreeRuns:
 class _Innovations:
     """Errors of one-step predictions, with the process noise that suits the belief; z holds parameters."""
 
-    def __init__(self, belief: Belief, runs: Sequence[RunData], sigmas: Mapping[str, float]) -> None:
+    def __init__(self, belief: ModelHypothesis, runs: Sequence[RunData], sigmas: Mapping[str, float]) -> None:
         self.belief, self.runs, self.sigmas = belief, runs, sigmas
-        self.noise = tuned(_plant(belief, runs[0], sigmas, np.zeros(len(sigmas))), runs)
+        self.noise = tuned_process_noise(_plant(belief, runs[0], sigmas, np.zeros(len(sigmas))), runs)
         self.nuisances = 0
 
     def __call__(self, z: Array, scale: Mapping[str, float]) -> Array:
         parts = []
         for run in self.runs:
-            found = filtered(_plant(self.belief, run, self.sigmas, z), run, self.noise)
+            found = kalman_filter(_plant(self.belief, run, self.sigmas, z), run, self.noise)
             for name in found.whitened:
                 error = run.measured[name] - found.one_step[name]
                 error[0] = 0.0
@@ -141,9 +141,9 @@ class _Innovations:
 
 
 def _fit(
-    belief: Belief, runs: Sequence[RunData], sigmas: Mapping[str, float], residuals: _FreeRuns | _Innovations,
+    belief: ModelHypothesis, runs: Sequence[RunData], sigmas: Mapping[str, float], residuals: _FreeRuns | _Innovations,
     *, by: Literal["free run", "one-step predictions"],
-) -> RunFit:  # fmt: skip
+) -> RecordFit:  # fmt: skip
     scale: dict[str, float] = {}
     z = np.zeros(len(sigmas) + residuals.nuisances)
     for _ in range(ROUNDS):
@@ -165,22 +165,22 @@ def _fit(
 
 
 def _outcome(
-    belief: Belief, sigmas: Mapping[str, float], found: MapFit,
+    belief: ModelHypothesis, sigmas: Mapping[str, float], found: MapFit,
     *, by: Literal["free run", "one-step predictions"], excess: Mapping[str, float],
-) -> RunFit:  # fmt: skip
+) -> RecordFit:  # fmt: skip
     error = np.sqrt(np.diag(found.covariance))
     parameters, factors = {}, dict(belief.factors)
     for n, (name, sigma) in enumerate(sigmas.items()):
         believed, z = believed_value(belief, name), float(found.parameters[n])
         low, value, high = (believed * np.exp(sigma * (z + k * 1.96 * error[n])) for k in (-1, 0, 1))
-        parameters[name] = Fitted(believed, float(value), float(low), float(high), z)
+        parameters[name] = FittedParameter(believed, float(value), float(low), float(high), z)
         factors[name] = belief.factors.get(name, 1.0) * float(np.exp(sigma * z))
-    return RunFit(replace(belief, factors=factors), parameters, by, excess, found)
+    return RecordFit(replace(belief, factors=factors), parameters, by, excess, found)
 
 
-def _plant(belief: Belief, run: RunData, sigmas: Mapping[str, float], z: Array) -> Plant:
+def _plant(belief: ModelHypothesis, run: RunData, sigmas: Mapping[str, float], z: Array) -> KernelPlant:
     factors = {name: float(np.exp(sigma * z[n])) for n, (name, sigma) in enumerate(sigmas.items())}
-    return believed_plant(belief, rate=run.rate, factors=factors, ideal_current=run.ideal_current)
+    return kernel_plant(belief, rate=run.rate, factors=factors, ideal_current=run.ideal_current)
 
 
 def _slices(runs: Sequence[RunData], *, without_voltages: bool = False) -> list[tuple[str, slice]]:

@@ -15,8 +15,8 @@ from msl_fem.plant.readings import Channels, currents_before_noise, position_bef
 from msl_fem.plant.simulate import STATUS
 from msl_fem.plant.starting import start_effects
 from msl_fem.plant.state import OK, initial_state
-from msl_fem.prediction.believed import Belief, Plant
-from msl_fem.prediction.run_data import POSITION, RunData
+from msl_fem.prediction.believed import KernelPlant, ModelHypothesis
+from msl_fem.prediction.run_data import POSITION_COLUMN, RunData
 
 Array = NDArray[np.float64]
 GROWTH = 20.0  # of an error in one stretch of a run, beyond which a free run says nothing
@@ -43,7 +43,7 @@ class FreeRun:
     reason: str = ""
 
 
-def open_loop_stable(belief: Belief, data: RunData) -> bool:
+def open_loop_stable(belief: ModelHypothesis, data: RunData) -> bool:
     """Whether the plant returns from a small push at the run's mean position and RMS currents, and nowhere along the
     run grows an error by more than `GROWTH`.
 
@@ -51,20 +51,22 @@ def open_loop_stable(belief: Belief, data: RunData) -> bool:
     """
     p = believed_currents(belief, data)
     try:
-        at = linearise(belief.actuator, belief.table, currents=p, position=float(np.mean(data.measured[POSITION])))
+        at = linearise(
+            belief.actuator, belief.table, currents=p, position=float(np.mean(data.measured[POSITION_COLUMN]))
+        )
     except OutOfTable:
         return False
     return at.stiffness > 0 and at.is_stable and error_growth(belief, data) <= GROWTH
 
 
-def error_growth(belief: Belief, data: RunData) -> float:
+def error_growth(belief: ModelHypothesis, data: RunData) -> float:
     """The largest factor by which a small error of the position grows in one stretch of a run, by the stiffness K that
     the belief has at the measured positions and currents: exp of the integral of sqrt(-K/m) - c/(2 m) where K < 0."""
     p, table = plant_parameters(belief.actuator), belief.table
     if table is None or not p.sides:
         return 1.0
     every = max(1, len(data.commands) // LOOKED_AT)
-    x = data.measured[POSITION][::every]
+    x = data.measured[POSITION_COLUMN][::every]
     stiffness = np.full(x.shape, p.stiffness)
     for j in range(p.sides):
         current = np.abs(data.measured.get(f"current_{j + 1}_A", data.commands[:, j])[::every]) * p.current_share
@@ -79,7 +81,7 @@ def error_growth(belief: Belief, data: RunData) -> float:
     return float(np.exp(min(largest, 700.0)))
 
 
-def believed_currents(belief: Belief, data: RunData) -> tuple[float, float]:
+def believed_currents(belief: ModelHypothesis, data: RunData) -> tuple[float, float]:
     """RMS currents of the sides over a run: as measured, else as commanded."""
     sides = belief.actuator.sides.count if belief.actuator.sides and belief.actuator.magnet else 0
     found = [0.0, 0.0]
@@ -89,7 +91,7 @@ def believed_currents(belief: Belief, data: RunData) -> tuple[float, float]:
     return found[0], found[1]
 
 
-def free_run(plant: Plant, data: RunData, start: Start) -> FreeRun:
+def free_run(plant: KernelPlant, data: RunData, start: Start) -> FreeRun:
     """The run from a start to its end, or to where the plant leaves table or range."""
     n = len(data.commands)
     out = np.full((n, kernel.N_OUT), np.nan)
@@ -104,7 +106,7 @@ def free_run(plant: Plant, data: RunData, start: Start) -> FreeRun:
     return FreeRun(readings, int(done), f"{STATUS[int(status)]} at sample {int(done)}")
 
 
-def kernel_state(plant: Plant, start: Start) -> Array:
+def kernel_state(plant: KernelPlant, start: Start) -> Array:
     """The kernel's state (N_STATE,) at a start."""
     state = initial_state(plant.parameters, *start.currents, start.position, start.velocity)
     if plant.effects is not None:
@@ -112,10 +114,10 @@ def kernel_state(plant: Plant, start: Start) -> Array:
     return state
 
 
-def first_guess(plant: Plant, data: RunData) -> Start:
+def guessed_start(plant: KernelPlant, data: RunData) -> Start:
     """Position and velocity of the straight line through the first samples, currents as read or commanded."""
     time = np.arange(FIRST_LOOK) / data.rate
-    slope, position = np.polyfit(time, data.measured[POSITION][:FIRST_LOOK] / plant.gain, 1)
+    slope, position = np.polyfit(time, data.measured[POSITION_COLUMN][:FIRST_LOOK] / plant.gain, 1)
     currents = [0.0, 0.0]
     if plant.parameters.drive != FORCE_DRIVE:
         for j in range(plant.parameters.sides):
@@ -124,9 +126,9 @@ def first_guess(plant: Plant, data: RunData) -> Start:
     return Start((currents[0], currents[1]), float(position), float(slope))
 
 
-def start_sigmas(plant: Plant, data: RunData) -> Array:
+def start_sigmas(plant: KernelPlant, data: RunData) -> Array:
     """One sigma of the first guess: position, velocity, and the currents that cannot jump."""
-    position = data.noise[POSITION].sigma
+    position = data.noise[POSITION_COLUMN].sigma
     lagging = [
         data.noise[f"current_{j + 1}_A"].sigma
         for j in range(plant.parameters.sides)
@@ -142,12 +144,12 @@ def moved_start(guess: Start, by: Array) -> Start:
     return Start((float(currents[0]), float(currents[1])), guess.position + float(by[0]), guess.velocity + float(by[1]))
 
 
-def measured_start(plant: Plant, data: RunData) -> Start:
+def measured_start(plant: KernelPlant, data: RunData) -> Start:
     """Where a run begins, most probably: the model's own run through its first samples, from a guess by the readings.
 
     A start taken from single readings would carry their noise into a lightly damped mode.
     """
-    guess = first_guess(plant, data)
+    guess = guessed_start(plant, data)
     head = data.first(max(START_SAMPLES, int(START_SECONDS * data.rate)))
     sigmas = start_sigmas(plant, data)
 
@@ -183,10 +185,10 @@ def counted(data: RunData) -> list[str]:
     return [name for name in data.measured if not name.startswith("voltage") or data.noise[name].stated]
 
 
-def readings_of(plant: Plant, data: RunData, out: Array) -> dict[str, Array]:
+def readings_of(plant: KernelPlant, data: RunData, out: Array) -> dict[str, Array]:
     """What a run's instruments read, before noise, of the kernel's rows (n_sample, N_OUT): channel to (n_sample,)."""
     channels = Channels.of(out, plant.parameters.sides)
-    found = {POSITION: plant.gain * position_before_noise(channels, plant.readings, rate=data.rate)}
+    found = {POSITION_COLUMN: plant.gain * position_before_noise(channels, plant.readings, rate=data.rate)}
     if plant.parameters.sides:
         currents = currents_before_noise(channels, plant.readings, rate=data.rate)
         for j in range(plant.parameters.sides):

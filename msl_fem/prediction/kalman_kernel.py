@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 @compiled
-def read(state, which, delay, y):  # type: ignore[no-untyped-def]
+def state_readings(state, which, delay, y):  # type: ignore[no-untyped-def]
     """The readings y of a state: `which` 0, 1 currents, 2 the position sensor, each `delay` s ago to first order."""
     for m in range(which.size):
         if which[m] == 2:
@@ -48,7 +48,7 @@ def filter_run(surface, p, e, timing, setting, state, commands, measured, predic
     base, moved = np.zeros(n), np.zeros(n)
     mean, spare, trial = np.zeros(2), np.zeros(2), state.copy()
     states[0] = state
-    read(state, which, delay, predicted[0])
+    state_readings(state, which, delay, predicted[0])
     log_likelihood = 0.0
     for k in range(commands.shape[0]):
         if k > 0:
@@ -96,7 +96,7 @@ def filter_run(surface, p, e, timing, setting, state, commands, measured, predic
 def _gather(state, rows, which, delay, out):  # type: ignore[no-untyped-def]
     for i in range(rows.size):
         out[i] = state[rows[i]]
-    read(state, which, delay, out[rows.size :])
+    state_readings(state, which, delay, out[rows.size :])
 
 
 @compiled
@@ -116,7 +116,7 @@ def ahead(surface, p, e, timing, readings, states, commands, horizon, predicted,
             status = advance(surface, p, e, state, commands[k + done], 0.0, step, n_step, mean)
             done += 1
         if status == OK:
-            read(state, which, delay, predicted[k + horizon])
+            state_readings(state, which, delay, predicted[k + horizon])
             voltages[k + horizon - 1] = mean
         else:
             failed += 1

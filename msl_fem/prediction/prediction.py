@@ -11,10 +11,10 @@ from msl_fem.plant.effects import POSITION as PLACE
 from msl_fem.plant.effects.lags import position_delay
 from msl_fem.plant.readings import Channels, currents_before_noise, position_before_noise
 from msl_fem.plant.state import BASE, BASE_RATE, I1, MODE, MODE_RATE, N_STATE, SENSOR, V, X
-from msl_fem.prediction.believed import Plant
-from msl_fem.prediction.free_run import Start, first_guess, kernel_state
+from msl_fem.prediction.believed import KernelPlant
+from msl_fem.prediction.free_run import Start, guessed_start, kernel_state
 from msl_fem.prediction.kalman_kernel import ahead, filter_run
-from msl_fem.prediction.run_data import POSITION, RunData
+from msl_fem.prediction.run_data import POSITION_COLUMN, RunData
 
 Array = NDArray[np.float64]
 DIFFERENCE = {X: 1e-8, V: 1e-6, SENSOR: 1e-8, MODE: 1e-8, MODE_RATE: 1e-6, BASE: 1e-3, BASE_RATE: 1.0}
@@ -37,7 +37,7 @@ class ProcessNoise:
 
 
 @dataclass(frozen=True, eq=False)
-class Filtered:
+class KalmanFilterRun:
     """A run as the predictor followed it.
 
     Attributes
@@ -57,7 +57,9 @@ class Filtered:
     reason: str
 
 
-def filtered(plant: Plant, data: RunData, noise: ProcessNoise, *, start: Start | None = None) -> Filtered:
+def kalman_filter(
+    plant: KernelPlant, data: RunData, noise: ProcessNoise, *, start: Start | None = None
+) -> KalmanFilterRun:
     """The predictor along a run, from a start or from the first readings."""
     names = _read_channels(data)
     n = len(data.commands)
@@ -66,14 +68,14 @@ def filtered(plant: Plant, data: RunData, noise: ProcessNoise, *, start: Start |
     states, voltages = np.full((n, N_STATE), np.nan), np.full((n, 2), np.nan)
     done, log_likelihood = filter_run(
         plant.surface, plant.parameters, plant.effects, (plant.step, plant.substeps),
-        _setting(plant, data, names, noise), kernel_state(plant, start or first_guess(plant, data)), data.commands,
+        _setting(plant, data, names, noise), kernel_state(plant, start or guessed_start(plant, data)), data.commands,
         sensed, predicted, states, whitened, voltages,
     )  # fmt: skip
     predicted[0] = np.nan
     one_step = {name: _as_read(plant, data, name, predicted[:, m]) for m, name in enumerate(names)}
     one_step |= {name: voltages[:, int(name[8]) - 1] for name in data.measured if name.startswith("voltage")}
     ended = None if done == n else int(done)
-    return Filtered(
+    return KalmanFilterRun(
         one_step,
         states[:done],
         {name: whitened[:, m] for m, name in enumerate(names)},
@@ -83,7 +85,7 @@ def filtered(plant: Plant, data: RunData, noise: ProcessNoise, *, start: Start |
     )
 
 
-def k_step(plant: Plant, data: RunData, found: Filtered, horizon: int) -> dict[str, Array]:
+def k_step(plant: KernelPlant, data: RunData, found: KalmanFilterRun, horizon: int) -> dict[str, Array]:
     """Channel to (n_sample,) predicted `horizon` samples ahead of the states a predictor knew; nan before, and where
     the plant would have left table or range."""
     names = _read_channels(data)
@@ -98,18 +100,18 @@ def k_step(plant: Plant, data: RunData, found: Filtered, horizon: int) -> dict[s
     return made | {name: voltages[:, int(name[8]) - 1] for name in data.measured if name.startswith("voltage")}
 
 
-def tuned(plant: Plant, runs: Sequence[RunData]) -> ProcessNoise:
+def tuned_process_noise(plant: KernelPlant, runs: Sequence[RunData]) -> ProcessNoise:
     """The process noise of the largest predictive likelihood on the heads of runs, on a grid of powers of ten, then of
     its square root."""
     heads = [run.first(TUNED_ON) for run in runs]
-    speed = heads[0].noise[POSITION].sigma * heads[0].rate
-    currents = [heads[0].noise[name].sigma for name in _read_channels(heads[0]) if name != POSITION]
+    speed = heads[0].noise[POSITION_COLUMN].sigma * heads[0].rate
+    currents = [heads[0].noise[name].sigma for name in _read_channels(heads[0]) if name != POSITION_COLUMN]
     unit = max(currents, default=0.0)
     best, place = -np.inf, [-3.0, -2.0]
 
     def score(powers: Sequence[float]) -> float:
         noise = ProcessNoise(speed * 10 ** powers[0], unit * 10 ** powers[1])
-        return sum(filtered(plant, head, noise).log_likelihood for head in heads)
+        return sum(kalman_filter(plant, head, noise).log_likelihood for head in heads)
 
     for axis, tried in ((0, SPEEDS), (1, CURRENTS), (0, None), (1, None)):
         if axis == 1 and not unit:
@@ -127,9 +129,9 @@ def _read_channels(data: RunData) -> list[str]:
     return [name for name in data.measured if not name.startswith("voltage")]
 
 
-def _setting(plant: Plant, data: RunData, names: list[str], noise: ProcessNoise) -> tuple[Array, ...]:
+def _setting(plant: KernelPlant, data: RunData, names: list[str], noise: ProcessNoise) -> tuple[Array, ...]:
     """What `filter_run` takes: readings, their delays, rows of the state, differences, variances."""
-    which = np.array([2 if name == POSITION else int(name[8]) - 1 for name in names])
+    which = np.array([2 if name == POSITION_COLUMN else int(name[8]) - 1 for name in names])
     values = {key: float(plant.readings[n]) for key, n in PLACE.items()}
     delay = np.where(which == 2, position_delay(values), values["time_delay", "current"])
     rows = [I1 + j for j in range(plant.parameters.sides)] + [X, V, SENSOR]
@@ -137,10 +139,10 @@ def _setting(plant: Plant, data: RunData, names: list[str], noise: ProcessNoise)
         rows += [MODE, MODE_RATE] if plant.effects[MODE_MASS] else []
         rows += [BASE, BASE_RATE] if plant.effects[COMPLIANCE] else []
     sizes = np.array([DIFFERENCE.get(row, CURRENT_DIFFERENCE) for row in rows])
-    gains = {name: plant.gain if name == POSITION else 1.0 for name in names}
+    gains = {name: plant.gain if name == POSITION_COLUMN else 1.0 for name in names}
     readings = np.array([(data.noise[name].sigma / gains[name]) ** 2 for name in names])
-    position = data.noise[POSITION].sigma
-    currents = [data.noise[name].sigma for name in names if name != POSITION]
+    position = data.noise[POSITION_COLUMN].sigma
+    currents = [data.noise[name].sigma for name in names if name != POSITION_COLUMN]
     current = max(currents, default=0.0)
     begin = {X: position, SENSOR: position, V: position * data.rate}
     start = np.array([begin.get(row, current if row < X else 0.0) ** 2 for row in rows])
@@ -150,13 +152,13 @@ def _setting(plant: Plant, data: RunData, names: list[str], noise: ProcessNoise)
     return which, delay, np.array(rows), sizes, start, process, readings
 
 
-def _as_read(plant: Plant, data: RunData, name: str, sensed: Array) -> Array:
+def _as_read(plant: KernelPlant, data: RunData, name: str, sensed: Array) -> Array:
     """What an instrument reads, without the delay, of a sensor's or coil's signal (n_sample,)."""
     prompt = plant.readings.copy()
     for late in (("time_delay", "position"), ("time_delay", "current"), ("position_sensor_lag", "delay_share")):
         prompt[PLACE[late]] = 0.0
     nothing, sides = np.zeros((sensed.size, 2)), np.zeros((sensed.size, 2))
-    if name == POSITION:
+    if name == POSITION_COLUMN:
         channels = Channels(sensed, nothing[:, 0], nothing, nothing, nothing)
         return plant.gain * position_before_noise(channels, prompt, rate=data.rate)
     side = int(name[8]) - 1
@@ -165,10 +167,10 @@ def _as_read(plant: Plant, data: RunData, name: str, sensed: Array) -> Array:
     return currents_before_noise(channels, prompt, rate=data.rate)[:, side]
 
 
-def _sensed(plant: Plant, data: RunData, name: str) -> Array:
+def _sensed(plant: KernelPlant, data: RunData, name: str) -> Array:
     """The sensor's or coil's signal that would be read as measured: the reading undone by fixed slope iteration."""
     measured = data.measured[name]
-    slope = plant.gain if name == POSITION else 1.0
+    slope = plant.gain if name == POSITION_COLUMN else 1.0
     signal = measured / slope
     for _ in range(20):
         miss = measured - _as_read(plant, data, name, signal)

@@ -15,7 +15,7 @@ from msl_fem.record import Record, Role, Run
 from msl_fem.record.linear_law import READINGS
 
 Array = NDArray[np.float64]
-POSITION = "position_m"
+POSITION_COLUMN = "position_m"
 
 
 class LoopLaw(NamedTuple):
@@ -89,16 +89,16 @@ def run_data(record: Record, run: Run) -> RunData:
         ideal = not all(name in run for name in inputs)
         if ideal:
             inputs, currents = [f"current_{j}_A" for j in sides], []
-    missing = [name for name in (*inputs, POSITION) if name not in run]
+    missing = [name for name in (*inputs, POSITION_COLUMN) if name not in run]
     if missing:
         raise InputError(
             f"run {run.name} has no column {missing[0]}, which the coupled model of {record.actuator.name} needs for "
             f"its drive; it has {', '.join(run.columns)}"
         )
-    outputs = [*currents, POSITION]
+    outputs = [*currents, POSITION_COLUMN]
     if p.drive == CURRENT_DRIVE:
         outputs += [f"voltage_{j}_V" for j in sides if f"voltage_{j}_V" in run]
-    outputs = [name for name in outputs if name == POSITION or np.ptp(run[name]) > 0]
+    outputs = [name for name in outputs if name == POSITION_COLUMN or np.ptp(run[name]) > 0]
     commands = np.zeros((run.time.size, 2))
     for j, name in enumerate(inputs):
         commands[:, j] = run[name]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.record.record import Noise, StaticMap
-from msl_fem.table.coenergy_fit import SMOOTHING, CoenergyFit, Reluctance, Samples, fit_base, fit_coenergy
+from msl_fem.table.coenergy_fit import SMOOTHING, CoenergyFit, Samples, SaturatingReluctance, fit_base, fit_coenergy
 from msl_fem.table.magnetic_table import NODES, MagneticTable
 
 Array = NDArray[np.float64]
@@ -112,7 +112,7 @@ def table_from_measurements(
 
 
 def _positive_fit(
-    samples: Mapping[str, Samples], base: Reluctance, gap: Array, current: Array
+    samples: Mapping[str, Samples], base: SaturatingReluctance, gap: Array, current: Array
 ) -> tuple[CoenergyFit, MagneticTable]:
     """The fit and its table, smoothed further where the table's incremental inductance is not positive throughout."""
     i, g = _dense(current, gap)
@@ -149,7 +149,7 @@ def _samples(static: StaticMap, noise: Noise, name: str, role: str) -> Samples |
     return Samples(np.abs(i), static.gap[kept], folded, np.full(i.size, sigma))
 
 
-def _effective(s: Samples, name: str, base: Reluctance, noise: Noise) -> Samples:
+def _effective(s: Samples, name: str, base: SaturatingReluctance, noise: Noise) -> Samples:
     """The samples with the noise of current and position turned into that of the value."""
     slopes = base.derivatives(s.current, s.gap)
     along_i, along_g = ((1, 1), (0, 2)) if name == "force" else ((2, 0), (1, 1))

@@ -64,7 +64,7 @@ def _read_static(rig: RigFile, path: Path) -> StaticMap | None:
     table = read_columns(path)
     if rig.static is None and "role" not in table:
         raise RecordError(f"{path.parent / RIG_FILE}: static: {STATIC_FILE} is there; state its role in [static]")
-    return static_map(table, role=rig.static.role if rig.static else None, file=path)
+    return read_static_map(table, role=rig.static.role if rig.static else None, file=path)
 
 
 def _warnings(runs: tuple[Run, ...], static: StaticMap | None, actuator: Actuator) -> tuple[str, ...]:
@@ -77,7 +77,7 @@ def _warnings(runs: tuple[Run, ...], static: StaticMap | None, actuator: Actuato
     return tuple(said)
 
 
-def static_map(table: Mapping[str, Column], *, role: Role | None, file: Path | str) -> StaticMap:
+def read_static_map(table: Mapping[str, Column], *, role: Role | None, file: Path | str) -> StaticMap:
     """The static map made of columns with RECORDS' names, (n_row,) each; a column `role` goes before `role`.
 
     Raises

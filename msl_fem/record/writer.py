@@ -18,7 +18,7 @@ from msl_fem.files.toml_text import toml_text
 from msl_fem.record.checks import check_record, check_run
 from msl_fem.record.column_file import Column, write_columns
 from msl_fem.record.companions import check_companions, companions, file_keys
-from msl_fem.record.reader import static_map
+from msl_fem.record.reader import read_static_map
 from msl_fem.record.record import Record, StaticMap
 from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RigFile, read_rig
 
@@ -46,7 +46,7 @@ def write_record(record: Record, folder: str | Path) -> None:
         assert record.sampling is not None  # check_record saw to it
         check_run(run, record.actuator, record.sampling, file=folder / run.file)
     if record.static is not None:
-        static_map(_static_columns(record.static), role=None, file=folder / STATIC_FILE)
+        read_static_map(_static_columns(record.static), role=None, file=folder / STATIC_FILE)
     check_companions(record.actuator)
     rig_text = _rig_text(record, folder)
     try:

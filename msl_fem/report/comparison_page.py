@@ -10,11 +10,11 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from msl_fem.comparison import Comparison, Judged, StaticError
-from msl_fem.comparison.residuals import Residuals
+from msl_fem.comparison import Comparison, ModelAccuracy, StaticError
+from msl_fem.comparison.residuals import LocatedResidual
 from msl_fem.files.quantity import format_quantity
 from msl_fem.prediction.believed import UNITS
-from msl_fem.prediction.run_data import POSITION
+from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.report.page import Grid, Page, Stage
 from msl_fem.report.style import GREY, SERIES, dress, figure, line, logarithmic
 
@@ -36,7 +36,7 @@ def comparison_page(found: Comparison) -> Page:
     """The report of a comparison: table of figures first, then measured against predicted, then where errors live."""
     stages = [_summary(found)] if found.judged else []
     for run in found.data:
-        judged = [j for j in found.judged if j.run == run.name and j.channel == POSITION]
+        judged = [j for j in found.judged if j.run == run.name and j.channel == POSITION_COLUMN]
         if judged:
             stages.append(_measured_and_predicted(judged, found))
     chosen = _telling(found)
@@ -55,8 +55,8 @@ def comparison_page(found: Comparison) -> Page:
 
 
 def _headline(found: Comparison) -> tuple[tuple[str, str], ...]:
-    held = [j for j in found.judged if j.role == "held-out" and j.channel == POSITION] or [
-        j for j in found.judged if j.channel == POSITION
+    held = [j for j in found.judged if j.role == "held-out" and j.channel == POSITION_COLUMN] or [
+        j for j in found.judged if j.channel == POSITION_COLUMN
     ]
     shown = []
     for judged in held[:6]:
@@ -101,7 +101,7 @@ def _summary(found: Comparison) -> Stage:
     return Stage("Summary", sentence, (*parameters, *reasons), table=Grid(columns, rows))
 
 
-def _measured_and_predicted(judged: Sequence[Judged], found: Comparison) -> Stage:
+def _measured_and_predicted(judged: Sequence[ModelAccuracy], found: Comparison) -> Stage:
     first = judged[0]
     time = found.record.run(first.run).time
     keep = np.arange(0, time.size, max(1, -(-time.size // MOST_POINTS)))
@@ -131,14 +131,14 @@ def _measured_and_predicted(judged: Sequence[Judged], found: Comparison) -> Stag
     return Stage(f"Measured against predicted: {first.run}", sentence, tuple(numbers), plot=made)
 
 
-def _telling(found: Comparison) -> list[Residuals]:
+def _telling(found: Comparison) -> list[LocatedResidual]:
     """The position's residuals on one run: the first that is held out, else the first."""
-    all_of = [r for r in found.residuals if r.judged.channel == POSITION]
+    all_of = [r for r in found.residuals if r.judged.channel == POSITION_COLUMN]
     held = [r for r in all_of if r.judged.role == "held-out"] or all_of
     return [r for r in held if r.judged.run == held[0].judged.run] if held else []
 
 
-def _by_band(chosen: Sequence[Residuals]) -> Stage:
+def _by_band(chosen: Sequence[LocatedResidual]) -> Stage:
     made = figure(x="frequency in Hz", y="RMS in the band in µm")
     middle = np.sqrt(chosen[0].bands.edges[:-1] * chosen[0].bands.edges[1:])
     made.add_trace(line(middle, chosen[0].bands.measured * 1e6, name="measured", colour=GREY, mode="lines+markers"))
@@ -158,7 +158,7 @@ def _by_band(chosen: Sequence[Residuals]) -> Stage:
     return Stage("Where residuals live: frequency", sentence, numbers, plot=made)
 
 
-def _over(chosen: Sequence[Residuals], variable: str) -> Stage:
+def _over(chosen: Sequence[LocatedResidual], variable: str) -> Stage:
     label, unit = AXES[variable]
     made = figure(x=label, y="RMS residual in µm")
     for r, colour in zip(chosen, SERIES, strict=False):

@@ -15,7 +15,7 @@ from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.extended_model import ExtendedModel, write_extended_model
-from msl_fem.prediction import Belief
+from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import Record
 from msl_fem.report.diagnosis_page import diagnosis_page
 from msl_fem.report.page import write_page
@@ -78,7 +78,7 @@ def _moved(staging: Path, target: Path) -> dict[str, Path]:
     return made
 
 
-def model_of(belief: Belief, folder: Path, *, believed: MagneticTable | None) -> ExtendedModel:
+def model_of(belief: ModelHypothesis, folder: Path, *, believed: MagneticTable | None) -> ExtendedModel:
     """The extended model as its file says it: magnets whose table was corrected are known by that table alone."""
     actuator = belief.actuator
     if belief.table is not None and belief.table is not believed:

@@ -53,7 +53,7 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Reluctance:
+class SaturatingReluctance:
     """W0 = L s (sqrt(s^2 + i^2) - s) + e i^2/2: inductance L = a/(g + b), which bends at the current s = c (g + d).
 
     A reluctance of gap and iron in series (Woodson and Melcher, Electromechanical Dynamics I, 1968, section 3.1) whose
@@ -101,7 +101,7 @@ class CoenergyFit:
     raised : whether cross-validation alone would have chosen less
     """
 
-    base: Reluctance
+    base: SaturatingReluctance
     span: Span
     coefficients: Array
     covariance: Array
@@ -116,7 +116,7 @@ class CoenergyFit:
         return sign * (plain + design @ self.coefficients), np.sqrt(np.maximum(variance, 0.0))
 
 
-def fit_base(samples: Mapping[str, Samples]) -> Reluctance:
+def fit_base(samples: Mapping[str, Samples]) -> SaturatingReluctance:
     """The reluctance W0 nearest to the samples; raises ComputationError where none comes near."""
     current = max(float(s.current.max()) for s in samples.values())
     gap = float(np.median(np.concatenate([s.gap for s in samples.values()])))
@@ -125,9 +125,9 @@ def fit_base(samples: Mapping[str, Samples]) -> Reluctance:
     weight = {name: 1 / np.maximum(s.sigma, 0.01 * np.abs(s.value).max()) for name, s in samples.items()}
     leaks = "flux_linkage" in samples  # force knows nothing of it
 
-    def reluctance(logarithms: Array) -> Reluctance:
+    def reluctance(logarithms: Array) -> SaturatingReluctance:
         a, b, c, d, e = (float(v) for v in np.exp(logarithms))
-        return Reluctance(a, b, c, d, e if leaks else 0.0)
+        return SaturatingReluctance(a, b, c, d, e if leaks else 0.0)
 
     def residuals(logarithms: Array) -> Array:
         base, said = reluctance(logarithms), []
@@ -154,7 +154,7 @@ def fit_base(samples: Mapping[str, Samples]) -> Reluctance:
 
 def fit_coenergy(
     samples: Mapping[str, Samples],
-    base: Reluctance,
+    base: SaturatingReluctance,
     *,
     keep_positive: tuple[Array, Array],
     least_smoothing: float = 0.0,
@@ -206,7 +206,7 @@ def _first_inductance(samples: Mapping[str, Samples]) -> float:
     return max(float(np.median(2 * s.value[low] * s.gap[low] / s.current[low] ** 2)), 1e-9)
 
 
-def _design(base: Reluctance, span: Span, order: Order, i: Array, g: Array) -> tuple[Array, Array]:
+def _design(base: SaturatingReluctance, span: Span, order: Order, i: Array, g: Array) -> tuple[Array, Array]:
     """A derivative of W0 (n,) and those of W0 times each spline (n, n_spline), by Leibniz' rule."""
     plain, splines = base.derivatives(i, g), _spline_derivatives(base, span, i, g)
     p, m = order
@@ -218,7 +218,7 @@ def _design(base: Reluctance, span: Span, order: Order, i: Array, g: Array) -> t
     return plain[order], np.asarray(design)
 
 
-def _spline_derivatives(base: Reluctance, span: Span, i: Array, g: Array) -> dict[Order, Array]:
+def _spline_derivatives(base: SaturatingReluctance, span: Span, i: Array, g: Array) -> dict[Order, Array]:
     """The splines of (x, y), (n, n_spline), and their derivatives along i and g, by the chain rule.
 
     x = ln(g + b) and y = ln(1 + (i/s)^2)/2, s = c (g + d), each scaled to 0 ... 1: saturation stands at the same y for

@@ -24,14 +24,14 @@ SMALL = 0.1  # of a table's largest current, where its flux linkage is taken as 
 
 
 @dataclass(frozen=True)
-class Reluctance:
+class LinearCircuit:
     """Inductance L = scale/(g + offset): scale in H m, offset in m (the iron as a length of air)."""
 
     scale: float
     offset: float
 
 
-def circuit_of(magnet: ECore, core: Iron | AnalyticIron, armature: Iron | AnalyticIron) -> Reluctance:
+def circuit_of(magnet: ECore, core: Iron | AnalyticIron, armature: Iron | AnalyticIron) -> LinearCircuit:
     """The magnetic circuit of an E-core; the irons as laminated, so that areas are those of the stack.
 
     One path: centre leg, yoke, outer leg, back through the armature; each part with the area that its flux has.
@@ -44,18 +44,18 @@ def circuit_of(magnet: ECore, core: Iron | AnalyticIron, armature: Iron | Analyt
     iron = leg / centre + leg / outer + across / (2 * magnet.yoke_thickness * magnet.stack_depth)
     plate = (across + magnet.armature_thickness) / (2 * magnet.armature_thickness * magnet.stack_depth)
     offset = (iron / _mu_r(core) + plate / _mu_r(armature)) / gap_per_metre
-    return Reluctance(MU_0 * magnet.coil.turns**2 / gap_per_metre, offset)
+    return LinearCircuit(MU_0 * magnet.coil.turns**2 / gap_per_metre, offset)
 
 
-def circuit_fitted(table: MagneticTable) -> Reluctance:
+def circuit_fitted(table: MagneticTable) -> LinearCircuit:
     """The circuit that a table follows at small currents: least squares of 1/L, weighted to equal relative errors."""
     inductance = np.asarray(table.flux_linkage(SMALL * table.current[-1], table.gap)) / (SMALL * table.current[-1])
     design = np.column_stack([table.gap, np.ones(table.gap.size)]) * inductance[:, None]
     slope, intercept = np.linalg.lstsq(design, np.ones(table.gap.size), rcond=None)[0]
-    return Reluctance(1 / slope, intercept / slope)
+    return LinearCircuit(1 / slope, intercept / slope)
 
 
-def reluctance_table(circuit: Reluctance, gap: ArrayLike, current: ArrayLike) -> MagneticTable:
+def reluctance_table(circuit: LinearCircuit, gap: ArrayLike, current: ArrayLike) -> MagneticTable:
     """The table of a linear circuit at nodes (n_gap,) in m and (n_current,) in A, the first of them 0; exact."""
     g, i = np.array(gap, dtype=float), np.array(current, dtype=float)
     inductance = circuit.scale / (g + circuit.offset)

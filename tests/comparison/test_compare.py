@@ -8,11 +8,11 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.comparison import CompareSettings, analytic_table, compare, static_errors
-from msl_fem.comparison.judged import UNSTABLE, Judged
-from msl_fem.comparison.verdict import judging_kind, score, verdict
+from msl_fem.comparison.judged import UNSTABLE, ModelAccuracy
+from msl_fem.comparison.verdict import comparison_verdict, judging_kind, score
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import EffectValues
-from msl_fem.prediction import Belief
+from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import Record, Run, StaticMap, load_record
 from msl_fem.report.comparison_page import comparison_page
 from msl_fem.report.page import write_page
@@ -31,7 +31,7 @@ def record(servo, table):
 
 @pytest.fixture(scope="module")
 def found(record, table, servo):
-    extended = Belief(shifted(servo, SHIFT), table, EffectValues())
+    extended = ModelHypothesis(shifted(servo, SHIFT), table, EffectValues())
     return compare(record, CompareSettings(table=table, extended=extended))
 
 
@@ -153,14 +153,14 @@ def test_a_static_record_is_judged_on_its_held_out_rows(servo, table):
 def judged(model, role, value):
     nothing = np.zeros(1)
     errors = {"one_step": value, "ten_step": value, "free_run": value}
-    return Judged(model, "r", role, "position_m", nothing, {}, errors, "")
+    return ModelAccuracy(model, "r", role, "position_m", nothing, {}, errors, "")
 
 
 def test_the_verdict_looks_at_held_out_runs_alone():
     rows = [judged("coupled", "fit", 0.001), judged("coupled", "held-out", 0.4), judged("armax", "held-out", 0.2)]
     assert score(rows, "coupled", "free_run") == 0.4
     assert judging_kind(rows) == "free_run"
-    said = verdict(rows, [], {"r": 0.1}, [])
+    said = comparison_verdict(rows, [], {"r": 0.1}, [])
     assert said.startswith("On held-out runs 'armax' is best in free run: position NRMSE 0.2, 2 times the noise floor")
     assert "loses to ARMAX (0.2) by a factor of 2" in said
 

@@ -17,7 +17,7 @@ from msl_fem.errors import InputError
 from msl_fem.plant.closed_run import simulate_closed
 from msl_fem.plant.excitation import parse_excitation, reference
 from msl_fem.plant.recording import NamedRun, simulation_record
-from msl_fem.prediction import Belief, Start, believed_plant, closed_run, run_data
+from msl_fem.prediction import ModelHypothesis, Start, closed_run, kernel_plant, run_data
 from msl_fem.record import Record
 
 SPEC = "multisine:start=5 Hz,stop=60 Hz,amplitude=20 um,duration=0.4 s,periods=2,seed=1,loop=closed"
@@ -44,7 +44,7 @@ def error_of(record: Record, **factors: float) -> float:
     data = run_data(record, record.runs[0])
     loop = own_loop(record, TABLE)
     assert loop is not None
-    plant = believed_plant(Belief(servo(), TABLE), rate=data.rate, factors=factors)
+    plant = kernel_plant(ModelHypothesis(servo(), TABLE), rate=data.rate, factors=factors)
     run = closed_run(plant, data, AT_REST, loop.beside(record.runs[0], data))
     assert run.ended is None
     return nrmse(data.measured["position_m"], run.readings["position_m"])

@@ -13,7 +13,7 @@ from msl_fem.diagnosis.joint import NOTE, JointLikelihood, joined
 from msl_fem.diagnosis.prepare import prepared
 from msl_fem.diagnosis.simulator import Points
 from msl_fem.plant.excitation import parse_excitation
-from msl_fem.prediction import Belief, run_data
+from msl_fem.prediction import ModelHypothesis, run_data
 
 
 @cache
@@ -25,7 +25,7 @@ def sealed(*hidden: str):
 
 def likelihoods(record):
     """(runs alone, unknowns), (runs and map, unknowns)."""
-    belief = Belief(record.actuator, TABLE)
+    belief = ModelHypothesis(record.actuator, TABLE)
     runs = [data for data in (run_data(record, run) for run in record.runs) if data.role == "fit"]
     alone = prepared(belief, runs, record.tolerance)
     return alone, joined(record, belief, *alone)

@@ -11,7 +11,7 @@ from msl_fem.diagnosis.scene import scene
 from msl_fem.diagnosis.scoring import scores
 from msl_fem.diagnosis.variants import variants
 from msl_fem.plant.effects import EffectValues
-from msl_fem.prediction import Belief, believed_plant, free_run, measured_start, run_data
+from msl_fem.prediction import ModelHypothesis, free_run, kernel_plant, measured_start, run_data
 
 TRIED = ("time_delay", "force_offset", "gap_offset", "squeeze_film")
 
@@ -20,7 +20,7 @@ TRIED = ("time_delay", "force_offset", "gap_offset", "squeeze_film")
 def found():
     record = bench_record(seed=11).record
     run = run_data(record, record.runs[0])
-    likelihood, unknowns = prepared(Belief(record.actuator, TABLE), [run], record.tolerance)
+    likelihood, unknowns = prepared(ModelHypothesis(record.actuator, TABLE), [run], record.tolerance)
     base = fit(likelihood, unknowns, np.zeros(unknowns.size))
     plant = likelihood.problem.plant.parameters
     tried = [v for name in TRIED for v in variants(name, scene(likelihood, base), plant)]
@@ -29,14 +29,14 @@ def found():
 
 def test_a_size_is_what_free_runs_with_and_without_the_effect_differ_by(found) -> None:
     sizes, run = found
-    start = measured_start(believed_plant(Belief(VOLTAGE_SERVO, TABLE), rate=run.rate), run)
+    start = measured_start(kernel_plant(ModelHypothesis(VOLTAGE_SERVO, TABLE), rate=run.rate), run)
     for name, parameter in (("time_delay", "command"), ("force_offset", "force")):
         one = sizes[name]
         assert one.name == parameter
         runs = []
         for amount in (0.0, 10 * one.amount):
             values = EffectValues({name: {parameter: amount}})
-            plant = believed_plant(Belief(VOLTAGE_SERVO, TABLE, values), rate=run.rate)
+            plant = kernel_plant(ModelHypothesis(VOLTAGE_SERVO, TABLE, values), rate=run.rate)
             runs.append(free_run(plant, run, start))
         changes = [
             np.sqrt(np.mean((runs[1].readings[c] - runs[0].readings[c]) ** 2) / np.mean(run.measured[c] ** 2))

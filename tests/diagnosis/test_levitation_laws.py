@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from msl_fem.prediction import Belief, believed_plant, closed_run, measured_start, open_loop_stable, run_data
+from msl_fem.prediction import ModelHypothesis, closed_run, kernel_plant, measured_start, open_loop_stable, run_data
 from msl_fem.record import Record, load_record
 from msl_fem.table.magnetic_table import read_table
 
@@ -54,11 +54,11 @@ def test_the_laws_make_the_recorded_voltages(record: Record, name: str) -> None:
 def test_the_rig_is_simulated_in_closed_loop(record: Record) -> None:
     """The open loop is unstable; in closed loop every run is simulated to its end, within its range."""
     table = read_table(RIG / "table.nc")
-    belief = Belief(record.actuator, table, None, {"nominal_gap": 0.886, "magnetic_scale": 1.026})
+    belief = ModelHypothesis(record.actuator, table, None, {"nominal_gap": 0.886, "magnetic_scale": 1.026})
     for stated in record.runs:
         data = run_data(record, stated)
         assert not open_loop_stable(belief, data)
-        plant = believed_plant(belief, rate=data.rate)
+        plant = kernel_plant(belief, rate=data.rate)
         run = closed_run(plant, data, measured_start(plant, data))
         assert run.ended is None
         assert np.abs(run.readings["position_m"] - data.measured["position_m"]).max() < 3e-3

@@ -10,7 +10,7 @@ from msl_fem.diagnosis.separation import Hypothesis
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.plant import NamedRun, bearable_run, simulation_record
 from msl_fem.plant.excitation import parse_excitation
-from msl_fem.prediction import Belief, run_data
+from msl_fem.prediction import ModelHypothesis, run_data
 from msl_fem.record import Tolerance
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -27,7 +27,7 @@ def question(servo: Actuator, table: MagneticTable) -> Question:
     excitation = parse_excitation(NOISE, unit="V")
     run, _ = bearable_run(actuator, table, excitation, rate=RATE, generator=np.random.default_rng(0))
     record = simulation_record(actuator, [NamedRun("noise", NOISE, "fit", run)])
-    belief = Belief(actuator, table)
+    belief = ModelHypothesis(actuator, table)
     likelihood, unknowns = prepared(belief, [run_data(record, record.runs[0])], Tolerance())
     return Question(belief, likelihood.problem, unknowns.believed)
 

@@ -14,7 +14,7 @@ from msl_fem.diagnosis.static_maps import of_map, prepared_map
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.static_map import static_map
-from msl_fem.prediction import Belief
+from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import Tolerance
 from msl_fem.table.magnetic_table import read_table
 
@@ -84,7 +84,7 @@ def test_the_extended_model_gives_the_map(made, table):
     record, _ = made("magnetic_hysteresis=3%", 6)
     rows = record.static
     model = diagnose(record, DiagnosisSettings(table=table)).extended
-    likelihood, _, _ = of_map(record, Belief(record.actuator, model.table))
+    likelihood, _, _ = of_map(record, ModelHypothesis(record.actuator, model.table))
     plant = likelihood.problem.plant
     gap = float(model.actuator.motion.nominal_gap) - float(record.actuator.motion.nominal_gap)
     force, _ = static_map(

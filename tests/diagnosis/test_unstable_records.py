@@ -13,7 +13,7 @@ from msl_fem.diagnosis.loops import prepared_loops
 from msl_fem.diagnosis.other_records import diagnosis_of
 from msl_fem.diagnosis.rests import Rests, of_rests, rests
 from msl_fem.diagnosis.simulator import Points
-from msl_fem.prediction import Belief, run_data
+from msl_fem.prediction import ModelHypothesis, run_data
 from msl_fem.record import load_record
 from msl_fem.table.magnetic_table import read_table
 
@@ -74,7 +74,7 @@ def simulated(record, table, *, hidden):
 @pytest.mark.parametrize("hidden", [0.0, 0.1])
 def test_a_force_that_is_there_is_named_and_none_that_is_not(record, table, hidden):
     made, stood = simulated(record, table, hidden=hidden)
-    likelihood, unknowns, kind = of_rests(made, Belief(record.actuator, table), stood)
+    likelihood, unknowns, kind = of_rests(made, ModelHypothesis(record.actuator, table), stood)
     found = diagnosis_of(likelihood, unknowns, kind, rule=Rule(), tell=lambda said: None)
     assert found.names == (("force_offset",) if hidden else ())
     if hidden:
@@ -89,7 +89,7 @@ def test_a_force_that_is_there_is_named_and_none_that_is_not(record, table, hidd
 def test_runs_and_map_stand_side_by_side(record, table, way):
     """As many labels as numbers; the map's part is that of the map alone; what the flux says moves with the scale."""
     data = [run_data(record, record.runs[0]).first(1200)]
-    likelihood, unknowns = prepared_loops(record, Belief(record.actuator, table), data, way=way)
+    likelihood, unknowns = prepared_loops(record, ModelHypothesis(record.actuator, table), data, way=way)
     z = np.zeros((2, unknowns.size))
     z[1, [name for name, _ in unknowns.believed].index("magnetic_scale")] = 0.5
     points = Points.of(unknowns, z)

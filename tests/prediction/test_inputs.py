@@ -7,7 +7,7 @@ from fit_cases import in_voltage_drive
 from msl_fem.actuator import Actuator
 from msl_fem.comparison import nrmse
 from msl_fem.plant import Inputs, Options, simulate
-from msl_fem.prediction import Belief, Start, believed_plant, free_run, run_data
+from msl_fem.prediction import ModelHypothesis, Start, free_run, kernel_plant, run_data
 from msl_fem.record import Noise, Record, Run, Sampling
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -41,7 +41,7 @@ def record_of(actuator: Actuator, columns: dict[str, np.ndarray], hold: str) -> 
 def error_of(record: Record, table: MagneticTable) -> float:
     """Position NRMSE of the true model's free run from the true start."""
     data = run_data(record, record.runs[0])
-    plant = believed_plant(Belief(record.actuator, table), rate=RATE, ideal_current=data.ideal_current)
+    plant = kernel_plant(ModelHypothesis(record.actuator, table), rate=RATE, ideal_current=data.ideal_current)
     begin = tuple(float(record.runs[0][f"current_{j}_A"][0]) for j in (1, 2))
     run = free_run(plant, data, Start(begin, float(record.runs[0]["position_m"][0]), 0.0))
     assert run.ended is None

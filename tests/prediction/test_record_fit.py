@@ -10,19 +10,19 @@ from msl_fem.comparison.accuracy import nrmse
 from msl_fem.plant import simulate
 from msl_fem.plant.inputs import Inputs
 from msl_fem.prediction import (
-    Belief,
+    ModelHypothesis,
     ProcessNoise,
     Start,
-    believed_plant,
-    filtered,
     fit_record,
     free_run,
     k_step,
+    kalman_filter,
+    kernel_plant,
     measured_start,
     noise_floor,
     open_loop_stable,
     run_data,
-    tuned,
+    tuned_process_noise,
 )
 from msl_fem.prediction.free_run import error_growth
 from msl_fem.prediction.noise import highest_band_sigma
@@ -43,7 +43,7 @@ def runs(record):
 
 @pytest.fixture(scope="module")
 def refit(record, runs, table):
-    return fit_record(Belief(record.actuator, table), runs[:1], record.tolerance)
+    return fit_record(ModelHypothesis(record.actuator, table), runs[:1], record.tolerance)
 
 
 def test_the_fit_finds_the_shift_inside_its_interval(refit, servo):
@@ -59,7 +59,7 @@ def test_the_fit_finds_the_shift_inside_its_interval(refit, servo):
 
 def test_after_the_fit_a_run_that_it_never_saw_is_at_the_noise_floor(refit, runs):
     run = runs[1]
-    plant = believed_plant(refit.belief, rate=run.rate)
+    plant = kernel_plant(refit.belief, rate=run.rate)
     free = free_run(plant, run, measured_start(plant, run))
     for name in ("position_m", "current_1_A", "current_2_A"):
         floor = run.noise[name].sigma / run.measured[name].std()
@@ -69,8 +69,8 @@ def test_after_the_fit_a_run_that_it_never_saw_is_at_the_noise_floor(refit, runs
 def test_errors_grow_with_the_horizon(runs, servo, table):
     """As believed, one sample ahead is best and a free run worst."""
     run = runs[1]
-    plant = believed_plant(Belief(servo, table), rate=run.rate)
-    found = filtered(plant, run, tuned(plant, runs[:1]))
+    plant = kernel_plant(ModelHypothesis(servo, table), rate=run.rate)
+    found = kalman_filter(plant, run, tuned_process_noise(plant, runs[:1]))
     errors = [
         nrmse(run.measured["position_m"][40:], made["position_m"][40:])
         for made in (
@@ -83,9 +83,9 @@ def test_errors_grow_with_the_horizon(runs, servo, table):
 
 
 def test_one_sample_ahead_two_ways(runs, servo, table):
-    plant = believed_plant(Belief(servo, table), rate=RATE)
+    plant = kernel_plant(ModelHypothesis(servo, table), rate=RATE)
     head = runs[0].first(200)
-    found = filtered(plant, head, ProcessNoise(1e-5, 1e-3))
+    found = kalman_filter(plant, head, ProcessNoise(1e-5, 1e-3))
     again = k_step(plant, head, found, 1)
     for name in ("position_m", "current_1_A"):
         np.testing.assert_allclose(again[name][1:], found.one_step[name][1:], rtol=0, atol=1e-14)
@@ -93,8 +93,8 @@ def test_one_sample_ahead_two_ways(runs, servo, table):
 
 def test_innovations_of_the_true_model_are_white_and_of_their_predicted_size(refit, runs):
     run = runs[0]
-    plant = believed_plant(refit.belief, rate=run.rate)
-    found = filtered(plant, run, tuned(plant, runs[:1]))
+    plant = kernel_plant(refit.belief, rate=run.rate)
+    found = kalman_filter(plant, run, tuned_process_noise(plant, runs[:1]))
     for name, values in found.whitened.items():
         e = values[40:]
         assert e.std() == pytest.approx(1, abs=0.05), name
@@ -120,9 +120,9 @@ def test_of_a_linear_plant_the_predictor_is_the_kalman_filter(servo):
     columns = {"time_s": made.time, "force_N": force, "position_m": made.measured_position}
     record = Record("simulated", rig, Sampling(rate=RATE), Noise(position=5e-8), runs=(Run("r", "", "fit", columns),))
     data = run_data(record, record.runs[0])
-    plant = believed_plant(Belief(rig, None), rate=RATE)
+    plant = kernel_plant(ModelHypothesis(rig, None), rate=RATE)
     noise = ProcessNoise(1e-5, 0.0)
-    found = filtered(plant, data, noise, start=Start((0.0, 0.0), 0.0, 0.0))
+    found = kalman_filter(plant, data, noise, start=Start((0.0, 0.0), 0.0, 0.0))
 
     a = expm(np.array([[0, 1, 0], [-4e4, -3, 1], [0, 0, 0]]) / RATE)
     a, b = a[:2, :2], a[:2, 2]
@@ -140,9 +140,11 @@ def test_of_a_linear_plant_the_predictor_is_the_kalman_filter(servo):
 def test_the_gain_of_the_sensor_is_a_gauge(runs, servo, table):
     """m, k, c like s^-2, magnets like s, gap like s, reading gain like 1/s leave all readings (DIAGNOSIS, gauge)."""
     s, run = 1.05, runs[0].first(500)
-    same = believed_plant(Belief(servo, table), rate=RATE)
+    same = kernel_plant(ModelHypothesis(servo, table), rate=RATE)
     motion = dict.fromkeys(("moving_mass", "stiffness", "damping"), s**-2)
-    moved = believed_plant(Belief(servo, table), rate=RATE, factors=motion | {"position_gain": 1 / s, "nominal_gap": s})
+    moved = kernel_plant(
+        ModelHypothesis(servo, table), rate=RATE, factors=motion | {"position_gain": 1 / s, "nominal_gap": s}
+    )
     surface = moved.surface
     coefficients = surface.coefficients.copy()
     for power in range(6):  # of the gap, counted from the cell's edge
@@ -159,7 +161,7 @@ def test_the_gain_of_the_sensor_is_a_gauge(runs, servo, table):
 
 
 def test_a_run_that_leaves_the_range_says_where(runs, servo, table):
-    plant = believed_plant(Belief(servo, table), rate=RATE)
+    plant = kernel_plant(ModelHypothesis(servo, table), rate=RATE)
     ended = free_run(plant, runs[0], Start((0.5, 0.5), 0.0, 0.4))
     assert ended.ended is not None
     assert str(ended.ended) in ended.reason
@@ -168,7 +170,7 @@ def test_a_run_that_leaves_the_range_says_where(runs, servo, table):
 
 
 def test_stability_is_told_by_the_currents(runs, servo, table):
-    belief = Belief(servo, table)
+    belief = ModelHypothesis(servo, table)
     assert open_loop_stable(belief, runs[0])
     strong = {k: 3 * v if k.startswith("current") else v for k, v in runs[0].measured.items()}
     assert not open_loop_stable(belief, replace(runs[0], measured=strong))
@@ -176,7 +178,7 @@ def test_stability_is_told_by_the_currents(runs, servo, table):
 
 def test_a_run_that_is_unstable_for_a_while_has_no_free_run(runs, servo, table):
     """Where the stiffness is -K an error grows by exp(t (sqrt(K/m) - c/(2 m))); here 0.1 s near a magnet."""
-    belief, run = Belief(servo, table), runs[0]
+    belief, run = ModelHypothesis(servo, table), runs[0]
     assert error_growth(belief, run) == 1.0
     near = dict(run.measured)
     stretch = slice(1000, 1000 + int(0.1 * run.rate))
@@ -200,7 +202,7 @@ def test_voltage_drive_reads_currents(servo, table):
     record = simulated_record(believed, table, {"stiffness": 0.98}, specs={"fit": spec})
     data = run_data(record, record.runs[0])
     assert set(data.measured) == {"current_1_A", "current_2_A", "position_m"}
-    found = fit_record(Belief(believed, table), [data], record.tolerance)
+    found = fit_record(ModelHypothesis(believed, table), [data], record.tolerance)
     k = found.parameters["stiffness"]
     assert k.low < 0.98 * 1.4e5 < k.high
     assert max(found.excess.values()) < 1.03

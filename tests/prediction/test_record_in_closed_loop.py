@@ -11,8 +11,8 @@ from msl_fem.actuator import Actuator, Controller
 from msl_fem.comparison import CompareSettings, compare, nrmse
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import EffectValues
-from msl_fem.prediction import Belief, Start, believed_plant, closed_run, open_loop_stable, run_data
-from msl_fem.prediction.believed import Plant
+from msl_fem.prediction import ModelHypothesis, Start, closed_run, kernel_plant, open_loop_stable, run_data
+from msl_fem.prediction.believed import KernelPlant
 from msl_fem.prediction.run_data import RunData
 from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable
@@ -30,8 +30,10 @@ def data_of(record: Record, run: int = 0) -> RunData:
     return run_data(record, record.runs[run])
 
 
-def plant_of(bench: Actuator, table: MagneticTable, values: EffectValues | None = None, **factors: float) -> Plant:
-    return believed_plant(Belief(bench, table, values), rate=1e4, factors=factors)
+def plant_of(
+    bench: Actuator, table: MagneticTable, values: EffectValues | None = None, **factors: float
+) -> KernelPlant:
+    return kernel_plant(ModelHypothesis(bench, table, values), rate=1e4, factors=factors)
 
 
 @pytest.mark.parametrize("noisy", [False, True])
@@ -41,7 +43,7 @@ def test_the_true_model_retraces_the_loop_without_its_reference(
     """To the integrator's error without noise; with it, what is left is noise and the motion that it made."""
     record = looped_record(bench, table, noisy=noisy)
     data = data_of(record)
-    assert not open_loop_stable(Belief(bench, table), data)
+    assert not open_loop_stable(ModelHypothesis(bench, table), data)
     assert data.law is not None
     assert (data.law.every, data.law.delay) == (EVERY, EVERY * DELAY)
     run = closed_run(plant_of(bench, table), data, AT_REST)

@@ -14,7 +14,7 @@ from msl_fem.cli.output import run_guarded
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.record import Noise, StaticMap
 from msl_fem.record.measured_table import MeasuredReport, table_from_measurements
-from msl_fem.table.coenergy_fit import FLOOR, ORDERS, Reluctance, Samples, fit_base, fit_coenergy
+from msl_fem.table.coenergy_fit import FLOOR, ORDERS, Samples, SaturatingReluctance, fit_base, fit_coenergy
 from msl_fem.table.magnetic_table import NODES, MagneticTable, read_table
 
 Truth = Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]
@@ -90,7 +90,7 @@ def test_magnet_outside_the_models_family_comes_back_too() -> None:
     assert report.force_residual < 1.2
     assert report.flux_linkage_residual is not None
     assert report.flux_linkage_residual < 1.2
-    base = Reluctance(**table.provenance["reluctance"])
+    base = SaturatingReluctance(**table.provenance["reluctance"])
     alone = -base.derivatives(*map(np.asarray, inner_points()))[0, 1] - two_knees(*inner_points())["force"]
     assert np.abs(alone).max() / SIGMA["force"] > 5 * worst["force"], "W0 alone would not do"
 
@@ -232,7 +232,7 @@ def test_inductance_stays_positive_where_noise_would_bend_it() -> None:
     )
     table, _ = table_from_measurements(rough, Noise(flux_linkage="0.2 mWb"))
     current, gap = (v.ravel() for v in np.meshgrid(table.current, table.gap))
-    base = Reluctance(**table.provenance["reluctance"])
+    base = SaturatingReluctance(**table.provenance["reluctance"])
     share = table.nodes["incremental_inductance"].ravel() / base.derivatives(current, gap)[2, 0]
     assert share.min() == pytest.approx(FLOOR, rel=0.01)
 

@@ -9,7 +9,7 @@ from msl_fem.magnetics.kinds.e_core import solve
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import laminated, linear_iron, load_iron
 from msl_fem.table.magnetic_table import read_table
-from msl_fem.table.reluctance_table import Reluctance, circuit_fitted, circuit_of, reluctance_table
+from msl_fem.table.reluctance_table import LinearCircuit, circuit_fitted, circuit_of, reluctance_table
 
 GAP, CURRENT = np.geomspace(0.1e-3, 1e-3, 25), np.linspace(0, 5, 6)
 
@@ -39,7 +39,7 @@ def test_iron_of_finite_permeability_is_a_longer_gap(magnet) -> None:
 
 
 def test_its_nodes_are_derivatives_of_its_coenergy() -> None:
-    table = reluctance_table(Reluctance(1.2e-5, 2e-5), GAP, CURRENT)
+    table = reluctance_table(LinearCircuit(1.2e-5, 2e-5), GAP, CURRENT)
     step = 1e-6 * GAP[12]
     ahead, behind = (float(table.evaluate(3.3, GAP[12] + s)["coenergy"]) for s in (step, -step))
     assert float(table.force(3.3, GAP[12])) == pytest.approx((behind - ahead) / (2 * step), rel=1e-5)
@@ -47,7 +47,7 @@ def test_its_nodes_are_derivatives_of_its_coenergy() -> None:
 
 
 def test_a_fit_finds_the_circuit_again() -> None:
-    true = Reluctance(1.2e-5, 2e-5)
+    true = LinearCircuit(1.2e-5, 2e-5)
     found = circuit_fitted(reluctance_table(true, GAP, CURRENT))
     assert (found.scale, found.offset) == pytest.approx((true.scale, true.offset), rel=1e-5)
 
