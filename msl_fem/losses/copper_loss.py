@@ -7,8 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
-from msl_fem.losses.ac_resistance import resistance_factor, slot_rows
-from msl_fem.losses.winding import Winding
+from msl_fem.losses.wire import Winding, resistance_factor, slot_rows
 from msl_fem.materials.constants import REFERENCE_TEMPERATURE, resistance_ratio
 
 Array = NDArray[np.float64]
@@ -49,9 +48,13 @@ def copper_loss(actuator: Actuator, current_rms: float, *, temperature: float = 
 
 
 def copper_loss_of_period(
-    actuator: Actuator, current: ArrayLike, *, frequency: float, winding: Winding,
+    actuator: Actuator,
+    current: ArrayLike,
+    *,
+    frequency: float,
+    winding: Winding,
     temperature: float = REFERENCE_TEMPERATURE,
-) -> CopperLoss:  # fmt: skip
+) -> CopperLoss:
     """The copper loss of a periodic current with skin and proximity effect: each harmonic has its own resistance.
 
     Parameters

@@ -1,16 +1,28 @@
-"""The current that a magnet's winding bears: an allowed temperature rise, a duty cycle, the resistance growing."""
+"""The current that a magnet's winding bears: an allowed rise, a duty cycle, and the limit over the gap as a curve."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from msl_fem.actuator import Actuator
-from msl_fem.errors import InputError
-from msl_fem.losses.thermal_network import Cooling, ThermalNetwork, thermal_network
-from msl_fem.losses.winding_temperature import Cycle, Heating, peak_rise, runaway_current
+from msl_fem.computing.arrays import Array
+from msl_fem.errors import InputError, MaterialError
+from msl_fem.losses.section_loss import IronLossModel, sine_operation
+from msl_fem.losses.thermal_network import (
+    Cooling,
+    Cycle,
+    Heating,
+    ThermalNetwork,
+    peak_rise,
+    runaway_current,
+    thermal_network,
+)
 from msl_fem.materials.constants import COLDEST, HOTTEST, REFERENCE_TEMPERATURE, resistance_ratio
+from msl_fem.table.magnetic_table import MagneticTable
 
 CLASS_130_RISE = 80.0
 """K: rise of a winding's mean temperature, by resistance, of insulation class 130 (B), IEC 60034-1, table 8."""
@@ -113,10 +125,10 @@ def continuous_current(actuator: Actuator, limit: ThermalLimit, *, core_loss: fl
         rise = network.core_resistance * core_loss
         raise InputError(
             f"the iron loss of {core_loss:.3g} W alone heats the winding by {rise:.3g} K, allowed are "
-            f"{limit.temperature_rise:g} K; "
-            "lower the frequency, cool better or allow more"
+            f"{limit.temperature_rise:g} K; lower the frequency, cool better or allow more"
         )
-    loss, resistance = left / network.resistance, heating.resistance * resistance_ratio(limit.hottest)
+    loss = left / network.resistance
+    resistance = heating.resistance * resistance_ratio(limit.hottest)
     continuous = math.sqrt(loss / resistance)
     return ContinuousCurrent(
         limit=limit,
@@ -159,3 +171,123 @@ def _notes(actuator: Actuator, limit: ThermalLimit, network: ThermalNetwork, cor
         taus = ", ".join(f"{tau:.3g} s" for tau in network.time_constants)
         notes.append(f"duty: temperature at the end of each on phase; period {cycle.period:g} s, time constants {taus}")
     return tuple(notes)
+
+
+TOLERANCE = 1e-5  # of a current
+
+
+@dataclass(frozen=True, eq=False)
+class ThermalCurve:
+    """The RMS current that the winding bears at each gap.
+
+    Attributes
+    ----------
+    gap : (n_gap,) m
+    continuous, on_phase : (n_gap,) A, without pause and for the duty of each period; nan where the iron loss is not
+        known at the current that the copper alone would bear
+    copper_only : the limit without iron loss
+    frequency : Hz of the sinusoidal current whose iron loss is in it, None without
+    notes : what the figures rest on
+    """
+
+    gap: Array
+    continuous: Array
+    on_phase: Array
+    copper_only: ContinuousCurrent
+    frequency: float | None
+    notes: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """The map's fields: continuous_current_A, duty_current_A (null where not known) and thermal."""
+
+        def or_null(values: Array) -> list[float | None]:
+            return [None if math.isnan(v) else v for v in values.tolist()]
+
+        thermal = self.copper_only.to_json() | {"frequency_Hz": self.frequency, "notes": list(self.notes)}
+        return {
+            "continuous_current_A": or_null(self.continuous),
+            "duty_current_A": or_null(self.on_phase),
+            "thermal": thermal,
+        }
+
+
+def thermal_curve(actuator: Actuator, gap: ArrayLike, limit: ThermalLimit) -> ThermalCurve:
+    """The limit of the copper loss alone in A, the same at every gap (n_gap,) in m; raises as `continuous_current`."""
+    gaps = np.array(gap, dtype=float)
+    bearable = continuous_current(actuator, limit)
+    same = np.ones_like(gaps)
+    return ThermalCurve(
+        gaps, bearable.continuous * same, bearable.on_phase * same, bearable, frequency=None, notes=bearable.notes
+    )
+
+
+def thermal_curve_with_iron(
+    actuator: Actuator, gap: ArrayLike, limit: ThermalLimit, *, table: MagneticTable, frequency: float
+) -> ThermalCurve:
+    """The limit for a sinusoidal current of a frequency in Hz about zero, with its own iron loss in the core.
+
+    At each gap the RMS current i for which copper and iron, the latter at the peak sqrt(2) i, reach the allowed
+    temperature, by bisection: more current, more of either loss.
+
+    Raises
+    ------
+    MaterialError : the losses of an iron of the core are not known
+    ActuatorError, InputError, OutOfTable, TableError : as `continuous_current` and `iron_loss`
+    """
+    gaps = np.array(gap, dtype=float)
+    copper_only = continuous_current(actuator, limit)
+    model = IronLossModel(table, actuator)
+    reasons = {sheet.reason for name, sheet in model.sheets.items() if name != "armature" and sheet.reason}
+    if reasons:
+        raise MaterialError("; ".join(sorted(reasons)))
+    notes = [note for note in copper_only.notes if note != "iron loss is left out"]
+    notes.append(f"iron loss of a sine of {frequency:g} Hz about zero in the core, the armature's left out")
+    heating = Heating(actuator.coil_resistance(), limit.ambient)
+    heat = _Heat(model, heating, limit, copper_only.network, frequency)
+    for g in gaps:
+        model.loss(sine_operation(0.0, g, frequency=frequency, amplitude=0.0))  # what is wrong with the request, if so
+    continuous = np.array([heat.bearable(g, Cycle(), copper_only.continuous) for g in gaps])
+    on_phase = continuous
+    if limit.cycle.duty < 1:
+        on_phase = np.array([heat.bearable(g, limit.cycle, copper_only.on_phase) for g in gaps])
+    if np.isnan(continuous).any() or np.isnan(on_phase).any():
+        notes.append("null: there the iron loss is not known up to the limit (the table or the measured losses end)")
+    return ThermalCurve(gaps, continuous, on_phase, copper_only, frequency, tuple(notes))
+
+
+@dataclass(frozen=True, eq=False)
+class _Heat:
+    """Copper and iron of a magnet with a sinusoidal current."""
+
+    model: IronLossModel
+    heating: Heating
+    limit: ThermalLimit
+    network: ThermalNetwork
+    frequency: float
+
+    def bearable(self, gap: float, cycle: Cycle, high: float) -> float:
+        """The largest RMS current up to `high`, A; nan where it lies beyond where the iron loss is known."""
+        verdict = self._bears(gap, cycle, high)
+        if verdict:
+            return high
+        low = 0.0
+        known = verdict is not None
+        while high - low > TOLERANCE * high:
+            middle = (low + high) / 2
+            verdict = self._bears(gap, cycle, middle)
+            if verdict:
+                low = middle
+            else:
+                high = middle
+                known = verdict is not None
+        return low if known else math.nan
+
+    def _bears(self, gap: float, cycle: Cycle, current: float) -> bool | None:
+        """Whether the winding stays below its limit; None where the iron loss is not known."""
+        try:
+            wave = sine_operation(0.0, gap, frequency=self.frequency, amplitude=math.sqrt(2) * current)
+            loss = self.model.loss(wave).core_loss
+        except InputError:  # outside the table or the measured losses
+            return None
+        heating = replace(self.heating, core_loss=loss or 0.0)
+        return peak_rise(self.network, heating, current, cycle=cycle) <= self.limit.temperature_rise

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 from msl_fem.actuator import GUIDED_MASS_SHARE, Actuator, Flexure, Motion
 from msl_fem.errors import ActuatorError
-from msl_fem.mechanics.flexure_beam import LeafBeam, PlaneMode, plane_modes
-from msl_fem.mechanics.rigid_modes import Mode, Mover, mover_modes
+from msl_fem.mechanics.flexure_beam import LeafBeam, Mode, Mover, PlaneMode, mover_modes, plane_modes
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,8 @@ def assess_flexure(actuator: Actuator, *, bandwidth: float | None = None) -> Sus
     motion = actuator.motion
     if motion is None or motion.flexure is None:
         raise ActuatorError(f"{actuator.name} has no [motion.flexure]; state its leaves to have them judged")
-    flexure, leaf = motion.flexure, motion.flexure.leaf
+    flexure = motion.flexure
+    leaf = flexure.leaf
     moving = motion.moving_mass + GUIDED_MASS_SHARE * flexure.leaves * leaf.mass
     modes, notes = _modes(flexure, motion)
     return SuspensionReport(
@@ -124,7 +124,8 @@ def assess_flexure(actuator: Actuator, *, bandwidth: float | None = None) -> Sus
 
 
 def _full_range(flexure: Flexure, x: float) -> FullRange:
-    leaf, n, opposed = flexure.leaf, flexure.leaves, flexure.arrangement == "opposed"
+    leaf, n = flexure.leaf, flexure.leaves
+    opposed = flexure.arrangement == "opposed"
     leaf.check_displacement(x)
     beam = LeafBeam(leaf).deflect(x, held_apart=opposed)
     linear = leaf.stiffness * x
@@ -145,17 +146,15 @@ def _modes(flexure: Flexure, motion: Motion) -> tuple[tuple[SetModes, ...], tupl
     mover = Mover(motion.moving_mass, flexure.roll_inertia, flexure.yaw_inertia, flexure.pitch_inertia)
     missing = [f"{axis}_inertia" for axis in ("roll", "yaw", "pitch") if getattr(flexure, f"{axis}_inertia") is None]
     notes = [f"motion.flexure.{name} is not stated: that rotation is taken as held" for name in missing]
-    found = []
+    modes = []
     for sets in (1, 2):
         try:
             places = flexure.placements(sets)
         except ActuatorError as err:
             notes.append(f"no modes with {sets} set(s): {err}")
             continue
-        plane = (
-            plane_modes(flexure.leaf, places, mass=motion.moving_mass, inertia=flexure.pitch_inertia)
-            if flexure.pitch_inertia is not None
-            else ()
-        )
-        found.append(SetModes(sets, mover_modes(flexure.leaf, places, mover), plane[:8]))
-    return tuple(found), tuple(notes)
+        plane: tuple[PlaneMode, ...] = ()
+        if flexure.pitch_inertia is not None:
+            plane = plane_modes(flexure.leaf, places, mass=motion.moving_mass, inertia=flexure.pitch_inertia)
+        modes.append(SetModes(sets, mover_modes(flexure.leaf, places, mover), plane[:8]))
+    return tuple(modes), tuple(notes)

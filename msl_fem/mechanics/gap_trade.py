@@ -77,7 +77,8 @@ class _Side:
     """The magnets of one side: the force that it can give at a gap, and the current that a force takes."""
 
     def __init__(self, actuator: Actuator, table: MagneticTable, level: float) -> None:
-        sides, drive = actuator.sides, actuator.drive
+        sides = actuator.sides
+        drive = actuator.drive
         self.table = table
         self.magnets = sides.magnets_per_side if sides else 1
         self.share = 1 / self.magnets if sides and sides.connection == "parallel" else 1.0  # magnet over side current
@@ -118,7 +119,8 @@ def gap_trade(actuator: Actuator, table: MagneticTable, *, settings: TradeSettin
         raise ActuatorError(f"{actuator.name} has one side; the trade is that of two opposing ones")
     given = settings or TradeSettings()
     clearance = _or(given.clearance, motion.nominal_gap - motion.range)
-    amplitude, force = _or(given.amplitude, motion.range / 10), _or(given.force, motion.stiffness * motion.range)
+    amplitude = _or(given.amplitude, motion.range / 10)
+    force = _or(given.force, motion.stiffness * motion.range)
     for name, value in (("clearance", clearance), ("amplitude", amplitude), ("force", force)):
         if not 0 < value < math.inf:
             raise InputError(f"{name} {value:g} is not allowed; it must be above 0")
@@ -131,14 +133,13 @@ def gap_trade(actuator: Actuator, table: MagneticTable, *, settings: TradeSettin
     side = _Side(actuator, table, given.level)
     gaps = np.linspace(clearance + (largest - clearance) / N_GAP, largest * (1 - 1e-12), N_GAP)
     travel = gaps - clearance
-    fits = travel >= amplitude
+    full = [_bandwidth(motion, side, gap, reach) for gap, reach in zip(gaps, travel, strict=True)]
+    fixed = [_bandwidth(motion, side, gap, amplitude) for gap in gaps[travel >= amplitude]]
     return GapTrade(
         nominal_gap=gaps,
         range=travel,
-        bandwidth_full=np.array([_bandwidth(motion, side, g, x) for g, x in zip(gaps, travel, strict=True)]),
-        bandwidth_fixed=np.array(
-            [_bandwidth(motion, side, g, amplitude) if fit else math.nan for g, fit in zip(gaps, fits, strict=True)]
-        ),
+        bandwidth_full=np.array(full),
+        bandwidth_fixed=np.r_[np.full(gaps.size - len(fixed), math.nan), fixed],
         level_current=side.current_limit(gaps) / side.share,
         force_current=np.array([side.current_for(force, float(g)) for g in gaps]),
         level=given.level,
@@ -164,13 +165,14 @@ def _bandwidth(motion: Motion, side: _Side, nominal_gap: float, amplitude: float
     def short_of(frequency: float) -> float:
         """The largest lack of force over the cycle, in N; negative where there is none."""
         omega = 2 * math.pi * frequency
-        wanted = restoring - motion.moving_mass * omega**2 * x + motion.damping * omega * amplitude * np.cos(phase)
-        return float(np.maximum(wanted - pull[0], -wanted - pull[1]).max())
+        force = restoring - motion.moving_mass * omega**2 * x + motion.damping * omega * amplitude * np.cos(phase)
+        return float(np.maximum(force - pull[0], -force - pull[1]).max())
 
     if short_of(0.0) > 0:
         return 0.0
-    tried = np.geomspace(1e-2, HIGHEST_FREQUENCY, N_FREQUENCY)
-    short = next((k for k, f in enumerate(tried) if short_of(float(f)) > 0), None)
-    if short is None:
-        return HIGHEST_FREQUENCY
-    return float(brentq(short_of, tried[short - 1] if short else 0.0, tried[short], rtol=1e-10))
+    followed = 0.0
+    for frequency in np.geomspace(1e-2, HIGHEST_FREQUENCY, N_FREQUENCY):
+        if short_of(float(frequency)) > 0:
+            return float(brentq(short_of, followed, frequency, rtol=1e-10))
+        followed = frequency
+    return HIGHEST_FREQUENCY

@@ -1,20 +1,81 @@
-"""The iron losses of a magnet in a periodic operation, section by section."""
+"""The iron losses of a magnet in a periodic operation, section by section, from the flux densities of its table."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from scipy.interpolate import RectBivariateSpline
 
-from msl_fem.actuator import Actuator
-from msl_fem.errors import InputError
-from msl_fem.losses.bertotti import LossDensity, loss_density
-from msl_fem.losses.flux_waveform import FEWEST, FluxWaveform
-from msl_fem.losses.section_flux import SectionFlux, iron_names, iron_volumes
+from msl_fem.actuator import Actuator, ECore
+from msl_fem.computing.arrays import Array
+from msl_fem.errors import InputError, TableError
+from msl_fem.files.quantity import format_quantity
+from msl_fem.losses.sheet_loss import FEWEST, FluxWaveform, LossDensity, loss_density
 from msl_fem.materials.core_loss_data import Sheet, sheet_of
-from msl_fem.table.magnetic_table import MagneticTable
+from msl_fem.table.magnetic_table import SECTION, MagneticTable
 
-Array = NDArray[np.float64]
+
+def iron_volumes(magnet: ECore) -> dict[str, float]:
+    """Section to the volume in m3 of the iron it stands for, sheets only: area of the part, stack depth, stacking.
+
+    Legs reach from the pole faces to the yoke, outer_leg counts both, the yoke has the corners, the armature its
+    overhang. The sum is the whole magnet.
+    """
+    chamfer = magnet.pole_chamfer**2
+    core = magnet.stack_depth * magnet.iron.core_stacking
+    armature = magnet.stack_depth * magnet.iron.armature_stacking
+    return {
+        "centre_leg": core * (magnet.centre_leg_width * magnet.window_height - chamfer),
+        "yoke": core * 2 * magnet.half_width * magnet.yoke_thickness,
+        "outer_leg": core * 2 * (magnet.outer_leg_width * magnet.window_height - chamfer),
+        "armature": armature * 2 * magnet.armature_half_width * magnet.armature_thickness,
+    }
+
+
+def iron_names(magnet: ECore) -> dict[str, str]:
+    """Section to the name of its iron."""
+    return {name: magnet.iron.armature if name == "armature" else magnet.iron.core for name in iron_volumes(magnet)}
+
+
+class SectionFlux:
+    """The signed flux density in the iron of a table's section, a spline over log(gap) and current, odd in the current.
+
+    Raises TableError where the table has no such section or a value of it is not finite.
+    """
+
+    def __init__(self, table: MagneticTable, section: str) -> None:
+        values = table.extras.get(SECTION + section)
+        if values is None:
+            raise TableError(
+                f"the table holds no flux_density_{section}, so nothing can be said of its loss; "
+                f"it has {', '.join(table.sections) or 'no sections'}; make one with 'msl-fem table'"
+            )
+        if not np.isfinite(values).all():
+            m, n = np.argwhere(~np.isfinite(values))[0]
+            raise TableError(
+                f"flux_density_{section} is not finite at gap {format_quantity(table.gap[m], 'm')}, "
+                f"current {table.current[n]:g} A"
+            )
+        self.table = table
+        self.values = values
+
+    @cached_property
+    def _spline(self) -> RectBivariateSpline:
+        i = self.table.current
+        both_signs = np.r_[-i[:0:-1], i]
+        odd = np.hstack([-self.values[:, :0:-1], self.values])
+        log_gap = np.log(self.table.gap)
+        return RectBivariateSpline(log_gap, both_signs, odd, kx=min(3, log_gap.size - 1), ky=3)
+
+    def __call__(self, current: ArrayLike, gap: ArrayLike) -> Array:
+        """T at (current, gap), broadcast together; raises OutOfTable."""
+        self.table.evaluate(current, gap)  # its complaint is the table's
+        i, g = np.broadcast_arrays(np.asarray(current, dtype=float), np.asarray(gap, dtype=float))
+        return np.asarray(self._spline.ev(np.log(g), i))
+
+
 SAMPLES = 256  # of a sine's period: the two routes to <(dB/dt)^2> are 5e-5 apart
 
 
@@ -33,7 +94,8 @@ class PeriodicOperation:
     frequency: float
 
     def __post_init__(self) -> None:
-        i, g = np.asarray(self.current, dtype=float), np.asarray(self.gap, dtype=float)
+        i = np.asarray(self.current, dtype=float)
+        g = np.asarray(self.gap, dtype=float)
         if i.ndim != 1 or i.shape != g.shape or i.size < FEWEST:
             raise InputError(
                 f"current and gap must be two equally long rows of {FEWEST} samples or more, these have the shapes "
@@ -122,6 +184,16 @@ class SectionLoss:
         return None if self.density.total is None else self.volume * self.density.total
 
     @property
+    def swing(self) -> float:
+        """T: the whole range of the flux density."""
+        return self.flux_density_max - self.flux_density_min
+
+    @property
+    def bias(self) -> float:
+        """The middle of the flux density's range over its half swing."""
+        return abs(self.flux_density_max + self.flux_density_min) / self.swing if self.swing > 0 else 0.0
+
+    @property
     def eddy_loss(self) -> float | None:
         """W of the eddy-current term alone, a lower bound of the loss; None where the sheet is not known."""
         return None if self.density.eddy is None else self.volume * self.density.eddy
@@ -171,7 +243,8 @@ class IronLossModel:
         return IronLoss(operation.frequency, tuple(sections), _notes(sections))
 
     def _section(self, name: str, operation: PeriodicOperation) -> SectionLoss:
-        b, sheet = self.flux[name](operation.current, operation.gap), self.sheets[name]
+        b = self.flux[name](operation.current, operation.gap)
+        sheet = self.sheets[name]
         density = loss_density(sheet, FluxWaveform(b, operation.frequency))
         return SectionLoss(name, sheet, self.volumes[name], float(b.min()), float(b.max()), density)
 
@@ -201,25 +274,15 @@ def _notes(sections: list[SectionLoss]) -> tuple[str, ...]:
             f"{sheet.iron}, sheets of {sheet.thickness * 1e3:.3g} mm: fit of the measured losses, RMS error "
             f"{c.rms_error:.0%}, largest {c.largest_error:.0%}; source: {c.source}"
         )
-    biased = [s.section for s in known if _bias(s) > 0.1]
+    biased = [s.section for s in known if s.bias > 0.1]
     if biased:
         notes.append(
             f"{', '.join(biased)}: the flux density swings about a bias; the hysteresis of such loops is taken as that "
             "of loops about zero, measured ones have more"
         )
-    small = [
-        s.section for s in known
-        if s.sheet.coefficients is not None
-        and s.flux_density_max - s.flux_density_min < 2 * s.sheet.coefficients.flux_density_min
-    ]  # fmt: skip
+    small = [s.section for s in known if s.sheet.coefficients and s.swing < 2 * s.sheet.coefficients.flux_density_min]
     if small:
         notes.append(
             f"{', '.join(small)}: the swing is below the measured ones (0.1 T); the loss goes on as a power of it"
         )
     return tuple(notes)
-
-
-def _bias(section: SectionLoss) -> float:
-    """The middle of the flux density's range over its half swing."""
-    swing = section.flux_density_max - section.flux_density_min
-    return abs(section.flux_density_max + section.flux_density_min) / swing if swing > 0 else 0.0
