@@ -3,7 +3,8 @@
 Minimised is S(z) = sum over bands (n + p)/2 log((Q(z) + p)/(n + p)) - log prior(z): the residuals' likelihood with the
 densities of the noise integrated out (`noise_bands`), and the prior of the unknowns. A Gauss-Newton step takes the
 densities as they are at the point; since log is concave, a step that decreases the quadratic decreases S. Damping is
-in the prior's metric (`map_fit`). The log evidence is Laplace's, -S - log det(J'J + P)/2, P the prior's curvature.
+in the prior's metric (`computing.gauss_newton`). The log evidence is Laplace's, -S - log det(J'J + P)/2, P the prior's
+curvature.
 """
 
 from dataclasses import dataclass

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.computing.map_fit import FitSettings, MapFit, fit_map
+from msl_fem.computing.gauss_newton import FitSettings, MapFit, fit_map
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.prediction.believed import KernelPlant, ModelHypothesis, believed_value, free_parameters, kernel_plant
 from msl_fem.prediction.free_run import (

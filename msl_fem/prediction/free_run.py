@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.computing.map_fit import FitSettings, fit_map
+from msl_fem.computing.gauss_newton import FitSettings, fit_map
 from msl_fem.errors import ComputationError, OutOfTable
 from msl_fem.plant import kernel, linearise
 from msl_fem.plant.coefficients import drive_lags

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msl_fem.computing.map_fit import FitSettings, fit_map
+from msl_fem.computing.gauss_newton import FitSettings, fit_map
 from msl_fem.errors import ComputationError
 
 

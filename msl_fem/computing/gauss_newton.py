@@ -1,0 +1,312 @@
+"""Damped Gauss-Newton descent, and the maximum a posteriori fit of a simulation to data with it.
+
+`descend` is the one loop: a quadratic model around a point, a damped step of it, the objective there; a step that
+raises the objective is tried again with more damping (Levenberg 1944, Marquardt 1963). What the unknowns are, in which
+metric they are damped and how a point is evaluated is the business of an `Objective`.
+
+`fit_map` minimises S = |r(z)|^2/2 + |z|^2/2 with residuals r in units of their noise and parameters z in units of their
+prior's sigma, counted from the believed values, damped in the same metric: (J'J + (1 + mu) I) d = -(J'r + z).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, Literal, Protocol, TypeVar
+
+import numpy as np
+
+from msl_fem.computing.arrays import Array
+from msl_fem.errors import ComputationError
+
+
+class Point(Protocol):
+    """Where a descent is."""
+
+    @property
+    def objective(self) -> float:
+        """What is minimised; inf or nan where it cannot be computed."""
+        ...
+
+
+class QuadraticModel(Protocol):
+    """The objective near a point.
+
+    `promised` is the decrease by the step without damping; a model is `stale` where parts of it were taken over from a
+    neighbouring point.
+    """
+
+    @property
+    def promised(self) -> float: ...
+    @property
+    def stale(self) -> bool: ...
+    def step(self, damping: float) -> tuple[Array, float]:
+        """(move, the decrease that it promises)"""
+        ...
+
+
+P = TypeVar("P", bound=Point)
+M = TypeVar("M", bound=QuadraticModel)
+
+
+class Objective(Protocol[P, M]):
+    """What is minimised."""
+
+    def model(self, point: P, neighbour: M | None) -> M:
+        """The quadratic model at a point; what is costly may be taken over from that of a neighbouring point."""
+        ...
+
+    def moved(self, point: P, move: Array) -> P:
+        """The point that a move leads to, within its bounds."""
+        ...
+
+
+@dataclass(frozen=True)
+class Damping:
+    """How the damping mu follows success: divided or multiplied by `factor`.
+
+    Attributes
+    ----------
+    first : mu of the first step
+    least : up to here success leads to no damping at all
+    rise : mu, at least, after the failure of a step
+    most : a failure above it ends the search
+    """
+
+    first: float = 1e3
+    least: float = 1e-6
+    rise: float = 1e-3
+    most: float = 1e12
+    factor: float = 10.0
+
+    def after_success(self, mu: float) -> float:
+        return mu / self.factor if mu > self.least else 0.0
+
+    def after_failure(self, mu: float) -> float:
+        return max(self.factor * mu, self.rise)
+
+
+HALVING = Damping(first=0.0, least=np.inf, rise=1.0, most=3.0, factor=2.0)
+"""For steps shortened by `halved`: the whole step first at every point, then its half, quarter and eighth."""
+
+
+def halved(move: Array, mu: float) -> Array:
+    """A move shortened for mu = 0, 1, 2, 4, ... to the whole, 1/2, 1/4, 1/8, ... of it."""
+    return move / (2.0 * mu) if mu else move
+
+
+@dataclass(frozen=True)
+class DescentSettings:
+    """When a descent ends, and how it is damped.
+
+    Attributes
+    ----------
+    enough, enough_share : a promised decrease of the objective, and a share of it, below which it has converged
+    most_trials : steps, accepted or not
+    most_steps : accepted steps; None: as many as trials
+    renewal : the next model is computed wholly anew where a step brings less than this share of its promise, and where
+        a stale one fails or promises too little; None: never
+    """
+
+    damping: Damping = Damping()
+    enough: float = 1e-2
+    enough_share: float = 0.0
+    most_trials: int = 60
+    most_steps: int | None = None
+    renewal: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Descent(Generic[P, M]):
+    """Where a descent ended: the model there, and why: no step leads down, or no more are allowed."""
+
+    point: P
+    model: M
+    ending: Literal["converged", "no descent", "no more steps"]
+    steps: int
+
+
+def descend(
+    objective: Objective[P, M], start: P, settings: DescentSettings, *, first: M | None = None
+) -> Descent[P, M]:
+    """The descent from a start with a finite objective; `first` is the model there where it is known."""
+    how, point, steps = settings, start, 0
+    model, mu = first or objective.model(start, None), settings.damping.first
+    for _ in range(how.most_trials):
+        if model.promised < max(how.enough, how.enough_share * point.objective):
+            if how.renewal is None or not model.stale:
+                return Descent(point, model, "converged", steps)
+            model = objective.model(point, None)
+            continue
+        if how.most_steps is not None and steps >= how.most_steps:
+            break
+        move, promised = model.step(mu)
+        trial = objective.moved(point, move)
+        gain = point.objective - trial.objective
+        if gain > 0.0:  # not of nan
+            fruitful = how.renewal is None or gain >= how.renewal * promised
+            model = objective.model(trial, model if fruitful else None)
+            point, mu, steps = trial, how.damping.after_success(mu), steps + 1
+        elif how.renewal is not None and model.stale:
+            model = objective.model(point, None)
+        elif mu > how.damping.most:
+            return Descent(point, model, "no descent", steps)
+        else:
+            mu = how.damping.after_failure(mu)
+    return Descent(point, model, "no more steps", steps)
+
+
+def log_evidence(objective: float, precision: Array) -> float:
+    """Laplace's approximation, -S - log det(precision)/2, up to a constant that all models of the same data share.
+
+    It contains the Occam factor (MacKay, Information Theory, Inference, and Learning Algorithms, 2003, ch. 27).
+    """
+    return -objective - float(np.linalg.slogdet(precision)[1]) / 2
+
+
+Simulator = Callable[[Array], Array]
+"""Parameters (n_lane, n_parameter) in units of their prior to residuals (n_lane, n_residual), nan of a failed run."""
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How a fit goes.
+
+    Attributes
+    ----------
+    step : of the differences, in units of the prior's sigma
+    damping : the first mu
+    enough : a predicted decrease of S, in nats, at which the fit has converged
+    most_steps : accepted or not
+    """
+
+    step: float = 1e-3
+    damping: float = 1e3
+    enough: float = 1e-2
+    most_steps: int = 60
+
+
+@dataclass(frozen=True, eq=False)
+class MapFit:
+    """Where a fit ended.
+
+    Attributes
+    ----------
+    parameters : (n_parameter,) in units of the prior's sigma, from the believed values
+    covariance : (n_parameter, n_parameter) of them, (J'J + I)^-1
+    residual : (n_residual,) at the end
+    jacobian : (n_residual, n_parameter) there
+    objective : S
+    log_evidence : up to a constant of the data
+    converged : the predicted decrease fell below what is enough
+    simulations : single runs of the simulator
+    reason : how it ended, in words
+    """
+
+    parameters: Array
+    covariance: Array
+    residual: Array
+    jacobian: Array
+    objective: float
+    log_evidence: float
+    converged: bool
+    simulations: int
+    reason: str
+
+
+def fit_map(simulate: Simulator, start: Array, *, settings: FitSettings | None = None) -> MapFit:
+    """The parameters of highest posterior density next to a start, (n_parameter,) in units of the prior.
+
+    Raises
+    ------
+    ComputationError : the simulation fails at the start, or at a difference of it to both sides
+    """
+    how = settings or FitSettings()
+    posterior = _Posterior(simulate, how.step)
+    first = posterior.at(np.array(start, dtype=float))
+    if not np.isfinite(first.residual).all():
+        raise ComputationError("the simulation fails at the start of the fit; begin nearer to what was measured")
+    limits = DescentSettings(Damping(how.damping), how.enough, most_trials=how.most_steps)
+    end = descend(posterior, first, limits)
+    reasons = {
+        "converged": f"a further step would gain {end.model.promised:.2g} nats",
+        "no descent": "no step makes it better",
+        "no more steps": f"no end after {how.most_steps} steps",
+    }
+    precision = end.model.gram + np.eye(first.z.size)
+    return MapFit(
+        parameters=end.point.z,
+        covariance=np.asarray(np.linalg.inv(precision), dtype=np.float64),
+        residual=end.point.residual,
+        jacobian=end.model.jacobian,
+        objective=end.point.objective,
+        log_evidence=log_evidence(end.point.objective, precision),
+        converged=end.ending == "converged",
+        simulations=posterior.simulations,
+        reason=reasons[end.ending],
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Simulated:
+    """Parameters with their residuals."""
+
+    z: Array
+    residual: Array
+    objective: float
+
+
+class _Linearised:
+    """|r + J d|^2/2 + |z + d|^2/2."""
+
+    stale = False
+
+    def __init__(self, jacobian: Array, at: _Simulated) -> None:
+        self.jacobian, self.gram = jacobian, jacobian.T @ jacobian
+        self._slope = jacobian.T @ at.residual + at.z
+        self.promised = self.step(-1.0)[1]
+
+    def step(self, damping: float) -> tuple[Array, float]:
+        """(move, its promise); -1 for the step without any damping"""
+        metric = 1.0 if damping < 0.0 else 1.0 + damping
+        move = np.linalg.solve(self.gram + metric * np.eye(self._slope.size), -self._slope)
+        return np.asarray(move, dtype=np.float64), float(-self._slope @ move / 2)
+
+
+class _Posterior:
+    """Minus the log posterior of a simulation's parameters; counts its runs."""
+
+    def __init__(self, simulate: Simulator, step: float) -> None:
+        self._simulate, self._step, self.simulations = simulate, step, 0
+
+    def at(self, z: Array) -> _Simulated:
+        residual = self._simulate(z[None])[0]
+        self.simulations += 1
+        return _Simulated(z, residual, float(residual @ residual + z @ z) / 2)
+
+    def moved(self, point: _Simulated, move: Array) -> _Simulated:
+        return self.at(point.z + move)
+
+    def model(self, point: _Simulated, neighbour: _Linearised | None) -> _Linearised:
+        self.simulations += point.z.size
+        return _Linearised(differences(self._simulate, point.z, point.residual, self._step), point)
+
+
+def differences(simulate: Simulator, z: Array, residual: Array, step: float) -> Array:
+    """The Jacobian (n_residual, n_parameter) by one-sided differences; backwards where a run ahead fails.
+
+    Raises
+    ------
+    ComputationError : the runs to both sides of a parameter fail
+    """
+    size = np.full(z.size, step)
+    moved = simulate(z + np.diag(size))
+    failed = ~np.isfinite(moved).all(axis=1)
+    if failed.any():
+        size[failed] = -step
+        moved[failed] = simulate(z + np.diag(size)[failed])
+        failed = ~np.isfinite(moved).all(axis=1)
+    if failed.any():
+        raise ComputationError(
+            f"the simulation fails to both sides of parameter number {int(np.argmax(failed))}; take a shorter run or a "
+            "smaller amplitude"
+        )
+    return np.asarray(((moved - residual) / size[:, None]).T)
