@@ -7,7 +7,6 @@ import typer
 from msl_fem.cli import installation
 from msl_fem.cli.options import Json
 from msl_fem.cli.output import print_result
-from msl_fem.computing.compiled import DIGEST
 
 KERNELS = 40
 """Compiled functions below which the cache is not that of a machine on which everything ran once."""
@@ -52,7 +51,7 @@ def examine() -> dict[str, Any]:
         "rendering": installation.rendering(),
         "processors": installation.processors(),
         "blas": installation.blas(),
-        "compiled_cache": installation.compiled_cache(DIGEST),
+        "compiled_cache": installation.compiled_cache(),
     }
     return found | {"missing": missing(found), "slow": slow(found)}
 

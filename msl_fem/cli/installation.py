@@ -26,6 +26,7 @@ PROGRAMS = {
 """Programs by the names they may have, and what for."""
 WHAT_MATTERS = ("numpy", "scipy", "scikit-fem", "netgen-mesher", "numba", "qdldl", "xarray", "h5netcdf", "pydantic")
 _ANSWERS_WITHIN = 10.0  # seconds
+_CACHED = re.compile(r"_[0-9a-f]{12}-\d+\.py\d+\w*\.nbi$")
 _EXTRA = re.compile(r"extra\s*==\s*['\"](\w+)['\"]")
 
 
@@ -102,23 +103,35 @@ def processors() -> dict[str, Any]:
     return {"all": os.cpu_count(), "usable": usable, "load_per_processor": load}
 
 
-def compiled_cache(digest: str) -> dict[str, Any]:
-    """The machine code that numba keeps beside the sources: of the present state of the sources, and of former ones.
+def compiled_cache() -> dict[str, Any]:
+    """The machine code that numba keeps beside the sources: of functions that the sources hold, and of former ones.
 
-    `digest` is that of `msl_fem.computing.compiled`, a part of each name in the cache.
+    A name in the cache is module.function_digest-line; the digest is that of `msl_fem.computing.compiled`, and the
+    newest of a function counts.
     """
     folders = list(_cache_folders())
     files = [path for folder in folders for path in folder.glob("*.nb[ic]")]
     indices = [path for path in files if path.suffix == ".nbi"]
-    present = [path for path in indices if digest in path.name]
+    names = {_CACHED.sub("", path.name) for path in indices}
+    present = len(names & _compiled_functions())
     return {
-        "digest": digest,
-        "functions": len(present),
-        "stale_functions": len(indices) - len(present),
+        "functions": present,
+        "stale_functions": len(indices) - present,
         "megabytes": sum(path.stat().st_size for path in files) / 1e6,
         "folder": str(folders[0]) if folders else None,
-        "writable": _writable(Path(find_spec("msl_fem").submodule_search_locations[0])),  # type: ignore[union-attr,index]
+        "writable": _writable(_package()),
     }
+
+
+def _compiled_functions() -> set[str]:
+    """module.function of all compiled functions of the sources."""
+    decorated = re.compile(r"^@compiled\ndef (\w+)", flags=re.MULTILINE)
+    sources = ((path.stem, path.read_text(encoding="utf-8")) for path in _package().rglob("*.py"))
+    return {f"{module}.{name}" for module, source in sources for name in decorated.findall(source)}
+
+
+def _package() -> Path:
+    return Path(__file__).parents[1]
 
 
 def _cache_folders() -> Iterator[Path]:
@@ -127,9 +140,7 @@ def _cache_folders() -> Iterator[Path]:
     if chosen:
         yield from sorted(path for path in Path(chosen).glob("*") if path.is_dir())
         return
-    spec = find_spec("msl_fem")
-    for root in (spec.submodule_search_locations or []) if spec else []:
-        yield from sorted(Path(root).rglob("__pycache__"))
+    yield from sorted(_package().rglob("__pycache__"))
 
 
 def _writable(folder: Path) -> bool:
