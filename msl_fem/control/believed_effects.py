@@ -6,7 +6,7 @@
 | early_saturation, fringing | the surface: W'(i, g) -> depth(g) W'(t i, g), as in the coupled model |
 | stiffness_nonlinearity | the cubic force is carried by the magnets at the measured position |
 | force_offset | the constant force |
-| squeeze_film | the damping, as it is in the middle |
+| squeeze_film | the damping, as the films of all sides make it in the middle |
 | amplifier_bandwidth, eddy_currents | the lag of the linear plant: the sum of the time constants |
 | time_delay.command | whole samples into the delay, what is left into the lag |
 
@@ -29,13 +29,6 @@ from msl_fem.plant.plant import Surface, plant_parameters
 from msl_fem.table.coenergy_surface import fit_coenergy_surface
 from msl_fem.table.magnetic_table import MagneticTable
 
-_KNOWN = {
-    ("gap_offset", "offset"), ("gap_offset", "centring"), ("early_saturation", "knee_shift"), ("fringing", "growth"),
-    ("fringing", "depth_error"), ("fringing", "turns_error"), ("stiffness_nonlinearity", "cubic"),
-    ("force_offset", "force"), ("squeeze_film", "damping"), ("amplifier_bandwidth", "lag"),
-    ("amplifier_bandwidth", "bandwidth_error"), ("eddy_currents", "time_constant"), ("time_delay", "command"),
-}  # fmt: skip
-
 
 def belief_with_effects(
     actuator: Actuator, table: MagneticTable, operating_map: OperatingMap, effects: EffectValues
@@ -54,7 +47,7 @@ def belief_with_effects(
     sides = [SideBelief(surface, coupled.nominal_gap + offset + sign * centring) for sign in (1.0, -1.0)]
     return Belief(
         actuator,
-        plant_with_effects(believed_plant(actuator), effects),
+        plant_with_effects(believed_plant(actuator), effects, sides=coupled.sides),
         coupled,
         inverse_of(coupled, Guard(operating_map), *sides),
         cubic=effects.get("stiffness_nonlinearity", "cubic"),
@@ -69,8 +62,8 @@ def left_to_feedback(effects: EffectValues) -> tuple[str, ...]:
         f"{effect}.{name}"
         for effect in effects.present
         for name, value in effects.stated[effect].items()
-        if (effect, name) not in _KNOWN
-        and not CATALOGUE[effect].parameter(name).shape
+        if name in CATALOGUE[effect].amounts
+        and name not in CATALOGUE[effect].design.parameters
         and value != CATALOGUE[effect].parameter(name).neutral
     )
 
@@ -98,8 +91,8 @@ def surface_with_effects(table: MagneticTable, effects: EffectValues) -> Surface
     return Surface(*(np.array(a, dtype=np.float64, order="C") for a in (made.gap, made.current, made.coefficients)))
 
 
-def plant_with_effects(plant: BelievedPlant, effects: EffectValues) -> BelievedPlant:
-    """The linear plant with its lags and delay.
+def plant_with_effects(plant: BelievedPlant, effects: EffectValues, *, sides: int) -> BelievedPlant:
+    """The linear plant with its lags and delay, and the air films of its sides.
 
     A chain of lags is taken as one whose time constant is their sum: alike up to the second order in frequency.
     """
@@ -110,7 +103,7 @@ def plant_with_effects(plant: BelievedPlant, effects: EffectValues) -> BelievedP
     time += max(late - whole, 0.0) * plant.period
     return replace(
         plant,
-        damping=plant.damping + 2 * effects.get("squeeze_film", "damping"),
+        damping=plant.damping + sides * effects.get("squeeze_film", "damping"),
         lag=1.0 / time if time > 0 else math.inf,
         delay=plant.delay + whole,
     )

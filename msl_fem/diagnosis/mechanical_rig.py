@@ -24,9 +24,9 @@ from msl_fem.diagnosis.other_records import Kind
 from msl_fem.diagnosis.scene import scene
 from msl_fem.diagnosis.simulator import Points, Problem
 from msl_fem.diagnosis.unknowns import Unknowns
-from msl_fem.diagnosis.variants import Variant, possible, variants
+from msl_fem.diagnosis.variants import Scene, Variant, possible, variants
 from msl_fem.plant import PlantParameters
-from msl_fem.plant.effects import neutral_vector
+from msl_fem.plant.effects import CATALOGUE, neutral_vector
 from msl_fem.prediction import ModelHypothesis, RunData, free_parameters, kernel_plant
 from msl_fem.prediction.believed import with_factors
 from msl_fem.prediction.noise import highest_band_sigma
@@ -146,8 +146,14 @@ def candidates_of_carriage(likelihood: Likelihood, found: Fit) -> list[Variant]:
     looked = replace(looked, position=min(looked.position, REVERSAL))
     plant = likelihood.problem.plant.parameters
     have = {one.effect for one in found.unknowns.effects}
-    tried = [v for effect in possible(plant) if effect not in have for v in variants(effect, looked, plant)]
+    tried = [v for v in offered(plant, looked) if v.effect not in have]
     return list(dict.fromkeys(replace(v, shapes=tuple(s for s in v.shapes if s.name not in _FALL)) for v in tried))
+
+
+def offered(plant: PlantParameters, looked: Scene) -> list[Variant]:
+    """The variants whose amounts the inverse dynamics take, of all effects that a plant can have."""
+    tried = [v for effect in possible(plant) for v in variants(effect, looked, plant)]
+    return [v for v in tried if all(a.name in CATALOGUE[v.effect].inverse.parameters for a in v.amounts)]
 
 
 def force_followed(belief: ModelHypothesis, runs: Sequence[RunData]) -> list[Followed]:

@@ -22,8 +22,8 @@ from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Scene, Variant, variants
 from msl_fem.errors import InputError, OutOfTable
 from msl_fem.plant import PlantParameters, Surface, plant_parameters, surface_of
+from msl_fem.plant.effects import CATALOGUE, EffectValues, from_vector, neutral_vector
 from msl_fem.plant.effects import POSITION as PLACE
-from msl_fem.plant.effects import EffectValues, from_vector, neutral_vector
 from msl_fem.plant.plant import VOLTAGE_DRIVE
 from msl_fem.plant.static_map import static_map
 from msl_fem.prediction import KernelPlant, ModelHypothesis
@@ -31,22 +31,12 @@ from msl_fem.record import Record, StaticMap
 from msl_fem.table.magnetic_table import MagneticTable
 
 Array = NDArray[np.float64]
-STATIC_EFFECTS = (
-    "gap_offset", "early_saturation", "fringing", "magnetic_hysteresis", "armature_tilt", "current_sensor_error",
-)  # fmt: skip
+EXPERIMENTS = {name: effect.separating for name, effect in CATALOGUE.items() if effect.separating}
 """What a magnet at rest can show; of the current's sensor, side 1's stands for the map's."""
 FEWEST_ROWS = 12
 FORCE, FLUX = "force_N", "flux_linkage_Wb"
 MARGIN = 4.0  # tolerances of the gap: rows nearer to the table's ends would leave it in a fit
 LEAST_NOISE = 1e-5  # of the largest value, where no noise is stated
-EXPERIMENTS = {
-    "gap_offset": "a map down to half the smallest gap: an offset grows there as 1/gap, a scale does not",
-    "fringing": "a map out to twice the largest gap, where the depth's growth is largest and an offset fades",
-    "early_saturation": "a map up to twice the largest current, where the iron saturates",
-    "magnetic_hysteresis": "loops of the current up and down at one gap, in an ascending series of amplitudes",
-    "armature_tilt": "a map down to half the smallest gap, where a tilt grows as the square of 1/gap",
-    "current_sensor_error": "the current beside a second instrument, and one row with the current reversed",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,7 +213,7 @@ def candidates_of_map(likelihood: Likelihood, found: Fit) -> list[Variant]:
     plant = likelihood.problem.plant.parameters
     scene = Scene(1.0, float(np.std(likelihood.measured.rows.current)), 1.0, 1.0)
     have = {one.effect for one in found.unknowns.effects}
-    return [v for effect in STATIC_EFFECTS if effect not in have for v in variants(effect, scene, plant)]
+    return [v for effect in EXPERIMENTS if effect not in have for v in variants(effect, scene, plant)]
 
 
 def map_followed(likelihood: StaticLikelihood, found: Fit | None) -> list[Followed]:

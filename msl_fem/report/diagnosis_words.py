@@ -11,31 +11,6 @@ from msl_fem.plant.effects import CATALOGUE, find_parameter
 
 FAR = 4.0  # tolerances by which a believed parameter has to be off before it is called far out
 LITTLE = 1.05  # times the error with the effects: re-fitting alone does as well
-MEND = {
-    "gap_offset": "measure the gap at rest with feeler gauges; look for a glue line, a parting joint, a wrong zero",
-    "early_saturation": "check the stacking factor and the sheets' cut edges; measure the B-H curve of a stacked ring",
-    "fringing": "check turns and stack depth; where the depth grows with the gap, make the table with end effects",
-    "magnetic_hysteresis": "anneal the sheets or take a better grade; demagnetise before each run",
-    "eddy_currents": "look for solid iron and shorted sheets in the flux path, a closed metal ring around it",
-    "cross_coupling": "separate the sides' flux: a thicker armature, other polarity; or keep it in the model",
-    "armature_tilt": "measure the gap at the corners; shim the armature or the magnets until the faces are parallel",
-    "coil_heating": "let the coils reach their temperature before a run, or measure their temperature",
-    "amplifier_bandwidth": "measure the step response of the drive with the mover locked; check its voltage limit",
-    "current_sensor_error": "calibrate the current readings against a shunt; zero them without current",
-    "stiffness_nonlinearity": "measure force over travel with weights; longer leaves, or leaves that may draw in",
-    "coulomb_friction": "look for rubbing cables, seals and guides",
-    "squeeze_film": "open the gap at the nearest point, drill the faces, or keep it in the model",
-    "structural_mode": "tap the mover with the coils open; stiffen what resonates, keep the loop's bandwidth below it",
-    "flexure_relaxation": "look for adhesive, plastics and loose clamps in the suspension",
-    "force_offset": "check gravity along the axis, cables, the rest position",
-    "support_compliance": "stiffen the bench or read the gap against the magnet",
-    "position_sensor_nonlinearity": "calibrate the position reading over its range, on gauge blocks",
-    "position_sensor_lag": "check filters and averaging of the position channel",
-    "time_delay": "check the time stamps of the channels and the cycles between computing and acting",
-    "periodic_disturbance": "follow its frequency: mains, fans, pumps; earth and screen the channel it is in",
-    "sensor_drift": "let the sensor warm up; keep draughts and daylight off; zero it before each run",
-}
-"""What an engineer looks at, for each effect of the catalogue."""
 
 
 def amount_text(effect: str, name: str, value: float, *, digits: int = 3) -> str:
@@ -191,7 +166,7 @@ def channel_name(column: str) -> str:
 
 def next_steps(found: Diagnosis) -> list[tuple[str, str]]:
     """What to do, as (why, what)."""
-    steps = [(f"to mend {called(c.effect)}", MEND[c.effect]) for c in found.causes if c.effect in MEND]
+    steps = [(f"to mend {called(c.effect)}", CATALOGUE[c.effect].advice) for c in found.causes if c.effect in CATALOGUE]
     steps += [
         (f"to tell {called(c.effect)} from {', '.join(called(r) for r in c.rivals)}", _separating(c))
         for c in found.causes

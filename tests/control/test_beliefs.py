@@ -90,11 +90,19 @@ def test_lags_and_delays_go_into_the_linear_plant():
                 "time_delay": {"command": 9e-4}, "squeeze_film": {"damping": 2.0},
             }
         ),
+        sides=2,
     )  # fmt: skip
     assert slow.delay == plain.delay + 2
     assert 1 / slow.lag == pytest.approx(2 / plain.lag + 1e-4 + 5e-5 + 1e-4)
     assert slow.damping == plain.damping + 4.0
-    assert plant_with_effects(plain, EffectValues()) == plain
+    assert plant_with_effects(plain, EffectValues(), sides=2) == plain
+
+
+def test_a_plant_of_one_side_has_one_film():
+    film = EffectValues({"squeeze_film": {"damping": 3.0}})
+    one, two = servo(sides={"count": 1}), servo()
+    assert belief_with_effects(one, TABLE, servo_map(), film).plant.damping == 12.0 + 3.0
+    assert belief_with_effects(two, TABLE, servo_map(), film).plant.damping == 12.0 + 6.0
 
 
 def test_what_no_design_can_use_is_named():

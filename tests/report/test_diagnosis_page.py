@@ -17,7 +17,6 @@ from msl_fem.record import Noise, Record, Run, Sampling
 from msl_fem.report.diagnosis_figures import amplitude_density, envelope, gain_figure, over_frequency, over_variables
 from msl_fem.report.diagnosis_page import diagnosis_page
 from msl_fem.report.diagnosis_words import (
-    MEND,
     amount_text,
     binomial_interval,
     false_alarm_text,
@@ -87,13 +86,9 @@ def test_the_first_page_says_what_how_sure_how_much_better_and_what_next(record:
     assert "100 → 20 → 1.02" in said
     assert "17\u202f790 nats" in said
     assert "not calibrated" in said
-    assert MEND["time_delay"] in said
+    assert CATALOGUE["time_delay"].advice in said
     assert "moving mass is +4 of its tolerances off" in said
     assert "stiffness is" not in said
-
-
-def test_every_effect_has_words(named: Diagnosis) -> None:
-    assert set(MEND) == set(CATALOGUE)
 
 
 @pytest.mark.parametrize("verdict", ["nothing-found", "unexplained", "named-and-unexplained", "undecidable"])

@@ -1,6 +1,6 @@
 """Effects of coil, amplifier and current sensor."""
 
-from msl_fem.plant.effects.entry import Effect, Parameter
+from msl_fem.plant.effects.entry import NO_MAGNETS, NOT_AT_REST, Effect, Parameter, Part
 
 ELECTRICAL = (
     Effect(
@@ -17,11 +17,44 @@ ELECTRICAL = (
             Parameter(
                 "rise_per_joule", "J^-1", 0.0, (0.0, 1.0), 1e-4, "0.39 %/K over the heat capacity of a side's coils"
             ),
-            Parameter("initial_rise", "", 0.0, (-0.3, 1.0), 0.01, "of the resistance when the run begins, relative"),
-            Parameter("cooling_rate", "s^-1", 0.0, (0.0, 10.0), 0.01, "one over the coil's time constant", shape=True),
-            Parameter("core_rate", "s^-1", 0.0, (0.0, 10.0), 0.01, "at which the core follows the coil", shape=True),
+            Parameter(
+                "initial_rise",
+                "",
+                0.0,
+                (-0.3, 1.0),
+                0.01,
+                "of the resistance when the run begins, relative",
+                alone=True,
+            ),
+            Parameter(
+                "cooling_rate",
+                "s^-1",
+                0.0,
+                (0.0, 10.0),
+                0.01,
+                "one over the coil's time constant",
+                shape=True,
+                tried=(0.2, 1.5),
+                width=1.5,
+            ),
+            Parameter(
+                "core_rate",
+                "s^-1",
+                0.0,
+                (0.0, 10.0),
+                0.01,
+                "at which the core follows the coil",
+                shape=True,
+                tried=(0.03,),
+                width=1.5,
+            ),
         ),
         needs=("magnets",),
+        design=Part(declined="the drive's current loop makes up for a resistance that changes"),
+        inverse=NO_MAGNETS,
+        static=NOT_AT_REST,
+        advice="let the coils reach their temperature before a run, or measure their temperature",
+        sets=(("rise_per_joule",), ("rise_per_joule", "initial_rise")),
     ),
     Effect(
         name="amplifier_bandwidth",
@@ -33,12 +66,31 @@ ELECTRICAL = (
         ),
         source="Schweitzer, Maslen (ed.), Magnetic Bearings, 2009, ch. 3 (power amplifiers)",
         parameters=(
-            Parameter("lag", "s", 0.0, (0.0, 0.05), 1e-5, "time constant of a pole more"),
+            Parameter("lag", "s", 0.0, (0.0, 0.05), 1e-5, "time constant of a pole more", alone=True),
             Parameter("slew_time", "s", 0.0, (0.0, 1.0), 1e-5, "that the drive takes for 1 A (1 V, 1 N) at least"),
             Parameter("bandwidth_error", "", 0.0, (-0.9, 2.0), 0.05, "relative, of the drive's stated bandwidth"),
-            Parameter("delay_share", "", 0.0, (0.0, 0.95), 0.1, "of the lag: what more than one pole do", shape=True),
+            Parameter(
+                "delay_share",
+                "",
+                0.0,
+                (0.0, 0.95),
+                0.1,
+                "of the lag: what more than one pole do",
+                shape=True,
+                tried=(0.3,),
+                width=0.8,
+                belongs_to="lag",
+            ),
         ),
         needs=("drive lag",),
+        design=Part(("lag", "bandwidth_error"), "a slew limit is not linear; keep the reference below it"),
+        inverse=Part(
+            ("lag",),
+            "a slew limit is not linear, and the equation takes no bandwidth of the drive",
+        ),
+        static=NOT_AT_REST,
+        advice="measure the step response of the drive with the mover locked; check its voltage limit",
+        sets=(("lag",), ("slew_time",), ("bandwidth_error",), ("lag", "slew_time")),
     ),
     Effect(
         name="current_sensor_error",
@@ -53,5 +105,23 @@ ELECTRICAL = (
             Parameter("offset_2", "A", 0.0, (-2.0, 2.0), 0.005, "of side 2's reading"),
         ),
         needs=("magnets",),
+        design=Part(
+            declined="the amplifier's own sensor closes the current loop; the controller does not read this one"
+        ),
+        inverse=NO_MAGNETS,
+        static=Part(("gain_1", "offset_1"), "the instrument of a static map stands as side 1's"),
+        advice="calibrate the current readings against a shunt; zero them without current",
+        sets=(
+            ("gain_1", "gain_2"),
+            ("offset_1", "offset_2"),
+            ("gain_1", "gain_2", "offset_1", "offset_2"),
+            ("gain_1",),
+            ("gain_2",),
+            ("offset_1",),
+            ("offset_2",),
+            ("gain_1", "offset_1"),
+            ("gain_2", "offset_2"),
+        ),
+        separating="the current beside a second instrument, and one row with the current reversed",
     ),
 )

@@ -1,10 +1,11 @@
-"""What an entry of the catalogue holds."""
+"""What an entry of the catalogue holds: all that the rooms of the program have to know of an effect."""
 
 from dataclasses import dataclass
 from typing import Literal
 
 Group = Literal["magnetic", "electrical", "mechanical", "sensing and timing"]
 Need = Literal["magnets", "two sides", "drive lag"]
+Scale = Literal["", "own_frequency", "position", "velocity", "current", "lines"]
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,11 @@ class Parameter:
     scale : a size that is usual in practice; steps of a search or of a difference are parts of it
     meaning : in a few words
     shape : it says how, not how much: at the other parameters' neutral values it changes nothing
+    tried : of a shape, the values at which a search starts, in units of what `over` names in a record (its RMS
+        position, velocity or current, the mover's own frequency, the lines of the residual's spectrum); "": SI
+    width : of a shape, one sigma of its logarithm about a value that is tried
+    belongs_to : of a shape, the one amount that it is about; "": all of them
+    alone : an amount that is tried without its effect's shapes too
     """
 
     name: str
@@ -28,6 +34,25 @@ class Parameter:
     scale: float
     meaning: str
     shape: bool = False
+    tried: tuple[float, ...] = ()
+    over: Scale = ""
+    width: float = 1.0
+    belongs_to: str = ""
+    alone: bool = False
+
+
+@dataclass(frozen=True)
+class Part:
+    """How much of an effect a part of the program takes.
+
+    Attributes
+    ----------
+    parameters : those amounts that it takes
+    declined : why it does without the others, in one sentence; "" where there are none
+    """
+
+    parameters: tuple[str, ...] = ()
+    declined: str = ""
 
 
 @dataclass(frozen=True)
@@ -41,7 +66,14 @@ class Effect:
     equation : what it adds to the plain model; symbols as in docs/coupled_model.md
     source : author, title, year
     parameters : those that switch it on, then its shape
+    design : what a controller's design believes of it
+    inverse : what the inverse dynamics of a rig without magnets undo of it
+    static : what a magnet at rest shows of it
+    advice : what an engineer looks at who finds it
     needs : what a plant must have for it: magnets (and a gap), two sides, a current drive that lags
+    sets : amounts that a search tries together; (): one set, all of them
+    separating : the static measurement that tells it from the other effects of a magnet at rest; "": it is not looked
+        for there
     """
 
     name: str
@@ -50,8 +82,23 @@ class Effect:
     equation: str
     source: str
     parameters: tuple[Parameter, ...]
+    design: Part
+    inverse: Part
+    static: Part
+    advice: str
     needs: tuple[Need, ...] = ()
+    sets: tuple[tuple[str, ...], ...] = ()
+    separating: str = ""
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; KeyError where there is none."""
         return {p.name: p for p in self.parameters}[name]
+
+    @property
+    def amounts(self) -> tuple[str, ...]:
+        """Names of the parameters that switch it on."""
+        return tuple(p.name for p in self.parameters if not p.shape)
+
+
+NO_MAGNETS = Part(declined="it is an effect of magnets, which a rig that a force drives has not")
+NOT_AT_REST = Part(declined="a magnet at rest, measured point after point, does not show it")

@@ -1,6 +1,6 @@
 """Effects of the magnets: each leaves force and flux linkage the derivatives of one coenergy, or states its loss."""
 
-from msl_fem.plant.effects.entry import Effect, Parameter
+from msl_fem.plant.effects.entry import NO_MAGNETS, NOT_AT_REST, Effect, Parameter, Part
 
 MAGNETIC = (
     Effect(
@@ -14,6 +14,12 @@ MAGNETIC = (
             Parameter("centring", "m", 0.0, (-3e-4, 3e-4), 5e-6, "side 1's gap is wider, side 2's narrower by this"),
         ),
         needs=("magnets",),
+        design=Part(("offset", "centring")),
+        inverse=NO_MAGNETS,
+        static=Part(("offset",), "one magnet has no middle that it could be off"),
+        advice="measure the gap at rest with feeler gauges; look for a glue line, a parting joint, a wrong zero",
+        sets=(("offset",), ("centring",)),
+        separating="a map down to half the smallest gap: an offset grows there as 1/gap, a scale does not",
     ),
     Effect(
         name="early_saturation",
@@ -31,10 +37,24 @@ MAGNETIC = (
             ),
             Parameter("knee_excess", "A^-2", 0.0, (0.0, 100.0), 0.01, "current in excess over the cube of lambda/L_0"),
             Parameter(
-                "low_field_width", "A", 0.1, (1e-3, 10.0), 0.1, "lambda/L_0 at half the low-field current", shape=True
+                "low_field_width",
+                "A",
+                0.1,
+                (1e-3, 10.0),
+                0.1,
+                "lambda/L_0 at half the low-field current",
+                shape=True,
+                tried=(0.1,),
+                belongs_to="low_field_current",
             ),
         ),
         needs=("magnets",),
+        design=Part(("knee_shift",), "the current of iron in series depends on the flux and is left to the feedback"),
+        inverse=NO_MAGNETS,
+        static=Part(("knee_shift", "low_field_current", "knee_excess")),
+        advice="check the stacking factor and the sheets' cut edges; measure the B-H curve of a stacked ring",
+        sets=(("knee_shift",), ("low_field_current", "knee_excess"), ("knee_excess",)),
+        separating="a map up to twice the largest current, where the iron saturates",
     ),
     Effect(
         name="fringing",
@@ -48,6 +68,12 @@ MAGNETIC = (
             Parameter("turns_error", "", 0.0, (-0.2, 0.2), 0.002, "relative error of the number of turns"),
         ),
         needs=("magnets",),
+        design=Part(("growth", "depth_error", "turns_error")),
+        inverse=NO_MAGNETS,
+        static=Part(("growth", "depth_error", "turns_error")),
+        advice="check turns and stack depth; where the depth grows with the gap, make the table with end effects",
+        sets=(("growth",), ("depth_error",), ("turns_error",), ("growth", "depth_error")),
+        separating="a map out to twice the largest gap, where the depth's growth is largest and an offset fades",
     ),
     Effect(
         name="magnetic_hysteresis",
@@ -70,9 +96,16 @@ MAGNETIC = (
                 0.5,
                 "half the change of current, at the nominal gap, over which a branch reverses",
                 shape=True,
+                tried=(0.3, 1.0, 3.0),
+                over="current",
             ),
         ),
         needs=("magnets", "drive lag"),
+        design=Part(declined="the inverse has no memory; the feedback takes what the iron remembers"),
+        inverse=NO_MAGNETS,
+        static=Part(("coercive_current",)),
+        advice="anneal the sheets or take a better grade; demagnetise before each run",
+        separating="loops of the current up and down at one gap, in an ascending series of amplitudes",
     ),
     Effect(
         name="eddy_currents",
@@ -84,10 +117,25 @@ MAGNETIC = (
         ),
         source="Zhu, Knospe, Maslen, IEEE Trans. Magnetics 41(4), 2005, 1248-1258; Woodson, Melcher, 1968, ch. 2",
         parameters=(
-            Parameter("time_constant", "s", 0.0, (0.0, 0.05), 1e-4, "of the flux at constant current, nominal gap"),
-            Parameter("diffusion_time", "s", 0.0, (0.0, 5.0), 1e-2, "of the field across a sheet's half", shape=True),
+            Parameter(
+                "time_constant", "s", 0.0, (0.0, 0.05), 1e-4, "of the flux at constant current, nominal gap", alone=True
+            ),
+            Parameter(
+                "diffusion_time",
+                "s",
+                0.0,
+                (0.0, 5.0),
+                1e-2,
+                "of the field across a sheet's half",
+                shape=True,
+                tried=(1e-3, 1e-2, 1e-1, 1.0),
+            ),
         ),
         needs=("magnets", "drive lag"),
+        design=Part(("time_constant",)),
+        inverse=NO_MAGNETS,
+        static=NOT_AT_REST,
+        advice="look for solid iron and shorted sheets in the flux path, a closed metal ring around it",
     ),
     Effect(
         name="cross_coupling",
@@ -99,6 +147,10 @@ MAGNETIC = (
             Parameter("share", "", 0.0, (-0.3, 0.3), 0.01, "of a side's ampere turns that magnetise the other side"),
         ),
         needs=("magnets", "two sides"),
+        design=Part(declined="the inverse finds the current of each side by itself; the feedback takes the rest"),
+        inverse=NO_MAGNETS,
+        static=Part(declined="it takes two sides, a static map is of one magnet"),
+        advice="separate the sides' flux: a thicker armature, other polarity; or keep it in the model",
     ),
     Effect(
         name="armature_tilt",
@@ -113,5 +165,10 @@ MAGNETIC = (
             Parameter("gap_variance", "m^2", 0.0, (0.0, 1e-8), 4e-10, "mean square deviation of the gap over the face"),
         ),
         needs=("magnets",),
+        design=Part(declined="it changes the force in the second order of the tilt; the feedback takes that"),
+        inverse=NO_MAGNETS,
+        static=Part(("gap_variance",)),
+        advice="measure the gap at the corners; shim the armature or the magnets until the faces are parallel",
+        separating="a map down to half the smallest gap, where a tilt grows as the square of 1/gap",
     ),
 )

@@ -1,6 +1,6 @@
 """Effects of suspension, mover and bench."""
 
-from msl_fem.plant.effects.entry import Effect, Parameter
+from msl_fem.plant.effects.entry import NO_MAGNETS, NOT_AT_REST, Effect, Parameter, Part
 
 MECHANICAL = (
     Effect(
@@ -13,6 +13,11 @@ MECHANICAL = (
             Parameter("cubic", "N/m^3", 0.0, (-1e14, 1e14), 5e9, "of the flexure's force"),
             Parameter("quadratic", "N/m^2", 0.0, (-1e10, 1e10), 3e6, "of the flexure's force"),
         ),
+        design=Part(("cubic",), "the magnets carry the cubic force alone; the feedback takes the quadratic one"),
+        inverse=Part(("cubic", "quadratic")),
+        static=NOT_AT_REST,
+        advice="measure force over travel with weights; longer leaves, or leaves that may draw in",
+        sets=(("cubic",), ("quadratic",), ("cubic", "quadratic")),
     ),
     Effect(
         name="coulomb_friction",
@@ -28,12 +33,43 @@ MECHANICAL = (
         ),
         parameters=(
             Parameter("force", "N", 0.0, (0.0, 1e3), 0.1, "in full sliding"),
-            Parameter("presliding", "m", 1e-6, (1e-8, 1e-3), 1e-6, "travel until everything slides", shape=True),
-            Parameter("stribeck_rise", "", 0.0, (0.0, 3.0), 0.2, "friction at rest over `force`, less 1", shape=True),
             Parameter(
-                "stribeck_velocity", "m/s", 1e-3, (1e-7, 10.0), 1e-3, "at which half of the rise is left", shape=True
+                "presliding",
+                "m",
+                1e-6,
+                (1e-8, 1e-3),
+                1e-6,
+                "travel until everything slides",
+                shape=True,
+                tried=(0.03, 0.2),
+                over="position",
+            ),
+            Parameter(
+                "stribeck_rise",
+                "",
+                0.0,
+                (0.0, 3.0),
+                0.2,
+                "friction at rest over `force`, less 1",
+                shape=True,
+                tried=(0.2,),
+            ),
+            Parameter(
+                "stribeck_velocity",
+                "m/s",
+                1e-3,
+                (1e-7, 10.0),
+                1e-3,
+                "at which half of the rise is left",
+                shape=True,
+                tried=(0.15,),
+                over="velocity",
             ),
         ),
+        design=Part(declined="the linear plant has no memory; the feedback takes friction as a disturbance"),
+        inverse=Part(("force",)),
+        static=NOT_AT_REST,
+        advice="look for rubbing cables, seals and guides",
     ),
     Effect(
         name="squeeze_film",
@@ -43,6 +79,10 @@ MECHANICAL = (
         source="Blech, J. Lubrication Tech. 105, 1983, 615-620; Bao, Yang, Sensors and Actuators A 136, 2007, 3-27",
         parameters=(Parameter("damping", "N s/m", 0.0, (0.0, 1e4), 1.0, "of one side's film at the nominal gap"),),
         needs=("magnets",),
+        design=Part(("damping",)),
+        inverse=NO_MAGNETS,
+        static=NOT_AT_REST,
+        advice="open the gap at the nearest point, drill the faces, or keep it in the model",
     ),
     Effect(
         name="structural_mode",
@@ -56,9 +96,25 @@ MECHANICAL = (
         parameters=(
             Parameter("mass_share", "", 0.0, (0.0, 0.6), 0.01, "mu"),
             Parameter("load_reading", "", 0.0, (-1.0, 1.0), 0.1, "0: the sensor sees the armature, 1: the load"),
-            Parameter("frequency", "Hz", 400.0, (1.0, 1e4), 100.0, "w / 2 pi, of the share alone", shape=True),
-            Parameter("damping_ratio", "", 0.01, (0.0, 1.0), 0.01, "zeta", shape=True),
+            Parameter(
+                "frequency",
+                "Hz",
+                400.0,
+                (1.0, 1e4),
+                100.0,
+                "w / 2 pi, of the share alone",
+                shape=True,
+                tried=tuple(1.6 * 1.18**n for n in range(17)),
+                over="own_frequency",
+                width=0.15,
+            ),
+            Parameter("damping_ratio", "", 0.01, (0.0, 1.0), 0.01, "zeta", shape=True, tried=(0.015,)),
         ),
+        design=Part(declined="the linear plant is one mass; keep the loop's bandwidth below the resonance"),
+        inverse=Part(("mass_share", "load_reading")),
+        static=NOT_AT_REST,
+        advice="tap the mover with the coils open; stiffen what resonates, keep the loop's bandwidth below it",
+        sets=(("mass_share",), ("mass_share", "load_reading")),
     ),
     Effect(
         name="flexure_relaxation",
@@ -68,8 +124,22 @@ MECHANICAL = (
         source="Zener, Elasticity and Anelasticity of Metals, 1948, ch. 5",
         parameters=(
             Parameter("strength", "", 0.0, (0.0, 5.0), 0.01, "stiffness that relaxes, over that which stays"),
-            Parameter("time_constant", "s", 0.1, (1e-4, 1e4), 0.1, "of the relaxation", shape=True),
+            Parameter(
+                "time_constant",
+                "s",
+                0.1,
+                (1e-4, 1e4),
+                0.1,
+                "of the relaxation",
+                shape=True,
+                tried=(0.004, 0.03, 0.2),
+                width=0.8,
+            ),
         ),
+        design=Part(declined="it is slower than the loop, whose integrator takes it"),
+        inverse=Part(declined="a share of the spring relaxes, and a carriage has none"),
+        static=NOT_AT_REST,
+        advice="look for adhesive, plastics and loose clamps in the suspension",
     ),
     Effect(
         name="force_offset",
@@ -78,6 +148,10 @@ MECHANICAL = (
         equation="m x'' + ... = ... + force",
         source="Newton's second law",
         parameters=(Parameter("force", "N", 0.0, (-1e4, 1e4), 0.1, "along +x"),),
+        design=Part(("force",)),
+        inverse=Part(("force",)),
+        static=Part(("force",)),
+        advice="check gravity along the axis, cables, the rest position",
     ),
     Effect(
         name="support_compliance",
@@ -90,9 +164,24 @@ MECHANICAL = (
         source="Rivin, Stiffness and Damping in Mechanical Design, 1999, ch. 5",
         parameters=(
             Parameter("compliance", "m/N", 0.0, (0.0, 1e-5), 1e-8, "of the base, static"),
-            Parameter("frequency", "Hz", 500.0, (5.0, 1e4), 200.0, "w / 2 pi of the base", shape=True),
-            Parameter("damping_ratio", "", 0.1, (1e-3, 2.0), 0.1, "zeta of the base", shape=True),
+            Parameter(
+                "frequency",
+                "Hz",
+                500.0,
+                (5.0, 1e4),
+                200.0,
+                "w / 2 pi of the base",
+                shape=True,
+                tried=(4.0, 10.0, 25.0),
+                over="own_frequency",
+                width=0.15,
+            ),
+            Parameter("damping_ratio", "", 0.1, (1e-3, 2.0), 0.1, "zeta of the base", shape=True, tried=(0.1,)),
         ),
         needs=("magnets",),
+        design=Part(declined="the linear plant is one mass; keep the loop's bandwidth below the bench's resonance"),
+        inverse=NO_MAGNETS,
+        static=NOT_AT_REST,
+        advice="stiffen the bench or read the gap against the magnet",
     ),
 )

@@ -1,6 +1,6 @@
 """Effects of the position sensor, of time, and of what comes from outside."""
 
-from msl_fem.plant.effects.entry import Effect, Parameter
+from msl_fem.plant.effects.entry import NOT_AT_REST, Effect, Parameter, Part
 
 SENSING = (
     Effect(
@@ -14,6 +14,17 @@ SENSING = (
             Parameter("quadratic", "m^-1", 0.0, (-1e3, 1e3), 5.0, "of the reading over the position"),
             Parameter("cubic", "m^-2", 0.0, (-1e6, 1e6), 1e4, "of the reading over the position"),
         ),
+        design=Part(declined="the loop follows the reading and has nothing to compare it with"),
+        inverse=Part(("gain_error", "quadratic", "cubic")),
+        static=NOT_AT_REST,
+        advice="calibrate the position reading over its range, on gauge blocks",
+        sets=(
+            ("quadratic",),
+            ("cubic",),
+            ("gain_error",),
+            ("quadratic", "cubic"),
+            ("gain_error", "quadratic", "cubic"),
+        ),
     ),
     Effect(
         name="position_sensor_lag",
@@ -22,9 +33,23 @@ SENSING = (
         equation="(1/w + (1 - s) lag) y' = x - y, read s lag later; w: the sensor's stated bandwidth, s: delay_share",
         source="Fleming, Sensors and Actuators A 190, 2013, 106-126",
         parameters=(
-            Parameter("lag", "s", 0.0, (0.0, 0.05), 1e-5, "added to the sensor's time constant"),
-            Parameter("delay_share", "", 0.0, (0.0, 0.95), 0.1, "of the lag: what more than one pole do", shape=True),
+            Parameter("lag", "s", 0.0, (0.0, 0.05), 1e-5, "added to the sensor's time constant", alone=True),
+            Parameter(
+                "delay_share",
+                "",
+                0.0,
+                (0.0, 0.95),
+                0.1,
+                "of the lag: what more than one pole do",
+                shape=True,
+                tried=(0.3,),
+                width=0.8,
+            ),
         ),
+        design=Part(declined="the linear plant has no sensor; the margins of the design have to bear its lag"),
+        inverse=Part(("lag",)),
+        static=NOT_AT_REST,
+        advice="check filters and averaging of the position channel",
     ),
     Effect(
         name="time_delay",
@@ -37,6 +62,13 @@ SENSING = (
             Parameter("position", "s", 0.0, (0.0, 0.1), 1e-5, "of the position reading"),
             Parameter("current", "s", 0.0, (0.0, 0.1), 1e-5, "of the current readings"),
         ),
+        design=Part(
+            ("command",), "the linear plant has no sensors; the margins of the design have to bear their delays"
+        ),
+        inverse=Part(("command", "position"), "a rig that a force drives has no current readings"),
+        static=NOT_AT_REST,
+        advice="check the time stamps of the channels and the cycles between computing and acting",
+        sets=(("command",), ("position",), ("current",), ("position", "current")),
     ),
     Effect(
         name="periodic_disturbance",
@@ -51,7 +83,19 @@ SENSING = (
             Parameter("position_sine", "m", 0.0, (-1e-3, 1e-3), 1e-7, "of the position reading"),
             Parameter("current_cosine", "A", 0.0, (-10.0, 10.0), 5e-3, "of all current readings"),
             Parameter("current_sine", "A", 0.0, (-10.0, 10.0), 5e-3, "of all current readings"),
-            Parameter("frequency", "Hz", 50.0, (0.01, 1e5), 10.0, "w / 2 pi", shape=True),
+            Parameter("frequency", "Hz", 50.0, (0.01, 1e5), 10.0, "w / 2 pi", shape=True, over="lines", width=0.15),
+        ),
+        design=Part(declined="the feedback takes it as a disturbance"),
+        inverse=Part(
+            ("force_cosine", "force_sine", "position_cosine", "position_sine"),
+            "a rig that a force drives has no current readings",
+        ),
+        static=NOT_AT_REST,
+        advice="follow its frequency: mains, fans, pumps; earth and screen the channel it is in",
+        sets=(
+            ("force_cosine", "force_sine"),
+            ("position_cosine", "position_sine"),
+            ("current_cosine", "current_sine"),
         ),
     ),
     Effect(
@@ -65,6 +109,16 @@ SENSING = (
             Parameter("acceleration", "m/s^2", 0.0, (-1e-3, 1e-3), 1e-7, "of the zero"),
             Parameter("jerk", "m/s^3", 0.0, (-1e-3, 1e-3), 1e-7, "of the zero"),
             Parameter("offset", "m", 0.0, (-1e-3, 1e-3), 1e-7, "of the zero when a run begins"),
+        ),
+        design=Part(declined="the loop follows the reading and has nothing to compare it with"),
+        inverse=Part(("rate", "acceleration", "jerk", "offset")),
+        static=NOT_AT_REST,
+        advice="let the sensor warm up; keep draughts and daylight off; zero it before each run",
+        sets=(
+            ("rate",),
+            ("offset", "rate"),
+            ("offset", "rate", "acceleration"),
+            ("offset", "rate", "acceleration", "jerk"),
         ),
     ),
 )
