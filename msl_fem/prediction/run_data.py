@@ -12,7 +12,7 @@ from msl_fem.plant import plant_parameters
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE
 from msl_fem.prediction.noise import NoiseFloor, noise_floor
 from msl_fem.record import Record, Role, Run
-from msl_fem.record.linear_law import READINGS
+from msl_fem.record.rig_file import READINGS
 
 Array = NDArray[np.float64]
 POSITION_COLUMN = "position_m"

@@ -1,12 +1,24 @@
 """Measured or simulated data: a frozen record of a rig, its runs and its static map, read from a folder and written."""
 
-from msl_fem.record.linear_law import LinearLaw, PidLaw, StateSpaceLaw, law_of, linear_laws
+from msl_fem.record.columns import Channel
 from msl_fem.record.reader import load_record
-from msl_fem.record.record import Noise, Origin, Record, Role, Run, Sampling, StaticMap, Tolerance
+from msl_fem.record.record import Record, Run, StaticMap
+from msl_fem.record.rig_file import (
+    Noise,
+    Origin,
+    PidLaw,
+    Role,
+    Sampling,
+    StatedLaw,
+    StateSpaceLaw,
+    Tolerance,
+    law_of,
+    linear_laws,
+)
 from msl_fem.record.writer import check_record_folder, write_record
 
 __all__ = [
-    "LinearLaw",
+    "Channel",
     "Noise",
     "Origin",
     "PidLaw",
@@ -15,6 +27,7 @@ __all__ = [
     "Run",
     "Sampling",
     "StateSpaceLaw",
+    "StatedLaw",
     "StaticMap",
     "Tolerance",
     "check_record_folder",

@@ -1,28 +1,50 @@
-"""A log of another program as a run of a record, new or grown by it."""
+"""A log of another program, MATLAB .mat or CSV, as a run of a record, new or grown by it: its signals by name, which of
+them becomes which column, and the run."""
 
+import csv
 import os
+import re
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
+from scipy.io import loadmat
+from scipy.io.matlab import MatReadError
 
 from msl_fem.actuator import Actuator
-from msl_fem.errors import RecordError
-from msl_fem.files.schema import reason
+from msl_fem.computing.arrays import Array
+from msl_fem.errors import QuantityError, RecordError
+from msl_fem.files.netcdf_file import refuse_endless_heap
+from msl_fem.files.quantity import parse_quantity
+from msl_fem.files.schema import read_toml, reason
 from msl_fem.files.toml_text import toml_text
 from msl_fem.files.whole_file import whole_file
-from msl_fem.record.checks import check_columns, check_run, known_columns
-from msl_fem.record.column_file import numbers, write_columns
-from msl_fem.record.column_map import ColumnSource
-from msl_fem.record.log_file import read_log, signal
-from msl_fem.record.reader import load_record
-from msl_fem.record.record import Record, Role, Run, Sampling
-from msl_fem.record.rig_file import RIG_FILE
-from msl_fem.record.writer import write_record
+from msl_fem.record.columns import CHANNELS, numbers, write_columns
+from msl_fem.record.reader import check_columns, check_run, known_columns, load_record
+from msl_fem.record.record import Record, Run
+from msl_fem.record.rig_file import RIG_FILE, Role, Sampling
+from msl_fem.record.writer import run_entry, write_record
 
 LONG = 100_000  # samples from which a run is written as NetCDF
+COLUMN_KEYS = ("source", "unit", "scale", "offset")
+_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
+DELIMITERS = ",;\t"
+COMMENTS = ("#", "%")
+_ELEMENT = re.compile(r"(?P<name>.+)\[(?P<index>\d+)\]")
+
+
+@dataclass(frozen=True)
+class ColumnSource:
+    """One column of a run: column = scale * source + offset, scale and offset in the column's SI unit."""
+
+    column: str
+    source: str
+    scale: float
+    offset: float
 
 
 @dataclass(frozen=True)
@@ -48,13 +70,13 @@ def imported_run(
     """
     signals = read_log(log)
     columns = {}
-    for it in sources:
-        raw = numbers(signal(signals, it.source, file=log), it.source, log)
-        columns[it.column] = it.scale * raw + it.offset
+    for source in sources:
+        raw = numbers(signal(signals, source.source, file=log), source.source, log)
+        columns[source.column] = source.scale * raw + source.offset
     lengths = {name: values.size for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
-        said = ", ".join(f"{name} {size}" for name, size in lengths.items())
-        raise RecordError(f"{log}: the signals have different lengths: {said}; name signals of one run")
+        each = ", ".join(f"{name} {size}" for name, size in lengths.items())
+        raise RecordError(f"{log}: the signals have different lengths: {each}; name signals of one run")
     if "time_s" not in columns:
         if rate is None:
             raise RecordError(f"{log}: no source for time_s; name one, or give --rate")
@@ -100,19 +122,21 @@ def import_into(folder: str | Path, run: Run, *, actuator: Actuator | None = Non
 
 def _append(folder: Path, run: Run) -> None:
     there = load_record(folder)
-    rig_file, target = folder / RIG_FILE, folder / run.file
+    rig_file = folder / RIG_FILE
+    target = folder / run.file
     if there.origin != "measured":
         raise RecordError(f"{folder}: holds simulated data, and a log is measured; choose another folder")
     if there.sampling is None:
         raise RecordError(f"{rig_file}: states no [sampling]; add its rate, then import")
-    if target.exists() or run.name in {it.name for it in there.runs}:
+    if target.exists() or run.name in {other.name for other in there.runs}:
         raise RecordError(f"{target}: is there already; choose another --name")
     check_run(run, there.actuator, there.sampling, file=target)
-    entry = toml_text({"run": [{"file": run.file, "excitation": run.excitation, "role": run.role}]})
+    entry = toml_text({"run": [run_entry(run)]})
     try:
         with tempfile.TemporaryDirectory(prefix=".", dir=folder) as partial_folder:
-            write_columns(Path(partial_folder) / run.file, {**run.columns, **run.extra})
-            os.replace(Path(partial_folder) / run.file, target)
+            written = Path(partial_folder) / run.file
+            write_columns(written, {**run.columns, **run.extra})
+            os.replace(written, target)
         with whole_file(rig_file) as partial:
             partial.write_text(f"{rig_file.read_text(encoding='utf-8').rstrip()}\n\n{entry}", encoding="utf-8")
     except OSError as err:
@@ -126,3 +150,218 @@ def _rate(run: Run, rate: float | None) -> float:
     if run.time.size < 2 or not run.time[-1] > run.time[0]:
         raise RecordError(f"run {run.name}: the time does not increase; look at the source of time_s")
     return float(f"{1 / run.sampling_period:.6g}")
+
+
+def column_sources(text: str) -> tuple[ColumnSource, ...]:
+    """The sources that a text names, or those of a TOML file where the text ends in .toml.
+
+    The text lists `column=source`, parted by commas, each with `:unit=mm`, `:scale=-1` (a number times the unit, or a
+    quantity like `0.5 mm` for one of the log's units) and `:offset=14 mm` where needed. The file has a table for each
+    column, `[position_m]`, with the keys source, unit, scale and offset.
+
+    Raises
+    ------
+    RecordError : an unknown column or key, a column twice, a unit or quantity that is none; says what there is
+    """
+    if text.strip().endswith(".toml"):
+        entries = _from_file(Path(text.strip()))
+    else:
+        entries = [_from_text(part) for part in text.split(",") if part.strip()]
+    if not entries:
+        raise RecordError('--columns is empty; write like "time_s=t, position_m=q:unit=mm"')
+    columns = [column for column, _ in entries]
+    double = next((c for k, c in enumerate(columns) if c in columns[:k]), None)
+    if double:
+        raise RecordError(f"--columns: {double} is there twice; give each column one source")
+    return tuple(_source(column, keys) for column, keys in entries)
+
+
+def _from_text(part: str) -> tuple[str, dict[str, str]]:
+    head, *options = part.split(":")
+    column, equals, source = (word.strip() for word in head.partition("="))
+    if not (equals and column and source):
+        raise RecordError(f"--columns: {part.strip()!r} names no source; write like position_m=q:unit=mm")
+    keys = {"source": source}
+    for option in options:
+        key, equals, value = (word.strip() for word in option.partition("="))
+        if not (equals and value) or key in keys:
+            raise RecordError(f"--columns: {part.strip()!r}: write options like :unit=mm:scale=-1:offset=14 mm")
+        keys[key] = value
+    return column, keys
+
+
+def _from_file(path: Path) -> list[tuple[str, dict[str, str]]]:
+    content = read_toml(path, error=RecordError, wanted="a file of columns")
+    for column, keys in content.items():
+        if not isinstance(keys, dict):
+            raise RecordError(f"{path}: {column}: write a table, [{column}] with a source")
+    return [(column, {key: str(value) for key, value in keys.items()}) for column, keys in content.items()]
+
+
+def _source(column: str, keys: dict[str, str]) -> ColumnSource:
+    if column not in CHANNELS:
+        raise RecordError(f"--columns: {column} is no column of a run; there are {', '.join(CHANNELS)}")
+    unknown = [key for key in keys if key not in COLUMN_KEYS]
+    if unknown or "source" not in keys:
+        said = f"{unknown[0]} is unknown" if unknown else "source is missing"
+        raise RecordError(f"--columns: {column}: {said}; the keys are {', '.join(COLUMN_KEYS)}")
+    unit = CHANNELS[column].unit
+    try:
+        return ColumnSource(column, keys["source"], _scale(keys, unit), _offset(keys, unit))
+    except QuantityError as err:
+        raise RecordError(f"--columns: {column}: {err}") from err
+
+
+def _scale(keys: dict[str, str], unit: str) -> float:
+    """SI units of the column for one unit of the log."""
+    scale = keys.get("scale", "1")
+    if _NUMBER.fullmatch(scale):
+        value = float(scale) * (parse_quantity(f"1 {keys['unit']}", unit) if "unit" in keys else 1.0)
+    elif "unit" in keys:
+        raise QuantityError(f"scale {scale!r} has a unit, and unit says {keys['unit']!r}; give one of them")
+    else:
+        value = parse_quantity(scale, unit)
+    if value == 0:
+        raise QuantityError("scale is 0 and would erase the signal; give another")
+    return value
+
+
+def _offset(keys: dict[str, str], unit: str) -> float:
+    offset = keys.get("offset", "0")
+    return 0.0 if _NUMBER.fullmatch(offset) and float(offset) == 0 else parse_quantity(offset, unit)
+
+
+def describe(sources: Sequence[ColumnSource]) -> dict[str, dict[str, object]]:
+    """What was understood, for a JSON object: source, scale and offset in the column's unit."""
+    described: dict[str, dict[str, object]] = {}
+    for source in sources:
+        described[source.column] = {
+            "source": source.source,
+            "unit": CHANNELS[source.column].unit,
+            "scale": source.scale,
+            "offset": source.offset,
+        }
+    return described
+
+
+def read_log(path: str | Path) -> dict[str, Array]:
+    """The numeric arrays of a log by name: (n_sample,) each, or a matrix whose longer side runs over the samples.
+
+    A .mat file of any version; members of a structure are named `structure.member`. A text file (.csv, .txt, .tsv)
+    has its names in the first row that is no comment (# or %), cells parted by comma, semicolon or tab.
+
+    Raises
+    ------
+    RecordError : no such file, another format, no numbers in it, a row that does not fit the names
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise RecordError(f"{path}: no such file; give a .mat or CSV log")
+    ending = path.suffix.lower()
+    if ending not in (".mat", ".csv", ".txt", ".tsv"):
+        raise RecordError(f"{path}: the ending '{path.suffix}' is unknown; give a .mat or a .csv file")
+    try:
+        signals = _read_mat(path) if ending == ".mat" else _read_text(path)
+    except RecordError:
+        raise
+    except (OSError, ValueError, TypeError, KeyError, IndexError, NotImplementedError, MatReadError, csv.Error) as err:
+        raise RecordError(f"{path}: cannot be read ({reason(err)}); save it anew as .mat or CSV") from err
+    if not signals:
+        raise RecordError(f"{path}: holds no numeric arrays; save the signals as vectors or one matrix")
+    return signals
+
+
+def signal(signals: dict[str, Array], source: str, *, file: Path | str) -> Array:
+    """The samples (n_sample,) of a signal by its name, or of one row of a matrix by `name[row]`, counted from 0.
+
+    Raises
+    ------
+    RecordError : no such signal or row, or a matrix without a row
+    """
+    if source in signals:
+        values = signals[source]
+        if values.ndim == 1:
+            return values
+        count = values.shape[0]
+        raise RecordError(
+            f"{file}: '{source}' is a matrix of {count} signals; write {source}[0] ... {source}[{count - 1}]"
+        )
+    match = _ELEMENT.fullmatch(source)
+    matrix = signals.get(match["name"]) if match else None
+    if match is None or matrix is None or matrix.ndim == 1:
+        raise RecordError(f"{file}: there is no signal '{source}'; it has {_listed(signals)}")
+    row, count = int(match["index"]), matrix.shape[0]
+    if row >= count:
+        raise RecordError(f"{file}: '{match['name']}' has the rows 0 to {count - 1}, not {match['index']}")
+    return np.asarray(matrix[row])
+
+
+def _listed(signals: dict[str, Array]) -> str:
+    names = [n if v.ndim == 1 else f"{n}[0..{v.shape[0] - 1}]" for n, v in signals.items()]
+    more = f" and {len(names) - 20} more" if len(names) > 20 else ""
+    return ", ".join(names[:20]) + more
+
+
+def _read_mat(path: Path) -> dict[str, Array]:
+    signals: dict[str, Array] = {}
+    if h5py.is_hdf5(path):  # version 7.3
+        refuse_endless_heap(path)
+        with h5py.File(path, "r") as stream:
+            stream.visititems(lambda name, item: _add(signals, name.replace("/", "."), _dataset(item)))
+        return {name: values for name, values in signals.items() if not name.startswith("#")}
+    for name, value in loadmat(path, squeeze_me=True, struct_as_record=True).items():
+        if not name.startswith("__"):
+            _add(signals, name, value)
+    return signals
+
+
+def _dataset(item: Any) -> Any:
+    return item[()] if isinstance(item, h5py.Dataset) else None
+
+
+def _add(signals: dict[str, Array], name: str, value: Any) -> None:
+    """Keeps a numeric vector or matrix; a structure's members one by one; nothing else."""
+    array = np.asarray(value)
+    if array.dtype.names:
+        for member in array.dtype.names:
+            if array.size == 1:
+                _add(signals, f"{name}.{member}", np.asarray(array[member]).item())
+    elif array.dtype.kind in "iuf" and array.size > 1:
+        squeezed = np.squeeze(array).astype(np.float64)
+        if squeezed.ndim == 1:
+            signals[name] = squeezed
+        elif squeezed.ndim == 2:
+            signals[name] = squeezed if squeezed.shape[0] <= squeezed.shape[1] else squeezed.T.copy()
+
+
+def _read_text(path: Path) -> dict[str, Array]:
+    lines = path.read_text(encoding="utf-8-sig").splitlines()
+    rows = [(number, line) for number, line in enumerate(lines, start=1) if _holds_cells(line)]
+    if not rows:
+        raise RecordError(f"{path}: is empty; it needs a row of names and rows of numbers")
+    header = rows[0][1]
+    delimiter = max(DELIMITERS, key=header.count)
+    names = [name.strip() for name in next(csv.reader([header], delimiter=delimiter))]
+    columns: list[list[float]] = [[] for _ in names]
+    for number, line in rows[1:]:
+        cells = next(csv.reader([line], delimiter=delimiter))
+        if len(cells) != len(names):
+            raise RecordError(
+                f"{path}: row {number}: {len(cells)} cells under {len(names)} names; give each column one"
+            )
+        for column, cell in zip(columns, cells, strict=True):
+            column.append(_number(cell))
+    named = zip(names, columns, strict=True)
+    return {name: np.array(column) for name, column in named if name and len(column) > 1}
+
+
+def _holds_cells(line: str) -> bool:
+    return bool(line.strip()) and not line.lstrip().startswith(COMMENTS)
+
+
+def _number(cell: str) -> float:
+    """The cell's number, nan where it is none: whether that matters depends on whether the column is asked for."""
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")

@@ -3,51 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field
 
-from msl_fem.actuator import Actuator, CurrentNoise, Frequency, PositionNoise
+from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
-from msl_fem.files.schema import FrozenModel, In
-from msl_fem.record.linear_law import LinearLaw, law_of, linear_laws
-
-Array = NDArray[np.float64]
-Role = Literal["fit", "held-out"]
-Origin = Literal["measured", "simulated"]
-Tolerated = Annotated[float, In(""), Field(ge=0, lt=1)]
-
-
-class Sampling(FrozenModel):
-    """Sampling of the runs; `hold` says how inputs run between samples."""
-
-    rate: Frequency
-    hold: Literal["zero-order", "linear"] = "zero-order"
-
-
-class Noise(FrozenModel):
-    """One sigma of each instrument, from its data sheet; None where nobody knows."""
-
-    position: PositionNoise | None = None
-    current: CurrentNoise | None = None
-    voltage: Annotated[float, In("V"), Field(ge=0)] | None = None
-    force: Annotated[float, In("N"), Field(ge=0)] | None = None
-    flux_linkage: Annotated[float, In("Wb"), Field(ge=0)] | None = None
-
-
-class Tolerance(FrozenModel):
-    """One sigma, relative, of how well the believed parameters are known."""
-
-    moving_mass: Tolerated = 0.005
-    stiffness: Tolerated = 0.02
-    damping: Tolerated = 0.2
-    coil_resistance: Tolerated = 0.01
-    nominal_gap: Tolerated = 0.005
-    position_gain: Tolerated = 0.002
-    magnetic_scale: Tolerated = 0.002
-    table: Tolerated = 0.001
+from msl_fem.record.rig_file import Noise, Origin, Role, Sampling, StatedLaw, Tolerance, law_of, linear_laws
 
 
 def read_only(values: ArrayLike) -> Array:
@@ -190,6 +154,6 @@ class Record:
                 return run
         raise RecordError(f"no run '{name}' in the record; it has {', '.join(r.name for r in self.runs)}")
 
-    def law_of(self, run: str) -> LinearLaw | None:
+    def law_of(self, run: str) -> StatedLaw | None:
         """The linear law that drove a run, as `[[controller.linear]]` states it; None where none is stated."""
         return law_of(linear_laws(self.controller), run)

@@ -1,4 +1,9 @@
-"""A record to a folder that stands on its own, whole or not at all."""
+"""A record to a folder that stands on its own, whole or not at all.
+
+The files that its actuator names come along. An actuator file may come from elsewhere and may name any file of this
+machine; what is copied into a record, which others get to see, was therefore read as a B-H curve or a table before,
+from wherever; a mesh has to lie with its actuator.
+"""
 
 import contextlib
 import os
@@ -15,12 +20,12 @@ from msl_fem.actuator import Actuator
 from msl_fem.errors import RecordError
 from msl_fem.files.schema import document, first_complaint, reason
 from msl_fem.files.toml_text import toml_text
-from msl_fem.record.checks import check_record, check_run
-from msl_fem.record.column_file import Column, write_columns
-from msl_fem.record.companions import check_companions, companions, file_keys
-from msl_fem.record.reader import read_static_map
-from msl_fem.record.record import Record, StaticMap
+from msl_fem.materials.material import load_iron
+from msl_fem.record.columns import Column, write_columns
+from msl_fem.record.reader import check_record, check_run, read_static_map
+from msl_fem.record.record import Record, Run, StaticMap
 from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RigFile, read_rig
+from msl_fem.table.magnetic_table import read_table
 
 if sys.platform != "win32":
     import fcntl
@@ -106,18 +111,17 @@ def _put_in_place(new: Path, folder: Path, *, aside: Path) -> None:
 def _check_target(record: Record, folder: Path) -> None:
     """RecordError where writing would destroy something else than an old record."""
     _check_free(folder)
-    there = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
-    if not there:
+    files = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
+    if not files:
         return
     rig = read_rig(folder)
     if rig.origin == "measured" and record.origin != "measured":
         raise RecordError(f"{folder}: holds measured data, which simulated data never replace; choose another folder")
     named = companions(record.actuator).values()  # of an equal actuator, where the record is written anew
     own = {RIG_FILE, STATIC_FILE, ACTUATOR_FILE, rig.actuator, *named, *(entry.file for entry in rig.run)}
-    if there - own:
-        raise RecordError(
-            f"{folder}: holds {', '.join(sorted(there - own))} beside the record; move it away or choose another folder"
-        )
+    foreign = ", ".join(sorted(files - own))
+    if foreign:
+        raise RecordError(f"{folder}: holds {foreign} beside the record; move it away or choose another folder")
 
 
 def _check_free(folder: Path) -> None:
@@ -140,7 +144,7 @@ def _rig_text(record: Record, folder: Path) -> str:
     if record.controller is not None:
         content["controller"] = dict(record.controller)
     if record.runs:
-        content["run"] = [{"file": r.file, "excitation": r.excitation, "role": r.role} for r in record.runs]
+        content["run"] = [run_entry(run) for run in record.runs]
     if record.static is not None:
         content["static"] = {}
     try:
@@ -152,14 +156,21 @@ def _rig_text(record: Record, folder: Path) -> str:
         raise RecordError(f"{folder / RIG_FILE}: controller: {err}; give texts, numbers and lists of them") from err
 
 
+def run_entry(run: Run) -> dict[str, str]:
+    """A run's `[[run]]` of rig.toml."""
+    return {"file": run.file, "excitation": run.excitation, "role": run.role}
+
+
 def _write_files(record: Record, folder: Path) -> None:
     """The actuator, static.csv and the runs."""
+    copied = companions(record.actuator)
+    runs = [Path(run.file).as_posix() for run in record.runs]
     taken = {RIG_FILE, STATIC_FILE, ACTUATOR_FILE}
-    for name in (*companions(record.actuator).values(), *(Path(run.file).as_posix() for run in record.runs)):
+    for name in (*copied.values(), *runs):
         if name in taken:
             raise RecordError(f"{name}: two files of the record have this name; rename one of them")
         taken.add(name)
-    for source, name in companions(record.actuator).items():
+    for source, name in copied.items():
         shutil.copyfile(source, folder / name)
     (folder / ACTUATOR_FILE).write_text(_actuator_text(record.actuator), encoding="utf-8")
     for run in record.runs:
@@ -190,3 +201,38 @@ def _static_columns(static: StaticMap) -> dict[str, Column]:
         **static.extra,
     }
     return {name: values for name, values in columns.items() if values is not None}
+
+
+def file_keys(content: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
+    """The sections and keys of an actuator's document that name files."""
+    magnet = content.get("magnet", {})
+    iron = magnet.get("iron", {})
+    curves = [(iron, key) for key in ("core", "armature") if iron.get(key, "").endswith(".csv")]
+    return [(magnet, key) for key in ("table", "mesh") if key in magnet] + curves
+
+
+def companions(actuator: Actuator) -> dict[Path, str]:
+    """Files that the actuator names, and what they are called beside actuator.toml."""
+    named = [section[key] for section, key in file_keys(document(actuator))]
+    return {actuator.folder / name: Path(name).name for name in named}
+
+
+def check_companions(actuator: Actuator) -> None:
+    """RecordError for a mesh outside the actuator's folder; TableError, MaterialError for no table, no B-H curve."""
+    for section, key in file_keys(document(actuator)):
+        if key == "table":
+            read_table(actuator.folder / section[key])
+        elif key == "mesh":
+            _check_mesh(section[key], actuator)
+        else:
+            load_iron(section[key], folder=actuator.folder)
+
+
+def _check_mesh(name: str, actuator: Actuator) -> None:
+    folder = actuator.folder.resolve()
+    inside = "\0" not in name and (folder / name).resolve().is_relative_to(folder)
+    if not inside or not (folder / name).is_file():
+        raise RecordError(
+            f"{actuator.file or actuator.name}: magnet.mesh: '{name}' is no file in the actuator's folder or below, "
+            "and no other comes along with a record; copy it there"
+        )

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msl_fem.errors import RecordError
-from msl_fem.record.column_file import numbers, read_columns, write_columns
+from msl_fem.record.columns import numbers, read_columns, write_columns
 
 
 @pytest.fixture

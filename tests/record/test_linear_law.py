@@ -7,7 +7,7 @@ import pytest
 from record_cases import RIG, columns, make
 
 from msl_fem.errors import RecordError
-from msl_fem.record import LinearLaw, PidLaw, StateSpaceLaw, linear_laws, load_record, write_record
+from msl_fem.record import PidLaw, StatedLaw, StateSpaceLaw, linear_laws, load_record, write_record
 
 ROOT = Path(__file__).parent.parent.parent
 PID = {"kind": "pid", "outputs": ["command_1_A"], "kp": "20 A/mm", "ki": "3e5 A/m/s", "kd": "40 A s/m"}
@@ -18,7 +18,7 @@ def _in_the_project(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT / "tests")
 
 
-def answer(law: LinearLaw, readings: np.ndarray, *, period: float) -> np.ndarray:
+def answer(law: StatedLaw, readings: np.ndarray, *, period: float) -> np.ndarray:
     """What a law makes of readings (n, n_in), (n, n_out)."""
     a, b, c, d = law.matrices(period)
     state, made = np.zeros(len(a)), []

@@ -8,9 +8,7 @@ from scipy.io import savemat
 from msl_fem.actuator import parse_actuator
 from msl_fem.errors import RecordError
 from msl_fem.record import load_record
-from msl_fem.record.column_map import column_sources
-from msl_fem.record.log_file import read_log
-from msl_fem.record.log_import import LONG, RunLabel, import_into, imported_run
+from msl_fem.record.log_import import LONG, RunLabel, column_sources, import_into, imported_run, read_log
 
 N = 1500
 T = np.arange(N) * 1e-3

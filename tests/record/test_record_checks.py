@@ -9,7 +9,7 @@ from record_cases import RATE, columns
 
 from msl_fem.actuator import Actuator, Motion, Sides, parse_actuator
 from msl_fem.errors import RecordError
-from msl_fem.record.checks import check_record, check_run, doubtful_sensors
+from msl_fem.record.reader import check_record, check_run, doubtful_sensors
 from msl_fem.record.record import Record, Run, Sampling
 
 FILE = Path("r/noise.csv")

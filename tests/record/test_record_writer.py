@@ -11,7 +11,7 @@ from record_cases import RATE, columns
 import msl_fem.record.writer
 from msl_fem.actuator import Actuator
 from msl_fem.errors import RecordError
-from msl_fem.record.column_file import Column
+from msl_fem.record.columns import Column
 from msl_fem.record.reader import load_record
 from msl_fem.record.record import Noise, Record, Run, Sampling, StaticMap, Tolerance
 from msl_fem.record.writer import write_record

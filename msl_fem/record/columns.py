@@ -1,23 +1,89 @@
-"""Files of named columns, CSV or NetCDF, read with full precision and every doubtful cell refused."""
+"""Columns of a run: the channels that they hold, and the CSV or NetCDF files that hold them, read with full precision
+and every doubtful cell refused."""
 
 import csv
 import io
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
 from msl_fem.files.netcdf_file import read_netcdf, write_netcdf
 from msl_fem.files.schema import LARGEST, reason
 
 Column = NDArray[Any]
+Quantity = Literal[
+    "time", "position", "force", "reference", "temperature", "voltage", "current", "command", "flux_linkage"
+]
+UNITS: dict[Quantity, str] = {
+    "time": "s",
+    "position": "m",
+    "force": "N",
+    "reference": "m",
+    "temperature": "K",
+    "voltage": "V",
+    "current": "A",
+    "command": "A",
+    "flux_linkage": "Wb",
+}
+SIDED: tuple[Quantity, ...] = ("voltage", "current", "command", "flux_linkage")
+"""Quantities that each side has of its own."""
 MOST_VALUES = 1_000_000_000  # of a NetCDF file, 8 GB
 FIRST_ROW = {".csv": 2, ".nc": 0}
 """Row of the first sample: a spreadsheet counts from 1 and has the names there; NetCDF counts from 0."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A signal of a run: its quantity, and the side (1 or 2) where each side has one of its own."""
+
+    quantity: Quantity
+    side: int | None = None
+
+    @property
+    def unit(self) -> str:
+        return UNITS[self.quantity]
+
+    @property
+    def column(self) -> str:
+        """The column's name in files, with the SI unit in it: `position_m`, `current_1_A`."""
+        side = "" if self.side is None else f"_{self.side}"
+        return f"{self.quantity}{side}_{self.unit}"
+
+    @property
+    def index(self) -> int:
+        """Of the side, counted from 0: for arrays with one column a side."""
+        if self.side is None:
+            raise ValueError(f"{self.column} belongs to no side")
+        return self.side - 1
+
+    @staticmethod
+    def of(column: str) -> "Channel":
+        """The channel of a column's name; RecordError where no run has such a column."""
+        if column not in CHANNELS:
+            raise RecordError(f"{column} is no column of a run; there are {', '.join(CHANNELS)}")
+        return CHANNELS[column]
+
+
+def _all_channels() -> dict[str, Channel]:
+    plain = [Channel(quantity) for quantity in UNITS if quantity not in SIDED]
+    sided = [Channel(quantity, side) for quantity in SIDED for side in (1, 2)]
+    return {channel.column: channel for channel in (*plain, *sided)}
+
+
+CHANNELS = _all_channels()
+"""Every channel that a run can have, by its column's name."""
+
+
+def side_columns(quantity: Quantity, sides: int) -> list[str]:
+    """The columns of a quantity that each of so many sides has: `current_1_A`, `current_2_A`."""
+    return [Channel(quantity, side).column for side in range(1, sides + 1)]
 
 
 def place(file: Path | str, sample: int) -> str:
@@ -51,7 +117,7 @@ def read_columns(path: Path) -> dict[str, Column]:
 def _read_csv(path: Path) -> dict[str, Column]:
     header, _, body = path.read_text(encoding="utf-8-sig").partition("\n")
     names = [name.strip() for name in next(csv.reader([header], skipinitialspace=True), [])]
-    double = next((name for k, name in enumerate(names) if name and name in names[:k]), None)
+    double = next((name for k, name in enumerate(names) if name in names[:k] and name), None)
     if not any(names) or double:
         said = f"column {double} is there twice" if double else "there are no column names"
         raise RecordError(f"{path}: row 1: {said}; name each column once in the first row")
@@ -82,11 +148,14 @@ def _cell_columns(body: str, *, width: int, path: Path) -> list[Column]:
     for k, row in enumerate(rows):
         if len(row) != width:
             raise RecordError(f"{place(path, k)}: {len(row)} cells under {width} names; give each column one")
-    cells = [[row[k].strip() for row in rows] for k in range(width)]
-    return [
-        np.array([float(cell) for cell in column]) if all(map(_is_number, column)) else np.array(column, dtype=object)
-        for column in cells
-    ]
+    columns: list[Column] = []
+    for k in range(width):
+        cells = [row[k].strip() for row in rows]
+        if all(map(_is_number, cells)):
+            columns.append(np.array([float(cell) for cell in cells]))
+        else:
+            columns.append(np.array(cells, dtype=object))
+    return columns
 
 
 def _is_number(cell: str) -> bool:
@@ -95,6 +164,10 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return False
     return "_" not in cell  # Python alone takes "1_000"
+
+
+def _is_finite(cell: str) -> bool:
+    return _is_number(cell) and bool(np.isfinite(float(cell)))
 
 
 def _read_netcdf(path: Path) -> dict[str, Column]:
@@ -107,12 +180,12 @@ def _read_netcdf(path: Path) -> dict[str, Column]:
     return columns
 
 
-def numbers(column: Column, name: str, file: Path | str) -> NDArray[np.float64]:
+def numbers(column: Column, name: str, file: Path | str) -> Array:
     """The column as float64; RecordError naming file, row and column of the first cell that is not a finite number."""
     if column.dtype.kind == "f":
         bad = np.flatnonzero(~np.isfinite(column))
     else:
-        bad = np.array([k for k, cell in enumerate(column) if not (_is_number(cell) and np.isfinite(float(cell)))])
+        bad = np.array([k for k, cell in enumerate(column) if not _is_finite(cell)])
     if bad.size:
         cell = column[bad[0]]
         missing = str(cell).lower() in ("", "nan")
@@ -139,16 +212,19 @@ def write_columns(path: Path, columns: Mapping[str, Column]) -> None:
         dataset = xr.Dataset({name: ("time", values) for name, values in columns.items()})
         for name in columns:
             dataset[name].attrs["units"] = name.rpartition("_")[2]
-        packed = {n: {"zlib": True, "shuffle": True} for n, v in columns.items() if v.dtype.kind == "f"}
+        numeric = [name for name, values in columns.items() if values.dtype.kind == "f"]
+        packed = {name: {"zlib": True, "shuffle": True} for name in numeric}
         write_netcdf(dataset, path, encoding=packed)
         return
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)
-        texts = [
-            [(("%.12g" if name == "time_s" else "%.9g") % v) for v in values.tolist()]
-            if values.dtype.kind == "f"
-            else [str(v) for v in values]
-            for name, values in columns.items()
-        ]
+        texts = [_cell_texts(name, values) for name, values in columns.items()]
         writer.writerows(zip(*texts, strict=True))
+
+
+def _cell_texts(name: str, values: Column) -> list[str]:
+    if values.dtype.kind != "f":
+        return [str(value) for value in values]
+    digits = "%.12g" if name == "time_s" else "%.9g"
+    return [digits % value for value in values.tolist()]
