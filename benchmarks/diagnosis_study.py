@@ -1,6 +1,9 @@
 """The diagnosis put to the test: records of the virtual bench with something hidden, or nothing, diagnosed one by one.
 
     python benchmarks/diagnosis_study.py                 # goes on where it stopped; --limit N cases, --processes N
+    python benchmarks/diagnosis_study.py --compare ROWS --keys FILE
+
+The second makes cases anew and says which verdicts differ from those of ROWS.
 
 Each case is one line of `diagnosis_study.jsonl`; the answer of the bench is compared with the diagnosis here, after it
 has been made. Cases come in an order in which any beginning of the list is a fair share of each kind. The figures are
@@ -48,6 +51,10 @@ DYNAMIC = (
     "position_sensor_nonlinearity", "position_sensor_lag", "time_delay", "periodic_disturbance",
 )  # fmt: skip
 """Effects that are also tried at 0.3 %: those that coincide with no believed parameter and show in the motion."""
+
+
+NATS, PART = 0.05, 0.002
+"""By which a gain may differ from its row, absolute and relative, before `--compare` says so."""
 
 
 @dataclass(frozen=True)
@@ -178,13 +185,55 @@ def done(path: Path) -> Iterator[dict[str, Any]]:
             yield row
 
 
+def differences(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
+    """What a case made anew says otherwise than its row: verdict, names, and the best gain of each stage in nats."""
+    told = []
+    for what, of_row in (
+        ("verdict", lambda row: row.get("verdict", row.get("failed", row.get("bench")))),
+        ("causes", lambda row: [cause["effect"] for cause in row.get("causes", [])]),
+        ("rivals", lambda row: [sorted(cause["rivals"]) for cause in row.get("causes", [])]),
+        ("unexplained", lambda row: row.get("unexplained")),
+    ):
+        old, new = of_row(before), of_row(after)
+        if old != new:
+            told.append(f"{what}: {old} -> {new}")
+    for n, (old, new) in enumerate(zip(_best(before), _best(after), strict=False), 1):
+        if old[0] != new[0] or abs(new[1] - old[1]) > NATS + PART * abs(old[1]):
+            told.append(f"stage {n}: {old} -> {new}")
+    return told
+
+
+def _best(row: dict[str, Any]) -> list[tuple[str, float]]:
+    return [tuple(stage[0]) for stage in row.get("statistics", []) if stage]
+
+
+def compare_with(rows: Path, keys: Path | None, *, limit: int | None, processes: int) -> int:
+    """Cases of a file of rows made anew, all or those of `keys` (one a line); how many verdicts or names differ."""
+    known = {row["key"]: row for row in done(rows)}
+    wanted = keys.read_text(encoding="utf-8").split("\n") if keys is not None else list(known)
+    chosen = [case for case in cases() if case.key in wanted and case.key in known][:limit]
+    moved = 0
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        for case, row in zip(chosen, pool.map(tried, chosen), strict=True):
+            told = differences(known[case.key], row)
+            moved += any(text.startswith(("verdict", "causes")) for text in told)
+            print(f"{case.key}: {'; '.join(told) or 'the same'} ({row.get('cpu_seconds')} s)", flush=True)
+    print(f"{moved} of {len(chosen)} differ in verdict or names")
+    return moved
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--limit", type=int, default=None, help="cases of this run at most")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--results", type=Path, default=RESULTS)
     parser.add_argument("--only", default="", help="cases whose key holds this text")
+    parser.add_argument("--compare", type=Path, default=None, metavar="ROWS", help="make cases of these rows anew")
+    parser.add_argument("--keys", type=Path, default=None, help="of --compare: a file with the keys of the cases")
     options = parser.parse_args()
+    if options.compare is not None:
+        moved = compare_with(options.compare, options.keys, limit=options.limit, processes=options.processes)
+        sys.exit(1 if moved else 0)
     known = {row["key"] for row in done(options.results)}
     left = [case for case in cases() if case.key not in known and options.only in case.key][: options.limit]
     print(f"{len(known)} cases are there, {len(left)} to do", file=sys.stderr)

@@ -10,14 +10,18 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from diagnosis_study import CLEAN, DRIVES, DYNAMIC, OUTSIDE, PAIRS, RESULTS, ROOT, SINGLES, SMALL, done
+from diagnosis_study import CLEAN, DRIVES, DYNAMIC, OUTSIDE, PAIRS, RESULTS, ROOT, SINGLES, SMALL, actuator_of, done
 from marked_text import put
 from scipy.stats import beta
 
-from msl_fem.diagnosis.calibration_data import CLEAN as SHIPPED
+from msl_fem.diagnosis.calibration import CLEAN as SHIPPED
+from msl_fem.diagnosis.calibration import conditions_of
+from msl_fem.diagnosis.decision import Rule
+from msl_fem.plant import plant_parameters
 from msl_fem.plant.effects import CATALOGUE
+from msl_fem.record import Noise, Record, Sampling
 
-DATA = ROOT / "msl_fem" / "diagnosis" / "calibration_data.py"
+DATA = ROOT / "msl_fem" / "diagnosis" / "calibration.py"
 VARIABLES = {
     "cogging": ("force", {"position"}),
     "quadratic_drag": ("force", {"velocity"}),
@@ -221,8 +225,10 @@ def extent(rows: Sequence[Row]) -> str:
 
 
 def write_calibration(rows: Sequence[Row]) -> None:
-    said = "Written by benchmarks/diagnosis_study_tables.py: clean records' largest gains in nats, how many were named."
-    lines = [f'"""{said}"""', "", "CLEAN: dict[str, tuple[list[float], int]] = {"]
+    """The clean records' gains and what they were measured with, in place of those at the end of the module."""
+    opening = "CLEAN: dict["
+    before, after = DATA.read_text(encoding="utf-8").split(opening)
+    lines = [before + opening + after.splitlines()[0]]
     for drive in DRIVES:
         clean = of(rows, drive, "clean")
         gains = sorted((max((g for _, g in r["statistics"][0]), default=0.0) for r in clean), reverse=True)
@@ -230,8 +236,16 @@ def write_calibration(rows: Sequence[Row]) -> None:
             continue
         text = textwrap.fill(", ".join(f"{gain:.2f}" for gain in gains), 108, initial_indent=" " * 8,
                              subsequent_indent=" " * 8)  # fmt: skip
-        lines += [f'    "{drive}": ([', text, f"    ], {sum(bool(names(r)) for r in clean)}),"]
+        record = clean_record(drive)
+        key = conditions_of(record, plant_parameters(record.actuator), Rule())
+        lines += [f'    "{drive}": (Conditions("{key.rig}", "{key.catalogue}", "{key.rule}"), [', text]
+        lines.append(f"    ], {sum(bool(names(r)) for r in clean)}),")
     DATA.write_text("\n".join([*lines, "}  # fmt: skip"]) + "\n", encoding="utf-8")
+
+
+def clean_record(drive: str) -> Record:
+    """A record of the study as its conditions need it: the rig and its tolerances."""
+    return Record("simulated", actuator_of(drive), Sampling(rate=1e4), Noise())
 
 
 def main() -> None:

@@ -96,7 +96,7 @@ def diagnose(record: Record, settings: DiagnosisSettings | None = None) -> Diagn
     likelihood, unknowns = joined(record, belief, likelihood, unknowns)
     searched = search(likelihood, unknowns, how)
     how.progress("held-out runs")
-    return concluded(belief, data, searched, how)
+    return concluded(record, belief, data, searched, how)
 
 
 def search(likelihood: Likelihood, unknowns: Unknowns, how: DiagnosisSettings) -> Searched:
@@ -125,7 +125,7 @@ def search(likelihood: Likelihood, unknowns: Unknowns, how: DiagnosisSettings) -
 
 
 def concluded(
-    belief: ModelHypothesis, data: Sequence[RunData], searched: Searched, how: DiagnosisSettings
+    record: Record, belief: ModelHypothesis, data: Sequence[RunData], searched: Searched, how: DiagnosisSettings
 ) -> Diagnosis:
     """The verdict of a search, with what held-out runs say."""
     problem = searched.likelihood.problem
@@ -142,7 +142,7 @@ def concluded(
         notes.append(NOTE)
     searched = replace(searched, taken=names)
     calm = quiet(searched.excesses[names]) and not patched
-    studied, outside = calibration_of(problem.plant.parameters, list(problem.runs))
+    studied, outside = calibration_of(record, problem.plant.parameters, problem.runs, how.rule)
     causes = tuple(_cause(searched, n, gains[n], studied) for n in range(names))
     asked = Question(belief, problem, searched.final.unknowns.believed)
     causes = tuple(

@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 from msl_fem.actuator import Actuator
 from msl_fem.diagnosis.fit import Fit
 from msl_fem.diagnosis.simulator import Problem
-from msl_fem.diagnosis.table_error import corrected
+from msl_fem.diagnosis.table_error import corrected, scaled
 from msl_fem.diagnosis.unknowns import EffectUnknown, factor
 from msl_fem.plant.effects import POSITION, EffectValues, find_parameter, from_vector
 from msl_fem.prediction import ModelHypothesis
 from msl_fem.prediction.believed import believed_value
-from msl_fem.table.magnetic_table import MagneticTable
 
 Array = NDArray[np.float64]
 INTERVAL = 1.96
@@ -47,8 +46,7 @@ def extended_belief(belief: ModelHypothesis, problem: Problem, found: Fit) -> Mo
     if table is not None and problem.table_error is not None:
         table = corrected(table, problem.table_error, found.z[found.unknowns.table_rows], scale=scale)
     elif table is not None and scale != 1.0:
-        nodes = {name: scale * values for name, values in table.nodes.items()}
-        table = MagneticTable(table.gap, table.current, nodes, provenance=dict(table.provenance))
+        table = scaled(table, scale)
     vector = found.unknowns.effect_vector(found.z)
     gain = factors.get("position_gain", 1.0)
     place = POSITION["position_sensor_nonlinearity", "gain_error"]

@@ -290,10 +290,10 @@ class _Search:
 
 
 def _free(unknowns: Unknowns, z: Array, slope: Array) -> NDArray[np.intp]:
-    """The unknowns that are not held at nothing by their bound."""
-    held = [
-        unknowns.n_nuisance + n
-        for n, one in enumerate(unknowns.effects)
-        if one.one_sided and z[unknowns.n_nuisance + n] <= 0 and slope[unknowns.n_nuisance + n] >= 0
-    ]
+    """The unknowns that no bound holds against their slope."""
+    held = []
+    for n, one in enumerate(unknowns.effects, unknowns.n_nuisance):
+        lowest, highest = one.bounds
+        if (z[n] <= lowest and slope[n] >= 0) or (z[n] >= highest and slope[n] <= 0):
+            held.append(n)
     return np.setdiff1d(np.arange(z.size), held)

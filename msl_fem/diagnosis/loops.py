@@ -1,9 +1,10 @@
 """Runs in closed loop, or of a plant that is not stable in open loop, as a likelihood; a static map beside them.
 
-Where the law that drove a run is stated, the run is simulated in closed loop with it (`record_fit.closed_loop`): the
-residual is that of an output error, shaped by the loop's sensitivity, which the noise's colour takes up. Where it is
-not, the residual is the innovation of an extended Kalman predictor with the process noise that suits the belief; that
-noise takes up much of what a model gets wrong, so that less is seen. A static map of the same magnet adds its rows:
+Where the laws that drove the runs are all stated and the believed model follows them to their ends, the runs are
+simulated in closed loop (`prediction.closed_loop`): the residual is that of an output error, shaped by the loop's
+sensitivity, which the noise's colour takes up. Else the residual is the innovation of an extended Kalman predictor
+with the process noise that suits the belief; that noise takes up much of what a model gets wrong, so that less is
+seen. Fit runs and held-out runs are predicted alike. A static map of the same magnet adds its rows:
 table, scale and gap are the same unknowns on both sides.
 """
 
@@ -189,18 +190,31 @@ def loops_followed(
     return found
 
 
+def way_of(belief: ModelHypothesis, data: Sequence[RunData]) -> tuple[Way, str]:
+    """How runs are predicted, and why not in closed loop."""
+    without = [run.name for run in data if run.law is None]
+    if without:
+        told = f"the law that drove {', '.join(without)} is not stated"
+        return "one-step", "no law of the controller is stated" if len(without) == len(data) else told
+    for run in data:
+        plant = kernel_plant(belief, rate=run.rate, ideal_current=run.ideal_current)
+        if closed_run(plant, run, measured_start(plant, run)).ended is not None:
+            return "one-step", f"in closed loop with its stated law the believed model does not follow {run.name}"
+    return "closed-loop", ""
+
+
 def of_loops(record: Record, belief: ModelHypothesis, data: Sequence[RunData]) -> tuple[LoopLikelihood, Unknowns, Kind]:
     """What the diagnosis of such a record needs."""
-    likelihood, unknowns = prepared_loops(record, belief, [run for run in data if run.role == "fit"])
-    way: Way = "closed-loop" if all(run.law is not None for run in data) else "one-step"
+    way, why = way_of(belief, data)
+    likelihood, unknowns = prepared_loops(record, belief, [run for run in data if run.role == "fit"], way=way)
 
     def extend(found: Fit) -> ModelHypothesis:
         return extended_belief(belief, likelihood.problem, found)
 
     notes = []
-    if likelihood.way == "one-step":
-        notes.append("judged by one-step predictions: no law of the controller is stated, and the process noise of the "
-                     "predictor takes up part of what the model gets wrong")  # fmt: skip
+    if way == "one-step":
+        told = "the process noise of the predictor takes up part of what the model gets wrong"
+        notes.append(f"judged by one-step predictions: {why}, and {told}")
     if likelihood.static is not None:
         notes.append(NOTE)
     kind = Kind(

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 WIDE = 10.0
 LINEAR = 0.1  # relative tolerance up to which a parameter is linear in z
 STEP, STEP_OF_AMOUNTS = 1e-5, 1e-7
+WIDTHS = 3.0  # of a shape about its centre, at most
 CAUCHY = float(np.log(2 / np.pi) / 2)  # log of 1/pi over that of the normal distribution's 1/sqrt(2 pi)
 
 
@@ -51,6 +52,13 @@ class EffectUnknown:
         """Whether the neutral value is the lowest allowed."""
         parameter = CATALOGUE[self.effect].parameter(self.name)
         return not parameter.shape and parameter.neutral == parameter.bounds[0]
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Of z: a shape stays within `WIDTHS` of its centre, what is one-sided above nothing."""
+        if self.width:
+            return -WIDTHS, WIDTHS
+        return (0.0, np.inf) if self.one_sided else (-np.inf, np.inf)
 
     def value(self, z: Array) -> Array:
         """SI values at z, within the bounds."""
@@ -144,6 +152,5 @@ class Unknowns:
         kept = np.array(z, dtype=float)
         for n, one in enumerate(self.effects):
             row = self.n_nuisance + n
-            if one.one_sided:
-                kept[row] = max(kept[row], 0.0)
+            kept[row] = np.clip(kept[row], *one.bounds)
         return kept

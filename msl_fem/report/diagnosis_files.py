@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import Record
 from msl_fem.report.diagnosis_page import diagnosis_page
 from msl_fem.report.page import write_page
-from msl_fem.table.magnetic_table import SECTION, MagneticTable, write_table
+from msl_fem.table.magnetic_table import MagneticTable, write_table
 
 DIAGNOSIS, REPORT, MODEL, TABLE = "diagnosis.json", "report.html", "extended_model.toml", "corrected_table.nc"
 FILES = (TABLE, MODEL, REPORT, DIAGNOSIS)
@@ -56,7 +55,7 @@ def _write_all(record: Record, found: Diagnosis, folder: Path, *, table: Magneti
     if found.extended is not None:
         model = model_of(found.extended, folder, believed=table)
         if found.extended.table is not None and found.extended.table is not table:
-            write_table(with_flux_densities(found.extended.table, table), folder / TABLE)
+            write_table(found.extended.table, folder / TABLE)
         write_extended_model(model, folder / MODEL)
     write_page(diagnosis_page(record, found), folder / REPORT)
     text = json.dumps(as_numbers(found.fields()), indent=1, allow_nan=False)
@@ -95,21 +94,6 @@ def known_by_table(actuator: Actuator, folder: Path) -> Actuator:
     sources["magnet"] = f"the table of {actuator.name}, corrected within its tolerance by the diagnosis of a record"
     magnet = TableMagnet(kind="table", table=TABLE)
     return actuator.model_copy(update={"magnet": magnet, "drive": drive, "sources": sources, "file": folder / MODEL})
-
-
-def with_flux_densities(table: MagneticTable, believed: MagneticTable | None) -> MagneticTable:
-    """A corrected table with the believed one's flux densities in proportion to the flux linkage, and its errors.
-
-    In the leg that the coil sits on they are in proportion exactly; elsewhere up to the leakage, a few per cent of a
-    correction of a tenth of a per cent.
-    """
-    if believed is None or table.extras:
-        return table
-    before = believed.nodes["flux_linkage"]
-    ratio = np.divide(table.nodes["flux_linkage"], before, out=np.ones_like(before), where=before != 0)
-    extras = {name: values * ratio for name, values in believed.extras.items() if name.startswith(SECTION)}
-    errors = {n: getattr(believed, n) for n in ("mesh_error", "interpolation_error", "reciprocity_error")}
-    return replace(table, extras=extras, **errors)
 
 
 def as_numbers(value: Any) -> Any:

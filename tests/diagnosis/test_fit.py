@@ -113,6 +113,13 @@ def test_an_effect_that_cannot_be_negative_stays_at_nothing() -> None:
     assert curvature == pytest.approx([0.2, 2.0])
 
 
+def test_a_shape_stays_within_three_widths_of_its_centre() -> None:
+    resonance = EffectUnknown("structural_mode", "frequency", 80.0, 0.15)
+    unknowns = Unknowns((), 0, (0,), (resonance,))
+    for z, held in ((50.0, 3.0), (-50.0, -3.0), (2.5, 2.5)):
+        assert unknowns.allowed(np.array([z])) == pytest.approx([held])
+
+
 def test_small_tolerances_are_linear_and_large_ones_stay_positive() -> None:
     assert factor(0.005, -7.0) == pytest.approx(0.965)
     assert factor(0.2, -7.0) == pytest.approx(np.exp(-1.4))

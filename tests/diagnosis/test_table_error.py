@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from diagnosed import TABLE
 
-from msl_fem.diagnosis.table_error import Visited, corrected, table_error
+from msl_fem.diagnosis.table_error import Visited, corrected, scaled, table_error
+from msl_fem.maps import operating_map
 
 VISITED = Visited((0.3, 1.2), (4.5e-4, 7.5e-4))
 
@@ -15,6 +16,20 @@ def test_the_corrected_table_is_what_the_lanes_take() -> None:
     table = corrected(TABLE, error, numbers, scale=1.002)
     surface = 1.002 * (TABLE.surface.coefficients + np.tensordot(numbers, error.modes, axes=1))
     assert table.surface.coefficients == pytest.approx(surface, rel=1e-7, abs=1e-9 * np.abs(surface).max())
+
+
+def test_a_corrected_table_gives_a_map_as_the_believed_one_does() -> None:
+    """Its flux densities are those believed, in proportion to the flux linkage."""
+    error = table_error(TABLE, VISITED, tolerance=1e-3)
+    table = corrected(TABLE, error, np.ones(len(error.modes)), scale=1.002)
+    assert table.sections == TABLE.sections
+    assert table.mesh_error == TABLE.mesh_error
+    ratio = table.nodes["flux_linkage"][:, 1:] / TABLE.nodes["flux_linkage"][:, 1:]
+    name = "flux_density_centre_leg"
+    assert table.extras[name][:, 1:] == pytest.approx(ratio * TABLE.extras[name][:, 1:])
+    assert operating_map(table, levels=(1.0,))
+    twice = scaled(TABLE, 2.0)
+    assert twice.extras[name] == pytest.approx(2 * TABLE.extras[name])
 
 
 def test_force_and_flux_stay_reciprocal() -> None:

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
-from msl_fem.diagnosis.loops import prepared_loops
+from msl_fem.diagnosis.loops import of_loops, prepared_loops
 from msl_fem.diagnosis.other_records import diagnosis_of
 from msl_fem.diagnosis.rests import Rests, of_rests, rests
 from msl_fem.diagnosis.simulator import Points
@@ -83,6 +83,21 @@ def test_a_force_that_is_there_is_named_and_none_that_is_not(record, table, hidd
         assert force.low < hidden < force.high
     else:
         assert found.verdict == "nothing-found"
+
+
+def test_runs_are_fitted_by_the_prediction_that_judges_them(record, table):
+    """In closed loop where all laws are stated, by innovations where one is missing, and the note says which."""
+    alone = replace(record, static=None)
+    belief = ModelHypothesis(record.actuator, table, None, {"nominal_gap": 0.886, "magnetic_scale": 1.026})
+    data = [run_data(alone, run).first(1200) for run in record.runs]
+    likelihood, unknowns, kind = of_loops(alone, belief, data)
+    assert likelihood.way == kind.prediction == "closed-loop"
+    assert kind.notes == ()
+    found = likelihood.spectra(Points.of(unknowns, np.zeros((1, unknowns.size))))
+    assert np.isfinite(found).all()
+    likelihood, _, kind = of_loops(alone, belief, [replace(data[0], law=None), *data[1:]])
+    assert likelihood.way == kind.prediction == "one-step"
+    assert f"the law that drove {data[0].name} is not stated" in kind.notes[0]
 
 
 @pytest.mark.parametrize("way", ["one-step", "closed-loop"])
