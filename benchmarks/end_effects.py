@@ -12,8 +12,14 @@ from marked_text import put
 
 from msl_fem.actuator import ECore, load_actuator
 from msl_fem.magnetics.kinds.e_core import MagnetField, magnet_mesh
-from msl_fem.magnetics.kinds.end_effects import FlushEdges, corner_excess, gap_edges, window_factor
-from msl_fem.magnetics.kinds.end_section import EndSection, EndTurns
+from msl_fem.magnetics.kinds.end_effects import (
+    EndSection,
+    EndTurns,
+    FlushEdges,
+    corner_excess,
+    gap_edges,
+    window_factor,
+)
 from msl_fem.magnetics.solver.magnetostatics import AirDepth
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
 from msl_fem.table.magnetic_table import MagneticTable

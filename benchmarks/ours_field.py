@@ -8,7 +8,8 @@ from pathlib import Path
 
 from msl_fem.actuator import load_actuator
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.magnetics.kinds.e_core import LEVELS, magnet_mesh
+from msl_fem.magnetics.kinds.accuracy import LEVELS
+from msl_fem.magnetics.kinds.e_core import magnet_mesh
 from msl_fem.magnetics.sweep.rows import Job, Row, RowSolver
 
 ROOT = Path(__file__).parent.parent

@@ -176,7 +176,8 @@ class Leaf:
         plates with clamped ends and free sides, solved with Morley elements: within 0.4 % in stiffness for
         r = 0.05 ... 2 and nu = 0.2 ... 0.35.
         """
-        r, nu = self.width / self.length, self.material.poisson_ratio
+        r = self.width / self.length
+        nu = self.material.poisson_ratio
         a, b, c = 0.198, 0.355, 0.097
         share = r * (r + a) / (r * r + b * r + c)
         return 1 + share * nu**2 / (1 - nu**2)

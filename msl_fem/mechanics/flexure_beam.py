@@ -22,7 +22,10 @@ from msl_fem.actuator import Leaf, Placement
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError, NotConverged
 
-FREE, SUPPORTED, GUIDED, CLAMPED = (), ("w",), ("slope",), ("w", "slope")
+FREE = ()
+SUPPORTED = ("w",)
+GUIDED = ("slope",)
+CLAMPED = ("w", "slope")
 """What an end holds: nothing, its displacement, its slope, both."""
 TOLERANCE = 1e-8  # of Newton's step, over the displacement; the error is its square
 MOST_STEPS = 50
@@ -264,14 +267,19 @@ def _carried(place: Placement) -> Array:
 
     A point at r moves by u + theta x r; slopes are along the leaf, from its clamp to the mover.
     """
-    x, y, z, s = place.along, place.across, place.sideways, place.side
+    x = place.along
+    y = place.across
+    z = place.sideways
+    s = place.side
     rows = [[1, 0, 0, 0, z, -y], [0, 0, 0, 0, 0, s], [0, 0, 1, y, -x, 0], [0, 0, 0, -s, 0, 0], [0, 1, 0, -z, 0, x]]
     return np.array([*rows, [0, 0, 0, 0, 1, 0]], dtype=float)
 
 
 def _end_matrices(leaf: Leaf) -> tuple[Array, Array]:
     """(6, 6) stiffness and mass of a leaf's moving end, in the order of `_carried`."""
-    length, width, thickness = leaf.length, leaf.width, leaf.thickness
+    length = leaf.length
+    width = leaf.width
+    thickness = leaf.thickness
     g = leaf.material.shear_modulus
     wide = leaf.material.youngs_modulus * thickness * width**3 / 12
     shear = 12 * wide / (SHEAR_FACTOR * g * width * thickness * length**2)

@@ -9,8 +9,7 @@ from tolerance_cases import nominal, nominal_of, wide_open
 
 from msl_fem.design.tolerances import NAMES, Nominal, made_field, made_magnet, moved_mesh, scaled_iron
 from msl_fem.errors import ComputationError
-from msl_fem.magnetics.kinds.e_core import MagnetField, magnet_mesh
-from msl_fem.magnetics.solver.section import e_core_section
+from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section, magnet_mesh
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, e1_iron, linear_iron, load_iron
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from msl_fem.actuator import Actuator, parse_actuator
 from msl_fem.design.tolerances import MadeJob, Nominal, Questions, Running
-from msl_fem.magnetics.kinds.e_core import LEVELS, magnet_mesh
+from msl_fem.magnetics.kinds.accuracy import LEVELS
+from msl_fem.magnetics.kinds.e_core import magnet_mesh
 from msl_fem.magnetics.sweep.rows import in_processes
 
 ROOT = Path(__file__).parent.parent.parent

@@ -9,8 +9,7 @@ from field_map_cases import E1, SERVO
 from msl_fem.errors import InputError
 from msl_fem.magnetics.field_map import DecouplingMap, FieldMapSettings, decoupling_map
 from msl_fem.magnetics.kinds.e_core import solve
-from msl_fem.magnetics.kinds.two_sided import decoupling, solve_two_sided
-from msl_fem.magnetics.kinds.two_sided_section import TwoSidedPosition
+from msl_fem.magnetics.kinds.two_sided import TwoSidedPosition, decoupling, solve_two_sided
 from msl_fem.report.decoupling_figure import draw_decoupling
 
 FAST = FieldMapSettings(accuracy="fast")

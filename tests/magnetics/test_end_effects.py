@@ -9,8 +9,14 @@ from random_cores import random_core
 
 from msl_fem.actuator import Actuator, ECore, load_actuator
 from msl_fem.magnetics.kinds.e_core import MagnetField, magnet_mesh
-from msl_fem.magnetics.kinds.end_effects import FlushEdges, corner_excess, deeper_air, gap_edges, window_factor
-from msl_fem.magnetics.kinds.end_section import EndSection
+from msl_fem.magnetics.kinds.end_effects import (
+    EndSection,
+    FlushEdges,
+    corner_excess,
+    deeper_air,
+    gap_edges,
+    window_factor,
+)
 from msl_fem.magnetics.solver.postprocess import FieldQuantities
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
 

@@ -13,8 +13,7 @@ import msl_fem
 from msl_fem.errors import ComputationError, InputError, NotConverged
 from msl_fem.magnetics.field_map import FieldMapSettings, default_gaps, field_map
 from msl_fem.magnetics.field_map.gap_levels import GapRow
-from msl_fem.magnetics.kinds.e_core import MagnetField, field_of
-from msl_fem.magnetics.solver.section import e_core_section
+from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section, field_of
 from msl_fem.maps import Guard, OperatingMap, map_from_json, map_to_json
 from msl_fem.materials.material import load_iron
 

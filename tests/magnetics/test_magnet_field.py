@@ -10,9 +10,9 @@ from random_cores import random_core
 
 from msl_fem.actuator import Actuator, Air, ECore, load_actuator
 from msl_fem.errors import ActuatorError, InputError
-from msl_fem.magnetics.kinds.e_core import LEVELS, MagnetField, field_of, force_error_estimate, magnet_mesh, solve
+from msl_fem.magnetics.kinds.accuracy import LEVELS, force_error_estimate
+from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section, field_of, magnet_mesh, solve
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
-from msl_fem.magnetics.solver.section import e_core_section
 from msl_fem.magnetics.sweep.rows import Job, Row, RowSolver
 
 POINTS = reference("reference.csv")

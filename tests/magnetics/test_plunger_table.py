@@ -7,8 +7,7 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.errors import InputError
-from msl_fem.magnetics.kinds.plunger import solve_plunger
-from msl_fem.magnetics.kinds.plunger_table import plunger_table
+from msl_fem.magnetics.kinds.plunger import plunger_table, solve_plunger
 
 sys.path.insert(0, str(ROOT / "benchmarks"))
 import solenoid_pull_in as study

@@ -6,7 +6,8 @@ from conftest import ROOT
 from random_cores import random_core
 
 from msl_fem.actuator import ECore, load_actuator
-from msl_fem.magnetics.solver.section import Section, e_core_section
+from msl_fem.magnetics.kinds.e_core import e_core_section
+from msl_fem.magnetics.solver.section import Section
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from msl_fem.errors import NotConverged
-from msl_fem.magnetics.solver.sparse_tangent import SparseTangent
+from msl_fem.magnetics.solver.tangent import SparseTangent
 
 N, FREE = 12, np.array([0, 1, 3, 4, 5, 8, 9, 11])
 

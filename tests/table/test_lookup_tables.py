@@ -5,7 +5,8 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.actuator import load_actuator
-from msl_fem.magnetics.kinds.e_core import LEVELS, magnet_mesh, solve
+from msl_fem.magnetics.kinds.accuracy import LEVELS
+from msl_fem.magnetics.kinds.e_core import magnet_mesh, solve
 from msl_fem.magnetics.sweep.rows import Job, Row, RowSolver
 from msl_fem.table.magnetic_table import read_table
 

@@ -12,7 +12,7 @@ from msl_fem.design.sizing.search import GUESS, SearchResult
 from msl_fem.design.sizing.trial_record import JudgedTrial
 from msl_fem.errors import ComputationError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.kinds.e_core import Accuracy
+from msl_fem.magnetics.kinds.accuracy import Accuracy
 
 RULE = "the best in the first objective of all designs that meet all constraints, verified at fine accuracy"
 VERIFIED: Accuracy = "fine"

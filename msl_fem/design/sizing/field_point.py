@@ -7,7 +7,8 @@ from msl_fem.actuator import ECore
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.design.sizing.performance import PlanePoint
 from msl_fem.errors import NotConverged
-from msl_fem.magnetics.kinds.e_core import LEVELS, Accuracy, MagnetField, magnet_mesh
+from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy
+from msl_fem.magnetics.kinds.e_core import MagnetField, magnet_mesh
 from msl_fem.magnetics.solver.postprocess import FieldQuantities
 
 TOLERANCE = 3e-4

@@ -11,7 +11,8 @@ from msl_fem.design.sizing.design import GRID, Design, building_constraints, mag
 from msl_fem.design.sizing.field_point import TOLERANCE, field_point
 from msl_fem.design.sizing.performance import Performance, PlanePoint, performance_constraints, wound
 from msl_fem.design.sizing.requirement import Objective, Requirement
-from msl_fem.magnetics.kinds.e_core import SMALLEST_GAP, Accuracy
+from msl_fem.magnetics.kinds.accuracy import Accuracy
+from msl_fem.magnetics.kinds.e_core import SMALLEST_GAP
 from msl_fem.materials.material import laminated, load_iron
 
 CLOSED_FORM_ERROR = 0.1

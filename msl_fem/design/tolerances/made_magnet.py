@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from msl_fem.actuator import ECore
 from msl_fem.design.tolerances.deviation import LENGTHS
 from msl_fem.errors import ComputationError
-from msl_fem.magnetics.kinds.e_core import MagnetField
+from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section
 from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.postprocess import Probes
-from msl_fem.magnetics.solver.section import Section, e_core_section
+from msl_fem.magnetics.solver.section import Section
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
 

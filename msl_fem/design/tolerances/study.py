@@ -16,14 +16,8 @@ from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field_map.level_roots import Climb
 from msl_fem.magnetics.field_map.readings import reader_of
-from msl_fem.magnetics.kinds.e_core import (
-    LARGEST_CURRENT_DENSITY,
-    LEVELS,
-    Accuracy,
-    MagnetField,
-    check_point,
-    magnet_mesh,
-)
+from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy
+from msl_fem.magnetics.kinds.e_core import LARGEST_CURRENT_DENSITY, MagnetField, check_point, magnet_mesh
 from msl_fem.magnetics.sweep.cache import RowCache
 from msl_fem.magnetics.sweep.rows import Arrays, Progress, in_processes
 from msl_fem.maps import LEVELS as FLUX_DENSITIES

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from msl_fem.actuator import Actuator
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.errors import NotConverged
-from msl_fem.magnetics.kinds.e_core import Accuracy, MagnetField, field_of
-from msl_fem.magnetics.kinds.two_sided import TwoSidedField
-from msl_fem.magnetics.kinds.two_sided_section import TwoSidedPosition
+from msl_fem.magnetics.kinds.accuracy import Accuracy
+from msl_fem.magnetics.kinds.e_core import MagnetField, field_of
+from msl_fem.magnetics.kinds.two_sided import TwoSidedField, TwoSidedPosition
 from msl_fem.magnetics.sweep.rows import Arrays
 
 Array = NDArray[np.float64]

@@ -15,11 +15,11 @@ from msl_fem.magnetics.field_map.level_roots import Climb, Point, Root
 from msl_fem.magnetics.field_map.other_curves import other_curves
 from msl_fem.magnetics.field_map.prolongation import prolongation
 from msl_fem.magnetics.field_map.readings import Potentials, Reader, reader_of
-from msl_fem.magnetics.kinds.e_core import LEVELS, Accuracy, MagnetField
+from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy
+from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, NewtonSettings, solve_field
 from msl_fem.magnetics.solver.mesh import TriangleMesh, triangulate
 from msl_fem.magnetics.solver.postprocess import irons_on_tail
-from msl_fem.magnetics.solver.section import e_core_section
 from msl_fem.magnetics.sweep.rows import Arrays, Job
 from msl_fem.maps.criterion import MAX, Criterion
 

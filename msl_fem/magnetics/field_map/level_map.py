@@ -17,8 +17,9 @@ from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field_map.chords import chord_allowance, neighbours_counted
 from msl_fem.magnetics.field_map.gap_levels import GapRow, GapSolver, LevelJob, level_mesh, level_order, level_safety
 from msl_fem.magnetics.field_map.ranges import checked_gaps, default_gaps, drive_limit, largest_current
-from msl_fem.magnetics.kinds.e_core import LEVELS as ACCURACIES
-from msl_fem.magnetics.kinds.e_core import Accuracy, MagnetField
+from msl_fem.magnetics.kinds.accuracy import LEVELS as ACCURACIES
+from msl_fem.magnetics.kinds.accuracy import Accuracy
+from msl_fem.magnetics.kinds.e_core import MagnetField
 from msl_fem.magnetics.kinds.end_effects import METHOD as END_EFFECTS_METHOD
 from msl_fem.magnetics.sweep.cache import RowCache, content_key
 from msl_fem.magnetics.sweep.rows import Arrays, Progress, in_processes

@@ -1,9 +1,7 @@
-"""The field of one actuator's magnet: section, irons, mesh and model put together, at a stated accuracy."""
+"""An E-core magnet: its plane section, its field at a stated accuracy, and which points may be solved."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +10,7 @@ from msl_fem.actuator import Actuator, ECore
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
+from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy, PointResult, irons_of, level_of, solve_with_estimate
 from msl_fem.magnetics.kinds.end_effects import deeper_air
 from msl_fem.magnetics.solver.magnetostatics import (
     FieldModel,
@@ -20,63 +19,72 @@ from msl_fem.magnetics.solver.magnetostatics import (
     field_response,
     solve_field,
 )
-from msl_fem.magnetics.solver.mesh import MeshSize, TriangleMesh, triangulate
+from msl_fem.magnetics.solver.mesh import TriangleMesh, triangulate
 from msl_fem.magnetics.solver.postprocess import FieldQuantities, Probes, evaluate_field
-from msl_fem.magnetics.solver.section import Section, e_core_section
-from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
+from msl_fem.magnetics.solver.section import Line, Region, Section, rectangle
 
 Array = NDArray[np.float64]
-Accuracy = Literal["fast", "normal", "fine"]
-
-
-@dataclass(frozen=True)
-class Discretisation:
-    """Mesh sizes and polynomial degree of an accuracy level, and the factor of its error estimate.
-
-    The force's relative error is estimated as `safety` times the larger of the relative changes of force and coenergy
-    with one polynomial degree more on the same mesh. At a right-angled iron corner A behaves like r^(2/3), so a
-    quadratic quantity's error falls like p^(-8/3) (Babuska and Suri 1987) and the change is 0.66 (p = 2) or 0.54
-    (p = 3) of it: 2 covers both. Measured as needed, over E1's reference and at 78 (`fine`: 114) points of random
-    magnets with a measured B-H curve: `fast` 2.05, `normal` 1.75, `fine` 3.7, in the median about 1. At `fine` the
-    fronts of saturation inside the iron show at the knee of its curve, where a higher degree does not bring much.
-    """
-
-    size: MeshSize
-    order: int
-    safety: float = 2.0
-
-
-LEVELS: dict[str, Discretisation] = {
-    "fast": Discretisation(MeshSize(corner=0.1, gap=1.5, iron=0.6, growth=0.7), 2, 2.5),
-    "normal": Discretisation(MeshSize(corner=0.02, gap=2.0, iron=0.6, growth=0.5), 2),
-    "fine": Discretisation(MeshSize(corner=0.004, gap=3.0, iron=0.6, growth=0.75, across=0.2), 3, 4.0),
-}
 
 
 SMALLEST_GAP = 1e-4  # of the core's half width: a thinner strip of air cannot be meshed
 LARGEST_CURRENT_DENSITY = 1e10  # A/m2 in the copper; adiabatic, rho J^2 / (c d) is 5e5 K/s there
 
-MOST_NODES, CLOSEST = 1000, 1e-6  # of a table's gaps or currents; their distance, of the largest
+MOST_NODES = 1000  # gaps or currents of a table
+CLOSEST = 1e-6  # of the largest: the least distance of two of them
+NEAR = 2.0  # half widths of the core around the iron that are painted and meshed freely, if the box is larger
 
 
-@dataclass(frozen=True)
-class PointResult:
-    """One field solution of one magnet: `quantities`, the force's error estimate, and what it took.
-
-    Attributes
-    ----------
-    force_error_estimate : relative to the force, see `Discretisation`
-    notes : what the reader must know: an iron's curve that was cut, a result that rests on a saturation tail
-    """
-
-    current: float
-    gap: float
-    quantities: FieldQuantities
-    force_error_estimate: float
-    unknowns: int
-    newton_iterations: int
-    residual_trail: tuple[float, ...]
-    notes: tuple[str, ...] = ()
+def e_core_section(magnet: ECore, gap: float) -> Section:
+    """The right half of an E-core over its armature: pole faces at y = gap, armature surface at y = 0."""
+    centre = magnet.centre_leg_width / 2
+    inner = centre + magnet.window_width
+    half = magnet.half_width
+    top = gap + magnet.height
+    roof = gap + magnet.window_height
+    low = -magnet.armature_thickness
+    wide = magnet.armature_half_width
+    air, coil = magnet.air_box, magnet.coil
+    left = centre + coil.leg_clearance
+    bottom = gap + coil.face_clearance
+    # the box beyond the strip's lines: half width, depth below y = 0, height above y = gap
+    box = np.array([half + air.side, magnet.armature_thickness + air.bottom, magnet.height + air.top])
+    near = np.array([max(half, wide), magnet.armature_thickness, magnet.height]) + NEAR * half
+    far = max(1.0, float((box / near).min()))
+    edge, below, above = box / far
+    regions = [
+        rectangle("air", 0, -below, edge, gap + above),
+        rectangle("strip", 0, 0, edge, gap),
+        rectangle("armature", 0, low, wide, 0),
+        rectangle("core", 0, gap, half, top),
+        rectangle("window", centre, gap, inner, roof),
+        rectangle("coil", left, bottom, left + coil.width, bottom + coil.height),
+    ]
+    poles = [(centre, -1), (inner, 1), (half, -1)]  # pole corners on y = gap, and where their iron lies
+    faces = [(x, gap, 1.0) for x, _ in poles]
+    if magnet.pole_chamfer:
+        c = magnet.pole_chamfer
+        faces = [(x + side * c, gap, 0.7) for x, side in poles] + [(x, gap + c, 0.3) for x, _ in poles]
+        regions += [Region("air", ((x, gap), (x + side * c, gap), (x, gap + c))) for x, side in poles]
+    corners = [*faces, (wide, 0.0, 1.0), (wide, low, 0.1), (half, top, 0.1), (centre, roof, 0.1), (inner, roof, 0.1)]
+    middle = gap + magnet.window_height / 2
+    across = centre + magnet.window_width / 2
+    cuts = (
+        Line("centre_leg", (0, middle), (centre, middle)),
+        Line("yoke", (across, roof), (across, top)),
+        Line("outer_leg", (inner, middle), (half, middle)),
+        Line("armature", (across, low), (across, 0)),
+    )
+    iron = magnet.iron
+    return Section(
+        regions=tuple(regions),
+        corners=tuple(corners),
+        cuts=cuts,
+        iron={"core": (iron.core, iron.core_stacking), "armature": (iron.armature, iron.armature_stacking)},
+        turns_density={"coil": coil.turns / magnet.coil_section},
+        depth=magnet.stack_depth,
+        gap=gap,
+        far=far,
+    )
 
 
 class MagnetField:
@@ -89,12 +97,12 @@ class MagnetField:
     def __init__(
         self, magnet: ECore, mesh: TriangleMesh, *, folder: Path, order: int, end_effects: bool = False
     ) -> None:
-        self.magnet, self.folder, self.order, self.end_effects = magnet, folder, order, end_effects
+        self.magnet = magnet
+        self.folder = folder
+        self.order = order
+        self.end_effects = end_effects
         self.section: Section = e_core_section(magnet, mesh.gap)
-        self.irons: dict[str, Iron | AnalyticIron] = {
-            region: laminated(load_iron(name, folder=folder), stacking)
-            for region, (name, stacking) in self.section.iron.items()
-        }
+        self.irons = irons_of(self.section.iron, folder)
         self.model = FieldModel(
             mesh,
             self.irons,
@@ -118,7 +126,8 @@ class MagnetField:
 
     def refined(self) -> "MagnetField":
         """The same mesh with one polynomial degree more."""
-        mesh, order = self.model.mesh, self.order + 1
+        order = self.order + 1
+        mesh = self.model.mesh
         return MagnetField(self.magnet, mesh, folder=self.folder, order=order, end_effects=self.end_effects)
 
 
@@ -131,12 +140,6 @@ def field_of(actuator: Actuator, gap: float, *, accuracy: Accuracy = "normal") -
     """The field of an actuator's magnet, meshed at `gap`."""
     magnet = actuator.e_core()
     return MagnetField(magnet, magnet_mesh(magnet, gap, accuracy), folder=actuator.folder, order=LEVELS[accuracy].order)
-
-
-def force_error_estimate(level: Discretisation, found: FieldQuantities, finer: FieldQuantities) -> float:
-    """The estimated relative error of a level's force, from the same point with one polynomial degree more."""
-    pairs = [(found.force, finer.force), (found.coenergy, finer.coenergy)]
-    return level.safety * max(abs(c - f) / abs(f) if f else 0.0 for c, f in pairs)
 
 
 def check_point(actuator: Actuator, current: float, gap: float) -> None:
@@ -190,19 +193,8 @@ def solve_with_field(
     actuator: Actuator, current: float, gap: float, *, accuracy: Accuracy = "normal"
 ) -> tuple[PointResult, MagnetField, FieldSolution]:
     """As `solve`, with the field itself for pictures."""
-    if accuracy not in LEVELS:
-        raise InputError(f"accuracy '{accuracy}' is unknown; choose one of {', '.join(LEVELS)}")
+    level_of(accuracy)
     check_point(actuator, current, gap)
     field = field_of(actuator, gap, accuracy=accuracy)
-    solution = field.solve(current, gap)
-    quantities = field.quantities(solution)
-    finer = field.refined()
-    better = finer.quantities(finer.solve(current, gap))
-    error = force_error_estimate(LEVELS[accuracy], quantities, better)
-    notes = tuple(dict.fromkeys(iron.note for iron in field.irons.values() if iron.note))
-    if quantities.rests_on_tail:
-        regions = " and ".join(quantities.rests_on_tail)
-        notes += (f"more than 1 % of the {regions} lies beyond the B-H curve's last point, on its saturation tail",)
-    unknowns, iterations = field.model.free.size, len(solution.trail)
-    point = PointResult(current, gap, quantities, error, unknowns, iterations, solution.trail, notes)
+    point, solution = solve_with_estimate(field, lambda meshed: meshed.solve(current, gap), accuracy=accuracy)
     return point, field, solution

@@ -1,22 +1,127 @@
-"""The field of a magnet whose section is a foreign mesh with named regions."""
+"""A magnet whose section is a foreign mesh with named regions: the file read through meshio and checked, the field."""
 
+import contextlib
+import io
+from pathlib import Path
+from typing import Any
+
+import meshio
 import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.kinds.e_core import LEVELS, Accuracy, PointResult
+from msl_fem.magnetics.kinds.accuracy import Accuracy, PointResult, irons_of, level_of, solve_with_estimate
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, field_response, solve_field
 from msl_fem.magnetics.solver.mesh import TriangleMesh
-from msl_fem.magnetics.solver.mesh_file import read_mesh
-from msl_fem.magnetics.solver.postprocess import TAIL_SHARE, FieldQuantities, SectionFluxDensity
+from msl_fem.magnetics.solver.postprocess import FieldQuantities, SectionFluxDensity, irons_on_tail
 from msl_fem.magnetics.solver.virtual_work import BodyForce, MovingBody, boundary_points
-from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
+from msl_fem.materials.material import AnalyticIron, Iron
+
+Indices = NDArray[np.int64]
+IGNORED = {"vertex", "line", "line3"}
+FLAT = 1e-9  # of the mesh's size: what z may vary
+THINNEST = 1e-12  # of a triangle's longest edge squared: a smaller area is none
+
+
+def read_mesh(path: Path, *, unit: float = 1.0, gap: float) -> TriangleMesh:
+    """The triangles of a file, anticlockwise, with the names of their regions; points without a triangle are left out.
+
+    Parameters
+    ----------
+    path : a gmsh file with physical names, or any format of meshio with named cell sets
+    unit : the length of one unit of the file's coordinates in m
+    gap : the gap that the mesh was made at, in m
+
+    Raises
+    ------
+    InputError : the file cannot be read, has other cells than straight triangles, is not plane, a triangle has no
+        area, or some triangles have no region's name or two
+    """
+    content = _read(path)
+    kinds = {block.type for block in content.cells} - IGNORED
+    if kinds != {"triangle"}:
+        listed = ", ".join(sorted(kinds)) or "none"
+        raise InputError(
+            f"{path}: cells are {listed}; only straight three-node triangles are allowed: save first order"
+        )
+    points = np.asarray(content.points, dtype=float)
+    if points.shape[1] > 2 and np.ptp(points[:, 2]) > FLAT * np.ptp(points[:, :2]):
+        raise InputError(f"{path}: the mesh is not plane, z varies; lay it into the x-y plane")
+    blocks = [k for k, block in enumerate(content.cells) if block.type == "triangle"]
+    triangles = np.concatenate([content.cells[k].data for k in blocks]).T.astype(np.int64)
+    region, names = _regions(content, blocks, triangles.shape[1], path)
+    used, places = np.unique(triangles, return_inverse=True)
+    corners = places.reshape(triangles.shape)
+    xy = points[used, :2].T * unit
+    return TriangleMesh(np.ascontiguousarray(xy), _anticlockwise(xy, corners, path), region, names, gap)
+
+
+def _read(path: Path) -> Any:
+    chatter = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(chatter), contextlib.redirect_stderr(chatter):
+            return meshio.read(path)
+    except (Exception, SystemExit) as err:  # meshio ends the process where no reader fits
+        reason = "no format of meshio fits" if isinstance(err, SystemExit) else str(err) or type(err).__name__
+        raise InputError(f"{path}: cannot be read as a mesh ({reason}); give a gmsh file") from err
+
+
+def _regions(content: Any, blocks: list[int], n: int, path: Path) -> tuple[Indices, tuple[str, ...]]:
+    """Each triangle's index into the names, and the names."""
+    region = np.full(n, -1)
+    sizes = [len(content.cells[k].data) for k in blocks]
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    physical = content.cell_data.get("gmsh:physical")
+    names: list[str] = []
+    if physical is not None and content.field_data:
+        tags = np.concatenate([physical[k] for k in blocks])
+        for name, (tag, dimension) in content.field_data.items():
+            if dimension == 2 and (tags == tag).any():
+                region[tags == tag] = len(names)
+                names.append(name)
+    else:
+        for name, cells in content.cell_sets.items():
+            members = [np.empty(0, dtype=int)]
+            for start, k in zip(starts, blocks, strict=False):
+                if cells[k] is not None:
+                    members.append(start + np.asarray(cells[k], dtype=int))
+            chosen = np.concatenate(members)
+            if chosen.size == 0 or name.startswith("gmsh:"):
+                continue
+            if (region[chosen] >= 0).any():
+                raise InputError(f"{path}: region '{name}' shares triangles with another one; regions may not overlap")
+            region[chosen] = len(names)
+            names.append(name)
+    if (region < 0).any():
+        raise InputError(
+            f"{path}: {np.count_nonzero(region < 0)} of {n} triangles belong to no named region; "
+            "give every surface a physical name (or cell set)"
+        )
+    return region.astype(np.int64), tuple(names)
+
+
+def _anticlockwise(xy: NDArray[np.float64], corners: Indices, path: Path) -> Indices:
+    """The triangles with clockwise ones turned round."""
+    (x0, x1, x2), (y0, y1, y2) = xy[:, corners]
+    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    longest = np.maximum((x1 - x0) ** 2 + (y1 - y0) ** 2, (x2 - x0) ** 2 + (y2 - y0) ** 2)
+    none = np.abs(area) <= THINNEST * longest
+    if none.any():
+        k = int(np.flatnonzero(none)[0])
+        raise InputError(
+            f"{path}: {np.count_nonzero(none)} triangles have no area, the first at x = {x0[k] * 1e3:g} mm, "
+            f"y = {y0[k] * 1e3:g} mm; mesh the section again"
+        )
+    turned = corners.copy()
+    turned[1:, area < 0] = corners[2:0:-1, area < 0]
+    return turned
+
 
 LARGEST_AMPERE_TURNS = 1e8  # A: a coil of 1 cm2 of copper melts in milliseconds at 1e6 A
 
-Array = NDArray[np.float64]
 KINDS = ("core", "armature", "coil+", "coil-", "air")
 SAME_GAP = 1e-6  # relative: a gap asked for that differs more is another one
 AREAS_AGREE = 1e-3  # relative: of the coil's two sides
@@ -26,7 +131,8 @@ class MeshField:
     """A foreign mesh with irons and turns, ready to be solved at any current; raises as `solve_mesh_magnet`."""
 
     def __init__(self, actuator: Actuator, *, mesh: TriangleMesh | None = None, order: int = 2) -> None:
-        self.actuator, self.magnet = actuator, actuator.mesh_magnet()
+        self.actuator = actuator
+        self.magnet = actuator.mesh_magnet()
         path = actuator.folder / self.magnet.mesh
         if mesh is None:
             mesh = read_mesh(path, unit=self.magnet.length_unit, gap=self.magnet.gap)
@@ -42,13 +148,10 @@ class MeshField:
         return MeshField(self.actuator, mesh=self.model.mesh, order=self.model.order + 1)
 
     def _irons(self) -> dict[str, Iron | AnalyticIron]:
-        iron, folder = self.magnet.iron, self.actuator.folder
-        kinds = {"core": (iron.core, iron.core_stacking), "armature": (iron.armature, iron.armature_stacking)}
-        return {
-            region: laminated(load_iron(name, folder=folder), stacking)
-            for kind, (name, stacking) in kinds.items()
-            for region in self.regions[kind]
-        }
+        iron = self.magnet.iron
+        stated = dict.fromkeys(self.regions["core"], (iron.core, iron.core_stacking))
+        stated |= dict.fromkeys(self.regions["armature"], (iron.armature, iron.armature_stacking))
+        return irons_of(stated, self.actuator.folder)
 
     def solve(self, current: float) -> FieldSolution:
         """The field at a coil current; raises NotConverged."""
@@ -60,7 +163,9 @@ class MeshField:
         Force by virtual work is a quadratic form Q of A, so dF/di = Q(A + A_i) - Q(A) - Q(A_i) with A_i = dA/di.
         There is no slope by the gap: it is NaN.
         """
-        a, model, depth = solution.potential, self.model, self.magnet.stack_depth
+        a = solution.potential
+        model = self.model
+        depth = self.magnet.stack_depth
         by_current = field_response(model, solution).by_current
         scale = float(np.abs(by_current).max() / max(np.abs(a).max(), 1e-300)) or 1.0  # keeps the difference accurate
         step = by_current / scale
@@ -76,11 +181,7 @@ class MeshField:
             force_current_slope=slope,
             force_gap_slope=float("nan"),
             flux_density=self._flux_density(a),
-            rests_on_tail=tuple(
-                name
-                for name, part in model.irons.items()
-                if part.weight[part.flux_density(a)[1] > part.iron.tail_from].sum() > TAIL_SHARE * part.weight.sum()
-            ),
+            rests_on_tail=irons_on_tail(model, a),
         )
 
     def _pull(self, force: BodyForce) -> float:
@@ -110,8 +211,7 @@ def solve_mesh_magnet(
     NotConverged : Newton's iteration failed
     """
     magnet = actuator.mesh_magnet()
-    if accuracy not in LEVELS:
-        raise InputError(f"accuracy '{accuracy}' is unknown; choose one of {', '.join(LEVELS)}")
+    level = level_of(accuracy)
     if gap is not None and not abs(gap / magnet.gap - 1) <= SAME_GAP:
         raise InputError(
             f"gap {format_quantity(gap, 'm')} is not that of the mesh, {format_quantity(magnet.gap, 'm')}; "
@@ -122,33 +222,23 @@ def solve_mesh_magnet(
         raise InputError(
             f"current {current:g} A is not allowed; it must be finite, within -{most:.4g} ... {most:.4g} A"
         )
-    field = MeshField(actuator, order=LEVELS[accuracy].order)
-    solution = field.solve(current)
-    found = field.quantities(solution)
-    finer = field.refined()
-    better = finer.quantities(finer.solve(current))
-    pairs = [(found.force, better.force), (found.coenergy, better.coenergy)]
-    error = LEVELS[accuracy].safety * max(abs(c - f) / abs(f) if f else 0.0 for c, f in pairs)
-    notes = tuple(dict.fromkeys(iron.note for iron in field.irons.values() if iron.note))
-    if found.rests_on_tail:
-        where = " and ".join(found.rests_on_tail)
-        notes += (f"more than 1 % of the {where} lies beyond the B-H curve's last point, on its saturation tail",)
-    unknowns = field.model.free.size
-    return PointResult(current, magnet.gap, found, error, unknowns, len(solution.trail), solution.trail, notes)
+    field = MeshField(actuator, order=level.order)
+    return solve_with_estimate(field, lambda meshed: meshed.solve(current), accuracy=accuracy)[0]
 
 
 def _sorted_regions(mesh: TriangleMesh, path: str) -> dict[str, tuple[str, ...]]:
     """The mesh's regions by kind; InputError where a name says nothing, a kind is missing, or air does not surround."""
-    found = {kind: tuple(n for n in mesh.names if n.startswith(kind)) for kind in KINDS}
-    unknown = set(mesh.names).difference(*found.values())
+    regions = {kind: tuple(n for n in mesh.names if n.startswith(kind)) for kind in KINDS}
+    unknown = set(mesh.names).difference(*regions.values())
     if unknown:
         raise InputError(
             f"{path}: region '{min(unknown)}' is unknown; names begin with core, armature, coil+, coil- or air"
         )
-    missing = [kind for kind, names in found.items() if not names]
+    missing = [kind for kind, names in regions.items() if not names]
     if missing:
         raise InputError(f"{path}: no region's name begins with '{missing[0]}'; regions are {', '.join(mesh.names)}")
-    solid = np.unique(mesh.triangles[:, mesh.elements(*(n for k in KINDS[:-1] for n in found[k]))])
+    solid_names = set(mesh.names) - set(regions["air"])
+    solid = np.unique(mesh.triangles[:, mesh.elements(*solid_names)])
     outside = np.intersect1d(solid, boundary_points(mesh))
     if outside.size:
         x, y = mesh.points[:, outside[0]] * 1e3
@@ -156,7 +246,7 @@ def _sorted_regions(mesh: TriangleMesh, path: str) -> dict[str, tuple[str, ...]]
             f"{path}: iron or coil lies on the mesh's edge at x = {x:g} mm, y = {y:g} mm; surround the section with "
             "air, and let regions that touch share their points"
         )
-    return found
+    return regions
 
 
 def _turns(mesh: TriangleMesh, regions: dict[str, tuple[str, ...]], turns: int) -> dict[str, float]:

@@ -1,25 +1,25 @@
-"""Axisymmetric magnets with a plunger: the section at a displacement, its field, force by two routes."""
+"""Axisymmetric magnets with a plunger: the section at a displacement, its field, force by two routes, the table."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline, make_interp_spline
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, field_response, solve_field
-from msl_fem.magnetics.solver.mesh import MeshSize, TriangleMesh, triangulate
+from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
 from msl_fem.magnetics.solver.section import Region, Section
-from msl_fem.magnetics.solver.virtual_work import displacement_share, hat_gradients
+from msl_fem.magnetics.solver.virtual_work import StressContour, displacement_share, hat_gradients
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron
+from msl_fem.table.magnetic_table import MagneticTable
 
-Array = NDArray[np.float64]
 PLUNGER = "plunger"
 SIZE = MeshSize(corner=0.05, gap=1.0, iron=0.25, growth=0.35)
-SURFACE = 0.5  # value of the virtual displacement on the surface around the plunger
-GAUSS = np.polynomial.legendre.leggauss(4)
 N_OUTLINE = 400
 
 
@@ -83,7 +83,8 @@ class PlungerField:
 
     def evaluate(self, solution: FieldSolution) -> PlungerResult:
         """The numbers of the last solution."""
-        model, a = self.model, solution.potential
+        model = self.model
+        a = solution.potential
         flux_linkage = float(model.source @ a)
         nodes = np.unique(model.mesh.triangles[:, model.mesh.elements(PLUNGER)])
         flux = 2 * np.pi * model.mesh.points[0, nodes] * a[model.basis.nodal_dofs[0, nodes]]
@@ -91,7 +92,7 @@ class PlungerField:
             current=solution.current,
             displacement=self.displacement,
             force=force_by_virtual_work(model, solution, self.motion),
-            force_stress_tensor=force_on_surface(model, solution, self.motion),
+            force_stress_tensor=float(StressContour(model, self.motion).traction(a)[1].sum()),
             flux_linkage=flux_linkage,
             coenergy=solution.current * flux_linkage - model.energy(a, solution.gap),
             incremental_inductance=float(model.source @ field_response(model, solution).by_current),
@@ -168,82 +169,25 @@ def force_by_virtual_work(model: FieldModel, solution: FieldSolution, motion: Ar
     a = model.basis.interpolate(solution.potential)
     r = model.basis.global_coordinates()[0]
     b_z, b_r = a.grad[0] + np.asarray(a) / r, -a.grad[1]
-    v_r, v_z = _gradient(model.mesh, motion)
+    v_r, v_z = np.einsum("cje,ce->je", hat_gradients(model.mesh), motion[model.mesh.triangles])
     density = (b_r**2 - b_z**2) / 2 * v_z[:, None] - b_r * b_z * v_r[:, None]
     return float(np.sum(density * 2 * np.pi * r * model.basis.dx)) / MU_0
-
-
-def force_on_surface(model: FieldModel, solution: FieldSolution, motion: Array) -> float:
-    """F_z in N: the Maxwell stress integrated over the surface v = 1/2, which lies in air around the plunger."""
-    mesh = model.mesh
-    air = mesh.elements("air")
-    v = motion[mesh.triangles[:, air]]
-    cut = (v.min(axis=0) < SURFACE) & (v.max(axis=0) > SURFACE)
-    elements = air[cut]
-    ends = _crossings(mesh.points[:, mesh.triangles[:, elements]], v[:, cut])
-    length = np.hypot(*(ends[1] - ends[0]))
-    node, weight = GAUSS
-    points = ends[0][:, :, None] + (ends[1] - ends[0])[:, :, None] * (node + 1) / 2  # (2, element, point)
-    b_r, b_z = _flux_density_at(model, solution.potential, points, elements)
-    slope = _gradient(mesh, motion)[:, elements]
-    n_r, n_z = -(slope / np.hypot(*slope))[:, :, None]
-    stress = b_r * b_z * n_r + (b_z**2 - b_r**2) / 2 * n_z
-    return float(np.sum(stress * 2 * np.pi * points[0] * weight * length[:, None] / 2)) / MU_0
-
-
-def _flux_density_at(
-    model: FieldModel, potential: Array, points: Array, elements: NDArray[np.int64]
-) -> tuple[Array, Array]:
-    """B_r, B_z (element, point) at points (2, element, point) inside the elements given."""
-    basis = model.basis
-    local = basis.mapping.invF(points, tind=elements)
-    b_r, b_z = np.zeros(points.shape[1:]), np.zeros(points.shape[1:])
-    for k in range(basis.Nbfun):
-        shape = basis.elem.gbasis(basis.mapping, local, k, tind=elements)[0]
-        a = potential[basis.element_dofs[k, elements]][:, None]
-        b_r -= a * shape.grad[1]
-        b_z += a * (shape.grad[0] + np.asarray(shape) / points[0])
-    return b_r, b_z
-
-
-def _gradient(mesh: TriangleMesh, nodal: Array) -> Array:
-    """Gradient (2, element) of a function linear by triangle."""
-    gradient: Array = np.einsum("cje,ce->je", hat_gradients(mesh), nodal[mesh.triangles])
-    return gradient
-
-
-def _crossings(corners: Array, v: Array) -> tuple[Array, Array]:
-    """Both points (2, element) where v = SURFACE crosses the edges of triangles with corners (2, 3, element)."""
-    alone = np.argmax(np.stack([_alone(v, k) for k in range(3)]), axis=0)
-    every = np.arange(v.shape[1])
-    ends = []
-    for step in (1, 2):
-        other = (alone + step) % 3
-        t = (SURFACE - v[alone, every]) / (v[other, every] - v[alone, every])
-        ends.append(corners[:, alone, every] + t * (corners[:, other, every] - corners[:, alone, every]))
-    return ends[0], ends[1]
-
-
-def _alone(v: Array, k: int) -> NDArray[np.bool_]:
-    """Whether corner k lies on one side of the surface and the other two on the other."""
-    above = v > SURFACE
-    return (above[k] != above[k - 1]) & (above[k] != above[k - 2])
 
 
 def _corners(region: Region, others: tuple[Region, ...], gap: float) -> list[tuple[float, float, float]]:
     """The convex corners off the axis with the grading's strength: element size goes with the distance to `others`."""
     ring = np.array(region.vertices)
-    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    before = ring - np.roll(ring, 1, axis=0)
+    after = np.roll(ring, -1, axis=0) - ring
     turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    orientation = np.sign(
-        np.sum(ring[:, 0] * np.roll(ring, -1, axis=0)[:, 1] - np.roll(ring, -1, axis=0)[:, 0] * ring[:, 1])
-    )
-    found = []
+    following = np.roll(ring, -1, axis=0)
+    orientation = np.sign(np.sum(ring[:, 0] * following[:, 1] - following[:, 0] * ring[:, 1]))
+    corners = []
     for (r, z), sharp in zip(ring, turn * orientation > 0, strict=True):
         if sharp and r > 0:
             distance = min(_distance(np.array([r, z]), np.array(other.vertices)) for other in others)
-            found.append((float(r), float(z), float((gap / max(distance, gap)) ** (2 / 3))))
-    return found
+            corners.append((float(r), float(z), float((gap / max(distance, gap)) ** (2 / 3))))
+    return corners
 
 
 def _distance(point: Array, ring: Array) -> float:
@@ -255,8 +199,9 @@ def _distance(point: Array, ring: Array) -> float:
 
 def _check_apart(plunger: Region, other: Region, displacement: float) -> None:
     """InputError where an outline enters or touches the other polygon."""
-    one, two = np.array(plunger.vertices), np.array(other.vertices)
-    if _any_inside(one, two) or _any_inside(two, one):
+    moved = np.array(plunger.vertices)
+    ring = np.array(other.vertices)
+    if _any_inside(moved, ring) or _any_inside(ring, moved):
         raise InputError(
             f"at displacement {format_quantity(displacement, 'm')} the plunger touches the {other.name}; "
             "move it less or the other way"
@@ -266,9 +211,96 @@ def _check_apart(plunger: Region, other: Region, displacement: float) -> None:
 def _any_inside(outline: Array, ring: Array) -> bool:
     """Whether a point of one outline lies in another polygon (even-odd rule)."""
     t = np.arange(N_OUTLINE) / N_OUTLINE
-    x, y = (outline[:, None] + (np.roll(outline, -1, axis=0) - outline)[:, None] * t[:, None]).reshape(-1, 2).T
+    along = np.roll(outline, -1, axis=0) - outline
+    x, y = (outline[:, None] + along[:, None] * t[:, None]).reshape(-1, 2).T
     inside = np.zeros(x.size, dtype=bool)
     for (x0, y0), (x1, y1) in zip(ring, np.roll(ring, -1, axis=0), strict=True):
         if y0 != y1:
             inside ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
     return bool(inside.any())
+
+
+FEWEST_GAPS = 4
+FEWEST_CURRENTS = 4
+
+
+def plunger_table(
+    magnet: PlungerMagnet,
+    gap: ArrayLike,
+    current: ArrayLike,
+    *,
+    size: MeshSize | None = None,
+    order: int = 3,
+    progress: Callable[[int, int], None] | None = None,
+) -> MagneticTable:
+    """The table of a plunger magnet whose air gap is the plunger's displacement and whose force closes it.
+
+    Parameters
+    ----------
+    gap : (n_gap,) m, increasing and positive; each is meshed and solved on its own
+    current : (n_current,) A, increasing and positive; the column 0 A is added
+    progress : called with (gaps done, all gaps)
+
+    Coenergy, flux linkage, force and incremental inductance are field solutions. The force's slopes are those of cubic
+    splines through them: odd or even in the current, over log(gap).
+
+    Raises
+    ------
+    InputError : too few nodes, or nodes that are not positive and increasing; a plunger that touches another part
+    ComputationError : the mesher or Newton's iteration failed
+    """
+    gaps = _nodes("gaps", gap, FEWEST_GAPS)
+    currents = _nodes("currents", current, FEWEST_CURRENTS)
+    rows = []
+    for done, displacement in enumerate(gaps, start=1):
+        rows.append(_row(magnet, float(displacement), currents, size, order))
+        if progress is not None:
+            progress(done, gaps.size)
+    solved = np.array(rows)
+    coenergy, flux_linkage, force, inductance = (np.insert(solved[:, :, k], 0, 0.0, axis=1) for k in range(4))
+    inductance[:, 0] = _at_rest(currents, inductance[:, 1:])
+    everywhere = np.r_[0.0, currents]
+    mirrored = np.r_[-currents[::-1], everywhere]
+    along_current = [CubicSpline(mirrored, np.r_[row[:0:-1], row])(everywhere, 1) for row in force]
+    along_gap = make_interp_spline(np.log(gaps), force, k=3)(np.log(gaps), 1) / gaps[:, None]
+    return MagneticTable(
+        gap=gaps,
+        current=everywhere,
+        nodes={
+            "coenergy": coenergy,
+            "flux_linkage": flux_linkage,
+            "force": force,
+            "incremental_inductance": inductance,
+            "force_current_slope": np.array(along_current),
+            "force_gap_slope": along_gap,
+        },
+        provenance={"solver": f"axisymmetric plunger magnet, P{order}, each gap on its own mesh"},
+    )
+
+
+def _row(
+    magnet: PlungerMagnet, displacement: float, currents: Array, size: MeshSize | None, order: int
+) -> list[tuple[float, float, float, float]]:
+    """Coenergy, flux linkage, force that closes the gap and incremental inductance at each current."""
+    field = plunger_field(magnet, displacement, size=size, order=order)
+    start = None
+    row = []
+    for current in currents:
+        solution = field.solve(float(current), start=start)
+        start = solution.potential
+        point = field.evaluate(solution)
+        row.append((point.coenergy, point.flux_linkage, -point.force, point.incremental_inductance))
+    return row
+
+
+def _at_rest(currents: Array, inductance: Array) -> Array:
+    """(n_gap,) incremental inductance without current, by an even parabola through the two smallest currents."""
+    near, far = currents[:2] ** 2
+    return (far * inductance[:, 0] - near * inductance[:, 1]) / (far - near)
+
+
+def _nodes(name: str, values: ArrayLike, fewest: int) -> Array:
+    nodes = np.array(values, dtype=float)
+    if nodes.ndim != 1 or nodes.size < fewest or not (np.diff(nodes) > 0).all() or not nodes[0] > 0:
+        raise InputError(f"{name} must be at least {fewest}, positive and increasing; these are {nodes.tolist()}")
+    return nodes

@@ -1,21 +1,144 @@
-"""Two magnets and the armature they share: net force, cross coupling, and what independence would miss."""
+"""Two E-core magnets on either side of the armature they share, which may be tilted: section, field, net force.
+
+Cross coupling, and what two independent sides would miss.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from msl_fem.actuator import Actuator
+from msl_fem.actuator import Actuator, ECore
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.kinds.e_core import LEVELS, Accuracy, check_point
-from msl_fem.magnetics.kinds.two_sided_section import TwoSidedPosition, two_sided_section
+from msl_fem.magnetics.kinds.accuracy import Accuracy, iron_notes, irons_of, level_of
+from msl_fem.magnetics.kinds.e_core import check_point, e_core_section
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, solve_field
 from msl_fem.magnetics.solver.mesh import triangulate
+from msl_fem.magnetics.solver.section import Region, Section, rectangle
 from msl_fem.magnetics.solver.virtual_work import MovingBody
-from msl_fem.materials.material import laminated, load_iron
 
-Array = NDArray[np.float64]
+SMALLEST_GAP = 0.02  # of the mean gap: what a tilt must leave at the armature's edge
+Corner = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class TwoSidedPosition:
+    """Where the armature stands: the gaps of side 1 (above) and side 2 in m, its tilt anticlockwise in rad."""
+
+    gap_1: float
+    gap_2: float
+    tilt: float = 0.0
+
+
+@dataclass(frozen=True)
+class TwoSidedSection:
+    """The section, the symmetry it uses, and where things are.
+
+    Attributes
+    ----------
+    section : coils are the regions coil_1+, coil_2+ (x > 0) and, in a full section, coil_1-, coil_2-
+    half : x >= 0 only, with A = 0 on x = 0; without tilt
+    turns_density : by side, region to turns per area (1/m2): positive currents drive flux along the same direction
+    centre : the armature's centre (x, y) in m
+    """
+
+    section: Section
+    half: bool
+    turns_density: tuple[dict[str, float], dict[str, float]]
+    centre: tuple[float, float]
+
+
+def two_sided_section(magnet: ECore, position: TwoSidedPosition) -> TwoSidedSection:
+    """Side 1 above and side 2, its mirror image, below an armature whose centre lies half its thickness below y = 0.
+
+    Without tilt x = 0 is a flux line and half the section serves; a tilt turns the armature about its centre.
+
+    Raises
+    ------
+    InputError : the tilted armature comes nearer to a core than a fiftieth of the gap
+    """
+    middle = -magnet.armature_thickness / 2
+    half = position.tilt == 0.0
+    armature = [_turned(x, y, position.tilt, middle) for x, y in _armature(magnet)]
+    nearest = _nearest_gap(magnet, position)
+    one = e_core_section(magnet, position.gap_1)
+    two = e_core_section(magnet, position.gap_2)
+    regions = _surroundings(magnet, position)
+    corners: list[Corner] = []
+    for side, part, gap in ((1, one, position.gap_1), (2, two, position.gap_2)):
+        mirror = 1.0 if side == 1 else -1.0
+        base = middle * (1 - mirror)  # side 2 is mirrored about the armature's middle
+        painted = [r for r in part.regions if r.name in ("core", "window", "coil")]
+        painted += [Region("gap", r.vertices) for r in part.regions[6:]]  # chamfers
+        for region in painted:
+            vertices = [(x, base + mirror * y) for x, y in region.vertices]
+            name = region.name if region.name in ("window", "gap") else f"{region.name}_{side}"
+            regions.append(Region(f"{name}+" if region.name == "coil" else name, tuple(vertices)))
+            if not half:
+                mirrored = tuple((-x, y) for x, y in vertices)
+                regions.append(Region(f"{name}-" if region.name == "coil" else name, mirrored))
+        scale = (nearest / gap) ** (2 / 3)  # sizes at corners are in fractions of the section's gap
+        above = [(x, base + mirror * y, s * scale) for x, y, s in part.corners if y > 0]
+        corners += above if half else above + [(-x, y, s) for x, y, s in above]
+    outline = [*armature[1:3], (0.0, 0.0), (0.0, 2 * middle)] if half else armature
+    regions.append(Region("armature", tuple(outline)))
+    corners += [(x, y, 1.0) for x, y in (armature[1:3] if half else armature)]
+    density = magnet.coil.turns / magnet.coil_section
+    turns = [{f"coil_{k}+": density} | ({} if half else {f"coil_{k}-": -density}) for k in (1, 2)]
+    core = one.iron["core"]
+    section = Section(
+        regions=tuple(regions),
+        corners=tuple(corners),
+        cuts=(),
+        iron={"core_1": core, "core_2": core, "armature": one.iron["armature"]},
+        turns_density=turns[0] | turns[1],
+        depth=magnet.stack_depth,
+        gap=nearest,
+    )
+    return TwoSidedSection(section, half, (turns[0], turns[1]), (0.0, middle))
+
+
+def _armature(magnet: ECore) -> list[tuple[float, float]]:
+    wide = magnet.armature_half_width
+    low = -magnet.armature_thickness
+    return [(-wide, low), (wide, low), (wide, 0.0), (-wide, 0.0)]
+
+
+def _turned(x: float, y: float, tilt: float, middle: float) -> tuple[float, float]:
+    c, s = np.cos(tilt), np.sin(tilt)
+    return float(x * c - (y - middle) * s), float(middle + x * s + (y - middle) * c)
+
+
+def _nearest_gap(magnet: ECore, position: TwoSidedPosition) -> float:
+    """The smallest distance between armature and pole faces; InputError where nothing is left."""
+    smaller = min(position.gap_1, position.gap_2)
+    corner = magnet.half_width if magnet.armature_overhang == 0 else magnet.armature_half_width
+    left = smaller - corner * abs(np.sin(position.tilt))
+    if left < SMALLEST_GAP * smaller:
+        largest = np.arcsin(min(1.0, (1 - SMALLEST_GAP) * smaller / corner))
+        raise InputError(
+            f"tilt {format_quantity(position.tilt, 'rad')} brings the armature against a core; at a gap of "
+            f"{format_quantity(smaller, 'm')} it may be at most {format_quantity(float(largest), 'rad')}"
+        )
+    return float(left)
+
+
+def _surroundings(magnet: ECore, position: TwoSidedPosition) -> list[Region]:
+    """The air box and the air between the cores."""
+    air, thick = magnet.air_box, magnet.armature_thickness
+    wide = max(magnet.half_width, magnet.armature_half_width)
+    side = magnet.half_width + air.side
+    left = 0.0 if position.tilt == 0.0 else 1.0
+    top = position.gap_1 + magnet.height + air.top
+    bottom = -thick - position.gap_2 - magnet.height - air.top
+    reach = wide + thick  # past the corners of a tilted armature
+    return [
+        rectangle("air", -left * side, bottom, side, top),
+        rectangle("gap", -left * reach, -thick - position.gap_2, reach, position.gap_1),
+    ]
+
+
 AIR = ("air", "gap", "window")
 LARGEST_TILT = 0.1  # rad
 
@@ -87,14 +210,14 @@ class TwoSidedField:
         coarser: "TwoSidedField | None" = None,
     ) -> None:
         magnet = actuator.e_core()
-        self.actuator, self.position, self.accuracy = actuator, position, accuracy
+        self.actuator = actuator
+        self.position = position
+        self.accuracy = accuracy
         self.plan = two_sided_section(magnet, position)
-        section, level = self.plan.section, LEVELS[accuracy]
-        irons = {
-            region: laminated(load_iron(name, folder=actuator.folder), stacking)
-            for region, (name, stacking) in section.iron.items()
-        }
-        self.notes = tuple(dict.fromkeys(iron.note for iron in irons.values() if iron.note))
+        section = self.plan.section
+        level = level_of(accuracy)
+        irons = irons_of(section.iron, actuator.folder)
+        self.notes = iron_notes(irons)
         mesh = coarser.model.mesh if coarser else triangulate(section, level.size)
         order = coarser.model.order + 1 if coarser else level.order
         self.model: FieldModel = FieldModel(mesh, irons, turns_density={}, order=order)
@@ -123,8 +246,10 @@ class TwoSidedField:
         }
         model = self.model.with_turns(densities)
         solution = solve_field(model, 1.0, model.mesh.gap, start=start)
-        potential, half = solution.potential, self.plan.half
-        force, stress = self.body.force(potential), self.body.force_stress_tensor(potential)
+        potential = solution.potential
+        half = self.plan.half
+        force = self.body.force(potential)
+        stress = self.body.force_stress_tensor(potential)
         flux = [self.depth * float(linkage @ potential) for linkage in self.linkage]
         coenergy = current_1 * flux[0] + current_2 * flux[1] - self.depth * model.energy(potential, model.mesh.gap)
         quantities = TwoSidedQuantities(
@@ -156,8 +281,7 @@ def solve_two_sided(
     InputError : a gap or a current that is not allowed, a tilt that leaves no gap, an unknown accuracy
     ComputationError : the mesher or Newton's iteration failed
     """
-    if accuracy not in LEVELS:
-        raise InputError(f"accuracy '{accuracy}' is unknown; choose one of {', '.join(LEVELS)}")
+    level = level_of(accuracy)
     for current, gap in zip(currents, (position.gap_1, position.gap_2), strict=True):
         check_point(actuator, current, gap)
     if not abs(position.tilt) <= LARGEST_TILT:
@@ -166,19 +290,19 @@ def solve_two_sided(
             f"-{LARGEST_TILT:g} ... {LARGEST_TILT:g} rad"
         )
     field = TwoSidedField(actuator, position, accuracy=accuracy)
-    found, solution = field.solve(*currents)
+    quantities, solution = field.solve(*currents)
     better, _ = field.refined().solve(*currents)
-    relative = abs(found.coenergy / better.coenergy - 1) if better.coenergy else 0.0
+    relative = abs(quantities.coenergy / better.coenergy - 1) if better.coenergy else 0.0
     scale = max(abs(better.net_force), *(abs(field.solve(*alone)[0].net_force) for alone in _alone(currents)))
-    change = max(abs(found.net_force - better.net_force), relative * scale)
+    change = max(abs(quantities.net_force - better.net_force), relative * scale)
     return TwoSidedResult(
-        currents,
-        position,
-        found,
-        LEVELS[accuracy].safety * change,
-        field.model.free.size,
-        len(solution.trail),
-        field.notes,
+        currents=currents,
+        position=position,
+        quantities=quantities,
+        force_error_estimate=level.safety * change,
+        unknowns=field.model.free.size,
+        newton_iterations=len(solution.trail),
+        notes=field.notes,
     )
 
 

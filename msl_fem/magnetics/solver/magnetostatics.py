@@ -24,9 +24,8 @@ from scipy import sparse
 from skfem import Basis, ElementTriP2, ElementTriP3, ElementTriP4, MeshTri
 
 from msl_fem.errors import NotConverged
-from msl_fem.magnetics.solver.iron_elements import ElementGeometry, IronElements
 from msl_fem.magnetics.solver.mesh import TriangleMesh
-from msl_fem.magnetics.solver.sparse_tangent import SparseTangent
+from msl_fem.magnetics.solver.tangent import ElementGeometry, IronElements, SparseTangent
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron
 
@@ -194,7 +193,8 @@ class FieldModel:
 
     def _unsolved(self) -> "FieldModel":
         other = copy(self)
-        other.tangent, other.last_response = self.tangent.unfactored(), None
+        other.tangent = self.tangent.unfactored()
+        other.last_response = None
         return other
 
     def _stiffness(self, elements: NDArray[np.int64]) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
@@ -254,7 +254,8 @@ class FieldModel:
         s = gap / self.mesh.gap
         x, y, _ = self._full
         y_product = y @ potential
-        first, second = (x @ potential - y_product / s**2) / self.mesh.gap, 2 * y_product / s**3 / self.mesh.gap**2
+        first = (x @ potential - y_product / s**2) / self.mesh.gap
+        second = 2 * y_product / s**3 / self.mesh.gap**2
         k, slope, bend = self.air_depth.strip(gap)
         if not slope and not bend:
             return first / k, second / k
@@ -270,7 +271,8 @@ class FieldModel:
             s = gap / self.mesh.gap
             strip = (s * self.strip_x + self.strip_y / s) / self.air_depth.strip(gap)[0]
             self._linear = gap, strip + self.rest
-        gradient, data = self.linear_product(potential, gap), self._linear[1].copy()
+        gradient = self.linear_product(potential, gap)
+        data = self._linear[1].copy()
         for k, part in enumerate(self.irons.values(), start=len(self._full)):
             vector, matrix = part.residual_and_tangent(potential)
             gradient += np.bincount(part.dofs.ravel(), vector.ravel(), minlength=self.n_dof)

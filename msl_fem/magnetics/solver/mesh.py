@@ -249,7 +249,8 @@ def _region_at(point: Array, section: Section) -> str:
     """The topmost region that covers the point (even-odd rule), "" outside all."""
     for region in reversed(section.regions):
         ring = np.array(region.vertices)
-        (x0, y0), (x1, y1) = ring.T, np.roll(ring, -1, axis=0).T
+        (x0, y0) = ring.T
+        (x1, y1) = np.roll(ring, -1, axis=0).T
         crosses = (y0 > point[1]) != (y1 > point[1])
         with np.errstate(divide="ignore", invalid="ignore"):
             at = x0 + (point[1] - y0) * (x1 - x0) / (y1 - y0)

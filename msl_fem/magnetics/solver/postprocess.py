@@ -97,7 +97,9 @@ def evaluate_field(probes: Probes, solution: FieldSolution) -> FieldQuantities:
     coenergy W' = i lambda - W (Coulomb 1983). With A_i = dA/di and A_g = dA/dg by back-substitution:
     dlambda/di = f.A_i, dF/di = A.S_g A_i, dF/dg = A.S_gg A / 2 + A.S_g A_g.
     """
-    model, a, scale = probes.model, solution.potential, probes.scale
+    model = probes.model
+    a = solution.potential
+    scale = probes.scale
     first, second = model.strip_products(a, solution.gap)
     response = field_response(model, solution)
     flux_linkage = scale * float(model.source @ a)
@@ -129,7 +131,8 @@ def triangle_flux_density(model: FieldModel, solution: FieldSolution) -> Array:
     gradient, weight = a.grad, model.basis.dx  # (2, triangle, point)
     if model.axisymmetric:  # r, phi, z are right-handed: phi points away from the reader of (r, z)
         r = model.basis.global_coordinates()[0]
-        gradient, weight = -np.stack([gradient[0] + np.asarray(a) / r, gradient[1]]), weight * r
+        gradient = -np.stack([gradient[0] + np.asarray(a) / r, gradient[1]])
+        weight = weight * r
     mean = (gradient * weight).sum(axis=2) / weight.sum(axis=1)
     stretch = np.ones(mean.shape[1])
     stretch[model.mesh.elements(STRIP)] = model.mesh.gap / solution.gap
@@ -139,17 +142,24 @@ def triangle_flux_density(model: FieldModel, solution: FieldSolution) -> Array:
 def gradient_maps(
     model: FieldModel, points: Array, elements: NDArray[np.int64]
 ) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
-    """Maps (n_point, n_dof) to dA/dx and dA/dy at points (2, n_point) in the elements given, at the mesh's gap."""
+    """Maps (n_point, n_dof) to dA/dx and dA/dy at points (2, n_point) in the elements given, at the mesh's gap.
+
+    In an axisymmetric section to dA/dr + A/r and dA/dz: the size of either pair is |B|.
+    """
     mapping = model.basis.mapping
     local = mapping.invF(points[:, :, None], tind=elements)
-    rows, columns, values = [], [], []
+    columns, values = [], []
     for k in range(model.basis.Nbfun):
-        gradient = model.basis.elem.gbasis(mapping, local, k, tind=elements)[0].grad
-        rows.append(np.arange(elements.size))
+        shape_function = model.basis.elem.gbasis(mapping, local, k, tind=elements)[0]
+        gradient = shape_function.grad[:, :, 0]
+        if model.axisymmetric:
+            gradient = np.stack([gradient[0] + np.asarray(shape_function)[:, 0] / points[0], gradient[1]])
         columns.append(model.basis.element_dofs[k, elements])
-        values.append(gradient[:, :, 0])
-    at = (np.concatenate(rows), np.concatenate(columns))
-    stacked, shape = np.concatenate(values, axis=1), (elements.size, model.n_dof)
+        values.append(gradient)
+    rows = np.tile(np.arange(elements.size), model.basis.Nbfun)
+    at = (rows, np.concatenate(columns))
+    stacked = np.concatenate(values, axis=1)
+    shape = (elements.size, model.n_dof)
     return sparse.csr_matrix((stacked[0], at), shape=shape), sparse.csr_matrix((stacked[1], at), shape=shape)
 
 
@@ -168,7 +178,8 @@ def _mid_gap(model: FieldModel) -> tuple[Array, NDArray[np.int64], Array]:
         crosses = (y0 - middle) * (y1 - middle) < 0
         crossings[k, crosses] = (x0 + (middle - y0) * (x1 - x0) / np.where(crosses, y1 - y0, 1.0))[crosses]
     cut = np.isfinite(crossings).sum(axis=0) == 2
-    low, high = np.nanmin(crossings[:, cut], axis=0), np.nanmax(crossings[:, cut], axis=0)
+    low = np.nanmin(crossings[:, cut], axis=0)
+    high = np.nanmax(crossings[:, cut], axis=0)
     node, weight = GAUSS
     points_x = (low + high)[:, None] / 2 + (high - low)[:, None] / 2 * node
     weights = (high - low)[:, None] / 2 * weight

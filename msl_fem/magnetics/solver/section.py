@@ -1,14 +1,6 @@
-"""The plane section of an E-core magnet as painted polygons: which region lies where, where the field is singular."""
+"""A plane section as painted polygons: which region lies where, where the field is singular, where it is read."""
 
 from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
-
-from msl_fem.actuator import ECore
-
-Array = NDArray[np.float64]
-NEAR = 2.0  # half widths of the core around the iron that are painted and meshed freely, if the box is larger
 
 
 @dataclass(frozen=True)
@@ -56,54 +48,6 @@ class Section:
     far: float = 1.0
 
 
-def _box(name: str, x0: float, y0: float, x1: float, y1: float) -> Region:
+def rectangle(name: str, x0: float, y0: float, x1: float, y1: float) -> Region:
+    """The region between two opposite corners."""
     return Region(name, ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
-
-
-def e_core_section(magnet: ECore, gap: float) -> Section:
-    """The right half of an E-core over its armature: pole faces at y = gap, armature surface at y = 0."""
-    centre, window = magnet.centre_leg_width / 2, magnet.window_width
-    inner, half = centre + window, magnet.half_width
-    top, roof = gap + magnet.height, gap + magnet.window_height
-    low, wide = -magnet.armature_thickness, magnet.armature_half_width
-    air, coil = magnet.air_box, magnet.coil
-    left, bottom = centre + coil.leg_clearance, gap + coil.face_clearance
-    # the box beyond the strip's lines: half width, depth below y = 0, height above y = gap
-    box = np.array([half + air.side, magnet.armature_thickness + air.bottom, magnet.height + air.top])
-    near = np.array([max(half, wide), magnet.armature_thickness, magnet.height]) + NEAR * half
-    far = max(1.0, float((box / near).min()))
-    edge, below, above = box / far
-    regions = [
-        _box("air", 0, -below, edge, gap + above),
-        _box("strip", 0, 0, edge, gap),
-        _box("armature", 0, low, wide, 0),
-        _box("core", 0, gap, half, top),
-        _box("window", centre, gap, inner, roof),
-        _box("coil", left, bottom, left + coil.width, bottom + coil.height),
-    ]
-    poles = [(centre, -1), (inner, 1), (half, -1)]  # pole corners on y = gap, and where their iron lies
-    faces = [(x, gap, 1.0) for x, _ in poles]
-    if magnet.pole_chamfer:
-        c = magnet.pole_chamfer
-        faces = [(x + side * c, gap, 0.7) for x, side in poles] + [(x, gap + c, 0.3) for x, _ in poles]
-        regions += [Region("air", ((x, gap), (x + side * c, gap), (x, gap + c))) for x, side in poles]
-    corners = [*faces, (wide, 0.0, 1.0), (wide, low, 0.1), (half, top, 0.1), (centre, roof, 0.1), (inner, roof, 0.1)]
-    middle = gap + magnet.window_height / 2
-    across = centre + window / 2
-    cuts = (
-        Line("centre_leg", (0, middle), (centre, middle)),
-        Line("yoke", (across, roof), (across, top)),
-        Line("outer_leg", (inner, middle), (half, middle)),
-        Line("armature", (across, low), (across, 0)),
-    )
-    iron = magnet.iron
-    return Section(
-        tuple(regions),
-        tuple(corners),
-        cuts,
-        {"core": (iron.core, iron.core_stacking), "armature": (iron.armature, iron.armature_stacking)},
-        {"coil": coil.turns / magnet.coil_section},
-        magnet.stack_depth,
-        gap,
-        far,
-    )

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Symmetry = Literal["none", "x=0"]
 ON_AXIS = 1e-9  # of the mesh's width: a point nearer to x = 0 lies on the symmetry line
+HALFWAY = 0.5  # displacement share on the line around the body on which the stress is integrated
 GAUSS = np.polynomial.legendre.leggauss(4)
 
 
@@ -61,12 +62,14 @@ class MovingBody:
         symmetry: Symmetry = "none",
         centre: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        self.model, self.mesh, self.centre = model, model.mesh, np.array(centre)
+        self.model = model
+        self.mesh = model.mesh
+        self.centre = np.array(centre)
         self.share = displacement_share(self.mesh, moving, air=air, symmetry=symmetry)
         self._hat = hat_gradients(self.mesh)  # (corner, 2, triangle)
         shares = self.share[self.mesh.triangles]
         self._deforming = np.flatnonzero(np.ptp(shares, axis=0) > 0)
-        self._contour = self._stress_contour()
+        self._contour = StressContour(model, self.share)
 
     def force(self, potential: Array) -> BodyForce:
         """Force by virtual work at fixed potential: F = -dW/ds|_A along a displacement s (Coulomb 1983).
@@ -86,40 +89,64 @@ class MovingBody:
             return -float(stretch - np.einsum("kje,jke->", g, products))
 
         x, y = self.mesh.points - self.centre[:, None]
-        one, zero = np.ones_like(x), np.zeros_like(x)
+        one = np.ones_like(x)
+        zero = np.zeros_like(x)
         return BodyForce(along(np.stack([one, zero])), along(np.stack([zero, one])), along(np.stack([-y, x])))
 
     def force_stress_tensor(self, potential: Array) -> BodyForce:
         """Force by Maxwell's stress (B (B.n) - |B|^2 n / 2)/mu_0 on the contour p = 1/2 around the body."""
-        points, normal, weight, (along_x, along_y) = self._contour
-        b = np.stack([along_y @ potential, -(along_x @ potential)])
-        across = (b * normal).sum(axis=0)
-        traction = (b * across - 0.5 * (b**2).sum(axis=0) * normal) / MU_0 * weight
-        x, y = points - self.centre[:, None]
+        traction = self._contour.traction(potential)
+        x, y = self._contour.points - self.centre[:, None]
         return BodyForce(float(traction[0].sum()), float(traction[1].sum()), float(x @ traction[1] - y @ traction[0]))
 
-    def _stress_contour(self) -> tuple[Array, Array, Array, tuple[sparse.csr_matrix, sparse.csr_matrix]]:
-        """Gauss points (2, n), outward normals (2, n), weights (n,) and gradient maps of the contour p = 1/2."""
-        corners = self.mesh.triangles
-        share = self.share[corners] - 0.5
-        crossed = np.flatnonzero((share.min(axis=0) < 0) & (share.max(axis=0) > 0))
-        share, corners = share[:, crossed], corners[:, crossed]
-        ends = np.full((2, 2, crossed.size), np.nan)
-        found = np.zeros(crossed.size, dtype=int)
-        for k in range(3):
-            cut = np.flatnonzero(share[k] * share[k - 1] < 0)
-            t = share[k, cut] / (share[k, cut] - share[k - 1, cut])
-            start, end = self.mesh.points[:, corners[k, cut]], self.mesh.points[:, corners[k - 1, cut]]
-            ends[found[cut], :, cut] = (start + t * (end - start)).T
-            found[cut] += 1
-        slope = np.einsum("ce,cje->je", share, self._hat[:, :, crossed])
-        normal = -slope / np.hypot(*slope)
+
+class StressContour:
+    """The line around a moving body on which its displacement share p is 1/2; it lies in air.
+
+    Attributes
+    ----------
+    points, normal : (2, n) Gauss points in m, outward unit normals
+    weight : (n,) of the points in m; in an axisymmetric section in m2, over the whole circumference
+    """
+
+    def __init__(self, model: FieldModel, share: Array) -> None:
+        mesh = model.mesh
+        shares = share[mesh.triangles]
+        above = shares > HALFWAY
+        crossed = np.flatnonzero(above.any(axis=0) & ~above.all(axis=0))
+        shares = shares[:, crossed]
+        start, end = _crossings(mesh.points[:, mesh.triangles[:, crossed]], shares)
+        slope = np.einsum("ce,cje->je", shares, hat_gradients(mesh)[:, :, crossed])
         node, weight = GAUSS
-        middle, half = ends.mean(axis=0), (ends[1] - ends[0]) / 2
-        points = (middle[:, :, None] + half[:, :, None] * node).reshape(2, -1)
-        elements = np.repeat(crossed, node.size)
-        weights = (np.hypot(*half)[:, None] * weight).ravel()
-        return points, np.repeat(normal, node.size, axis=1), weights, gradient_maps(self.model, points, elements)
+        middle, half = (start + end) / 2, (end - start) / 2
+        self.points = (middle[:, :, None] + half[:, :, None] * node).reshape(2, -1)
+        self.normal = np.repeat(-slope / np.hypot(*slope), node.size, axis=1)
+        self.weight = (np.hypot(*half)[:, None] * weight).ravel()
+        if model.axisymmetric:
+            self.weight = self.weight * 2 * np.pi * self.points[0]
+        self._along_x, self._along_y = gradient_maps(model, self.points, np.repeat(crossed, node.size))
+
+    def traction(self, potential: Array) -> Array:
+        """(2, n) Maxwell's stress (B (B.n) - |B|^2 n / 2)/mu_0 times the weights: the sum is the force on the body.
+
+        N/m per unit depth in the plane; N in an axisymmetric section, where only the component along z adds up.
+        """
+        b = np.stack([self._along_y @ potential, -(self._along_x @ potential)])
+        across = (b * self.normal).sum(axis=0)
+        return np.asarray((b * across - 0.5 * (b**2).sum(axis=0) * self.normal) / MU_0 * self.weight)
+
+
+def _crossings(corners: Array, share: Array) -> tuple[Array, Array]:
+    """Both points (2, element) where p = 1/2 crosses the edges of triangles with corners (2, 3, element)."""
+    above = share > HALFWAY
+    alone = np.argmax(above != (above.sum(axis=0) >= 2), axis=0)  # the corner on one side, the other two on the other
+    every = np.arange(share.shape[1])
+    ends = []
+    for step in (1, 2):
+        other = (alone + step) % 3
+        t = (HALFWAY - share[alone, every]) / (share[other, every] - share[alone, every])
+        ends.append(corners[:, alone, every] + t * (corners[:, other, every] - corners[:, alone, every]))
+    return ends[0], ends[1]
 
 
 def displacement_share(
@@ -151,13 +178,8 @@ def displacement_share(
 
 def boundary_points(mesh: TriangleMesh) -> Indices:
     """Indices of the points on edges that belong to one triangle only."""
-    edges, count = np.unique(
-        np.sort(
-            np.concatenate([mesh.triangles[[0, 1]], mesh.triangles[[1, 2]], mesh.triangles[[2, 0]]], axis=1), axis=0
-        ),
-        axis=1,
-        return_counts=True,
-    )
+    ends = np.concatenate([mesh.triangles[[0, 1]], mesh.triangles[[1, 2]], mesh.triangles[[2, 0]]], axis=1)
+    edges, count = np.unique(np.sort(ends, axis=0), axis=1, return_counts=True)
     return np.unique(edges[:, count == 1])
 
 

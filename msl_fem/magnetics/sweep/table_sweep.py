@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.magnetics.kinds.e_core import LEVELS, Accuracy, MagnetField, check_grid, check_point, magnet_mesh
+from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy
+from msl_fem.magnetics.kinds.e_core import MagnetField, check_grid, check_point, magnet_mesh
 from msl_fem.magnetics.kinds.end_effects import METHOD as END_EFFECTS_METHOD
 from msl_fem.magnetics.sweep.cache import RowCache, content_key
 from msl_fem.magnetics.sweep.cluster import on_cluster
