@@ -1,9 +1,7 @@
-"""The commands by name; a command's module is imported when it is called, so that a look-up need not load a mesher."""
+"""The commands by name; a command's module is imported when it runs, so that a look-up need not load a mesher."""
 
 import ast
-import contextlib
 import sys
-from collections.abc import Iterator
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,39 +13,38 @@ from typer.core import TyperGroup
 from msl_fem.errors import InputError
 
 COMMANDS = {
-    "study": "msl_fem.cli.study",
-    "solve": "msl_fem.cli.solve",
-    "table": "msl_fem.cli.table",
-    "lookup": "msl_fem.cli.lookup",
-    "map": "msl_fem.cli.map",
-    "guard": "msl_fem.cli.guard",
-    "losses": "msl_fem.cli.losses",
-    "size": "msl_fem.cli.size",
-    "simulate": "msl_fem.cli.simulate",
-    "bench": "msl_fem.cli.bench",
-    "import": "msl_fem.cli.import_log",
-    "identify": "msl_fem.cli.identify",
-    "control": "msl_fem.cli.control",
-    "compare": "msl_fem.cli.compare",
-    "diagnose": "msl_fem.cli.diagnose",
-    "export": "msl_fem.cli.export",
-    "flexure": "msl_fem.cli.flexure",
-    "gap-trade": "msl_fem.cli.gap_trade",
-    "tolerances": "msl_fem.cli.tolerances",
-    "doctor": "msl_fem.cli.doctor",
+    "study": "msl_fem.cli.study:command",
+    "solve": "msl_fem.cli.solve:command",
+    "table": "msl_fem.cli.table:command",
+    "lookup": "msl_fem.cli.lookup:command",
+    "map": "msl_fem.cli.map:command",
+    "guard": "msl_fem.cli.guard:command",
+    "losses": "msl_fem.cli.losses:command",
+    "size": "msl_fem.cli.size:command",
+    "simulate": "msl_fem.cli.simulate:command",
+    "bench": "msl_fem.cli.bench:command",
+    "import": "msl_fem.cli.import_log:command",
+    "identify": "msl_fem.cli.identify:command",
+    "control": "msl_fem.cli.control:command",
+    "compare": "msl_fem.cli.compare:command",
+    "diagnose": "msl_fem.cli.diagnose:command",
+    "export": "msl_fem.cli.export:command",
+    "flexure": "msl_fem.cli.flexure:command",
+    "gap-trade": "msl_fem.cli.gap_trade:command",
+    "tolerances": "msl_fem.cli.tolerances:command",
+    "doctor": "msl_fem.cli.doctor:command",
 }
-"""Command to module; the module's `command` is the function."""
+"""Command to the module and the function in it."""
+LIGHT = {"typing", "pathlib", "typer", "msl_fem.cli.options"}
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 
 
 class LazyCommands(TyperGroup):
-    """The group of all commands, none of them loaded before it is asked for.
+    """The group of all commands; a command's module is imported when it runs.
 
-    Lists of commands (help, completion) take a command's first sentence from its source: who presses a key does not
-    wait for a mesher.
+    What a command's options are, and its first sentence, is read from its source: who asks for help, or mistypes an
+    option, does not wait for a mesher.
     """
-
-    _by_name_alone = False
 
     def list_commands(self, ctx: Any) -> list[str]:
         return list(COMMANDS)
@@ -56,25 +53,8 @@ class LazyCommands(TyperGroup):
         if cmd_name not in COMMANDS:
             return None
         single = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, add_completion=False)
-        function = _stand_in(COMMANDS[cmd_name]) if self._by_name_alone else import_module(COMMANDS[cmd_name]).command
-        single.command(cmd_name, context_settings=SETTINGS)(function)
+        single.command(cmd_name, context_settings=SETTINGS)(stand_in(COMMANDS[cmd_name]))
         return typer.main.get_command(single)
-
-    @contextlib.contextmanager
-    def _listing(self) -> Iterator[None]:
-        self._by_name_alone = True
-        try:
-            yield
-        finally:
-            self._by_name_alone = False
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        with self._listing():
-            super().format_commands(ctx, formatter)
-
-    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
-        with self._listing():
-            return super().shell_complete(ctx, incomplete)
 
     def main(self, *args: Any, **extra: Any) -> Any:
         """Run the command; a wrong option is an InputError like any other wrong input: one line."""
@@ -87,17 +67,27 @@ class LazyCommands(TyperGroup):
         sys.exit(status if isinstance(status, int) else 0)
 
 
-def _stand_in(module: str) -> Any:
-    """A function with the docstring of the module's `command`, found without importing the module."""
+def stand_in(place: str) -> Any:
+    """A function with the signature and the docstring of a command, which imports its module when it is called.
 
-    def nothing() -> None: ...
-
+    The module's source is parsed, not run: of its imports only those count that cost nothing (`LIGHT`), so a
+    command's options may name nothing else.
+    """
+    module, _, name = place.partition(":")
     spec = find_spec(module)
-    if spec is not None and spec.origin is not None:
-        body = ast.parse(Path(spec.origin).read_text(encoding="utf-8")).body
-        found = [node for node in body if isinstance(node, ast.FunctionDef) and node.name == "command"]
-        nothing.__doc__ = ast.get_docstring(found[0]) if found else None
-    return nothing
+    assert spec is not None
+    assert spec.origin is not None
+    body = ast.parse(Path(spec.origin).read_text(encoding="utf-8")).body
+    [function] = [node for node in body if isinstance(node, ast.FunctionDef) and node.name == name]
+    imports = [node for node in body if isinstance(node, ast.ImportFrom | ast.Import) and _imported(node) <= LIGHT]
+    function.body = [*function.body[:1], *ast.parse("return _run(locals())").body]
+    names: dict[str, Any] = {"_run": lambda options: getattr(import_module(module), name)(**options)}
+    exec(compile(ast.Module([*imports, function], []), spec.origin, "exec"), names)
+    return names[name]
+
+
+def _imported(node: ast.Import | ast.ImportFrom) -> set[str]:
+    return {str(node.module)} if isinstance(node, ast.ImportFrom) else {alias.name for alias in node.names}
 
 
 def _usage(err: Any) -> str:

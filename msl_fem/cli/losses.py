@@ -6,7 +6,6 @@ from typing import Annotated, Any, NamedTuple, cast
 import typer
 
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.cli import thermal_options
 from msl_fem.cli.loss_fields import (
     WireOptions,
     chosen_wire,
@@ -15,7 +14,19 @@ from msl_fem.cli.loss_fields import (
     thermal_fields_of,
     wire_fields,
 )
-from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
+from msl_fem.cli.options import (
+    DEFAULT_AMBIENT,
+    DEFAULT_RISE,
+    ActuatorFile,
+    Ambient,
+    HeatDuty,
+    HeatPeriod,
+    Json,
+    TableFile,
+    TemperatureRise,
+    ThermalResistance,
+    read_option,
+)
 from msl_fem.cli.output import print_result, say
 from msl_fem.cli.sweeping import table_for
 from msl_fem.cli.thermal_options import ThermalTexts, read_temperature, thermal_limit
@@ -59,11 +70,11 @@ def command(
     wire: Annotated[str, typer.Option(help="metric or awg.")] = "metric",
     grade: Annotated[int, typer.Option(help="Of the insulation, 1 or 2.")] = 1,
     packing: Annotated[str, typer.Option(help="square or orthocyclic.")] = "square",
-    temperature_rise: thermal_options.Rise = thermal_options.DEFAULT_RISE,
-    ambient: thermal_options.Ambient = thermal_options.DEFAULT_AMBIENT,
-    duty: thermal_options.Duty = 1.0,
-    period: thermal_options.Period = None,
-    thermal_resistance: thermal_options.ThermalResistance = None,
+    temperature_rise: TemperatureRise = DEFAULT_RISE,
+    ambient: Ambient = DEFAULT_AMBIENT,
+    duty: HeatDuty = 1.0,
+    period: HeatPeriod = None,
+    thermal_resistance: ThermalResistance = None,
     json: Json = False,
 ) -> None:
     """The wire that fits, copper and iron loss of one magnet, its temperature and the current it bears."""

@@ -8,8 +8,20 @@ import numpy as np
 import typer
 
 from msl_fem.actuator import Actuator, TableMagnet, load_actuator
-from msl_fem.cli import thermal_options
-from msl_fem.cli.options import AccuracyLevel, Json, read_option, read_options
+from msl_fem.cli.options import (
+    DEFAULT_AMBIENT,
+    DEFAULT_RISE,
+    AccuracyLevel,
+    Ambient,
+    HeatDuty,
+    HeatPeriod,
+    IronFrequency,
+    Json,
+    TemperatureRise,
+    ThermalResistance,
+    read_option,
+    read_options,
+)
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say, write_json
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
 from msl_fem.cli.thermal_options import ThermalTexts, thermal_columns, thermal_fields, thermal_notes, thermal_request
@@ -44,7 +56,7 @@ def command(
             help="mean: of the most loaded section; percentile=95: of the iron's area; max or max=0.5mm: the largest "
             "in the iron, farther than that from its corners."
         ),
-    ] = MEAN,
+    ] = "mean",
     gaps: Annotated[str | None, typer.Option(help='Like "0.1,0.2 mm"; else from the actuator\'s range.')] = None,
     current_max: Annotated[
         str | None, typer.Option(help="Largest current to look for a level; else as far as the levels need.")
@@ -58,12 +70,12 @@ def command(
     decoupling: Annotated[
         bool, typer.Option("--decoupling", help="Add how far the two sides are independent over the map.")
     ] = False,
-    temperature_rise: thermal_options.Rise = thermal_options.DEFAULT_RISE,
-    ambient: thermal_options.Ambient = thermal_options.DEFAULT_AMBIENT,
-    duty: thermal_options.Duty = 1.0,
-    period: thermal_options.Period = None,
-    thermal_resistance: thermal_options.ThermalResistance = None,
-    frequency: thermal_options.IronFrequency = None,
+    temperature_rise: TemperatureRise = DEFAULT_RISE,
+    ambient: Ambient = DEFAULT_AMBIENT,
+    duty: HeatDuty = 1.0,
+    period: HeatPeriod = None,
+    thermal_resistance: ThermalResistance = None,
+    frequency: IronFrequency = None,
     json: Json = False,
 ) -> None:
     """For each gap the current that brings each flux density in the iron.

@@ -14,6 +14,18 @@ AccuracyLevel = Annotated[str, typer.Option("--accuracy", help="fast, normal or 
 TableFile = Annotated[Path | None, typer.Option("--table", help="Table of the magnet; without, it is computed.")]
 Current = Annotated[str, typer.Option("--current", help='Coil current, like "5 A".')]
 Gap = Annotated[str, typer.Option("--gap", help='Air gap, like "0.5 mm".')]
+TemperatureRise = Annotated[str, typer.Option("--temperature-rise", help="Allowed, of the winding over ambient.")]
+Ambient = Annotated[str, typer.Option("--ambient", help='Like "20 degC".')]
+HeatDuty = Annotated[float, typer.Option("--duty", help="Share of each period in which the current flows.")]
+HeatPeriod = Annotated[str | None, typer.Option("--period", help='Of the duty, like "10 s"; short without it.')]
+ThermalResistance = Annotated[
+    str | None, typer.Option("--thermal-resistance", help='Winding to ambient, like "2 K/W"; estimated without it.')
+]
+IronFrequency = Annotated[
+    str | None, typer.Option("--frequency", help="Of a sine whose iron loss counts in the thermal limit.")
+]
+DEFAULT_RISE, DEFAULT_AMBIENT = "80 K", "20 degC"
+"""Of the thermal limit of `losses` and `map`, as they are written."""
 
 
 def read_option(name: str, text: str, unit: str) -> float:

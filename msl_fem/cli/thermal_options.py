@@ -1,29 +1,16 @@
 """Options of the thermal limit that commands share, and the limit as fields of the map's JSON."""
 
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
-import typer
 from numpy.typing import ArrayLike
 
 from msl_fem.actuator import load_actuator
-from msl_fem.cli.options import read_option
+from msl_fem.cli.options import DEFAULT_AMBIENT, DEFAULT_RISE, read_option
 from msl_fem.errors import InputError, QuantityError
 from msl_fem.files.quantity import parse_temperature
 from msl_fem.losses import Cooling, Cycle, ThermalLimit, thermal_curve, thermal_curve_with_iron
 from msl_fem.table.magnetic_table import MagneticTable
-
-Rise = Annotated[str, typer.Option("--temperature-rise", help="Allowed, of the winding over ambient.")]
-Ambient = Annotated[str, typer.Option("--ambient", help='Like "20 degC".')]
-Duty = Annotated[float, typer.Option("--duty", help="Share of each period in which the current flows.")]
-Period = Annotated[str | None, typer.Option("--period", help='Of the duty, like "10 s"; short without it.')]
-ThermalResistance = Annotated[
-    str | None, typer.Option("--thermal-resistance", help='Winding to ambient, like "2 K/W"; estimated without it.')
-]
-IronFrequency = Annotated[
-    str | None, typer.Option("--frequency", help="Of a sine whose iron loss counts in the thermal limit.")
-]
-DEFAULT_RISE, DEFAULT_AMBIENT = "80 K", "20 degC"
 
 
 class ThermalTexts(NamedTuple):

@@ -3,8 +3,7 @@
 import math
 import re
 from functools import lru_cache
-
-import pint
+from typing import Any
 
 from msl_fem.errors import QuantityError
 
@@ -15,27 +14,42 @@ _POWER = re.compile(r"(\^|\*\*)\s*(?!-?\d{1,2}(?![\d.]|\s*(\^|\*\*)))")  # not o
 _EXAMPLES = {"": "0.96", "m": "0.6 mm", "A": "5 A", "T": "1.2 T", "Hz": "2.5 kHz", "s": "4 s"}
 
 
+_PREFIXES = {"": 1.0, "k": 1e3, "M": 1e6, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "n": 1e-9}
+PLAIN = {f"{prefix}{unit}": (factor, unit) for unit in ("A", "m", "T", "N", "Hz", "s", "V", "W")
+         for prefix, factor in _PREFIXES.items()}  # fmt: skip
+"""Units with their factor and SI unit, read without pint, whose import costs more than all else of a look-up."""
+
+
 @lru_cache(maxsize=1)
-def _registry() -> pint.UnitRegistry:
+def _registry() -> Any:
+    import pint
+
     return pint.UnitRegistry()
 
 
 @lru_cache(maxsize=512)
 def _factor(unit_text: str, unit: str) -> float:
     """The factor from the unit written to the unit wanted."""
+    factor, plain_unit = PLAIN.get(unit_text, (math.nan, None))
+    return factor if plain_unit == unit else _factor_by_pint(unit_text, unit)
+
+
+def _factor_by_pint(unit_text: str, unit: str) -> float:
+    import pint
+
     if _POWER.search(unit_text):
         raise QuantityError(f"'{unit_text}' has a power that no unit has; expected a unit like '{unit}'")
     registry = _registry()
     try:
-        one = registry.Quantity(1.0, registry.parse_units(unit_text.replace("·", "*")))
-        if not one._is_multiplicative:
+        quantity = registry.Quantity(1.0, registry.parse_units(unit_text.replace("·", "*")))
+        if not quantity._is_multiplicative:
             raise QuantityError(f"unit '{unit_text}' has an offset; use '{unit}'")
-        return float(one.to(unit or "dimensionless").magnitude)
+        return float(quantity.to(unit or "dimensionless").magnitude)
     except QuantityError:
         raise
     except pint.DimensionalityError as err:
-        wanted = f"a unit like '{unit}'" if unit else "a number without a unit"
-        raise QuantityError(f"unit '{unit_text}' has the wrong dimension; expected {wanted}") from err
+        expected = f"a unit like '{unit}'" if unit else "a number without a unit"
+        raise QuantityError(f"unit '{unit_text}' has the wrong dimension; expected {expected}") from err
     except Exception as err:  # pint raises errors of many kinds on a text that is no unit
         raise QuantityError(f"'{unit_text}' is not a unit; expected one like '{unit}'") from err
 

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msl_fem.errors import InputError, QuantityError
+from msl_fem.files import quantity
 from msl_fem.files.quantity import format_quantity, parse_quantities, parse_quantity, parse_temperature
 
 
@@ -141,3 +142,9 @@ def test_a_tower_of_powers_is_refused_before_it_is_computed(unit: str) -> None:
 @pytest.mark.parametrize(("text", "unit"), [("1 m^2 s^-1", "m^2/s"), ("1 kg m**2", "kg m^2"), ("1 kg*m*s^-2", "N")])
 def test_the_powers_of_units_stay(text: str, unit: str) -> None:
     assert parse_quantity(text, unit) == 1.0
+
+
+def test_units_read_without_pint_are_those_of_pint() -> None:
+    """The same number to the last bit."""
+    for text, (factor, unit) in quantity.PLAIN.items():
+        assert quantity._factor_by_pint(text, unit) == factor, text
