@@ -4,10 +4,7 @@ The verbs of the command line as functions of records; results carry the JSON's 
 first used, so that a control engineer needs no finite elements.
 """
 
-import sys
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
-from types import ModuleType
 from typing import Any
 
 _VERBS = {
@@ -33,11 +30,6 @@ _VERBS = {
 }
 __all__ = sorted(_VERBS)
 
-try:
-    __version__ = version("msl-fem")
-except PackageNotFoundError:  # a checkout that is not installed
-    __version__ = "0"
-
 
 def operating_map(source: Any, *gap: Any, **wishes: Any) -> Any:
     """The operating map of an actuator, by root finding on field solutions, or of a table, by interpolation.
@@ -50,20 +42,18 @@ def operating_map(source: Any, *gap: Any, **wishes: Any) -> Any:
     return (home.field_map if fields else home.operating_map)(source, *gap, **wishes)
 
 
-class _Door(ModuleType):
-    """The package as a module whose verbs stay functions beside modules of the same name (sweep, operating_map)."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if not (name in _VERBS and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-    def __getattr__(self, name: str) -> Any:
-        if name not in _VERBS:
-            raise AttributeError(f"module 'msl_fem' has no attribute '{name}'")
-        return getattr(import_module(_VERBS[name]), name)
-
-    def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *_VERBS})
+def __getattr__(name: str) -> Any:
+    """A verb, from the module that holds it; the version, as it is installed."""
+    if name == "__version__":
+        metadata = import_module("importlib.metadata")
+        try:
+            return metadata.version("msl-fem")
+        except metadata.PackageNotFoundError:  # a checkout that is not installed
+            return "0"
+    if name not in _VERBS:
+        raise AttributeError(f"module 'msl_fem' has no attribute '{name}'")
+    return getattr(import_module(_VERBS[name]), name)
 
 
-sys.modules[__name__].__class__ = _Door
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_VERBS})

@@ -2,18 +2,16 @@
 
 import contextlib
 import json
-import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.files.numbers import json_value
 from msl_fem.files.whole_file import whole_file
 
 ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -25,12 +23,12 @@ GO_ON = "interrupted: files are whole; the same command again (table, map, toler
 def print_result(result: Mapping[str, Any], *, as_json: bool, title: str) -> None:
     """One JSON object on stdout, or a table of its fields for people."""
     if as_json:
-        sys.stdout.write(json.dumps(plain(result), allow_nan=False) + "\n")
+        sys.stdout.write(json.dumps(json_value(result), allow_nan=False) + "\n")
         return
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True)  # a name is searched for and goes into scripts: whole, however narrow the window
     table.add_column(overflow="fold")
-    for name, value in _rows(plain(result)):
+    for name, value in _rows(json_value(result)):
         table.add_row(name, value)
     _print_table(title, table)
 
@@ -76,28 +74,19 @@ def _text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def plain(value: Any) -> Any:
-    """Lists, dicts, numbers and texts of a result; what is not finite becomes None."""
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if isinstance(value, bool | int | str | None) else str(value)
-
-
 @contextlib.contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
     """A bar on stderr that counts finished work and estimates the rest; the block calls it with (finished, all)."""
+    from rich import progress as rich
+
     columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
-    )  # fmt: skip
-    progress = Progress(*columns, console=ERRORS)
+        rich.TextColumn("{task.description}"),
+        rich.BarColumn(),
+        rich.MofNCompleteColumn(),
+        rich.TimeElapsedColumn(),
+        rich.TimeRemainingColumn(),
+    )
+    progress = rich.Progress(*columns, console=ERRORS)
     task = progress.add_task(what, total=None)
 
     def tell(done: int, total: int) -> None:
@@ -114,8 +103,11 @@ def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
 @contextlib.contextmanager
 def stages_bar() -> Iterator[Callable[[str, int, int], None]]:
     """A bar on stderr for each stage; the block calls it with (stage, finished, all)."""
-    columns = (TextColumn("{task.description:16}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=ERRORS) as progress:
+    from rich import progress as rich
+
+    text = rich.TextColumn("{task.description:16}")
+    columns = (text, rich.BarColumn(), rich.MofNCompleteColumn(), rich.TimeElapsedColumn())
+    with rich.Progress(*columns, console=ERRORS) as progress:
         tasks: dict[str, Any] = {}
 
         def tell(stage: str, done: int, total: int) -> None:
@@ -129,7 +121,7 @@ def stages_bar() -> Iterator[Callable[[str, int, int], None]]:
 def write_json(content: dict[str, Any], path: Path) -> None:
     """A JSON file, whole or not at all."""
     with whole_file(path) as partial:
-        partial.write_text(json.dumps(plain(content), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        partial.write_text(json.dumps(json_value(content), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def say(text: str) -> None:

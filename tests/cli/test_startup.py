@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from importlib import import_module
+from typing import Any
 
 import pytest
 
@@ -23,7 +24,7 @@ HEAVY = {
     "optuna",
     "sqlalchemy",
 }
-HEAVY_FOR_HELP = HEAVY | {"numpy", "h5py", "h5netcdf", "pydantic"}
+HEAVY_FOR_HELP = HEAVY | {"numpy", "h5py", "h5netcdf"}
 
 
 def loaded(*words: str) -> set[str]:
