@@ -17,7 +17,7 @@ from msl_fem.maps import operating_map
 from msl_fem.plant.closed_run import clock_of
 from msl_fem.plant.excitation import parse_excitation, reference
 from msl_fem.prediction import RunData
-from msl_fem.prediction.closed_loop import CallableLaw
+from msl_fem.prediction.free_run import CallableLaw
 from msl_fem.record import Record, Run
 from msl_fem.table.magnetic_table import MagneticTable
 

@@ -12,7 +12,7 @@ from msl_fem.diagnosis.table_error import corrected, scaled
 from msl_fem.diagnosis.unknowns import EffectUnknown, factor
 from msl_fem.plant.effects import POSITION, EffectValues, find_parameter, from_vector
 from msl_fem.prediction import ModelHypothesis
-from msl_fem.prediction.believed import believed_value
+from msl_fem.prediction.hypothesis import believed_value
 
 Array = NDArray[np.float64]
 INTERVAL = 1.96

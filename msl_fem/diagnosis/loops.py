@@ -44,8 +44,8 @@ from msl_fem.prediction import (
     measured_start,
     tuned_process_noise,
 )
-from msl_fem.prediction.believed import with_factors
 from msl_fem.prediction.free_run import moved_start, start_sigmas
+from msl_fem.prediction.hypothesis import with_factors
 from msl_fem.record import Record
 
 Array = NDArray[np.float64]

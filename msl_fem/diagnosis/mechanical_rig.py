@@ -28,9 +28,8 @@ from msl_fem.diagnosis.variants import Scene, Variant, possible, variants
 from msl_fem.plant import PlantParameters
 from msl_fem.plant.effects import CATALOGUE, neutral_vector
 from msl_fem.prediction import ModelHypothesis, RunData, free_parameters, kernel_plant
-from msl_fem.prediction.believed import with_factors
-from msl_fem.prediction.noise import highest_band_sigma
-from msl_fem.prediction.run_data import POSITION_COLUMN
+from msl_fem.prediction.hypothesis import with_factors
+from msl_fem.prediction.run_data import POSITION_COLUMN, highest_band_sigma
 from msl_fem.record import Record, Tolerance
 
 Array = NDArray[np.float64]

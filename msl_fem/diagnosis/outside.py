@@ -24,6 +24,7 @@ from msl_fem.plant import kernel
 from msl_fem.plant.plant import FORCE_DRIVE
 from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, Start, kernel_plant, measured_start
 from msl_fem.prediction.free_run import kernel_state, readings_of
+from msl_fem.record import Channel
 
 Array = NDArray[np.float64]
 N_SPLINE = 14
@@ -174,7 +175,7 @@ class _Scene:
             first = equation.split()[0]
             for k, name in enumerate(self.channels):
                 if name.startswith(first):
-                    own = part if part.ndim == 1 else part[:, int(name.split("_")[1]) - 1]
+                    own = part if part.ndim == 1 else part[:, Channel.of(name).index]
                     zeros[k] = -own * self.sizes[equation]
             return self._numbers(zeros)
         if equation == "force":

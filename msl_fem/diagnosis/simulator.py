@@ -12,9 +12,9 @@ from msl_fem.plant import Surface
 from msl_fem.plant.inputs import Inputs
 from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
 from msl_fem.prediction import KernelPlant, RunData, Start
-from msl_fem.prediction.believed import with_factors
 from msl_fem.prediction.free_run import counted
-from msl_fem.prediction.run_data import POSITION_COLUMN
+from msl_fem.prediction.hypothesis import with_factors
+from msl_fem.record import Channel
 
 Array = NDArray[np.float64]
 
@@ -98,10 +98,11 @@ def lanes(problem: Problem, points: Points, run: int, *, inputs: Inputs, substep
 
 def reading(found: LaneRun, channel: str, gains: Array) -> Array:
     """(n_row, n_sample) of a channel by its column's name."""
-    if channel == POSITION_COLUMN:
+    signal = Channel.of(channel)
+    if signal.quantity == "position":
         return gains[:, None] * found.position
-    side = int(channel.split("_")[1]) - 1
-    return (found.voltage if channel.startswith("voltage") else found.current)[:, :, side]
+    sides = found.voltage if signal.quantity == "voltage" else found.current
+    return sides[:, :, signal.index]
 
 
 def _start(problem: Problem, unknowns: Unknowns, z: Array, run: int) -> Array:

@@ -5,13 +5,19 @@ is known, it runs in closed loop. The parameters that are believed within tolera
 maximum a posteriori with those tolerances as their prior.
 """
 
-from msl_fem.prediction.believed import BELIEVED, KernelPlant, ModelHypothesis, free_parameters, kernel_plant
-from msl_fem.prediction.closed_loop import CallableLaw, closed_run
 from msl_fem.prediction.fit import FittedParameter, RecordFit, fit_record
-from msl_fem.prediction.free_run import FreeRun, Start, free_run, measured_start, open_loop_stable
-from msl_fem.prediction.noise import NoiseFloor, noise_floor
-from msl_fem.prediction.prediction import KalmanFilterRun, ProcessNoise, k_step, kalman_filter, tuned_process_noise
-from msl_fem.prediction.run_data import RunData, run_data
+from msl_fem.prediction.free_run import (
+    CallableLaw,
+    FreeRun,
+    Start,
+    closed_run,
+    free_run,
+    measured_start,
+    open_loop_stable,
+)
+from msl_fem.prediction.hypothesis import BELIEVED, KernelPlant, ModelHypothesis, free_parameters, kernel_plant
+from msl_fem.prediction.kalman import KalmanFilterRun, ProcessNoise, k_step, kalman_filter, tuned_process_noise
+from msl_fem.prediction.run_data import NoiseFloor, RunData, noise_floor, run_data
 
 __all__ = [
     "BELIEVED",

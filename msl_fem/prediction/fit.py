@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.gauss_newton import FitSettings, MapFit, fit_map
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.prediction.believed import KernelPlant, ModelHypothesis, believed_value, free_parameters, kernel_plant
 from msl_fem.prediction.free_run import (
     counted,
     free_run,
@@ -19,11 +18,12 @@ from msl_fem.prediction.free_run import (
     start_sigmas,
     weighted,
 )
-from msl_fem.prediction.prediction import kalman_filter, tuned_process_noise
+from msl_fem.prediction.hypothesis import KernelPlant, ModelHypothesis, believed_value, free_parameters, kernel_plant
+from msl_fem.prediction.kalman import kalman_filter, tuned_process_noise
 from msl_fem.prediction.run_data import RunData
 from msl_fem.record import Tolerance
 
-Array = NDArray[np.float64]
+Method = Literal["free run", "one-step predictions"]
 MOST_SAMPLES = 20_000  # of each run that a fit looks at
 ROUNDS = 4
 ENOUGH = 1.1  # times the assumed noise: up to here a residual is taken to be noise
@@ -56,14 +56,14 @@ class RecordFit:
 
     belief: ModelHypothesis
     parameters: Mapping[str, FittedParameter]
-    by: Literal["free run", "one-step predictions"]
+    by: Method
     excess: Mapping[str, float]
     fit: MapFit
 
     @property
     def far(self) -> dict[str, FittedParameter]:
         """The parameters that left their tolerances far behind."""
-        return {name: found for name, found in self.parameters.items() if abs(found.tolerances) > FAR}
+        return {name: fitted for name, fitted in self.parameters.items() if abs(fitted.tolerances) > FAR}
 
 
 def fit_record(belief: ModelHypothesis, runs: Sequence[RunData], tolerance: Tolerance) -> RecordFit:
@@ -94,23 +94,26 @@ class _FreeRuns:
     """Residuals of free runs; z holds parameters, then the starts of the runs."""
 
     def __init__(self, belief: ModelHypothesis, runs: Sequence[RunData], sigmas: Mapping[str, float]) -> None:
-        self.belief, self.runs, self.sigmas = belief, runs, sigmas
+        self.belief = belief
+        self.runs = runs
+        self.sigmas = sigmas
         plants = [_plant(belief, run, sigmas, np.zeros(len(sigmas))) for run in runs]
         self.guesses = [measured_start(plant, run) for plant, run in zip(plants, runs, strict=True)]
         self.starts = [start_sigmas(plant, run) for plant, run in zip(plants, runs, strict=True)]
         self.nuisances = sum(sigma.size for sigma in self.starts)
 
     def __call__(self, z: Array, scale: Mapping[str, float]) -> Array:
-        n, parts = len(self.sigmas), []
+        n = len(self.sigmas)
+        parts = []
         for run, guess, sigma in zip(self.runs, self.guesses, self.starts, strict=True):
+            start = moved_start(guess, z[n : n + sigma.size] * sigma)
+            n += sigma.size
             try:
                 plant = _plant(self.belief, run, self.sigmas, z[: len(self.sigmas)])
             except InputError:  # a step of the search out of the table
-                parts.append(np.full(sum(run.measured[name].size for name in counted(run)), np.nan))
-                n += sigma.size
+                size = sum(run.measured[name].size for name in counted(run))
+                parts.append(np.full(size, np.nan))
                 continue
-            start = moved_start(guess, z[n : n + sigma.size] * sigma)
-            n += sigma.size
             parts.append(weighted(free_run(plant, run, start), run, scale))
         return np.concatenate(parts)
 
@@ -122,16 +125,18 @@ class _Innovations:
     """Errors of one-step predictions, with the process noise that suits the belief; z holds parameters."""
 
     def __init__(self, belief: ModelHypothesis, runs: Sequence[RunData], sigmas: Mapping[str, float]) -> None:
-        self.belief, self.runs, self.sigmas = belief, runs, sigmas
+        self.belief = belief
+        self.runs = runs
+        self.sigmas = sigmas
         self.noise = tuned_process_noise(_plant(belief, runs[0], sigmas, np.zeros(len(sigmas))), runs)
         self.nuisances = 0
 
     def __call__(self, z: Array, scale: Mapping[str, float]) -> Array:
         parts = []
         for run in self.runs:
-            found = kalman_filter(_plant(self.belief, run, self.sigmas, z), run, self.noise)
-            for name in found.whitened:
-                error = run.measured[name] - found.one_step[name]
+            predicted = kalman_filter(_plant(self.belief, run, self.sigmas, z), run, self.noise)
+            for name in predicted.whitened:
+                error = run.measured[name] - predicted.one_step[name]
                 error[0] = 0.0
                 parts.append(error / (run.noise[name].sigma * scale.get(name, 1.0)))
         return np.concatenate(parts)
@@ -141,37 +146,45 @@ class _Innovations:
 
 
 def _fit(
-    belief: ModelHypothesis, runs: Sequence[RunData], sigmas: Mapping[str, float], residuals: _FreeRuns | _Innovations,
-    *, by: Literal["free run", "one-step predictions"],
-) -> RecordFit:  # fmt: skip
+    belief: ModelHypothesis,
+    runs: Sequence[RunData],
+    sigmas: Mapping[str, float],
+    residuals: _FreeRuns | _Innovations,
+    *,
+    by: Method,
+) -> RecordFit:
+    """The fit in turns with the channels' scales: RMS residual over noise, at least 1."""
     scale: dict[str, float] = {}
     z = np.zeros(len(sigmas) + residuals.nuisances)
     for _ in range(ROUNDS):
+        settings = FitSettings(step=STEP, damping=1.0 if scale else 1e3, most_steps=30)
         found = fit_map(
-            lambda rows: np.array([residuals(row, scale) for row in rows]), z,  # noqa: B023 - used at once
-            settings=FitSettings(step=STEP, damping=1e3 if not scale else 1.0, most_steps=30),
-        )  # fmt: skip
+            lambda rows: np.array([residuals(row, scale) for row in rows]),  # noqa: B023 - used at once
+            z,
+            settings=settings,
+        )
         z = found.parameters
         rms: dict[str, list[Array]] = {}
         for name, part in residuals.channels():
             rms.setdefault(name, []).append(found.residual[part] * scale.get(name, 1.0))
         excess = {name: float(np.sqrt(np.mean(np.concatenate(p) ** 2))) for name, p in rms.items()}
-        wanted = {name: max(1.0, value) for name, value in excess.items()}
-        settled = all(abs(wanted[name] / scale.get(name, 1.0) - 1) < ENOUGH - 1 for name in wanted)
-        scale = wanted
+        needed = {name: max(1.0, value) for name, value in excess.items()}
+        settled = all(abs(needed[name] / scale.get(name, 1.0) - 1) < ENOUGH - 1 for name in needed)
+        scale = needed
         if settled:
             break
     return _outcome(belief, sigmas, found, by=by, excess=excess)
 
 
 def _outcome(
-    belief: ModelHypothesis, sigmas: Mapping[str, float], found: MapFit,
-    *, by: Literal["free run", "one-step predictions"], excess: Mapping[str, float],
-) -> RecordFit:  # fmt: skip
+    belief: ModelHypothesis, sigmas: Mapping[str, float], found: MapFit, *, by: Method, excess: Mapping[str, float]
+) -> RecordFit:
     error = np.sqrt(np.diag(found.covariance))
-    parameters, factors = {}, dict(belief.factors)
+    parameters = {}
+    factors = dict(belief.factors)
     for n, (name, sigma) in enumerate(sigmas.items()):
-        believed, z = believed_value(belief, name), float(found.parameters[n])
+        believed = believed_value(belief, name)
+        z = float(found.parameters[n])
         low, value, high = (believed * np.exp(sigma * (z + k * 1.96 * error[n])) for k in (-1, 0, 1))
         parameters[name] = FittedParameter(believed, float(value), float(low), float(high), z)
         factors[name] = belief.factors.get(name, 1.0) * float(np.exp(sigma * z))
@@ -184,11 +197,13 @@ def _plant(belief: ModelHypothesis, run: RunData, sigmas: Mapping[str, float], z
 
 
 def _slices(runs: Sequence[RunData], *, without_voltages: bool = False) -> list[tuple[str, slice]]:
-    found, at = [], 0
+    slices = []
+    first = 0
     for run in runs:
         for name in counted(run):
-            if without_voltages and name.startswith("voltage"):
+            if without_voltages and run.channels[name].quantity == "voltage":
                 continue
-            found.append((name, slice(at, at + len(run.commands))))
-            at += len(run.commands)
-    return found
+            behind = first + len(run.commands)
+            slices.append((name, slice(first, behind)))
+            first = behind
+    return slices

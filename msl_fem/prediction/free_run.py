@@ -1,28 +1,42 @@
-"""Free runs of the coupled model along a record's run: inputs given, readings simulated."""
+"""Runs of the coupled model along a record's run, inputs given and readings simulated: free, and in closed loop by the
+law that drove the run.
 
-from collections.abc import Mapping
+A linear law answers to readings and reference apart, u = R r - L y. With the recorded u and y the simulated loop is
+
+    u_sim = u + L y - L y_sim = u - L (y_sim - y),
+
+whatever the reference and the constants were: they need not be known, and noise of the readings cancels, since the
+recorded command already answers to it. Of a law that is not linear, the difference of its answers takes that place; it
+needs the reference then. Limits of the drive act on u_sim as the kernel has them.
+"""
+
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.compiled import compiled
 from msl_fem.computing.gauss_newton import FitSettings, fit_map
 from msl_fem.errors import ComputationError, OutOfTable
 from msl_fem.plant import kernel, linearise
 from msl_fem.plant.coefficients import drive_lags
 from msl_fem.plant.plant import FORCE_DRIVE, plant_parameters
+from msl_fem.plant.plant_in_loop import PlantInLoop, act, instruments_of, plant_at_rest, read
 from msl_fem.plant.readings import Channels, currents_before_noise, position_before_noise
 from msl_fem.plant.simulate import STATUS
 from msl_fem.plant.starting import start_effects
 from msl_fem.plant.state import OK, initial_state
-from msl_fem.prediction.believed import KernelPlant, ModelHypothesis
-from msl_fem.prediction.run_data import POSITION_COLUMN, RunData
+from msl_fem.prediction.hypothesis import KernelPlant, ModelHypothesis
+from msl_fem.prediction.run_data import POSITION_COLUMN, LoopLaw, RunData
+from msl_fem.record.columns import Channel, side_columns
 
-Array = NDArray[np.float64]
 GROWTH = 20.0  # of an error in one stretch of a run, beyond which a free run says nothing
 LOOKED_AT = 4000  # samples of a run at which its stiffness is looked at
 START_SECONDS, START_SAMPLES = 0.05, 100  # what the start of a run is estimated from, the longer of both
+START_FIT = FitSettings(step=1e-3, damping=1.0, most_steps=15)
 FIRST_LOOK = 9  # samples of the straight line that gives a first guess of position and velocity
+_READINGS, _VOLTAGES, _N_OUT = slice(0, 3), slice(3, 5), 5  # columns of a run in closed loop
 
 
 @dataclass(frozen=True)
@@ -49,11 +63,10 @@ def open_loop_stable(belief: ModelHypothesis, data: RunData) -> bool:
 
     A rig without a spring does not return: an error of its force stays in its position.
     """
-    p = believed_currents(belief, data)
+    currents = believed_currents(belief, data)
+    position = float(np.mean(data.measured[POSITION_COLUMN]))
     try:
-        at = linearise(
-            belief.actuator, belief.table, currents=p, position=float(np.mean(data.measured[POSITION_COLUMN]))
-        )
+        at = linearise(belief.actuator, belief.table, currents=currents, position=position)
     except OutOfTable:
         return False
     return at.stiffness > 0 and at.is_stable and error_growth(belief, data) <= GROWTH
@@ -69,12 +82,12 @@ def error_growth(belief: ModelHypothesis, data: RunData) -> float:
     x = data.measured[POSITION_COLUMN][::every]
     stiffness = np.full(x.shape, p.stiffness)
     for j in range(p.sides):
-        current = np.abs(data.measured.get(f"current_{j + 1}_A", data.commands[:, j])[::every]) * p.current_share
+        current = np.abs(_side_current(data, j)[::every]) * p.current_share
         gap = np.clip(p.nominal_gap - (1 - 2 * j) * x, table.gap[0], table.gap[-1])
         magnet = table.evaluate(np.minimum(current, table.current[-1]), gap)
         stiffness = stiffness + p.magnets * magnet["force_gap_slope"]
     rate = np.sqrt(np.maximum(-stiffness, 0.0) / p.mass) - p.damping / (2 * p.mass)
-    grown, largest = 0.0, 0.0
+    grown = largest = 0.0
     for step in rate * every / data.rate:
         grown = grown + step if step > 0 else 0.0
         largest = max(largest, grown)
@@ -83,12 +96,17 @@ def error_growth(belief: ModelHypothesis, data: RunData) -> float:
 
 def believed_currents(belief: ModelHypothesis, data: RunData) -> tuple[float, float]:
     """RMS currents of the sides over a run: as measured, else as commanded."""
-    sides = belief.actuator.sides.count if belief.actuator.sides and belief.actuator.magnet else 0
-    found = [0.0, 0.0]
+    actuator = belief.actuator
+    sides = actuator.sides.count if actuator.sides and actuator.magnet else 0
+    rms = [0.0, 0.0]
     for j in range(sides):
-        values = data.measured.get(f"current_{j + 1}_A", data.commands[:, j])
-        found[j] = float(np.sqrt(np.mean(values**2)))
-    return found[0], found[1]
+        rms[j] = float(np.sqrt(np.mean(_side_current(data, j) ** 2)))
+    return rms[0], rms[1]
+
+
+def _side_current(data: RunData, j: int) -> Array:
+    """(n_sample,) current of a side, counted from 0: as measured, else as commanded."""
+    return data.measured.get(Channel("current", j + 1).column, data.commands[:, j])
 
 
 def free_run(plant: KernelPlant, data: RunData, start: Start) -> FreeRun:
@@ -96,11 +114,21 @@ def free_run(plant: KernelPlant, data: RunData, start: Start) -> FreeRun:
     n = len(data.commands)
     out = np.full((n, kernel.N_OUT), np.nan)
     status, done = kernel.run(
-        plant.surface, plant.parameters, plant.effects, kernel_state(plant, start), data.commands, np.zeros(n),
-        plant.step, plant.substeps, out,
-    )  # fmt: skip
+        plant.surface,
+        plant.parameters,
+        plant.effects,
+        kernel_state(plant, start),
+        data.commands,
+        np.zeros(n),
+        plant.step,
+        plant.substeps,
+        out,
+    )
     out[done:] = np.nan
-    readings = readings_of(plant, data, out)
+    return _ended(readings_of(plant, data, out), status, done)
+
+
+def _ended(readings: Mapping[str, Array], status: int, done: int) -> FreeRun:
     if status == OK:
         return FreeRun(readings)
     return FreeRun(readings, int(done), f"{STATUS[int(status)]} at sample {int(done)}")
@@ -121,19 +149,17 @@ def guessed_start(plant: KernelPlant, data: RunData) -> Start:
     currents = [0.0, 0.0]
     if plant.parameters.drive != FORCE_DRIVE:
         for j in range(plant.parameters.sides):
-            read = data.measured.get(f"current_{j + 1}_A")
-            currents[j] = float(data.commands[0, j] if read is None else read[0])
+            currents[j] = float(_side_current(data, j)[0])
     return Start((currents[0], currents[1]), float(position), float(slope))
 
 
 def start_sigmas(plant: KernelPlant, data: RunData) -> Array:
     """One sigma of the first guess: position, velocity, and the currents that cannot jump."""
     position = data.noise[POSITION_COLUMN].sigma
-    lagging = [
-        data.noise[f"current_{j + 1}_A"].sigma
-        for j in range(plant.parameters.sides)
-        if drive_lags(plant.parameters) and f"current_{j + 1}_A" in data.measured
-    ]
+    lagging = []
+    if drive_lags(plant.parameters):
+        columns = side_columns("current", plant.parameters.sides)
+        lagging = [data.noise[name].sigma for name in columns if name in data.measured]
     return np.array([position, position * data.rate, *lagging])
 
 
@@ -141,7 +167,8 @@ def moved_start(guess: Start, by: Array) -> Start:
     """A start moved by (position, velocity, currents ...)."""
     currents = np.array(guess.currents)
     currents[: by.size - 2] += by[2:]
-    return Start((float(currents[0]), float(currents[1])), guess.position + float(by[0]), guess.velocity + float(by[1]))
+    first, second = (float(value) for value in currents)
+    return Start((first, second), guess.position + float(by[0]), guess.velocity + float(by[1]))
 
 
 def measured_start(plant: KernelPlant, data: RunData) -> Start:
@@ -152,17 +179,20 @@ def measured_start(plant: KernelPlant, data: RunData) -> Start:
     guess = guessed_start(plant, data)
     head = data.first(max(START_SAMPLES, int(START_SECONDS * data.rate)))
     sigmas = start_sigmas(plant, data)
-
     size = 1.0
 
-    def residuals(z: Array) -> Array:
-        return np.array([weighted(free_run(plant, head, moved_start(guess, row * sigmas)), head) / size for row in z])
+    def residual(z: Array) -> Array:
+        run = free_run(plant, head, moved_start(guess, z * sigmas))
+        return weighted(run, head) / size
+
+    def residuals(rows: Array) -> Array:
+        return np.array([residual(z) for z in rows])
 
     try:
-        found = fit_map(residuals, np.zeros(sigmas.size), settings=FitSettings(step=1e-3, damping=1.0, most_steps=15))
+        found = fit_map(residuals, np.zeros(sigmas.size), settings=START_FIT)
         size = max(1.0, float(np.sqrt(np.mean(found.residual**2))))  # a model error is no information
         if size > 1.0:
-            found = fit_map(residuals, found.parameters, settings=FitSettings(step=1e-3, damping=1.0, most_steps=15))
+            found = fit_map(residuals, found.parameters, settings=START_FIT)
     except ComputationError:
         return guess
     return moved_start(guess, found.parameters * sigmas)
@@ -172,26 +202,133 @@ def weighted(run: FreeRun, data: RunData, scale: Mapping[str, float] | None = No
     """Measured less simulated over the noise (times `scale`), channel after channel; of those with stated noise, or
     position and currents."""
     scale = scale or {}
-    return np.concatenate(
-        [
-            (data.measured[name] - run.readings[name]) / (data.noise[name].sigma * scale.get(name, 1.0))
-            for name in counted(data)
-        ]
-    )
+    parts = []
+    for name in counted(data):
+        sigma = data.noise[name].sigma * scale.get(name, 1.0)
+        parts.append((data.measured[name] - run.readings[name]) / sigma)
+    return np.concatenate(parts)
 
 
 def counted(data: RunData) -> list[str]:
     """Channels that a fit looks at: voltages only where their noise is stated."""
-    return [name for name in data.measured if not name.startswith("voltage") or data.noise[name].stated]
+    channels = data.channels.items()
+    return [name for name, channel in channels if channel.quantity != "voltage" or data.noise[name].stated]
 
 
 def readings_of(plant: KernelPlant, data: RunData, out: Array) -> dict[str, Array]:
     """What a run's instruments read, before noise, of the kernel's rows (n_sample, N_OUT): channel to (n_sample,)."""
     channels = Channels.of(out, plant.parameters.sides)
-    found = {POSITION_COLUMN: plant.gain * position_before_noise(channels, plant.readings, rate=data.rate)}
+    position = plant.gain * position_before_noise(channels, plant.readings, rate=data.rate)
+    currents = out[:, :0]
     if plant.parameters.sides:
         currents = currents_before_noise(channels, plant.readings, rate=data.rate)
-        for j in range(plant.parameters.sides):
-            found[f"current_{j + 1}_A"] = currents[:, j]
-            found[f"voltage_{j + 1}_V"] = out[:, kernel.OUT_VOLTAGE_1 + j]
-    return {name: found[name] for name in data.measured}
+    voltages = out[:, kernel.OUT_VOLTAGE_1 : kernel.OUT_VOLTAGE_1 + 2]
+    return _by_channel(data, position, currents, voltages)
+
+
+def _by_channel(data: RunData, position: Array, currents: Array, voltages: Array) -> dict[str, Array]:
+    """Channel to (n_sample,) of what is measured: position (n_sample,), currents and voltages (n_sample, n_side)."""
+    readings = {}
+    for name, channel in data.channels.items():
+        if channel.quantity == "position":
+            readings[name] = position
+        else:
+            both = voltages if channel.quantity == "voltage" else currents
+            readings[name] = both[:, channel.index]
+    return readings
+
+
+@dataclass(frozen=True, eq=False)
+class CallableLaw:
+    """A law that is asked sample by sample.
+
+    Attributes
+    ----------
+    answer : of the sample's number and the simulated position reading, what it adds to the recorded commands, (2,)
+    every : samples of the run between two questions
+    delay : samples of the run until an answer acts
+    """
+
+    answer: Callable[[int, float], Array]
+    every: int
+    delay: int
+
+
+def closed_run(plant: KernelPlant, data: RunData, start: Start, law: CallableLaw | None = None) -> FreeRun:
+    """The run of the simulated loop, to its end or to where the plant leaves table or range.
+
+    By `law`, or by the linear law of the data, which must be there then.
+    """
+    looped = _in_loop(plant)
+    _, history = plant_at_rest(looped, position=start.position)
+    state = kernel_state(plant, start)
+    out = np.full((len(data.commands), _N_OUT), np.nan)
+    if law is not None:
+        status, done = _run_callable(looped, law, state, history, data.commands, out)
+    else:
+        assert data.law is not None
+        assert data.read is not None
+        status, done = _run_linear(looped, data.law, state, history, data.commands, data.read, out)
+    out[done:] = np.nan
+    return _ended(_by_channel(data, out[:, 0], out[:, 1:3], out[:, _VOLTAGES]), status, done)
+
+
+def _in_loop(plant: KernelPlant) -> PlantInLoop:
+    """The plant with its instruments, whose position reading is `gain` times the position."""
+    instruments = instruments_of(plant.readings, rate=plant.rate)
+    polynomial = instruments.polynomial.copy()
+    polynomial[0] *= plant.gain
+    hum = instruments.hum.copy()
+    hum[0] *= plant.gain
+    scaled = instruments._replace(polynomial=polynomial, hum=hum, drift=plant.gain * instruments.drift)
+    return PlantInLoop(plant.surface, plant.parameters, plant.effects, scaled, plant.step, plant.substeps)
+
+
+@compiled
+def _run_linear(
+    plant: PlantInLoop, law: LoopLaw, state: Array, history: Array, commands: Array, recorded: Array, out: Array
+) -> tuple[int, int]:
+    """(status, samples done); recorded (n, 3) readings beside commands (n, 2), a row of `out` a sample."""
+    n_state, n_out = law.a.shape[0], law.makes.size
+    memory, following = np.zeros(n_state), np.zeros(n_state)
+    waiting = np.zeros((law.delay + 1, n_out))
+    deviation = np.zeros(law.reads.size)
+    silence, voltage, command = np.zeros(3), np.zeros(2), np.zeros(2)
+    for k in range(commands.shape[0]):
+        row = out[k]
+        read(plant, state, history, k, silence, row[_READINGS])
+        for m in range(law.delay):
+            waiting[m] = waiting[m + 1]
+        if k % law.every == 0:
+            for m in range(law.reads.size):
+                deviation[m] = row[law.reads[m]] - recorded[k, law.reads[m]]
+            waiting[law.delay] = law.c @ memory + law.d @ deviation
+            following[:] = law.a @ memory + law.b @ deviation
+            memory[:] = following
+        command[:] = commands[k]
+        for m in range(n_out):
+            command[law.makes[m]] += waiting[0, m]
+        status = act(plant, state, command, 0.0, voltage)
+        row[_VOLTAGES] = voltage
+        if status != OK:
+            return status, k
+    return OK, commands.shape[0]
+
+
+def _run_callable(
+    plant: PlantInLoop, law: CallableLaw, state: Array, history: Array, commands: Array, out: Array
+) -> tuple[int, int]:
+    """(status, samples done) as `_run_linear`, by a law that is no compiled one."""
+    waiting = np.zeros((law.delay + 1, 2))
+    silence, voltage = np.zeros(3), np.zeros(2)
+    for k in range(commands.shape[0]):
+        row = out[k]
+        read(plant, state, history, k, silence, row[_READINGS])
+        waiting[:-1] = waiting[1:]
+        if k % law.every == 0:
+            waiting[law.delay] = law.answer(k, float(row[0]))
+        status = act(plant, state, commands[k] + waiting[0], 0.0, voltage)
+        row[_VOLTAGES] = voltage
+        if status != OK:
+            return status, k
+    return OK, commands.shape[0]

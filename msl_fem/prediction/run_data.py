@@ -2,20 +2,34 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.plant import plant_parameters
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE
-from msl_fem.prediction.noise import NoiseFloor, noise_floor
 from msl_fem.record import Record, Role, Run
+from msl_fem.record.columns import Channel, side_columns
 from msl_fem.record.rig_file import READINGS
 
-Array = NDArray[np.float64]
 POSITION_COLUMN = "position_m"
+HIGHEST_BAND = 0.8  # of half the sampling rate: from here on, a channel is taken to hold noise alone
+LOWEST = 1e-9  # of a channel's span: noise below is none
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """One sigma of a channel and where it comes from."""
+
+    sigma: float
+    source: Literal["stated in [noise]", "estimated above 80 % of half the sampling rate"]
+
+    @property
+    def stated(self) -> bool:
+        return self.source == "stated in [noise]"
 
 
 class LoopLaw(NamedTuple):
@@ -57,6 +71,11 @@ class RunData:
     read: Array | None = None
 
     @property
+    def channels(self) -> dict[str, Channel]:
+        """What is measured, by the column's name."""
+        return {name: Channel.of(name) for name in self.measured}
+
+    @property
     def time(self) -> Array:
         return np.arange(len(self.commands)) / self.rate
 
@@ -76,29 +95,8 @@ def run_data(record: Record, run: Run) -> RunData:
     ------
     InputError : a column that the drive needs is missing
     """
-    p = plant_parameters(record.actuator)
-    sides = range(1, p.sides + 1)
-    currents = [f"current_{j}_A" for j in sides if f"current_{j}_A" in run]
-    ideal = False
-    if p.drive == FORCE_DRIVE:
-        inputs = ["force_N"]
-    elif p.drive == VOLTAGE_DRIVE:
-        inputs = [f"voltage_{j}_V" for j in sides]
-    else:
-        inputs = [f"command_{j}_A" for j in sides]
-        ideal = not all(name in run for name in inputs)
-        if ideal:
-            inputs, currents = [f"current_{j}_A" for j in sides], []
-    missing = [name for name in (*inputs, POSITION_COLUMN) if name not in run]
-    if missing:
-        raise InputError(
-            f"run {run.name} has no column {missing[0]}, which the coupled model of {record.actuator.name} needs for "
-            f"its drive; it has {', '.join(run.columns)}"
-        )
-    outputs = [*currents, POSITION_COLUMN]
-    if p.drive == CURRENT_DRIVE:
-        outputs += [f"voltage_{j}_V" for j in sides if f"voltage_{j}_V" in run]
-    outputs = [name for name in outputs if name == POSITION_COLUMN or np.ptp(run[name]) > 0]
+    inputs = _inputs(record, run)
+    outputs = _outputs(record, run, inputs)
     commands = np.zeros((run.time.size, 2))
     for j, name in enumerate(inputs):
         commands[:, j] = run[name]
@@ -106,9 +104,46 @@ def run_data(record: Record, run: Run) -> RunData:
         commands[:-1] = (commands[:-1] + commands[1:]) / 2
     law, read = _law(record, run, inputs)
     return RunData(
-        run.name, run.role, 1.0 / run.sampling_period, commands, {name: run[name] for name in outputs},
-        {name: noise_floor(record, name) for name in outputs}, ideal, law, read,
-    )  # fmt: skip
+        name=run.name,
+        role=run.role,
+        rate=1.0 / run.sampling_period,
+        commands=commands,
+        measured={name: run[name] for name in outputs},
+        noise={name: noise_floor(record, name) for name in outputs},
+        ideal_current=any(Channel.of(name).quantity == "current" for name in inputs),
+        law=law,
+        read=read,
+    )
+
+
+def _inputs(record: Record, run: Run) -> list[str]:
+    """The columns that drive the plant; in current drive the measured currents where not all commands are there."""
+    p = plant_parameters(record.actuator)
+    if p.drive == FORCE_DRIVE:
+        inputs = ["force_N"]
+    elif p.drive == VOLTAGE_DRIVE:
+        inputs = side_columns("voltage", p.sides)
+    else:
+        inputs = side_columns("command", p.sides)
+        if not all(name in run for name in inputs):
+            inputs = side_columns("current", p.sides)
+    missing = [name for name in (*inputs, POSITION_COLUMN) if name not in run]
+    if missing:
+        raise InputError(
+            f"run {run.name} has no column {missing[0]}, which the coupled model of {record.actuator.name} needs for "
+            f"its drive; it has {', '.join(run.columns)}"
+        )
+    return inputs
+
+
+def _outputs(record: Record, run: Run, inputs: list[str]) -> list[str]:
+    """The columns that the model is to read: those that are there, move and do not drive it."""
+    p = plant_parameters(record.actuator)
+    candidates = [*side_columns("current", p.sides), POSITION_COLUMN]
+    if p.drive == CURRENT_DRIVE:
+        candidates += side_columns("voltage", p.sides)
+    outputs = [name for name in candidates if name in run and name not in inputs]
+    return [name for name in outputs if name == POSITION_COLUMN or np.ptp(run[name]) > 0]
 
 
 def _law(record: Record, run: Run, inputs: list[str]) -> tuple[LoopLaw | None, Array | None]:
@@ -128,7 +163,8 @@ def _law(record: Record, run: Run, inputs: list[str]) -> tuple[LoopLaw | None, A
         read[:, READINGS.index(name)] = run[name]
     reads = np.array([READINGS.index(name) for name in stated.inputs])
     makes = np.array([inputs.index(name) for name in stated.outputs])
-    return LoopLaw(*stated.matrices(every * run.sampling_period), reads, makes, every, delay), read
+    a, b, c, d = stated.matrices(every * run.sampling_period)
+    return LoopLaw(a, b, c, d, reads, makes, every, delay), read
 
 
 def _clock(record: Record, run: Run) -> tuple[int, int]:
@@ -144,3 +180,21 @@ def _clock(record: Record, run: Run) -> tuple[int, int]:
             "second, must be a whole multiple of it"
         )
     return whole, whole * controller.delay_samples
+
+
+def noise_floor(record: Record, channel: str) -> NoiseFloor:
+    """The noise of a channel by its column's name: what the instruments state, else the least over the runs of what
+    their highest frequencies hold."""
+    stated = getattr(record.noise, Channel.of(channel).quantity)
+    if stated:
+        return NoiseFloor(float(stated), "stated in [noise]")
+    estimates = [highest_band_sigma(run[channel]) for run in record.runs if channel in run]
+    return NoiseFloor(min(estimates), "estimated above 80 % of half the sampling rate")
+
+
+def highest_band_sigma(signal: Array) -> float:
+    """Sigma of the white noise that would have the power of a signal's highest band, with a Hann window."""
+    window = np.hanning(signal.size)
+    power = np.abs(np.fft.rfft((signal - signal.mean()) * window)) ** 2
+    lines = power[int(HIGHEST_BAND * power.size) :]
+    return float(max(np.sqrt(lines.mean() / np.sum(window**2)), LOWEST * np.ptp(signal)))

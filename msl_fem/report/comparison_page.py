@@ -13,7 +13,7 @@ from plotly.subplots import make_subplots
 from msl_fem.comparison import Comparison, ModelAccuracy, StaticError
 from msl_fem.comparison.residuals import LocatedResidual
 from msl_fem.files.quantity import format_quantity
-from msl_fem.prediction.believed import UNITS
+from msl_fem.prediction.hypothesis import UNITS
 from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.report.page import Grid, Page, Stage
 from msl_fem.report.style import GREY, SERIES, dress, figure, line, logarithmic

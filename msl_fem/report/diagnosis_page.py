@@ -10,7 +10,7 @@ from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import CATALOGUE, find_parameter
-from msl_fem.prediction.believed import UNITS
+from msl_fem.prediction.hypothesis import UNITS
 from msl_fem.record import Record
 from msl_fem.report.diagnosis_figures import (
     dependence_figure,

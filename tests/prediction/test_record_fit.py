@@ -25,7 +25,7 @@ from msl_fem.prediction import (
     tuned_process_noise,
 )
 from msl_fem.prediction.free_run import error_growth
-from msl_fem.prediction.noise import highest_band_sigma
+from msl_fem.prediction.run_data import highest_band_sigma
 from msl_fem.record import Run
 
 SHIFT = {"stiffness": 0.97, "damping": 1.2}

@@ -12,7 +12,7 @@ from msl_fem.comparison import CompareSettings, compare, nrmse
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import ModelHypothesis, Start, closed_run, kernel_plant, open_loop_stable, run_data
-from msl_fem.prediction.believed import KernelPlant
+from msl_fem.prediction.hypothesis import KernelPlant
 from msl_fem.prediction.run_data import RunData
 from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable

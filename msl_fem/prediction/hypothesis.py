@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
 from msl_fem.plant import PlantParameters, Surface, plant_parameters, surface_of
 from msl_fem.plant.coefficients import kernel_coefficients
 from msl_fem.plant.effects import EffectValues, neutral_vector
@@ -15,12 +15,17 @@ from msl_fem.plant.step_size import fastest_rate, fastest_rate_of_effects, steps
 from msl_fem.record import Tolerance
 from msl_fem.table.magnetic_table import MagneticTable
 
-Array = NDArray[np.float64]
 STEP_OF_FASTEST = 0.25
 """A step times the fastest rate: Runge-Kutta errs by 1e-5 of a signal, a hundredth of the instruments' noise."""
 BELIEVED = (
-    "moving_mass", "stiffness", "damping", "coil_resistance", "nominal_gap", "position_gain", "magnetic_scale",
-)  # fmt: skip
+    "moving_mass",
+    "stiffness",
+    "damping",
+    "coil_resistance",
+    "nominal_gap",
+    "position_gain",
+    "magnetic_scale",
+)
 """Parameters known within a tolerance. `position_gain` is reading over position, `magnetic_scale` coenergy over the
 table's (both are 1 as believed)."""
 UNITS = {"moving_mass": "kg", "stiffness": "N/m", "damping": "N s/m", "coil_resistance": "ohm", "nominal_gap": "m"}
@@ -71,11 +76,14 @@ class KernelPlant:
 def free_parameters(belief: ModelHypothesis, tolerance: Tolerance) -> dict[str, float]:
     """Parameters that the plant has and that are not known exactly, with one sigma relative."""
     p = plant_parameters(belief.actuator)
-    magnetic = {"coil_resistance", "nominal_gap", "magnetic_scale"} if p.sides else set()
-    there = {"moving_mass", "position_gain", *magnetic}
-    there |= {"stiffness"} if p.stiffness else set()
-    there |= {"damping"} if p.damping else set()
-    sigmas = {name: float(getattr(tolerance, name)) for name in BELIEVED if name in there}
+    absent = set()
+    if not p.sides:
+        absent |= {"coil_resistance", "nominal_gap", "magnetic_scale"}
+    if not p.stiffness:
+        absent.add("stiffness")
+    if not p.damping:
+        absent.add("damping")
+    sigmas = {name: float(getattr(tolerance, name)) for name in BELIEVED if name not in absent}
     return {name: sigma for name, sigma in sigmas.items() if sigma > 0}
 
 
@@ -115,10 +123,13 @@ def kernel_plant(
     ------
     InputError : the actuator lacks a section, or cannot have an effect
     """
-    f = {name: belief.factors.get(name, 1.0) * (factors or {}).get(name, 1.0) for name in BELIEVED}
+    further = factors or {}
+    f = {name: belief.factors.get(name, 1.0) * further.get(name, 1.0) for name in BELIEVED}
     p = plant_parameters(belief.actuator)
     fastest = fastest_rate(p, belief.table)  # as believed: steps that changed with the factors would be jumps of a fit
-    p = with_factors(p, f)._replace(bandwidth=np.inf if ideal_current else p.bandwidth)
+    p = with_factors(p, f)
+    if ideal_current:
+        p = p._replace(bandwidth=np.inf)
     vector = neutral_vector()
     if belief.effects is not None:
         check_effects(p, belief.effects)
@@ -128,8 +139,9 @@ def kernel_plant(
     surface = surface_of(belief.table if p.sides else None)
     if f["magnetic_scale"] != 1.0:
         surface = surface._replace(coefficients=surface.coefficients * f["magnetic_scale"])
-    e = None
+    effects = None
     if belief.effects is not None:
         inductance = small_signal_inductance(p, surface)
-        e = kernel_coefficients(p, vector, inductance=inductance, step=1.0 / (rate * substeps), n_step=substeps)
-    return KernelPlant(surface, p, e, vector, f["position_gain"], rate, substeps)
+        step = 1.0 / (rate * substeps)
+        effects = kernel_coefficients(p, vector, inductance=inductance, step=step, n_step=substeps)
+    return KernelPlant(surface, p, effects, vector, f["position_gain"], rate, substeps)
