@@ -62,7 +62,7 @@ def figures(found: Comparison, kind: str) -> list[dict[str, float | None]]:
     """By run, in the order of `SPECS`: model to NRMSE, and the noise floor."""
     rows = []
     for run in found.record.runs:
-        row = {j.model: j.nrmse[kind] for j in found.judged if j.run == run.name and j.channel == "position_m"}
+        row = {j.model: j.nrmse[kind] for j in found.accuracies if j.run == run.name and j.channel == "position_m"}
         row["noise"] = next(
             f["nrmse"] for f in found.noise_floor() if f["run"] == run.name and f["channel"] == "position_m"
         )
@@ -82,7 +82,7 @@ def text_of(value: float | None) -> str:
 
 def page(seed: int, answer: dict, found: Comparison) -> list[str]:
     """The table of a seed, and what was hidden."""
-    names = [name for name in MODELS if any(j.model == name for j in found.judged)]
+    names = [name for name in MODELS if any(j.model == name for j in found.accuracies)]
     hidden = "; ".join(f"`{one['effect']}`, {strength(one['parameters'])}" for one in answer["effects"])
     lines = [f"Seed {seed}: {hidden}.", "", "| run | " + " | ".join(["noise floor", *names]) + " |"]
     lines.append("| --- |" + " ---: |" * (len(names) + 1))
@@ -97,7 +97,7 @@ def page(seed: int, answer: dict, found: Comparison) -> list[str]:
     lines += ["", f"Re-fitted parameters beyond three tolerances: {moved or 'none'}.", ""]
     reasons = dict.fromkeys(
         f"{j.model}, {label}: {part.strip()}"
-        for j in found.judged
+        for j in found.accuracies
         for label, run in zip(SPECS, found.record.runs, strict=True)
         if j.run == run.name and j.channel == "position_m"
         for part in j.reason.split(";")

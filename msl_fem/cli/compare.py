@@ -60,7 +60,7 @@ def _compare(it: Record, model: ExtendedModel | None, *, output: Path | None, ta
             table=magnet_table, extended=belief, progress=lambda _, done, total: progress(done, total)
         )
         found = compare(it, settings)
-    fields = found.fields()
+    fields = found.to_json()
     if output is not None:
         write_json(fields, output / "compare.json")
         write_page(comparison_page(found), output / "report.html")
@@ -72,7 +72,7 @@ def _compare(it: Record, model: ExtendedModel | None, *, output: Path | None, ta
 
 
 def _print(found: Comparison, output: Path | None) -> None:
-    rows = [judged.fields() for judged in found.judged]
+    rows = [accuracy.to_json() for accuracy in found.accuracies]
     if rows:
         columns = {
             "model": [str(row["name"]) for row in rows],
@@ -86,7 +86,7 @@ def _print(found: Comparison, output: Path | None) -> None:
         for reason in dict.fromkeys(f"{r['name']}, {r['run']}: {r['reason']}" for r in rows if r["reason"]):
             say(f"note: {reason}")
     else:
-        static = [error.fields() for error in found.static]
+        static = [error.to_json() for error in found.static]
         print_columns(
             {
                 "table": [str(s["name"]) for s in static],

@@ -1,14 +1,40 @@
-"""How far a model is from a measurement, and where: one number, by band of frequency, over a variable."""
+"""How far each model is from each run, and where: one number a kind of prediction, by band of frequency, over what a
+residual may depend on."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
+from msl_fem.comparison.models import ARMAX, CoupledModel
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
+from msl_fem.identification import ArmaxModel, predict, sampled_run, simulate
+from msl_fem.prediction import (
+    CallableLaw,
+    RunData,
+    closed_run,
+    free_run,
+    k_step,
+    kalman_filter,
+    kernel_plant,
+    measured_start,
+    open_loop_stable,
+)
+from msl_fem.prediction.run_data import POSITION_COLUMN
+from msl_fem.record import Channel, Record, Role, Run
 
-Array = NDArray[np.float64]
 FEWEST = 8  # samples of a bin or lines of a band that still say something
+SLOPE_SAMPLES = 15  # of the parabola that gives the velocity
+HORIZON = 10
+LEAD = 40  # samples left out of all errors at the beginning, where a predictor still finds its state
+KINDS = ("one_step", "ten_step", "closed_loop", "free_run")
+"""Kinds of prediction, the hardest last: one sample ahead, ten samples ahead, in closed loop, in free run."""
+UNSTABLE = "the open loop does not return to its operating point, so a free run says nothing"
+CURRENTS_IN = "armax takes currents, it has no drive for a law to command"
 
 
 def nrmse(measured: Array, model: Array) -> float:
@@ -37,6 +63,9 @@ class Spread:
     rms: Array
     mean: Array
     count: NDArray[np.intp]
+
+    def to_json(self) -> dict[str, Any]:
+        return {"edges": self.edges, "rms": self.rms, "mean": self.mean, "count": self.count}
 
 
 def over_variable(residual: Array, variable: Array, *, bins: int = 12) -> Spread:
@@ -80,6 +109,9 @@ class Bands:
         with np.errstate(invalid="ignore", divide="ignore"):
             return self.residual / self.measured
 
+    def to_json(self) -> dict[str, Any]:
+        return {"edges_Hz": self.edges, "measured": self.measured, "residual": self.residual, "nrmse": self.nrmse}
+
 
 def by_band(measured: Array, model: Array, *, rate: float, edges: Array | None = None) -> Bands:
     """The residual by band, by Parseval's theorem on windowed lines; octave bands from 1 Hz by default.
@@ -95,12 +127,17 @@ def by_band(measured: Array, model: Array, *, rate: float, edges: Array | None =
     window = np.hanning(measured.size)
     frequency = np.fft.rfftfreq(measured.size, 1 / rate)
     weight = 2 / (measured.size * np.sum(window**2))
-    found = []
-    for signal in (measured - measured.mean(), error - error.mean()):
-        power = weight * np.abs(np.fft.rfft(window * signal)) ** 2
-        lines = [(frequency >= low) & (frequency < high) for low, high in zip(bounds[:-1], bounds[1:], strict=True)]
-        found.append([np.sqrt(power[k].sum()) if k.sum() >= FEWEST else np.nan for k in lines])
-    return Bands(bounds, np.array(found[0]), np.array(found[1]))
+
+    def rms(signal: Array) -> Array:
+        power = weight * np.abs(np.fft.rfft(window * (signal - signal.mean()))) ** 2
+        bands = np.full(bounds.size - 1, np.nan)
+        for k, (low, high) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+            lines = (frequency >= low) & (frequency < high)
+            if lines.sum() >= FEWEST:
+                bands[k] = np.sqrt(power[lines].sum())
+        return bands
+
+    return Bands(bounds, rms(measured), rms(error))
 
 
 def octaves(duration: float, highest: float) -> Array:
@@ -117,3 +154,174 @@ def _error(measured: Array, model: Array) -> tuple[Array, float]:
     if not scale > 1e-12 * float(np.abs(measured).max(initial=0.0)):
         raise InputError("the measured channel never moves, so no error can be relative to it; leave it out")
     return measured - model, scale
+
+
+@dataclass(frozen=True, eq=False)
+class ModelAccuracy:
+    """A model against one channel of one run.
+
+    Attributes
+    ----------
+    modelled : kind of `KINDS` to (n_sample,), nan at the beginning; a kind that is not there failed
+    nrmse : kind to the error; None where there is none
+    reason : why a kind has no error
+    """
+
+    model: str
+    run: str
+    role: Role
+    channel: str
+    measured: Array
+    modelled: Mapping[str, Array]
+    nrmse: Mapping[str, float | None]
+    reason: str
+
+    @property
+    def hardest_kind(self) -> str | None:
+        """The hardest kind of prediction that there is: free run, else closed loop, ten samples ahead, one."""
+        return next((kind for kind in reversed(KINDS) if self.nrmse[kind] is not None), None)
+
+    def residual(self, kind: str) -> Array:
+        """(n_sample - LEAD,) measured less modelled."""
+        return (self.measured - self.modelled[kind])[LEAD:]
+
+    def to_json(self) -> dict[str, Any]:
+        """An entry of `models`."""
+        return {
+            "name": self.model,
+            "run": self.run,
+            "role": self.role,
+            "channel": self.channel,
+            **{f"nrmse_{kind}": self.nrmse[kind] for kind in KINDS},
+            "reason": self.reason,
+        }
+
+
+def coupled_accuracy(model: CoupledModel, data: RunData, law: CallableLaw | None = None) -> list[ModelAccuracy]:
+    """A coupled model on all channels of a run; in closed loop by `law`, or by the run's linear law."""
+    plant = kernel_plant(model.belief, rate=data.rate, ideal_current=data.ideal_current)
+    start = measured_start(plant, data)
+    filtered = kalman_filter(plant, data, model.noise, start=start)
+    modelled: dict[str, Mapping[str, Array]] = {}
+    reasons = []
+    if filtered.ended is None:
+        modelled["one_step"] = filtered.one_step
+        ten_step = k_step(plant, data, filtered, HORIZON)
+        failed = int(np.isnan(ten_step[POSITION_COLUMN][LEAD:]).sum())
+        if failed:
+            reasons.append(f"ten_step: {failed} predictions leave table or range")
+        else:
+            modelled["ten_step"] = ten_step
+    else:
+        reasons.append(f"one_step, ten_step: {filtered.reason}")
+    runs = {}
+    if data.law is not None or law is not None:
+        runs["closed_loop"] = closed_run(plant, data, start, law)
+    stable = open_loop_stable(model.belief, data)
+    if stable:
+        runs["free_run"] = free_run(plant, data, start)
+    for kind, run in runs.items():
+        if run.ended is None:
+            modelled[kind] = run.readings
+        else:
+            reasons.append(f"{kind}: {run.reason}")
+    if not stable:
+        reasons.append(f"free_run: {UNSTABLE}")
+    return [_accuracy(model.name, data, channel, modelled, reasons) for channel in data.measured]
+
+
+def armax_accuracy(
+    model: ArmaxModel, record: Record, run: Run, data: RunData, *, stable: bool, looped: bool = False
+) -> ModelAccuracy:
+    """ARMAX on the position of a run; `looped` says that the run's loop is simulated with the other models."""
+    sampled = sampled_run(record, run)
+    modelled = {"one_step": predict(model, sampled), "ten_step": predict(model, sampled, HORIZON)}
+    reasons = [f"closed_loop: {CURRENTS_IN}"] if data.law is not None or looped else []
+    if stable:
+        free = simulate(model, sampled)
+        if free.diverged_at is None:
+            modelled["free_run"] = free.output
+        else:
+            reasons.append(f"free_run: {free.reason} at sample {free.diverged_at}")
+    else:
+        reasons.append(f"free_run: {UNSTABLE}")
+    readings = {kind: {POSITION_COLUMN: values} for kind, values in modelled.items()}
+    return _accuracy(ARMAX, data, POSITION_COLUMN, readings, reasons)
+
+
+def _accuracy(
+    model: str, data: RunData, channel: str, modelled: Mapping[str, Mapping[str, Array]], reasons: list[str]
+) -> ModelAccuracy:
+    measured = data.measured[channel]
+    # the mean voltage of a run's last sample is no prediction of the state before it
+    behind = measured.size - (1 if data.channels[channel].quantity == "voltage" else 0)
+    kept = slice(LEAD, behind)
+    errors: dict[str, float | None] = dict.fromkeys(KINDS)
+    kinds = {}
+    reasons = list(reasons)
+    for kind, readings in modelled.items():
+        error = nrmse(measured[kept], readings[channel][kept])
+        if np.isfinite(error):
+            errors[kind] = error
+            kinds[kind] = readings[channel]
+        else:
+            reasons.append(f"{kind}: not finite")
+    return ModelAccuracy(model, data.name, data.role, channel, measured, kinds, errors, "; ".join(reasons))
+
+
+@dataclass(frozen=True, eq=False)
+class LocatedResidual:
+    """Where one model's residual on one channel of one run lives; `kind` says of which prediction."""
+
+    accuracy: ModelAccuracy
+    kind: str
+    over: Mapping[str, Spread]
+    bands: Bands
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "name": self.accuracy.model,
+            "run": self.accuracy.run,
+            "role": self.accuracy.role,
+            "channel": self.accuracy.channel,
+            "prediction": self.kind,
+            "over": {name: spread.to_json() for name, spread in self.over.items()},
+            "by_band": self.bands.to_json(),
+        }
+
+
+def residual_variables(record: Record, run: Run) -> dict[str, Array]:
+    """What a residual may depend on, by name with unit, (n_sample,) each."""
+    x = run["position_m"]
+    rate = 1.0 / run.sampling_period
+    variables = {}
+    for side in (1, 2):
+        current = Channel("current", side).column
+        for column in (current, Channel("command", side).column):
+            if column in run:
+                variables[current] = run[column]
+                break
+    motion = record.actuator.motion
+    if motion is not None and motion.nominal_gap is not None and record.actuator.magnet is not None:
+        variables["gap_1_m"] = motion.nominal_gap - x
+    else:
+        variables["position_m"] = x
+    variables["velocity_m_per_s"] = savgol_filter(x, SLOPE_SAMPLES, 2, deriv=1) * rate
+    variables["amplitude_m"] = np.abs(x - x.mean())
+    variables["time_s"] = run.time
+    return variables
+
+
+def locate_residual(record: Record, run: Run, accuracy: ModelAccuracy) -> LocatedResidual | None:
+    """Of the hardest prediction that the model bears; None where it bears none."""
+    kind = accuracy.hardest_kind
+    if kind is None:
+        return None
+    error = accuracy.residual(kind)
+    finite = np.isfinite(error)  # of a voltage, the last sample is not
+    over = {}
+    for name, variable in residual_variables(record, run).items():
+        over[name] = over_variable(error[finite], variable[LEAD:][finite])
+    measured = accuracy.measured[LEAD:][finite]
+    model = accuracy.modelled[kind][LEAD:][finite]
+    return LocatedResidual(accuracy, kind, over, by_band(measured, model, rate=1.0 / run.sampling_period))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from msl_fem.comparison import Comparison, ModelAccuracy, StaticError
-from msl_fem.comparison.residuals import LocatedResidual
+from msl_fem.comparison.accuracy import LocatedResidual
 from msl_fem.files.quantity import format_quantity
 from msl_fem.prediction.hypothesis import UNITS
 from msl_fem.prediction.run_data import POSITION_COLUMN
@@ -34,9 +34,9 @@ AXES = {
 
 def comparison_page(found: Comparison) -> Page:
     """The report of a comparison: table of figures first, then measured against predicted, then where errors live."""
-    stages = [_summary(found)] if found.judged else []
+    stages = [_summary(found)] if found.accuracies else []
     for run in found.data:
-        judged = [j for j in found.judged if j.run == run.name and j.channel == POSITION_COLUMN]
+        judged = [j for j in found.accuracies if j.run == run.name and j.channel == POSITION_COLUMN]
         if judged:
             stages.append(_measured_and_predicted(judged, found))
     chosen = _telling(found)
@@ -55,12 +55,12 @@ def comparison_page(found: Comparison) -> Page:
 
 
 def _headline(found: Comparison) -> tuple[tuple[str, str], ...]:
-    held = [j for j in found.judged if j.role == "held-out" and j.channel == POSITION_COLUMN] or [
-        j for j in found.judged if j.channel == POSITION_COLUMN
+    held = [j for j in found.accuracies if j.role == "held-out" and j.channel == POSITION_COLUMN] or [
+        j for j in found.accuracies if j.channel == POSITION_COLUMN
     ]
     shown = []
     for judged in held[:6]:
-        kind = judged.best_known
+        kind = judged.hardest_kind
         if kind is not None:
             value = judged.nrmse[kind]
             assert value is not None
@@ -70,7 +70,7 @@ def _headline(found: Comparison) -> tuple[tuple[str, str], ...]:
 
 def _summary(found: Comparison) -> Stage:
     floors = {(f["run"], f["channel"]): f for f in found.noise_floor()}
-    kinds = [kind for kind in NAMES if any(j.nrmse[kind] is not None for j in found.judged)]
+    kinds = [kind for kind in NAMES if any(j.nrmse[kind] is not None for j in found.accuracies)]
     columns = ("model", "run", "role", "channel", *(NAMES[kind] for kind in kinds), "noise floor")
     rows = tuple(
         (
@@ -81,7 +81,7 @@ def _summary(found: Comparison) -> Stage:
             *(_figure(j.nrmse[kind]) for kind in kinds),
             _figure(floors[j.run, j.channel]["nrmse"]),
         )
-        for j in found.judged
+        for j in found.accuracies
     )
     sources = {f["source"] for f in floors.values()}
     sentence = (
@@ -89,7 +89,7 @@ def _summary(found: Comparison) -> Stage:
         "runs with the role fit; a dash means that there is no such prediction, with the reason beside it. The noise "
         f"floor is {' or '.join(sorted(sources))}."
     )
-    reasons = dict.fromkeys((f"{j.model}, {j.run}", j.reason) for j in found.judged if j.reason)
+    reasons = dict.fromkeys((f"{j.model}, {j.run}", j.reason) for j in found.accuracies if j.reason)
     refit = found.models.refit
     parameters = [] if refit is None else [
         (
@@ -110,7 +110,7 @@ def _measured_and_predicted(judged: Sequence[ModelAccuracy], found: Comparison) 
     made.add_trace(line(time[keep], first.measured[keep] * 1e6, name="measured", colour=GREY), row=1, col=1)
     numbers = []
     for j, colour in zip(judged, SERIES, strict=False):
-        kind = j.best_known
+        kind = j.hardest_kind
         if kind is None:
             continue
         modelled, name = j.modelled[kind], f"{j.model}, {NAMES[kind]}"
@@ -133,9 +133,9 @@ def _measured_and_predicted(judged: Sequence[ModelAccuracy], found: Comparison) 
 
 def _telling(found: Comparison) -> list[LocatedResidual]:
     """The position's residuals on one run: the first that is held out, else the first."""
-    all_of = [r for r in found.residuals if r.judged.channel == POSITION_COLUMN]
-    held = [r for r in all_of if r.judged.role == "held-out"] or all_of
-    return [r for r in held if r.judged.run == held[0].judged.run] if held else []
+    all_of = [r for r in found.residuals if r.accuracy.channel == POSITION_COLUMN]
+    held = [r for r in all_of if r.accuracy.role == "held-out"] or all_of
+    return [r for r in held if r.accuracy.run == held[0].accuracy.run] if held else []
 
 
 def _by_band(chosen: Sequence[LocatedResidual]) -> Stage:
@@ -143,18 +143,18 @@ def _by_band(chosen: Sequence[LocatedResidual]) -> Stage:
     middle = np.sqrt(chosen[0].bands.edges[:-1] * chosen[0].bands.edges[1:])
     made.add_trace(line(middle, chosen[0].bands.measured * 1e6, name="measured", colour=GREY, mode="lines+markers"))
     for r, colour in zip(chosen, SERIES, strict=False):
-        name = f"{r.judged.model}, {NAMES[r.kind]}"
+        name = f"{r.accuracy.model}, {NAMES[r.kind]}"
         made.add_trace(line(middle, r.bands.residual * 1e6, name=name, colour=colour, mode="lines+markers"))
     logarithmic(made, [middle], along="x")
     shown = [chosen[0].bands.measured, *(r.bands.residual for r in chosen)]
     logarithmic(made, [values * 1e6 for values in shown], along="y")
-    worst = [(r.judged.model, r.bands.nrmse) for r in chosen]
+    worst = [(r.accuracy.model, r.bands.nrmse) for r in chosen]
     numbers = tuple(
         (f"{name}, worst band", f"NRMSE {np.nanmax(n):.3g} from {chosen[0].bands.edges[int(np.nanargmax(n))]:.3g} Hz")
         for name, n in worst
         if np.isfinite(n).any()
     )
-    sentence = f"Residuals of the position of run {chosen[0].judged.run} by octave, beside the position itself."
+    sentence = f"Residuals of the position of run {chosen[0].accuracy.run} by octave, beside the position itself."
     return Stage("Where residuals live: frequency", sentence, numbers, plot=made)
 
 
@@ -164,19 +164,19 @@ def _over(chosen: Sequence[LocatedResidual], variable: str) -> Stage:
     for r, colour in zip(chosen, SERIES, strict=False):
         spread = r.over[variable]
         middle = (spread.edges[:-1] + spread.edges[1:]) / 2 * unit
-        name = f"{r.judged.model}, {NAMES[r.kind]}"
+        name = f"{r.accuracy.model}, {NAMES[r.kind]}"
         made.add_trace(line(middle, spread.rms * 1e6, name=name, colour=colour, mode="lines+markers"))
     numbers = tuple(
         (
-            f"{r.judged.model}, largest over smallest",
+            f"{r.accuracy.model}, largest over smallest",
             f"{np.nanmax(r.over[variable].rms) / np.nanmin(r.over[variable].rms):.3g}",
         )
         for r in chosen
         if np.isfinite(r.over[variable].rms).any()
     )
     sentence = (
-        f"RMS residual of the position of run {chosen[0].judged.run} in equally filled bins; a residual that is noise "
-        "is the same everywhere."
+        f"RMS residual of the position of run {chosen[0].accuracy.run} in equally filled bins; a residual that is "
+        "noise is the same everywhere."
     )
     return Stage(f"Where residuals live: {label.split(' in ')[0]}", sentence, numbers, plot=made)
 

@@ -8,8 +8,8 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.comparison import CompareSettings, analytic_table, compare, static_errors
-from msl_fem.comparison.judged import UNSTABLE, ModelAccuracy
-from msl_fem.comparison.verdict import comparison_verdict, judging_kind, score
+from msl_fem.comparison.accuracy import UNSTABLE, ModelAccuracy
+from msl_fem.comparison.compare import comparison_verdict, judging_kind, score
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import ModelHypothesis
@@ -36,7 +36,7 @@ def found(record, table, servo):
 
 
 def figures(found, kind, channel="position_m"):
-    return {(j.model, j.role): j.nrmse[kind] for j in found.judged if j.channel == channel}
+    return {(j.model, j.role): j.nrmse[kind] for j in found.accuracies if j.channel == channel}
 
 
 def test_all_models_are_there_and_the_true_ones_reach_the_floor(found):
@@ -64,7 +64,9 @@ def test_the_verdict_says_so(found):
 
 def test_the_residual_of_a_right_model_is_the_same_everywhere(found):
     by = {
-        r.judged.model: r for r in found.residuals if r.judged.role == "held-out" and r.judged.channel == "position_m"
+        r.accuracy.model: r
+        for r in found.residuals
+        if r.accuracy.role == "held-out" and r.accuracy.channel == "position_m"
     }
     for name, spread in by["coupled, re-fitted"].over.items():
         assert np.nanmax(spread.rms) < 1.4 * np.nanmin(spread.rms), name
@@ -181,7 +183,7 @@ def test_the_levitation_rig_is_followed_and_no_free_run_is_claimed(short_rig):
     for role in ("fit", "held-out"):
         assert 0 < one["coupled", role] < ten["coupled", role] < 1
         assert figures(found, "free_run")["coupled", role] is None
-    assert all(UNSTABLE in j.reason for j in found.judged)
+    assert all(UNSTABLE in j.reason for j in found.accuracies)
     assert found.models.refit.by == "one-step predictions"
     assert found.models.refit.far  # the table asks for more current than the ball needs: not within tolerances
     assert {s.quantity for s in found.static} == {"flux_linkage_Wb"}
@@ -190,7 +192,7 @@ def test_the_levitation_rig_is_followed_and_no_free_run_is_claimed(short_rig):
 @pytest.mark.parametrize("short_rig", ["emps"], indirect=True)
 def test_a_rig_without_magnets_runs_through(short_rig):
     found = compare(short_rig)
-    assert {j.model for j in found.judged} >= {"coupled", "coupled, re-fitted"}
+    assert {j.model for j in found.accuracies} >= {"coupled", "coupled, re-fitted"}
     assert figures(found, "ten_step")["coupled, re-fitted", "fit"] < figures(found, "ten_step")["coupled", "fit"]
     assert not found.static
     assert "ten samples ahead" in found.verdict

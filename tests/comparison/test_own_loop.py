@@ -11,7 +11,7 @@ sys.path.insert(0, str(ROOT / "tests" / "control"))
 from control_cases import TABLE, servo, servo_design
 
 from msl_fem.comparison import CompareSettings, compare, nrmse
-from msl_fem.comparison.own_loop import own_loop
+from msl_fem.comparison.models import own_loop
 from msl_fem.control.stepper import Stepper, stated
 from msl_fem.errors import InputError
 from msl_fem.plant.closed_run import simulate_closed
@@ -82,8 +82,8 @@ def test_compare_notes_a_loop_that_it_cannot_make_again() -> None:
         replace(short, controller={**short.controller, "gain": [0.0, 0.0, 0.0, 0.0]}), CompareSettings(table=TABLE)
     )
     assert any("closed loop: left out, controller.gain" in note for note in found.models.notes)
-    assert all(j.nrmse["closed_loop"] is None for j in found.judged)
+    assert all(j.nrmse["closed_loop"] is None for j in found.accuracies)
     found = compare(short, CompareSettings(table=TABLE))
-    closed = {j.model: j.nrmse["closed_loop"] for j in found.judged if j.channel == "position_m"}
+    closed = {j.model: j.nrmse["closed_loop"] for j in found.accuracies if j.channel == "position_m"}
     assert closed["coupled"] < 0.1
     assert closed["armax"] is None

@@ -119,7 +119,7 @@ def test_compare_judges_an_unstable_plant_in_closed_loop(bench: Actuator, table:
     record = looped_record(bench, table, noisy=True, roles=("fit", "held-out"))
     believed = shifted(bench, {"moving_mass": 1.02})
     found = compare(replace(record, actuator=believed), CompareSettings(table=table))
-    held = {j.model: j for j in found.judged if j.role == "held-out" and j.channel == "position_m"}
+    held = {j.model: j for j in found.accuracies if j.role == "held-out" and j.channel == "position_m"}
     closed = {name: j.nrmse["closed_loop"] for name, j in held.items()}
     assert all(held[name].nrmse["free_run"] is None for name in ("coupled", "coupled, re-fitted"))
     floor = next(f["nrmse"] for f in found.noise_floor() if f["role"] == "held-out" and f["channel"] == "position_m")
@@ -128,4 +128,4 @@ def test_compare_judges_an_unstable_plant_in_closed_loop(bench: Actuator, table:
     assert held["armax"].nrmse["closed_loop"] is None
     assert "closed_loop: armax takes currents" in held["armax"].reason
     assert "in closed loop" in found.verdict
-    assert all("nrmse_closed_loop" in row for row in found.fields()["models"])
+    assert all("nrmse_closed_loop" in row for row in found.to_json()["models"])
