@@ -16,7 +16,7 @@ from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.magnetics.kinds.e_core import e_core_section
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
 from msl_fem.magnetics.solver.tangent import SparseTangent
-from msl_fem.magnetics.sweep.rows import Job, Row, RowSolver
+from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
 
 ROOT = Path(__file__).parent.parent
 CURRENTS = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
@@ -50,10 +50,10 @@ def main() -> None:
     print("| unknowns | CPU ms a point | factorisation | Newton steps a point |\n| --- | --- | --- | --- |")
     for size, order in SIZES:
         mesh = triangulate(e_core_section(magnet, 3e-4), size)
-        solver = RowSolver(Job(magnet, mesh, actuator.folder, order))
-        solver.solve(Row(5e-4, CURRENTS[:1]))  # ordering and memory
+        solver = RowSolver(SweepJob(magnet, mesh, actuator.folder, order))
+        solver.solve(SweepRow(5e-4, CURRENTS[:1]))  # ordering and memory
         watch.seconds, started = 0.0, time.process_time()
-        row = solver.solve(Row(3e-4, CURRENTS))
+        row = solver.solve(SweepRow(3e-4, CURRENTS))
         spent = time.process_time() - started
         steps = row["newton_iterations"].mean()
         unknowns = solver.field().model.free.size

@@ -10,7 +10,7 @@ from msl_fem.actuator import load_actuator
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.magnetics.kinds.accuracy import LEVELS
 from msl_fem.magnetics.kinds.e_core import magnet_mesh
-from msl_fem.magnetics.sweep.rows import Job, Row, RowSolver
+from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
 
 ROOT = Path(__file__).parent.parent
 GAPS = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0)  # mm
@@ -22,8 +22,8 @@ def table(accuracy: str) -> dict[str, list[float]]:
     """All that a table stores at all points: forces by both routes, flux, coenergy, slopes, section flux densities."""
     actuator = load_actuator(ROOT / "geometries" / "e1.toml")
     mesh = magnet_mesh(actuator.e_core(), (GAPS[0] * GAPS[-1]) ** 0.5 * 1e-3, accuracy)
-    solver = RowSolver(Job(actuator.e_core(), mesh, actuator.folder, LEVELS[accuracy].order))
-    rows = [solver.solve(Row(gap * 1e-3, CURRENTS)) for gap in GAPS]
+    solver = RowSolver(SweepJob(actuator.e_core(), mesh, actuator.folder, LEVELS[accuracy].order))
+    rows = [solver.solve(SweepRow(gap * 1e-3, CURRENTS)) for gap in GAPS]
     return {name: [float(v) for row in rows for v in row[name]] for name in ("force", "flux_linkage", "coenergy")}
 
 

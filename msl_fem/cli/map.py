@@ -25,11 +25,11 @@ from msl_fem.cli.options import (
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say, write_json
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
 from msl_fem.cli.thermal_options import ThermalTexts, thermal_columns, thermal_fields, thermal_notes, thermal_request
+from msl_fem.computing.jobs import RowCache
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import check_target
 from msl_fem.magnetics.field_map import FieldMapSettings, decoupling_map, decoupling_positions, field_map
-from msl_fem.magnetics.sweep.cache import RowCache
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, default_grid, sweep
 from msl_fem.maps import MEAN, OperatingMap, map_to_json, operating_map, parse_criterion
 from msl_fem.table.magnetic_table import MagneticTable, read_table

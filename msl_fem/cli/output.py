@@ -2,7 +2,9 @@
 
 import contextlib
 import json
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,9 @@ from msl_fem.files.whole_file import whole_file
 ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
 COMPUTATION_FAILED, INPUT_WRONG, INTERRUPTED = 1, 2, 130
 LONGEST = 1200  # characters of an error's line
-GO_ON = "interrupted: files are whole; the same command again (table, map, tolerances, study: with --resume) goes on"
+INTERRUPTED_LINE = (
+    "interrupted: files are whole; the same command again (table, map, tolerances, study: with --resume) goes on"
+)
 
 
 def print_result(result: Mapping[str, Any], *, as_json: bool, title: str) -> None:
@@ -130,9 +134,13 @@ def say(text: str) -> None:
 
 
 def run_guarded(app: Callable[[], None]) -> int:
-    """The exit status of a command: 0 done, 1 the computation failed, 2 the input is wrong, 130 interrupted."""
+    """The exit status of a command: 0 done, 1 the computation failed, 2 the input is wrong, 130 interrupted.
+
+    SIGTERM, by which systems and batch queues end jobs, interrupts as Ctrl-C does.
+    """
     try:
-        app()
+        with _terminated_as_interrupted():
+            app()
     except InputError as err:
         say(f"error: {_one_line(err)}")
         return INPUT_WRONG
@@ -140,7 +148,7 @@ def run_guarded(app: Callable[[], None]) -> int:
         say(f"failed: {_one_line(err)}")
         return COMPUTATION_FAILED
     except KeyboardInterrupt:
-        say(GO_ON)
+        say(INTERRUPTED_LINE)
         return INTERRUPTED
     except BrokenPipeError:
         return COMPUTATION_FAILED
@@ -155,9 +163,21 @@ def run_guarded(app: Callable[[], None]) -> int:
         return COMPUTATION_FAILED
     except SystemExit as leaving:
         if leaving.code == INTERRUPTED:  # what typer makes of Ctrl-C
-            say(GO_ON)
+            say(INTERRUPTED_LINE)
         return leaving.code if isinstance(leaving.code, int) else (INPUT_WRONG if leaving.code else 0)
     return 0
+
+
+@contextlib.contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    if threading.current_thread() is not threading.main_thread():  # only that one may set handlers
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
 
 
 def _one_line(err: Exception) -> str:

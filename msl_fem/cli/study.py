@@ -9,11 +9,11 @@ from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json
 from msl_fem.cli.output import print_result, say, stages_bar, write_json
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
+from msl_fem.computing.jobs import RowCache
 from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target
 from msl_fem.identification import model_to_json
-from msl_fem.magnetics.sweep.cache import RowCache
 from msl_fem.maps import write_map
 from msl_fem.record import check_record_folder, write_record
 from msl_fem.report.page import write_page

@@ -10,10 +10,10 @@ from msl_fem.actuator import Actuator, ECore, load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json, read_options
 from msl_fem.cli.output import print_result, progress_bar, say
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
+from msl_fem.computing.jobs import RowCache
 from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
 from msl_fem.magnetics.kinds.e_core import check_grid
-from msl_fem.magnetics.sweep.cache import RowCache
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, default_grid, sweep
 from msl_fem.record import load_record
 from msl_fem.record.measured_table import table_from_measurements

@@ -1,6 +1,8 @@
 """The map's band: seeded, the same in any number of processes, linearised against solved, resumable."""
 
-from collections.abc import Iterator, Sequence
+import contextlib
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import pytest
 from tolerance_cases import HERE, job, nominal_of
 
 from msl_fem.actuator import Actuator
+from msl_fem.computing.jobs import Executor, RowCache, Workers
 from msl_fem.design.tolerances import (
     NAMES,
     Resources,
@@ -24,8 +27,6 @@ from msl_fem.design.tolerances import (
     tolerances_of,
 )
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.magnetics.sweep.cache import RowCache
-from msl_fem.magnetics.sweep.rows import Arrays, in_processes
 
 GAP = 0.4e-3
 JOB = job(nominal_of("fast_tool_servo", GAP), GAP, current=3.0, levels=(1.2,), sections=("centre_leg", "outer_leg"))
@@ -99,7 +100,7 @@ def test_each_section_is_linear_where_their_minimum_has_a_kink(study) -> None:  
 def test_processes_and_order_do_not_matter(study) -> None:  # type: ignore[no-untyped-def]
     wanted = [s.tolerance for s in study[1]]
     one = direct_band(JOB, wanted, HERE, samples=6, seed=5)
-    two = direct_band(JOB, wanted, Running(in_processes(2)), samples=6, seed=5)
+    two = direct_band(JOB, wanted, Running(Executor(2)), samples=6, seed=5)
     assert np.array_equal(one.low, two.low)
     assert np.array_equal(one.high, two.high)
     assert one.force == two.force
@@ -108,26 +109,33 @@ def test_processes_and_order_do_not_matter(study) -> None:  # type: ignore[no-un
 def test_finished_magnets_are_taken_up_again(tmp_path: Path) -> None:
     """An interrupted run goes on with what is missing, and with nothing else; without resume, all is solved anew."""
     deviations = [{"gap": k * 1e-6} for k in range(4)]
-    solved: list[int] = []
+    solved: list[Any] = []
 
-    def executor(work: Any, rows: Sequence[tuple[int, Any]]) -> Iterator[tuple[int, Arrays]]:
-        for n, arrays in HERE.executor(work, rows):
-            if len(solved) == 2:
-                raise KeyboardInterrupt
-            solved.append(n)
-            yield n, arrays
+    class Interrupted(Executor):
+        @contextlib.contextmanager
+        def open(self, job: Any, most: int) -> Iterator[Workers[Any, Any]]:
+            with super().open(job, most) as workers:
+
+                def wait(waiting: list[Any]) -> list[Any]:
+                    if len(solved) == 2:
+                        raise KeyboardInterrupt
+                    solved.extend(workers.wait(waiting))
+                    return solved[-1:]
+
+                yield replace(workers, wait=wait)
 
     cache = RowCache(tmp_path / "rows")
     with pytest.raises(KeyboardInterrupt):
-        answers(JOB, deviations, Running(executor, cache))
+        answers(JOB, deviations, Running(Interrupted(), cache))
     told: list[tuple[int, int]] = []
 
-    def count(work: Any, rows: Sequence[tuple[int, Any]]) -> Iterator[tuple[int, Arrays]]:
-        told.append((-1, len(rows)))
-        return HERE.executor(work, rows)
+    class Counted(Executor):
+        def open(self, job: Any, most: int) -> Any:
+            told.append((-1, most))
+            return super().open(job, most)
 
-    resumed = answers(JOB, deviations, Running(count, cache, True, lambda done, total: told.append((done, total))))
-    assert told == [(2, 4), (-1, 2), (3, 4), (4, 4)]
+    resumed = answers(JOB, deviations, Running(Counted(), cache, True, lambda done, total: told.append((done, total))))
+    assert told == [(-1, 2), (2, 4), (3, 4), (4, 4)]
     fresh = answers(JOB, deviations, HERE)
     assert [float(r["force"]) for r in resumed] == [float(r["force"]) for r in fresh]
     other = job(nominal_of("fast_tool_servo", GAP), GAP, current=3.1, levels=(1.2,))

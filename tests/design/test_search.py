@@ -17,13 +17,11 @@ import pytest
 from optuna.trial import TrialState
 from sizing_cases import envelope, judge
 
+from msl_fem.computing import jobs
 from msl_fem.design.sizing import Judge, SearchResult, SearchSettings, choose, pareto_front, search
-from msl_fem.design.sizing import judges as judges_module
 from msl_fem.design.sizing.judge import NOT_BUILT
-from msl_fem.design.sizing.judges import judged
 from msl_fem.design.sizing.search import GUESS
 from msl_fem.errors import InputError
-from msl_fem.magnetics.sweep import cluster as sweep_cluster
 
 REQUIREMENT = """
 schema = 1
@@ -127,9 +125,10 @@ def test_designs_outside_the_envelope_are_recorded_and_never_solved(
 
     def count(it: Judge, design: Any) -> Any:
         submitted.append(design)
-        return judged(it, design)
+        return solve(it, design)
 
-    monkeypatch.setattr(judges_module, "judged", count)
+    solve = Judge.solve
+    monkeypatch.setattr(Judge, "solve", count)
     it, file = judge(**envelope("48 mm", "44 mm", "50 mm")), tmp_path / "t.sqlite3"
     found = search(it, settings(file, 24))
     unbuilt = [t for t in found.trials if t.judged == NOT_BUILT]
@@ -241,8 +240,8 @@ def test_on_a_cluster_as_here(
 ) -> None:
     """The closed equations' designs have the same verdicts from a cluster's workers."""
     distributed = pytest.importorskip("distributed", reason="the extra 'cluster' (dask.distributed) is not installed")
-    monkeypatch.setattr(sweep_cluster, "CONNECT", LONG)
-    monkeypatch.setattr(sweep_cluster, "FIRST_WORKER", LONG)
+    monkeypatch.setattr(jobs, "CONNECT", LONG)
+    monkeypatch.setattr(jobs, "FIRST_WORKER", LONG)
     it, whole, _ = small
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50

@@ -5,10 +5,10 @@ from functools import lru_cache
 from pathlib import Path
 
 from msl_fem.actuator import Actuator, parse_actuator
+from msl_fem.computing.jobs import Executor
 from msl_fem.design.tolerances import MadeJob, Nominal, Questions, Running
 from msl_fem.magnetics.kinds.accuracy import LEVELS
 from msl_fem.magnetics.kinds.e_core import magnet_mesh
-from msl_fem.magnetics.sweep.rows import in_processes
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -42,4 +42,4 @@ def job(
     return MadeJob(drawn, Questions((gap,), levels, sections, 100.0, current, gap))
 
 
-HERE = Running(in_processes(1))
+HERE = Running(Executor())

@@ -13,7 +13,7 @@ from msl_fem.errors import ActuatorError, InputError
 from msl_fem.magnetics.kinds.accuracy import LEVELS, force_error_estimate
 from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section, field_of, magnet_mesh, solve
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
-from msl_fem.magnetics.sweep.rows import Job, Row, RowSolver
+from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
 
 POINTS = reference("reference.csv")
 LINEAR = reference("reference_linear.csv")
@@ -65,8 +65,8 @@ def test_estimates_are_honest_and_close_over_the_whole_reference(e1, accuracy, t
     for gap in np.unique(POINTS["gap_mm"]):
         rows = np.sort(POINTS[POINTS["gap_mm"] == gap], order="current_A")
         mesh = magnet_mesh(e1.e_core(), gap * 1e-3, accuracy)
-        solver = RowSolver(Job(e1.e_core(), mesh, e1.folder, level.order))
-        both = [solver.solve(Row(gap * 1e-3, tuple(rows["current_A"]), refine)) for refine in (False, True)]
+        solver = RowSolver(SweepJob(e1.e_core(), mesh, e1.folder, level.order))
+        both = [solver.solve(SweepRow(gap * 1e-3, tuple(rows["current_A"]), refine)) for refine in (False, True)]
         points = [
             [SimpleNamespace(force=f, coenergy=w) for f, w in zip(a["force"], a["coenergy"], strict=True)] for a in both
         ]

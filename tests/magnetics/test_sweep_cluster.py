@@ -14,8 +14,8 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.computing import jobs
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.magnetics.sweep import cluster as sweep_cluster
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, sweep
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -32,8 +32,8 @@ LONG = 300.0  # s: nobody waits so long, a loaded machine takes what it takes
 def patience() -> Iterator[None]:
     """Who is there is waited for as long as it takes; tests of those who are not wait less."""
     with pytest.MonkeyPatch.context() as patch, dask.config.set({"distributed.comm.timeouts.connect": f"{LONG:g}s"}):
-        patch.setattr(sweep_cluster, "CONNECT", LONG)
-        patch.setattr(sweep_cluster, "FIRST_WORKER", LONG)
+        patch.setattr(jobs, "CONNECT", LONG)
+        patch.setattr(jobs, "FIRST_WORKER", LONG)
         yield
 
 
@@ -98,7 +98,7 @@ def test_finished_rows_need_no_cluster(e1, undisturbed, tmp_path: Path) -> None:
 
 
 def test_lost_workers_are_said_and_rows_kept(e1, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sweep_cluster, "PATIENCE", 0.3)
+    monkeypatch.setattr(jobs, "PATIENCE", 0.3)
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
     ) as lonely:
@@ -116,7 +116,7 @@ def test_lost_workers_are_said_and_rows_kept(e1, tmp_path: Path, monkeypatch: py
             sweep(e1, *GRID, settings=settings, progress=leave)
         kept = len(list(tmp_path.glob("*.npz")))
         assert 1 <= kept < ROWS
-        monkeypatch.setattr(sweep_cluster, "FIRST_WORKER", 0.3)
+        monkeypatch.setattr(jobs, "FIRST_WORKER", 0.3)
         with pytest.raises(InputError, match=r"has no workers; start one with 'dask worker tcp://"):
             sweep(e1, *GRID, settings=settings)
     assert sweep(e1, *GRID, settings=dataclasses.replace(settings, scheduler=None))[1].reused_rows == kept
@@ -124,7 +124,7 @@ def test_lost_workers_are_said_and_rows_kept(e1, tmp_path: Path, monkeypatch: py
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:{port}", "nonsense://here:1", "nonsense", ""])
 def test_address_without_scheduler_is_an_input_error(e1, address: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sweep_cluster, "CONNECT", 0.5)
+    monkeypatch.setattr(jobs, "CONNECT", 0.5)
     with socket.socket() as taken:  # a port where nobody listens
         taken.bind(("127.0.0.1", 0))
         address = address.format(port=taken.getsockname()[1])

@@ -17,9 +17,9 @@ from conftest import ROOT
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.app import app
 from msl_fem.cli.output import run_guarded
+from msl_fem.computing.jobs import RowCache
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.kinds.e_core import MagnetField
-from msl_fem.magnetics.sweep.cache import RowCache
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 
@@ -73,20 +73,12 @@ def children(pid: int) -> set[int]:
 
 
 def pool_workers(pid: int) -> set[int]:
-    """Children that solve rows; the pool's bookkeeper of semaphores is another child."""
+    """Children that solve rows: copies of the process, under its command."""
+    command = Path(f"/proc/{pid}/cmdline").read_bytes()
     found = set()
     for n in children(pid):
         with contextlib.suppress(OSError):  # it has just gone
-            found |= {n} if b"spawn_main" in Path(f"/proc/{n}/cmdline").read_bytes() else set()
-    return found
-
-
-def importing(pid: int) -> set[int]:
-    """Those of the pool's workers that have come to their imports."""
-    found = set()
-    for n in pool_workers(pid):
-        with contextlib.suppress(OSError):
-            found |= {n} if b"numpy" in Path(f"/proc/{n}/maps").read_bytes() else set()
+            found |= {n} if Path(f"/proc/{n}/cmdline").read_bytes() == command else set()
     return found
 
 
@@ -139,14 +131,17 @@ def test_killed_sweep_goes_on_and_solves_no_finished_row_twice(workers, tmp_path
 
 
 @needs_proc
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["ctrl_c", "sigterm"])
 @pytest.mark.parametrize(("workers", "rows"), [("1", 2), ("2", 2), ("2", 0)])
-def test_ctrl_c_ends_with_130_and_one_line_that_says_how_to_go_on(workers, rows, tmp_path, undisturbed) -> None:
-    """In the middle, and while the worker processes start."""
+def test_interrupted_ends_with_130_and_one_line_that_says_how_to_go_on(
+    workers, rows, number, tmp_path, undisturbed
+) -> None:
+    """In the middle, and while the worker processes start; by Ctrl-C, or as systems and batch queues end jobs."""
     output = tmp_path / "t.nc"
     process = start(output, "--workers", workers)
-    wait_until(lambda: len(rows_of(output)) >= rows and (workers == "1" or len(importing(process.pid)) == 2))
+    wait_until(lambda: len(rows_of(output)) >= rows and (workers == "1" or len(pool_workers(process.pid)) == 2))
     helpers = children(process.pid)
-    os.killpg(process.pid, signal.SIGINT)
+    os.killpg(process.pid, number)
     out, err = process.communicate(timeout=LONG)
     assert process.returncode == 130
     assert out == ""
@@ -161,6 +156,19 @@ def test_ctrl_c_ends_with_130_and_one_line_that_says_how_to_go_on(workers, rows,
     assert kept >= rows
     assert finish(start(output, "--resume", "--workers", "1"))["reused_rows"] == kept
     assert largest_difference(read_table(output), undisturbed) < 1e-9
+
+
+@needs_proc
+def test_sigterm_to_the_command_alone_ends_its_processes_at_once(tmp_path) -> None:
+    output = tmp_path / "t.nc"
+    process = start(output, "--workers", "2")
+    wait_until(lambda: len(rows_of(output)) >= 1)
+    helpers = children(process.pid)
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=LONG)
+    assert process.returncode == 130
+    assert not any(map(alive, helpers))
+    assert leftovers(tmp_path) == []
 
 
 @needs_proc

@@ -7,7 +7,7 @@ from conftest import ROOT
 from msl_fem.actuator import load_actuator
 from msl_fem.magnetics.kinds.accuracy import LEVELS
 from msl_fem.magnetics.kinds.e_core import magnet_mesh, solve
-from msl_fem.magnetics.sweep.rows import Job, Row, RowSolver
+from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
 from msl_fem.table.magnetic_table import read_table
 
 TABLES = sorted((ROOT / "lookup_tables").glob("*.nc"))
@@ -36,11 +36,11 @@ def test_between_the_nodes_a_table_is_what_fields_say(path) -> None:
     table, actuator = read_table(path), load_actuator(ROOT / "geometries" / f"{path.stem}.toml")
     magnet, scale = actuator.e_core(), np.abs(table.nodes["force"]).max()
     mesh = magnet_mesh(magnet, float(np.sqrt(table.gap[0] * table.gap[-1])))
-    solver = RowSolver(Job(magnet, mesh, actuator.folder, LEVELS["normal"].order))
+    solver = RowSolver(SweepJob(magnet, mesh, actuator.folder, LEVELS["normal"].order))
     middle = (table.current[1:] + table.current[:-1]) / 2
     for m in (0, 1, table.gap.size // 2, table.gap.size - 2):
         gap = float(np.sqrt(table.gap[m] * table.gap[m + 1]))
-        fresh = solver.solve(Row(gap, tuple(middle.tolist())))["force"]
+        fresh = solver.solve(SweepRow(gap, tuple(middle.tolist())))["force"]
         off = np.abs(table.force(middle, gap) - fresh)
         assert off.max() < 1e-3 * scale
         assert (off[fresh > 1] / fresh[fresh > 1]).max() < 5e-3

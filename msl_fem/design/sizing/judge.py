@@ -11,6 +11,7 @@ from msl_fem.design.sizing.design import GRID, Design, building_constraints, mag
 from msl_fem.design.sizing.field_point import TOLERANCE, field_point
 from msl_fem.design.sizing.performance import Performance, PlanePoint, performance_constraints, wound
 from msl_fem.design.sizing.requirement import Objective, Requirement
+from msl_fem.errors import ComputationError
 from msl_fem.magnetics.kinds.accuracy import Accuracy
 from msl_fem.magnetics.kinds.e_core import SMALLEST_GAP
 from msl_fem.materials.material import laminated, load_iron
@@ -48,11 +49,26 @@ class Verdict:
         return total_violation(self.constraints)
 
 
+Outcome = Verdict | str
+"""A verdict, or why the design's field failed."""
+
+
 @dataclass(frozen=True)
 class Judge:
-    """Judges designs against one requirement; can be sent to another process."""
+    """Judges designs against one requirement; a job of designs, can be sent to another process."""
 
     requirement: Requirement
+
+    def solver(self) -> "Judge":
+        """Itself."""
+        return self
+
+    def solve(self, design: Design) -> Outcome:
+        """The field's verdict, or why there is none."""
+        try:
+            return self.by_field(design)
+        except ComputationError as err:
+            return str(err)
 
     @cached_property
     def irons(self) -> Irons:

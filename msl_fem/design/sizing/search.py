@@ -1,6 +1,5 @@
 """The search: designs asked from Optuna, judged by fields, told back; it goes on where an earlier run ended."""
 
-import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,12 +10,12 @@ from optuna.distributions import BaseDistribution
 from optuna.samplers import BaseSampler
 from optuna.trial import TrialState
 
+from msl_fem.computing.jobs import Executor, Progress, Workers
 from msl_fem.design.sizing.clash import refuse_clash
 from msl_fem.design.sizing.closed_search import ClosedSearch
 from msl_fem.design.sizing.design import Design
 from msl_fem.design.sizing.first_guess import first_guess
-from msl_fem.design.sizing.judge import SOLVED, Judge, Verdict, direction, objective_values
-from msl_fem.design.sizing.judges import Judges, Outcome, judges_here, judges_in_processes, judges_on_cluster
+from msl_fem.design.sizing.judge import SOLVED, Judge, Outcome, Verdict, direction, objective_values
 from msl_fem.design.sizing.parameters import Space, design_from, parameters_of, space_around
 from msl_fem.design.sizing.requirement import Objective
 from msl_fem.design.sizing.sampler import MixedSampler
@@ -38,9 +37,9 @@ from msl_fem.design.sizing.study_storage import (
 )
 from msl_fem.design.sizing.trial_record import VERDICT, JudgedTrial, verdict_attribute
 
-Progress = Callable[[int, int], None]
 GUESS, CLOSEST = "closed-form guess", "closed-form closest"
 """Names of the first designs."""
+GO_ON = "judged designs are kept: run the same command again"
 _PENALTY = 10.0  # of a relative violation, in the closed equations' search
 
 
@@ -95,16 +94,14 @@ def search(judge: Judge, settings: SearchSettings, *, progress: Progress | None 
         clear_abandoned(study)
         reused = count_judged(study)
         if reused < settings.trials:
-            with _judges(judge, settings) as judges:
-                _Run(study, judge, space, settings.trials, progress or (lambda *_: None)).go(judges)
+            with _executor(settings).open(judge, settings.trials - reused) as workers:
+                _Run(study, judge, space, settings.trials, progress or (lambda *_: None)).go(workers)
         trials = judged_trials(study)
         return SearchResult(space, tuple(trials), count_judged(study) - len(trials), reused)
 
 
-def _judges(judge: Judge, settings: SearchSettings) -> contextlib.AbstractContextManager[Judges]:
-    if settings.scheduler is not None:
-        return judges_on_cluster(judge, settings.scheduler)
-    return judges_here(judge) if settings.workers <= 1 else judges_in_processes(judge, settings.workers)
+def _executor(settings: SearchSettings) -> Executor:
+    return Executor(settings.workers, settings.scheduler, work="search", item="design", go_on=GO_ON)
 
 
 def _begun(
@@ -168,24 +165,24 @@ class _Run:
     trials: int
     tell_progress: Progress
 
-    def go(self, judges: Judges) -> None:
+    def go(self, workers: Workers[Design, Outcome]) -> None:
         """Ask, judge and tell until there are enough trials."""
         ranges = distributions(self.space)
         waiting: dict[Any, tuple[optuna.Trial, Design]] = {}
         judged = count_judged(self.study)
         self.tell_progress(judged, self.trials)
         while judged < self.trials or waiting:
-            while len(waiting) < judges.capacity and judged + len(waiting) < self.trials:
+            while len(waiting) < workers.capacity and judged + len(waiting) < self.trials:
                 trial = self.study.ask(ranges)
                 design = design_from(trial.params, self.space, self.judge)
                 refused = self.judge.not_built(design)
                 if refused is None:
-                    waiting[judges.submit(design)] = trial, design
+                    waiting[workers.submit(design)] = trial, design
                 else:
                     self._tell(trial, design, refused)
                     judged += 1
             if waiting:
-                for future in judges.wait(list(waiting)):
+                for future in workers.wait(list(waiting)):
                     self._tell(*waiting.pop(future), future.result())
             judged = count_judged(self.study)  # other processes may work on the storage as well
             self.tell_progress(min(judged, self.trials), self.trials)

@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.jobs import Arrays
 from msl_fem.design.tolerances.deviation import Tolerance
 from msl_fem.design.tolerances.rows import MadeJob, Running, answers
 from msl_fem.design.tolerances.sensitivity import Sensitivity
-from msl_fem.magnetics.sweep.rows import Arrays
 
-Array = NDArray[np.float64]
 PERCENTILES = (5.0, 95.0)
 MOST_MISSING = 0.05  # of the samples in which a level is not reached: the upper percentile is then unknown
 

@@ -7,21 +7,20 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
+from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, run_jobs
 from msl_fem.design.tolerances.deviation import NAMES
 from msl_fem.design.tolerances.made_magnet import Nominal, made_field
 from msl_fem.errors import ComputationError, NotConverged
 from msl_fem.magnetics.field_map.level_roots import Climb
 from msl_fem.magnetics.field_map.readings import reader_of
 from msl_fem.magnetics.kinds.e_core import MagnetField
-from msl_fem.magnetics.sweep.cache import RowCache, content_key
-from msl_fem.magnetics.sweep.rows import Arrays, Executor, Progress
+from msl_fem.magnetics.sweep.rows import field_key
 from msl_fem.maps.criterion import Criterion
 
-Array = NDArray[np.float64]
-SOLVER_VERSION = 1
+METHOD_VERSION = 1
 """Raised when a change of the code changes the answers: kept rows of another version are not used."""
 
 
@@ -68,22 +67,7 @@ class MadeJob:
     @cached_property
     def key(self) -> str:
         """What determines the answers, as a name."""
-        nominal, mesh = self.nominal, self.nominal.mesh
-        return content_key(
-            {
-                "magnet": nominal.magnet.model_dump(),
-                "irons": _curves(nominal),
-                "mesh": [mesh.gap, mesh.points.shape, mesh.points.sum(), nominal.order],
-                "questions": self.questions,
-                "solver": SOLVER_VERSION,
-            }
-        )
-
-
-def _curves(nominal: Nominal) -> dict[str, list[float]]:
-    """The irons' curves, which a name alone does not determine: a file may have changed."""
-    probe = np.linspace(0.0, 3.0, 601)
-    return {name: iron.magnetise(probe)[0].tolist() for name, iron in made_field(nominal, {}).irons.items()}
+        return field_key(made_field(self.nominal, {}), questions=self.questions, method=METHOD_VERSION)
 
 
 class MadeSolver:
@@ -94,10 +78,10 @@ class MadeSolver:
 
     @one_blas_thread
     def solve(self, row: Made) -> Arrays:
-        """force N, flux_linkage Wb and currents in A, nan where a level is not reached; or `failed`, why.
+        """force N, flux_linkage Wb and currents in A, nan where a level is not reached.
 
         Currents are `current` (n_level, n_gap) of the section that governs, or with `by_section` those of each,
-        `section_current` (n_section, n_level, n_gap).
+        `section_current` (n_section, n_level, n_gap). Raises ComputationError, which names the magnet.
         """
         started = time.process_time()
         asked = self.job.questions
@@ -112,7 +96,10 @@ class MadeSolver:
                 found = {"current": self._currents(field, field, off)}
             at = field.quantities(field.solve(asked.point_current, asked.point_gap + off))
         except (NotConverged, ComputationError, ValueError) as err:
-            return {"failed": np.array(str(err))}
+            raise ComputationError(
+                f"the magnet with {_told(row)} failed: {err}; make the tolerances smaller, or leave out the level or "
+                "gap; finished magnets are kept for --resume"
+            ) from err
         return found | {
             "force": np.array(at.force),
             "flux_linkage": np.array(at.flux_linkage),
@@ -156,31 +143,18 @@ def answers(
     ------
     ComputationError : a field did not converge, or a process died; what is finished is kept
     """
-    rows = [Made(tuple(float(d.get(name, 0.0)) for name in NAMES), by_section) for d in deviations]
-    keys = [content_key({"job": job.key, "deviation": row.deviation, "by_section": by_section}) for row in rows]
-    cache, tell = running.cache, running.progress or _silent
-    found: dict[int, Arrays] = {}
-    if cache is not None and running.resume:
-        found = {n: stored for n, key in enumerate(keys) if (stored := cache.get(key)) is not None}
-    tell(len(found), len(rows))
-    for n, arrays in running.executor(job, [(n, row) for n, row in enumerate(rows) if n not in found]):
-        if "failed" in arrays:
-            raise ComputationError(
-                f"the magnet with {_told(rows[n])} failed: {arrays['failed']}; make the tolerances smaller, or leave "
-                "out the level or gap; finished magnets are kept for --resume"
-            )
-        if cache is not None:
-            cache.put(keys[n], arrays)
-        found[n] = arrays
-        tell(len(found), len(rows))
-    return [found[n] for n in range(len(rows))]
+    return run_jobs(
+        job,
+        [Made(tuple(float(d.get(name, 0.0)) for name in NAMES), by_section) for d in deviations],
+        executor=running.executor,
+        cache=running.cache,
+        key=job.key if running.cache is not None else "",
+        resume=running.resume,
+        progress=running.progress,
+    )
 
 
 def _told(row: Made) -> str:
     return (
         ", ".join(f"{name} off by {d:.3g}" for name, d in zip(NAMES, row.deviation, strict=True) if d) or "no deviation"
     )
-
-
-def _silent(done: int, total: int) -> None:
-    """No progress is told."""

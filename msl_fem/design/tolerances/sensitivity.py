@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.jobs import Arrays
 from msl_fem.design.tolerances.deviation import Tolerance
 from msl_fem.design.tolerances.rows import MadeJob, Running, answers
-from msl_fem.magnetics.sweep.rows import Arrays
 
-Array = NDArray[np.float64]
 STEP = 0.01  # of the nominal value (of the smallest gap for the gap); halved once
 QUANTITIES = ("force", "flux_linkage", "section_current")
 

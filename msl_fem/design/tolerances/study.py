@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache
 from msl_fem.design.tolerances.band import Band, direct_band, draw, governing, linearised_answers, linearised_band
 from msl_fem.design.tolerances.deviation import Tolerance, tolerances_of
 from msl_fem.design.tolerances.made_magnet import Nominal, made_field
@@ -18,12 +20,9 @@ from msl_fem.magnetics.field_map.level_roots import Climb
 from msl_fem.magnetics.field_map.readings import reader_of
 from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.kinds.e_core import LARGEST_CURRENT_DENSITY, MagnetField, check_point, magnet_mesh
-from msl_fem.magnetics.sweep.cache import RowCache
-from msl_fem.magnetics.sweep.rows import Arrays, Progress, in_processes
 from msl_fem.maps import LEVELS as FLUX_DENSITIES
 from msl_fem.maps.criterion import Criterion
 
-Array = NDArray[np.float64]
 BEYOND_DRIVE = 4.0  # times the drive's limit: where a level is still looked for
 MOST_SAMPLES = 100_000
 LARGEST_LEVEL = 10.0  # T
@@ -118,7 +117,7 @@ def tolerance_study(
     magnet = actuator.e_core()
     mesh = magnet_mesh(magnet, float(np.sqrt(gaps[0] * gaps[-1])), settings.accuracy)
     nominal = Nominal(magnet, mesh, actuator.folder, LEVELS[settings.accuracy].order)
-    running = Running(in_processes(resources.workers), resources.cache, resources.resume, resources.progress)
+    running = Running(Executor(resources.workers), resources.cache, resources.resume, resources.progress)
     most = _most(actuator)
     drawn = made_field(nominal, {})
     point = settings.point or _point(actuator, drawn, settings.levels[0], most=most, gaps=gaps)

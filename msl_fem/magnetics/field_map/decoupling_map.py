@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.jobs import Arrays, Executor, Progress, failures, run_jobs
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field_map.decoupling_rows import PairJob, PairRow
 from msl_fem.magnetics.field_map.level_map import FieldMapSettings, field_map
-from msl_fem.magnetics.sweep.rows import Arrays, Progress, in_processes
 from msl_fem.maps import LEVELS
 from msl_fem.maps.level_currents import checked_levels
 
-Array = NDArray[np.float64]
 PAIRINGS = ("aiding", "opposing")
 N_POSITION = 5
 TOLERANCE = 0.01
@@ -168,7 +168,10 @@ def decoupling_map(
         )
         for p in range(position.size)
     ]
-    found = _solved(PairJob(actuator, settings.accuracy), rows, workers=settings.workers, progress=progress)
+    found = run_jobs(PairJob(actuator, settings.accuracy), rows, executor=Executor(settings.workers), progress=progress)
+    failed = failures(found)
+    if failed:
+        raise ComputationError(f"both sides at {len(failed)} of {len(rows)} positions: {failed[0]}")
     sides = actuator.sides
     return DecouplingMap(
         position=position,
@@ -219,20 +222,6 @@ def _currents(actuator: Actuator, gap: Array, level: Array, settings: FieldMapSe
     place = np.searchsorted(gaps, gap.round(12))
     by_level = np.concatenate([np.zeros((1, made.gap.size)), made.current])
     return np.moveaxis(by_level[:, place], 0, -1)
-
-
-def _solved(job: PairJob, rows: list[PairRow], *, workers: int, progress: Progress | None) -> list[Arrays]:
-    found: dict[int, Arrays] = {}
-    if progress:
-        progress(0, len(rows))
-    for n, arrays in in_processes(workers)(job, list(enumerate(rows))):
-        found[n] = arrays
-        if progress:
-            progress(len(found), len(rows))
-    failed = [str(arrays["failed"]) for arrays in found.values() if "failed" in arrays]
-    if failed:
-        raise ComputationError(f"both sides at {len(failed)} of {len(rows)} positions: {failed[0]}")
-    return [found[n] for n in range(len(rows))]
 
 
 def _linked_share(arrays: Arrays) -> Array:

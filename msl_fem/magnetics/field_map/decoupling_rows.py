@@ -3,17 +3,16 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
+from msl_fem.computing.jobs import Arrays
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.kinds.accuracy import Accuracy
 from msl_fem.magnetics.kinds.e_core import MagnetField, field_of
 from msl_fem.magnetics.kinds.two_sided import TwoSidedField, TwoSidedPosition
-from msl_fem.magnetics.sweep.rows import Arrays
 
-Array = NDArray[np.float64]
 SIGNS = (1.0, -1.0)
 """Of side 2's current: aiding, opposing."""
 

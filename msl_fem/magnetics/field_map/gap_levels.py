@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from msl_fem.actuator import ECore
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
+from msl_fem.computing.jobs import Arrays
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field_map.level_roots import Climb, Point, Root
 from msl_fem.magnetics.field_map.other_curves import other_curves
@@ -20,10 +21,9 @@ from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, NewtonSettings, solve_field
 from msl_fem.magnetics.solver.mesh import TriangleMesh, triangulate
 from msl_fem.magnetics.solver.postprocess import irons_on_tail
-from msl_fem.magnetics.sweep.rows import Arrays, Job
+from msl_fem.magnetics.sweep.rows import FieldJob
 from msl_fem.maps.criterion import MAX, Criterion
 
-Array = NDArray[np.float64]
 ENOUGH = 1e-5  # tolerance of a solution that serves an error's estimate
 CIRCLE_SIZE = 0.1  # of the radius of the criterion `max`: elements at the iron's corners
 CIRCLE_GROWTH: dict[str, float] = {"fast": 0.4, "normal": 0.25, "fine": 0.15}  # of these elements, at most
@@ -32,13 +32,13 @@ CIRCLE_ORDER = 3  # at least: |B| itself, near where it is singular, needs more 
 
 
 @dataclass(frozen=True)
-class LevelJob(Job):
-    """What a process needs to find the currents of levels: a sweep's job, the criterion, the mesh error's safety."""
+class LevelJob(FieldJob):
+    """What a process needs to find the currents of levels: a field's job, the criterion, the mesh error's safety."""
 
     criterion: Criterion = Criterion("mean")  # noqa: RUF009 - frozen
     safety: float = 2.0
 
-    def solver(self) -> "GapSolver":  # type: ignore[override]  # another kind of rows
+    def solver(self) -> "GapSolver":
         """The solver of the job's gaps."""
         return GapSolver(self)
 
@@ -83,7 +83,7 @@ class GapSolver:
 
     def __init__(self, job: LevelJob) -> None:
         self.job = job
-        self.field = MagnetField(job.magnet, job.mesh, folder=job.folder, order=job.order, end_effects=job.end_effects)
+        self.field = job.field()
         self._reader = reader_of(self.field, job.criterion)
 
     @cached_property

@@ -1,17 +1,16 @@
 """The operating map of an actuator's magnet by root finding on field solutions."""
 
-import datetime
 import math
-import platform
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, failures, run_jobs
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field_map.chords import chord_allowance, neighbours_counted
@@ -20,15 +19,11 @@ from msl_fem.magnetics.field_map.ranges import checked_gaps, default_gaps, drive
 from msl_fem.magnetics.kinds.accuracy import LEVELS as ACCURACIES
 from msl_fem.magnetics.kinds.accuracy import Accuracy
 from msl_fem.magnetics.kinds.e_core import MagnetField
-from msl_fem.magnetics.kinds.end_effects import METHOD as END_EFFECTS_METHOD
-from msl_fem.magnetics.sweep.cache import RowCache, content_key
-from msl_fem.magnetics.sweep.rows import Arrays, Progress, in_processes
-from msl_fem.magnetics.sweep.table_sweep import SOLVER_VERSION
+from msl_fem.magnetics.sweep.rows import field_key, field_provenance
 from msl_fem.maps import LEVELS, MEAN, OperatingMap, parse_criterion
 from msl_fem.maps.level_currents import checked_levels
 from msl_fem.maps.monotone import monotone_or_why_not
 
-Array = NDArray[np.float64]
 METHOD_VERSION = 1
 """Raised when a change of this package changes its answers: cached gaps of another version are not used."""
 END_MARGIN = 1.05  # the map ends so far beyond its largest current, where no drive says otherwise
@@ -103,48 +98,22 @@ def field_map(
     )
     field = GapSolver(job).field
     rows = [GapRow(float(g), tuple(wanted.tolist()), most) for g in gaps]
-    done = _solve_gaps(job, rows, key=_job_key(job, field), settings=settings, progress=progress)
-    return _assembled(actuator, job, field, rows=rows, done=done, criterion=criterion.strip(), settings=settings)
-
-
-def _solve_gaps(
-    job: LevelJob, rows: list[GapRow], *, key: str, settings: FieldMapSettings, progress: Progress | None
-) -> list[Arrays]:
-    """The arrays of each gap; finished ones go to the cache at once, and with `resume` come from it."""
     cache = RowCache(settings.cache) if settings.cache is not None else None
     if cache is not None:
         cache.check_writable()
-    keys = [content_key({"job": key, "gap": r.gap, "levels": r.levels, "most": r.most}) for r in rows]
-    stored = [cache.get(k) if cache is not None and settings.resume else None for k in keys]
-    found = {n: arrays for n, arrays in enumerate(stored) if arrays is not None}
-    if progress:
-        progress(len(found), len(rows))
-    missing = [(n, row) for n, row in enumerate(rows) if n not in found]
-    for n, arrays in in_processes(settings.workers)(job, missing):
-        found[n] = arrays
-        if cache is not None and "failed" not in arrays:
-            cache.put(keys[n], arrays)
-        if progress:
-            progress(len(found), len(rows))
-    failed = [str(found[n]["failed"]) for n in range(len(rows)) if "failed" in found[n]]
+    done = run_jobs(
+        job,
+        rows,
+        executor=Executor(settings.workers),
+        cache=cache,
+        key=field_key(field, criterion=[repr(where), job.safety], method=METHOD_VERSION),
+        resume=settings.resume,
+        progress=progress,
+    )
+    failed = failures(done)
     if failed:
         raise ComputationError(f"{len(failed)} of {len(rows)} gaps failed; first: {failed[0]}")
-    return [found[n] for n in range(len(rows))]
-
-
-def _job_key(job: LevelJob, field: MagnetField) -> str:
-    """What determines the answers of a gap: geometry, irons' curves, mesh, degree, criterion, solver."""
-    probe = np.linspace(0.0, 3.0, 3001)
-    return content_key(
-        {
-            "magnet": job.magnet.model_dump(),
-            "irons": {name: iron.magnetise(probe)[0].tolist() for name, iron in field.irons.items()},
-            "mesh": [job.mesh.gap, job.mesh.points.shape, job.mesh.points.sum(), job.order],
-            "criterion": [repr(job.criterion), job.safety],
-            "end_effects": END_EFFECTS_METHOD if job.end_effects else "",
-            "solver": [SOLVER_VERSION, METHOD_VERSION],
-        }
-    )
+    return _assembled(actuator, job, field, rows=rows, done=done, criterion=criterion.strip(), settings=settings)
 
 
 def _assembled(
@@ -247,23 +216,9 @@ def _provenance(
 ) -> dict[str, object]:
     return {
         "method": "root finding on field solutions: Newton's iteration on the current with dA/di",
-        "iron": {
-            name: f"{iron.name}, stacking {iron.stacking_factor:g}: {iron.source}" for name, iron in field.irons.items()
-        },
-        "mesh": {
-            "accuracy": settings.accuracy,
-            "degree": field.order,
-            "triangles": field.model.mesh.triangles.shape[1],
-            "unknowns": field.model.free.size,
-            "gap_m": field.model.mesh.gap,
-        },
         "mesh_error": f"change with one polynomial degree more, times a safety of {job.safety:g}",
         "bh_interpolation_error": "largest change with the monotone cubics of H over B and of B over H through the "
         "same points, or a third of that with every other point",
-        "end_effects": END_EFFECTS_METHOD if settings.end_effects else "none: plane section times stack depth",
         "drive_limit_A": limit,
-        "versions": {"python": platform.python_version()}
-        | {name: version(name) for name in ("msl-fem", "numpy", "scipy", "scikit-fem", "netgen-mesher", "qdldl")},
-        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
         "notes": list(notes),
-    }
+    } | field_provenance(field, settings.accuracy)

@@ -1,58 +1,33 @@
-"""Rows of a sweep (one gap, increasing currents), solved in this process or in several, each row once."""
+"""Rows of a sweep (one gap, increasing currents) as a job's work; what names and describes the field they come from."""
 
-import contextlib
-import multiprocessing
-import os
-import signal
-import threading
+import datetime
+import platform
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msl_fem.actuator import ECore
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.errors import ComputationError, NotConverged
-from msl_fem.magnetics.kinds.e_core import MagnetField
+from msl_fem.computing.jobs import Arrays, content_key
+from msl_fem.errors import NotConverged
+from msl_fem.magnetics.kinds.e_core import Accuracy, MagnetField
+from msl_fem.magnetics.kinds.end_effects import METHOD as END_EFFECTS_METHOD
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.magnetics.solver.mesh import TriangleMesh
-from msl_fem.magnetics.sweep.cache import RowCache, content_key
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION
 
-Array = NDArray[np.float64]
-Arrays = dict[str, Array]
-Progress = Callable[[int, int], None]
 SCALARS = (*NODES, *EXTRAS)
-
-
-class Solver(Protocol):
-    """What solves the rows of a job."""
-
-    def solve(self, row: Any) -> Arrays: ...
-
-
-class Work(Protocol):
-    """A job that a process can be given: it makes its own solver there."""
-
-    def solver(self) -> Solver: ...
-
-
-class Costly(Protocol):
-    """A row that says how much work it is, in solutions of the base model."""
-
-    @property
-    def cost(self) -> int: ...
+SOLVER_VERSION = 1
+"""Raised when a change of the field solver changes its answers: cached rows of another version are not used."""
 
 
 @dataclass(frozen=True)
-class Job:
-    """What a process needs to solve rows: the magnet and its meshes' sizes are in the mesh already."""
+class FieldJob:
+    """What a process needs to make a magnet's field: the meshes' sizes are in the mesh already."""
 
     magnet: ECore
     mesh: TriangleMesh
@@ -60,13 +35,24 @@ class Job:
     order: int
     end_effects: bool = False
 
+    def field(self, refine: bool = False) -> MagnetField:
+        """The field model of the job's degree, or of one more."""
+        return MagnetField(
+            self.magnet, self.mesh, folder=self.folder, order=self.order + refine, end_effects=self.end_effects
+        )
+
+
+@dataclass(frozen=True)
+class SweepJob(FieldJob):
+    """A job of `SweepRow`s."""
+
     def solver(self) -> "RowSolver":
         """The solver of the job's rows."""
         return RowSolver(self)
 
 
 @dataclass(frozen=True)
-class Row:
+class SweepRow:
     """One gap (m) and its currents (A), increasing; `refine` solves with one polynomial degree more."""
 
     gap: float
@@ -79,29 +65,22 @@ class Row:
         return len(self.currents) * (4 if self.refine else 1)
 
 
-Executor = Callable[[Work, Sequence[tuple[int, Any]]], Iterator[tuple[int, Arrays]]]
-"""Solves numbered rows of a job and yields each row's number and arrays as soon as it is finished, in any order."""
-
-
 class RowSolver:
     """Solves rows of a job; the model, and the refined one where it is needed, are made once."""
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: SweepJob) -> None:
         self.job = job
         self._fields: dict[bool, MagnetField] = {}
 
     def field(self, refine: bool = False) -> MagnetField:
         """The field model of the job's degree, or of one more."""
         if refine not in self._fields:
-            job = self.job
-            self._fields[refine] = MagnetField(
-                job.magnet, job.mesh, folder=job.folder, order=job.order + refine, end_effects=job.end_effects
-            )
+            self._fields[refine] = self.job.field(refine)
         return self._fields[refine]
 
     @one_blas_thread
-    def solve(self, row: Row) -> Arrays:
-        """Arrays (n_current,) of a row's quantities; a point that does not converge is nan.
+    def solve(self, row: SweepRow) -> Arrays:
+        """Arrays (n_current,) of a row's quantities; a point that does not converge is nan, and named in `failed`.
 
         Along the row each field starts from the tangent prediction of the one before; a point that fails from there
         is tried once more from zero.
@@ -109,20 +88,23 @@ class RowSolver:
         started = time.process_time()
         field = self.field(row.refine)
         points: list[dict[str, float]] = []
-        state: tuple[Array, Array, float] | None = None
+        failed: list[str] = []
+        last: tuple[Array, Array, float] | None = None
         for current in row.currents:
-            start = state[0] + state[1] * (current - state[2]) if state is not None else None
+            start = None if last is None else last[0] + last[1] * (current - last[2])
             try:
                 solution = _solve_from(field, current, row.gap, start)
             except NotConverged:
+                failed.append(f"{current:g} A at {row.gap * 1e3:g} mm")
                 points.append({})
-                state = None
+                last = None
                 continue
             points.append(_numbers(field, solution))
-            state = (solution.potential, field.slope(solution), current)
+            last = (solution.potential, field.slope(solution), current)
         names = dict.fromkeys(name for point in points for name in point)
-        arrays = {name: np.array([point.get(name, np.nan) for point in points]) for name in names or ("force",)}
-        return arrays | {"cpu_seconds": np.array(time.process_time() - started)}
+        arrays = {name: np.array([point.get(name, np.nan) for point in points]) for name in names}
+        arrays["cpu_seconds"] = np.array(time.process_time() - started)
+        return arrays | ({"failed": np.array(failed)} if failed else {})
 
 
 def _solve_from(field: MagnetField, current: float, gap: float, start: Array | None) -> FieldSolution:
@@ -142,111 +124,38 @@ def _numbers(field: MagnetField, solution: FieldSolution) -> dict[str, float]:
     return numbers | {"tail": float(bool(quantities.rests_on_tail)), "newton_iterations": len(solution.trail)}
 
 
-def solve_rows(
-    job: Job,
-    rows: list[Row],
-    *,
-    executor: Executor,
-    cache: RowCache | None,
-    key: str,
-    resume: bool,
-    progress: Progress | None,
-) -> list[Arrays]:
-    """The rows' arrays, in order; finished rows go to the cache at once, and with `resume` come from it.
+def field_key(field: MagnetField, **more: object) -> str:
+    """A name for all that determines a field's answers: geometry, irons' curves, mesh, degree, solver; and for `more`.
 
-    Raises
-    ------
-    ComputationError : the executor lost what it runs on; finished rows are in the cache
+    A curve is told by its values, as a file of the same name may have changed.
     """
-    keys = [content_key({"job": key, "gap": r.gap, "currents": r.currents, "refine": r.refine}) for r in rows]
-    found: dict[int, Arrays] = {}
-    if cache is not None and resume:
-        for n, row_key in enumerate(keys):
-            stored = cache.get(row_key)
-            if stored is not None:
-                found[n] = stored | {"reused": np.array(True)}
-    missing = [n for n in range(len(rows)) if n not in found]
-    if progress:
-        progress(len(found), len(rows))
-    for n, arrays in executor(job, [(n, rows[n]) for n in missing]):
-        if cache is not None and np.isfinite(arrays["force"]).all():
-            cache.put(keys[n], arrays)
-        found[n] = arrays
-        if progress:
-            progress(len(found), len(rows))
-    return [found[n] for n in range(len(rows))]
+    probe = np.linspace(0.0, 3.0, 3001)
+    mesh = field.model.mesh
+    content = {
+        "magnet": field.magnet.model_dump(),
+        "irons": {name: iron.magnetise(probe)[0].tolist() for name, iron in field.irons.items()},
+        "mesh": [mesh.gap, mesh.points.shape, mesh.points.sum(), field.order],
+        "end_effects": END_EFFECTS_METHOD if field.end_effects else "",
+        "solver": SOLVER_VERSION,
+    }
+    return content_key(content | more)
 
 
-def in_processes(workers: int) -> Executor:
-    """The executor on this machine: so many processes; 1 solves in this process."""
-    return lambda job, rows: (
-        _solve_here(job, rows) if workers <= 1 or len(rows) < 2 else _solve_in_pool(job, rows, workers)
-    )
-
-
-def dearest_first(rows: Sequence[tuple[int, Costly]]) -> list[tuple[int, Costly]]:
-    """The order in which no process waits for a late, dear row."""
-    return sorted(rows, key=lambda item: -item[1].cost)
-
-
-def _solve_here(job: Work, rows: Sequence[tuple[int, Any]]) -> Iterator[tuple[int, Arrays]]:
-    solver = job.solver()
-    for n, row in rows:
-        yield n, solver.solve(row)
-
-
-def _solve_in_pool(job: Work, rows: Sequence[tuple[int, Any]], workers: int) -> Iterator[tuple[int, Arrays]]:
-    pool = ProcessPoolExecutor(
-        min(workers, len(rows)),
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start_worker,
-        initargs=(job,),
-    )
-    try:
-        with deaf_children():
-            futures = {pool.submit(_solve_in_worker, row): n for n, row in dearest_first(rows)}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    except BrokenProcessPool as err:
-        raise ComputationError(
-            "a worker process of the sweep died (out of memory, or killed); finished rows are kept: "
-            "run again with --resume, with fewer --workers if memory is short"
-        ) from err
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-@contextlib.contextmanager
-def deaf_children() -> Iterator[None]:
-    """Processes started in the block never hear Ctrl-C: the parent alone answers it, and ends them."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-_worker: Solver | None = None
-
-
-def _start_worker(job: Work) -> None:
-    global _worker
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=end_with_parent, daemon=True).start()
-    _worker = job.solver()
-
-
-def end_with_parent() -> None:
-    """Leave when the parent was killed: a worker that waits for rows would wait for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-def _solve_in_worker(row: Any) -> Arrays:
-    assert _worker is not None, "the pool's initialiser has run"
-    return _worker.solve(row)
+def field_provenance(field: MagnetField, accuracy: Accuracy) -> dict[str, object]:
+    """What a table or map from a field states of it: irons, mesh, end effects, versions and date."""
+    libraries = ("msl-fem", "numpy", "scipy", "scikit-fem", "netgen-mesher", "qdldl")
+    return {
+        "iron": {
+            name: f"{iron.name}, stacking {iron.stacking_factor:g}: {iron.source}" for name, iron in field.irons.items()
+        },
+        "mesh": {
+            "accuracy": accuracy,
+            "degree": field.order,
+            "triangles": field.model.mesh.triangles.shape[1],
+            "unknowns": field.model.free.size,
+            "gap_m": field.model.mesh.gap,
+        },
+        "end_effects": END_EFFECTS_METHOD if field.end_effects else "none: plane section times stack depth",
+        "versions": {"python": platform.python_version()} | {name: version(name) for name in libraries},
+        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
+    }

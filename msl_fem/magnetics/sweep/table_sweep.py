@@ -1,29 +1,22 @@
 """A (gap, current) grid of field solutions to a MagneticTable with its errors stated."""
 
-import datetime
-import platform
 import time
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, run_jobs
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.kinds.e_core import MagnetField, check_grid, check_point, magnet_mesh
-from msl_fem.magnetics.kinds.end_effects import METHOD as END_EFFECTS_METHOD
-from msl_fem.magnetics.sweep.cache import RowCache, content_key
-from msl_fem.magnetics.sweep.cluster import on_cluster
-from msl_fem.magnetics.sweep.rows import SECTION, Arrays, Job, Progress, Row, RowSolver, in_processes, solve_rows
-from msl_fem.table.magnetic_table import EXTRAS, NODES, MagneticTable
+from msl_fem.magnetics.sweep.rows import SweepJob, SweepRow, field_key, field_provenance
+from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION, MagneticTable
 
-Array = NDArray[np.float64]
 DEFAULT_GAPS, DEFAULT_CURRENTS = 14, 34
-SOLVER_VERSION = 1
-"""Raised when a change of the field solver changes its answers: cached rows of another version are not used."""
 
 
 @dataclass(frozen=True)
@@ -118,45 +111,41 @@ def sweep(
     started = time.process_time()
     magnet, level = actuator.e_core(), LEVELS[settings.accuracy]
     mesh = magnet_mesh(magnet, float(np.sqrt(gap[0] * gap[-1])), settings.accuracy)
-    job = Job(magnet, mesh, actuator.folder, level.order, settings.end_effects)
-    field = RowSolver(job).field()
-    groups = (
-        [Row(float(g), tuple(current.tolist())) for g in gap],
-        _between_nodes(gap, current),
-        [
-            Row(float(gap[m]), (float(current[n // 2]), float(current[n])), refine=True)
-            for m, n in _corners(gap, current)
-        ],
-    )
+    job = SweepJob(magnet, mesh, actuator.folder, level.order, settings.end_effects)
+    field = job.field()
+    nodes = [SweepRow(float(g), tuple(current.tolist())) for g in gap]
+    between = _between_nodes(gap, current)
+    refined = _corners(gap, current)
     cache = RowCache(settings.cache) if settings.cache is not None else None
     if cache is not None:
         cache.check_writable()
-    done = solve_rows(
+    done = run_jobs(
         job,
-        [row for group in groups for row in group],
-        executor=in_processes(settings.workers) if settings.scheduler is None else on_cluster(settings.scheduler),
+        [*nodes, *between, *refined],
+        executor=Executor(settings.workers, settings.scheduler),
         cache=cache,
-        key=_job_key(field, settings),
+        key=field_key(field),
         resume=settings.resume,
         progress=progress,
     )
-    n_gap, n_check = len(groups[0]), len(groups[1])
-    grid, checks, refined = done[:n_gap], done[n_gap : n_gap + n_check], done[n_gap + n_check :]
-    _refuse_failures([row for group in groups for row in group], done)
-    stored = [name for name in grid[0] if name in NODES or name in EXTRAS or name.startswith(SECTION)]
-    arrays = {name: np.stack([row[name] for row in grid]) for name in stored}
-    table = MagneticTable(
-        gap, current, {k: arrays[k] for k in NODES}, {k: v for k, v in arrays.items() if k not in NODES}
-    )
-    mesh_error = level.safety * _mesh_error(table, groups[2], refined)
-    interpolation_error, reciprocity_error = _interpolation_error(table, groups[1], checks)
+    _refuse_failures(done)
+    grid = done[: len(nodes)]
+    table = _table(gap, current, grid)
+    mesh_error = level.safety * _mesh_error(table, refined, done[-len(refined) :])
+    interpolation_error, reciprocity_error = _interpolation_error(table, between, done[len(nodes) : -len(refined)])
     notes = _notes(field, grid, gap, current)
     table = replace(
         table,
         mesh_error=mesh_error,
         interpolation_error=interpolation_error,
         reciprocity_error=reciprocity_error,
-        provenance=_provenance(actuator, field, settings=settings, notes=notes),
+        provenance={
+            "actuator": actuator.name,
+            "actuator_sha256": actuator.digest,
+            "solver": "plane A_z, damped Newton with exact tangent, virtual work",
+            "notes": list(notes),
+        }
+        | field_provenance(field, settings.accuracy),
     )
     elsewhere = settings.workers > 1 or settings.scheduler is not None
     in_workers = sum(float(row["cpu_seconds"]) for row in done if "reused" not in row) if elsewhere else 0.0
@@ -195,21 +184,30 @@ def _checked_grid(actuator: Actuator, gaps: ArrayLike, currents: ArrayLike) -> t
     return gap, current
 
 
-def _between_nodes(gap: Array, current: Array) -> list[Row]:
+def _between_nodes(gap: Array, current: Array) -> list[SweepRow]:
     """Rows midway between the gaps, each at every other midpoint of the currents, staggered."""
     middle = (current[:-1] + current[1:]) / 2
     return [
-        Row(float(np.sqrt(a * b)), tuple(middle[m % 2 :: 2].tolist() or middle.tolist()))
+        SweepRow(float(np.sqrt(a * b)), tuple(middle[m % 2 :: 2].tolist() or middle.tolist()))
         for m, (a, b) in enumerate(zip(gap[:-1], gap[1:], strict=True))
     ]
 
 
-def _corners(gap: Array, current: Array) -> list[tuple[int, int]]:
-    """Node indices of the smallest, a middle and the largest gap, at the largest current."""
-    return [(m, current.size - 1) for m in sorted({0, gap.size // 2, gap.size - 1})]
+def _corners(gap: Array, current: Array) -> list[SweepRow]:
+    """Refined rows at the smallest, a middle and the largest gap: a middle current and the largest one."""
+    currents = (float(current[(current.size - 1) // 2]), float(current[-1]))
+    return [SweepRow(float(gap[m]), currents, refine=True) for m in sorted({0, gap.size // 2, gap.size - 1})]
 
 
-def _mesh_error(table: MagneticTable, rows: list[Row], refined: list[Arrays]) -> float:
+def _table(gap: Array, current: Array, grid: list[Arrays]) -> MagneticTable:
+    """The table of the nodes' rows."""
+    stored = [name for name in grid[0] if name in NODES or name in EXTRAS or name.startswith(SECTION)]
+    arrays = {name: np.stack([row[name] for row in grid]) for name in stored}
+    nodes = {name: arrays[name] for name in NODES}
+    return MagneticTable(gap, current, nodes, {name: arrays[name] for name in stored if name not in NODES})
+
+
+def _mesh_error(table: MagneticTable, rows: list[SweepRow], refined: list[Arrays]) -> float:
     """Largest change of the force with one degree more, of the table's largest force."""
     change = 0.0
     for row, fine in zip(rows, refined, strict=True):
@@ -219,7 +217,7 @@ def _mesh_error(table: MagneticTable, rows: list[Row], refined: list[Arrays]) ->
     return change / float(np.abs(table.nodes["force"]).max())
 
 
-def _interpolation_error(table: MagneticTable, rows: list[Row], checks: list[Arrays]) -> tuple[float, float]:
+def _interpolation_error(table: MagneticTable, rows: list[SweepRow], checks: list[Arrays]) -> tuple[float, float]:
     """Largest difference of force, of full scale; and of force or flux linkage, each of its full scale."""
     error = {"force": 0.0, "flux_linkage": 0.0}
     for row, check in zip(rows, checks, strict=True):
@@ -230,14 +228,8 @@ def _interpolation_error(table: MagneticTable, rows: list[Row], checks: list[Arr
     return relative["force"], max(relative.values())
 
 
-def _refuse_failures(rows: list[Row], solved: list[Arrays]) -> None:
-    failed = [
-        f"{i:g} A at {row.gap * 1e3:g} mm"
-        for row, arrays in zip(rows, solved, strict=True)
-        for i, force in zip(row.currents, arrays.get("force", np.full(len(row.currents), np.nan)), strict=True)
-        if not np.isfinite(force)
-    ]
-    failed = list(dict.fromkeys(failed))
+def _refuse_failures(done: list[Arrays]) -> None:
+    failed = list(dict.fromkeys(str(point) for row in done if "failed" in row for point in row["failed"]))
     if failed:
         raise ComputationError(
             f"{len(failed)} points of the sweep did not converge ({', '.join(failed[:5])}"
@@ -256,44 +248,3 @@ def _notes(field: MagnetField, grid: list[Arrays], gap: Array, current: Array) -
             f"(first at {current[n]:.3g} A, gap {gap[m] * 1e3:.3g} mm); there the saturation tail is used"
         )
     return tuple(notes)
-
-
-def _job_key(field: MagnetField, settings: SweepSettings) -> str:
-    """What determines the answers: geometry, irons' curves, mesh, degree, solver."""
-    probe = np.linspace(0.0, 3.0, 3001)
-    irons = {name: iron.magnetise(probe)[0].tolist() for name, iron in field.irons.items()}
-    mesh = field.model.mesh
-    return content_key(
-        {
-            "magnet": field.magnet.model_dump(),
-            "irons": irons,
-            "mesh": [mesh.gap, mesh.points.shape, mesh.points.sum(), LEVELS[settings.accuracy]],
-            "solver": [SOLVER_VERSION, field.order],
-        }
-        | ({"end_effects": END_EFFECTS_METHOD} if field.end_effects else {})
-    )
-
-
-def _provenance(
-    actuator: Actuator, field: MagnetField, *, settings: SweepSettings, notes: tuple[str, ...]
-) -> dict[str, object]:
-    return {
-        "actuator": actuator.name,
-        "actuator_sha256": actuator.digest,
-        "iron": {
-            name: f"{iron.name}, stacking {iron.stacking_factor:g}: {iron.source}" for name, iron in field.irons.items()
-        },
-        "mesh": {
-            "accuracy": settings.accuracy,
-            "degree": field.order,
-            "triangles": field.model.mesh.triangles.shape[1],
-            "unknowns": field.model.free.size,
-            "gap_m": field.model.mesh.gap,
-        },
-        "solver": "plane A_z, damped Newton with exact tangent, virtual work",
-        "end_effects": END_EFFECTS_METHOD if field.end_effects else "none: plane section times stack depth",
-        "versions": {"python": platform.python_version()}
-        | {name: version(name) for name in ("msl-fem", "numpy", "scipy", "scikit-fem", "netgen-mesher", "qdldl")},
-        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
-        "notes": list(notes),
-    }
