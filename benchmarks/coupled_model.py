@@ -17,14 +17,14 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import RegularGridInterpolator
 
 from msl_fem.actuator import load_actuator
-from msl_fem.plant import PlantParameters, Surface, kernel, plant_parameters, surface_of
+from msl_fem.plant import PlantParameters, Surface, kernel, layout, plant_parameters, surface_of
 from msl_fem.plant.effects import CATALOGUE, EffectValues
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.extended import effect_coefficients
 from msl_fem.plant.inputs import Inputs, excitation_inputs
 from msl_fem.plant.lane_run import LaneSettings, run_lanes
+from msl_fem.plant.layout import initial_state
 from msl_fem.plant.starting import start_effects
-from msl_fem.plant.state import initial_state
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 ROOT = Path(__file__).parent.parent
@@ -56,7 +56,7 @@ def single(surface: Surface, plant: PlantParameters, inputs: Inputs, effects: Ef
     step = 1 / (RATE * SUBSTEPS)
     e = None if effects is None else effect_coefficients(plant, surface, effects, step=step, n_step=SUBSTEPS)
     commands, push = inputs.for_sides(2), np.zeros(inputs.time.size)
-    out = np.empty((commands.shape[0], kernel.N_OUT))
+    out = np.empty((commands.shape[0], layout.N_OUT))
 
     def work() -> np.ndarray:
         state = initial_state(plant, 0.0, 0.0, 0.0, 0.0)

@@ -31,7 +31,7 @@ from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.effects import CATALOGUE
-from msl_fem.plant.excitation import Excitation
+from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.table.magnetic_table import read_table
 
 HERE = Path(__file__).parent

@@ -20,7 +20,8 @@ from msl_fem.plant import (
     simulation_record,
 )
 from msl_fem.plant.closed_run import simulate_closed
-from msl_fem.plant.excitation import Excitation, load_excitations
+from msl_fem.plant.excitation import load_excitations
+from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.plant.inputs import DRIVE_UNIT
 from msl_fem.record import check_record_folder, write_record

@@ -19,9 +19,30 @@ from numba.extending import intrinsic, lower_builtin, models, register_model
 from msl_fem.computing.compiled import compiled
 
 LANES = 8
+
 Value = Any  # a number, or one a lane
 Flag = Any  # a truth value, or one a lane
 Rows = Any  # the rows of an array, by its address
+
+
+class Layout:
+    """Hands out the rows of an array one after the other: whoever wants a row names it, and nobody counts.
+
+    Its rows follow those of another layout, if one is given.
+    """
+
+    def __init__(self, *, after: "Layout | None" = None) -> None:
+        self.size: int = after.size if after else 0
+
+    def row(self, size: int = 1) -> int:
+        """The next row, or the first of the next `size` rows."""
+        self.size += size
+        return self.size - size
+
+    def rows(self, count: int, size: int = 1) -> list[int]:
+        """The next `count` rows, or the first of each of as many blocks."""
+        return [self.row(size) for _ in range(count)]
+
 
 _DOUBLE, _INDEX = ir.DoubleType(), ir.IntType(32)
 _VECTOR, _BITS = ir.VectorType(_DOUBLE, LANES), ir.VectorType(ir.IntType(1), LANES)

@@ -26,6 +26,16 @@ from msl_fem.control.inverse import force_limits
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.layout import (
+    COIL_1,
+    COIL_2,
+    I1,
+    I2,
+    NOT_FINITE,
+    OK,
+    OUTSIDE_RANGE,
+    X,
+)
 from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
 from msl_fem.plant.plant_in_loop import (
     N_READING,
@@ -36,7 +46,6 @@ from msl_fem.plant.plant_in_loop import (
     read,
     reading_noise,
 )
-from msl_fem.plant.state import COIL_1, COIL_2, I1, I2, NOT_FINITE, OK, OUTSIDE_RANGE, X
 from msl_fem.table.magnetic_table import MagneticTable
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from msl_fem.diagnosis.fit import Fit
 from msl_fem.diagnosis.simulator import Problem
 from msl_fem.diagnosis.table_error import corrected, scaled
 from msl_fem.diagnosis.unknowns import EffectUnknown, factor
-from msl_fem.plant.effects import POSITION, EffectValues, find_parameter, from_vector
+from msl_fem.plant.effects import PARAMETER_INDEX, EffectValues, find_parameter, from_vector
 from msl_fem.prediction import ModelHypothesis
 from msl_fem.prediction.hypothesis import believed_value
 
@@ -49,10 +49,10 @@ def extended_belief(belief: ModelHypothesis, problem: Problem, found: Fit) -> Mo
         table = scaled(table, scale)
     vector = found.unknowns.effect_vector(found.z)
     gain = factors.get("position_gain", 1.0)
-    place = POSITION["position_sensor_nonlinearity", "gain_error"]
+    place = PARAMETER_INDEX["position_sensor_nonlinearity", "gain_error"]
     vector[place] = gain * (1.0 + vector[place]) - 1.0
     for key in _READ:
-        vector[POSITION[key]] *= gain
+        vector[PARAMETER_INDEX[key]] *= gain
     return ModelHypothesis(fitted_actuator(belief.actuator, factors), table, _used(vector))
 
 

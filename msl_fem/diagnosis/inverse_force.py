@@ -17,9 +17,8 @@ from scipy.signal import butter, sosfiltfilt
 from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
 from msl_fem.plant import PlantParameters
-from msl_fem.plant.coefficients import N_STOP
-from msl_fem.plant.effects import POSITION as PLACE
-from msl_fem.plant.effects.lags import pole_and_delay, position_delay
+from msl_fem.plant.effects import PARAMETER_INDEX
+from msl_fem.plant.effects.mechanisms import N_STOP, pole_and_delay, position_delay
 from msl_fem.prediction import RunData
 from msl_fem.prediction.run_data import POSITION_COLUMN
 
@@ -98,7 +97,7 @@ def missing_force(plant: PlantParameters, data: RunData, effects: Array, *, gain
     effects : (N_PARAMETER,) of the catalogue
     gain : position reading over position, beside the effects
     """
-    v = {key: float(effects[n]) for key, n in PLACE.items()}
+    v = {key: float(effects[n]) for key, n in PARAMETER_INDEX.items()}
     time = data.time
     motion = measured_motion(plant, data, v, gain=gain, low_pass=low_pass)
     return applied_force(data, v) + _push(plant, v, time) - needed_force(plant, v, motion)

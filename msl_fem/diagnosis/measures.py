@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from msl_fem.diagnosis.separation import Measure
 from msl_fem.diagnosis.simulator import Problem
 from msl_fem.plant import static_map
-from msl_fem.plant.effects import POSITION, from_vector
+from msl_fem.plant.effects import PARAMETER_INDEX, from_vector
 
 Array = NDArray[np.float64]
 GAUGE_BLOCK, SCALES, OHMMETER, LOAD_CELL = 2e-4, 2e-4, 1e-3, 2e-3
@@ -18,7 +18,7 @@ cell and a gap set by shims."""
 
 def beside_a_run(problem: Problem) -> Iterator[Measure]:
     """The measurements that a rig allows."""
-    gain = POSITION["position_sensor_nonlinearity", "gain_error"]
+    gain = PARAMETER_INDEX["position_sensor_nonlinearity", "gain_error"]
 
     def reading(factors: dict[str, float], table: Array, effects: Array) -> float:
         return float(np.log(factors.get("position_gain", 1.0) * (1 + effects[gain])))

@@ -20,7 +20,7 @@ from scipy.interpolate import BSpline
 from scipy.signal import lfilter
 
 from msl_fem.diagnosis.fit import Fit, Likelihood
-from msl_fem.plant import kernel
+from msl_fem.plant import kernel, layout
 from msl_fem.plant.plant import FORCE_DRIVE
 from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, Start, kernel_plant, measured_start
 from msl_fem.prediction.free_run import kernel_state, readings_of
@@ -101,7 +101,7 @@ def _simulated(
     plant: KernelPlant, data: RunData, start: Start, push: Array | None = None, more: Array | None = None
 ) -> Array:
     n = len(data.commands)
-    out = np.full((n, kernel.N_OUT), np.nan)
+    out = np.full((n, layout.N_OUT), np.nan)
     commands = data.commands if more is None else data.commands + more
     done = kernel.run(
         plant.surface, plant.parameters, plant.effects, kernel_state(plant, start), commands,
@@ -139,10 +139,10 @@ class _Scene:
         self.variables = _variables(plant, data, out)
         self.zero = readings_of(plant, data, out)
         self.sizes = {
-            "force": plant.parameters.mass * float(np.std(np.gradient(out[:, kernel.OUT_V]))) * data.rate,
+            "force": plant.parameters.mass * float(np.std(np.gradient(out[:, layout.OUT_V]))) * data.rate,
             "voltage": float(np.std(data.commands)) or 1.0,
-            "current reading": float(np.std(out[:, kernel.OUT_I1])) or 1.0,
-            "position reading": float(np.std(out[:, kernel.OUT_X])) or 1.0,
+            "current reading": float(np.std(out[:, layout.OUT_I1])) or 1.0,
+            "position reading": float(np.std(out[:, layout.OUT_X])) or 1.0,
         }
 
     def judged(self, equation: str, name: str) -> Dependence:
@@ -200,15 +200,15 @@ class _Scene:
 
 def _variables(plant: KernelPlant, data: RunData, out: Array) -> dict[str, Array]:
     """Variables (n_sample,), or (n_sample, 2) where each side has its own."""
-    x, v = out[:, kernel.OUT_X], out[:, kernel.OUT_V]
+    x, v = out[:, layout.OUT_X], out[:, layout.OUT_V]
     found = {"position": x, "velocity": v, "acceleration": np.gradient(v) * data.rate, "time": data.time}
     for time in MEMORIES:
         pole = np.exp(-1 / (time * data.rate))
         past = lfilter([1 - pole], [1, -pole], x - x[0]) + x[0]
         found[f"memory of the position over {1e3 * time:g} ms"] = x - past
     if plant.parameters.sides:
-        currents = out[:, kernel.OUT_I1 : kernel.OUT_I1 + 2]
-        flux = out[:, kernel.OUT_FLUX_1 : kernel.OUT_FLUX_1 + 2]
+        currents = out[:, layout.OUT_I1 : layout.OUT_I1 + 2]
+        flux = out[:, layout.OUT_FLUX_1 : layout.OUT_FLUX_1 + 2]
         found["current"], found["flux linkage"] = currents, flux
         found["flux linkage's rate"] = np.gradient(flux, axis=0) * data.rate
         found["command"] = data.commands

@@ -22,8 +22,7 @@ from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Scene, Variant, variants
 from msl_fem.errors import InputError, OutOfTable
 from msl_fem.plant import PlantParameters, Surface, plant_parameters, surface_of
-from msl_fem.plant.effects import CATALOGUE, EffectValues, from_vector, neutral_vector
-from msl_fem.plant.effects import POSITION as PLACE
+from msl_fem.plant.effects import CATALOGUE, PARAMETER_INDEX, EffectValues, from_vector, neutral_vector
 from msl_fem.plant.plant import VOLTAGE_DRIVE
 from msl_fem.plant.static_map import static_map
 from msl_fem.prediction import KernelPlant, ModelHypothesis
@@ -85,7 +84,7 @@ class StaticLikelihood(Likelihood):
         p, rows = self.problem.plant.parameters, self.measured.rows
         factors = unknowns.factors(z)
         wider = p.nominal_gap * (factors.get("nominal_gap", 1.0) - 1.0)
-        gain, offset = (effects[PLACE["current_sensor_error", name]] for name in ("gain_1", "offset_1"))
+        gain, offset = (effects[PARAMETER_INDEX["current_sensor_error", name]] for name in ("gain_1", "offset_1"))
         try:
             force, flux = static_map(
                 self._surface(unknowns, z), p, from_vector(effects), gap=rows.gap + wider,
@@ -93,7 +92,7 @@ class StaticLikelihood(Likelihood):
             )  # fmt: skip
         except (OutOfTable, InputError):
             force = flux = np.full(rows.gap.size, np.nan)
-        return {FORCE: force + effects[PLACE["force_offset", "force"]], FLUX: flux}
+        return {FORCE: force + effects[PARAMETER_INDEX["force_offset", "force"]], FLUX: flux}
 
     def _surface(self, unknowns: Unknowns, z: Array) -> Surface:
         surface, error = self.problem.plant.surface, self.problem.table_error

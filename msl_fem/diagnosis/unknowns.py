@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.plant.effects import CATALOGUE, POSITION, neutral_vector
+from msl_fem.plant.effects import CATALOGUE, PARAMETER_INDEX, neutral_vector
 
 Array = NDArray[np.float64]
 WIDE = 10.0
@@ -45,7 +45,7 @@ class EffectUnknown:
     @property
     def place(self) -> int:
         """In the vector of all parameters."""
-        return POSITION[self.effect, self.name]
+        return PARAMETER_INDEX[self.effect, self.name]
 
     @property
     def one_sided(self) -> bool:

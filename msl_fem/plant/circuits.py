@@ -21,9 +21,8 @@ import numpy as np
 
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Rows, Value, choose, first, size, some
-from msl_fem.plant.coefficients import BANDWIDTH, EDDY, SHARE, UNMIX
-from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
-from msl_fem.plant.work import (
+from msl_fem.plant.effects import electrical, magnetic
+from msl_fem.plant.layout import (
     CIRCUIT_1,
     CIRCUIT_2,
     COIL_CURRENT,
@@ -37,6 +36,7 @@ from msl_fem.plant.work import (
     TARGET_1,
     VOLTAGE,
 )
+from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
 
 
 @compiled
@@ -45,7 +45,7 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
 
     A circuit's rows hold L, e, u + h + G e and R; those of a side that is not there L = 1, else 0.
     """
-    share, unmix, eddy = e[SHARE], e[UNMIX], e[EDDY]
+    share, unmix, eddy = e[magnetic.SHARE], e[magnetic.UNMIX], e[magnetic.EDDY]
     l_1, l_2 = work[CIRCUIT_1 + INDUCTANCE], work[CIRCUIT_2 + INDUCTANCE]
     r_1, r_2 = work[CIRCUIT_1 + RESISTANCE], work[CIRCUIT_2 + RESISTANCE]
     e_1, e_2 = work[CIRCUIT_1 + EMF], work[CIRCUIT_2 + EMF]
@@ -59,10 +59,10 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
             e, l_1, l_2, r_1, r_2, (v_1 - drop_1) / l_1 - share * e_2 / l_1, (v_2 - drop_2) / l_2 - share * e_1 / l_2
         )
         _put(work, a_1, a_2, v_1, v_2)
-    elif np.isinf(first(e[BANDWIDTH])):
+    elif np.isinf(first(e[electrical.BANDWIDTH])):
         _put(work, i_1 - i_1, i_2 - i_2, drop_1 + share * e_2, drop_2 + share * e_1)
     else:
-        w = e[BANDWIDTH]
+        w = e[electrical.BANDWIDTH]
         b_1, b_2 = w * (t_1 - i_1) - share * e_2 / l_1, w * (t_2 - i_2) - share * e_1 / l_2
         a_1, a_2 = _slopes(e, l_1, l_2, w * l_1, w * l_2, b_1, b_2)
         c_1 = i_1 + unmix * (eddy * l_1 * a_1 - share * eddy * l_2 * a_2)
@@ -91,7 +91,7 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
 @compiled
 def _slopes(e: Rows, l_1: Value, l_2: Value, rho_1: Value, rho_2: Value, b_1: Value, b_2: Value) -> tuple[Value, Value]:
     """(a_1, a_2) of the two rows, by Cramer's rule."""
-    share, loop = e[SHARE], e[UNMIX] * e[EDDY]
+    share, loop = e[magnetic.SHARE], e[magnetic.UNMIX] * e[magnetic.EDDY]
     own_1, own_2 = 1.0 + rho_1 * loop, 1.0 + rho_2 * loop
     other_1 = share * (l_2 / l_1) * (1.0 - rho_1 * loop)
     other_2 = share * (l_1 / l_2) * (1.0 - rho_2 * loop)

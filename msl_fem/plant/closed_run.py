@@ -10,6 +10,15 @@ from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.energy import energy_audit
 from msl_fem.plant.excitation import Reference
+from msl_fem.plant.layout import (
+    AT_CURRENT_LIMIT_1,
+    COIL_1,
+    I1,
+    I2,
+    OK,
+    V,
+    X,
+)
 from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters
 from msl_fem.plant.plant_in_loop import (
     N_READING,
@@ -21,7 +30,6 @@ from msl_fem.plant.plant_in_loop import (
     reading_noise,
 )
 from msl_fem.plant.simulate import STATUS, Simulation
-from msl_fem.plant.state import AT_CURRENT_LIMIT_1, COIL_1, I1, I2, OK, V, X
 from msl_fem.table.magnetic_table import MagneticTable
 
 # What is kept of a sample: commands, readings, voltages, true currents, position, velocity

@@ -1,27 +1,114 @@
-"""The power amplifier of a side: what becomes of a command, and the voltage it gives."""
+"""The power amplifier of a side: what becomes of a command, the voltage it gives, and all that acts during a step.
+
+Targets of current loops, outputs of voltage and force drives and outer forces: Runge-Kutta takes them at begin, middle
+and end of the step.
+"""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, size, some, within
-from msl_fem.plant.cell import Cells
-from msl_fem.plant.coefficients import SHARE
-from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE, PlantParameters
-from msl_fem.plant.side import side_flux, side_gap
-from msl_fem.plant.state import (
+from msl_fem.computing.lanes import (
+    Flag,
+    Rows,
+    Value,
+    choose,
+    exponential,
+    first,
+    fma,
+    lane_of,
+    larger,
+    logarithm,
+    set_lane,
+    size,
+    smaller,
+    some,
+    square_root,
+    width,
+    within,
+)
+from msl_fem.plant.effects import electrical, magnetic, mechanical, sensing
+from msl_fem.plant.effects.electrical import N_QUEUE
+from msl_fem.plant.layout import (
     AT_CURRENT_LIMIT_1,
     AT_VOLTAGE_LIMIT_1,
     COIL_1,
+    COMMAND_1,
+    DRIVE_HALF,
+    DRIVE_WHOLE,
     ENERGY_ELECTRICAL,
+    FORMER_1,
     I1,
+    INPUTS_BEGIN,
+    INPUTS_END,
+    INPUTS_MIDDLE,
+    LAG_1,
+    LAG_END_1,
     OUTPUT_1,
+    OUTPUT_OF_1,
+    PHASE_COSINE,
+    PHASE_COSINE_END,
+    PHASE_SINE,
+    PHASE_SINE_END,
+    PUSH,
+    QUEUE_1,
+    QUEUE_2,
+    SENSOR_WEIGHTS,
+    SLEW_1,
+    SLEW_END_1,
+    TARGET_1,
     VOLT_SECONDS_1,
     X,
 )
-from msl_fem.plant.work import COMMAND_1
+from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE, PlantParameters
+from msl_fem.plant.side import Cells, side_flux, side_gap
 
-Array = NDArray[np.float64]
+Three = tuple[Value, Value, Value]
+_STEEP = 20.0  # above it asinh(e^w/2) is w
+_FEW = 0.01  # below it series of a few terms are exact
+
+
+@compiled
+def set_timing(p: PlantParameters, e: Rows, step: float, work: Rows) -> None:
+    """Weights of the sensor's and the drive's lag over a step into the workspace, lane by lane."""
+    work[DRIVE_WHOLE] = p.bandwidth if e is None else e[electrical.BANDWIDTH]
+    work[SENSOR_WEIGHTS] = p.sensor_bandwidth if e is None else e[sensing.SENSOR_BANDWIDTH]
+    for lane in range(width(work)):
+        drive, sensor = lane_of(work, DRIVE_WHOLE, lane), lane_of(work, SENSOR_WEIGHTS, lane)
+        lag_weights(sensor, step, work, SENSOR_WEIGHTS, lane)
+        set_lane(work, DRIVE_HALF, lane, np.exp(-0.5 * drive * step))
+        set_lane(work, DRIVE_WHOLE, lane, np.exp(-drive * step))
+
+
+@compiled
+def lag_weights(bandwidth: float, step: float, rows: Rows, start: int, lane: int) -> None:
+    """Puts the weights of (y0, x0, x0', x1, x1') in y1 of a lane into five rows from `start`.
+
+    y' = w (x - y), x a cubic between: exact in time, so no bandwidth, however high, limits the integrator's step.
+    With z = w step and I_k = z int_0^1 exp(-z (1 - s)) s^k ds: y1 = exp(-z) y0 + sum over Hermite's basis, whose
+    powers of s give I_0 ... I_3. I_0 = 1 - exp(-z); by parts I_k = 1 - k I_(k-1)/z, run upwards for z > 1 and
+    downwards from I_20 = 0 below, where the upward recursion cancels. An infinite bandwidth gives y1 = x1.
+    """
+    z = bandwidth * step
+    decay = np.exp(-z)
+    if z > 1.0:
+        i_0 = 1.0 - decay
+        i_1 = 1.0 - i_0 / z
+        i_2 = 1.0 - 2.0 * i_1 / z
+        i_3 = 1.0 - 3.0 * i_2 / z
+    else:
+        i_k = 0.0
+        for k in range(20, 3, -1):
+            i_k = z / k * (1.0 - i_k)
+        i_3 = i_k
+        i_2 = z / 3.0 * (1.0 - i_3)
+        i_1 = z / 2.0 * (1.0 - i_2)
+        i_0 = z * (1.0 - i_1)
+    set_lane(rows, start, lane, decay)
+    set_lane(rows, start + 1, lane, i_0 - 3.0 * i_2 + 2.0 * i_3)
+    set_lane(rows, start + 2, lane, step * (i_1 - 2.0 * i_2 + i_3))
+    set_lane(rows, start + 3, lane, 3.0 * i_2 - 2.0 * i_3)
+    set_lane(rows, start + 4, lane, step * (i_3 - i_2))
 
 
 @compiled
@@ -60,18 +147,18 @@ def take_command(p: PlantParameters, state: Rows, work: Rows, wanted: Array) -> 
         command = choose(good, wanted[j], wanted[j])  # the same in all lanes
         good = good & (command - command == 0.0)
         if p.drive == CURRENT_DRIVE:
-            _count(state, AT_CURRENT_LIMIT_1 + j, size(command) > p.current_limit)
+            count(state, AT_CURRENT_LIMIT_1 + j, size(command) > p.current_limit)
             command = within(command, p.current_limit)
         elif p.drive == VOLTAGE_DRIVE:
-            _count(state, AT_VOLTAGE_LIMIT_1 + j, size(command) > p.voltage_limit)
-            _count(state, AT_CURRENT_LIMIT_1 + j, size(state[COIL_1 + j]) > p.current_limit)
+            count(state, AT_VOLTAGE_LIMIT_1 + j, size(command) > p.voltage_limit)
+            count(state, AT_CURRENT_LIMIT_1 + j, size(state[COIL_1 + j]) > p.current_limit)
             command = within(command, p.voltage_limit)
         work[COMMAND_1 + j] = command
     return good
 
 
 @compiled
-def _count(state: Rows, n: int, flag: Flag) -> None:
+def count(state: Rows, n: int, flag: Flag) -> None:
     state[n] = state[n] + choose(flag, 1.0, 0.0)
 
 
@@ -89,7 +176,7 @@ def jump(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> 
         if p.drive == CURRENT_DRIVE:
             current = command
             if e is not None:
-                current = command + e[SHARE] * work[COMMAND_1 + 1 - j]
+                current = command + e[magnetic.SHARE] * work[COMMAND_1 + 1 - j]
             inside = inside & _jump_of_side(cells, p, e, state, work, j, current)
     return inside
 
@@ -105,7 +192,173 @@ def _jump_of_side(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: 
         state[VOLT_SECONDS_1 + j] = state[VOLT_SECONDS_1 + j] + change
         if e is not None:
             other = VOLT_SECONDS_1 + 1 - j
-            state[other] = state[other] + e[SHARE] * change
+            state[other] = state[other] + e[magnetic.SHARE] * change
         state[ENERGY_ELECTRICAL] = state[ENERGY_ELECTRICAL] + (stored - stored_before)
         state[I1 + j] = choose(inside, current, np.nan)
     return inside
+
+
+@compiled
+def queue_command(e: Rows, state: Rows, work: Rows) -> None:
+    """Puts the call's command last in the queues, and takes out those that act now."""
+    for j in range(2):
+        queue = QUEUE_1 if j == 0 else QUEUE_2
+        for k in range(queue + N_QUEUE, queue, -1):
+            state[k] = state[k - 1]
+        state[queue] = work[COMMAND_1 + j]
+        for lane in range(width(state)):
+            acts = queue + int(lane_of(e, electrical.DELAY_SAMPLES, lane))
+            set_lane(work, COMMAND_1 + j, lane, lane_of(state, acts, lane))
+            set_lane(work, FORMER_1 + j, lane, lane_of(state, acts + 1, lane))
+
+
+@compiled
+def act(p: PlantParameters, state: Rows, work: Rows, push: Value) -> None:
+    """The inputs of one step of the plain model: commands and forces held, outputs on their way to the commands."""
+    half, whole = work[DRIVE_HALF], work[DRIVE_WHOLE]
+    for j in range(1 if p.drive == FORCE_DRIVE else p.sides):
+        target, output = work[COMMAND_1 + j], state[OUTPUT_1 + j]
+        _put(work, TARGET_1 + j, (target, target, target))
+        if p.drive != CURRENT_DRIVE:
+            away = output - target
+            _put(work, OUTPUT_OF_1 + j, (output, fma(half, away, target), fma(whole, away, target)))
+    _put(work, PUSH, (push, push, push))
+
+
+@compiled
+def act_with_effects(
+    p: PlantParameters, e: Rows, state: Rows, work: Rows, push: Value, n: int, step: float
+) -> None:  # fmt: skip
+    """The inputs of step n of a sample with time_delay, amplifier_bandwidth, force_offset and periodic_disturbance.
+
+    The command that acts changes from the former to the present one in step JUMP_STEP, after its share JUMP_SHARE;
+    then it passes the lag with its slew limit, and the drive's own bandwidth.
+    """
+    for j in range(1 if p.drive == FORCE_DRIVE else p.sides):
+        begin, middle, end = _amplifier(e, state, work, j, n, step)
+        _put(work, TARGET_1 + j, (begin, middle, end))
+        if p.drive != CURRENT_DRIVE:
+            if np.isinf(first(e[electrical.BANDWIDTH])):
+                _put(work, OUTPUT_OF_1 + j, (begin, middle, end))
+            else:
+                output, slope = state[OUTPUT_1 + j], end - begin
+                mean = middle + (begin - 2.0 * middle + end) / 6.0
+                away = output - mean
+                later = fma(work[DRIVE_HALF], away, mean) + slope * e[electrical.RAMP_MIDDLE]
+                last = fma(work[DRIVE_WHOLE], away, mean) + slope * e[electrical.RAMP_END]
+                _put(work, OUTPUT_OF_1 + j, (output, later, last))
+    _put(work, PUSH, _outer_forces(e, state, work, push))
+
+
+@compiled
+def _amplifier(e: Rows, state: Rows, work: Rows, j: int, n: int, step: float) -> Three:
+    """The command of side j behind delay, slew limit and lag, at begin, middle and end of step n.
+
+    The slew limit is that of the lag, y' = S tanh((s - y)/(S lag)); where there is no lag, of the command. What stands
+    for a fast fall between begin, middle and end (`fall_stages`) is `kept` as far as the limit leaves the fall fast.
+    """
+    before, after = work[FORMER_1 + j], work[COMMAND_1 + j]
+    jumps, late = e[electrical.JUMP_STEP] == n, e[electrical.JUMP_STEP] > n
+    old, new = choose(late, before, choose(jumps, before, after)), choose(late, before, after)
+    share = choose(jumps, e[electrical.JUMP_SHARE], 0.0)
+    early = share * step
+    held, missing = _slew(state[SLEW_1 + j], old, early, e[electrical.SLEW_TIME])
+    held, more = _slew(held, new, step - early, e[electrical.SLEW_TIME])
+    work[SLEW_END_1 + j] = held
+    offset = 0.0 - (missing + more) / step
+    away, jump = state[LAG_1 + j] - old, old - new
+    begin, middle, end, last = (
+        _lagged(e, 0, new, away, jump, offset, jumps), _lagged(e, 1, new, away, jump, offset, jumps),
+        _lagged(e, 2, new, away, jump, offset, jumps), _lagged(e, 3, new, away, jump, offset, jumps),
+    )  # fmt: skip
+    if some(e[electrical.SOFT] > 0.0):
+        far = larger(size(away), size(away + jump)) * e[electrical.SOFT]
+        kept = 1.0 / (1.0 + far * far * (far * far))
+        limited = e[electrical.SOFT] > 0.0
+        value = old + away
+        begin = choose(limited, fma(kept, begin - value, value), begin)
+        value, linear = _limited(
+            e, new, away, jump, 0.5 * e[electrical.DECAY], choose(jumps, e[electrical.PAST_MIDDLE], 0.0)
+        )
+        middle = choose(limited, fma(kept, middle - linear, value), middle)
+        past = choose(jumps, e[electrical.PAST_END], 0.0)
+        value, linear = _limited(e, new, away, jump, e[electrical.DECAY], past)
+        end, last = choose(limited, fma(kept, end - linear, value), end), choose(limited, value, last)
+    work[LAG_END_1 + j] = last
+    return begin, middle, end
+
+
+@compiled
+def _lagged(e: Rows, k: int, new: Value, away: Value, jump: Value, offset: Value, jumps: Value) -> Value:
+    """Entry k of `fall_stages` for the lag's answer to a command that jumps, or stands, and to a constant offset."""
+    fall = e[electrical.FALL + k]
+    return new + away * fall + jump * choose(jumps, e[electrical.JUMP + k], fall) + offset * (1.0 - fall)
+
+
+@compiled
+def _limited(e: Rows, new: Value, away: Value, jump: Value, time: Value, past: Value) -> tuple[Value, Value]:
+    """The lag's answer with its slew limit, and without, to a command that jumps at `past`; times over its time
+    constant."""
+    before, after = exponential(0.0 - past), exponential(past - time)
+    soft = e[electrical.SOFT]
+    return new + _left(_left(away, past, soft) + jump, time - past, soft), new + (away * before + jump) * after
+
+
+@compiled
+def _left(away: Value, time: Value, soft: Value) -> Value:
+    """What is left of a distance `away` after a time over the lag's time constant.
+
+    With u the distance times `soft`, u' = -tanh u: sinh u falls exponentially. It is (e^w - e^(w - 2 u))/2 with w = u
+    less the time, so nothing overflows; of a small u the series are taken.
+    """
+    u = size(away) * soft
+    w = u - time
+    low = smaller(w, _STEEP)
+    sine = 0.5 * (exponential(low) - exponential(low - 2.0 * u))
+    large = choose(w > _STEEP, w, logarithm(sine + square_root(fma(sine, sine, 1.0))))
+    square = u * u
+    sine = u * fma(square / 6.0, fma(square, 0.05, 1.0), 1.0) * exponential(0.0 - time)
+    square = sine * sine
+    small = sine * fma(square, fma(square, 0.075, -1.0 / 6.0), 1.0)
+    found = choose(u < _FEW, small, large) / choose(soft > 0.0, soft, 1.0)
+    return choose(soft > 0.0, choose(away < 0.0, 0.0 - found, found), away * exponential(0.0 - time))
+
+
+@compiled
+def _slew(held: Value, target: Value, duration: Value, slew_time: Value) -> tuple[Value, Value]:
+    """(value after `duration` s on the way to the target at 1/slew_time a second, integral of what is missing)."""
+    way = target - held
+    needed = size(way) * slew_time
+    arrives = needed <= duration
+    moved = choose(way < 0.0, 0.0 - duration, duration) / slew_time
+    missing = choose(arrives, 0.5 * way * needed, (way - 0.5 * moved) * duration)
+    return choose(arrives, target, held + moved), missing
+
+
+@compiled
+def _outer_forces(e: Rows, state: Rows, work: Rows, push: Value) -> Three:
+    """`push`, the constant offset and the periodic force, whose phase goes on by half a step twice."""
+    constant = push + e[mechanical.FORCE]
+    cosine, sine = state[PHASE_COSINE], state[PHASE_SINE]
+    a, b = e[sensing.FORCE_COSINE], e[sensing.FORCE_SINE]
+    begin = constant + (a * cosine + b * sine)
+    cosine, sine = _turned(e, cosine, sine)
+    middle = constant + (a * cosine + b * sine)
+    cosine, sine = _turned(e, cosine, sine)
+    work[PHASE_COSINE_END] = cosine
+    work[PHASE_SINE_END] = sine
+    return begin, middle, constant + (a * cosine + b * sine)
+
+
+@compiled
+def _turned(e: Rows, cosine: Value, sine: Value) -> tuple[Value, Value]:
+    turn_cosine, turn_sine = e[sensing.TURN_COSINE], e[sensing.TURN_SINE]
+    return cosine * turn_cosine - sine * turn_sine, sine * turn_cosine + cosine * turn_sine
+
+
+@compiled
+def _put(work: Rows, n: int, three: Three) -> None:
+    begin, middle, end = three
+    work[INPUTS_BEGIN + n] = begin
+    work[INPUTS_MIDDLE + n] = middle
+    work[INPUTS_END + n] = end

@@ -7,13 +7,37 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import keep, rows_of
-from msl_fem.plant import coefficients as c
-from msl_fem.plant import state as s
-from msl_fem.plant.cell import Surface, cells_of
-from msl_fem.plant.plant import PlantParameters
-from msl_fem.plant.side import side_flux, side_gap
+from msl_fem.plant.effects import magnetic, mechanical
+from msl_fem.plant.effects.magnetic import N_EDDY
+from msl_fem.plant.effects.mechanisms import N_STOP
+from msl_fem.plant.layout import (
+    ANCHORED,
+    BASE,
+    BASE_RATE,
+    CREEP,
+    EDDY_FLUX_1,
+    ENERGY_COPPER,
+    ENERGY_DAMPING,
+    ENERGY_EDDY,
+    ENERGY_ELECTRICAL,
+    ENERGY_EXTERNAL,
+    ENERGY_FRICTION,
+    ENERGY_HYSTERESIS,
+    ENERGY_IMPACT,
+    ENERGY_INTERNAL,
+    I1,
+    MODE,
+    MODE_RATE,
+    STOPS_1,
+    STOPS_2,
+    STOPS_X,
+    V,
+    X,
+    workspace,
+)
+from msl_fem.plant.plant import PlantParameters, Surface
+from msl_fem.plant.side import cells_of, side_flux, side_gap
 from msl_fem.plant.step import look_at
-from msl_fem.plant.work import workspace
 
 Array = NDArray[np.float64]
 
@@ -78,34 +102,34 @@ def energy_audit(
 
     stored = [_stored(surface, parameters, effects, state) for state in (start, end)]
     return EnergyAudit(
-        electrical=gained(s.ENERGY_ELECTRICAL),
-        external=gained(s.ENERGY_EXTERNAL),
-        copper=gained(s.ENERGY_COPPER),
-        damping=gained(s.ENERGY_DAMPING),
+        electrical=gained(ENERGY_ELECTRICAL),
+        external=gained(ENERGY_EXTERNAL),
+        copper=gained(ENERGY_COPPER),
+        damping=gained(ENERGY_DAMPING),
         field=stored[1][0] - stored[0][0],
         mechanical=stored[1][1] - stored[0][1],
-        eddy_currents=gained(s.ENERGY_EDDY),
-        hysteresis=gained(s.ENERGY_HYSTERESIS),
-        friction=gained(s.ENERGY_FRICTION),
-        internal=gained(s.ENERGY_INTERNAL),
-        impact=gained(s.ENERGY_IMPACT),
+        eddy_currents=gained(ENERGY_EDDY),
+        hysteresis=gained(ENERGY_HYSTERESIS),
+        friction=gained(ENERGY_FRICTION),
+        internal=gained(ENERGY_INTERNAL),
+        impact=gained(ENERGY_IMPACT),
     )
 
 
 def _stored(surface: Surface, p: PlantParameters, e: Array | None, state: Array) -> tuple[float, float]:
     """(field, mechanical) energy of a state in J."""
     field = float(_field(surface, p, e, state))
-    x, v = float(state[s.X]), float(state[s.V])
+    x, v = float(state[X]), float(state[V])
     if e is None:
         return field, 0.5 * p.mass * v**2 + 0.5 * p.stiffness * x**2
-    for start in (s.STOPS_1, s.STOPS_2):
-        field += 0.5 * e[c.HYSTERESIS_SLOPE] * np.sum(state[start : start + c.N_STOP] ** 2)
-    moving = 0.5 * e[c.MODE_KEPT] * p.mass * v**2 + 0.5 * e[c.MODE_MASS] * (v + state[s.MODE_RATE]) ** 2
-    spring = 0.5 * p.stiffness * x**2 + e[c.QUADRATIC] * x**3 / 3 + e[c.CUBIC] * x**4 / 4
-    spring += 0.5 * e[c.CREEP_STIFFNESS] * (x - state[s.CREEP]) ** 2
-    spring += 0.5 * e[c.FRICTION_SLOPE] * np.sum(state[s.STOPS_X : s.STOPS_X + c.N_STOP] ** 2)
-    link = 0.5 * e[c.MODE_MASS] * e[c.MODE_STIFFNESS] * state[s.MODE] ** 2
-    base = 0.5 * (e[c.COMPLIANCE] * state[s.BASE] ** 2 + e[c.BASE_INERTIA] * state[s.BASE_RATE] ** 2)
+    for start in (STOPS_1, STOPS_2):
+        field += 0.5 * e[magnetic.HYSTERESIS_SLOPE] * np.sum(state[start : start + N_STOP] ** 2)
+    moving = 0.5 * e[mechanical.MODE_KEPT] * p.mass * v**2 + 0.5 * e[mechanical.MODE_MASS] * (v + state[MODE_RATE]) ** 2
+    spring = 0.5 * p.stiffness * x**2 + e[mechanical.QUADRATIC] * x**3 / 3 + e[mechanical.CUBIC] * x**4 / 4
+    spring += 0.5 * e[mechanical.CREEP_STIFFNESS] * (x - state[CREEP]) ** 2
+    spring += 0.5 * e[mechanical.FRICTION_SLOPE] * np.sum(state[STOPS_X : STOPS_X + N_STOP] ** 2)
+    link = 0.5 * e[mechanical.MODE_MASS] * e[mechanical.MODE_STIFFNESS] * state[MODE] ** 2
+    base = 0.5 * (e[mechanical.COMPLIANCE] * state[BASE] ** 2 + e[mechanical.BASE_INERTIA] * state[BASE_RATE] ** 2)
     return field, float(moving + spring + link + base)
 
 
@@ -116,16 +140,16 @@ def _field(surface: Surface, p: PlantParameters, effects: Array | None, state: A
     e, rows, work, cells = rows_of(effects), rows_of(state), rows_of(memory), cells_of(surface)
     look_at(e, rows, work)
     energy = 0.0
-    settled = rows[s.ANCHORED] <= 0.0  # before the first evaluation there are no eddy currents
+    settled = rows[ANCHORED] <= 0.0  # before the first evaluation there are no eddy currents
     for j in range(p.sides):
-        _, flux, stored = side_flux(cells, p, e, work, j, rows[s.I1 + j], side_gap(p, e, work, j))
+        _, flux, stored = side_flux(cells, p, e, work, j, rows[I1 + j], side_gap(p, e, work, j))
         energy += stored
         if effects is not None:
-            y, width = abs(e[c.IRON_SCALE] * flux), e[c.IRON_WIDTH]
-            iron = e[c.IRON_LOW] * (y - width * np.log(1.0 + y / width)) + e[c.IRON_KNEE] * y**4 / 4
-            energy += iron / e[c.IRON_SCALE]
+            y, width = abs(e[magnetic.IRON_SCALE] * flux), e[magnetic.IRON_WIDTH]
+            iron = e[magnetic.IRON_LOW] * (y - width * np.log(1.0 + y / width)) + e[magnetic.IRON_KNEE] * y**4 / 4
+            energy += iron / e[magnetic.IRON_SCALE]
         if effects is not None and not settled:
-            for k in range(c.N_EDDY):
-                energy += 0.5 * e[c.EDDY_MODE + k] * (flux - rows[s.EDDY_FLUX_1 + j * c.N_EDDY + k]) ** 2
+            for k in range(N_EDDY):
+                energy += 0.5 * e[magnetic.EDDY_MODE + k] * (flux - rows[EDDY_FLUX_1 + j * N_EDDY + k]) ** 2
     keep(memory)
     return energy

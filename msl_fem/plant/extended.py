@@ -4,10 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.errors import InputError
-from msl_fem.plant.cell import Surface
-from msl_fem.plant.coefficients import drive_lags, kernel_coefficients
-from msl_fem.plant.effects import CATALOGUE, EffectValues
-from msl_fem.plant.plant import PlantParameters
+from msl_fem.plant.effects import CATALOGUE, EffectValues, kernel_coefficients
+from msl_fem.plant.plant import PlantParameters, Surface, drive_lags
 from msl_fem.table.coenergy_surface import CoenergySurface
 
 Array = NDArray[np.float64]

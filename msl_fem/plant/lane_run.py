@@ -14,53 +14,37 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import LANES, Rows, choose, every, first, keep, lane_of, rows_of, set_lane, size
+from msl_fem.computing.lanes import LANES, keep, rows_of
 from msl_fem.errors import InputError
-from msl_fem.plant import coefficients as c
 from msl_fem.plant import kernel
-from msl_fem.plant.acting import act, act_with_effects
-from msl_fem.plant.cell import N_BLOCK, SURFACE_START, Cells, Surface, cells_of
-from msl_fem.plant.coefficients import kernel_coefficients
-from msl_fem.plant.drive import jump, take_command
-from msl_fem.plant.effects import N_PARAMETER, POSITION, neutral_vector
-from msl_fem.plant.effects.lags import position_delay
+from msl_fem.plant.effects import N_PARAMETER, PARAMETER_INDEX, kernel_coefficients, neutral_vector
+from msl_fem.plant.effects.mechanisms import position_delay
 from msl_fem.plant.extended import small_signal_inductance
 from msl_fem.plant.inputs import Inputs
-from msl_fem.plant.kernel import (
+from msl_fem.plant.layout import (
+    BLOCK_1,
+    BLOCK_2,
+    N_BLOCK,
     N_OUT,
+    OUT_FLUX_1,
+    OUT_I1,
+    OUT_SENSOR,
+    OUT_SENSOR_SLOPE,
     OUT_SLOPE_AFTER_1,
     OUT_SLOPE_BEFORE_1,
     OUT_VOLTAGE_1,
-    queue_command,
-    settle,
-    write_row,
-)
-from msl_fem.plant.lag import lag_weights
-from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
-from msl_fem.plant.readings import Channels, currents_before_noise, position_before_noise
-from msl_fem.plant.starting import start_effects
-from msl_fem.plant.state import (
-    COIL_1,
-    COIL_SLOPE_1,
-    I1,
-    VOLT_SECONDS_1,
-    X,
-    initial_state,
-)
-from msl_fem.plant.step import keep_step, look_at, try_step
-from msl_fem.plant.work import (
-    BLOCKS,
-    DRIVE_HALF,
-    DRIVE_WHOLE,
-    SENSOR_WEIGHTS,
-    SLOPES,
+    OUT_X,
+    SURFACE_START,
     TILTED,
-    Y,
+    initial_state,
     lane_workspace,
 )
-
-Array = NDArray[np.float64]
+from msl_fem.plant.plant import PlantParameters, Surface
+from msl_fem.plant.readings import Channels, currents_before_noise, position_before_noise
+from msl_fem.plant.side import cells_of
+from msl_fem.plant.starting import start_effects
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +88,8 @@ class LaneRun:
 
     @cached_property
     def position(self) -> Array:
-        slope = self._of_lanes(kernel.OUT_SENSOR_SLOPE) if self._late else self._nothing(1)[..., 0]
-        channels = Channels(self._of_lanes(kernel.OUT_SENSOR), slope, *(self._nothing(self.sides) for _ in range(3)))
+        slope = self._of_lanes(OUT_SENSOR_SLOPE) if self._late else self._nothing(1)[..., 0]
+        channels = Channels(self._of_lanes(OUT_SENSOR), slope, *(self._nothing(self.sides) for _ in range(3)))
         return position_before_noise(channels, self.effects, rate=self.rate)
 
     @cached_property
@@ -114,7 +98,7 @@ class LaneRun:
         if self._late:
             slopes = [self._of_sides(OUT_SLOPE_AFTER_1), self._of_sides(OUT_SLOPE_BEFORE_1)]
         sensor = self._nothing(1)[..., 0]
-        channels = Channels(sensor, sensor, self._of_sides(kernel.OUT_I1), *slopes)
+        channels = Channels(sensor, sensor, self._of_sides(OUT_I1), *slopes)
         return currents_before_noise(channels, self.effects, rate=self.rate)
 
     @cached_property
@@ -123,11 +107,11 @@ class LaneRun:
 
     @cached_property
     def flux_linkage(self) -> Array:
-        return self._of_sides(kernel.OUT_FLUX_1)
+        return self._of_sides(OUT_FLUX_1)
 
     @cached_property
     def true_position(self) -> Array:
-        return self._of_lanes(kernel.OUT_X)
+        return self._of_lanes(OUT_X)
 
     @cached_property
     def done(self) -> NDArray[np.int64]:
@@ -137,7 +121,7 @@ class LaneRun:
     @property
     def _late(self) -> bool:
         """Whether a reading is delayed: nothing else looks at slopes."""
-        values = {key: np.asarray(self.effects)[..., n] for key, n in POSITION.items()}
+        values = {key: np.asarray(self.effects)[..., n] for key, n in PARAMETER_INDEX.items()}
         return bool(np.any(position_delay(values)) or np.any(values["time_delay", "current"]))
 
     def _nothing(self, columns: int) -> Array:
@@ -206,7 +190,7 @@ def run_lanes(
 class _Block(NamedTuple):
     """Eight lanes as the compiled loop takes them; what all have in common as numbers."""
 
-    numbers: Array  # (n_number, LANES) the plants' numbers, in the order of _NUMBERS
+    numbers: Array  # (n_number, LANES) the plants' numbers, by the rows of _ROW
     effects: Array | None  # (N_COEFFICIENT, LANES)
     state: Array  # (N_STATE, LANES)
     work: Array  # (N_WORK, LANES)
@@ -216,10 +200,12 @@ class _Block(NamedTuple):
     reach: float  # m, beyond which a lane ends
 
 
-_NUMBERS = (
-    "mass", "stiffness", "damping", "constant_force", "nominal_gap", "travel", "current_share", "resistance",
-    "bandwidth", "voltage_limit", "current_limit", "sensor_bandwidth",
-)  # fmt: skip
+_ROW = PlantParameters._make(range(len(PlantParameters._fields)))
+
+
+def _numbers(p: PlantParameters) -> list[float]:
+    """The plant's numbers, in the order of `PlantParameters`; nan for its end stop."""
+    return [np.nan if value is None or isinstance(value, tuple) else float(value) for value in p]
 
 
 def _block(
@@ -233,12 +219,21 @@ def _block(
     work = lane_workspace()
     if settings.surface_index is not None:
         first = settings.surface_index[lanes] * surface.coefficients[0].size
-        for block in (BLOCKS, BLOCKS + N_BLOCK, *range(TILTED, TILTED + 4 * N_BLOCK, N_BLOCK)):
+        for block in (BLOCK_1, BLOCK_2, *range(TILTED, TILTED + 4 * N_BLOCK, N_BLOCK)):
             work[block + SURFACE_START] = first
     stops = [p.end_stop.position if p.end_stop else np.inf for p in plants]
-    numbers = np.array([[getattr(p, name) for p in plants] for name in _NUMBERS], dtype=float)
+    numbers = np.array([_numbers(p) for p in plants]).T
     p = plants[0]
-    return _Block(numbers, effects, np.ascontiguousarray(state), work, p.sides, p.magnets, p.drive, min(stops))
+    return _Block(
+        np.ascontiguousarray(numbers),
+        effects,
+        np.ascontiguousarray(state),
+        work,
+        p.sides,
+        p.magnets,
+        p.drive,
+        min(stops),
+    )
 
 
 def _begun(
@@ -303,71 +298,26 @@ def _run_block(
 ) -> None:
     """`kernel.run` for eight lanes: rows n_sample * N_OUT of lanes; a lane that cannot go on is nan from there."""
     e, state, work, cells = rows_of(block.effects), rows_of(block.state), rows_of(block.work), cells_of(surface)
-    table, m = rows_of(out), rows_of(block.numbers)
+    own = rows_of(block.numbers)
     p = PlantParameters(
-        m[0], m[1], m[2], m[3], m[4], m[5], block.sides, block.magnets, m[6], m[7], block.drive, m[8], m[9], m[10],
-        m[11], None,
-    )  # fmt: skip
-    _set_timing(p, e, m, step, work)
-    _loop(cells, p, e, state, work, block.reach, commands, disturbance, step, n_sub, table)
+        own[_ROW.mass],
+        own[_ROW.stiffness],
+        own[_ROW.damping],
+        own[_ROW.constant_force],
+        own[_ROW.nominal_gap],
+        own[_ROW.travel],
+        block.sides,
+        block.magnets,
+        own[_ROW.current_share],
+        own[_ROW.resistance],
+        block.drive,
+        own[_ROW.bandwidth],
+        own[_ROW.voltage_limit],
+        own[_ROW.current_limit],
+        own[_ROW.sensor_bandwidth],
+        None,
+    )
+    kernel.run_rows(cells, p, e, state, work, block.reach, commands, disturbance, step, n_sub, rows_of(out))
     keep(block.numbers)
     keep(block.work)
     keep(block.effects)
-
-
-@compiled
-def _loop(
-    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float, commands: Array,
-    disturbance: Array, step: float, n_sub: int, table: Rows,
-) -> None:  # fmt: skip
-    """The loop of `_run_block`; e is None without effects."""
-    ideal = np.isinf(first(p.bandwidth if e is None else e[c.BANDWIDTH]))
-    for k in range(commands.shape[0]):
-        row = k * N_OUT
-        write_row(cells, p, e, state, work, table, row)
-        state[VOLT_SECONDS_1] = 0.0
-        state[VOLT_SECONDS_1 + 1] = 0.0
-        take_command(p, state, work, commands[k])
-        if e is not None:
-            queue_command(e, state, work)
-        if ideal and (e is None or p.drive == CURRENT_DRIVE):
-            look_at(e, state, work)
-            jump(cells, p, e, state, work)
-        push = p.constant_force + disturbance[k]
-        for n in range(n_sub):
-            if e is None:
-                act(p, state, work, push)
-            else:
-                act_with_effects(p, e, state, work, push, n, step)
-            inside = try_step(cells, p, e, state, work, step)
-            inside = inside & (size(work[Y + X]) <= p.travel) & (size(work[Y + X]) <= reach)
-            if not every(inside):
-                work[Y + X] = choose(inside, work[Y + X], np.nan)
-            keep_step(p, e, state, work)
-            if n == 0:
-                table[row + OUT_SLOPE_AFTER_1] = work[SLOPES + I1]
-                table[row + OUT_SLOPE_AFTER_1 + 1] = work[SLOPES + I1 + 1]
-        if e is None:
-            for j in range(p.sides):
-                state[COIL_1 + j] = state[I1 + j]
-        else:
-            settle(cells, p, e, state, work)
-        for j in range(2):
-            table[row + OUT_VOLTAGE_1 + j] = state[VOLT_SECONDS_1 + j] / (n_sub * step) + 0.0 * state[X]
-            table[row + OUT_SLOPE_BEFORE_1 + j] = state[COIL_SLOPE_1 + j]
-
-
-@compiled
-def _set_timing(p: PlantParameters, e: Rows, m: Rows, step: float, work: Rows) -> None:
-    """`kernel.set_timing` lane by lane."""
-    memory = np.empty(5)
-    weights = rows_of(memory)
-    for lane in range(LANES):
-        drive = lane_of(m, 8, lane) if e is None else lane_of(e, c.BANDWIDTH, lane)
-        sensor = lane_of(m, 11, lane) if e is None else lane_of(e, c.SENSOR_BANDWIDTH, lane)
-        lag_weights(sensor, step, weights, 0)
-        for n in range(5):
-            set_lane(work, SENSOR_WEIGHTS + n, lane, weights[n])
-        set_lane(work, DRIVE_HALF, lane, np.exp(-0.5 * drive * step))
-        set_lane(work, DRIVE_WHOLE, lane, np.exp(-drive * step))
-    keep(memory)

@@ -9,11 +9,10 @@ from msl_fem.actuator import Actuator
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.equilibrium import resting_point
 from msl_fem.plant.inputs import Inputs
-from msl_fem.plant.kernel import OUT_I1, OUT_I2
+from msl_fem.plant.layout import OK, OUT_I1, OUT_I2, initial_state
 from msl_fem.plant.plant import PlantParameters, plant_parameters, surface_of
 from msl_fem.plant.simulate import integrate
 from msl_fem.plant.stability import stability_limit
-from msl_fem.plant.state import OK, initial_state
 from msl_fem.plant.step_size import default_substeps
 from msl_fem.table.magnetic_table import MagneticTable
 

@@ -6,12 +6,23 @@ from typing import NamedTuple
 import numpy as np
 
 from msl_fem.actuator import Actuator, Motion
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import ActuatorError
-from msl_fem.plant.cell import Surface
 from msl_fem.table.magnetic_table import MagneticTable
 
 CURRENT_DRIVE, VOLTAGE_DRIVE, FORCE_DRIVE = 0, 1, 2
 _DRIVE_CODE = {"current": CURRENT_DRIVE, "voltage": VOLTAGE_DRIVE, "force": FORCE_DRIVE}
+
+
+class Surface(NamedTuple):
+    """The arrays of a `CoenergySurface`: gap (n_gap,) m, current (n_current,) A, coefficients of the cells.
+
+    For lanes, coefficients may have an axis more in front: surfaces over the same nodes.
+    """
+
+    gap: Array
+    current: Array
+    coefficients: Array
 
 
 class EndStop(NamedTuple):
@@ -101,3 +112,8 @@ def _angular(frequency: float | None) -> float:
 
 def _travel(motion: Motion) -> float:
     return float(motion.end_stop or motion.range or motion.nominal_gap or math.inf)
+
+
+def drive_lags(plant: PlantParameters) -> bool:
+    """Whether the currents cannot jump: not so in an ideal current drive."""
+    return plant.drive != CURRENT_DRIVE or math.isfinite(plant.bandwidth)

@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 from msl_fem.actuator import Actuator
 from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
-from msl_fem.plant.coefficients import MODE_READING, SENSOR_BANDWIDTH
-from msl_fem.plant.effects import POSITION, EffectValues, neutral_vector
-from msl_fem.plant.effects.lags import position_delay
+from msl_fem.plant.effects import PARAMETER_INDEX, EffectValues, neutral_vector
+from msl_fem.plant.effects.mechanical import MODE_READING
+from msl_fem.plant.effects.mechanisms import position_delay
+from msl_fem.plant.effects.sensing import SENSOR_BANDWIDTH
 from msl_fem.plant.extended import effect_coefficients
 from msl_fem.plant.kernel import advance
-from msl_fem.plant.plant import PlantParameters, Surface, plant_parameters, surface_of
-from msl_fem.plant.starting import start_effects
-from msl_fem.plant.state import (
+from msl_fem.plant.layout import (
     COIL_1,
     COIL_SLOPE_1,
     COIL_START_1,
@@ -37,6 +36,8 @@ from msl_fem.plant.state import (
     X,
     initial_state,
 )
+from msl_fem.plant.plant import PlantParameters, Surface, plant_parameters, surface_of
+from msl_fem.plant.starting import start_effects
 from msl_fem.plant.step_size import (
     STEP_OF_FASTEST,
     fastest_rate,
@@ -215,7 +216,7 @@ def _delayed(history: Array, k: int, n: int, delay: float, rate: float) -> float
 
 def instruments_of(effects: Array, *, rate: float, resolution: float = 0.0) -> Instruments:
     """The instruments of parameters (N_PARAMETER,) of the catalogue, at `rate` samples a second."""
-    v = {key: float(effects[n]) for key, n in POSITION.items()}
+    v = {key: float(effects[n]) for key, n in PARAMETER_INDEX.items()}
     polynomial, hum = np.zeros((N_READING, 4)), np.zeros((N_READING, 2))
     bent = "position_sensor_nonlinearity"
     polynomial[0] = v["sensor_drift", "offset"], 1.0 + v[bent, "gain_error"], v[bent, "quadratic"], v[bent, "cubic"]

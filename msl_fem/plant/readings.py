@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.plant import kernel
-from msl_fem.plant.effects import POSITION
-from msl_fem.plant.effects.lags import position_delay
+from msl_fem.plant import layout
+from msl_fem.plant.effects import PARAMETER_INDEX
+from msl_fem.plant.effects.mechanisms import position_delay
 
 Array = NDArray[np.float64]
 
@@ -34,11 +34,11 @@ class Channels:
     def of(cls, out: Array, n_side: int) -> "Channels":
         """From rows (..., n_sample, N_OUT) of the kernel."""
         return cls(
-            out[..., kernel.OUT_SENSOR],
-            out[..., kernel.OUT_SENSOR_SLOPE],
-            out[..., kernel.OUT_I1 : kernel.OUT_I1 + n_side],
-            out[..., kernel.OUT_SLOPE_AFTER_1 : kernel.OUT_SLOPE_AFTER_1 + n_side],
-            out[..., kernel.OUT_SLOPE_BEFORE_1 : kernel.OUT_SLOPE_BEFORE_1 + n_side],
+            out[..., layout.OUT_SENSOR],
+            out[..., layout.OUT_SENSOR_SLOPE],
+            out[..., layout.OUT_I1 : layout.OUT_I1 + n_side],
+            out[..., layout.OUT_SLOPE_AFTER_1 : layout.OUT_SLOPE_AFTER_1 + n_side],
+            out[..., layout.OUT_SLOPE_BEFORE_1 : layout.OUT_SLOPE_BEFORE_1 + n_side],
         )
 
 
@@ -121,4 +121,4 @@ def _hum(v: dict[tuple[str, str], Array], time: Array, channel: str) -> Array:
 
 def _values(effects: Array) -> dict[tuple[str, str], Array]:
     """Each parameter, (..., 1)."""
-    return {key: np.asarray(effects)[..., n, None] for key, n in POSITION.items()}
+    return {key: np.asarray(effects)[..., n, None] for key, n in PARAMETER_INDEX.items()}

@@ -1,20 +1,175 @@
 """One side of the actuator: its equal magnets and their connection, seen from the side's terminals.
 
-With effects its coenergy is n A(g) <W'>(c share i, g), A = depth + growth g (early_saturation, fringing), <> the mean
-over a face that is not parallel (armature_tilt); gap_offset lies in g. Force, flux and their slopes are derivatives of
-this one function, so dF/di = -dlambda/dg holds with any of them.
+A mover stays in one cell of the table for many steps. The cell's 36 coefficients and its edges are copied to a block of
+their own, one a lane; an evaluation first looks whether all lanes are still inside.
+
+With effects the side's coenergy is n A(g) <W'>(c share i, g), A = depth + growth g (early_saturation, fringing), <>
+the mean over a face that is not parallel (armature_tilt); gap_offset lies in g. Force, flux and their slopes are
+derivatives of this one function, so dF/di = -dlambda/dg holds with any of them.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Flag, Rows, Value, choose, size, some
-from msl_fem.plant.cell import N_BLOCK, Cells, cell_slopes, cell_values, enter_cell
-from msl_fem.plant.coefficients import COMPLIANCE, CURRENT_SCALE, DEPTH, GAP_1, GROWTH, TILT
-from msl_fem.plant.plant import PlantParameters
-from msl_fem.plant.state import BASE, X
-from msl_fem.plant.work import BLOCKS, TILTED, Y
+from msl_fem.computing.lanes import (
+    Flag,
+    Rows,
+    Value,
+    choose,
+    every,
+    fma,
+    lane_of,
+    rows_of,
+    set_lane,
+    size,
+    some,
+    width,
+)
+from msl_fem.plant.effects import magnetic, mechanical
+from msl_fem.plant.layout import (
+    BASE,
+    BLOCK_1,
+    CELL,
+    CURRENT,
+    CURRENT_HIGH,
+    CURRENT_LOW,
+    GAP,
+    GAP_HIGH,
+    GAP_LOW,
+    N_BLOCK,
+    SURFACE_START,
+    TILTED,
+    X,
+    Y,
+)
+from msl_fem.plant.plant import PlantParameters, Surface
 
 Five = tuple[Value, Value, Value, Value, Value]
 GAUSS = 5.0 / 18.0  # weight of the outer two of three points
+
+
+class Cells(NamedTuple):
+    """A `Surface` as the kernel takes it."""
+
+    gap: Rows
+    current: Rows
+    coefficients: Rows
+    n_gap: int
+    n_current: int
+
+
+@compiled
+def cells_of(surface: Surface) -> Cells:
+    """The surface by its addresses; it must outlive them."""
+    gap, current = surface.gap, surface.current
+    return Cells(rows_of(gap), rows_of(current), rows_of(surface.coefficients.ravel()), gap.size, current.size)
+
+
+@compiled
+def inside_cell(work: Rows, block: int, current: Value, gap: Value) -> Flag:
+    """Whether |current| and gap are in the cell of the block from that row; its upper edges belong to the next one."""
+    within_gap = (work[block + GAP_LOW] <= gap) & (gap < work[block + GAP_HIGH])
+    return within_gap & (work[block + CURRENT_LOW] <= current) & (current < work[block + CURRENT_HIGH])
+
+
+@compiled
+def enter_cell(cells: Cells, work: Rows, block: int, current: Value, gap: Value) -> Flag:
+    """True where the block now holds the cell of |current| and gap; False outside the table, or not a number."""
+    inside = inside_cell(work, block, current, gap)
+    if not every(inside):
+        _move(cells, work, block, current, gap)
+        inside = inside_cell(work, block, current, gap)
+    return inside
+
+
+@compiled
+def _move(cells: Cells, work: Rows, block: int, current: Value, gap: Value) -> None:
+    """Fills the block in all lanes that have left their cell; not in those that have left the table."""
+    work[block + CURRENT] = current
+    work[block + GAP] = gap
+    for lane in range(width(work)):
+        i, g = lane_of(work, block + CURRENT, lane), lane_of(work, block + GAP, lane)
+        m, n = _lower_node(cells.gap, cells.n_gap, g), _lower_node(cells.current, cells.n_current, i)
+        if m >= 0 and n >= 0:
+            start = int(lane_of(work, block + SURFACE_START, lane)) + (m * (cells.n_current - 1) + n) * 36
+            for k in range(36):
+                set_lane(work, block + CELL + k, lane, cells.coefficients[start + k])
+            set_lane(work, block + GAP_LOW, lane, cells.gap[m])
+            set_lane(work, block + GAP_HIGH, lane, _upper_edge(cells.gap, cells.n_gap, m))
+            set_lane(work, block + CURRENT_LOW, lane, cells.current[n])
+            set_lane(work, block + CURRENT_HIGH, lane, _upper_edge(cells.current, cells.n_current, n))
+
+
+@compiled
+def _lower_node(nodes: Rows, n_node: int, x: float) -> int:
+    """The index m with nodes[m] <= x < nodes[m + 1], the last but one at the end, by bisection; -1 outside."""
+    if not (nodes[0] <= x and x <= nodes[n_node - 1]):
+        return -1
+    low, high = 0, n_node - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if nodes[middle] <= x:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@compiled
+def _upper_edge(nodes: Rows, n_node: int, m: int) -> float:
+    """The first number above the cell from node m; the last cell has its upper node."""
+    return nodes[m + 1] if m + 2 < n_node else np.nextafter(nodes[m + 1], np.inf)
+
+
+@compiled
+def _in_current(work: Rows, power: int, x: Value) -> tuple[Value, Value, Value]:
+    """(value, slope, half the curvature) over the current of what multiplies a power of the gap, from that row."""
+    a = work[power + 5]
+    b = a
+    a = fma(a, x, work[power + 4])
+    c = b
+    b = fma(b, x, a)
+    a = fma(a, x, work[power + 3])
+    c = fma(c, x, b)
+    b = fma(b, x, a)
+    a = fma(a, x, work[power + 2])
+    c = fma(c, x, b)
+    b = fma(b, x, a)
+    a = fma(a, x, work[power + 1])
+    return fma(a, x, work[power]), fma(b, x, a), fma(c, x, b)
+
+
+@compiled
+def cell_slopes(work: Rows, block: int, current: Value, gap: Value) -> tuple[Value, Value, Value]:
+    """(W'_g, W'_ii, W'_ig) at |current| and gap inside the block's cell: what the equations of motion need."""
+    x, y = current - work[block + CURRENT_LOW], gap - work[block + GAP_LOW]
+    w = w_g = w_i = w_ig = w_ii = x - x
+    for p in range(5, -1, -1):
+        a, b, c = _in_current(work, block + CELL + 6 * p, x)
+        w_g = fma(w_g, y, w)
+        w = fma(w, y, a)
+        w_ig = fma(w_ig, y, w_i)
+        w_i = fma(w_i, y, b)
+        w_ii = fma(w_ii, y, c)
+    return w_g, 2.0 * w_ii, w_ig
+
+
+@compiled
+def cell_values(work: Rows, block: int, current: Value, gap: Value) -> tuple[Value, Value, Value, Value, Value]:
+    """(W', W'_g, W'_i, W'_ii, W'_ig) at |current| and gap inside the block's cell; the slopes equal those of
+    `cell_slopes` to the last bit."""
+    x, y = current - work[block + CURRENT_LOW], gap - work[block + GAP_LOW]
+    w = w_g = w_i = w_ig = w_ii = x - x
+    for p in range(5, -1, -1):
+        a, b, c = _in_current(work, block + CELL + 6 * p, x)
+        w_g = fma(w_g, y, w)
+        w = fma(w, y, a)
+        w_ig = fma(w_ig, y, w_i)
+        w_i = fma(w_i, y, b)
+        w_ii = fma(w_ii, y, c)
+    return w, w_g, w_i, 2.0 * w_ii, w_ig
 
 
 @compiled
@@ -24,7 +179,7 @@ def side_gap(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
     if e is None:
         return p.nominal_gap - toward * work[Y + X]
     else:
-        return e[GAP_1 + j] - toward * (work[Y + X] - e[COMPLIANCE] * work[Y + BASE])
+        return e[magnetic.GAP_1 + j] - toward * (work[Y + X] - e[mechanical.COMPLIANCE] * work[Y + BASE])
 
 
 @compiled
@@ -38,8 +193,8 @@ def side_slopes(
     """
     linkages = p.magnets * p.current_share
     i = p.current_share * current
-    inside = enter_cell(cells, work, BLOCKS + j * N_BLOCK, size(i), gap)
-    w_g, w_ii, w_ig = cell_slopes(work, BLOCKS + j * N_BLOCK, size(i), gap)
+    inside = enter_cell(cells, work, BLOCK_1 + j * N_BLOCK, size(i), gap)
+    w_g, w_ii, w_ig = cell_slopes(work, BLOCK_1 + j * N_BLOCK, size(i), gap)
     flux_slope = choose(i < 0.0, 0.0 - w_ig, w_ig)
     return inside, p.magnets * (0.0 - w_g), linkages * p.current_share * w_ii, linkages * flux_slope
 
@@ -49,17 +204,17 @@ def side_with_effects(
     cells: Cells, p: PlantParameters, e: Rows, work: Rows, j: int, current: Value, gap: Value
 ) -> tuple[Flag, Value, Value, Value, Value, Value]:
     """`side_slopes` with the magnetic effects, then flux linkage (Wb) and coenergy (J) of the side."""
-    per_magnet = p.current_share * e[CURRENT_SCALE]
+    per_magnet = p.current_share * e[magnetic.CURRENT_SCALE]
     linkages = p.magnets * per_magnet
     i = per_magnet * current
-    inside = enter_cell(cells, work, BLOCKS + j * N_BLOCK, size(i), gap)
-    w, w_g, w_i, w_ii, w_ig = cell_values(work, BLOCKS + j * N_BLOCK, size(i), gap)
-    if some(e[TILT] > 0.0):
+    inside = enter_cell(cells, work, BLOCK_1 + j * N_BLOCK, size(i), gap)
+    w, w_g, w_i, w_ii, w_ig = cell_values(work, BLOCK_1 + j * N_BLOCK, size(i), gap)
+    if some(e[magnetic.TILT] > 0.0):
         middle = (w, w_g, w_i, w_ii, w_ig)
-        found, mean = _mean_over_face(cells, work, j, size(i), gap, e[TILT], middle)
+        found, mean = _mean_over_face(cells, work, j, size(i), gap, e[magnetic.TILT], middle)
         inside = inside & found
         w, w_g, w_i, w_ii, w_ig = mean
-    depth, growth = e[DEPTH] + e[GROWTH] * gap, e[GROWTH]
+    depth, growth = e[magnetic.DEPTH] + e[magnetic.GROWTH] * gap, e[magnetic.GROWTH]
     pull = p.magnets * (depth * (0.0 - w_g) - growth * w)
     inductance = linkages * per_magnet * (depth * w_ii)
     flux_slope = depth * w_ig + growth * w_i
@@ -97,8 +252,8 @@ def side_flux(
     """(inside the table, flux linkage Wb, field energy lambda i - W' in J) of a side; e is None without effects."""
     if e is None:
         i = p.current_share * current
-        inside = enter_cell(cells, work, BLOCKS + j * N_BLOCK, size(i), gap)
-        w, _, w_i, _, _ = cell_values(work, BLOCKS + j * N_BLOCK, size(i), gap)
+        inside = enter_cell(cells, work, BLOCK_1 + j * N_BLOCK, size(i), gap)
+        w, _, w_i, _, _ = cell_values(work, BLOCK_1 + j * N_BLOCK, size(i), gap)
         flux = p.magnets * p.current_share * choose(i < 0.0, 0.0 - w_i, w_i)
         return inside, flux, flux * current - p.magnets * w
     else:

@@ -9,17 +9,12 @@ from numpy.typing import NDArray
 from msl_fem.actuator import Actuator
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.plant import kernel
+from msl_fem.plant import kernel, layout
 from msl_fem.plant.effects import EffectValues, neutral_vector
 from msl_fem.plant.energy import EnergyAudit, energy_audit
 from msl_fem.plant.extended import effect_coefficients
 from msl_fem.plant.inputs import Inputs
-from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters, Surface, plant_parameters, surface_of
-from msl_fem.plant.readings import Channels, currents_before_noise, position_before_noise
-from msl_fem.plant.sensors import current_reading, position_reading
-from msl_fem.plant.stability import stability_limit
-from msl_fem.plant.starting import start_effects
-from msl_fem.plant.state import (
+from msl_fem.plant.layout import (
     AT_CURRENT_LIMIT_1,
     I1,
     I2,
@@ -31,6 +26,11 @@ from msl_fem.plant.state import (
     X,
     initial_state,
 )
+from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters, Surface, plant_parameters, surface_of
+from msl_fem.plant.readings import Channels, currents_before_noise, position_before_noise
+from msl_fem.plant.sensors import current_reading, position_reading
+from msl_fem.plant.stability import stability_limit
+from msl_fem.plant.starting import start_effects
 from msl_fem.plant.step_size import default_substeps
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -170,12 +170,12 @@ def _channels(plant: PlantParameters, out: Array) -> dict[str, Array]:
     """The true signals in the rows (n_done, N_OUT) of the kernel; those of the sides as (n_done, n_side)."""
     sides = slice(0, plant.sides)
     return {
-        "voltage": out[:, kernel.OUT_VOLTAGE_1 : kernel.OUT_VOLTAGE_2 + 1][:, sides],
-        "force": out[:, kernel.OUT_VOLTAGE_1] if plant.drive == FORCE_DRIVE else np.zeros(len(out)),
-        "current": out[:, kernel.OUT_I1 : kernel.OUT_I2 + 1][:, sides],
-        "flux_linkage": out[:, kernel.OUT_FLUX_1 : kernel.OUT_FLUX_2 + 1][:, sides],
-        "position": out[:, kernel.OUT_X],
-        "velocity": out[:, kernel.OUT_V],
+        "voltage": out[:, layout.OUT_VOLTAGE_1 : layout.OUT_VOLTAGE_2 + 1][:, sides],
+        "force": out[:, layout.OUT_VOLTAGE_1] if plant.drive == FORCE_DRIVE else np.zeros(len(out)),
+        "current": out[:, layout.OUT_I1 : layout.OUT_I2 + 1][:, sides],
+        "flux_linkage": out[:, layout.OUT_FLUX_1 : layout.OUT_FLUX_2 + 1][:, sides],
+        "position": out[:, layout.OUT_X],
+        "velocity": out[:, layout.OUT_V],
     }
 
 
@@ -197,7 +197,7 @@ def integrate(
     InputError : the inputs have another number of columns than the drive
     """
     commands = inputs.for_sides(max(plant.sides, 1))
-    out = np.empty((commands.shape[0], kernel.N_OUT))
+    out = np.empty((commands.shape[0], layout.N_OUT))
     step = 1.0 / (inputs.rate * substeps)
     push = np.asarray(inputs.disturbance)
     status, done = kernel.run(surface, plant, effects, state, commands, push, step, substeps, out)

@@ -5,14 +5,13 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import keep, rows_of
-from msl_fem.plant import coefficients as c
-from msl_fem.plant.cell import Surface, cells_of
-from msl_fem.plant.effect_rates import series_iron
-from msl_fem.plant.plant import PlantParameters
-from msl_fem.plant.side import side_gap, side_with_effects
-from msl_fem.plant.state import COIL_1, CORE_1, HEAT_1, HEAT_2, I1
+from msl_fem.plant.effects import electrical, magnetic
+from msl_fem.plant.effects.mechanisms import SUM_OF_WIDTHS
+from msl_fem.plant.equations import series_iron
+from msl_fem.plant.layout import COIL_1, CORE_1, HEAT_1, HEAT_2, I1, workspace
+from msl_fem.plant.plant import PlantParameters, Surface
+from msl_fem.plant.side import cells_of, side_gap, side_with_effects
 from msl_fem.plant.step import look_at
-from msl_fem.plant.work import workspace
 
 Array = NDArray[np.float64]
 
@@ -23,13 +22,13 @@ def start_effects(surface: Surface, plant: PlantParameters, coefficients: Array,
     The currents have risen from nothing in demagnetised iron, so that its memory takes all it can (of currents beyond
     the reversal's; at smaller ones the first sample errs by a part of the coercive current).
     """
-    state[HEAT_1] = state[HEAT_2] = coefficients[c.HEAT_START]
+    state[HEAT_1] = state[HEAT_2] = coefficients[electrical.HEAT_START]
     state[CORE_1] = state[CORE_1 + 1] = 0.0
-    pinned = coefficients[c.HYSTERESIS_SLOPE] * coefficients[c.HYSTERESIS_WIDTH] * (c.N_STOP * (c.N_STOP + 1) // 2)
+    pinned = coefficients[magnetic.HYSTERESIS_SLOPE] * coefficients[magnetic.HYSTERESIS_WIDTH] * SUM_OF_WIDTHS
     for j in range(2):
         own, other = state[COIL_1 + j], state[COIL_1 + 1 - j]
-        state[I1 + j] = own + coefficients[c.SHARE] * other - np.sign(own) * pinned
-    if plant.sides and (coefficients[c.IRON_LOW] or coefficients[c.IRON_KNEE]):
+        state[I1 + j] = own + coefficients[magnetic.SHARE] * other - np.sign(own) * pinned
+    if plant.sides and (coefficients[magnetic.IRON_LOW] or coefficients[magnetic.IRON_KNEE]):
         _share(surface, plant._replace(end_stop=None), coefficients, state)
 
 

@@ -6,17 +6,13 @@ from numpy.typing import ArrayLike, NDArray
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Rows, keep, rows_of
 from msl_fem.errors import InputError, OutOfTable
-from msl_fem.plant import coefficients as c
-from msl_fem.plant.cell import Cells, Surface, cells_of
-from msl_fem.plant.coefficients import kernel_coefficients
-from msl_fem.plant.effect_rates import series_iron
-from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.effects import EffectValues, kernel_coefficients, magnetic
+from msl_fem.plant.effects.mechanisms import N_STOP, SUM_OF_WIDTHS
+from msl_fem.plant.equations import series_iron, settle_stops, stop_sum
 from msl_fem.plant.extended import small_signal_inductance
-from msl_fem.plant.plant import PlantParameters
-from msl_fem.plant.side import side_with_effects
-from msl_fem.plant.state import STOPS_1
-from msl_fem.plant.stops import settle_stops, stop_sum
-from msl_fem.plant.work import workspace
+from msl_fem.plant.layout import STOPS_1, workspace
+from msl_fem.plant.plant import PlantParameters, Surface
+from msl_fem.plant.side import Cells, cells_of, side_with_effects
 
 Array = NDArray[np.float64]
 
@@ -67,7 +63,7 @@ def _follow(
     force: Array, flux: Array,
 ) -> int:  # fmt: skip
     """Number of rows done; the stops of the hysteresis stand in an array like the state's."""
-    work_array, memory = workspace(), np.zeros(STOPS_1 + c.N_STOP)
+    work_array, memory = workspace(), np.zeros(STOPS_1 + N_STOP)
     e, work, state, cells = rows_of(coefficients), rows_of(work_array), rows_of(memory), cells_of(surface)
     anchor, k = 0.0, 0
     while k < gap.size:
@@ -78,7 +74,7 @@ def _follow(
         inside, pull, _, _, linked, _ = side_with_effects(cells, p, e, work, 0, u, gap[k])
         if not inside:
             break
-        settle_stops(state, STOPS_1, e[c.HYSTERESIS_WIDTH], linked - anchor)
+        settle_stops(state, STOPS_1, e[magnetic.HYSTERESIS_WIDTH], linked - anchor)
         anchor, force[k], flux[k] = linked, pull, linked
         k += 1
     keep(work_array)
@@ -92,9 +88,9 @@ def _magnetising(
 ) -> float:
     """The u with u + h + iron = i, by bisection: h grows with the flux and is at most the coercive current, and iron in
     series takes a part of the current's sign."""
-    slope, width = e[c.HYSTERESIS_SLOPE], e[c.HYSTERESIS_WIDTH]
-    reach = slope * width * (c.N_STOP * (c.N_STOP + 1) // 2)
-    iron = e[c.IRON_LOW] > 0.0 or e[c.IRON_KNEE] > 0.0
+    slope, width = e[magnetic.HYSTERESIS_SLOPE], e[magnetic.HYSTERESIS_WIDTH]
+    reach = slope * width * SUM_OF_WIDTHS
+    iron = e[magnetic.IRON_LOW] > 0.0 or e[magnetic.IRON_KNEE] > 0.0
     if reach == 0.0 and not iron:
         return current
     low, high = current - reach, current + reach

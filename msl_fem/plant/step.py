@@ -1,43 +1,55 @@
-"""One step of the coupled model.
+"""One step of the coupled model, and the step in which the mover meets an end stop.
 
 The classical Runge-Kutta scheme with a fixed step (Hairer, Norsett, Wanner, Solving ODEs I, II.1), of order 4 where the
 right-hand side is smooth. Commands are held over a call of `advance`, so their jumps fall between steps. The drive's
 voltage limit is a kink of the right-hand side: a step in which the limit begins or ceases to act errs by O(step^2)
 in the current, once for each such event, and by O(step^3) in the velocity. So it is with a stop of friction or
 hysteresis that begins or ceases to slide.
+
+End stops: the instant of contact is found within the step (the step is cut there); the velocity turns round and is
+multiplied by the coefficient of restitution (Newton; Goldsmith, Impact, 1960, ch. 2). A mover that would be back before
+the step's time has passed once more, accelerated as it is, comes to rest on the stop, until the forces pull it off.
 """
 
+import numpy as np
+
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Flag, Rows, Value, first, fma, some
-from msl_fem.plant.cell import Cells
-from msl_fem.plant.coefficients import EDDY_MODE, MODE_READING
-from msl_fem.plant.effect_rates import rates_with_effects
-from msl_fem.plant.plant import PlantParameters
-from msl_fem.plant.rates import rates
-from msl_fem.plant.state import (
+from msl_fem.plant.drive import lag_weights
+from msl_fem.plant.effects import magnetic, mechanical
+from msl_fem.plant.equations import rates, rates_with_effects
+from msl_fem.plant.layout import (
     EDDY_FLUX_1,
+    ENERGY_IMPACT,
     HELD,
+    INPUTS_BEGIN,
+    INPUTS_END,
     MODE,
     MODE_RATE,
+    N_INPUT,
     N_INTEGRATED,
     N_PLAIN,
     OUTPUT_1,
-    PHASE_COSINE,
-    SENSOR,
-    SLEW_1,
-    V,
-    X,
-)
-from msl_fem.plant.work import (
-    INPUTS,
-    N_INPUT,
     OUTPUT_OF_1,
+    PHASE_COSINE,
     PHASE_COSINE_END,
+    SENSOR,
     SENSOR_WEIGHTS,
+    SLEW_1,
     SLEW_END_1,
     SLOPES,
+    SLOPES_2,
+    SLOPES_3,
+    SLOPES_4,
+    V,
+    X,
     Y,
 )
+from msl_fem.plant.plant import EndStop, PlantParameters
+from msl_fem.plant.side import Cells
+
+MOST_IMPACTS = 50  # in one step; the last one ends at rest
 
 
 @compiled
@@ -46,7 +58,7 @@ def slopes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, s
 
     A mover that lies on an end stop does not move.
     """
-    dy, inputs = SLOPES + stage * N_INTEGRATED, INPUTS + instant * N_INPUT
+    dy, inputs = SLOPES + stage * N_INTEGRATED, INPUTS_BEGIN + instant * N_INPUT
     if e is None:
         inside = rates(cells, p, work, inputs, dy)
     else:
@@ -71,7 +83,7 @@ def integrated(e: Rows) -> int:
     if e is None:
         return N_PLAIN
     else:
-        return N_INTEGRATED if some(e[EDDY_MODE] > 0.0) else EDDY_FLUX_1
+        return N_INTEGRATED if some(e[magnetic.EDDY_MODE] > 0.0) else EDDY_FLUX_1
 
 
 @compiled
@@ -88,9 +100,8 @@ def try_step(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows,
                 work[Y + n] = fma(share, work[before + n], state[n])
         inside = inside & slopes(cells, p, e, state, work, stage, (stage + 1) // 2)
     for n in range(n_integrated):
-        k = SLOPES + n
-        middle = work[k + N_INTEGRATED] + work[k + 2 * N_INTEGRATED]
-        together = work[k] + 2.0 * middle + work[k + 3 * N_INTEGRATED]
+        middle = work[SLOPES_2 + n] + work[SLOPES_3 + n]
+        together = work[SLOPES + n] + 2.0 * middle + work[SLOPES_4 + n]
         work[Y + n] = fma(step / 6.0, together, state[n])
     return inside
 
@@ -106,7 +117,7 @@ def keep_step(p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
     for n in range(integrated(e)):
         state[n] = work[Y + n]
     for j in range(2):
-        state[OUTPUT_1 + j] = work[INPUTS + 2 * N_INPUT + OUTPUT_OF_1 + j]
+        state[OUTPUT_1 + j] = work[INPUTS_END + OUTPUT_OF_1 + j]
     if e is not None:
         for j in range(4):
             state[SLEW_1 + j] = work[SLEW_END_1 + j]
@@ -120,5 +131,113 @@ def seen(e: Rows, rows: Rows, y: int) -> tuple[Value, Value]:
     if e is None:
         return rows[y + X], rows[y + V]
     else:
-        share = e[MODE_READING]
+        share = e[mechanical.MODE_READING]
         return rows[y + X] + share * rows[y + MODE], rows[y + V] + share * rows[y + MODE_RATE]
+
+
+@compiled
+def step_with_stop(
+    stop: EndStop, cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float,
+    sensor_bandwidth: float,
+) -> bool:  # fmt: skip
+    """Takes one step from `state`, which is carried to its end, through all impacts; False outside the table."""
+    _release(cells, p, e, state, work)
+    inside = try_step(cells, p, e, state, work, step)
+    if inside and abs(work[Y + X]) <= stop.position:
+        keep_step(p, e, state, work)
+        return True
+    kept = np.empty(3 * N_INPUT)
+    for n in range(3 * N_INPUT):
+        kept[n] = work[INPUTS_BEGIN + n]
+    done, impacts = 0.0, 0
+    inside = True
+    while inside and done < 1.0:
+        part = 1.0 - done
+        inside = _part(cells, p, e, state, work, kept, done, part, step)
+        if not inside or abs(work[Y + X]) > stop.position:
+            side = np.sign(work[Y + X] if inside else state[V])
+            part = _contact(stop, cells, p, e, state, work, kept, done, part, step, side)
+            inside = part >= 0.0
+            impacts += 1
+        if inside:
+            lag_weights(sensor_bandwidth, part * step, work, SENSOR_WEIGHTS, 0)
+            keep_step(p, e, state, work)
+            if abs(state[X]) >= stop.position and state[HELD] == 0.0:
+                _bounce(stop, cells, p, e, state, work, step, impacts >= MOST_IMPACTS)
+            done = done + part if part < 1.0 - done else 1.0
+    lag_weights(sensor_bandwidth, step, work, SENSOR_WEIGHTS, 0)
+    return inside
+
+
+@compiled
+def _part(
+    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, kept: Array, done: float, part: float,
+    step: float,
+) -> bool:  # fmt: skip
+    """A trial over `part` of the step after `done` of it; inputs are those of the whole step, a parabola each."""
+    for n in range(N_INPUT):
+        a, middle, end = kept[n], kept[N_INPUT + n], kept[2 * N_INPUT + n]
+        b, curvature = 4.0 * middle - 3.0 * a - end, 2.0 * (a - 2.0 * middle + end)
+        for k in range(3):
+            s = done + 0.5 * k * part
+            work[INPUTS_BEGIN + k * N_INPUT + n] = a + s * (b + s * curvature)
+    return try_step(cells, p, e, state, work, part * step)
+
+
+@compiled
+def _contact(
+    stop: EndStop, cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, kept: Array, done: float,
+    part: float, step: float, side: float,
+) -> float:  # fmt: skip
+    """The part of the step after which the mover touches its stop on that side, and Y there; -1 if it never does.
+
+    Newton's iteration, kept between a share that does not reach the stop and one that does, or that leaves the table.
+    """
+    low, high = 0.0, part
+    share = part * 0.5
+    for _ in range(200):
+        inside = _part(cells, p, e, state, work, kept, done, share, step)
+        beyond = side * work[Y + X] - stop.position
+        if inside and (abs(beyond) <= 1e-14 * stop.position or high - low <= 1e-15):
+            work[Y + X] = side * stop.position
+            return share
+        if not inside or beyond > 0.0:
+            high = share
+        else:
+            low = share
+        share -= beyond / (side * work[Y + V] * step)
+        if not (inside and low < share < high):
+            share = 0.5 * (low + high)
+    return -1.0
+
+
+@compiled
+def _bounce(
+    stop: EndStop, cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float, last: bool
+) -> None:  # fmt: skip
+    """Turns the velocity round at the stop, or ends it there, and writes the energy down."""
+    before, mass = state[V], p.mass
+    after = -stop.restitution * before
+    look_at(e, state, work)
+    slopes(cells, p, e, state, work, 0, 2)
+    outward = work[SLOPES + V] * np.sign(state[X])
+    if last or (outward > 0.0 and 2.0 * abs(after) < outward * step):
+        after = 0.0
+        state[HELD] = np.sign(state[X])
+    if e is not None:
+        mass *= e[mechanical.MODE_KEPT]
+        state[MODE_RATE] += before - after  # the second mass goes on as it went
+    state[V] = after
+    state[ENERGY_IMPACT] += 0.5 * mass * (before * before - after * after)
+
+
+@compiled
+def _release(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
+    """Lets a mover go that nothing presses to its stop any more."""
+    if state[HELD] != 0.0:
+        side = state[HELD]
+        state[HELD] = 0.0
+        look_at(e, state, work)
+        slopes(cells, p, e, state, work, 0, 0)
+        if work[SLOPES + V] * side > 0.0:
+            state[HELD] = side

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from msl_fem.errors import InputError
-from msl_fem.plant.coefficients import N_STOP
 from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.effects.mechanisms import N_STOP
 from msl_fem.plant.plant import VOLTAGE_DRIVE, PlantParameters
 from msl_fem.table.magnetic_table import MagneticTable
 

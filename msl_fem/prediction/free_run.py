@@ -19,14 +19,13 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.gauss_newton import FitSettings, fit_map
 from msl_fem.errors import ComputationError, OutOfTable
-from msl_fem.plant import kernel, linearise
-from msl_fem.plant.coefficients import drive_lags
-from msl_fem.plant.plant import FORCE_DRIVE, plant_parameters
+from msl_fem.plant import kernel, layout, linearise
+from msl_fem.plant.layout import OK, initial_state
+from msl_fem.plant.plant import FORCE_DRIVE, drive_lags, plant_parameters
 from msl_fem.plant.plant_in_loop import PlantInLoop, act, instruments_of, plant_at_rest, read
 from msl_fem.plant.readings import Channels, currents_before_noise, position_before_noise
 from msl_fem.plant.simulate import STATUS
 from msl_fem.plant.starting import start_effects
-from msl_fem.plant.state import OK, initial_state
 from msl_fem.prediction.hypothesis import KernelPlant, ModelHypothesis
 from msl_fem.prediction.run_data import POSITION_COLUMN, LoopLaw, RunData
 from msl_fem.record.columns import Channel, side_columns
@@ -112,7 +111,7 @@ def _side_current(data: RunData, j: int) -> Array:
 def free_run(plant: KernelPlant, data: RunData, start: Start) -> FreeRun:
     """The run from a start to its end, or to where the plant leaves table or range."""
     n = len(data.commands)
-    out = np.full((n, kernel.N_OUT), np.nan)
+    out = np.full((n, layout.N_OUT), np.nan)
     status, done = kernel.run(
         plant.surface,
         plant.parameters,
@@ -222,7 +221,7 @@ def readings_of(plant: KernelPlant, data: RunData, out: Array) -> dict[str, Arra
     currents = out[:, :0]
     if plant.parameters.sides:
         currents = currents_before_noise(channels, plant.readings, rate=data.rate)
-    voltages = out[:, kernel.OUT_VOLTAGE_1 : kernel.OUT_VOLTAGE_1 + 2]
+    voltages = out[:, layout.OUT_VOLTAGE_1 : layout.OUT_VOLTAGE_1 + 2]
     return _by_channel(data, position, currents, voltages)
 
 

@@ -13,12 +13,25 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.plant.coefficients import COMPLIANCE, MODE_MASS
-from msl_fem.plant.effects import POSITION as PLACE
-from msl_fem.plant.effects.lags import position_delay
+from msl_fem.plant.effects import PARAMETER_INDEX
+from msl_fem.plant.effects.mechanical import COMPLIANCE, MODE_MASS
+from msl_fem.plant.effects.mechanisms import position_delay
 from msl_fem.plant.kernel import advance
+from msl_fem.plant.layout import (
+    BASE,
+    BASE_RATE,
+    COIL_1,
+    COIL_SLOPE_1,
+    I1,
+    MODE,
+    MODE_RATE,
+    N_STATE,
+    OK,
+    SENSOR,
+    V,
+    X,
+)
 from msl_fem.plant.readings import Channels, currents_before_noise, position_before_noise
-from msl_fem.plant.state import BASE, BASE_RATE, COIL_1, COIL_SLOPE_1, I1, MODE, MODE_RATE, N_STATE, OK, SENSOR, V, X
 from msl_fem.prediction.free_run import Start, guessed_start, kernel_state
 from msl_fem.prediction.hypothesis import KernelPlant
 from msl_fem.prediction.run_data import POSITION_COLUMN, RunData
@@ -165,7 +178,7 @@ def _setting(plant: KernelPlant, data: RunData, names: list[str], noise: Process
     """What `filter_run` takes: readings, their delays, rows of the state, differences, variances."""
     p, position, current = plant.parameters, data.noise[POSITION_COLUMN].sigma, _current_noise(data)
     which = np.array([_POSITION_SENSOR if name == POSITION_COLUMN else CHANNELS[name].index for name in names])
-    values = {key: float(plant.readings[n]) for key, n in PLACE.items()}
+    values = {key: float(plant.readings[n]) for key, n in PARAMETER_INDEX.items()}
     delay = np.where(which == _POSITION_SENSOR, position_delay(values), values["time_delay", "current"])
     rows = [I1 + j for j in range(p.sides)] + [X, V, SENSOR]
     if plant.effects is not None and plant.effects[MODE_MASS]:
@@ -197,7 +210,7 @@ def _as_read(plant: KernelPlant, data: RunData, name: str, sensed: Array) -> Arr
     """What an instrument reads, without the delay, of a sensor's or coil's signal (n_sample,)."""
     prompt = plant.readings.copy()
     for late in (("time_delay", "position"), ("time_delay", "current"), ("position_sensor_lag", "delay_share")):
-        prompt[PLACE[late]] = 0.0
+        prompt[PARAMETER_INDEX[late]] = 0.0
     nothing, sides = np.zeros((sensed.size, 2)), np.zeros((sensed.size, 2))
     if name == POSITION_COLUMN:
         channels = Channels(sensed, nothing[:, 0], nothing, nothing, nothing)

@@ -30,8 +30,8 @@ from msl_fem.maps.guard import Guard
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.excitation import reference as excitation_reference
 from msl_fem.plant.kernel import advance
+from msl_fem.plant.layout import I1, I2, SENSOR, X, initial_state
 from msl_fem.plant.plant import plant_parameters, surface_of
-from msl_fem.plant.state import I1, I2, SENSOR, X, initial_state
 
 
 def noise(seed: int = 1) -> np.random.Generator:

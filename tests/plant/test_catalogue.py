@@ -9,7 +9,7 @@ from msl_fem.files.toml_text import quantity_text
 from msl_fem.plant.effects import (
     CATALOGUE,
     N_PARAMETER,
-    POSITION,
+    PARAMETER_INDEX,
     EffectValues,
     find_effect,
     find_parameter,
@@ -75,7 +75,7 @@ def test_values_go_through_a_vector_and_back() -> None:
     values = EffectValues({"eddy_currents": {"time_constant": 1e-4}, "coulomb_friction": {"force": 0.2}})
     vector = values.vector()
     assert vector.shape == (N_PARAMETER,)
-    assert vector[POSITION["coulomb_friction", "presliding"]] == 1e-6
+    assert vector[PARAMETER_INDEX["coulomb_friction", "presliding"]] == 1e-6
     assert from_vector(vector) == values
     assert values.present == ("eddy_currents", "coulomb_friction")
     assert from_vector(neutral_vector()).stated == {}

@@ -9,8 +9,8 @@ from scipy.linalg import expm
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
-from msl_fem.plant.coefficients import EDDY_POLES, EDDY_WEIGHTS
 from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.effects.magnetic import EDDY_POLES, EDDY_WEIGHTS
 from msl_fem.plant.inputs import Inputs
 from msl_fem.plant.simulate import Options, simulate
 

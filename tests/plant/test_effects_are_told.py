@@ -22,8 +22,7 @@ from msl_fem.diagnosis.static_maps import prepared_map
 from msl_fem.diagnosis.variants import Scene, possible, variants
 from msl_fem.maps import operating_map
 from msl_fem.plant import plant_parameters, surface_of
-from msl_fem.plant.coefficients import kernel_coefficients
-from msl_fem.plant.effects import CATALOGUE, Effect, EffectValues, Parameter
+from msl_fem.plant.effects import CATALOGUE, Effect, EffectValues, Parameter, kernel_coefficients
 from msl_fem.plant.effects.entry import Part
 from msl_fem.plant.extended import small_signal_inductance
 from msl_fem.plant.plant_in_loop import instruments_of

@@ -12,12 +12,12 @@ from msl_fem.plant import kernel
 from msl_fem.plant.equilibrium import equilibria, resting_point
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.inputs import Inputs, excitation_inputs
+from msl_fem.plant.layout import N_INTEGRATED, initial_state
 from msl_fem.plant.linearise import linearise
 from msl_fem.plant.open_loop import check_open_loop
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.plant.simulate import Options, simulate
 from msl_fem.plant.stability import stability_limit
-from msl_fem.plant.state import N_INTEGRATED, initial_state
 from msl_fem.table.magnetic_table import MagneticTable
 
 

@@ -8,16 +8,12 @@ from extended_twin import SMOOTH, twin
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
-from msl_fem.plant import kernel
-from msl_fem.plant.coefficients import kernel_coefficients
-from msl_fem.plant.effects import N_PARAMETER, EffectValues, neutral_vector
+from msl_fem.plant import kernel, layout
+from msl_fem.plant.effects import N_PARAMETER, EffectValues, kernel_coefficients, neutral_vector
 from msl_fem.plant.extended import effect_coefficients, small_signal_inductance
 from msl_fem.plant.inputs import Inputs
 from msl_fem.plant.lane_run import LaneSettings, run_lanes
-from msl_fem.plant.plant import plant_parameters, surface_of
-from msl_fem.plant.simulate import Options, simulate
-from msl_fem.plant.starting import start_effects
-from msl_fem.plant.state import (
+from msl_fem.plant.layout import (
     BASE,
     CREEP,
     HEAT_1,
@@ -30,6 +26,9 @@ from msl_fem.plant.state import (
     X,
     initial_state,
 )
+from msl_fem.plant.plant import plant_parameters, surface_of
+from msl_fem.plant.simulate import Options, simulate
+from msl_fem.plant.starting import start_effects
 from msl_fem.table.magnetic_table import MagneticTable
 
 
@@ -94,15 +93,15 @@ def test_lanes_equal_single_runs_to_the_last_bit(
             inductance = small_signal_inductance(plant, surface)
             e = kernel_coefficients(plant, vectors[lane], inductance=inductance, step=1e-5, n_step=10)
             start_effects(surface, plant, e, state)
-        out = np.empty((150, kernel.N_OUT))
+        out = np.empty((150, layout.N_OUT))
         push = np.asarray(inputs.disturbance)
         assert kernel.run(surface, plant, e, state, inputs.for_sides(2), push, 1e-5, 10, out) == (OK, 150)
-        assert np.array_equal(run.true_position[lane], out[:, kernel.OUT_X])
-        assert np.array_equal(run.voltage[lane], out[:, [kernel.OUT_VOLTAGE_1, kernel.OUT_VOLTAGE_2]])
-        assert np.array_equal(run.flux_linkage[lane], out[:, [kernel.OUT_FLUX_1, kernel.OUT_FLUX_2]])
+        assert np.array_equal(run.true_position[lane], out[:, layout.OUT_X])
+        assert np.array_equal(run.voltage[lane], out[:, [layout.OUT_VOLTAGE_1, layout.OUT_VOLTAGE_2]])
+        assert np.array_equal(run.flux_linkage[lane], out[:, [layout.OUT_FLUX_1, layout.OUT_FLUX_2]])
         if vectors is None:
             assert np.array_equal(run.current[lane], out[:, :2])
-            assert np.array_equal(run.position[lane], out[:, kernel.OUT_SENSOR])
+            assert np.array_equal(run.position[lane], out[:, layout.OUT_SENSOR])
     assert np.ptp(run.true_position[:, -1]) > 1e-7
 
 

@@ -5,11 +5,9 @@ import pytest
 from coupled_cases import changed, reference_run
 
 from msl_fem.actuator import Actuator
-from msl_fem.plant import kernel
+from msl_fem.plant import kernel, layout
 from msl_fem.plant.inputs import Inputs
-from msl_fem.plant.plant import plant_parameters, surface_of
-from msl_fem.plant.simulate import Options, simulate
-from msl_fem.plant.state import (
+from msl_fem.plant.layout import (
     AT_CURRENT_LIMIT_2,
     I1,
     I2,
@@ -23,6 +21,8 @@ from msl_fem.plant.state import (
     X,
     initial_state,
 )
+from msl_fem.plant.plant import plant_parameters, surface_of
+from msl_fem.plant.simulate import Options, simulate
 from msl_fem.table.magnetic_table import MagneticTable
 
 CHANNELS = ("current", "position", "velocity", "measured_position", "voltage")
@@ -81,13 +81,13 @@ def test_run_is_advance_repeated(servo: Actuator, table: MagneticTable) -> None:
     plant, surface, inputs = plant_parameters(servo), surface_of(table), gentle(50)
     state, voltage = initial_state(plant, 0.0, 0.0, 1e-5, 0.0), np.zeros(2)
     together = state.copy()
-    out = np.empty((50, kernel.N_OUT))
+    out = np.empty((50, layout.N_OUT))
     push = np.asarray(inputs.disturbance)
     assert kernel.run(surface, plant, None, together, inputs.commands, push, 2e-5, 5, out) == (OK, 50)
     for k in range(50):
-        assert out[k, kernel.OUT_X] == state[X]
+        assert out[k, layout.OUT_X] == state[X]
         assert kernel.advance(surface, plant, None, state, inputs.commands[k], push[k], 2e-5, 5, voltage) == OK
-        assert (out[k, [kernel.OUT_VOLTAGE_1, kernel.OUT_VOLTAGE_2]] == voltage).all()
+        assert (out[k, [layout.OUT_VOLTAGE_1, layout.OUT_VOLTAGE_2]] == voltage).all()
     assert (state == together).all()
 
 

@@ -6,12 +6,12 @@ from scipy.integrate import quad
 
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import rows_of
-from msl_fem.plant.lag import lag_weights
+from msl_fem.plant.drive import lag_weights
 
 
 @compiled
 def weigh(z: float, weights: np.ndarray) -> None:
-    lag_weights(z, 1.0, rows_of(weights), 0)
+    lag_weights(z, 1.0, rows_of(weights), 0, 0)
 
 
 def response(z: float, x: np.polynomial.Polynomial, *, start: float) -> float:

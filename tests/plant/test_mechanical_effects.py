@@ -11,10 +11,10 @@ from msl_fem.plant import kernel
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.extended import effect_coefficients
 from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.layout import N_INTEGRATED, V, initial_state
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.plant.simulate import Options, simulate
 from msl_fem.plant.starting import start_effects
-from msl_fem.plant.state import N_INTEGRATED, V, initial_state
 from msl_fem.table.magnetic_table import MagneticTable
 
 FINE = Options(substeps=64)

@@ -10,6 +10,7 @@ from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.layout import OK, OUTSIDE_TABLE
 from msl_fem.plant.plant_in_loop import (
     Array,
     PlantInLoop,
@@ -20,7 +21,6 @@ from msl_fem.plant.plant_in_loop import (
     reading_noise,
 )
 from msl_fem.plant.simulate import simulate
-from msl_fem.plant.state import OK, OUTSIDE_TABLE
 from msl_fem.table.magnetic_table import MagneticTable
 
 LATE = {"command": 1.37e-4, "position": 7.3e-4, "current": 1.1e-5}

@@ -3,8 +3,8 @@
 import numpy as np
 
 from msl_fem.actuator import Actuator
+from msl_fem.plant.layout import OK
 from msl_fem.plant.plant_in_loop import act, plant_at_rest, plant_in_loop, read, reading_noise
-from msl_fem.plant.state import OK
 from msl_fem.record import Noise, Record, Run, Sampling
 from msl_fem.table.magnetic_table import MagneticTable
 

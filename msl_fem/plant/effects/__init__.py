@@ -1,21 +1,168 @@
-"""The catalogue of effects that a real actuator may have beside the plain model: names, parameters, sources.
+"""The catalogue of effects that a real actuator may have beside the plain model, and values of their parameters.
 
-The equations live in `coupled_model`; here is what a file, a search or a report must know of an effect.
+Each effect is told once, in the file of its group: names, parameters and source, the coefficients that it sets in the
+kernel, what the other rooms take of it and why not the rest. What needs the order of the equations stands in
+`plant.equations` and `plant.drive`.
 """
 
-from msl_fem.plant.effects.catalogue import CATALOGUE, N_PARAMETER, POSITION, find_effect, find_parameter
-from msl_fem.plant.effects.entry import Effect, Parameter
-from msl_fem.plant.effects.values import EffectValues, from_vector, neutral_vector
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from msl_fem.computing.arrays import Array
+from msl_fem.errors import InputError
+from msl_fem.plant.effects import sensing
+from msl_fem.plant.effects.electrical import ELECTRICAL
+from msl_fem.plant.effects.entry import Effect, Parameter, Part, Setting
+from msl_fem.plant.effects.magnetic import MAGNETIC
+from msl_fem.plant.effects.mechanical import MECHANICAL
+from msl_fem.plant.effects.sensing import SENSING
+from msl_fem.plant.plant import PlantParameters
 
 __all__ = [
     "CATALOGUE",
+    "N_COEFFICIENT",
     "N_PARAMETER",
-    "POSITION",
+    "PARAMETER_INDEX",
     "Effect",
     "EffectValues",
     "Parameter",
+    "Part",
+    "Setting",
     "find_effect",
     "find_parameter",
     "from_vector",
+    "kernel_coefficients",
     "neutral_vector",
 ]
+
+CATALOGUE: dict[str, Effect] = {effect.name: effect for effect in MAGNETIC + ELECTRICAL + MECHANICAL + SENSING}
+
+PARAMETER_INDEX: dict[tuple[str, str], int] = {
+    key: n for n, key in enumerate((e.name, p.name) for e in CATALOGUE.values() for p in e.parameters)
+}
+"""Where the parameter (effect, name) stands in a vector of all parameters."""
+N_PARAMETER = len(PARAMETER_INDEX)
+N_COEFFICIENT = sensing.LAYOUT.size
+"""Rows of the kernel's coefficients that the groups of effects have named."""
+
+
+def find_effect(name: str) -> Effect:
+    """The effect of that name.
+
+    Raises
+    ------
+    InputError : there is none; names those there are
+    """
+    try:
+        return CATALOGUE[name]
+    except KeyError:
+        raise InputError(f"'{name}' is no effect of the catalogue; there are {', '.join(CATALOGUE)}") from None
+
+
+def find_parameter(effect: str, name: str) -> Parameter:
+    """The parameter of that effect.
+
+    Raises
+    ------
+    InputError : there is no such effect, or no such parameter of it
+    """
+    entry = find_effect(effect)
+    try:
+        return entry.parameter(name)
+    except KeyError:
+        known = ", ".join(p.name for p in entry.parameters)
+        raise InputError(f"'{name}' is no parameter of {effect}; there are {known}") from None
+
+
+@dataclass(frozen=True)
+class EffectValues:
+    """Parameters of the effects that are there, by effect and name; what is not stated is neutral.
+
+    Raises
+    ------
+    InputError : an unknown effect or parameter, a value that is not finite or outside its bounds
+    """
+
+    stated: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        kept: dict[str, Mapping[str, float]] = {}
+        for effect, parameters in self.stated.items():
+            find_effect(effect)
+            for name, value in parameters.items():
+                _check(effect, name, value)
+            kept[effect] = MappingProxyType({name: float(value) for name, value in parameters.items()})
+        object.__setattr__(self, "stated", MappingProxyType(kept))
+
+    def get(self, effect: str, name: str) -> float:
+        """The stated value, else the neutral one."""
+        stated = self.stated.get(effect, {})
+        return stated[name] if name in stated else CATALOGUE[effect].parameter(name).neutral
+
+    def vector(self) -> Array:
+        """All parameters of the catalogue, (N_PARAMETER,), in the order of `PARAMETER_INDEX`."""
+        return np.array([self.get(effect, name) for effect, name in PARAMETER_INDEX])
+
+    @property
+    def present(self) -> tuple[str, ...]:
+        """The stated effects of which a parameter that is no shape differs from its neutral value."""
+        return tuple(
+            effect
+            for effect in self.stated
+            if any(not p.shape and self.get(effect, p.name) != p.neutral for p in CATALOGUE[effect].parameters)
+        )
+
+
+def neutral_vector() -> Array:
+    """All parameters at their neutral values, (N_PARAMETER,)."""
+    return EffectValues().vector()
+
+
+def from_vector(vector: Array) -> EffectValues:
+    """The values of a vector of all parameters (N_PARAMETER,); effects at their neutral values are left out.
+
+    Raises
+    ------
+    InputError : it has another length; a value outside its bounds
+    """
+    if np.shape(vector) != (N_PARAMETER,):
+        raise InputError(f"a vector of effects has {N_PARAMETER} entries, this one the shape {np.shape(vector)}")
+    stated: dict[str, dict[str, float]] = {}
+    for (effect, name), n in PARAMETER_INDEX.items():
+        if float(vector[n]) != CATALOGUE[effect].parameter(name).neutral:
+            stated.setdefault(effect, {})[name] = float(vector[n])
+    return EffectValues(stated)
+
+
+def _check(effect: str, name: str, value: float) -> None:
+    parameter = find_parameter(effect, name)
+    low, high = parameter.bounds
+    if not (math.isfinite(value) and low <= value <= high):
+        unit = f" {parameter.unit}" if parameter.unit else ""
+        raise InputError(f"{effect}.{name}: {value:g}{unit} is not allowed; it must be {low:g} ... {high:g}{unit}")
+
+
+def kernel_coefficients(
+    plant: PlantParameters, effects: Array, *, inductance: float, step: float, n_step: int
+) -> Array:
+    """The coefficients (N_COEFFICIENT,) of a plant with effects, for n_step steps of `step` seconds a sample.
+
+    Parameters
+    ----------
+    effects : (N_PARAMETER,) of the catalogue
+    inductance : of a side at the nominal gap without current, H; any number without magnets
+
+    Raises
+    ------
+    InputError : a command that is delayed too much
+    """
+    values = {key: float(effects[n]) for key, n in PARAMETER_INDEX.items()}
+    coefficients, setting = np.zeros(N_COEFFICIENT), Setting(plant, inductance, step, n_step)
+    for set_coefficients in {effect.coefficients for effect in CATALOGUE.values()} - {None}:
+        assert set_coefficients is not None
+        set_coefficients(coefficients, values, setting)
+    return coefficients

@@ -1,6 +1,71 @@
 """Effects of coil, amplifier and current sensor."""
 
-from msl_fem.plant.effects.entry import NO_MAGNETS, NOT_AT_REST, Effect, Parameter, Part
+import math
+
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.lanes import Layout
+from msl_fem.errors import InputError
+from msl_fem.plant.effects import magnetic
+from msl_fem.plant.effects.entry import NO_MAGNETS, NOT_AT_REST, Effect, Parameter, Part, Setting, Values
+from msl_fem.plant.effects.mechanisms import fall_stages, pole_and_delay
+
+N_QUEUE = 16  # samples by which a command can be late
+
+LAYOUT = Layout(after=magnetic.LAYOUT)
+HEAT_PER_JOULE, COOLING = LAYOUT.rows(2)  # relative rise of the resistance, 1/J; its decay, 1/s
+HEAT_START = LAYOUT.row()  # the rise in the beginning
+CORE_RATE = LAYOUT.row()  # at which the core follows the coil's temperature, 1/s
+BANDWIDTH = LAYOUT.row()  # of the drive, rad/s
+# Delay of the command: whole samples, then the step of a sample in which it acts, and after what share of that step
+DELAY_SAMPLES, JUMP_STEP, JUMP_SHARE = LAYOUT.rows(3)
+# What is left of the lag at begin, middle and end of a step, and behind it; the same of a jump within the step
+FALL, JUMP = LAYOUT.rows(2, 4)
+SLEW_TIME, RAMP_MIDDLE, RAMP_END = LAYOUT.rows(3)
+# Slew limit of the lag: one over what it moves by in a time constant at most (1/A, 1/V, 1/N); a step over the time
+# constant; of the step with the jump, time before it until middle and end, over the time constant
+SOFT, DECAY, PAST_MIDDLE, PAST_END = LAYOUT.rows(4)
+
+
+def _heating(e: Array, v: Values, setting: Setting) -> None:
+    e[HEAT_PER_JOULE], e[COOLING] = v["coil_heating", "rise_per_joule"], v["coil_heating", "cooling_rate"]
+    e[HEAT_START], e[CORE_RATE] = v["coil_heating", "initial_rise"], v["coil_heating", "core_rate"]
+
+
+def command_path(e: Array, v: Values, setting: Setting) -> None:
+    """The way of a command to the drive: delay, slew limit and lag, the drive's own bandwidth.
+
+    Raises
+    ------
+    InputError : a delay of more than `N_QUEUE` samples
+    """
+    e[BANDWIDTH] = setting.plant.bandwidth * (1.0 + v["amplifier_bandwidth", "bandwidth_error"])
+    step, n_step = setting.step, setting.n_step
+    lag, delay = pole_and_delay(v, "amplifier_bandwidth")
+    delay += v["time_delay", "command"]
+    late = delay / step
+    whole = math.floor(late / n_step)
+    if whole >= N_QUEUE:
+        raise InputError(
+            f"time_delay.command: {delay:g} s are {late / n_step:.3g} samples, the coupled model "
+            f"delays a command by less than {N_QUEUE}; sample more slowly"
+        )
+    rest = max(late - whole * n_step, 0.0)
+    e[DELAY_SAMPLES] = whole
+    e[JUMP_STEP] = math.floor(rest)
+    e[JUMP_SHARE] = rest - e[JUMP_STEP]
+    decay = step / lag if lag > 0 else math.inf
+    e[FALL : FALL + 4] = fall_stages(0.0, decay)
+    e[JUMP : JUMP + 4] = fall_stages(float(e[JUMP_SHARE]), decay)
+    if lag > 0:
+        e[SOFT], e[DECAY] = v["amplifier_bandwidth", "slew_time"] / lag, decay
+        e[PAST_MIDDLE], e[PAST_END] = min(0.5, e[JUMP_SHARE]) * decay, e[JUMP_SHARE] * decay
+    else:
+        e[SLEW_TIME] = v["amplifier_bandwidth", "slew_time"]
+    z = e[BANDWIDTH] * step
+    if math.isfinite(z):
+        e[RAMP_MIDDLE] = -1.0 / z + (0.5 + 1.0 / z) * math.exp(-0.5 * z)
+        e[RAMP_END] = 0.5 - 1.0 / z + (0.5 + 1.0 / z) * math.exp(-z)
+
 
 ELECTRICAL = (
     Effect(
@@ -50,6 +115,7 @@ ELECTRICAL = (
             ),
         ),
         needs=("magnets",),
+        coefficients=_heating,
         design=Part(declined="the drive's current loop makes up for a resistance that changes"),
         inverse=NO_MAGNETS,
         static=NOT_AT_REST,
@@ -83,6 +149,7 @@ ELECTRICAL = (
             ),
         ),
         needs=("drive lag",),
+        coefficients=command_path,
         design=Part(("lag", "bandwidth_error"), "a slew limit is not linear; keep the reference below it"),
         inverse=Part(
             ("lag",),

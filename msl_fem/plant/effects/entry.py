@@ -1,11 +1,32 @@
 """What an entry of the catalogue holds: all that the rooms of the program have to know of an effect."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
+
+from msl_fem.computing.arrays import Array
+from msl_fem.plant.plant import PlantParameters
 
 Group = Literal["magnetic", "electrical", "mechanical", "sensing and timing"]
 Need = Literal["magnets", "two sides", "drive lag"]
 Scale = Literal["", "own_frequency", "position", "velocity", "current", "lines"]
+
+
+Values = Mapping[tuple[str, str], float]
+"""Every parameter of the catalogue, by effect and name."""
+
+
+class Setting(NamedTuple):
+    """What coefficients depend on beside the effects: the plant, and the steps of its integration."""
+
+    plant: PlantParameters
+    inductance: float  # H, of a side at the nominal gap without current; any number without magnets
+    step: float  # s
+    n_step: int  # steps a sample
+
+
+SetCoefficients = Callable[[Array, Values, Setting], None]
+"""Sets an effect's rows of the kernel's coefficients."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +91,8 @@ class Effect:
     inverse : what the inverse dynamics of a rig without magnets undo of it
     static : what a magnet at rest shows of it
     advice : what an engineer looks at who finds it
+    coefficients : sets what the kernel's equations take of it; effects of one mechanism share it; None: it acts on
+        readings alone
     needs : what a plant must have for it: magnets (and a gap), two sides, a current drive that lags
     sets : amounts that a search tries together; (): one set, all of them
     separating : the static measurement that tells it from the other effects of a magnet at rest; "": it is not looked
@@ -86,6 +109,7 @@ class Effect:
     inverse: Part
     static: Part
     advice: str
+    coefficients: SetCoefficients | None = None
     needs: tuple[Need, ...] = ()
     sets: tuple[tuple[str, ...], ...] = ()
     separating: str = ""

@@ -1,6 +1,77 @@
 """Effects of the magnets: each leaves force and flux linkage the derivatives of one coenergy, or states its loss."""
 
-from msl_fem.plant.effects.entry import NO_MAGNETS, NOT_AT_REST, Effect, Parameter, Part
+import math
+
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.lanes import Layout
+from msl_fem.plant.effects.entry import NO_MAGNETS, NOT_AT_REST, Effect, Parameter, Part, Setting, Values
+from msl_fem.plant.effects.mechanisms import N_STOP, SUM_OF_WIDTHS
+
+EDDY_POLES = (9.961828, 46.97476, 177.0982, 678.4545, 2655.095, 12635.84)
+EDDY_WEIGHTS = (6.148609, 8.745795, 16.96271, 33.58058, 68.57505, 209.0614)
+"""Modes by which the currents in sheets are taken: conductance 3 (q coth q - 1)/q^2 = sum w/(q^2 + p) + rest."""
+N_EDDY = len(EDDY_POLES)  # modes of the eddy currents of a side, beside what answers at once
+FASTEST_EDDY = 1.0  # steps: faster modes of the eddy currents are taken to answer at once
+
+LAYOUT = Layout()
+GAP_1, GAP_2 = LAYOUT.rows(2)  # gaps of the sides at x = 0, m
+CURRENT_SCALE = LAYOUT.row()  # what multiplies the magnets' current
+DEPTH, GROWTH = LAYOUT.rows(2)  # W' is multiplied by depth + growth g
+TILT = LAYOUT.row()  # from the middle to the outer points of a face, m
+SHARE, UNMIX = LAYOUT.rows(2)  # share of the other side's current; 1/(1 - share^2)
+EDDY = LAYOUT.row()  # conductance of the eddy loop, 1/ohm
+EDDY_MODE, EDDY_RATE = LAYOUT.rows(2, N_EDDY)  # modes of the eddy currents: current over flux, A/Wb; rates, 1/s
+HYSTERESIS_SLOPE, HYSTERESIS_WIDTH = LAYOUT.rows(2)  # of a stop, A/Wb; of the first stop, Wb
+IRON_SCALE, IRON_LOW = LAYOUT.rows(2)  # iron in series: one over L_0, 1/H; current at low fields, A
+IRON_WIDTH, IRON_KNEE = LAYOUT.rows(2)  # its width, A; current over the cube, 1/A^2
+
+
+def _gaps(e: Array, v: Values, setting: Setting) -> None:
+    offset, centring = v["gap_offset", "offset"], v["gap_offset", "centring"]
+    e[GAP_1] = setting.plant.nominal_gap + offset + centring
+    e[GAP_2] = setting.plant.nominal_gap + offset - centring
+
+
+def _coenergy(e: Array, v: Values, setting: Setting) -> None:
+    """W'(i, g) -> (depth + growth g) W'(scale i, g), and iron in series with it."""
+    sooner, turns = 1.0 + v["early_saturation", "knee_shift"], 1.0 + v["fringing", "turns_error"]
+    e[CURRENT_SCALE] = sooner * turns
+    e[DEPTH] = (1.0 + v["fringing", "depth_error"]) / sooner**2
+    e[GROWTH] = v["fringing", "growth"] / sooner**2
+    e[IRON_SCALE] = 1.0 / setting.inductance
+    e[IRON_LOW] = v["early_saturation", "low_field_current"]
+    e[IRON_WIDTH] = v["early_saturation", "low_field_width"]
+    e[IRON_KNEE] = v["early_saturation", "knee_excess"]
+
+
+def _hysteresis(e: Array, v: Values, setting: Setting) -> None:
+    e[HYSTERESIS_WIDTH] = setting.inductance * v["magnetic_hysteresis", "reversal_current"] / N_STOP
+    e[HYSTERESIS_SLOPE] = v["magnetic_hysteresis", "coercive_current"] / (SUM_OF_WIDTHS * e[HYSTERESIS_WIDTH])
+
+
+def _eddy_currents(e: Array, v: Values, setting: Setting) -> None:
+    """Sheets of diffusion time T and low-frequency conductance G: a magnetising current (3 G/T) (q coth q - 1) Lambda,
+    q^2 = s T, is taken as the sum over k of (G w_k/T) s/(s + p_k/T) Lambda, and the rest of G at once: within 0.5 % up
+    to s T = 10^4. Modes that are faster than the step answer at once."""
+    conductance = v["eddy_currents", "time_constant"] / setting.inductance
+    diffusion = v["eddy_currents", "diffusion_time"]
+    at_once = 1.0
+    for k, (pole, weight) in enumerate(zip(EDDY_POLES, EDDY_WEIGHTS, strict=True)):
+        if conductance and diffusion > FASTEST_EDDY * setting.step * pole:
+            e[EDDY_MODE + k] = weight * conductance / diffusion
+            e[EDDY_RATE + k] = pole / diffusion
+            at_once -= weight / pole
+    e[EDDY] = conductance * at_once
+
+
+def _coupling(e: Array, v: Values, setting: Setting) -> None:
+    e[SHARE] = v["cross_coupling", "share"] if setting.plant.sides == 2 else 0.0
+    e[UNMIX] = 1.0 / (1.0 - e[SHARE] ** 2)
+
+
+def _tilt(e: Array, v: Values, setting: Setting) -> None:
+    e[TILT] = math.sqrt(1.8 * v["armature_tilt", "gap_variance"])  # sqrt(3/5) of half the span, which is sqrt(3 v)
+
 
 MAGNETIC = (
     Effect(
@@ -14,6 +85,7 @@ MAGNETIC = (
             Parameter("centring", "m", 0.0, (-3e-4, 3e-4), 5e-6, "side 1's gap is wider, side 2's narrower by this"),
         ),
         needs=("magnets",),
+        coefficients=_gaps,
         design=Part(("offset", "centring")),
         inverse=NO_MAGNETS,
         static=Part(("offset",), "one magnet has no middle that it could be off"),
@@ -49,6 +121,7 @@ MAGNETIC = (
             ),
         ),
         needs=("magnets",),
+        coefficients=_coenergy,
         design=Part(("knee_shift",), "the current of iron in series depends on the flux and is left to the feedback"),
         inverse=NO_MAGNETS,
         static=Part(("knee_shift", "low_field_current", "knee_excess")),
@@ -68,6 +141,7 @@ MAGNETIC = (
             Parameter("turns_error", "", 0.0, (-0.2, 0.2), 0.002, "relative error of the number of turns"),
         ),
         needs=("magnets",),
+        coefficients=_coenergy,
         design=Part(("growth", "depth_error", "turns_error")),
         inverse=NO_MAGNETS,
         static=Part(("growth", "depth_error", "turns_error")),
@@ -101,6 +175,7 @@ MAGNETIC = (
             ),
         ),
         needs=("magnets", "drive lag"),
+        coefficients=_hysteresis,
         design=Part(declined="the inverse has no memory; the feedback takes what the iron remembers"),
         inverse=NO_MAGNETS,
         static=Part(("coercive_current",)),
@@ -132,6 +207,7 @@ MAGNETIC = (
             ),
         ),
         needs=("magnets", "drive lag"),
+        coefficients=_eddy_currents,
         design=Part(("time_constant",)),
         inverse=NO_MAGNETS,
         static=NOT_AT_REST,
@@ -147,6 +223,7 @@ MAGNETIC = (
             Parameter("share", "", 0.0, (-0.3, 0.3), 0.01, "of a side's ampere turns that magnetise the other side"),
         ),
         needs=("magnets", "two sides"),
+        coefficients=_coupling,
         design=Part(declined="the inverse finds the current of each side by itself; the feedback takes the rest"),
         inverse=NO_MAGNETS,
         static=Part(declined="it takes two sides, a static map is of one magnet"),
@@ -165,6 +242,7 @@ MAGNETIC = (
             Parameter("gap_variance", "m^2", 0.0, (0.0, 1e-8), 4e-10, "mean square deviation of the gap over the face"),
         ),
         needs=("magnets",),
+        coefficients=_tilt,
         design=Part(declined="it changes the force in the second order of the tilt; the feedback takes that"),
         inverse=NO_MAGNETS,
         static=Part(("gap_variance",)),

@@ -1,6 +1,70 @@
 """Effects of suspension, mover and bench."""
 
-from msl_fem.plant.effects.entry import NO_MAGNETS, NOT_AT_REST, Effect, Parameter, Part
+import math
+
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.lanes import Layout
+from msl_fem.plant.effects import electrical
+from msl_fem.plant.effects.entry import NO_MAGNETS, NOT_AT_REST, Effect, Parameter, Part, Setting, Values
+from msl_fem.plant.effects.mechanisms import N_STOP, SUM_OF_WIDTHS
+
+LAYOUT = Layout(after=electrical.LAYOUT)
+QUADRATIC, CUBIC = LAYOUT.rows(2)  # of the spring, N/m^2, N/m^3
+FRICTION_SLOPE, FRICTION_WIDTH = LAYOUT.rows(2)  # of a stop, N/m; of the first stop, m
+STRIBECK_RISE, STRIBECK_FALL = LAYOUT.rows(2)  # friction at rest over that in motion less 1; 1/velocity^2 of its fall
+FILM, FILM_GAP = LAYOUT.rows(2)  # N s/m, and the gap at which it is stated, m
+MODE_KEPT, MODE_RATIO = LAYOUT.rows(2)  # share of the mass that moves with the armature, second mass over that
+MODE_STIFFNESS, MODE_DAMPING = LAYOUT.rows(2)  # of the second mass: w^2, 2 zeta w
+MODE_MASS, MODE_READING = LAYOUT.rows(2)  # of the second mass, kg; share of its motion that is read
+CREEP_STIFFNESS, CREEP_RATE = LAYOUT.rows(2)  # what relaxes, N/m; its rate, 1/s
+COMPLIANCE, BASE_INERTIA = LAYOUT.rows(2)  # of the base, m/N; compliance over w^2, kg (m/N)^2
+BASE_STIFFNESS, BASE_DAMPING = LAYOUT.rows(2)  # of the base: w^2, 2 zeta w
+FORCE = LAYOUT.row()  # constant, N
+
+
+def _spring(e: Array, v: Values, setting: Setting) -> None:
+    e[QUADRATIC], e[CUBIC] = v["stiffness_nonlinearity", "quadratic"], v["stiffness_nonlinearity", "cubic"]
+
+
+def _friction(e: Array, v: Values, setting: Setting) -> None:
+    e[FRICTION_WIDTH] = v["coulomb_friction", "presliding"] / N_STOP
+    e[FRICTION_SLOPE] = v["coulomb_friction", "force"] / (SUM_OF_WIDTHS * e[FRICTION_WIDTH])
+    e[STRIBECK_RISE] = v["coulomb_friction", "stribeck_rise"]
+    e[STRIBECK_FALL] = 1.0 / v["coulomb_friction", "stribeck_velocity"] ** 2
+
+
+def _film(e: Array, v: Values, setting: Setting) -> None:
+    e[FILM], e[FILM_GAP] = v["squeeze_film", "damping"], setting.plant.nominal_gap
+
+
+def _second_mass(e: Array, v: Values, setting: Setting) -> None:
+    share, natural = v["structural_mode", "mass_share"], 2 * math.pi * v["structural_mode", "frequency"]
+    e[MODE_KEPT], e[MODE_RATIO] = 1.0 - share, share / (1.0 - share)
+    if share or v["structural_mode", "load_reading"]:  # what is not there stands still, whatever the step
+        e[MODE_STIFFNESS] = natural**2
+        e[MODE_DAMPING] = 2 * v["structural_mode", "damping_ratio"] * natural
+    e[MODE_MASS] = share * setting.plant.mass if share else 0.0  # not 0 times the infinite mass of a locked mover
+    e[MODE_READING] = v["structural_mode", "load_reading"]
+
+
+def _relaxation(e: Array, v: Values, setting: Setting) -> None:
+    strength = v["flexure_relaxation", "strength"]
+    e[CREEP_STIFFNESS] = strength * setting.plant.stiffness
+    e[CREEP_RATE] = 1.0 / v["flexure_relaxation", "time_constant"] if strength else 0.0
+
+
+def _constant_force(e: Array, v: Values, setting: Setting) -> None:
+    e[FORCE] = v["force_offset", "force"]
+
+
+def _base(e: Array, v: Values, setting: Setting) -> None:
+    natural = 2 * math.pi * v["support_compliance", "frequency"]
+    e[COMPLIANCE] = v["support_compliance", "compliance"]
+    e[BASE_INERTIA] = e[COMPLIANCE] / natural**2
+    if e[COMPLIANCE]:
+        e[BASE_STIFFNESS] = natural**2
+        e[BASE_DAMPING] = 2 * v["support_compliance", "damping_ratio"] * natural
+
 
 MECHANICAL = (
     Effect(
@@ -13,6 +77,7 @@ MECHANICAL = (
             Parameter("cubic", "N/m^3", 0.0, (-1e14, 1e14), 5e9, "of the flexure's force"),
             Parameter("quadratic", "N/m^2", 0.0, (-1e10, 1e10), 3e6, "of the flexure's force"),
         ),
+        coefficients=_spring,
         design=Part(("cubic",), "the magnets carry the cubic force alone; the feedback takes the quadratic one"),
         inverse=Part(("cubic", "quadratic")),
         static=NOT_AT_REST,
@@ -66,6 +131,7 @@ MECHANICAL = (
                 over="velocity",
             ),
         ),
+        coefficients=_friction,
         design=Part(declined="the linear plant has no memory; the feedback takes friction as a disturbance"),
         inverse=Part(("force",)),
         static=NOT_AT_REST,
@@ -79,6 +145,7 @@ MECHANICAL = (
         source="Blech, J. Lubrication Tech. 105, 1983, 615-620; Bao, Yang, Sensors and Actuators A 136, 2007, 3-27",
         parameters=(Parameter("damping", "N s/m", 0.0, (0.0, 1e4), 1.0, "of one side's film at the nominal gap"),),
         needs=("magnets",),
+        coefficients=_film,
         design=Part(("damping",)),
         inverse=NO_MAGNETS,
         static=NOT_AT_REST,
@@ -110,6 +177,7 @@ MECHANICAL = (
             ),
             Parameter("damping_ratio", "", 0.01, (0.0, 1.0), 0.01, "zeta", shape=True, tried=(0.015,)),
         ),
+        coefficients=_second_mass,
         design=Part(declined="the linear plant is one mass; keep the loop's bandwidth below the resonance"),
         inverse=Part(("mass_share", "load_reading")),
         static=NOT_AT_REST,
@@ -136,6 +204,7 @@ MECHANICAL = (
                 width=0.8,
             ),
         ),
+        coefficients=_relaxation,
         design=Part(declined="it is slower than the loop, whose integrator takes it"),
         inverse=Part(declined="a share of the spring relaxes, and a carriage has none"),
         static=NOT_AT_REST,
@@ -148,6 +217,7 @@ MECHANICAL = (
         equation="m x'' + ... = ... + force",
         source="Newton's second law",
         parameters=(Parameter("force", "N", 0.0, (-1e4, 1e4), 0.1, "along +x"),),
+        coefficients=_constant_force,
         design=Part(("force",)),
         inverse=Part(("force",)),
         static=Part(("force",)),
@@ -179,6 +249,7 @@ MECHANICAL = (
             Parameter("damping_ratio", "", 0.1, (1e-3, 2.0), 0.1, "zeta of the base", shape=True, tried=(0.1,)),
         ),
         needs=("magnets",),
+        coefficients=_base,
         design=Part(declined="the linear plant is one mass; keep the loop's bandwidth below the bench's resonance"),
         inverse=NO_MAGNETS,
         static=NOT_AT_REST,

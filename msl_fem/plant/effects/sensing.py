@@ -1,6 +1,34 @@
 """Effects of the position sensor, of time, and of what comes from outside."""
 
-from msl_fem.plant.effects.entry import NOT_AT_REST, Effect, Parameter, Part
+import math
+
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.lanes import Layout
+from msl_fem.plant.effects import mechanical
+from msl_fem.plant.effects.electrical import command_path
+from msl_fem.plant.effects.entry import NOT_AT_REST, Effect, Parameter, Part, Setting, Values
+from msl_fem.plant.effects.mechanisms import pole_and_delay
+
+LAYOUT = Layout(after=mechanical.LAYOUT)
+SENSOR_BANDWIDTH = LAYOUT.row()  # of the position sensor, rad/s
+FORCE_COSINE, FORCE_SINE = LAYOUT.rows(2)  # of the periodic disturbance, N
+TURN_COSINE, TURN_SINE = LAYOUT.rows(2)  # rotation of its phase in half a step
+
+
+def _sensor_pole(e: Array, v: Values, setting: Setting) -> None:
+    bandwidth, lag = setting.plant.sensor_bandwidth, pole_and_delay(v, "position_sensor_lag")[0]
+    if math.isinf(bandwidth):
+        e[SENSOR_BANDWIDTH] = 1.0 / lag if lag > 0 else math.inf
+    else:
+        e[SENSOR_BANDWIDTH] = bandwidth / (1.0 + bandwidth * lag)
+
+
+def _periodic_force(e: Array, v: Values, setting: Setting) -> None:
+    e[FORCE_COSINE] = v["periodic_disturbance", "force_cosine"]
+    e[FORCE_SINE] = v["periodic_disturbance", "force_sine"]
+    half_turn = math.pi * v["periodic_disturbance", "frequency"] * setting.step
+    e[TURN_COSINE], e[TURN_SINE] = math.cos(half_turn), math.sin(half_turn)
+
 
 SENSING = (
     Effect(
@@ -46,6 +74,7 @@ SENSING = (
                 width=0.8,
             ),
         ),
+        coefficients=_sensor_pole,
         design=Part(declined="the linear plant has no sensor; the margins of the design have to bear its lag"),
         inverse=Part(("lag",)),
         static=NOT_AT_REST,
@@ -62,6 +91,7 @@ SENSING = (
             Parameter("position", "s", 0.0, (0.0, 0.1), 1e-5, "of the position reading"),
             Parameter("current", "s", 0.0, (0.0, 0.1), 1e-5, "of the current readings"),
         ),
+        coefficients=command_path,
         design=Part(
             ("command",), "the linear plant has no sensors; the margins of the design have to bear their delays"
         ),
@@ -85,6 +115,7 @@ SENSING = (
             Parameter("current_sine", "A", 0.0, (-10.0, 10.0), 5e-3, "of all current readings"),
             Parameter("frequency", "Hz", 50.0, (0.01, 1e5), 10.0, "w / 2 pi", shape=True, over="lines", width=0.15),
         ),
+        coefficients=_periodic_force,
         design=Part(declined="the feedback takes it as a disturbance"),
         inverse=Part(
             ("force_cosine", "force_sine", "position_cosine", "position_sine"),

@@ -1,0 +1,53 @@
+"""Mechanisms that several effects share: lags of several poles, stops with a memory, what stands for a fast fall."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+N_STOP = 6
+"""Stops of a Prandtl-Ishlinskii operator; their widths are 1, 2 ... 6 times the first."""
+SUM_OF_WIDTHS = N_STOP * (N_STOP + 1) // 2
+"""Of the stops, in units of the first."""
+
+
+def pole_and_delay(values: Mapping[tuple[str, str], Any], effect: str) -> tuple[Any, Any]:
+    """(time constant, delay) in s of an effect with `lag` and `delay_share`, numbers or arrays.
+
+    One pole and a delay do what several poles do, up to the second order in frequency and, nearly, the third.
+    """
+    lag, share = values[effect, "lag"], values[effect, "delay_share"]
+    return (1.0 - share) * lag, share * lag
+
+
+def position_delay(values: Mapping[tuple[str, str], Any]) -> Any:
+    """By how much the position is read late, in s, beside its sensor's pole."""
+    return values["time_delay", "position"] + pole_and_delay(values, "position_sensor_lag")[1]
+
+
+def fall_stages(share: float, decay: float) -> tuple[float, float, float, float]:
+    """Values (begin, middle, end of a step) that stand for a signal, and its value at the end of the step.
+
+    The signal f is 1 until `share` of the step has passed and then falls like exp(-decay s), s in steps. Runge-Kutta
+    sees three values b, m, e, and would miss a jump or a fast fall between them. These are chosen so that its answer
+    of a first-order equation, whose terms of order 0, 1, 2 in the step are (b + 4 m + e)/6, (b + 2 m)/6, (b + m)/12,
+    has the exact ones: the integrals of f, (1 - s) f and (1 - s)^2 f / 2. What is left is of third order.
+    """
+    rest = 1.0 - share
+    z = decay * rest if rest > 0 else 0.0
+    parts = [rest ** (j + 1) * m for j, m in enumerate(_moments(z))]
+    m0, m1, m2 = (
+        share ** (k + 1) / (k + 1) + sum(math.comb(k, j) * share ** (k - j) * parts[j] for j in range(k + 1))
+        for k in range(3)
+    )
+    last = math.exp(-z) if rest > 0 else 1.0
+    return 6 * (m0 - 3 * m1 + 2 * m2), 6 * (m1 - m2), 6 * (2 * m2 - m1), last
+
+
+def _moments(z: float) -> list[float]:
+    """int_0^1 exp(-z s) s^j ds for j = 0, 1, 2, by its series below z = 2 and by parts above, where that is stable."""
+    if z > 2.0:
+        moments = [-math.expm1(-z) / z]
+        for j in (1, 2):
+            moments.append((j * moments[-1] - math.exp(-z)) / z)
+        return moments
+    return [sum((-z) ** n / (math.factorial(n) * (n + j + 1)) for n in range(24)) for j in range(3)]

@@ -1,0 +1,284 @@
+"""The equations of motion, plain and with every effect of the catalogue; `docs/coupled_model.md` writes them out.
+
+    v_j = R i_j + d lambda_j(i_j, g_j)/dt,   g_1 = g_0 - x,   g_2 = g_0 + x
+    m x'' + c x' + k x = F_1(i_1, g_1) - F_2(i_2, g_2) + F_const + d(t)
+
+(Woodson and Melcher, Electromechanical Dynamics I, 1968, ch. 3: flux linkage and force are derivatives of one
+coenergy.) The currents are the electrical states: L_inc di/dt = v - R i - lambda_g dg/dt, with lambda_g = -dF/di.
+
+At the effects' neutral values each term of `rates_with_effects` is the plain one, plus zero or times one, so its output
+equals that of `rates` to the last bit. Pieces with many numbers are passed by where no lane has them.
+
+Stops are the elements of rate-independent memory: a stop of width r follows its input until it leaves [-r, r] and then
+slides, e <- cut(e + change, r). Six of them, of widths r, 2 r ... 6 r and one slope s, give the force s sum_k e_k, a
+Prandtl-Ishlinskii operator; s e_k^2/2 is stored, s r_k |slip_k| is lost (Brokate and Sprekels, Hysteresis and Phase
+Transitions, 1996, ch. 2). It depends on the order of the input's extremes alone, never on time.
+"""
+
+from msl_fem.computing.compiled import compiled
+from msl_fem.computing.lanes import Flag, Rows, Value, choose, size, some, within
+from msl_fem.plant.circuits import solve_circuits
+from msl_fem.plant.drive import terminal_voltage
+from msl_fem.plant.effects import electrical, magnetic, mechanical
+from msl_fem.plant.effects.magnetic import N_EDDY
+from msl_fem.plant.effects.mechanisms import N_STOP
+from msl_fem.plant.layout import (
+    ANCHOR_1,
+    ANCHOR_X,
+    ANCHORED,
+    BASE,
+    BASE_RATE,
+    CIRCUIT_1,
+    COIL_CURRENT,
+    CORE_1,
+    CREEP,
+    EDDY_FLUX_1,
+    EMF,
+    ENERGY_COPPER,
+    ENERGY_DAMPING,
+    ENERGY_EDDY,
+    ENERGY_ELECTRICAL,
+    ENERGY_EXTERNAL,
+    ENERGY_FRICTION,
+    ENERGY_HYSTERESIS,
+    ENERGY_INTERNAL,
+    HEAT_1,
+    I1,
+    INDUCTANCE,
+    LIMITED_1,
+    MMF,
+    MODE,
+    MODE_LOSS,
+    MODE_RATE,
+    N_CIRCUIT,
+    OUTPUT_OF_1,
+    PUSH,
+    RESISTANCE,
+    SLOPE,
+    STOPS_1,
+    STOPS_X,
+    TARGET_1,
+    VOLT_SECONDS_1,
+    VOLTAGE,
+    V,
+    X,
+    Y,
+)
+from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters
+from msl_fem.plant.side import Cells, side_gap, side_slopes, side_with_effects
+
+
+@compiled
+def rates(cells: Cells, p: PlantParameters, work: Rows, inputs: int, dy: int) -> Flag:
+    """The slopes of the first N_PLAIN states Y into the rows from `dy`, under inputs from that row; False outside."""
+    position, velocity = work[Y + X], work[Y + V]
+    external = work[inputs + PUSH]
+    if p.drive == FORCE_DRIVE:
+        external = external + work[inputs + OUTPUT_OF_1]
+        work[dy + VOLT_SECONDS_1] = work[inputs + OUTPUT_OF_1]
+    force = external
+    power = copper = velocity - velocity
+    inside = velocity == velocity
+    for j in range(p.sides):
+        toward = 1.0 - 2.0 * j  # side 1 pulls towards +x, side 2 towards -x
+        current = work[Y + I1 + j]
+        found, pull, inductance, flux_slope = side_slopes(cells, p, work, j, current, side_gap(p, None, work, j))
+        inside = inside & found
+        drop = p.resistance * current - flux_slope * toward * velocity
+        voltage, slope, over = terminal_voltage(
+            p, current, drop, inductance, work[inputs + TARGET_1 + j], work[inputs + OUTPUT_OF_1 + j]
+        )
+        work[LIMITED_1 + j] = choose(over, 1.0, work[LIMITED_1 + j])
+        force = force + toward * pull
+        power = power + voltage * current
+        copper = copper + p.resistance * current * current
+        work[dy + I1 + j] = slope
+        work[dy + VOLT_SECONDS_1 + j] = voltage
+    work[dy + X] = velocity
+    work[dy + V] = (force - p.damping * velocity - p.stiffness * position) / p.mass
+    work[dy + ENERGY_ELECTRICAL] = power
+    work[dy + ENERGY_COPPER] = copper
+    work[dy + ENERGY_DAMPING] = p.damping * velocity * velocity
+    work[dy + ENERGY_EXTERNAL] = external * velocity
+    return inside
+
+
+@compiled
+def rates_with_effects(
+    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, inputs: int, dy: int, settle: bool
+) -> Flag:  # fmt: skip
+    """The slopes of the N_INTEGRATED states Y into the rows from `dy`, under inputs from that row; False outside.
+
+    `state` holds the memory of iron and friction. With `settle` it is moved to Y: there a step begins, or ends.
+    """
+    gap_speed = work[Y + V] - e[mechanical.COMPLIANCE] * work[Y + BASE_RATE]
+    external = work[inputs + PUSH]
+    if p.drive == FORCE_DRIVE:
+        external = external + work[inputs + OUTPUT_OF_1]
+        work[dy + VOLT_SECONDS_1] = work[inputs + OUTPUT_OF_1]
+    force, magnets = external, external - external
+    film, inside = magnets, magnets == magnets
+    for j in range(p.sides):
+        toward = 1.0 - 2.0 * j
+        gap = side_gap(p, e, work, j)
+        found, pull, inductance, flux_slope, flux, _ = side_with_effects(cells, p, e, work, j, work[Y + I1 + j], gap)
+        inside = inside & found
+        force = force + toward * pull
+        magnets = magnets + toward * pull
+        closeness = e[mechanical.FILM_GAP] / gap
+        film = film + closeness * closeness * closeness
+        circuit = CIRCUIT_1 + j * N_CIRCUIT
+        emf = 0.0 - flux_slope * toward * gap_speed
+        memory = _hysteresis(e, state, j, flux, settle) + series_iron(e, flux)
+        work[circuit + INDUCTANCE] = inductance
+        work[circuit + EMF] = emf
+        eddies = _eddy_modes(e, state, work, j, flux, dy)
+        work[circuit + MMF] = work[Y + I1 + j] + memory + eddies + e[magnetic.EDDY] * emf
+        work[circuit + RESISTANCE] = p.resistance * (1.0 + work[Y + HEAT_1 + j])
+    if settle:
+        state[ANCHORED] = 1.0
+    if p.sides > 0:
+        solve_circuits(p, e, work, inputs)
+        _electrical_rates(p, e, work, dy)
+    film_force = e[mechanical.FILM] * film * gap_speed
+    spring, stribeck = _suspension(e, state, work, settle)
+    _motion(p, e, work, dy, force, film_force + spring + stribeck, magnets - film_force)
+    work[dy + ENERGY_INTERNAL] = work[dy + ENERGY_INTERNAL] + stribeck * work[Y + V]
+    work[dy + ENERGY_DAMPING] = p.damping * work[Y + V] * work[Y + V] + film_force * gap_speed
+    work[dy + ENERGY_EXTERNAL] = external * work[Y + V]
+    return inside
+
+
+@compiled
+def _hysteresis(e: Rows, state: Rows, j: int, flux: Value, settle: bool) -> Value:
+    """The part of a side's current that its iron's memory takes, h = s sum_k e_k of the flux linkage, in A."""
+    if not some(e[magnetic.HYSTERESIS_SLOPE] > 0.0):
+        return flux - flux
+    width, first = e[magnetic.HYSTERESIS_WIDTH], STOPS_1 + j * N_STOP
+    change = flux - state[ANCHOR_1 + j]
+    if settle:
+        lost = e[magnetic.HYSTERESIS_SLOPE] * settle_stops(state, first, width, change)
+        state[ENERGY_HYSTERESIS] = state[ENERGY_HYSTERESIS] + lost
+        state[ANCHOR_1 + j] = flux
+        change = flux - flux
+    return e[magnetic.HYSTERESIS_SLOPE] * stop_sum(state, first, width, change)
+
+
+@compiled
+def series_iron(e: Rows, flux: Value) -> Value:
+    """The part of a side's current (A) that its iron takes in excess of the table's, see early_saturation."""
+    if not (some(e[magnetic.IRON_LOW] > 0.0) or some(e[magnetic.IRON_KNEE] > 0.0)):
+        return flux - flux
+    y = e[magnetic.IRON_SCALE] * flux
+    return y * (e[magnetic.IRON_LOW] / (e[magnetic.IRON_WIDTH] + size(y)) + e[magnetic.IRON_KNEE] * y * y)
+
+
+@compiled
+def _eddy_modes(e: Rows, state: Rows, work: Rows, j: int, flux: Value, dy: int) -> Value:
+    """The part of a side's current (A) that the modes of its eddy currents take; before the first evaluation they have
+    settled. Their losses go into the side's loss row."""
+    taken = flux - flux
+    lost = taken
+    if not some(e[magnetic.EDDY_MODE] > 0.0):
+        return taken
+    for k in range(N_EDDY):
+        row = EDDY_FLUX_1 + j * N_EDDY + k
+        settled = state[ANCHORED] > 0.0
+        state[row] = choose(settled, state[row], flux)
+        work[Y + row] = choose(settled, work[Y + row], flux)
+        behind = flux - work[Y + row]
+        taken = taken + e[magnetic.EDDY_MODE + k] * behind
+        lost = lost + e[magnetic.EDDY_MODE + k] * e[magnetic.EDDY_RATE + k] * behind * behind
+        work[dy + row] = e[magnetic.EDDY_RATE + k] * behind
+    work[CIRCUIT_1 + j * N_CIRCUIT + MODE_LOSS] = lost
+    return taken
+
+
+@compiled
+def _electrical_rates(p: PlantParameters, e: Rows, work: Rows, dy: int) -> None:
+    """Slopes of the circuits' states: coil_heating warms R by what it dissipates; it cools towards its core."""
+    power = copper = eddy = work[Y + V] - work[Y + V]
+    for j in range(p.sides):
+        circuit = CIRCUIT_1 + j * N_CIRCUIT
+        current, voltage = work[circuit + COIL_CURRENT], work[circuit + VOLTAGE]
+        loss = work[circuit + RESISTANCE] * current * current
+        change = work[circuit + INDUCTANCE] * work[circuit + SLOPE] + work[circuit + EMF]
+        power = power + voltage * current
+        copper = copper + loss
+        eddy = eddy + e[magnetic.EDDY] * change * change + work[circuit + MODE_LOSS]
+        work[dy + I1 + j] = work[circuit + SLOPE]
+        work[dy + VOLT_SECONDS_1 + j] = voltage
+        above = work[Y + HEAT_1 + j] - work[Y + CORE_1 + j]
+        work[dy + HEAT_1 + j] = e[electrical.HEAT_PER_JOULE] * loss - e[electrical.COOLING] * above
+        work[dy + CORE_1 + j] = e[electrical.CORE_RATE] * above
+    work[dy + ENERGY_ELECTRICAL] = power
+    work[dy + ENERGY_COPPER] = copper
+    work[dy + ENERGY_EDDY] = eddy
+
+
+@compiled
+def _suspension(e: Rows, state: Rows, work: Rows, settle: bool) -> tuple[Value, Value]:
+    """The force (N) against +x of stiffness_nonlinearity, flexure_relaxation and coulomb_friction, and by how much
+    friction at low velocities is above that (Hess and Soom, J. Tribology 112, 1990, 147-152)."""
+    x, width = work[Y + X], e[mechanical.FRICTION_WIDTH]
+    spring = (e[mechanical.QUADRATIC] + e[mechanical.CUBIC] * x) * x * x
+    creep = e[mechanical.CREEP_STIFFNESS] * (x - work[Y + CREEP])
+    if not some(e[mechanical.FRICTION_SLOPE] > 0.0):
+        return spring + creep, x - x
+    change = x - state[ANCHOR_X]
+    if settle:
+        lost = e[mechanical.FRICTION_SLOPE] * settle_stops(state, STOPS_X, width, change)
+        state[ENERGY_FRICTION] = state[ENERGY_FRICTION] + lost
+        state[ANCHOR_X] = x
+        change = x - x
+    v = work[Y + V]
+    more = e[mechanical.STRIBECK_RISE] / (1.0 + e[mechanical.STRIBECK_FALL] * v * v)
+    stops = e[mechanical.FRICTION_SLOPE] * stop_sum(state, STOPS_X, width, change)
+    return spring + creep + stops, more * stops
+
+
+@compiled
+def _motion(p: PlantParameters, e: Rows, work: Rows, dy: int, force: Value, own: Value, on_base: Value) -> None:
+    """Slopes of mover, second mass (structural_mode), relaxed length (flexure_relaxation), base (support_compliance).
+
+    `force` is that of the plain model, `own` what effects hold against it, `on_base` what the base is pulled with.
+    """
+    x, v, mode, mode_rate = work[Y + X], work[Y + V], work[Y + MODE], work[Y + MODE_RATE]
+    base, base_rate, stretch = work[Y + BASE], work[Y + BASE_RATE], x - work[Y + CREEP]
+    link = e[mechanical.MODE_STIFFNESS] * mode + e[mechanical.MODE_DAMPING] * mode_rate
+    plain = force - p.damping * v - p.stiffness * x - own
+    acceleration = plain / (e[mechanical.MODE_KEPT] * p.mass) + e[mechanical.MODE_RATIO] * link
+    work[dy + X] = v
+    work[dy + V] = acceleration
+    work[dy + MODE] = mode_rate
+    work[dy + MODE_RATE] = 0.0 - acceleration - link
+    work[dy + CREEP] = e[mechanical.CREEP_RATE] * stretch
+    work[dy + BASE] = base_rate
+    work[dy + BASE_RATE] = (
+        e[mechanical.BASE_STIFFNESS] * (0.0 - on_base - base) - e[mechanical.BASE_DAMPING] * base_rate
+    )
+    base_loss = e[mechanical.BASE_INERTIA] * e[mechanical.BASE_DAMPING] * base_rate * base_rate
+    mode_loss = e[mechanical.MODE_MASS] * e[mechanical.MODE_DAMPING] * mode_rate * mode_rate
+    creep_loss = e[mechanical.CREEP_STIFFNESS] * e[mechanical.CREEP_RATE] * stretch * stretch
+    work[dy + ENERGY_INTERNAL] = base_loss + mode_loss + creep_loss
+
+
+@compiled
+def stop_sum(state: Rows, start: int, width: Value, change: Value) -> Value:
+    """Sum of the stops that stand from row `start`, after a `change` of their input that is not kept."""
+    total = change - change
+    for k in range(N_STOP):
+        total = total + within(state[start + k] + change, (k + 1) * width)
+    return total
+
+
+@compiled
+def settle_stops(state: Rows, start: int, width: Value, change: Value) -> Value:
+    """Moves the stops by a `change` of their input; sum of r_k |slip_k|, the loss over their slope."""
+    lost = change - change
+    for k in range(N_STOP):
+        moved = state[start + k] + change
+        kept = within(moved, (k + 1) * width)
+        lost = lost + (k + 1) * width * size(moved - kept)
+        state[start + k] = kept
+    return lost

@@ -1,0 +1,134 @@
+"""What stands where: the state of the coupled model, the rows that the kernel works on, and the columns of a run.
+
+The coefficients of the effects stand in the files of their groups. All rows are handed out by a `Layout`: a row more is
+a name more. One array of rows each, since compiled code passes it on as one argument and counts no references to parts
+of it.
+"""
+
+import numpy as np
+
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.compiled import compiled
+from msl_fem.computing.lanes import LANES, Layout
+from msl_fem.plant.effects.electrical import N_QUEUE
+from msl_fem.plant.effects.magnetic import N_EDDY
+from msl_fem.plant.effects.mechanisms import N_STOP
+from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters
+
+# What `advance` and `run` return
+OK, OUTSIDE_TABLE, NOT_FINITE, OUTSIDE_RANGE = range(4)
+
+_STATE = Layout()
+# What Runge-Kutta integrates: magnetising currents of the sides (A; the coils' own without hysteresis and eddy
+# currents), position (m), velocity (m/s); energies since the start (J): electrical input, copper loss, damping loss
+# (and film), work of forces that are not the plant's own (disturbance, constant force, force drive); volt-seconds of
+# the sides since the last call of `advance` began (N s in force drive).
+I1, I2, X, V = _STATE.rows(4)
+ENERGY_ELECTRICAL, ENERGY_COPPER, ENERGY_DAMPING, ENERGY_EXTERNAL = _STATE.rows(4)
+VOLT_SECONDS_1, VOLT_SECONDS_2 = _STATE.rows(2)
+N_PLAIN = _STATE.size
+# With effects also: relative rise of the sides' resistances; the relaxed length of the flexure (m); second mass against
+# the armature (m, m/s); force that the base has given way to (N, N/s); losses of eddy currents, and of flexure, second
+# mass and base (J); relative rise that the core's temperature stands for, of the sides
+HEAT_1, HEAT_2, CREEP, MODE, MODE_RATE, BASE, BASE_RATE = _STATE.rows(7)
+ENERGY_EDDY, ENERGY_INTERNAL, CORE_1, CORE_2 = _STATE.rows(4)
+# Flux linkages that the modes of the eddy currents follow (Wb), of side 1, then of side 2; the last, since without
+# eddy currents in sheets they are not integrated
+EDDY_FLUX_1, EDDY_FLUX_2 = _STATE.rows(2, N_EDDY)
+N_INTEGRATED = _STATE.size
+# What is known in closed form over a step: position as its sensor gives it, before noise (m); the drive's outputs
+# (V, or N in force drive). Then counts of the calls of `advance` in which a limit of the drive was reached.
+SENSOR, OUTPUT_1, OUTPUT_2 = _STATE.rows(3)
+AT_CURRENT_LIMIT_1, AT_CURRENT_LIMIT_2, AT_VOLTAGE_LIMIT_1, AT_VOLTAGE_LIMIT_2 = _STATE.rows(4)
+HELD, ENERGY_IMPACT = _STATE.rows(2)  # the end stop that the mover lies on (-1, 0, 1); energy lost at end stops (J)
+# Currents of the coils (A) and their slopes (A/s) behind the last step and within the first one of the last call
+COIL_1, COIL_2, COIL_SLOPE_1, COIL_SLOPE_2, COIL_START_1, COIL_START_2 = _STATE.rows(6)
+SLEW_1, SLEW_2, LAG_1, LAG_2 = _STATE.rows(4)  # the amplifier: command behind its slew limit, behind its lag
+PHASE_COSINE, PHASE_SINE = _STATE.rows(2)  # of the periodic disturbance
+# Memory: where the stops stand that follow (Wb, Wb, m), losses of hysteresis and friction (J), whether the eddy
+# currents have settled at the start (0 before the first evaluation), then the stops
+ANCHOR_1, ANCHOR_2, ANCHOR_X, ENERGY_HYSTERESIS, ENERGY_FRICTION, ANCHORED = _STATE.rows(6)
+STOPS_1, STOPS_2, STOPS_X = _STATE.rows(3, N_STOP)
+QUEUE_1, QUEUE_2 = _STATE.rows(2, N_QUEUE + 1)  # commands that have not acted yet, the latest first
+N_STATE = _STATE.size
+
+_BLOCK = Layout()
+# The cell of the coenergy spline that a side is in: coefficients (powers of the gap first), its edges, what a lane
+# looks for, and where the coefficients of the lane's surface begin
+CELL = _BLOCK.row(36)
+GAP_LOW, GAP_HIGH, CURRENT_LOW, CURRENT_HIGH, CURRENT, GAP, SURFACE_START = _BLOCK.rows(7)
+N_BLOCK = _BLOCK.size
+
+_INPUT = Layout()
+# What acts on the plant: what a current loop aims at (A), what a voltage or force drive gives (V, N), outer forces (N)
+TARGET_1, TARGET_2, OUTPUT_OF_1, OUTPUT_OF_2, PUSH = _INPUT.rows(5)
+N_INPUT = _INPUT.size
+
+_CIRCUIT = Layout()
+# A side's circuit: incremental inductance (H), back-EMF (V), magnetising current with memory and eddy part (A),
+# resistance (ohm); then what `solve_circuits` finds: du/dt (A/s), voltage (V), current of the coil (A); loss of the
+# modes of the eddy currents (W)
+INDUCTANCE, EMF, MMF, RESISTANCE, SLOPE, VOLTAGE, COIL_CURRENT, MODE_LOSS = _CIRCUIT.rows(8)
+N_CIRCUIT = _CIRCUIT.size
+
+_WORK = Layout()
+BLOCK_1, BLOCK_2 = _WORK.rows(2, N_BLOCK)  # the cells of both sides
+SLOPES, SLOPES_2, SLOPES_3, SLOPES_4 = _WORK.rows(4, N_INTEGRATED)  # of the stages of Runge-Kutta
+Y = _WORK.row(N_INTEGRATED)  # the integrated states at which slopes are taken
+INPUTS_BEGIN, INPUTS_MIDDLE, INPUTS_END = _WORK.rows(3, N_INPUT)  # of a step
+# Whether a side met its voltage limit (0 or 1); commands of the call, clipped, and those before them; where amplifier
+# and periodic disturbance stand at the end of a step; the mean voltages of a call (N in force drive)
+LIMITED_1, LIMITED_2, COMMAND_1, COMMAND_2, FORMER_1, FORMER_2 = _WORK.rows(6)
+SLEW_END_1, SLEW_END_2, LAG_END_1, LAG_END_2, PHASE_COSINE_END, PHASE_SINE_END = _WORK.rows(6)
+MEAN_VOLTAGE_1, MEAN_VOLTAGE_2 = _WORK.rows(2)
+# Weights of the position sensor's lag over a step (`lag_weights`), what is left of the drive's after half and a whole
+SENSOR_WEIGHTS = _WORK.row(5)
+DRIVE_HALF, DRIVE_WHOLE = _WORK.rows(2)
+CIRCUIT_1, CIRCUIT_2 = _WORK.rows(2, N_CIRCUIT)
+TILTED = _WORK.row(4 * N_BLOCK)  # cells at either end of a tilted face: side 1's lower and upper gap, then side 2's
+N_WORK = _WORK.size
+
+_OUT = Layout()
+# Columns of `run`: the state before the command acts (currents of the coils, what the position sensor gives before
+# noise), mean voltages until the next row, flux linkages of the coils, limits reached; then slopes in time of the
+# sensor, of the currents behind the row's instant and before the next one (with effects only)
+OUT_I1, OUT_I2, OUT_X, OUT_V, OUT_SENSOR, OUT_VOLTAGE_1, OUT_VOLTAGE_2, OUT_FLUX_1, OUT_FLUX_2 = _OUT.rows(9)
+OUT_AT_CURRENT_LIMIT_1, OUT_AT_CURRENT_LIMIT_2, OUT_AT_VOLTAGE_LIMIT_1, OUT_AT_VOLTAGE_LIMIT_2 = _OUT.rows(4)
+OUT_SENSOR_SLOPE, OUT_SLOPE_AFTER_1, OUT_SLOPE_AFTER_2, OUT_SLOPE_BEFORE_1, OUT_SLOPE_BEFORE_2 = _OUT.rows(5)
+N_OUT = _OUT.size
+
+
+@compiled
+def workspace() -> Array:
+    """Rows for one run."""
+    work = np.zeros(N_WORK)
+    work[CIRCUIT_2 + INDUCTANCE] = 1.0  # of a side that is not there
+    return work
+
+
+def lane_workspace() -> Array:
+    """Rows for `LANES` runs."""
+    return np.repeat(workspace()[:, None], LANES, axis=1)
+
+
+def initial_state(
+    parameters: PlantParameters, current_1: float, current_2: float, position: float, velocity: float
+) -> Array:
+    """The state (N_STATE,) with the sensor settled, drive outputs that hold the currents, energies and counts zero.
+
+    The iron was demagnetised before the currents rose to these, the flexure is relaxed at its present length, all else
+    that effects bring at rest.
+    """
+    state = np.zeros(N_STATE)
+    state[I1], state[I2], state[X], state[V] = current_1, current_2, position, velocity
+    state[COIL_1], state[COIL_2] = current_1, current_2
+    state[SENSOR] = state[CREEP] = state[ANCHOR_X] = position
+    state[PHASE_COSINE] = 1.0
+    held = parameters.drive != FORCE_DRIVE
+    for j in range(2):
+        current = state[I1 + j]
+        state[OUTPUT_1 + j] = parameters.resistance * current if held else 0.0
+        hold = current if parameters.drive == 0 else state[OUTPUT_1 + j]
+        state[SLEW_1 + j] = state[LAG_1 + j] = hold
+        state[QUEUE_1 + j * (N_QUEUE + 1) : QUEUE_1 + (j + 1) * (N_QUEUE + 1)] = hold
+    return state
