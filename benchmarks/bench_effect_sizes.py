@@ -10,8 +10,7 @@ from pathlib import Path
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.bench import INSIDE, OUTSIDE_BY_NAME, BenchOptions, usual_excitations
 from msl_fem.bench.sealed import prepared_setting
-from msl_fem.bench.setting import Effect, Setting
-from msl_fem.bench.size import hidden_of_size
+from msl_fem.bench.setting import BenchEffect, Setting, effect_of_size
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import whole_file
@@ -36,10 +35,10 @@ def _short(value: float, unit: str) -> str:
     return format_quantity(float(f"{value:.2g}"), unit, digits=3)
 
 
-def cell(setting: Setting, effect: Effect) -> str:
+def cell(setting: Setting, effect: BenchEffect) -> str:
     """The strength that makes one per cent and the channel that shows it, or why there is none."""
     try:
-        found = hidden_of_size(setting, effect, SIZE, exact=True)
+        found = effect_of_size(setting, effect, SIZE, exact=True)
     except InputError as err:
         return (
             "not visible"

@@ -12,6 +12,13 @@ from msl_fem.actuator.quantities import Current, CurrentNoise, Frequency, Positi
 from msl_fem.errors import ActuatorError
 from msl_fem.files.schema import FrozenModel, bare_number, first_complaint, has_unknown_key, read_toml
 
+PURE_NUMBERS = frozenset({
+    "schema", "turns", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor",
+    "count", "magnets_per_side", "delay_samples", "sets", "bh_polarisation", "bh_field_strength",
+    "end_stop_restitution",
+})  # fmt: skip
+"""Keys of an actuator's sections whose numbers have no unit."""
+
 
 class Drive(FrozenModel):
     """The power amplifier of a side; limits are per side, the resistance is that of one magnet's coil."""
@@ -97,14 +104,6 @@ class Actuator(FrozenModel):
         if self.drive is not None and self.drive.coil_resistance is not None:
             return self.drive.coil_resistance
         return self.e_core().winding_resistance
-
-
-PURE_NUMBERS = frozenset({
-    "schema", "turns", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor",
-    "count", "magnets_per_side", "delay_samples", "sets", "bh_polarisation", "bh_field_strength",
-    "end_stop_restitution",
-})  # fmt: skip
-"""Keys of an actuator's sections whose numbers have no unit."""
 
 
 def load_actuator(path: str | Path) -> Actuator:

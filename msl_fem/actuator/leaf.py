@@ -17,6 +17,11 @@ from msl_fem.files.quantity import format_quantity
 
 SAFETY = 1.5
 """Fatigue strength over allowed stress: room for the scatter of fatigue data and for the edges of a real leaf."""
+LARGEST_DEFLECTION = 0.1  # of the length: slopes up to 0.15, whose squares the theory neglects against 1
+SERIES_BELOW = 0.05  # of h, see `Leaf.tension`
+CLAMPED_ROOT = 4.730040744862704  # first positive root of cosh z cos z = 1
+GUIDED_MASS_SHARE = 13 / 35
+"""Share of a leaf's mass that moves with its guided end: the integral of (3 s^2 - 2 s^3)^2 (Rayleigh 1877)."""
 
 
 @dataclass(frozen=True)
@@ -133,13 +138,6 @@ def placed(
         for side in sides
         for k in range(per_side)
     )
-
-
-LARGEST_DEFLECTION = 0.1  # of the length: slopes up to 0.15, whose squares the theory neglects against 1
-SERIES_BELOW = 0.05  # of h, see `Leaf.tension`
-CLAMPED_ROOT = 4.730040744862704  # first positive root of cosh z cos z = 1
-GUIDED_MASS_SHARE = 13 / 35
-"""Share of a leaf's mass that moves with its guided end: the integral of (3 s^2 - 2 s^3)^2 (Rayleigh 1877)."""
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,14 @@ tests alone. Of the coupled model it uses the excitations and nothing else.
 """
 
 from msl_fem.bench.catalogue import INSIDE, OUTSIDE_BY_NAME, parse_requests
-from msl_fem.bench.sealed import BenchOptions, ClosedLoop, Sealed, sealed_record
-from msl_fem.bench.usual_excitation import usual_excitations, usual_unit
+from msl_fem.bench.sealed import BenchOptions, ClosedLoop, SealedRecord, sealed_record, usual_excitations, usual_unit
 
 __all__ = [
     "INSIDE",
     "OUTSIDE_BY_NAME",
     "BenchOptions",
     "ClosedLoop",
-    "Sealed",
+    "SealedRecord",
     "parse_requests",
     "sealed_record",
     "usual_excitations",

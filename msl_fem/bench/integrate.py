@@ -5,31 +5,38 @@ and is left out.) Steps end at every instant at which a command changes, a delay
 of the hysteresis is carried on after every step, so that a turn lies at a step's end.
 """
 
+import math
+
 import numpy as np
 
-from msl_fem.bench.circuit import CURRENT, FLUX, side_currents
-from msl_fem.bench.lag import lagged
+from msl_fem.bench.equations import CURRENT, FLUX, fill_side_currents, state_rates
+from msl_fem.bench.iron import fastest_ladder_rate, settle_memory
 from msl_fem.bench.plant import (
     CURRENT_DRIVE,
     FORCE_DRIVE,
     VOLT_SECONDS_1,
     VOLT_SECONDS_2,
+    VOLTAGE_DRIVE,
     Array,
     Bench,
-    Plant,
-    Reading,
+    BenchPlant,
+    SensorElectronics,
     V,
     X,
 )
-from msl_fem.bench.preisach import settle
-from msl_fem.bench.rates import rates
 from msl_fem.computing.compiled import compiled
+from msl_fem.errors import InputError
+from msl_fem.files.quantity import format_quantity
+from msl_fem.table.magnetic_table import MagneticTable
 
 OK, OUTSIDE_TABLE, NOT_FINITE, OUTSIDE_RANGE = 0, 1, 2, 3
 # Columns of a run: true values at the sample, the position as its sensor's electronics give it; mean until the next row
 OUT_I1, OUT_I2, OUT_X, OUT_V, OUT_READING, OUT_FLUX_1, OUT_FLUX_2, OUT_VOLTAGE_1, OUT_VOLTAGE_2 = range(9)
 N_OUT = 9
 N_STAGE = 6
+STEP_OF_DRIVE = 0.22  # at most: a step times the fastest rate of drive and mover
+STEP_OF_PIECES = 0.8  # and of all else
+MOST_SUBSTEPS = 400
 _A = np.array([
     [0, 0, 0, 0, 0],
     [1 / 5, 0, 0, 0, 0],
@@ -40,6 +47,23 @@ _A = np.array([
 ])  # fmt: skip
 _B = np.array([35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84])
 _C = np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1])
+
+
+@compiled
+def lagged(rate: float, step: float, before: float, x0: float, d0: float, x1: float, d1: float) -> float:
+    """y at the end of a step (s), where y' = rate (x - y), y = `before` at its start, x the cubic of its end slopes.
+
+    A polynomial input has the particular answer p = x - x'/w + x''/w^2 - x'''/w^3, so y1 = p1 + exp(-w h)(y0 - p0). An
+    endless rate gives x1.
+    """
+    if np.isinf(rate):
+        return x1
+    third = (6.0 * (d0 + d1) * step - 12.0 * (x1 - x0)) / (step * step * step)
+    second_0 = (6.0 * (x1 - x0) - (4.0 * d0 + 2.0 * d1) * step) / (step * step)
+    second_1 = second_0 + third * step
+    p0 = x0 - (d0 - (second_0 - third / rate) / rate) / rate
+    p1 = x1 - (d1 - (second_1 - third / rate) / rate) / rate
+    return p1 + np.exp(-rate * step) * (before - p0)
 
 
 @compiled
@@ -55,7 +79,7 @@ def _step(
     for s in range(N_STAGE):
         _combine(y, step, _A[s], stages, s, trial)
         instant = (time + _C[s] * step, pushes[0] + _C[s] * (pushes[1] - pushes[0]))
-        if not rates(bench, trial, command, instant, stages[s]):
+        if not state_rates(bench, trial, command, instant, stages[s]):
             return False
     _combine(y, step, _B, stages, N_STAGE, trial)
     return True
@@ -73,7 +97,7 @@ def _combine(y: Array, step: float, weights: Array, k: Array, count: int, trial:
 
 
 @compiled
-def _read(reading: Reading, step: float, filters: Array, before: Array, after: Array) -> None:
+def _read(reading: SensorElectronics, step: float, filters: Array, before: Array, after: Array) -> None:
     """Carry the sensor's electronics (3,) over a step: its further lags, then its believed bandwidth."""
     x0, d0 = _sensed(reading, before[X], before[V])
     x1, d1 = _sensed(reading, after[X], after[V])
@@ -89,14 +113,14 @@ def _read(reading: Reading, step: float, filters: Array, before: Array, after: A
 
 
 @compiled
-def _sensed(reading: Reading, position: float, velocity: float) -> tuple[float, float]:
+def _sensed(reading: SensorElectronics, position: float, velocity: float) -> tuple[float, float]:
     """(reading m, its rate m/s) of the transducer: x/(1 - b x) with the gain, as an optical probe's lever gives it."""
     ratio = 1.0 / (1.0 - reading.curvature * position)
     return reading.gain * position * ratio, reading.gain * velocity * ratio * ratio
 
 
 @compiled
-def _limited(plant: Plant, asked: Array, held: Array) -> None:
+def _limited(plant: BenchPlant, asked: Array, held: Array) -> None:
     """Put the commands (2,) into `held`, clipped at what the amplifier takes."""
     limit = np.inf
     if plant.circuit.drive == CURRENT_DRIVE:
@@ -108,7 +132,7 @@ def _limited(plant: Plant, asked: Array, held: Array) -> None:
 
 
 @compiled
-def _good(plant: Plant, trial: Array) -> int:
+def _good(plant: BenchPlant, trial: Array) -> int:
     for n in range(trial.size):
         if not np.isfinite(trial[n]):
             return NOT_FINITE
@@ -116,7 +140,7 @@ def _good(plant: Plant, trial: Array) -> int:
 
 
 @compiled
-def run(
+def integrate_run(
     bench: Bench, y: Array, commands: Array, pushes: Array, clock: tuple[float, float, float, int], out: Array
 ) -> tuple[int, int]:
     """(status, whole samples done) of a run from the state y, which is carried to the end.
@@ -149,10 +173,16 @@ def scratch_of(bench: Bench, y: Array) -> tuple[Array, Array, Array]:
 
 @compiled
 def sample(
-    bench: Bench, y: Array, scratch: tuple[Array, Array, Array], n: int, commands: Array, pushes: Array,
-    clock: tuple[float, float, float, int], row: Array,
-) -> int:  # fmt: skip
-    """OK with the state at the end of sample n and its voltages in the row, or why not; arguments as `run`.
+    bench: Bench,
+    y: Array,
+    scratch: tuple[Array, Array, Array],
+    n: int,
+    commands: Array,
+    pushes: Array,
+    clock: tuple[float, float, float, int],
+    row: Array,
+) -> int:
+    """OK with the state at the end of sample n and its voltages in the row, or why not; arguments as `integrate_run`.
 
     Commands up to the n-th are looked at.
     """
@@ -182,7 +212,8 @@ def sample(
                 return status
             _read(plant.reading, step, filters, y, stages[N_STAGE])
             y[:] = stages[N_STAGE]
-    row[OUT_VOLTAGE_1], row[OUT_VOLTAGE_2] = y[VOLT_SECONDS_1] / period, y[VOLT_SECONDS_2] / period
+    row[OUT_VOLTAGE_1] = y[VOLT_SECONDS_1] / period
+    row[OUT_VOLTAGE_2] = y[VOLT_SECONDS_2] / period
     return OK
 
 
@@ -200,7 +231,7 @@ def _advance(
 
 
 @compiled
-def _relative_position(plant: Plant, y: Array) -> float:
+def _relative_position(plant: BenchPlant, y: Array) -> float:
     """Of the mover and the magnets."""
     return y[X] - y[plant.layout.support] if plant.layout.support >= 0 else y[X]
 
@@ -208,10 +239,10 @@ def _relative_position(plant: Plant, y: Array) -> float:
 @compiled
 def _settled(bench: Bench, y: Array) -> bool:
     """Carries the memory of the hysteresis to the state; False outside the table."""
-    if not side_currents(bench, y, _relative_position(bench.plant, y)):
+    if not fill_side_currents(bench, y, _relative_position(bench.plant, y)):
         return False
     for j in range(bench.plant.magnets.sides):
-        settle(bench.plant.hysteresis, bench.memory[j], bench.sides[j, FLUX])
+        settle_memory(bench.plant.hysteresis, bench.memory[j], bench.sides[j, FLUX])
     return True
 
 
@@ -219,9 +250,58 @@ def _settled(bench: Bench, y: Array) -> bool:
 def look(bench: Bench, y: Array, filters: Array, row: Array) -> int:
     """OK with the row of a sample filled but for its voltages, or why not."""
     sides = bench.sides
-    if not side_currents(bench, y, _relative_position(bench.plant, y)):
+    if not fill_side_currents(bench, y, _relative_position(bench.plant, y)):
         return OUTSIDE_TABLE
-    row[OUT_I1], row[OUT_I2] = sides[0, CURRENT], sides[1, CURRENT]
-    row[OUT_X], row[OUT_V], row[OUT_READING] = y[X], y[V], filters[2]
-    row[OUT_FLUX_1], row[OUT_FLUX_2] = sides[0, FLUX], sides[1, FLUX]
+    row[OUT_I1] = sides[0, CURRENT]
+    row[OUT_I2] = sides[1, CURRENT]
+    row[OUT_X] = y[X]
+    row[OUT_V] = y[V]
+    row[OUT_READING] = filters[2]
+    row[OUT_FLUX_1] = sides[0, FLUX]
+    row[OUT_FLUX_2] = sides[1, FLUX]
     return OK
+
+
+def bench_substeps(plant: BenchPlant, table: MagneticTable | None, *, rate: float) -> int:
+    """Steps a sample such that a step times the fastest rate of drive and mover is at most 0.22, of all else 0.8.
+
+    Raises
+    ------
+    InputError : more than 400 steps a sample
+    """
+    c = plant.circuit
+    m = plant.motion
+    slow = [c.bandwidth if math.isfinite(c.bandwidth) else 0.0, math.sqrt(m.stiffness / m.mass), m.damping / m.mass]
+    if table is not None and plant.magnets.sides:
+        reach = table.current <= max(c.current_limit * plant.magnets.share, table.current[1])
+        gap = float(np.clip(plant.magnets.nominal_gap, table.gap[0], table.gap[-1]))
+        magnet = table.evaluate(table.current[reach], gap)
+        stiffness = plant.magnets.per_side * plant.magnets.sides * float(np.abs(magnet["force_gap_slope"]).max())
+        slow.append(math.sqrt(max(stiffness, m.stiffness) / m.mass))
+        if c.drive == VOLTAGE_DRIVE:
+            linked = plant.magnets.per_side * plant.magnets.share**2
+            slow.append(c.resistance / (linked * float(magnet["incremental_inductance"].min())))
+    fast = [plant.amplifier.frequency, fastest_ladder_rate(plant.ladder), *_mechanical_rates(plant)]
+    steps = max(max(slow) / STEP_OF_DRIVE, max(fast) / STEP_OF_PIECES) / rate
+    if not steps <= MOST_SUBSTEPS:
+        raise InputError(
+            f"the fastest rate needs {steps:.3g} steps a sample at {format_quantity(rate, 'Hz')}, at most "
+            f"{MOST_SUBSTEPS} are taken; sample faster, or look at mass, stiffness and bandwidth"
+        )
+    return max(1, math.ceil(steps - 1e-9))
+
+
+def _mechanical_rates(plant: BenchPlant) -> list[float]:
+    """Fastest rates in 1/s of the mechanical pieces that are on."""
+    rates = [float(plant.flexure.branch_rate.max())]
+    if plant.support.mass > 0:
+        rates.append(math.sqrt(plant.support.stiffness / plant.support.mass))
+    if plant.attached.share > 0:
+        rates.append(plant.attached.frequency / math.sqrt(1 - plant.attached.share))
+    f = plant.friction
+    if f.coulomb > 0:  # at the mover's largest speed; the bristles as a spring in parallel to the mover's
+        reach = min(plant.motion.travel, 1e-3)
+        speed = 0.2 * reach * math.sqrt(max(plant.motion.stiffness, 1.0) / plant.motion.mass)
+        rates.append(f.bristle_stiffness * speed / f.coulomb)
+        rates.append(math.sqrt(f.bristle_stiffness / plant.motion.mass))
+    return rates

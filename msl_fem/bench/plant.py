@@ -6,15 +6,20 @@ Every piece has a value that switches it off; `true_rig` of `rig.py` makes the p
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from msl_fem.computing.arrays import Array
 
 CURRENT_DRIVE, VOLTAGE_DRIVE, FORCE_DRIVE = 0, 1, 2
-IRON_NODES, MOST_BRANCHES = 257, 8
+IRON_NODES = 257
+MOST_BRANCHES = 8
+# States that every plant has: magnetising currents (A), position, velocity; volt-seconds of the sides since the sample
+# began; energies since the start (J): electrical input, copper, damper, work of forces from outside.
+IM1, IM2, X, V, VOLT_SECONDS_1, VOLT_SECONDS_2 = range(6)
+ENERGY_ELECTRICAL, ENERGY_COPPER, ENERGY_DAMPER, ENERGY_OUTSIDE = range(6, 10)
+N_COMMON = 10
 
 
-class Surface(NamedTuple):
+class MagnetSurface(NamedTuple):
     """The coenergy surface of one magnet, see `msl_fem.table.coenergy_surface`."""
 
     gap: Array  # (n_gap,) m
@@ -31,7 +36,7 @@ class Magnets(NamedTuple):
     nominal_gap: float  # m, the true one
 
 
-class Circuit(NamedTuple):
+class CoilCircuit(NamedTuple):
     """Coil and power amplifier of a side; `inf` switches a bandwidth or limit off."""
 
     drive: int
@@ -52,7 +57,7 @@ class Amplifier(NamedTuple):
 
 
 class Ladder(NamedTuple):
-    """Eddy currents in sheets as a ladder, see `diffusion.py`."""
+    """Eddy currents in sheets as a ladder, see `iron.py`."""
 
     stages: int  # 0: none
     conductance: float  # A/V: slow eddy current over d(flux linkage)/dt, of a side
@@ -60,7 +65,7 @@ class Ladder(NamedTuple):
 
 
 class Hysteresis(NamedTuple):
-    """Magnetising current of the iron's hysteresis, see `preisach.py`."""
+    """Magnetising current of the iron's hysteresis, see `iron.py`."""
 
     amplitude: float  # A; 0: none
     flux_scale: float  # Wb, of a side
@@ -84,7 +89,7 @@ class Thermal(NamedTuple):
     core_time: float  # s
 
 
-class Motion(NamedTuple):
+class SpringMassDamper(NamedTuple):
     """The mover as believed: mass, spring, damper, constant force."""
 
     mass: float
@@ -94,7 +99,7 @@ class Motion(NamedTuple):
     travel: float  # m, to either side
 
 
-class Flexure(NamedTuple):
+class FlexureLaw(NamedTuple):
     """What the spring does beyond its stiffness: stretching of the leaves, and Maxwell branches in parallel."""
 
     stretch_stiffness: float  # N/m; 0: none
@@ -106,7 +111,7 @@ class Flexure(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """LuGre's bristles, see `friction.py`."""
+    """LuGre's bristles, see `equations.py`."""
 
     coulomb: float  # N; 0: none
     breakaway: float  # N
@@ -116,7 +121,7 @@ class Friction(NamedTuple):
 
 
 class Film(NamedTuple):
-    """Squeezed film between the pole faces and the armature, see `squeeze_film.py`."""
+    """Squeezed film between the pole faces and the armature, see `equations.py`."""
 
     damping: float  # N s/m of a side at `gap`; 0: none
     gap: float  # m
@@ -152,7 +157,7 @@ class Disturbance(NamedTuple):
     product: float  # N/A2, of both currents
 
 
-class Reading(NamedTuple):
+class SensorElectronics(NamedTuple):
     """The position sensor up to its electronics' output."""
 
     gain: float
@@ -175,49 +180,42 @@ class Layout(NamedTuple):
     size: int
 
 
-class Plant(NamedTuple):
+class BenchPlant(NamedTuple):
     magnets: Magnets
-    circuit: Circuit
+    circuit: CoilCircuit
     amplifier: Amplifier
     ladder: Ladder
     hysteresis: Hysteresis
     series_iron: SeriesIron
     coupling: float  # A/Wb: current of a side for the other side's flux linkage; 0: none
     thermal: Thermal
-    motion: Motion
-    flexure: Flexure
+    motion: SpringMassDamper
+    flexure: FlexureLaw
     friction: Friction
     film: Film
     attached: Attached
     support: Support
     disturbance: Disturbance
-    reading: Reading
+    reading: SensorElectronics
     layout: Layout
 
 
 class Bench(NamedTuple):
     """What the compiled equations work with: the plant's record, its magnets' surface, memory and scratch."""
 
-    plant: Plant
-    surface: Surface
+    plant: BenchPlant
+    surface: MagnetSurface
     memory: Array  # (2, MEMORY) of both sides' hysteresis
-    sides: Array  # (2, N_SIDE), see `circuit.py`
+    sides: Array  # (2, N_SIDE), see `equations.py`
     scratch: Array  # (2, 2)
 
 
-# States that every plant has: magnetising currents (A), position, velocity; volt-seconds of the sides since the sample
-# began; energies since the start (J): electrical input, copper, damper, work of forces from outside.
-IM1, IM2, X, V, VOLT_SECONDS_1, VOLT_SECONDS_2 = range(6)
-ENERGY_ELECTRICAL, ENERGY_COPPER, ENERGY_DAMPER, ENERGY_OUTSIDE = range(6, 10)
-N_COMMON = 10
-
-
-def arranged(plant: Plant) -> Plant:
+def arranged(plant: BenchPlant) -> BenchPlant:
     """The plant with a layout that has room for the pieces that are on, and for no others."""
     used = N_COMMON
     places: dict[str, int] = {}
     lagging = plant.circuit.drive != CURRENT_DRIVE and np.isfinite(plant.circuit.bandwidth)
-    wanted = {
+    sizes = {
         "output": 2 if lagging else 0,
         "amplifier": 4 if plant.amplifier.frequency > 0 else 0,
         "ladder": 2 * plant.ladder.stages,
@@ -227,16 +225,16 @@ def arranged(plant: Plant) -> Plant:
         "branches": plant.flexure.branches,
         "bristle": 1 if plant.friction.coulomb > 0 else 0,
     }
-    for name, size in wanted.items():
+    for name, size in sizes.items():
         places[name] = used if size else -1
         used += size
     return plant._replace(layout=Layout(**places, size=used))
 
 
-def as_record(plant: Plant) -> Plant:
+def as_record(plant: BenchPlant) -> BenchPlant:
     """The plant as one numpy record, which compiled functions take by its address and read by the same names."""
-    made = np.array([_values(plant)], dtype=_type(plant))[0]
-    return made
+    record: BenchPlant = np.array([_values(plant)], dtype=_type(plant))[0]
+    return record
 
 
 def _type(piece: Any) -> np.dtype[Any]:

@@ -1,12 +1,13 @@
-"""Runs of a rig: from rest or after a lead-in, without noise."""
+"""Runs of a rig: from rest or after a lead-in, or in closed loop; how far the open loop is stable."""
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
-from scipy.signal import lfilter
 
-from msl_fem.bench.circuit import N_SIDE
+from msl_fem.bench.equations import N_SIDE
+from msl_fem.bench.instruments import Response, drift_path, play_step, smooth_noise
 from msl_fem.bench.integrate import (
     N_OUT,
     OK,
@@ -18,39 +19,21 @@ from msl_fem.bench.integrate import (
     OUT_X,
     OUTSIDE_RANGE,
     OUTSIDE_TABLE,
-    run,
+    bench_substeps,
+    integrate_run,
+    look,
+    sample,
+    scratch_of,
 )
-from msl_fem.bench.plant import VOLTAGE_DRIVE, Array, Bench, Plant, V, X, arranged, as_record
-from msl_fem.bench.preisach import virgin_memory
-from msl_fem.bench.rig import Rig, surface_of
-from msl_fem.bench.step_size import default_substeps
+from msl_fem.bench.iron import virgin_memory
+from msl_fem.bench.plant import CURRENT_DRIVE, VOLTAGE_DRIVE, Array, Bench, BenchPlant, V, X, arranged, as_record
+from msl_fem.bench.rig import Rig, magnet_surface
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.table.magnetic_table import MagneticTable
 
-
-@dataclass(frozen=True, eq=False)
-class Response:
-    """A run of the rig without noise, (n_sample, ...) each; samples are taken before their command acts.
-
-    Attributes
-    ----------
-    command : (n_sample, n_column) as asked
-    voltage : (n_sample, n_side) mean until the next sample
-    reading : the position after the sensor's electronics, before instruments' errors
-    measured : in closed loop the position as its controller read it, with errors and noise; else None
-    """
-
-    rate: float
-    command: Array
-    current: Array
-    voltage: Array
-    flux_linkage: Array
-    position: Array
-    velocity: Array
-    reading: Array
-    end_state: Array
-    measured: Array | None = None
+SHORTEST_LEAD = 0.02  # s
+LEAD_TIMES = 8.0  # time constants
 
 
 def run_rig(
@@ -74,15 +57,21 @@ def run_rig(
     padded[:lead, :columns] = lead_in
     padded[lead:, :columns] = commands
     y = rest(plant, time=-lead / rate)
-    clock = (-lead / rate, 1.0 / rate, rig.delay, substeps or default_substeps(plant, rig.table, rate=rate))
-    memory, out = np.array([virgin_memory(), virgin_memory()]), np.zeros((n, N_OUT))
-    bench = Bench(as_record(plant), surface_of(rig.table), memory, np.zeros((2, N_SIDE)), np.zeros((2, 2)))
+    clock = (-lead / rate, 1.0 / rate, rig.delay, substeps or bench_substeps(plant, rig.table, rate=rate))
+    out = np.zeros((n, N_OUT))
+    bench = compiled_bench(rig, plant)
     pushes = random_path(rig, n, rate=rate, seed=seed)
-    status, done = run(bench, y, padded, pushes, clock, out)
+    status, done = integrate_run(bench, y, padded, pushes, clock, out)
     if status != OK:
         way_out = "the open loop does not bear this: lower the amplitude or the bias"
         raise ComputationError(complaint(rig, plant, status, time=(done - lead) / rate, y=y, way_out=way_out))
     return response_of(out[lead:], commands, rate=rate, sides=plant.magnets.sides, end_state=y)
+
+
+def compiled_bench(rig: Rig, plant: BenchPlant) -> Bench:
+    """The arranged plant of a rig as its compiled equations take it, its iron demagnetised."""
+    memory = np.array([virgin_memory(), virgin_memory()])
+    return Bench(as_record(plant), magnet_surface(rig.table), memory, np.zeros((2, N_SIDE)), np.zeros((2, 2)))
 
 
 def response_of(
@@ -103,11 +92,7 @@ def response_of(
     )
 
 
-SHORTEST_LEAD = 0.02
-LEAD_TIMES = 8.0
-
-
-def lead_samples(plant: Plant, table: MagneticTable | None, *, rate: float) -> int:
+def lead_samples(plant: BenchPlant, table: MagneticTable | None, *, rate: float) -> int:
     """Samples in which the currents settle after a step of the command: eight of their time constants, 20 ms at least.
 
     The mover need not settle: it has been at rest, and the bias alone moves it little.
@@ -122,7 +107,7 @@ def lead_samples(plant: Plant, table: MagneticTable | None, *, rate: float) -> i
     return math.ceil(max(times) * rate)
 
 
-def rest(plant: Plant, *, time: float = 0.0) -> Array:
+def rest(plant: BenchPlant, *, time: float = 0.0) -> Array:
     """The state without currents, all memories settled: at rest under the constant force, or swinging with the hum."""
     y = np.zeros(plant.layout.size)
     m, d = plant.motion, plant.disturbance
@@ -149,20 +134,148 @@ def random_path(rig: Rig, count: int, *, rate: float, seed: int) -> Array:
     return rig.random_force * smooth_noise(count + 1, corner=20.0, rate=rate, seed=(rig.random_force_seed, seed))
 
 
-def smooth_noise(count: int, *, corner: float, rate: float, seed: tuple[int, ...]) -> Array:
-    """Gaussian noise (count,) of unit variance, low-passed twice at `corner` (Hz), settled before it begins."""
-    pole = math.exp(-2 * math.pi * corner / rate)
-    lead = int(8 / (1 - pole))
-    value = np.random.default_rng(seed).standard_normal(count + lead)
-    for _ in range(2):
-        value = np.asarray(lfilter([1.0], [1.0, -pole], value))
-    return value[lead:] / math.sqrt((1 + pole**2) / (1 - pole**2) ** 3)
-
-
-def complaint(rig: Rig, plant: Plant, status: int, *, time: float, y: Array, way_out: str) -> str:
+def complaint(rig: Rig, plant: BenchPlant, status: int, *, time: float, y: Array, way_out: str) -> str:
     """Why a run ended, when and where, and what to do."""
     why = {OUTSIDE_TABLE: "a gap or a current left the table", OUTSIDE_RANGE: "the mover left its range"}
     return (
         f"{rig.name}: {why.get(status, 'the state is no longer finite')} after t = {time:.6g} s, at x = "
         f"{format_quantity(float(y[X]), 'm')}; {way_out}"
     )
+
+
+def stable_current(rig: Rig) -> float:
+    """The side current (A, the same on all sides) up to which x = 0 is stable at constant currents; inf: all of them.
+
+    There the magnets' negative stiffness has used up the spring.
+    """
+    magnets = rig.plant.magnets
+    if rig.table is None or not magnets.sides:
+        return math.inf
+    current = np.linspace(0.0, float(rig.table.current[-1]), 2001)
+    slope = rig.table.evaluate(current, magnets.nominal_gap)["force_gap_slope"]
+    left = rig.plant.motion.stiffness + magnets.per_side * magnets.sides * slope
+    gone = np.flatnonzero(left <= 0)
+    if not gone.size:
+        return math.inf
+    n = int(gone[0])
+    if n == 0:
+        return 0.0
+    share = left[n - 1] / (left[n - 1] - left[n])
+    return float((current[n - 1] + share * (current[n] - current[n - 1])) / magnets.share)
+
+
+def check_stable_stretches(rig: Rig, response: Response) -> None:
+    """Returns where the mean plant of every stretch as long as a natural period is stable, else raises.
+
+    Force and its slope go with the square of the current (below saturation), and the mover averages them over its
+    natural period: its stiffness is the spring's and the magnets' at the RMS currents and the mean gaps of a stretch.
+    A run of equal currents on both sides would stay at x = 0 whatever they are; no bench would.
+
+    Raises
+    ------
+    InputError : names the limit
+    """
+    magnets = rig.plant.magnets
+    motion = rig.plant.motion
+    if rig.table is None or not magnets.sides or motion.stiffness <= 0:
+        return
+    period = 2 * math.pi * math.sqrt(motion.mass / motion.stiffness)
+    window = min(max(1, round(period * response.rate)), len(response.position))
+    rms = np.sqrt(_means(response.current**2, window))
+    mean = _means(response.position[:, None], window)[:, 0]
+    left = np.full(mean.size, motion.stiffness)
+    for j in range(magnets.sides):
+        gap = magnets.nominal_gap - (1 - 2 * j) * mean
+        left += magnets.per_side * rig.table.evaluate(magnets.share * rms[:, j], gap)["force_gap_slope"]
+    if left.min() <= 0:
+        worst = int(np.argmin(left))
+        currents = ", ".join(f"{current:.3g} A" for current in rms[worst])
+        raise InputError(
+            f"{rig.name}: from t = {worst * window / response.rate:.4g} s the inputs make {currents} RMS over "
+            f"{window / response.rate * 1e3:.3g} ms; at x = 0 it is stable up to {stable_current(rig):.3g} A on all "
+            "sides: lower the amplitude or the bias"
+        )
+
+
+def _means(values: Array, window: int) -> Array:
+    """Means (n_window, n_column) over stretches of `window` rows, one behind the other."""
+    whole = values.shape[0] // window
+    return values[: whole * window].reshape(whole, window, -1).mean(axis=1)
+
+
+class BenchController(Protocol):
+    """What closes a loop: asked at its own rate, its command acts `delay_samples` of its periods later."""
+
+    @property
+    def rate(self) -> float: ...
+    @property
+    def delay_samples(self) -> int: ...
+    def start(self) -> None: ...
+    def command(self, reference: Array, measured: float) -> Array: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Following:
+    """A closed-loop run that is asked for.
+
+    Attributes
+    ----------
+    reference : (n_sample, 3) position, velocity, acceleration wanted
+    controller : knows the belief, and what it reads
+    noise : (n_sample,) m, of the position's reading in the loop; None: none
+    resolution : m, of the reading; 0: none
+    """
+
+    reference: Array
+    controller: BenchController
+    noise: Array | None = None
+    resolution: float = 0.0
+
+
+def follow(rig: Rig, asked: Following, *, rate: float, seed: int = 0) -> Response:
+    """The run from rest without currents; commands are those that act from their sample on.
+
+    `Response.measured` is the position as the controller read it.
+
+    Raises
+    ------
+    InputError : no current drive, a rate that is no whole multiple of the controller's
+    ComputationError : the loop does not hold the rig
+    """
+    plant = arranged(rig.plant)
+    controller = asked.controller
+    if plant.circuit.drive != CURRENT_DRIVE:
+        raise InputError(f'{rig.name}: the controller commands currents; use drive.kind = "current"')
+    every = round(rate / controller.rate)
+    if every < 1 or abs(every * controller.rate / rate - 1) > 1e-9:
+        raise InputError(f"{rig.name}: {rate:g} samples a second are no whole multiple of {controller.rate:g} Hz")
+    n, sides = len(asked.reference), plant.magnets.sides
+    late = every * controller.delay_samples
+    wanted = np.zeros((n + late, 2))
+    commands = np.zeros((n, 2))
+    bench = compiled_bench(rig, plant)
+    y = rest(plant)
+    scratch = scratch_of(bench, y)
+    pushes = random_path(rig, n, rate=rate, seed=seed)
+    out = np.zeros((n, N_OUT))
+    clock = (0.0, 1.0 / rate, rig.delay, bench_substeps(plant, rig.table, rate=rate))
+    noise = np.zeros(n) if asked.noise is None else asked.noise
+    drift = drift_path(rig, n, rate=rate, run=seed)
+    measured = np.zeros(n)
+    played = np.nan
+    controller.start()
+    for k in range(n):
+        status = look(bench, y, scratch[0], out[k])
+        if status == OK:
+            played = play_step(played, out[k, OUT_READING], rig.instruments.play)
+            measured[k] = played + drift[k] + noise[k]
+            if asked.resolution > 0:
+                measured[k] = np.round(measured[k] / asked.resolution) * asked.resolution
+            if k % every == 0:
+                wanted[k + late :, :sides] = controller.command(asked.reference[k], float(measured[k]))
+            commands[k] = wanted[k]
+            status = sample(bench, y, scratch, k, commands, pushes, clock, out[k])
+        if status != OK:
+            way_out = "the loop does not hold it"
+            raise ComputationError(complaint(rig, plant, status, time=k / rate, y=y, way_out=way_out))
+    return response_of(out, commands[:, :sides], rate=rate, sides=sides, end_state=y, measured=measured)

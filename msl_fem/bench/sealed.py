@@ -1,5 +1,6 @@
-"""A record with something hidden in it, and the answer that stays apart."""
+"""A record with something hidden in it, the answer that stays apart, and the excitations where none are stated."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -8,22 +9,115 @@ import numpy as np
 
 from msl_fem.actuator import Actuator
 from msl_fem.bench.catalogue import OUTSIDE_BY_NAME, Request
-from msl_fem.bench.following import Following, LoopController
+from msl_fem.bench.instruments import (
+    FLUX_NOISE,
+    FORCE_NOISE,
+    believed_noise,
+    bench_static_map,
+    instrument_noise,
+    noise_of_instruments,
+    run_columns,
+    with_noise,
+)
 from msl_fem.bench.plant import Array
-from msl_fem.bench.readings import believed_noise, columns, disturbed, instrument_noise, noisy
-from msl_fem.bench.rig import Rig, true_rig
-from msl_fem.bench.running import Response
-from msl_fem.bench.setting import Effect, Setting, runs_of, scales_of
-from msl_fem.bench.size import Hidden, changes, channels, hidden_of_size
-from msl_fem.bench.stability import check_stable, stability_limit
-from msl_fem.bench.static_map import FLUX_NOISE, FORCE_NOISE, static_map
-from msl_fem.bench.truth import draw_truth
-from msl_fem.bench.usual_excitation import commands_of, usual_excitations, usual_unit
-from msl_fem.errors import ComputationError, InputError
-from msl_fem.plant.excitation import reference
-from msl_fem.plant.excitation_kinds import Excitation
+from msl_fem.bench.rig import Rig, draw_truth, true_rig
+from msl_fem.bench.running import BenchController, Following, Response, check_stable_stretches, run_rig, stable_current
+from msl_fem.bench.setting import (
+    BenchEffect,
+    EffectAtSize,
+    Setting,
+    changes,
+    channels,
+    effect_of_size,
+    runs_of,
+    scales_of,
+)
+from msl_fem.errors import ActuatorError, ComputationError, InputError
+from msl_fem.files.quantity import format_quantity
+from msl_fem.plant.excitation import parse_excitation, reference, samples
+from msl_fem.plant.excitation_kinds import Excitation, Unit
 from msl_fem.record import Record, Run, Sampling, Tolerance
 from msl_fem.table.magnetic_table import MagneticTable
+
+DRIVE_UNIT: dict[str, Unit] = {"current": "A", "voltage": "V", "force": "N"}
+REACH = 0.2
+"""Share of the range that the mover uses at most."""
+_HALVINGS = 14
+
+
+def usual_unit(actuator: Actuator) -> Unit:
+    """The unit of what the actuator's drive takes; ActuatorError without a drive."""
+    if actuator.drive is None:
+        raise ActuatorError(f'{actuator.name} has no [drive]; add one with kind = "current", "voltage" or "force"')
+    return DRIVE_UNIT[actuator.drive.kind]
+
+
+def commands_of(actuator: Actuator, excitation: Excitation, *, rate: float) -> Array:
+    """The commands (n_sample, n_column) of an excitation to the actuator's drive; InputError where it does not fit."""
+    kind = actuator.drive.kind if actuator.drive else "none"
+    sides = actuator.sides.count if kind != "force" and actuator.sides else 1
+    return samples(excitation, rate=rate, sides=sides)
+
+
+def usual_excitations(actuator: Actuator, table: MagneticTable | None, *, rate: float) -> tuple[Excitation, ...]:
+    """Band-limited noise (fit) and a swept sine (held-out), 4 s each, chosen by what is believed of the actuator alone.
+
+    The bias is half the current up to which the open loop is stable; the amplitudes are the largest halvings with which
+    the believed rig uses a fifth of its range.
+
+    Raises
+    ------
+    InputError : there is neither spring nor range to choose them by
+    """
+    rig = true_rig(actuator, table)
+    kind = actuator.drive.kind if actuator.drive else "none"
+    motion = rig.plant.motion
+    if motion.stiffness <= 0 or not math.isfinite(motion.travel):
+        raise InputError(
+            f"{actuator.name}: without stiffness and range there are no usual excitations; state --excitation"
+        )
+    band = format_quantity(min(500.0, rate / 20), "Hz", digits=2)
+    stop = format_quantity(min(300.0, rate / 30), "Hz", digits=2)
+    bias, first = _bias(rig, kind)
+    unit = usual_unit(actuator)
+    held = f"bias={_text(bias, unit)}," if bias else ""
+    noise = f"band-limited-noise:{held}band={band},duration=4 s,seed=1,role=fit"
+    sweep = f"swept-sine:{held}start=5 Hz,stop={stop},duration=4 s,role=held-out"
+    return tuple(_borne(actuator, rig, spec, (first, unit), rate=rate) for spec in (noise, sweep))
+
+
+def _text(value: float, unit: str) -> str:
+    return f"{value:.2g} {unit}"
+
+
+def _bias(rig: Rig, kind: str) -> tuple[float, float]:
+    """(bias, the first amplitude to try) in the drive's unit."""
+    motion = rig.plant.motion
+    if kind == "force":
+        return 0.0, motion.stiffness * motion.travel
+    assert rig.table is not None
+    limit = min(stable_current(rig), rig.plant.circuit.current_limit, float(rig.table.current[-1]))
+    current = 0.5 * limit
+    if kind == "current":
+        return current, current / 3.2  # three RMS of noise leave the current positive
+    return current * rig.plant.circuit.resistance, 2 * current * rig.plant.circuit.resistance
+
+
+def _borne(actuator: Actuator, rig: Rig, spec: str, start: tuple[float, Unit], *, rate: float) -> Excitation:
+    amplitude, unit = start
+    for _ in range(_HALVINGS):
+        excitation = parse_excitation(f"{spec},amplitude={_text(amplitude, unit)}", unit=unit)
+        commands = commands_of(actuator, excitation, rate=rate)
+        try:
+            response = run_rig(rig, commands, rate=rate, lead_in=excitation.bias)
+        except ComputationError:
+            amplitude /= 2
+            continue
+        if np.abs(response.position).max() <= REACH * rig.plant.motion.travel:
+            return excitation
+        amplitude /= 2
+    raise InputError(f"{actuator.name}: no amplitude of '{spec}' is borne; state --excitation")
+
 
 Progress = Callable[[int, int], None]
 
@@ -32,7 +126,7 @@ Progress = Callable[[int, int], None]
 class ClosedLoop:
     """The controller of runs in closed loop, designed from what is believed, and what rig.toml states of it."""
 
-    controller: LoopController
+    controller: BenchController
     section: Mapping[str, Any]
 
 
@@ -63,7 +157,7 @@ class BenchOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Sealed:
+class SealedRecord:
     """The record, which tells nothing, and the answer as JSON has it."""
 
     record: Record
@@ -77,7 +171,7 @@ def sealed_record(
     options: BenchOptions,
     *,
     progress: Progress = lambda done, total: None,
-) -> Sealed:
+) -> SealedRecord:
     """A simulated record of the actuator's rig with the effects asked for, every size as asked.
 
     Raises
@@ -89,13 +183,13 @@ def sealed_record(
     progress(1, steps)
     setting = prepared_setting(actuator, table, excitations, options)
     progress(2, steps)
-    hidden: list[Hidden] = []
+    hidden: list[EffectAtSize] = []
     for n, request in enumerate(requests):
         hidden.append(_hidden(setting, request, hidden, exact=options.exact))
         progress(3 + n, steps)
     rig = with_all(setting, hidden)
     try:
-        asked = tuple(_with_noise(one, actuator, options, n) for n, one in enumerate(setting.commands))
+        asked = tuple(_with_noise(command, actuator, options, n) for n, command in enumerate(setting.commands))
         responses = runs_of(rig, asked, setting.leads, rate=options.rate)
     except ComputationError as err:
         raise InputError(f"with the effects asked for, {err}") from err
@@ -104,10 +198,10 @@ def sealed_record(
     together: dict[str, float] = {}
     if hidden:
         silent = responses
-        if any(isinstance(one, Following) for one in setting.commands):
+        if any(isinstance(command, Following) for command in setting.commands):
             silent = runs_of(rig, setting.commands, setting.leads, rate=options.rate)
         together = changes(channels(rig, silent), channels(setting.rig, setting.responses))
-    return Sealed(record, _answer(setting, hidden, together, excitations))
+    return SealedRecord(record, _answer(setting, hidden, together, excitations))
 
 
 def prepared_setting(
@@ -120,20 +214,22 @@ def prepared_setting(
     InputError : an excitation does not fit the drive, or the rig does not bear it; names the limit
     """
     unit = usual_unit(actuator)
-    for one in excitations:
-        if one.loop == "open" and one.unit != unit:
-            raise InputError(f"{one.name}: amplitude is in {one.unit}, the drive of {actuator.name} takes {unit}")
+    for excitation in excitations:
+        if excitation.loop == "open" and excitation.unit != unit:
+            raise InputError(
+                f"{excitation.name}: amplitude is in {excitation.unit}, the drive of {actuator.name} takes {unit}"
+            )
     truth = draw_truth(options.tolerance, table, np.random.default_rng([options.seed, 1]))
     rig = true_rig(actuator, table, truth)
-    commands = tuple(_asked(actuator, one, options) for one in excitations)
-    leads = tuple(one.bias for one in excitations)
+    commands = tuple(_asked(actuator, excitation, options) for excitation in excitations)
+    leads = tuple(excitation.bias for excitation in excitations)
     try:
         responses = runs_of(rig, commands, leads, rate=options.rate)
     except ComputationError as err:
-        raise InputError(f"{err} (at x = 0 it is stable up to {stability_limit(rig):.3g} A on all sides)") from err
+        raise InputError(f"{err} (at x = 0 it is stable up to {stable_current(rig):.3g} A on all sides)") from err
     for response in responses:
         if response.measured is None:
-            check_stable(rig, response)
+            check_stable_stretches(rig, response)
     return Setting(
         actuator=actuator,
         table=table,
@@ -155,8 +251,8 @@ def _asked(actuator: Actuator, excitation: Excitation, options: BenchOptions) ->
         return commands_of(actuator, excitation, rate=options.rate)
     if options.loop is None:
         raise InputError(f"{excitation.name}: loop=closed needs a controller; leave it out for open loop")
-    wanted = reference(excitation, rate=options.rate)
-    followed = np.column_stack([wanted.position, wanted.velocity, wanted.acceleration])
+    path = reference(excitation, rate=options.rate)
+    followed = np.column_stack([path.position, path.velocity, path.acceleration])
     return Following(followed, options.loop.controller, resolution=actuator.position_sensor.resolution)
 
 
@@ -164,33 +260,33 @@ def _with_noise(asked: Array | Following, actuator: Actuator, options: BenchOpti
     """What a run is asked for; in closed loop the noise of the position's reading is in the loop."""
     if not isinstance(asked, Following) or options.noise == "none":
         return asked
-    how = disturbed(actuator, coloured=options.noise == "coloured")
+    how = noise_of_instruments(actuator, coloured=options.noise == "coloured")
     generator = np.random.default_rng([options.seed, 5, run])
     noise = instrument_noise(len(asked.reference), how, rate=options.rate, generator=generator)
     return replace(asked, noise=how.sigma["position"] * noise)
 
 
-def _hidden(setting: Setting, request: Request, others: Sequence[Hidden], *, exact: bool) -> Hidden:
+def _hidden(setting: Setting, request: Request, others: Sequence[EffectAtSize], *, exact: bool) -> EffectAtSize:
     """The effect of a request at its size; an unnamed one outside is drawn among those that can be seen."""
     if request.effect is not None:
-        return hidden_of_size(setting, request.effect, request.size, exact=exact)
-    taken = {one.effect.name for one in others}
-    left: list[Effect] = [effect for name, effect in OUTSIDE_BY_NAME.items() if name not in taken]
+        return effect_of_size(setting, request.effect, request.size, exact=exact)
+    taken = {other.effect.name for other in others}
+    left: list[BenchEffect] = [effect for name, effect in OUTSIDE_BY_NAME.items() if name not in taken]
     order = setting.chance("outside").permutation(len(left))
     last: InputError | None = None
     for n in order:
         try:
-            return hidden_of_size(setting, left[int(n)], request.size, exact=exact)
+            return effect_of_size(setting, left[int(n)], request.size, exact=exact)
         except InputError as err:
             last = err
     raise InputError(f"no effect outside the catalogue is as large here: {last}")
 
 
-def with_all(setting: Setting, hidden: Sequence[Hidden]) -> Rig:
+def with_all(setting: Setting, hidden: Sequence[EffectAtSize]) -> Rig:
     """The true rig with every effect at its strength."""
     rig = setting.rig
-    for one in hidden:
-        rig, _ = one.effect.hide(setting, rig, one.strength)
+    for item in hidden:
+        rig, _ = item.effect.hide(setting, rig, item.strength)
     return rig
 
 
@@ -198,13 +294,13 @@ def _record(
     setting: Setting, rig: Rig, excitations: Sequence[Excitation], options: BenchOptions, responses: Sequence[Response]
 ) -> Record:
     actuator = setting.actuator
-    how = disturbed(actuator, coloured=options.noise == "coloured")
+    how = noise_of_instruments(actuator, coloured=options.noise == "coloured")
     runs = []
     for n, (excitation, response) in enumerate(zip(excitations, responses, strict=True)):
-        table = columns(rig, response, run=n)
+        table = run_columns(rig, response, run=n)
         generator = np.random.default_rng([options.seed, 2, n])
         if options.noise != "none":
-            table = noisy(table, how, rate=options.rate, generator=generator)
+            table = with_noise(table, how, rate=options.rate, generator=generator)
         asked = setting.commands[n]
         if isinstance(asked, Following):
             assert response.measured is not None
@@ -215,23 +311,29 @@ def _record(
     static = None
     if options.static:
         generator = np.random.default_rng([options.seed, 4])
-        static = static_map(setting, rig, generator, noisy=options.noise != "none")
+        static = bench_static_map(actuator, setting.table, rig, generator=generator, noisy=options.noise != "none")
         noise = noise.model_copy(update={"force": FORCE_NOISE, "flux_linkage": FLUX_NOISE})
     return Record(
-        "simulated", actuator, sampling=Sampling(rate=options.rate), noise=noise, tolerance=options.tolerance,
-        controller=None if options.loop is None else options.loop.section, runs=tuple(runs), static=static,
-    )  # fmt: skip
+        "simulated",
+        actuator,
+        sampling=Sampling(rate=options.rate),
+        noise=noise,
+        tolerance=options.tolerance,
+        controller=None if options.loop is None else options.loop.section,
+        runs=tuple(runs),
+        static=static,
+    )
 
 
 def _answer(
-    setting: Setting, hidden: Sequence[Hidden], together: dict[str, float], excitations: Sequence[Excitation]
+    setting: Setting, hidden: Sequence[EffectAtSize], together: dict[str, float], excitations: Sequence[Excitation]
 ) -> dict[str, Any]:
     """What was hidden; `changes_together` are the record's changes by all effects at once."""
     return {
-        "effects": [one.report() for one in hidden],
+        "effects": [item.report() for item in hidden],
         "true_parameters": setting.truth.report(setting.actuator),
         "seed": setting.seed,
         "drive": setting.drive,
-        "excitations": [one.spec for one in excitations],
+        "excitations": [excitation.spec for excitation in excitations],
         "changes_together": together,
     }

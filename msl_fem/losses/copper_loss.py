@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
 from msl_fem.losses.wire import Winding, resistance_factor, slot_rows
 from msl_fem.materials.constants import REFERENCE_TEMPERATURE, resistance_ratio
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,8 @@ from msl_fem.losses.sheet_loss import FEWEST, FluxWaveform, LossDensity, loss_de
 from msl_fem.materials.core_loss_data import Sheet, sheet_of
 from msl_fem.table.magnetic_table import SECTION, MagneticTable
 
+SAMPLES = 256  # of a sine's period: the two routes to <(dB/dt)^2> are 5e-5 apart
+
 
 def iron_volumes(magnet: ECore) -> dict[str, float]:
     """Section to the volume in m3 of the iron it stands for, sheets only: area of the part, stack depth, stacking.
@@ -74,9 +76,6 @@ class SectionFlux:
         self.table.evaluate(current, gap)  # its complaint is the table's
         i, g = np.broadcast_arrays(np.asarray(current, dtype=float), np.asarray(gap, dtype=float))
         return np.asarray(self._spline.ev(np.log(g), i))
-
-
-SAMPLES = 256  # of a sine's period: the two routes to <(dB/dt)^2> are 5e-5 apart
 
 
 @dataclass(frozen=True, eq=False)

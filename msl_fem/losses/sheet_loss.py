@@ -16,6 +16,8 @@ FINER = 8  # times as many samples for the mean of |dB/dt|^1.5, whose integrand 
 RESOLVED = 0.05  # largest difference of the two routes to <(dB/dt)^2>; white noise has 0.4, a jump more
 STILL = 1e-9  # T: a swing that is rounding, not flux
 JUMP = 4.0  # the step that closes the period, at most so many times the largest one within
+EXCESS_OF_SINE = 8.763363
+"""(2 pi)^1.5 times the mean of |cos|^1.5: what <|dB/dt|^1.5> is for B = sin(2 pi t)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,10 +136,6 @@ def closed_loops(flux_density: ArrayLike) -> Array:
             swings.append(inner)
             del stack[-3:-1]
     return np.array([*sorted(swings), float(b.max() - b.min())])
-
-
-EXCESS_OF_SINE = 8.763363
-"""(2 pi)^1.5 times the mean of |cos|^1.5: what <|dB/dt|^1.5> is for B = sin(2 pi t)."""
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from msl_fem.table.magnetic_table import MagneticTable
 
 CLASS_130_RISE = 80.0
 """K: rise of a winding's mean temperature, by resistance, of insulation class 130 (B), IEC 60034-1, table 8."""
+TOLERANCE = 1e-5  # of a current
 
 
 @dataclass(frozen=True)
@@ -171,9 +172,6 @@ def _notes(actuator: Actuator, limit: ThermalLimit, network: ThermalNetwork, cor
         taus = ", ".join(f"{tau:.3g} s" for tau in network.time_constants)
         notes.append(f"duty: temperature at the end of each on phase; period {cycle.period:g} s, time constants {taus}")
     return tuple(notes)
-
-
-TOLERANCE = 1e-5  # of a current
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ IRON_DENSITY, IRON_SPECIFIC_HEAT = 7650.0, 460.0
 """kg/m3, J/(kg K) of silicon steel (Bozorth, Ferromagnetism, 1951, table of iron-silicon alloys)."""
 
 COPPER_CONDUCTIVITY = 400.0  # W/(m K), Incropera and DeWitt, table A.1
+SMALLEST_DUTY = 1e-4
 
 
 @dataclass(frozen=True)
@@ -173,9 +174,6 @@ def _core_section(magnet: ECore) -> float:
 def core_capacity(magnet: ECore) -> float:
     """J/K of the core's iron."""
     return IRON_DENSITY * IRON_SPECIFIC_HEAT * _core_section(magnet) * magnet.stack_depth * magnet.iron.core_stacking
-
-
-SMALLEST_DUTY = 1e-4
 
 
 class ThermalRunaway(ComputationError):  # noqa: N818 - reads as the sentence it stands for

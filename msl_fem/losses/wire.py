@@ -29,6 +29,8 @@ _SIZES = (
     (5.000, 5.093, 5.141),
 )  # fmt: skip
 THINNEST_GAUGE, THICKEST_GAUGE = 44, 4  # 0.050 ... 5.19 mm: about the range of the metric sizes
+_SLACK = 1e-9  # of a wire's diameter: what rounding may take from a window that fits exactly
+NEGLIGIBLE = 0.01  # of the resistance: what the copper's own tolerance hides
 
 
 @dataclass(frozen=True)
@@ -116,7 +118,6 @@ def wires(series: Series = "metric", *, grade: Grade = 1) -> tuple[RoundWire, ..
 
 
 Packing = Literal["square", "orthocyclic"]
-_SLACK = 1e-9  # of a wire's diameter: what rounding may take from a window that fits exactly
 
 
 @dataclass(frozen=True)
@@ -276,9 +277,6 @@ def choose_wire(
         f"{coil.turns} turns do not fit the coil's {coil.width * 1e3:g} mm by {coil.height * 1e3:g} mm even with "
         f"{candidates[0].name}; take fewer turns or a larger window"
     )
-
-
-NEGLIGIBLE = 0.01  # of the resistance: what the copper's own tolerance hides
 
 
 @dataclass(frozen=True)

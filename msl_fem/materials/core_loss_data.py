@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import MaterialError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.schema import small_text
 from msl_fem.materials.material import LIBRARY
 
-Array = NDArray[np.float64]
 INDEX = LIBRARY / "core_loss.json"
 COLUMNS = ("frequency_Hz", "B_T", "loss_W_per_kg")
 SAME_THICKNESS = 0.03  # relative: a gauge's 0.014 inch is sold as 0.35 and 0.36 mm

@@ -8,14 +8,14 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import BPoly, CubicSpline, PchipInterpolator, PPoly
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import MaterialError
 from msl_fem.files.schema import small_text
 from msl_fem.materials.constants import MU_0
 
-Array = NDArray[np.float64]
 LIBRARY = Path(__file__).parent
 MIN_POINTS = 5
 SLOPE_TOLERANCE = 1e-4  # of mu_0: what rounding in printed curves amounts to

@@ -29,6 +29,9 @@ CLAMPED = ("w", "slope")
 """What an end holds: nothing, its displacement, its slope, both."""
 TOLERANCE = 1e-8  # of Newton's step, over the displacement; the error is its square
 MOST_STEPS = 50
+MOTIONS = ("motion", "along_leaves", "sideways", "roll", "yaw", "pitch")
+"""Displacements along the motion (x), the leaves (y) and their width (z); rotations about x, y and z."""
+SHEAR_FACTOR = 5 / 6  # of a rectangle (Reissner; Timoshenko's beam)
 
 
 @dataclass(frozen=True)
@@ -204,11 +207,6 @@ def _energy_shares(shape: Array, mass: Array, rigid: int) -> dict[str, float]:
 
 def _matrix(basis: Basis, form: object) -> Array:
     return np.asarray(BilinearForm(form).assemble(basis).toarray())
-
-
-MOTIONS = ("motion", "along_leaves", "sideways", "roll", "yaw", "pitch")
-"""Displacements along the motion (x), the leaves (y) and their width (z); rotations about x, y and z."""
-SHEAR_FACTOR = 5 / 6  # of a rectangle (Reissner; Timoshenko's beam)
 
 
 @dataclass(frozen=True)

@@ -14,16 +14,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from msl_fem.actuator import Actuator, Motion
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import ActuatorError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.maps import operating_map
 from msl_fem.table.magnetic_table import MagneticTable
 
-Array = NDArray[np.float64]
 N_GAP, N_LIMIT, N_PHASE, N_FREQUENCY = 25, 48, 181, 400
 HIGHEST_FREQUENCY = 1e5  # Hz; what no flexure-guided mover of this kind follows
 

@@ -5,7 +5,7 @@ import pytest
 from bench_cases import RATE, plain_rig
 from scipy.linalg import eigvalsh_tridiagonal
 
-from msl_fem.bench.diffusion import fastest_ladder_rate, ladder_matrix, ladder_response, sheet_response
+from msl_fem.bench.iron import fastest_ladder_rate, ladder_matrix, ladder_response, sheet_response
 from msl_fem.bench.plant import Ladder
 from msl_fem.bench.running import run_rig
 

@@ -6,14 +6,13 @@ from bench_cases import RATE, plain_rig, setting_in
 from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
 
-from msl_fem.bench.amplifier import amplifier_rates, crossover
-from msl_fem.bench.lag import lagged
-from msl_fem.bench.magnet import series_current, side_coenergy, side_magnet
-from msl_fem.bench.magnetic_effects import MAGNETIC
+from msl_fem.bench.electromagnetic_effects import MAGNETIC
+from msl_fem.bench.equations import amplifier_rates, crossover, thermal_rates, warm_resistance
+from msl_fem.bench.integrate import lagged
+from msl_fem.bench.iron import series_current, side_coenergy, side_magnet
 from msl_fem.bench.plant import Amplifier, Thermal
-from msl_fem.bench.rig import surface_of
+from msl_fem.bench.rig import magnet_surface
 from msl_fem.bench.running import run_rig
-from msl_fem.bench.thermal import thermal_rates, warm_resistance
 from msl_fem.materials.material import laminated, load_iron
 
 SLOW = Amplifier(2 * np.pi * 200, 0.7, np.inf, 0.0, 1.0)
@@ -106,7 +105,7 @@ def test_a_side_is_the_tables_magnets() -> None:
     rig = plain_rig("voltage")
     table = rig.table
     assert table is not None
-    surface = surface_of(table)
+    surface = magnet_surface(table)
     for share in (1.0, 0.5):
         m = rig.plant.magnets._replace(share=share)
         for i, g in ((0.6, 5.5e-4), (-1.3, 7e-4)):

@@ -7,10 +7,9 @@ import pytest
 from bench_cases import SERVO, SERVO_TABLE, VOLTAGE_SERVO
 
 from msl_fem.bench import BenchOptions, ClosedLoop, parse_requests, sealed_record
-from msl_fem.bench.following import Following, follow
-from msl_fem.bench.readings import readings
+from msl_fem.bench.instruments import readings
 from msl_fem.bench.rig import true_rig
-from msl_fem.bench.running import run_rig
+from msl_fem.bench.running import Following, follow, run_rig
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.excitation import parse_excitation, reference
 

@@ -7,12 +7,10 @@ from scipy.integrate import solve_ivp
 from scipy.sparse import diags, eye, kron
 from scipy.sparse.linalg import spsolve
 
-from msl_fem.bench.friction import friction_force
-from msl_fem.bench.mechanical_effects import branches
-from msl_fem.bench.mover import flexure_force
-from msl_fem.bench.plant import Attached, Flexure, Friction
+from msl_fem.bench.catalogue import branches
+from msl_fem.bench.equations import film_numbers, finite_length, friction_force, plate_damping, stretch_force
+from msl_fem.bench.plant import Attached, FlexureLaw, Friction
 from msl_fem.bench.running import run_rig
-from msl_fem.bench.squeeze_film import film_numbers, finite_length, plate_damping
 
 LUGRE = Friction(coulomb=1.0, breakaway=1.5, stribeck_velocity=1e-3, bristle_stiffness=1e6, bristle_damping=300.0)
 
@@ -72,11 +70,11 @@ def test_film_numbers_say_when_the_formula_holds() -> None:
 
 
 def test_leaves_stretch_with_the_cube() -> None:
-    f = Flexure(2e5, 5e-3, 0, np.zeros(8), np.zeros(8))
+    f = FlexureLaw(2e5, 5e-3, 0, np.zeros(8), np.zeros(8))
     for x in (1e-4, -3e-4):
         exact = 2e5 * x * (1 - 1 / np.sqrt(1 + (x / 5e-3) ** 2))
-        assert flexure_force(f, x) == pytest.approx(exact, rel=1e-9)
-        assert flexure_force(f, x) == pytest.approx(2e5 * x**3 / (2 * 25e-6), rel=4e-3)
+        assert stretch_force(f, x) == pytest.approx(exact, rel=1e-9)
+        assert stretch_force(f, x) == pytest.approx(2e5 * x**3 / (2 * 25e-6), rel=4e-3)
 
 
 def test_relaxation_and_attached_mass_meet_an_adaptive_integrator() -> None:

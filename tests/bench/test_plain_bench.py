@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bench_cases import DRIVES, RATE, VOLTAGE_SERVO, excitations, noise_commands, plain_rig
 
-from msl_fem.bench.magnet import side_coenergy
+from msl_fem.bench.iron import side_coenergy
 from msl_fem.bench.plant import (
     ENERGY_COPPER,
     ENERGY_DAMPER,
@@ -14,10 +14,9 @@ from msl_fem.bench.plant import (
     V,
     X,
 )
-from msl_fem.bench.rig import Rig, surface_of, true_rig
-from msl_fem.bench.running import run_rig
-from msl_fem.bench.stability import stability_limit
-from msl_fem.bench.usual_excitation import commands_of
+from msl_fem.bench.rig import Rig, magnet_surface, true_rig
+from msl_fem.bench.running import run_rig, stable_current
+from msl_fem.bench.sealed import commands_of
 from msl_fem.plant import Inputs, Options, simulate
 from msl_fem.plant import stability_limit as coupled_limit
 
@@ -73,7 +72,7 @@ def stored(rig: Rig, y: np.ndarray) -> float:
     for j in range(2):
         gap, current = m.nominal_gap - (1 - 2 * j) * y[X], y[IM1 + j]
         flux = m.per_side * float(table.flux_linkage(current, gap))
-        energy += current * flux - side_coenergy(surface_of(table), m, current, gap)
+        energy += current * flux - side_coenergy(magnet_surface(table), m, current, gap)
     return float(energy)
 
 
@@ -100,5 +99,5 @@ def test_the_integrator_is_of_order_five() -> None:
 def test_stability_limit_is_that_of_the_coupled_model() -> None:
     actuator, table = DRIVES["current"]
     assert table is not None
-    assert stability_limit(plain_rig("current")) == pytest.approx(coupled_limit(actuator, table), rel=1e-4)
-    assert stability_limit(plain_rig("force")) == np.inf
+    assert stable_current(plain_rig("current")) == pytest.approx(coupled_limit(actuator, table), rel=1e-4)
+    assert stable_current(plain_rig("force")) == np.inf

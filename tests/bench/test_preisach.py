@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from bench_cases import RATE, plain_rig
 
+from msl_fem.bench.iron import COUNT, pinned_current, settle_memory, virgin_memory
 from msl_fem.bench.plant import Hysteresis
-from msl_fem.bench.preisach import COUNT, pinned_current, settle, virgin_memory
 from msl_fem.bench.running import run_rig
 
 IRON = Hysteresis(0.3, 2e-3, 4.0)
@@ -21,7 +21,7 @@ def along(flux: np.ndarray, iron: Hysteresis = IRON) -> np.ndarray:
     memory, found = virgin_memory(), []
     for value in flux:
         found.append(pinned_current(iron, memory, value))
-        settle(iron, memory, value)
+        settle_memory(iron, memory, value)
     return np.array(found)
 
 
@@ -56,7 +56,7 @@ def test_a_closed_loop_is_forgotten() -> None:
     assert detour[-1] == pytest.approx(straight[-1], abs=1e-12)
     memory = virgin_memory()
     for value in path([0, 6e-3, -6e-3, 1e-3, -2e-3, 1e-3, 7e-3]):
-        settle(IRON, memory, value)
+        settle_memory(IRON, memory, value)
     assert memory[COUNT] == 0  # beyond all turning points: the virgin curve
 
 

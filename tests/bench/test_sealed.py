@@ -9,22 +9,22 @@ import pytest
 from bench_cases import DRIVES, RATE, SERVO, SERVO_TABLE, VOLTAGE_SERVO, excitations
 
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record, usual_excitations
-from msl_fem.bench.readings import disturbed, instrument_noise
+from msl_fem.bench.instruments import instrument_noise, noise_of_instruments
 from msl_fem.bench.rig import true_rig
 from msl_fem.bench.running import run_rig
-from msl_fem.bench.sealed import Sealed
+from msl_fem.bench.sealed import SealedRecord
 from msl_fem.errors import InputError
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.record import load_record, write_record
 
 
-def made(*hide: str, seed: int = 4, drive: str = "voltage", **options: object) -> Sealed:
+def made(*hide: str, seed: int = 4, drive: str = "voltage", **options: object) -> SealedRecord:
     actuator, table = DRIVES[drive]
     how = BenchOptions(seed=seed, excitations=excitations(drive), **options)
     return sealed_record(actuator, table, parse_requests(hide), how)
 
 
-def files(sealed: Sealed, folder: Path) -> dict[str, bytes]:
+def files(sealed: SealedRecord, folder: Path) -> dict[str, bytes]:
     write_record(sealed.record, folder)
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
@@ -108,7 +108,7 @@ def test_an_effect_outside_is_drawn_by_the_seed() -> None:
 
 def test_noise_has_its_sigma_and_its_colour() -> None:
     """Stated sigma, white at high frequency, up to some tens of times more power below 20 Hz."""
-    how = disturbed(SERVO)
+    how = noise_of_instruments(SERVO)
     noise = instrument_noise(200_000, how, rate=RATE, generator=np.random.default_rng(0))
     assert np.std(noise) == pytest.approx(1.0, rel=0.03)
     power = np.abs(np.fft.rfft(noise)) ** 2 / noise.size
@@ -116,7 +116,9 @@ def test_noise_has_its_sigma_and_its_colour() -> None:
     high, low = power[frequency > 500].mean(), power[(frequency > 0) & (frequency < 5)].mean()
     assert high == pytest.approx(0.9, rel=0.03)
     assert 10 < low / high < 40
-    white = instrument_noise(1000, disturbed(SERVO, coloured=False), rate=RATE, generator=np.random.default_rng(0))
+    white = instrument_noise(
+        1000, noise_of_instruments(SERVO, coloured=False), rate=RATE, generator=np.random.default_rng(0)
+    )
     assert white == pytest.approx(np.random.default_rng(0).standard_normal(1000))
 
 

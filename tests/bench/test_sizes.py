@@ -5,12 +5,11 @@ import pytest
 from bench_cases import RATE, setting_in
 
 from msl_fem.bench.catalogue import INSIDE, OUTSIDE_BY_NAME
+from msl_fem.bench.instruments import readings
+from msl_fem.bench.integrate import bench_substeps
 from msl_fem.bench.plant import arranged
-from msl_fem.bench.readings import readings
 from msl_fem.bench.running import run_rig
-from msl_fem.bench.setting import Setting
-from msl_fem.bench.size import hidden_of_size
-from msl_fem.bench.step_size import default_substeps
+from msl_fem.bench.setting import Setting, effect_of_size
 from msl_fem.errors import InputError
 from msl_fem.record import Tolerance
 
@@ -37,7 +36,7 @@ def measured_size(it: Setting, name: str, strength: float, *, substeps: int = 1)
     for n, (commands, lead) in enumerate(zip(it.commands, it.leads, strict=True)):
         found = []
         for one in (it.rig, rig):
-            steps = substeps * default_substeps(arranged(one.plant), one.table, rate=RATE)
+            steps = substeps * bench_substeps(arranged(one.plant), one.table, rate=RATE)
             found.append(readings(one, run_rig(one, commands, rate=RATE, lead_in=lead, substeps=steps, seed=n), run=n))
         for channel, plain in found[0].items():
             squares.setdefault(channel, []).append(np.array([plain**2, (found[1][channel] - plain) ** 2]).sum(axis=1))
@@ -55,7 +54,7 @@ def test_the_catalogue_is_that_of_records() -> None:
 def test_size_as_asked_in_voltage_drive(name: str) -> None:
     """Two per cent within 2 % of it, with twice as many steps: so neither the search nor the integrator misses it."""
     it = setting("voltage")
-    found = hidden_of_size(it, ALL[name], 0.02, exact=True)
+    found = effect_of_size(it, ALL[name], 0.02, exact=True)
     assert found.size == pytest.approx(0.02, rel=0.006)
     assert measured_size(it, name, found.strength, substeps=2) == pytest.approx(0.02, rel=0.02)
     assert found.parameters
@@ -65,27 +64,27 @@ def test_size_as_asked_in_voltage_drive(name: str) -> None:
 @pytest.mark.parametrize("name", ["eddy_currents", "amplifier_bandwidth", "coil_heating", "time_delay", "cogging"])
 def test_size_as_asked_in_current_drive(name: str) -> None:
     it = setting("current")
-    found = hidden_of_size(it, ALL[name], 0.02, exact=True)
+    found = effect_of_size(it, ALL[name], 0.02, exact=True)
     assert measured_size(it, name, found.strength) == pytest.approx(0.02, rel=0.02)
 
 
 @pytest.mark.parametrize("name", ["coulomb_friction", "structural_mode", "periodic_disturbance", "random_force"])
 def test_size_as_asked_of_a_mechanical_rig(name: str) -> None:
     it = setting("force")
-    found = hidden_of_size(it, ALL[name], 0.02, exact=True)
+    found = effect_of_size(it, ALL[name], 0.02, exact=True)
     assert set(found.channels) == {"position_m"}
     assert measured_size(it, name, found.strength) == pytest.approx(0.02, rel=0.02)
 
 
 def test_a_small_size_too() -> None:
-    found = hidden_of_size(setting("voltage"), ALL["eddy_currents"], 0.001)
+    found = effect_of_size(setting("voltage"), ALL["eddy_currents"], 0.001)
     assert found.size == pytest.approx(0.001, rel=0.006)
 
 
 @pytest.mark.parametrize(("name", "least"), [("gap_offset", 6 * 0.005 * 6e-4), ("coil_heating", None)])
 def test_coinciding_effects_are_at_least_six_tolerances(name: str, least: float | None) -> None:
     it = setting("current")
-    small, full = (hidden_of_size(it, ALL[name], 0.001, exact=exact) for exact in (True, False))
+    small, full = (effect_of_size(it, ALL[name], 0.001, exact=exact) for exact in (True, False))
     assert small.size == pytest.approx(0.001, rel=0.006)
     assert full.size > 3 * small.size
     if least is not None:
@@ -113,4 +112,4 @@ def test_coinciding_effects_are_at_least_six_tolerances(name: str, least: float 
 )
 def test_what_cannot_be_is_refused(drive: str, name: str, size: float, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        hidden_of_size(setting(drive), ALL[name], size)
+        effect_of_size(setting(drive), ALL[name], size)

@@ -5,8 +5,7 @@ import pytest
 from bench_cases import SERVO_TABLE
 from scipy.special import eval_legendre
 
-from msl_fem.bench.table_change import ERROR_TERMS, Factor, averaged, error_factor, multiplied
-from msl_fem.bench.truth import draw_truth, true_table
+from msl_fem.bench.rig import ERROR_TERMS, Factor, averaged, draw_truth, error_factor, multiplied, true_table
 from msl_fem.record import Tolerance
 
 NAMES = [name for name in Tolerance.model_fields if name != "table"]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record
-from msl_fem.bench.sealed import Sealed
+from msl_fem.bench.sealed import SealedRecord
 from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.plant.excitation import parse_excitation
@@ -24,7 +24,7 @@ RUNS = (
 
 
 @cache
-def bench_record(*hidden: str, seed: int = 7, noise: str = "coloured") -> Sealed:
+def bench_record(*hidden: str, seed: int = 7, noise: str = "coloured") -> SealedRecord:
     """A record of two short runs in voltage drive; effects have the size of 3 %."""
     excitations = tuple(parse_excitation(text, unit="V") for text in RUNS)
     options = BenchOptions(seed=seed, noise=noise, excitations=excitations)

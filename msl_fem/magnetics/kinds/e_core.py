@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator, ECore
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
@@ -22,9 +22,6 @@ from msl_fem.magnetics.solver.magnetostatics import (
 from msl_fem.magnetics.solver.mesh import TriangleMesh, triangulate
 from msl_fem.magnetics.solver.postprocess import FieldQuantities, Probes, evaluate_field
 from msl_fem.magnetics.solver.section import Line, Region, Section, rectangle
-
-Array = NDArray[np.float64]
-
 
 SMALLEST_GAP = 1e-4  # of the core's half width: a thinner strip of air cannot be meshed
 LARGEST_CURRENT_DENSITY = 1e10  # A/m2 in the copper; adiabatic, rho J^2 / (c d) is 5e5 K/s there

@@ -34,6 +34,7 @@ from msl_fem.materials.material import linear_iron
 
 PERMEABILITY = 1e7
 SIZE = MeshSize(corner=0.02, gap=0.5, iron=1.0, growth=0.4)
+METHOD = "gap by the closed form of two flush edges, window by a plane section across the legs; iron at stack depth"
 
 
 @dataclass(frozen=True)
@@ -110,9 +111,6 @@ def _on_side(model: FieldModel, potential: Array, y: float) -> float:
     on = np.flatnonzero(points[0] == 0.0)
     on = on[np.argsort(points[1, on])]
     return float(np.interp(y, points[1, on], potential[model.basis.nodal_dofs[0, on]]))
-
-
-METHOD = "gap by the closed form of two flush edges, window by a plane section across the legs; iron at stack depth"
 
 
 @dataclass(frozen=True)

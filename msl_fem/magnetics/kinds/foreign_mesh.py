@@ -24,6 +24,10 @@ Indices = NDArray[np.int64]
 IGNORED = {"vertex", "line", "line3"}
 FLAT = 1e-9  # of the mesh's size: what z may vary
 THINNEST = 1e-12  # of a triangle's longest edge squared: a smaller area is none
+LARGEST_AMPERE_TURNS = 1e8  # A: a coil of 1 cm2 of copper melts in milliseconds at 1e6 A
+KINDS = ("core", "armature", "coil+", "coil-", "air")
+SAME_GAP = 1e-6  # relative: a gap asked for that differs more is another one
+AREAS_AGREE = 1e-3  # relative: of the coil's two sides
 
 
 def read_mesh(path: Path, *, unit: float = 1.0, gap: float) -> TriangleMesh:
@@ -118,13 +122,6 @@ def _anticlockwise(xy: NDArray[np.float64], corners: Indices, path: Path) -> Ind
     turned = corners.copy()
     turned[1:, area < 0] = corners[2:0:-1, area < 0]
     return turned
-
-
-LARGEST_AMPERE_TURNS = 1e8  # A: a coil of 1 cm2 of copper melts in milliseconds at 1e6 A
-
-KINDS = ("core", "armature", "coil+", "coil-", "air")
-SAME_GAP = 1e-6  # relative: a gap asked for that differs more is another one
-AREAS_AGREE = 1e-3  # relative: of the coil's two sides
 
 
 class MeshField:

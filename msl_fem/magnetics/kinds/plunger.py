@@ -21,6 +21,8 @@ from msl_fem.table.magnetic_table import MagneticTable
 PLUNGER = "plunger"
 SIZE = MeshSize(corner=0.05, gap=1.0, iron=0.25, growth=0.35)
 N_OUTLINE = 400
+FEWEST_GAPS = 4
+FEWEST_CURRENTS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,10 +220,6 @@ def _any_inside(outline: Array, ring: Array) -> bool:
         if y0 != y1:
             inside ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
     return bool(inside.any())
-
-
-FEWEST_GAPS = 4
-FEWEST_CURRENTS = 4
 
 
 def plunger_table(

@@ -20,6 +20,8 @@ from msl_fem.magnetics.solver.virtual_work import MovingBody
 
 SMALLEST_GAP = 0.02  # of the mean gap: what a tilt must leave at the armature's edge
 Corner = tuple[float, float, float]
+AIR = ("air", "gap", "window")
+LARGEST_TILT = 0.1  # rad
 
 
 @dataclass(frozen=True)
@@ -137,10 +139,6 @@ def _surroundings(magnet: ECore, position: TwoSidedPosition) -> list[Region]:
         rectangle("air", -left * side, bottom, side, top),
         rectangle("gap", -left * reach, -thick - position.gap_2, reach, position.gap_1),
     ]
-
-
-AIR = ("air", "gap", "window")
-LARGEST_TILT = 0.1  # rad
 
 
 @dataclass(frozen=True)

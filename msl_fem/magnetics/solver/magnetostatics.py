@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 from scipy import sparse
 from skfem import Basis, ElementTriP2, ElementTriP3, ElementTriP4, MeshTri
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.tangent import ElementGeometry, IronElements, SparseTangent
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron
 
-Array = NDArray[np.float64]
 ELEMENTS = {2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
 STRIP = "strip"
 
@@ -143,31 +143,23 @@ class FieldModel:
         self.air_depth = air_depth or AirDepth()
         self._linear_degree = 2 * order if axisymmetric else 2 * order - 2  # of |B|^2 r and |B|^2
         self.skfem_mesh = MeshTri(np.ascontiguousarray(mesh.points), np.ascontiguousarray(mesh.triangles))
-        element = ELEMENTS[order]()
-        whole = Basis(self.skfem_mesh, element, intorder=self._linear_degree)
+        whole = Basis(self.skfem_mesh, ELEMENTS[order](), intorder=self._linear_degree)
         self.basis = whole
         self.n_dof = whole.N
         fixed = whole.get_dofs().all()
         self.free = np.setdiff1d(np.arange(self.n_dof), fixed)
         s_x, s_y = self._stiffness(mesh.elements(STRIP))
-        rest_x, rest_y = self._stiffness(mesh.elements(*(n for n in mesh.names if n not in irons and n != STRIP)))
-        self.irons = {
-            name: IronElements(
-                _iron_geometry(
-                    Basis(self.skfem_mesh, element, intorder=2 * order, elements=mesh.elements(name)), axisymmetric
-                ),
-                iron,
-            )
-            for name, iron in irons.items()
-        }
+        other_regions = set(mesh.names) - set(irons) - {STRIP}
+        rest_x, rest_y = self._stiffness(mesh.elements(*other_regions))
+        self.irons: dict[str, IronElements] = {}
+        for name, iron in irons.items():
+            geometry = _iron_geometry(self._part(mesh.elements(name), 2 * order), axisymmetric)
+            self.irons[name] = IronElements(geometry, iron)
         self.source = self._source(turns_density)
         linear = [s_x.tocoo(), s_y.tocoo(), (rest_x + rest_y).tocoo()]
-        pairs = [part.pairs for part in self.irons.values()]
-        self.tangent = SparseTangent(
-            self.free,
-            self.n_dof,
-            [*((m.row, m.col) for m in linear), *((np.minimum(a, b), np.maximum(a, b)) for a, b in pairs)],
-        )
+        pieces = [(matrix.row, matrix.col) for matrix in linear]
+        pieces += [(np.minimum(*part.pairs), np.maximum(*part.pairs)) for part in self.irons.values()]
+        self.tangent = SparseTangent(self.free, self.n_dof, pieces)
         self.strip_x, self.strip_y, self.rest = (self.tangent.gather(k, m.data) for k, m in enumerate(linear))
         self._full = [m.tocsr() for m in linear]
         self._linear = np.nan, self.rest  # the gap and the linear regions' values there
@@ -197,12 +189,16 @@ class FieldModel:
         other.last_response = None
         return other
 
+    def _part(self, elements: NDArray[np.int64], degree: int) -> Basis:
+        """The basis on some elements, with a quadrature that is exact up to a degree."""
+        return Basis(self.skfem_mesh, ELEMENTS[self.order](), intorder=degree, elements=elements)
+
     def _stiffness(self, elements: NDArray[np.int64]) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
         """Integrals of dA/dx dA'/dx and dA/dy dA'/dy over mu_0 (and the air's depth), each (n_dof, n_dof)."""
         if elements.size == 0:
             empty = sparse.csc_matrix((self.n_dof, self.n_dof))
             return empty, empty
-        basis = Basis(self.skfem_mesh, ELEMENTS[self.order](), intorder=self._linear_degree, elements=elements)
+        basis = self._part(elements, self._linear_degree)
         gradient, weight = _gradients(basis, self.axisymmetric)
         if self.air_depth.regions:
             weight = weight / self._depth_factor(elements, np.asarray(basis.global_coordinates()))
@@ -211,8 +207,8 @@ class FieldModel:
         both = []
         for direction in (0, 1):
             g = gradient[:, direction]
-            values = np.einsum("aep,bep,ep->abe", g, g, weight / MU_0, optimize=True)
-            both.append(sparse.csc_matrix((values.ravel(), (rows, columns)), shape=(self.n_dof, self.n_dof)))
+            values = np.einsum("aep,bep,ep->abe", g, g, weight / MU_0, optimize=True).ravel()
+            both.append(sparse.csc_matrix((values, (rows, columns)), shape=(self.n_dof, self.n_dof)))
         return both[0], both[1]
 
     def _depth_factor(self, elements: NDArray[np.int64], points: Array) -> Array:
@@ -227,10 +223,10 @@ class FieldModel:
         """f (n_dof,): flux linkage (per unit depth in the plane) is f.A, and i f is the load."""
         load = np.zeros(self.n_dof)
         for name, density in turns_density.items():
-            basis = Basis(
-                self.skfem_mesh, ELEMENTS[self.order](), intorder=2 * self.order, elements=self.mesh.elements(name)
-            )
-            weight = 2 * np.pi * basis.global_coordinates()[0] * basis.dx if self.axisymmetric else basis.dx
+            basis = self._part(self.mesh.elements(name), 2 * self.order)
+            weight = basis.dx
+            if self.axisymmetric:
+                weight = 2 * np.pi * basis.global_coordinates()[0] * weight
             for k in range(basis.Nbfun):
                 np.add.at(load, basis.element_dofs[k], density * (basis.basis[k][0] * weight).sum(axis=1))
         return load

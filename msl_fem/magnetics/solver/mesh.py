@@ -8,10 +8,10 @@ from netgen.geom2d import SplineGeometry
 from netgen.meshing import MeshingParameters, NgException
 from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError
 from msl_fem.magnetics.solver.section import Section
 
-Array = NDArray[np.float64]
 TOLERANCE = 1e-9  # of the box: two vertices closer than this are one
 LAYER_RATIO = 1.4  # of a far-field layer's outer to its inner outline
 GAPS = {"strip", "gap"}  # regions of air whose edges at iron are meshed in fractions of the gap
@@ -60,8 +60,14 @@ class TriangleMesh:
 
     def elements(self, *names: str) -> NDArray[np.int64]:
         """Indices of the triangles in the regions named."""
-        wanted = [k for k, name in enumerate(self.names) if name in names]
-        return np.flatnonzero(np.isin(self.region, wanted))
+        indices = [k for k, name in enumerate(self.names) if name in names]
+        return np.flatnonzero(np.isin(self.region, indices))
+
+    @property
+    def edges(self) -> NDArray[np.int64]:
+        """(2, 3 n_triangle) point indices of the triangles' first edges, then the second, then the third."""
+        first, second, third = self.triangles
+        return np.stack([np.concatenate([first, second, third]), np.concatenate([second, third, first])])
 
     def at_gap(self, gap: float, points: Array | None = None) -> Array:
         """Coordinates (2, n) at another gap, of the mesh's points or of `points` at this mesh's gap.
@@ -121,8 +127,9 @@ def _triangulate(section: Section, size: MeshSize) -> TriangleMesh:
                 maxh=size.gap * section.gap / scale if at_gap else 1e9,
             )
     for k, name in enumerate(names):
+        largest = size.iron * thin if name in section.iron else 0.15 * box
         geometry.SetMaterial(k + 1, name)
-        geometry.SetDomainMaxH(k + 1, (size.iron * thin if name in section.iron else 0.15 * box) / scale)
+        geometry.SetDomainMaxH(k + 1, largest / scale)
     limits = MeshingParameters(maxh=0.2, grading=size.growth)
     if size.across is not None:
         for x, y in _across_gap(section):
@@ -143,7 +150,8 @@ def _corner_sizes(section: Section, size: MeshSize, vertices: Array) -> dict[int
 def _across_gap(section: Section) -> list[tuple[float, float]]:
     """The points of a face of the gap that lie opposite a corner of the other."""
     near = TOLERANCE * section.gap
-    return [(x, section.gap - y) for x, y, _ in section.corners if min(abs(y), abs(y - section.gap)) <= near]
+    on_a_face = [(x, y) for x, y, _ in section.corners if min(abs(y), abs(y - section.gap)) <= near]
+    return [(x, section.gap - y) for x, y in on_a_face]
 
 
 def _graded(start: Array, end: Array, sizes: tuple[float | None, float | None], growth: float) -> Array:
@@ -180,7 +188,7 @@ def _surrounded(mesh: TriangleMesh, factor: float) -> TriangleMesh:
     """The mesh with its box widened by a factor, in layers of its own outline; the strip's lines go on straight."""
     if factor == 1.0:
         return mesh
-    edges = np.concatenate([mesh.triangles[[0, 1]], mesh.triangles[[1, 2]], mesh.triangles[[2, 0]]], axis=1)
+    edges = mesh.edges
     _, first, count = np.unique(np.sort(edges, axis=0), axis=1, return_index=True, return_counts=True)
     outline = first[count == 1]
     outline = outline[mesh.points[0, edges[:, outline]].max(axis=0) > 0]  # not the symmetry line
@@ -192,8 +200,8 @@ def _surrounded(mesh: TriangleMesh, factor: float) -> TriangleMesh:
     inner = edges[:, outline]
     for layer in range(1, n_layer + 1):
         stretch = factor ** (layer / n_layer)
-        above = mesh.gap + (y - mesh.gap) * stretch
-        points.append(np.stack([x * stretch, np.where(y <= 0, y * stretch, np.where(y >= mesh.gap, above, y))]))
+        above = np.where(y >= mesh.gap, mesh.gap + (y - mesh.gap) * stretch, y)
+        points.append(np.stack([x * stretch, np.where(y <= 0, y * stretch, above)]))
         outer = mesh.points.shape[1] + (layer - 1) * nodes.size + place.reshape(2, -1)
         (a, b), (c, d) = inner, outer
         triangles += [np.stack([a, c, d]), np.stack([a, d, b])]

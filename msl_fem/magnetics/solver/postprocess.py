@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from msl_fem.computing.arrays import Array
 from msl_fem.magnetics.solver.magnetostatics import STRIP, FieldModel, FieldSolution, field_response
 from msl_fem.magnetics.solver.section import Line, Section
 from msl_fem.materials.constants import MU_0
 
-Array = NDArray[np.float64]
 N_SAMPLE = 48
 END = 1e-6  # of a cut, so that a point at its end is inside the iron
 TAIL_SHARE = 0.01
@@ -87,7 +87,8 @@ class Probes:
         in_plane = self.scale * float(self.line_weight @ (b_y**2 - b_x**2)) / (2 * MU_0) / k
         if not slope:
             return in_plane
-        return in_plane - self.scale * self.model.strip_energy(solution.potential, solution.gap) * slope / k
+        energy = self.model.strip_energy(solution.potential, solution.gap)
+        return in_plane - self.scale * energy * slope / k
 
 
 def evaluate_field(probes: Probes, solution: FieldSolution) -> FieldQuantities:
@@ -118,11 +119,12 @@ def evaluate_field(probes: Probes, solution: FieldSolution) -> FieldQuantities:
 
 def irons_on_tail(model: FieldModel, potential: Array) -> tuple[str, ...]:
     """The irons of which more than 1 % of the area lies beyond the last point of their curve."""
-    return tuple(
-        name
-        for name, part in model.irons.items()
-        if part.weight[part.flux_density(potential)[1] > part.iron.tail_from].sum() > TAIL_SHARE * part.weight.sum()
-    )
+    names = []
+    for name, part in model.irons.items():
+        beyond = part.flux_density(potential)[1] > part.iron.tail_from
+        if part.weight[beyond].sum() > TAIL_SHARE * part.weight.sum():
+            names.append(name)
+    return tuple(names)
 
 
 def triangle_flux_density(model: FieldModel, solution: FieldSolution) -> Array:
@@ -176,7 +178,8 @@ def _mid_gap(model: FieldModel) -> tuple[Array, NDArray[np.int64], Array]:
     for k in range(3):
         (x0, y0), (x1, y1) = (x[k], y[k]), (x[k - 1], y[k - 1])
         crosses = (y0 - middle) * (y1 - middle) < 0
-        crossings[k, crosses] = (x0 + (middle - y0) * (x1 - x0) / np.where(crosses, y1 - y0, 1.0))[crosses]
+        along = (middle - y0) * (x1 - x0) / np.where(crosses, y1 - y0, 1.0)
+        crossings[k, crosses] = (x0 + along)[crosses]
     cut = np.isfinite(crossings).sum(axis=0) == 2
     low = np.nanmin(crossings[:, cut], axis=0)
     high = np.nanmax(crossings[:, cut], axis=0)

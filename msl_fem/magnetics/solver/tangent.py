@@ -21,6 +21,7 @@ from msl_fem.errors import NotConverged
 from msl_fem.materials.material import AnalyticIron, Iron
 
 NO_FIELD = 1e-12  # T: below it H is taken as linear in B
+REFINEMENTS = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,10 @@ class IronElements:
         a, b = np.triu_indices(n_local)
         self.pairs = geometry.dofs[:, a], geometry.dofs[:, b]  # (element, pair) each
         jets = geometry.jets.transpose(1, 2, 0)
-        products = [jets[j][:, a] * jets[k][:, b] + (j != k) * jets[k][:, a] * jets[j][:, b] for j, k in self._couples]
+        products = []
+        for j, k in self._couples:
+            product = jets[j][:, a] * jets[k][:, b] + (j != k) * jets[k][:, a] * jets[j][:, b]
+            products.append(product)
         self._products = np.concatenate(products)  # (couple and point, pair)
 
     def flux_density(self, potential: Array) -> tuple[Array, Array]:
@@ -79,10 +83,9 @@ class IronElements:
         isotropic = nu * self.weight
         extra = (slope - nu) * self.weight
         vector = np.concatenate([isotropic * floor * m for m in along], axis=1) @ self._jets.T
-        tangent = [
-            isotropic * metric + extra * (along[j] * along[k])
-            for (j, k), metric in zip(self._couples, self._metric, strict=True)
-        ]
+        tangent = []
+        for (j, k), metric in zip(self._couples, self._metric, strict=True):
+            tangent.append(isotropic * metric + extra * (along[j] * along[k]))
         return vector, np.concatenate(tangent, axis=1) @ self._products
 
     def energy(self, potential: Array) -> float:
@@ -92,7 +95,6 @@ class IronElements:
 
 
 Indices = NDArray[np.int64]
-REFINEMENTS = 1
 
 
 class SparseTangent:
@@ -117,7 +119,8 @@ class SparseTangent:
             used.append(inside)
             keys.append(columns[inside] * free.size + rows[inside])
         unique, place = np.unique(np.concatenate(keys), return_inverse=True)
-        self._pieces = list(zip(used, np.split(place, np.cumsum([k.size for k in keys])[:-1]), strict=True))
+        starts = np.cumsum([k.size for k in keys])[:-1]
+        self._pieces = list(zip(used, np.split(place, starts), strict=True))
         self.nnz = unique.size
         columns, rows = np.divmod(unique, free.size)
         starts = np.searchsorted(columns, np.arange(free.size + 1))

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.magnetics.solver.magnetostatics import FieldModel
 from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.postprocess import gradient_maps
 from msl_fem.materials.constants import MU_0
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Symmetry = Literal["none", "x=0"]
 ON_AXIS = 1e-9  # of the mesh's width: a point nearer to x = 0 lies on the symmetry line
@@ -178,8 +178,7 @@ def displacement_share(
 
 def boundary_points(mesh: TriangleMesh) -> Indices:
     """Indices of the points on edges that belong to one triangle only."""
-    ends = np.concatenate([mesh.triangles[[0, 1]], mesh.triangles[[1, 2]], mesh.triangles[[2, 0]]], axis=1)
-    edges, count = np.unique(np.sort(ends, axis=0), axis=1, return_counts=True)
+    edges, count = np.unique(np.sort(mesh.edges, axis=0), axis=1, return_counts=True)
     return np.unique(edges[:, count == 1])
 
 

@@ -1,15 +1,15 @@
-"""The magnetic effects of the catalogue."""
+"""The magnetic and the electrical effects of the catalogue."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from msl_fem.actuator import Actuator, ECore
-from msl_fem.bench.diffusion import fastest_ladder_rate
-from msl_fem.bench.plant import IRON_NODES, Hysteresis, Ladder, SeriesIron
-from msl_fem.bench.rig import Rig
-from msl_fem.bench.setting import Effect, Setting
-from msl_fem.bench.table_change import Factor, averaged, multiplied
+from msl_fem.bench.equations import COPPER_COEFFICIENT
+from msl_fem.bench.iron import fastest_ladder_rate
+from msl_fem.bench.plant import IRON_NODES, Amplifier, Hysteresis, Ladder, SeriesIron, Thermal
+from msl_fem.bench.rig import Factor, Rig, averaged, multiplied
+from msl_fem.bench.setting import BenchEffect, RigWithEffect, Setting, lag_to_start_with
 from msl_fem.errors import InputError
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
@@ -17,10 +17,11 @@ from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
 SHEET_CONDUCTIVITY = 2.2e6  # S/m: iron with 2 to 3 % silicon (Bozorth, Ferromagnetism, 1951, ch. 4)
 MOST_STAGES = 16
 _STRIPS = np.polynomial.legendre.leggauss(9)  # of a face: places from -1 to 1, weights
-Hidden = tuple[Rig, dict[str, float]]
+_COIL_SHARE, _COIL_TIME, _CORE_TIME = 0.8, 0.25, 2.0  # of the whole thermal resistance; of the run's duration
+_MEAN_RISE = 0.55  # a lower bound of the coil's mean rise in a run over the final one, with these times
 
 
-def _gap_offset(setting: Setting, rig: Rig, offset: float) -> Hidden:
+def _gap_offset(setting: Setting, rig: Rig, offset: float) -> RigWithEffect:
     """The gaps of both sides are off, away from the believed one as the true one already is."""
     magnets = rig.plant.magnets
     believed = setting.actuator.motion.nominal_gap if setting.actuator.motion else None
@@ -48,7 +49,8 @@ def iron_path(actuator: Actuator) -> tuple[tuple[float, float, Iron | AnalyticIr
         )
     core = laminated(load_iron(m.iron.core, folder=actuator.folder), m.iron.core_stacking)
     armature = laminated(load_iron(m.iron.armature, folder=actuator.folder), m.iron.armature_stacking)
-    leg, across = m.window_height + m.yoke_thickness / 2, m.window_width + (m.centre_leg_width + m.outer_leg_width) / 2
+    leg = m.window_height + m.yoke_thickness / 2
+    across = m.window_width + (m.centre_leg_width + m.outer_leg_width) / 2
     return (
         (leg, m.centre_leg_width * m.stack_depth, core),
         (across, 2 * m.yoke_thickness * m.stack_depth, core),
@@ -65,7 +67,7 @@ def _linked_turns(setting: Setting) -> tuple[float, float]:
     return magnets.per_side * magnets.share * turns, turns * magnets.share
 
 
-def _early_saturation(setting: Setting, rig: Rig, crowding: float) -> Hidden:
+def _early_saturation(setting: Setting, rig: Rig, crowding: float) -> RigWithEffect:
     """The flux density in the iron is higher than believed, by `crowding`: fewer or damaged sheets carry it."""
     path = iron_path(setting.actuator)
     per_flux, per_current = _linked_turns(setting)
@@ -74,7 +76,8 @@ def _early_saturation(setting: Setting, rig: Rig, crowding: float) -> Hidden:
     force, slope = np.zeros(IRON_NODES), np.zeros(IRON_NODES)
     for length, section, iron in path:
         more = (1 + crowding) * flux / section
-        (h, dh), (h0, dh0) = iron.magnetise(more), iron.magnetise(flux / section)
+        (h, dh) = iron.magnetise(more)
+        (h0, dh0) = iron.magnetise(flux / section)
         force += length * (h - h0)
         slope += length / section * ((1 + crowding) * dh - dh0)
     step = per_flux * float(flux[1])
@@ -82,7 +85,7 @@ def _early_saturation(setting: Setting, rig: Rig, crowding: float) -> Hidden:
     return made, {"flux_crowding": crowding, "effective_stacking_factor": 1 / (1 + crowding)}
 
 
-def _fringing(setting: Setting, rig: Rig, strength: float) -> Hidden:
+def _fringing(setting: Setting, rig: Rig, strength: float) -> RigWithEffect:
     """Coenergy times 1 + 2 k e(g)/depth, e = (g/pi)(1 + ln(1 + pi h/(2 g))) at either end of the stack.
 
     e is the widening of a gap's cross-section by the field beside an edge whose faces go back by h (Balakrishnan,
@@ -102,7 +105,7 @@ def _fringing(setting: Setting, rig: Rig, strength: float) -> Hidden:
     return replace(rig, table=made), {"strength": strength, "flux_at_nominal_gap": more}
 
 
-def _magnetic_hysteresis(setting: Setting, rig: Rig, amplitude: float) -> Hidden:
+def _magnetic_hysteresis(setting: Setting, rig: Rig, amplitude: float) -> RigWithEffect:
     spread = float(setting.chance("magnetic_hysteresis").uniform(0.1, 0.2))
     scale = spread * setting.scales.flux_linkage
     made = rig.with_parts(hysteresis=Hysteresis(amplitude, scale, 4.0))
@@ -118,8 +121,8 @@ def _iron_inductance(setting: Setting) -> float:
         return 50 * magnets.per_side * magnets.share**2 * float(whole)
     per_flux, per_current = _linked_turns(setting)
     flux = np.array(setting.scales.flux_linkage / per_flux)
-    reluctance = sum(length / section * float(iron.magnetise(flux / section)[1]) for length, section, iron in
-                     iron_path(setting.actuator))  # fmt: skip
+    path = iron_path(setting.actuator)
+    reluctance = sum(length / section * float(iron.magnetise(flux / section)[1]) for length, section, iron in path)
     return per_flux * per_current / reluctance
 
 
@@ -132,7 +135,7 @@ def _mean_slope(setting: Setting) -> float:
     return 1 / float(iron.magnetise(np.array(flux / section))[1])
 
 
-def _eddy_currents(setting: Setting, rig: Rig, diffusion_time: float) -> Hidden:
+def _eddy_currents(setting: Setting, rig: Rig, diffusion_time: float) -> RigWithEffect:
     """Sheets as thick as the diffusion time says: T = mu sigma d^2/4, and G/T = 1/(3 L) with L of the iron alone."""
     conductance = diffusion_time / (3 * _iron_inductance(setting))
     ladder = Ladder(MOST_STAGES, conductance, diffusion_time)
@@ -148,14 +151,14 @@ def _start_of_eddy_currents(setting: Setting) -> float:
     return float(conductance * 3 * _iron_inductance(setting))
 
 
-def _cross_coupling(setting: Setting, rig: Rig, share: float) -> Hidden:
+def _cross_coupling(setting: Setting, rig: Rig, share: float) -> RigWithEffect:
     """A share of the current answers to the other side's flux in the armature; it adds where the fluxes do."""
     aiding = setting.actuator.sides is not None and setting.actuator.sides.polarity == "aiding"
     value = (1.0 if aiding else -1.0) * share * setting.scales.current / setting.scales.flux_linkage
     return rig.with_parts(coupling=value), {"share": share, "current_per_flux_linkage": value}
 
 
-def _armature_tilt(setting: Setting, rig: Rig, edge: float) -> Hidden:
+def _armature_tilt(setting: Setting, rig: Rig, edge: float) -> RigWithEffect:
     """Gaps that differ by up to `edge` (m) to either side of the middle, averaged over the faces."""
     assert rig.table is not None
     made = averaged(rig.table, list(edge * _STRIPS[0]), list(_STRIPS[1] / 2))
@@ -175,16 +178,114 @@ def _room(setting: Setting) -> float:
 
 
 MAGNETIC = (
-    Effect("gap_offset", "offset", "m", _gap_offset, lambda s: 0.01 * _gap(s), _room, least=_least_gap_offset,
-           needs_magnets=True),
-    Effect("early_saturation", "flux_crowding", "1", _early_saturation, lambda s: 0.5, lambda s: 5.0,
-           needs_magnets=True),
-    Effect("fringing", "strength", "1", _fringing, lambda s: 0.2, lambda s: 5.0, needs_magnets=True),
-    Effect("magnetic_hysteresis", "pinned_current", "A", _magnetic_hysteresis, lambda s: 0.02 * s.scales.current,
-           lambda s: 0.5 * s.scales.current, needs_magnets=True),
-    Effect("eddy_currents", "diffusion_time", "s", _eddy_currents, _start_of_eddy_currents,
-           lambda s: 50 * _start_of_eddy_currents(s), needs_magnets=True),
-    Effect("cross_coupling", "share", "1", _cross_coupling, lambda s: 0.01, lambda s: 0.3, needs_magnets=True),
-    Effect("armature_tilt", "gap_at_the_edge", "m", _armature_tilt, lambda s: 0.1 * _gap(s), _room,
-           needs_magnets=True),
-)  # fmt: skip
+    BenchEffect(
+        "gap_offset",
+        "offset",
+        "m",
+        _gap_offset,
+        lambda s: 0.01 * _gap(s),
+        _room,
+        least=_least_gap_offset,
+        needs_magnets=True,
+    ),
+    BenchEffect(
+        "early_saturation", "flux_crowding", "1", _early_saturation, lambda s: 0.5, lambda s: 5.0, needs_magnets=True
+    ),
+    BenchEffect("fringing", "strength", "1", _fringing, lambda s: 0.2, lambda s: 5.0, needs_magnets=True),
+    BenchEffect(
+        "magnetic_hysteresis",
+        "pinned_current",
+        "A",
+        _magnetic_hysteresis,
+        lambda s: 0.02 * s.scales.current,
+        lambda s: 0.5 * s.scales.current,
+        needs_magnets=True,
+    ),
+    BenchEffect(
+        "eddy_currents",
+        "diffusion_time",
+        "s",
+        _eddy_currents,
+        _start_of_eddy_currents,
+        lambda s: 50 * _start_of_eddy_currents(s),
+        needs_magnets=True,
+    ),
+    BenchEffect("cross_coupling", "share", "1", _cross_coupling, lambda s: 0.01, lambda s: 0.3, needs_magnets=True),
+    BenchEffect(
+        "armature_tilt", "gap_at_the_edge", "m", _armature_tilt, lambda s: 0.1 * _gap(s), _room, needs_magnets=True
+    ),
+)
+
+
+def _coil_heating(setting: Setting, rig: Rig, rise: float) -> RigWithEffect:
+    """Thermal resistances such that the runs' mean loss would warm the coil by `rise` (K) in the end."""
+    stretch = float(setting.chance("coil_heating").uniform(0.6, 1.2))
+    whole = rise / setting.scales.copper_loss
+    coil_time = stretch * _COIL_TIME * setting.scales.duration
+    core_time = _CORE_TIME * setting.scales.duration
+    thermal = Thermal(_COIL_SHARE * whole, (1 - _COIL_SHARE) * whole, coil_time, core_time)
+    said = {"final_rise": rise, "coil_to_core": thermal.coil_to_core, "core_to_air": thermal.core_to_air}
+    return rig.with_parts(thermal=thermal), said | {"coil_time": coil_time, "core_time": core_time}
+
+
+def _least_coil_heating(setting: Setting) -> float:
+    """The final rise with which the resistance is six tolerances up in the mean of a run."""
+    return 6 * setting.tolerance.coil_resistance / COPPER_COEFFICIENT / _MEAN_RISE
+
+
+def _amplifier_bandwidth(setting: Setting, rig: Rig, lag: float) -> RigWithEffect:
+    """Second order with the mean lag asked for (s), and a slew limit that the largest steps of the command feel."""
+    chance = setting.chance("amplifier_bandwidth")
+    ratio = float(chance.uniform(0.6, 0.9))
+    frequency = 2 * ratio / lag
+    slew = float(chance.uniform(1.5, 3.0)) * frequency * setting.scales.step
+    made = rig.with_parts(amplifier=rig.plant.amplifier._replace(frequency=frequency, damping_ratio=ratio, slew=slew))
+    return made, {"lag": lag, "frequency_rad_per_s": frequency, "damping_ratio": ratio, "slew_limit": slew}
+
+
+def _current_sensor_error(setting: Setting, rig: Rig, gain: float) -> RigWithEffect:
+    """A gain error and, of a third of its size, an offset."""
+    chance = setting.chance("current_sensor_error")
+    error = gain * chance.choice([-1, 1])
+    offset = 0.3 * gain * setting.scales.current * chance.choice([-1, 1])
+    errors = replace(rig.instruments, current_gain=1 + float(error), current_offset=float(offset))
+    return replace(rig, instruments=errors), {"gain_error": float(error), "offset": float(offset)}
+
+
+def _amplifier_crossover(setting: Setting, rig: Rig, lost: float) -> RigWithEffect:
+    width = 0.2 * setting.scales.voltage
+    amplifier: Amplifier = rig.plant.amplifier._replace(crossover=lost, crossover_width=width)
+    return rig.with_parts(amplifier=amplifier), {"lost_voltage": lost, "width": width}
+
+
+ELECTRICAL = (
+    BenchEffect(
+        "coil_heating",
+        "final_rise",
+        "K",
+        _coil_heating,
+        lambda s: 5.0,
+        lambda s: 180.0,
+        least=_least_coil_heating,
+        needs_magnets=True,
+    ),
+    BenchEffect("amplifier_bandwidth", "lag", "s", _amplifier_bandwidth, lag_to_start_with, lambda s: 100 / s.rate),
+    BenchEffect(
+        "current_sensor_error",
+        "gain_error",
+        "1",
+        _current_sensor_error,
+        lambda s: 0.01,
+        lambda s: 0.5,
+        needs_magnets=True,
+    ),
+)
+AMPLIFIER_CROSSOVER = BenchEffect(
+    "amplifier_crossover",
+    "lost_voltage",
+    "V",
+    _amplifier_crossover,
+    lambda s: 0.02 * s.scales.voltage,
+    lambda s: 0.15 * s.scales.voltage,
+    needs_magnets=True,
+)
