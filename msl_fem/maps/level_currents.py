@@ -8,19 +8,16 @@ to work, above the last is where not to. The criterion says at which point of th
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline, make_interp_spline
 
-from msl_fem.errors import InputError, OutOfTable, TableError
-from msl_fem.files.quantity import format_quantity
-from msl_fem.maps.criterion import MEAN, parse_criterion
-from msl_fem.maps.monotone import monotone_or_why_not
+from msl_fem.computing.arrays import Array
+from msl_fem.errors import InputError, OutOfTable, QuantityError, TableError
+from msl_fem.files.quantity import format_quantity, parse_quantity
 from msl_fem.table.magnetic_table import SECTION, MagneticTable
-
-Array = NDArray[np.float64]
 
 LEVELS = (1.2, 1.6)
 """Default flux densities in T: the source paper's."""
@@ -28,6 +25,63 @@ MOST_LEVELS, SMALLEST_LEVEL, LARGEST_LEVEL = 100, 1e-3, 10.0  # T; no iron is dr
 _THINNING_GAIN = 3.0  # a cubic spline's error grows 16-fold on nodes twice as far apart; count on 3
 _DEFECT_MARGIN = 1.25  # the largest departure from a chord over the largest of those at three inner points
 _INNER = (0.25, 0.5, 0.75)
+MEAN, PERCENTILE, MAX = "mean", "percentile", "max"
+CORNER_RADIUS = 0.5e-3
+"""m: the default radius around the iron's corners that the criterion `max` leaves out."""
+WAY_OUT = "choose mean, percentile=95 (per cent of the iron's area) or max=0.5mm (radius left out at corners)"
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A criterion: `percent` of the area for a percentile, `radius` in m around the corners for the largest value."""
+
+    kind: Literal["mean", "percentile", "max"]
+    percent: float = math.nan
+    radius: float = math.nan
+
+    @property
+    def meaning(self) -> str:
+        """What is read, in words; |B| always in the iron itself, not averaged over a stack's sheets."""
+        if self.kind == MEAN:
+            return (
+                "mean of |B| in the iron over the most loaded section: legs at mid-window height, yoke and armature at "
+                "mid-window width"
+            )
+        if self.kind == PERCENTILE:
+            return f"|B| in the iron that {self.percent:g} % of the iron's area, core and armature, does not exceed"
+        return f"largest |B| in the iron farther than {format_quantity(self.radius, 'm')} from its corners"
+
+
+def parse_criterion(text: str) -> Criterion:
+    """The criterion of a text: `mean`, `percentile=95`, `max` or `max=0.5mm`.
+
+    Raises
+    ------
+    InputError : another text, a percentile that is not between 0 and 100, a radius that is not positive
+    """
+    kind, given, value = (part.strip() for part in text.partition("="))
+    if kind == MEAN and not given:
+        return Criterion("mean")
+    try:
+        if kind == MAX:
+            return _largest(text, parse_quantity(value, "m") if given else CORNER_RADIUS)
+        if kind == PERCENTILE and given:
+            return _percentile(text, parse_quantity(value.removesuffix("%"), ""))
+    except QuantityError as err:
+        raise InputError(f"criterion '{text[:80]}': {err}") from err
+    raise InputError(f"criterion '{text[:80]}' is unknown; {WAY_OUT}")
+
+
+def _largest(text: str, radius: float) -> Criterion:
+    if not radius > 0:
+        raise InputError(f"criterion '{text}': the radius must be positive, {format_quantity(radius, 'm')} is not")
+    return Criterion("max", radius=radius)
+
+
+def _percentile(text: str, percent: float) -> Criterion:
+    if not 0 < percent < 100:
+        raise InputError(f"criterion '{text}': the percentile must lie between 0 and 100, {percent:g} does not")
+    return Criterion("percentile", percent=percent)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,9 +191,13 @@ def checked_levels(levels: Sequence[float]) -> Array:
 
 
 def operating_map(
-    table: MagneticTable, *, levels: Sequence[float] = LEVELS, gap: ArrayLike | None = None,
-    actuator: str | None = None, digest: str | None = None,
-) -> OperatingMap:  # fmt: skip
+    table: MagneticTable,
+    *,
+    levels: Sequence[float] = LEVELS,
+    gap: ArrayLike | None = None,
+    actuator: str | None = None,
+    digest: str | None = None,
+) -> OperatingMap:
     """The operating map of a table by its criterion `mean`.
 
     Parameters
@@ -162,10 +220,13 @@ def operating_map(
     if gaps.ndim != 1 or gaps.size < 2 or not (np.diff(gaps) > 0).all():
         raise InputError("gaps must be increasing and at least two")
     roots = [_roots(table, wanted, float(g)) for g in gaps]
-    current = np.stack([r.current for r in roots], axis=1)
-    error = np.stack([r.error for r in roots], axis=1)
-    section = tuple(zip(*(r.section for r in roots), strict=True))
+    current = np.stack([root.current for root in roots], axis=1)
+    error = np.stack([root.error for root in roots], axis=1)
+    section = tuple(zip(*(root.section for root in roots), strict=True))
     provenance = {} if table.provenance is None else dict(table.provenance)
+    falls = monotone_or_why_not(
+        wanted, gaps, current, error=error, section=section, cause="look for noise in the table's flux densities"
+    )
     return OperatingMap(
         levels=wanted,
         gap=gaps,
@@ -176,9 +237,7 @@ def operating_map(
         current_max=float(table.current[-1]),
         actuator=str(provenance.get("actuator", "")) if actuator is None else actuator,
         digest=str(provenance.get("actuator_sha256", "")) if digest is None else digest,
-        warnings=monotone_or_why_not(
-            wanted, gaps, current, error=error, section=section, cause="look for noise in the table's flux densities"
-        ),
+        warnings=falls,
         provenance={"method": "interpolated from a table", "table": provenance},
     )
 
@@ -191,14 +250,20 @@ def _allowance(table: MagneticTable, levels: Array, gap: Array, roots: list[Root
     reduced curve is continuous.
     """
     end = table.current[-1]
-    allowance = np.stack([r.error for r in roots], axis=1)
+
+    def reached(root: Roots) -> Array:
+        return np.where(np.isnan(root.current), end, root.current)
+
+    allowance = np.stack([root.error for root in roots], axis=1)
     for m in range(gap.size - 1):
-        left, right = (np.where(np.isnan(roots[j].current), end, roots[j].current) for j in (m, m + 1))
-        sag, error = np.zeros(levels.size), np.maximum(roots[m].error, roots[m + 1].error)
+        left, right = reached(roots[m]), reached(roots[m + 1])
+        sag = np.zeros(levels.size)
+        error = np.maximum(roots[m].error, roots[m + 1].error)
         for t in _INNER:
             inner = _roots(table, levels, float((1 - t) * gap[m] + t * gap[m + 1]))
-            below = (1 - t) * left + t * right - np.where(np.isnan(inner.current), end, inner.current)
-            sag, error = np.maximum(sag, below), np.maximum(error, inner.error)
+            below = (1 - t) * left + t * right - reached(inner)
+            sag = np.maximum(sag, below)
+            error = np.maximum(error, inner.error)
         for j in (m, m + 1):
             allowance[:, j] = np.maximum(allowance[:, j], _DEFECT_MARGIN * sag + error)
     return allowance
@@ -206,31 +271,38 @@ def _allowance(table: MagneticTable, levels: Array, gap: Array, roots: list[Root
 
 def _roots(table: MagneticTable, levels: Array, gap: float) -> Roots:
     """The smallest current of any section for each level, at a gap of the table or between its gaps."""
-    every, odd, even = slice(None), _thinned(table.current.size, 1), _thinned(table.current.size, 2)
     names = table.sections
     if not names:
         raise TableError(
             "the table holds no flux_density_<section>, so no operating map can be made of it; "
             "make one with 'msl-fem table'"
         )
-    fine = {name: _along_current(table, name, gap) for name in names}
-    candidates = np.array([_crossings(table.current, fine[name], levels, every) for name in names])
+    flux = {name: _along_current(table, name, gap) for name in names}
+    candidates = np.array([_crossings(table.current, flux[name], levels) for name in names])
     best = np.argmin(np.where(np.isnan(candidates), np.inf, candidates), axis=0)
     current = candidates[best, np.arange(levels.size)]
-    rows = [odd, even]
     error = np.zeros(levels.size)
     for k, level in enumerate(levels):
         if np.isnan(current[k]):
-            best[k] = int(np.argmax([fine[name][-1] for name in names]))
-            continue
-        name = names[best[k]]
-        others = [_crossings(table.current, fine[name], np.array([level]), row)[0] for row in rows]
-        if gap not in table.gap:
-            coarse = [_along_current(table, name, gap, thinning=j) for j in (1, 2)]
-            others += [_crossings(table.current, b, np.array([level]), every)[0] for b in coarse]
-        spread = [abs((table.current[-1] if np.isnan(i) else i) - current[k]) for i in others]
-        error[k] = (max(spread[:2]) + max(spread[2:], default=0.0)) / _THINNING_GAIN
+            best[k] = int(np.argmax([flux[name][-1] for name in names]))
+        else:
+            name = names[best[k]]
+            error[k] = _thinning_error(table, name, gap, flux[name], level=level, current=current[k])
     return Roots(current, error, tuple(names[j] for j in best))
+
+
+def _thinning_error(table: MagneticTable, name: str, gap: float, flux: Array, *, level: float, current: float) -> float:
+    """A: how far the current moves when every other node is left out, along the current and along the gap."""
+
+    def moved(flux_density: Array, rows: NDArray[np.int64] | None = None) -> float:
+        crossing = _crossings(table.current, flux_density, np.array([level]), rows)[0]
+        return abs((table.current[-1] if np.isnan(crossing) else crossing) - current)
+
+    along_current = max(moved(flux, _thinned(table.current.size, start)) for start in (1, 2))
+    along_gap = 0.0
+    if gap not in table.gap:
+        along_gap = max(moved(_along_current(table, name, gap, thinning=start)) for start in (1, 2))
+    return (along_current + along_gap) / _THINNING_GAIN
 
 
 def _thinned(size: int, start: int) -> NDArray[np.int64]:
@@ -258,14 +330,43 @@ def _along_current(table: MagneticTable, name: str, gap: float, thinning: int | 
     return np.asarray(spline(math.log(gap)))
 
 
-def _crossings(current: Array, flux_density: Array, levels: Array, rows: slice | NDArray[np.int64]) -> Array:
+def _crossings(current: Array, flux_density: Array, levels: Array, rows: NDArray[np.int64] | None = None) -> Array:
     """(n_level,) the smallest positive current at which the odd spline through the chosen nodes takes each level."""
-    i, b = current[rows], flux_density[rows]
+    i = current if rows is None else current[rows]
+    b = flux_density if rows is None else flux_density[rows]
     spline = CubicSpline(np.r_[-i[:0:-1], i], np.r_[-b[:0:-1], b])
-    found = np.full(levels.size, np.nan)
+    crossings = np.full(levels.size, np.nan)
     for k, level in enumerate(levels):
         roots = spline.solve(level, extrapolate=False)
         positive = roots[roots > 0]
         if positive.size:
-            found[k] = positive.min()
-    return found
+            crossings[k] = positive.min()
+    return crossings
+
+
+def monotone_or_why_not(
+    levels: Array, gap: Array, current: Array, *, error: Array, section: tuple[tuple[str, ...], ...], cause: str
+) -> tuple[str, ...]:
+    """One sentence for each two gaps between which a curve falls; a larger gap should need more current.
+
+    A level that is reached at a gap and was not at a smaller one counts as falling. `cause` says where to look if
+    neither the currents' error nor a change of the loading section explains it.
+    """
+    falls = []
+    for k, level in enumerate(levels):
+        filled = np.where(np.isnan(current[k]), np.inf, current[k])
+        for m in np.flatnonzero(filled[1:] < filled[:-1]):
+            before, after = (section[k][j].replace("_", " ") for j in (m, m + 1))
+            if not np.isfinite(filled[m]):
+                why = "the level is not reached at the smaller gap"
+            elif filled[m] - filled[m + 1] <= error[k, m] + error[k, m + 1]:
+                why = "the fall lies within the stated error of the currents"
+            elif before != after:
+                why = f"the loading section changes from {before} to {after}"
+            else:
+                why = f"a larger gap should need more current; {cause}"
+            falls.append(
+                f"the {level:g} T curve falls between gaps {format_quantity(gap[m], 'm')} and "
+                f"{format_quantity(gap[m + 1], 'm')} ({filled[m]:.4g} to {filled[m + 1]:.4g} A): {why}"
+            )
+    return tuple(falls)

@@ -6,15 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.schema import small_text
 from msl_fem.files.whole_file import whole_file
-from msl_fem.maps.criterion import parse_criterion
-from msl_fem.maps.level_currents import OperatingMap
+from msl_fem.maps.level_currents import OperatingMap, parse_criterion
 
-Array = NDArray[np.float64]
 SCHEMA = 1
 _OPTIONAL = {
     "mesh_error_A": "mesh_error",

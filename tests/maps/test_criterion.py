@@ -5,7 +5,7 @@ import math
 import pytest
 
 from msl_fem.errors import InputError
-from msl_fem.maps.criterion import CORNER_RADIUS, Criterion, parse_criterion
+from msl_fem.maps.level_currents import CORNER_RADIUS, Criterion, parse_criterion
 
 
 @pytest.mark.parametrize(

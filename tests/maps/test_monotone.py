@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msl_fem.maps.monotone import monotone_or_why_not
+from msl_fem.maps.level_currents import monotone_or_why_not
 
 GAP = np.array([1e-4, 2e-4, 4e-4])
 LEGS = (("centre_leg",) * 3,)

@@ -18,7 +18,7 @@ from msl_fem.magnetics.field_map.level_roots import Climb
 from msl_fem.magnetics.field_map.readings import reader_of
 from msl_fem.magnetics.kinds.e_core import MagnetField
 from msl_fem.magnetics.sweep.rows import field_key
-from msl_fem.maps.criterion import Criterion
+from msl_fem.maps.level_currents import Criterion
 
 METHOD_VERSION = 1
 """Raised when a change of the code changes the answers: kept rows of another version are not used."""

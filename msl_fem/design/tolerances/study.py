@@ -21,7 +21,7 @@ from msl_fem.magnetics.field_map.readings import reader_of
 from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.kinds.e_core import LARGEST_CURRENT_DENSITY, MagnetField, check_point, magnet_mesh
 from msl_fem.maps import LEVELS as FLUX_DENSITIES
-from msl_fem.maps.criterion import Criterion
+from msl_fem.maps.level_currents import Criterion
 
 BEYOND_DRIVE = 4.0  # times the drive's limit: where a level is still looked for
 MOST_SAMPLES = 100_000

@@ -22,7 +22,7 @@ from msl_fem.magnetics.solver.magnetostatics import FieldModel, NewtonSettings, 
 from msl_fem.magnetics.solver.mesh import TriangleMesh, triangulate
 from msl_fem.magnetics.solver.postprocess import irons_on_tail
 from msl_fem.magnetics.sweep.rows import FieldJob
-from msl_fem.maps.criterion import MAX, Criterion
+from msl_fem.maps.level_currents import MAX, Criterion
 
 ENOUGH = 1e-5  # tolerance of a solution that serves an error's estimate
 CIRCLE_SIZE = 0.1  # of the radius of the criterion `max`: elements at the iron's corners

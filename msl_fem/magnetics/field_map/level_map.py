@@ -21,8 +21,7 @@ from msl_fem.magnetics.kinds.accuracy import Accuracy
 from msl_fem.magnetics.kinds.e_core import MagnetField
 from msl_fem.magnetics.sweep.rows import field_key, field_provenance
 from msl_fem.maps import LEVELS, MEAN, OperatingMap, parse_criterion
-from msl_fem.maps.level_currents import checked_levels
-from msl_fem.maps.monotone import monotone_or_why_not
+from msl_fem.maps.level_currents import checked_levels, monotone_or_why_not
 
 METHOD_VERSION = 1
 """Raised when a change of this package changes its answers: cached gaps of another version are not used."""

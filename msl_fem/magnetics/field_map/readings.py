@@ -18,7 +18,7 @@ from msl_fem.magnetics.field_map.iron_points import (
 )
 from msl_fem.magnetics.kinds.e_core import MagnetField
 from msl_fem.magnetics.solver.magnetostatics import FieldModel
-from msl_fem.maps.criterion import MAX, PERCENTILE, Criterion
+from msl_fem.maps.level_currents import MAX, PERCENTILE, Criterion
 
 Array = NDArray[np.float64]
 AREA_DIVISIONS, EDGE_DIVISIONS, CIRCLE_POINTS = 4, 4, 180
