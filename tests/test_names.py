@@ -12,11 +12,57 @@ ONE_MEANING = {
 }
 """Names that several modules define, each in the one sense that stands here."""
 STILL_DOUBLE = set(
-    "Bands Belief Choice Circuit Criterion Effect Flexure FreeRun Instruments LoopController LowPass Made Motion Point "
-    "Problem QuadraticModel Reading SearchResult SearchSettings Stage Start StudySettings Surface TableError Tolerance "
-    "Weights Winding act check_points check_stable choose columns default_substeps evaluate examine flexure_force "
-    "frequency_response model_of rates residuals run search settle side_currents side_gap simulate stability_limit "
-    "static_map surface_of".split()
+    [
+        "Bands",
+        "Belief",
+        "Choice",
+        "Circuit",
+        "Criterion",
+        "Effect",
+        "Flexure",
+        "FreeRun",
+        "Instruments",
+        "LoopController",
+        "LowPass",
+        "Made",
+        "Motion",
+        "Point",
+        "Problem",
+        "QuadraticModel",
+        "Reading",
+        "SearchResult",
+        "SearchSettings",
+        "Stage",
+        "Start",
+        "StudySettings",
+        "Surface",
+        "TableError",
+        "Tolerance",
+        "Weights",
+        "Winding",
+        "act",
+        "check_points",
+        "check_stable",
+        "choose",
+        "columns",
+        "default_substeps",
+        "evaluate",
+        "examine",
+        "flexure_force",
+        "frequency_response",
+        "model_of",
+        "rates",
+        "residuals",
+        "run",
+        "search",
+        "settle",
+        "side_currents",
+        "side_gap",
+        "simulate",
+        "stability_limit",
+        "static_map",
+        "surface_of",
+    ]
 )
 """Names that still mean two things; none may be added."""
 

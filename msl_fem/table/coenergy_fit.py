@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import least_squares, nnls
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError
 
-Array = NDArray[np.float64]
 DEGREE, ALONG_GAP, ALONG_CURRENT = 5, 6, 22
 SMOOTHING = np.logspace(-4, 6, 41)
 """Weights of the penalty that cross-validation chooses from."""
@@ -69,7 +68,8 @@ class SaturatingReluctance:
 
     def derivatives(self, i: Array, g: Array) -> dict[Order, Array]:
         """W0 and its derivatives up to second order."""
-        x, s, c = g + self.b, self.c * (g + self.d), self.c
+        x = g + self.b
+        s, c = self.c * (g + self.d), self.c
         r = np.sqrt(s**2 + i**2)
         bend = {
             (0, 0): s * i**2 / (r + s),
@@ -81,10 +81,11 @@ class SaturatingReluctance:
         }
         inductance = self.a / x, -self.a / x**2, 2 * self.a / x**3
         leakage = {(0, 0): self.e * i**2 / 2, (1, 0): self.e * i, (2, 0): self.e}
-        return {
-            (p, m): leakage.get((p, m), 0.0) + sum(comb(m, k) * inductance[k] * bend[p, m - k] for k in range(m + 1))
-            for p, m in bend
-        }
+        derivatives = {}
+        for p, m in bend:
+            product = sum(comb(m, k) * inductance[k] * bend[p, m - k] for k in range(m + 1))
+            derivatives[p, m] = leakage.get((p, m), 0.0) + product
+        return derivatives
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,22 +122,26 @@ def fit_base(samples: Mapping[str, Samples]) -> SaturatingReluctance:
     current = max(float(s.current.max()) for s in samples.values())
     gap = float(np.median(np.concatenate([s.gap for s in samples.values()])))
     inductance = _first_inductance(samples)
-
-    weight = {name: 1 / np.maximum(s.sigma, 0.01 * np.abs(s.value).max()) for name, s in samples.items()}
     leaks = "flux_linkage" in samples  # force knows nothing of it
+    weight = {}
+    for name, s in samples.items():
+        weight[name] = 1 / np.maximum(s.sigma, 0.01 * np.abs(s.value).max())
 
     def reluctance(logarithms: Array) -> SaturatingReluctance:
         a, b, c, d, e = (float(v) for v in np.exp(logarithms))
         return SaturatingReluctance(a, b, c, d, e if leaks else 0.0)
 
     def residuals(logarithms: Array) -> Array:
-        base, said = reluctance(logarithms), []
+        base = reluctance(logarithms)
+        errors = []
         for name, s in samples.items():
             order, sign = ORDERS[name]
-            said.append((sign * base.derivatives(s.current, s.gap)[order] - s.value) * weight[name])
-        return np.concatenate(said)
+            value = sign * base.derivatives(s.current, s.gap)[order]
+            errors.append((value - s.value) * weight[name])
+        return np.concatenate(errors)
 
-    fits, reach = [], np.array([5.0, 3.0, 5.0, 3.0, 3.0])
+    fits = []
+    reach = np.array([5.0, 3.0, 5.0, 3.0, 3.0])
     for bend in (0.3, 1.0, 4.0):
         knee = 0.5 * bend * current
         start = np.log([inductance * 1.1 * gap, 0.1 * gap, knee / gap, 0.1 * gap, 0.05 * inductance])
@@ -168,15 +173,18 @@ def fit_coenergy(
     it there are taken (least distance programming: Lawson and Hanson, Solving Least Squares Problems, 1974, ch. 23).
     """
     gaps = np.concatenate([s.gap for s in samples.values()])
-    span = float(gaps.min()), float(gaps.max()), max(float(s.current.max()) for s in samples.values())
-    rows, wanted = [], []
+    highest = max(float(s.current.max()) for s in samples.values())
+    span = float(gaps.min()), float(gaps.max()), highest
+    rows, targets = [], []
     for name, s in samples.items():
         order, sign = ORDERS[name]
         plain, design = _design(base, span, order, s.current, s.gap)
         rows.append(sign * design / s.sigma[:, None])
-        wanted.append((s.value - sign * plain) / s.sigma)
-    matrix, right = np.concatenate(rows), np.concatenate(wanted)
-    normal, penalty = matrix.T @ matrix, _penalty()
+        targets.append((s.value - sign * plain) / s.sigma)
+    matrix = np.concatenate(rows)
+    right = np.concatenate(targets)
+    normal = matrix.T @ matrix
+    penalty = _penalty()
     scores = [_score(matrix, right, normal, normal + weight * penalty) for weight in SMOOTHING]
     usable = [k for k, score in enumerate(scores) if not np.isnan(score)]
     if not usable:
@@ -191,24 +199,25 @@ def fit_coenergy(
     coefficients = cho_solve(factor, matrix.T @ right)
     plain, design = _design(base, span, (2, 0), *keep_positive)
     coefficients = _nearest_above(coefficients, stiff, design / plain[:, None], FLOOR - 1.0)
-    return CoenergyFit(base, span, coefficients, cho_solve(factor, np.eye(len(stiff))), smoothing, smoothing > chosen)
+    covariance = cho_solve(factor, np.eye(len(stiff)))
+    return CoenergyFit(base, span, coefficients, covariance, smoothing, smoothing > chosen)
 
 
 def _first_inductance(samples: Mapping[str, Samples]) -> float:
     """A first value of the inductance in mid-gap, from the smaller currents."""
-    if "flux_linkage" in samples:
-        s = samples["flux_linkage"]
-        low = (s.current > 0) & (s.current <= np.median(s.current))
-        return max(float(np.median(s.value[low] / s.current[low])), 1e-9)
-    s = samples["force"]
+    s = samples["flux_linkage"] if "flux_linkage" in samples else samples["force"]
     low = (s.current > 0) & (s.current <= np.median(s.current))
-    # F = i^2 L/(2 (g + b))
-    return max(float(np.median(2 * s.value[low] * s.gap[low] / s.current[low] ** 2)), 1e-9)
+    if "flux_linkage" in samples:
+        inductance = s.value[low] / s.current[low]
+    else:  # F = i^2 L/(2 (g + b))
+        inductance = 2 * s.value[low] * s.gap[low] / s.current[low] ** 2
+    return max(float(np.median(inductance)), 1e-9)
 
 
 def _design(base: SaturatingReluctance, span: Span, order: Order, i: Array, g: Array) -> tuple[Array, Array]:
     """A derivative of W0 (n,) and those of W0 times each spline (n, n_spline), by Leibniz' rule."""
-    plain, splines = base.derivatives(i, g), _spline_derivatives(base, span, i, g)
+    plain = base.derivatives(i, g)
+    splines = _spline_derivatives(base, span, i, g)
     p, m = order
     design = sum(
         (comb(p, j) * comb(m, k) * plain[p - j, m - k])[:, None] * splines[j, k]
@@ -224,15 +233,21 @@ def _spline_derivatives(base: SaturatingReluctance, span: Span, i: Array, g: Arr
     x = ln(g + b) and y = ln(1 + (i/s)^2)/2, s = c (g + d), each scaled to 0 ... 1: saturation stands at the same y for
     every gap, and y is even and smooth in i.
     """
-    b, s, c = base.b, base.c * (g + base.d), base.c
+    b = base.b
+    s, c = base.c * (g + base.d), base.c
     low, length = np.log(span[0] + b), np.log((span[1] + b) / (span[0] + b))
-    x, x_g, x_gg = (np.log(g + b) - low) / length, 1 / (g + b) / length, -1 / (g + b) ** 2 / length
+    x = (np.log(g + b) - low) / length
+    x_g = 1 / (g + b) / length
+    x_gg = -1 / (g + b) ** 2 / length
     least = c * (span[0] + base.d)
     height = 0.5 * np.log1p((span[2] / least) ** 2)
     r2 = s**2 + i**2
-    y, y_i, y_ii = 0.5 * np.log1p((i / s) ** 2) / height, i / r2 / height, (s**2 - i**2) / r2**2 / height
+    y = 0.5 * np.log1p((i / s) ** 2) / height
+    y_i = i / r2 / height
+    y_ii = (s**2 - i**2) / r2**2 / height
     # y = (ln r2)/2 - ln s, of which s depends on the gap
-    y_g, y_ig = c * (s / r2 - 1 / s) / height, -2 * c * i * s / r2**2 / height
+    y_g = c * (s / r2 - 1 / s) / height
+    y_ig = -2 * c * i * s / r2**2 / height
     y_gg = c**2 * ((i**2 - s**2) / r2**2 + 1 / s**2) / height
     along_x, along_y = _splines(x, ALONG_GAP), _splines(y, ALONG_CURRENT)
 
@@ -242,16 +257,16 @@ def _spline_derivatives(base: SaturatingReluctance, span: Span, i: Array, g: Arr
     def times(factor: Array, matrix: Array) -> Array:
         return factor[:, None] * matrix
 
-    f_x, f_y, f_xy, f_yy = spline(1, 0), spline(0, 1), spline(1, 1), spline(0, 2)
+    f_x, f_y, f_xx, f_xy, f_yy = (spline(m, n) for m, n in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2)))
+    along_gap = times(x_g**2, f_xx) + times(2 * x_g * y_g, f_xy) + times(y_g**2, f_yy)
     return {
         (0, 0): spline(0, 0),
         (1, 0): times(y_i, f_y),
         (0, 1): times(x_g, f_x) + times(y_g, f_y),
         (2, 0): times(y_i**2, f_yy) + times(y_ii, f_y),
         (1, 1): times(x_g * y_i, f_xy) + times(y_g * y_i, f_yy) + times(y_ig, f_y),
-        (0, 2): times(x_g**2, spline(2, 0)) + times(2 * x_g * y_g, f_xy) + times(y_g**2, f_yy)
-        + times(x_gg, f_x) + times(y_gg, f_y),
-    }  # fmt: skip
+        (0, 2): along_gap + times(x_gg, f_x) + times(y_gg, f_y),
+    }
 
 
 def _splines(u: Array, count: int) -> list[Array]:

@@ -8,12 +8,11 @@ dF/di = -dlambda/dg holds to rounding and no closed path over the table yields e
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 
-Array = NDArray[np.float64]
 N = 6  # coefficients a direction of a cell: quintic
 STATES = 6
 """Rows of an evaluation: W', lambda, F, dlambda/di, dF/di, dF/dg."""
@@ -58,17 +57,24 @@ def fit_coenergy_surface(gap: Array, current: Array, nodes: dict[str, Array]) ->
     along_gap = _HermiteSpline(gap, symmetric_start=False)
     along_current = _HermiteSpline(current, symmetric_start=True)
     n_g, n_i = gap.size, current.size
+    values_g, slopes_g = slice(0, n_g), slice(n_g, 2 * n_g)
+    values_i, slopes_i = slice(0, n_i), slice(n_i, 2 * n_i)
     data = np.zeros((2 * n_g + 2, 2 * n_i + 2))  # rows: value, slope along g, two ends; columns alike along i
-    data[:n_g, :n_i], data[:n_g, n_i : 2 * n_i] = w, w_i
-    data[n_g : 2 * n_g, :n_i], data[n_g : 2 * n_g, n_i : 2 * n_i] = w_g, w_ig
+    data[values_g, values_i] = w
+    data[values_g, slopes_i] = w_i
+    data[slopes_g, values_i] = w_g
+    data[slopes_g, slopes_i] = w_ig
     # At i = 0 the third derivative vanishes (W' is even); at the last current, d2W'/di2 and its slope along g.
     curvature = make_interp_spline(gap, w_ii, k=min(5, n_g - 1))
-    data[:n_g, -1], data[n_g : 2 * n_g, -1] = w_ii, curvature(gap, 1)
+    data[values_g, -1] = w_ii
+    data[slopes_g, -1] = curvature(gap, 1)
     # At both ends of the gap, d2W'/dg2 along i: even in i, so spline it over -i ... i.
-    for row, edge in ((-2, w_gg[0]), (-1, w_gg[1])):
-        mirrored = make_interp_spline(np.r_[-current[:0:-1], current], np.r_[edge[:0:-1], edge], k=min(5, n_i - 1))
-        data[row, :n_i], data[row, n_i : 2 * n_i] = edge, mirrored(current, 1)
-        data[row, -1] = curvature(gap[0 if row == -2 else -1], 2) if n_g > 2 else 0.0
+    both_signs = np.r_[-current[:0:-1], current]
+    for row, edge, end in ((-2, w_gg[0], gap[0]), (-1, w_gg[1], gap[-1])):
+        mirrored = make_interp_spline(both_signs, np.r_[edge[:0:-1], edge], k=min(5, n_i - 1))
+        data[row, values_i] = edge
+        data[row, slopes_i] = mirrored(current, 1)
+        data[row, -1] = curvature(end, 2) if n_g > 2 else 0.0
     taylor = np.einsum("mpr,rs,nqs->mnpq", along_gap.taylor, data, along_current.taylor, optimize=True)
     return CoenergySurface(gap, current, np.ascontiguousarray(taylor))
 
@@ -88,11 +94,11 @@ class _HermiteSpline:
         basis = BSpline(knots, np.eye(2 * n + 2), 5)
         start = 3 if symmetric_start else 2
         collocation = np.concatenate([basis(x), basis(x, 1), basis(x[:1], start), basis(x[-1:], 2)])
-        to_basis = np.linalg.solve(collocation, np.diag(np.r_[np.ones(n), np.full(n, scale), scale**start, scale**2]))
+        units = np.r_[np.ones(n), np.full(n, scale), scale**start, scale**2]
+        to_basis = np.linalg.solve(collocation, np.diag(units))
         factorial = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0]
-        self.taylor = np.stack(
-            [basis(x[:-1], order) @ to_basis / (factorial[order] * scale**order) for order in range(N)], axis=1
-        )
+        terms = [basis(x[:-1], order) @ to_basis / (factorial[order] * scale**order) for order in range(N)]
+        self.taylor = np.stack(terms, axis=1)
 
 
 @compiled

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import OutOfTable, TableError
 from msl_fem.files.netcdf_file import read_netcdf, write_netcdf
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import whole_file
 from msl_fem.table.coenergy_surface import CoenergySurface, fit_coenergy_surface
 
-Array = NDArray[np.float64]
 SCHEMA = 1
 INTERPOLANT = "C3 quintic Hermite coenergy spline"
 NODES = {
@@ -97,18 +97,18 @@ class MagneticTable:
         return dict(zip(NODES, values, strict=True))
 
     def _complain(self, i: Array, g: Array) -> None:
+        gaps = f"{self.gap[0] * 1e3:.4g} ... {self.gap[-1] * 1e3:.4g} mm"
+        highest = self.current[-1]
         bad_gap = ~((g >= self.gap[0]) & (g <= self.gap[-1]))
         if bad_gap.any():
             raise OutOfTable(
-                f"gap {format_quantity(float(g[bad_gap].flat[0]), 'm')} lies outside the table's "
-                f"{self.gap[0] * 1e3:.4g} ... {self.gap[-1] * 1e3:.4g} mm (currents up to {self.current[-1]:g} A); "
-                "extend the sweep (--gaps) or clip the request"
+                f"gap {format_quantity(float(g[bad_gap].flat[0]), 'm')} lies outside the table's {gaps} "
+                f"(currents up to {highest:g} A); extend the sweep (--gaps) or clip the request"
             )
-        bad = ~(np.abs(i) <= self.current[-1])
+        bad = ~(np.abs(i) <= highest)
         worst = format_quantity(float(i[bad].flat[0]), "A") if bad.any() else "nan"
         raise OutOfTable(
-            f"current {worst} lies outside the table's {-self.current[-1]:g} ... {self.current[-1]:g} A "
-            f"(gaps {self.gap[0] * 1e3:.4g} ... {self.gap[-1] * 1e3:.4g} mm); "
+            f"current {worst} lies outside the table's {-highest:g} ... {highest:g} A (gaps {gaps}); "
             "extend the sweep (--currents) or clip the request"
         )
 
@@ -122,13 +122,8 @@ class MagneticTable:
 
 
 def _check(table: MagneticTable) -> None:
+    _check_grid(table)
     shape = (table.gap.size, table.current.size)
-    if table.gap.ndim != 1 or table.current.ndim != 1 or table.gap.size < 2 or table.current.size < 3:
-        raise TableError(f"a table needs at least 2 gaps and 3 currents (0 included), this one has {shape}")
-    if not (np.diff(table.gap) > 0).all() or not (np.diff(table.current) > 0).all() or table.gap[0] <= 0:
-        raise TableError("gaps must be positive and increasing, currents increasing")
-    if table.current[0] != 0:
-        raise TableError(f"the first current must be 0, it is {table.current[0]:g} A")
     for name in NODES:
         if name not in table.nodes:
             raise TableError(f"variable '{name}' is missing; a table has {', '.join(NODES)}")
@@ -145,19 +140,33 @@ def _check(table: MagneticTable) -> None:
             f"gaps of {table.gap[0]:g} ... {table.gap[-1]:g} m are not a magnet's, allowed are "
             f"{SMALLEST_GAP:g} ... {LARGEST_GAP:g} m; look at the unit"
         )
-    for name in NODES:
-        if not np.abs(table.nodes[name]).max() < LARGEST_VALUE:
+    for name, (unit, _) in NODES.items():
+        largest = np.abs(table.nodes[name]).max()
+        if not largest < LARGEST_VALUE:
             raise TableError(
-                f"variable '{name}' reaches {np.abs(table.nodes[name]).max():g} {NODES[name][0]}, above any magnet's "
-                f"({LARGEST_VALUE:g}); look at the unit"
+                f"variable '{name}' reaches {largest:g} {unit}, above any magnet's ({LARGEST_VALUE:g}); "
+                "look at the unit"
             )
     for name in ("coenergy", "flux_linkage", "force", "force_current_slope", "force_gap_slope"):
         values = np.abs(table.nodes[name])
-        if values[:, 0].max() > AT_REST * values.max():
+        at_rest = values[:, 0].max()
+        if at_rest > AT_REST * values.max():
             raise TableError(
-                f"variable '{name}' reaches {values[:, 0].max():g} at i = 0; it must vanish there: a table is of a "
+                f"variable '{name}' reaches {at_rest:g} at i = 0; it must vanish there: a table is of a "
                 "magnet without remanence and without permanent magnets"
             )
+
+
+def _check_grid(table: MagneticTable) -> None:
+    gap, current = table.gap, table.current
+    if gap.ndim != 1 or current.ndim != 1 or gap.size < 2 or current.size < 3:
+        raise TableError(
+            f"a table needs at least 2 gaps and 3 currents (0 included), this one has {(gap.size, current.size)}"
+        )
+    if not (np.diff(gap) > 0).all() or not (np.diff(current) > 0).all() or gap[0] <= 0:
+        raise TableError("gaps must be positive and increasing, currents increasing")
+    if current[0] != 0:
+        raise TableError(f"the first current must be 0, it is {current[0]:g} A")
 
 
 def write_table(table: MagneticTable, path: str | Path) -> Path:
@@ -185,10 +194,8 @@ def write_table(table: MagneticTable, path: str | Path) -> Path:
         },
     )
     target = Path(path)
+    checksums = {str(name): {"fletcher32": True} for name in data.variables}  # damage must not read as a table
     with whole_file(target) as partial:
-        checksums = {
-            str(name): {"fletcher32": True} for name in data.variables
-        }  # a damaged file must not read as a table
         write_netcdf(data, partial, encoding=checksums)
     return target
 
@@ -197,9 +204,12 @@ def _check_units(content: xr.Dataset, attributes: dict[str, Any]) -> None:
     """TableError where a schema or a unit is stated and is not ours; a foreign table may state none."""
     if int(attributes.get("schema", SCHEMA)) != SCHEMA:
         raise TableError(f"schema {attributes['schema']} is not {SCHEMA}, the one this version reads")
-    wanted = {name: unit for name, (unit, _) in (NODES | EXTRAS).items()} | {"gap": "m", "current": "A"}
-    for name, unit in wanted.items():
-        stated = content.variables[name].attrs.get("units", unit) if name in content.variables else unit
+    units = {name: unit for name, (unit, _) in (NODES | EXTRAS).items()}
+    units |= {"gap": "m", "current": "A"}
+    for name, unit in units.items():
+        if name not in content.variables:
+            continue
+        stated = content.variables[name].attrs.get("units", unit)
         if stated != unit:
             raise TableError(f"variable '{name}' is in '{stated}', expected '{unit}'")
 
@@ -229,12 +239,13 @@ def read_table(path: str | Path) -> MagneticTable:
     TableError : no such file, not NetCDF, or a variable is missing or contradicts the others
     """
     if not Path(path).is_file():
-        said = "is no file" if Path(path).exists() else "no such file"
-        raise TableError(f"{path}: {said}; make a table with 'msl-fem table'")
+        problem = "is no file" if Path(path).exists() else "no such file"
+        raise TableError(f"{path}: {problem}; make a table with 'msl-fem table'")
     try:
         content = read_netcdf(Path(path), most_values=MOST_VALUES)
         arrays = {str(k): _real(v.transpose("gap", "current")) for k, v in content.items() if _belongs(v)}
-        gap, current = _real(content["gap"]), _real(content["current"])
+        gap = _real(content["gap"])
+        current = _real(content["current"])
         attributes = dict(content.attrs)
         _check_units(content, attributes)
         provenance = json.loads(attributes.get("provenance", "{}")) or {}
