@@ -1,7 +1,8 @@
-"""Fixtures that several parts share."""
+"""Fixtures that several parts share; helper modules of every folder, and the benchmarks' scripts, can be imported."""
 
 import json
 import os
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,8 @@ from msl_fem.cli.output import run_guarded
 from msl_fem.table.magnetic_table import MagneticTable
 
 ROOT = Path(__file__).parent.parent
+sys.path += [str(folder) for folder in sorted((ROOT / "tests").iterdir()) if folder.is_dir()]
+sys.path.append(str(ROOT / "benchmarks"))
 settings.register_profile("untimed", deadline=None)  # a loaded machine is no error of the code
 settings.load_profile("untimed")
 threadpool_limits(limits=1, user_api="blas")  # as the verbs and `make` have it: threads of a BLAS only cost time here

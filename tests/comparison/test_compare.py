@@ -1,11 +1,11 @@
 """The comparison of models on simulated and measured records."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import ROOT
+from shifted_records import shifted, simulated_record
 
 from msl_fem.comparison import CompareSettings, analytic_table, compare, static_errors
 from msl_fem.comparison.accuracy import UNSTABLE, ModelAccuracy
@@ -17,9 +17,6 @@ from msl_fem.record import Record, Run, StaticMap, load_record
 from msl_fem.report.comparison_page import comparison_page
 from msl_fem.report.page import write_page
 from msl_fem.table.magnetic_table import read_table
-
-sys.path.insert(0, str(ROOT / "tests" / "prediction"))
-from fit_cases import shifted, simulated_record
 
 SHIFT = {"stiffness": 0.97, "damping": 1.2}
 

@@ -1,13 +1,9 @@
 """A loop that one of our designs drove is simulated with the controller made again from the record."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import ROOT
-
-sys.path.insert(0, str(ROOT / "tests" / "control"))
 from control_cases import TABLE, servo, servo_design
 
 from msl_fem.comparison import CompareSettings, compare, nrmse

@@ -1,7 +1,6 @@
 """The levitation rig's record: its table is that of its static data, and the question that it raises stands."""
 
-import sys
-
+import levitation_rig as study
 import numpy as np
 import pytest
 from conftest import ROOT
@@ -9,9 +8,6 @@ from conftest import ROOT
 from msl_fem.record import load_record
 from msl_fem.record.measured_table import table_from_measurements
 from msl_fem.table.magnetic_table import read_table
-
-sys.path.insert(0, str(ROOT / "benchmarks"))
-import levitation_rig as study
 
 RIG = ROOT / "measurements" / "levitation_rig"
 WEIGHT = 61.57e-3 * 9.81

@@ -1,16 +1,12 @@
 """The controller's C header steps as Python does, to the last bit, also as a processor in the loop; any design."""
 
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from c_programs import VARIANTS, assert_same_bits, compile_c
-from conftest import ROOT
-
-sys.path.insert(0, str(ROOT / "tests" / "control"))
 from control_cases import TABLE, delayed_design, servo, servo_design, servo_map
 
 from msl_fem.control.controller import N_PREFERRED, N_VIOLATION, controller_state, controller_step

@@ -1,20 +1,17 @@
 """The three terms: closed forms, how they scale, what is refused, fits of measured losses."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from loss_cases import ROOT, m19, sine, triangle
+from fit_core_loss import FittedRange, fit_losses, refit
+from loss_cases import m19, sine, triangle
 
 from msl_fem.errors import InputError, MaterialError
 from msl_fem.losses import FluxWaveform, loss_density, sinusoidal_loss
 from msl_fem.materials.core_loss_data import LossPoints, loss_sheets, read_loss_points, sheet_of
 from msl_fem.materials.material import LIBRARY
-
-sys.path.insert(0, str(ROOT / "benchmarks"))
-from fit_core_loss import FittedRange, fit_losses, refit
 
 POUND = 0.45359237
 

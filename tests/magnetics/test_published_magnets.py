@@ -1,15 +1,10 @@
 """Two published plunger magnets: the Modelica solenoid's field tables and Roters' measured taper plunger."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import ROOT
 from field_problems import REFERENCE
-
-sys.path.insert(0, str(ROOT / "benchmarks"))
-
 from published_magnets import INCH, ROTERS_CURRENT, SOLENOID_CURRENT, roters, solenoid
 
 from msl_fem.magnetics.kinds.plunger import solve_plunger

@@ -1,4 +1,4 @@
-"""The operating map against the closed-form magnet, and its JSON file."""
+"""The operating map against the closed-form magnet, its criterion, falling curves, and its JSON file."""
 
 import dataclasses
 import json
@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 from msl_fem.errors import InputError, OutOfTable, TableError
 from msl_fem.maps import OperatingMap, operating_map
+from msl_fem.maps.level_currents import CORNER_RADIUS, Criterion, monotone_or_why_not, parse_criterion
 from msl_fem.maps.map_file import map_to_json, read_map, write_map
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -222,3 +223,90 @@ def test_what_is_no_map_file_is_one_clear_error(tmp_path, text):
 def test_a_missing_map_file_names_the_way_out(tmp_path):
     with pytest.raises(InputError, match="msl-fem map"):
         read_map(tmp_path / "none.json")
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("mean", Criterion("mean")),
+        (" max ", Criterion("max", radius=CORNER_RADIUS)),
+        ("max=0.5mm", Criterion("max", radius=5e-4)),
+        ("max = 200 µm", Criterion("max", radius=2e-4)),
+        ("percentile=95", Criterion("percentile", percent=95.0)),
+        ("percentile=99.5 %", Criterion("percentile", percent=99.5)),
+    ],
+)
+def test_a_criterion_s_text(text, wanted):
+    found = parse_criterion(text)
+    assert found.kind == wanted.kind
+    for name in ("percent", "radius"):
+        one, other = getattr(found, name), getattr(wanted, name)
+        assert one == pytest.approx(other, nan_ok=True)
+
+
+def test_what_it_means_is_said():
+    assert "section" in parse_criterion("mean").meaning
+    assert "99.5 %" in parse_criterion("percentile=99.5").meaning
+    assert "200 µm from its corners" in parse_criterion("max=0.2mm").meaning
+    assert all("in the iron" in parse_criterion(text).meaning for text in ("mean", "max", "percentile=50"))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "unknown; choose mean, percentile=95"),
+        ("median", "'median' is unknown"),
+        ("mean=3", "'mean=3' is unknown"),
+        ("percentile", "'percentile' is unknown"),
+        ("max=", "'max=': '' is not a quantity"),
+        ("max=3", "has no unit"),
+        ("max=3 T", "wrong dimension"),
+        ("max=0 mm", "must be positive"),
+        ("max=-1mm", "must be positive, -1 mm"),
+        ("percentile=0", "between 0 and 100"),
+        ("percentile=100", "between 0 and 100"),
+        ("percentile=nan", "is not a quantity"),
+        ("x" * 1000, "unknown"),
+    ],
+)
+def test_another_text_is_one_clear_error(text, said):
+    with pytest.raises(InputError, match=said) as caught:
+        parse_criterion(text)
+    assert len(str(caught.value)) < 300
+    assert math.isnan(Criterion("mean").radius)
+
+
+GAP = np.array([1e-4, 2e-4, 4e-4])
+LEGS = (("centre_leg",) * 3,)
+
+
+def said(current, error=0.0, section=LEGS):
+    row = np.array([current])
+    return monotone_or_why_not(
+        np.array([1.2]), GAP, row, error=np.full(row.shape, error), section=section, cause="look there"
+    )
+
+
+def test_a_rising_curve_and_one_that_ends_say_nothing():
+    assert said([1.0, 1.0, 2.0]) == ()
+    assert said([1.0, 2.0, np.nan]) == ()
+    assert said([np.nan] * 3) == ()
+
+
+@pytest.mark.parametrize(
+    ("current", "more", "why"),
+    [
+        ([1.0, 0.9, 2.0], {}, "a larger gap should need more current; look there"),
+        ([1.0, 0.9, 2.0], {"error": 0.06}, "the fall lies within the stated error of the currents"),
+        (
+            [1.0, 0.9, 2.0],
+            {"section": (("centre_leg", "yoke", "yoke"),)},
+            "the loading section changes from centre leg to yoke",
+        ),
+        ([np.nan, 0.9, 2.0], {}, "the level is not reached at the smaller gap"),
+    ],
+)
+def test_a_fall_is_located_and_explained(current, more, why):
+    (sentence,) = said(current, **more)
+    assert sentence.startswith("the 1.2 T curve falls between gaps 100 µm and 200 µm")
+    assert sentence.endswith(why)

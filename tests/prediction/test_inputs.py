@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fit_cases import in_voltage_drive
+from shifted_records import in_voltage_drive
 
 from msl_fem.actuator import Actuator
 from msl_fem.comparison import nrmse

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fit_cases import RATE, in_voltage_drive, simulated_record
+from shifted_records import RATE, in_voltage_drive, simulated_record
 
 from msl_fem.comparison.accuracy import nrmse
 from msl_fem.plant import simulate

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fit_cases import shifted
-from loop_cases import BIAS, CONTROLLER, DELAY, EVERY, looped_record, reference
+from looped_servo import BIAS, CONTROLLER, DELAY, EVERY, looped_record, reference
+from shifted_records import shifted
 
 from msl_fem.actuator import Actuator, Controller
 from msl_fem.comparison import CompareSettings, compare, nrmse

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from record_cases import RIG, columns, make
+from small_record import RIG, columns, make
 
 from msl_fem.errors import RecordError
 from msl_fem.record import PidLaw, StatedLaw, StateSpaceLaw, linear_laws, load_record, write_record

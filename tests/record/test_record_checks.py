@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from record_cases import RATE, columns
+from small_record import RATE, columns
 
 from msl_fem.actuator import Actuator, Motion, Sides, parse_actuator
 from msl_fem.errors import RecordError

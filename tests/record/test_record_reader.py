@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from record_cases import RIG, columns, make, write_csv
+from small_record import RIG, columns, make, write_csv
 
 from msl_fem.errors import ActuatorError, InputError, RecordError
 from msl_fem.record.reader import load_record

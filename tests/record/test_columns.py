@@ -1,4 +1,4 @@
-"""Files of columns: full precision, and every doubtful cell refused with its place."""
+"""Channels and their columns; files of columns: full precision, and every doubtful cell refused with its place."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msl_fem.errors import RecordError
-from msl_fem.record.columns import numbers, read_columns, write_columns
+from msl_fem.record.columns import CHANNELS, Channel, numbers, read_columns, side_columns, write_columns
 
 
 @pytest.fixture
@@ -124,3 +124,23 @@ def test_netcdf_over_another_dimension_is_refused(tmp_path: Path) -> None:
     xr.Dataset({"time_s": ("sample", np.arange(3.0))}).to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
     with pytest.raises(RecordError, match="`time` alone"):
         read_columns(tmp_path / "run.nc")
+
+
+def test_a_channel_and_its_column_name_each_other() -> None:
+    names = (
+        "time_s position_m force_N reference_m temperature_K voltage_1_V voltage_2_V current_1_A current_2_A "
+        "command_1_A command_2_A flux_linkage_1_Wb flux_linkage_2_Wb"
+    )
+    assert list(CHANNELS) == names.split()
+    assert all(Channel.of(name).column == name for name in CHANNELS)
+    flux = Channel.of("flux_linkage_2_Wb")
+    assert (flux.quantity, flux.side, flux.index, flux.unit) == ("flux_linkage", 2, 1, "Wb")
+    assert side_columns("current", 2) == ["current_1_A", "current_2_A"]
+    assert side_columns("command", 0) == []
+
+
+def test_what_is_no_column_of_a_run_is_said() -> None:
+    with pytest.raises(RecordError, match="humidity is no column of a run; there are time_s, position_m"):
+        Channel.of("humidity")
+    with pytest.raises(ValueError, match="position_m belongs to no side"):
+        _ = Channel("position").index
