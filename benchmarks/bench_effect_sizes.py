@@ -7,18 +7,18 @@ import sys
 import time
 from pathlib import Path
 
+from marked_text import rewrite
+
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.bench import INSIDE, OUTSIDE_BY_NAME, BenchOptions, usual_excitations
 from msl_fem.bench.sealed import prepared_setting
 from msl_fem.bench.setting import BenchEffect, Setting, effect_of_size
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.files.whole_file import whole_file
 from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent
 DOCUMENT = ROOT / "docs" / "bench.md"
-BEGIN, END = "<!-- sizes -->", "<!-- end of sizes -->"
 SIZE, RATE = 0.01, 1e4
 SHORT = {"voltage_1_V": "v", "voltage_2_V": "v", "current_1_A": "i", "current_2_A": "i", "position_m": "x"}
 
@@ -73,13 +73,7 @@ def main() -> None:
         settings[drive] = prepared_setting(actuator, table, excitations, BenchOptions(seed=seed))
         for one in excitations:
             print(drive, one.spec)
-    lines = rows(settings)
-    text = DOCUMENT.read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
-    with whole_file(DOCUMENT) as partial:
-        partial.write_text(
-            f"{before}{BEGIN}\n" + "\n".join(lines) + f"\n{END}{rest.partition(END)[2]}", encoding="utf-8"
-        )
+    rewrite(DOCUMENT, {"sizes": "\n".join(rows(settings))})
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ from controller_cases import (
     step_figures,
 )
 from controller_effects import sized_effects
-from marked_text import put
+from marked_text import rewrite
 
 from msl_fem.control import (
     BiasOptions,
@@ -47,7 +47,6 @@ from msl_fem.control import (
 )
 from msl_fem.control.bias_design import bias_point, default_bias
 from msl_fem.errors import InputError
-from msl_fem.files.whole_file import whole_file
 from msl_fem.plant.effects import EffectValues
 
 KINDS = ("lqr", "robust", "biased", "pid")
@@ -351,9 +350,7 @@ def main() -> None:
         begin = time.process_time()
         content = PARTS[name]()
         print(f"## {name} ({time.process_time() - begin:.1f} s)\n{content}\n", flush=True)
-        text = DOCUMENT.read_text(encoding="utf-8")
-        with whole_file(DOCUMENT) as partial:
-            partial.write_text(put(text, name, content), encoding="utf-8")
+        rewrite(DOCUMENT, {name: content})
 
 
 if __name__ == "__main__":

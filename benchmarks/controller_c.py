@@ -19,6 +19,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from marked_text import rewrite
 
 from msl_fem.actuator import load_actuator
 from msl_fem.control import ControllerDesign, design_controller
@@ -32,7 +33,6 @@ from msl_fem.plant.excitation import parse_excitation, reference
 from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent
-BEGIN, END = "<!-- benchmarks/controller_c.py writes from here -->", "<!-- to here -->"
 WISHED = 2000.0  # ns; the period is 400 000
 OVERLAP = 8.0  # N: both sides are inverted in every step
 PROGRAM = r"""
@@ -144,9 +144,7 @@ def main() -> None:
     text = "\n".join([*rows, "", said, f"{platform.machine()}, Python {platform.python_version()}."])
     print(text)
     if asked.docs:
-        page = ROOT / "docs" / "controller_c.md"
-        before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-        page.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+        rewrite(ROOT / "docs" / "controller_c.md", {"controller in C": text})
 
 
 if __name__ == "__main__":

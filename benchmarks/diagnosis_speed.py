@@ -13,10 +13,9 @@ import resource
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 from diagnosis_study import ROOT, TABLE, actuator_of
-from marked_text import put
+from marked_text import rewrite
 
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record, usual_excitations
 from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
@@ -74,9 +73,7 @@ def main() -> None:
         lines.append(row)
         print(row, flush=True)
     if options.docs:
-        document = ROOT / "docs" / "diagnosis.md"
-        text = put(document.read_text(encoding="utf-8"), "speed", "\n".join(lines))
-        Path(document).write_text(text, encoding="utf-8")
+        rewrite(ROOT / "docs" / "diagnosis.md", {"speed": "\n".join(lines)})
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from diagnosis_study import CLEAN, DRIVES, DYNAMIC, OUTSIDE, PAIRS, RESULTS, ROOT, SINGLES, SMALL, actuator_of, done
-from marked_text import put
+from marked_text import rewrite
 from scipy.stats import beta
 
 from msl_fem.diagnosis.calibration import CLEAN as SHIPPED
@@ -253,11 +253,8 @@ def main() -> None:
     parts = [extent(rows), totals_table(rows), effects_table(rows), small_table(rows), outside_table(rows)]
     text = "\n\n".join(parts)
     short = "\n\n".join([extent(rows), totals_table(rows)])
-    for path, name, content in (
-        (ROOT / "docs" / "diagnosis.md", "study", text),
-        (ROOT / "README.md", "diagnosis", short),
-    ):
-        path.write_text(put(path.read_text(encoding="utf-8"), name, content), encoding="utf-8")
+    rewrite(ROOT / "docs" / "diagnosis.md", {"study": text})
+    rewrite(ROOT / "README.md", {"diagnosis": short})
     write_calibration(rows)
     print(text)
     print(f"calibration: {len(SHIPPED)} drives before")

@@ -1,6 +1,6 @@
 """The EMPS drive: identified on its estimation record, judged on its test record; the table of docs/identification.md.
 
-    python -m benchmarks.emps [--docs]
+    python benchmarks/emps.py [--docs]
 
 Force of the inverse dynamics: all channels low-passed at 20 Hz without phase. Closed loop: reference, kp and kv as
 stated with the record; the test record's pulses (0 or 5 V, half a second each) are read off its force and the law.
@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from marked_text import rewrite
 from scipy.ndimage import median_filter
 
 from msl_fem.identification import ArmaxOrders, fit_armax, sampled_run
@@ -25,7 +26,6 @@ from msl_fem.identification.friction_drive import (
 from msl_fem.record import load_record
 
 ROOT = Path(__file__).parent.parent
-BEGIN, END = "<!-- emps: begin -->", "<!-- emps: end -->"
 PUBLISHED = FrictionDrive(95.1089, 203.5034, 20.3935, -3.1648)  # Janot, Gautier, Brunot 2019
 LOOP = CascadeLoop(160.18, 243.45, 35.15065)
 PULSE, WINDOW = 5.0, 101  # V, samples of the median that tells the pulses from noise
@@ -92,13 +92,6 @@ def markdown():
     return "\n".join(lines) + "\n"
 
 
-def into_docs(text):
-    """Puts the text between the two marks of docs/identification.md."""
-    path = ROOT / "docs" / "identification.md"
-    before, rest = path.read_text(encoding="utf-8").split(BEGIN)
-    path.write_text(before + BEGIN + "\n" + text + END + rest.split(END)[1], encoding="utf-8")
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--docs", action="store_true", help="write the table into docs/identification.md")
@@ -106,7 +99,7 @@ def main():
     text = markdown()
     sys.stdout.write(text)
     if given.docs:
-        into_docs(text)
+        rewrite(ROOT / "docs" / "identification.md", {"emps": text})
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from marked_text import put
+from marked_text import rewrite
 
 from msl_fem.actuator import ECore, load_actuator
 from msl_fem.magnetics.kinds.e_core import MagnetField, magnet_mesh
@@ -132,11 +132,9 @@ def main() -> None:
         "flux linkage": changes(plain, corrected, "flux_linkage"),
         "what if": what_if(magnet, actuator.folder),
     }
-    text = DOCUMENT.read_text(encoding="utf-8")
     for name, lines in parts.items():
         print(name, *lines, sep="\n")
-        text = put(text, name, "\n".join(lines))
-    DOCUMENT.write_text(text, encoding="utf-8")
+    rewrite(DOCUMENT, {name: "\n".join(lines) for name, lines in parts.items()})
     print(f"window factor {window_factor(magnet):.3f}, height that counts {gap_edges(magnet).reach * 1e3:.2f} mm")
 
 

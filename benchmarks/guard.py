@@ -19,6 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from marked_text import rewrite
 
 from msl_fem.export.c_guard import guard_header
 from msl_fem.maps import Guard, OperatingMap, operating_map
@@ -26,7 +27,6 @@ from msl_fem.maps.guard import region_of
 from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent
-BEGIN, END = "<!-- benchmarks/guard.py writes from here -->", "<!-- to here -->"
 WISHED = 50.0  # ns
 PROGRAM = r"""
 #define _POSIX_C_SOURCE 199309L
@@ -152,13 +152,6 @@ def markdown(operating_map: OperatingMap, *, n: int, runs: int) -> str:
     return "\n".join(lines) + "\n"
 
 
-def into_docs(text: str) -> None:
-    """Puts the text between the two marks of docs/guard.md."""
-    path = ROOT / "docs" / "guard.md"
-    before, rest = path.read_text(encoding="utf-8").split(BEGIN)
-    path.write_text(before + BEGIN + "\n" + text + END + rest.split(END)[1], encoding="utf-8")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pairs", type=int, default=1_000_000)
@@ -170,7 +163,7 @@ def main() -> None:
     )
     sys.stdout.write(text)
     if given.docs:
-        into_docs(text)
+        rewrite(ROOT / "docs" / "guard.md", {"guard": text})
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """ARMAX at the statistical limit: four cases against the Cramer-Rao bound, beside sippy-unipi and sysidentpy.
 
-    python -m benchmarks.identification [--peer-python /path/to/python] [--seeds 10] [--coverage 100] [--docs]
+    python benchmarks/identification.py [--peer-python /path/to/python] [--seeds 10] [--coverage 100] [--docs]
 
 Every tool runs in its own process, one thread, with a time limit; it fits the same simulated data with the true orders.
 The interpreter of --peer-python needs sippy-unipi and sysidentpy. Score: squared parameter error over the bound, 1 when
@@ -23,10 +23,10 @@ import numpy as np
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tests" / "identification"))
 from armax_cases import CASES, efficiency, fisher_information  # noqa: E402
+from marked_text import rewrite  # noqa: E402
 
 from msl_fem.identification import fit_armax  # noqa: E402
 
-BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"
 SHORT, LONG = 20_000, 200_000
 PEERS = {
     "sippy-unipi ILLS": "sippy-ills",
@@ -123,9 +123,7 @@ def main():
     text = markdown(given)
     sys.stdout.write(text)
     if given.docs:
-        path = ROOT / "docs" / "identification.md"
-        before, rest = path.read_text(encoding="utf-8").split(BEGIN)
-        path.write_text(before + BEGIN + "\n" + text + END + rest.split(END)[1], encoding="utf-8")
+        rewrite(ROOT / "docs" / "identification.md", {"benchmark": text})
 
 
 if __name__ == "__main__":

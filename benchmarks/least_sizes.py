@@ -5,11 +5,9 @@
 Records are planned ones: the usual excitations of the virtual bench, simulated by the believed model itself.
 """
 
-from pathlib import Path
-
 import numpy as np
 from diagnosis_study import DRIVES, ROOT, actuator_of
-from marked_text import put
+from marked_text import rewrite
 
 from msl_fem.bench import BenchOptions, sealed_record
 from msl_fem.diagnosis.fit import fit
@@ -71,8 +69,7 @@ def main() -> None:
     said = "; ".join(f"{drive} drive: {', '.join(not_seen(sizes)) or 'all can'}" for drive, sizes in found.items())
     text += f"\n\nNot to be found at 3 % on such a record: {said}."
     print(text)
-    if Path(DOCUMENT).is_file():
-        DOCUMENT.write_text(put(DOCUMENT.read_text(encoding="utf-8"), "least sizes", text), encoding="utf-8")
+    rewrite(DOCUMENT, {"least sizes": text})
 
 
 if __name__ == "__main__":

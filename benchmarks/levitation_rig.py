@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from marked_text import put
+from marked_text import rewrite
 from scipy.optimize import brentq
 
 from msl_fem.record import Record, load_record
@@ -110,10 +110,7 @@ def main() -> None:
     assert motion is not None
     weight = -motion.constant_force
     runs, sentence = levitation(record, table, weight)
-    text = DOCUMENT.read_text(encoding="utf-8")
-    for name, content in (("runs", runs), ("law", sentence), ("lift-off", lift_off(table, weight))):
-        text = put(text, name, content)
-    DOCUMENT.write_text(text, encoding="utf-8")
+    rewrite(DOCUMENT, {"runs": runs, "law": sentence, "lift-off": lift_off(table, weight)})
     print(runs, sentence, sep="\n\n")
 
 

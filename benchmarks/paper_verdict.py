@@ -14,6 +14,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from marked_text import rewrite
+
 from msl_fem.actuator import load_actuator
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record
 from msl_fem.comparison import CompareSettings, Comparison, compare
@@ -24,7 +26,6 @@ from msl_fem.record import load_record, write_record
 from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent
-BEGIN, END = "<!-- benchmarks/paper_verdict.py writes from here -->", "<!-- to here -->"
 HIDDEN = ("gap_offset=3%", "eddy_currents=3%", "magnetic_hysteresis=3%")
 NOISE = "band-limited-noise:band=200 Hz,duration=4 s"
 SPECS = {
@@ -123,10 +124,7 @@ def main() -> None:
             lines += page(seed, answer, found)
             print("\n".join(lines[-14:]), f"\n{found.verdict}\n{time.perf_counter() - started:.0f} s", flush=True)
     if asked.docs:
-        target = ROOT / "docs" / "comparison.md"
-        before, _, rest = target.read_text(encoding="utf-8").partition(BEGIN)
-        text = "\n".join(lines).rstrip()
-        target.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+        rewrite(ROOT / "docs" / "comparison.md", {"paper verdict": "\n".join(lines)})
 
 
 if __name__ == "__main__":

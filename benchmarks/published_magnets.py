@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from marked_text import put
+from marked_text import rewrite
 
 from msl_fem.magnetics.kinds.plunger import PlungerMagnet, PlungerResult, plunger_field, solve_plunger
 from msl_fem.magnetics.solver.section import Region
@@ -241,10 +241,7 @@ TABLES = {
 
 def main() -> None:
     """Write the tables between their markers in docs/verification.md."""
-    text = DOCUMENT.read_text()
-    for name, table in TABLES.items():
-        text = put(text, name, table())
-    DOCUMENT.write_text(text)
+    rewrite(DOCUMENT, {name: table() for name, table in TABLES.items()})
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """The diagnoses of the two real records: the tables of docs/real_records.md.
 
-    python -m benchmarks.real_records [--docs]
+    python benchmarks/real_records.py [--docs]
 
 EMPS as it stands. The levitation rig as it stands, and with the ramps of lift_off.csv as further rows of known force,
 every second one held out.
@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from marked_text import rewrite
 
-from benchmarks.marked_text import put
 from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.other_records import diagnosis_of
@@ -102,13 +102,10 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--docs", action="store_true", help="write the tables into docs/real_records.md")
     given = parser.parse_args()
-    made = {"emps": emps(), "levitation": levitation()}
-    sys.stdout.write("\n\n".join(made.values()) + "\n")
+    tables = {"emps": emps(), "levitation": levitation()}
+    sys.stdout.write("\n\n".join(tables.values()) + "\n")
     if given.docs:
-        text = DOCUMENT.read_text(encoding="utf-8")
-        for name, content in made.items():
-            text = put(text, name, content)
-        DOCUMENT.write_text(text, encoding="utf-8")
+        rewrite(DOCUMENT, tables)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import optuna
+from marked_text import rewrite
 from optuna.samplers import BaseSampler, NSGAIISampler, TPESampler
 
 from msl_fem.design.sizing import (
@@ -150,13 +151,6 @@ def _volume(front: list[tuple[float, ...]], reference: list[float]) -> float:
     return area
 
 
-def into_docs(name: str, text: str) -> None:
-    """Puts the text between docs/sizing.md's marks of that name."""
-    begin, end = f"<!-- benchmarks/sizing.py writes {name} from here -->", f"<!-- end of {name} -->"
-    before, rest = DOCS.read_text(encoding="utf-8").split(begin)
-    DOCS.write_text(before + begin + "\n" + text + end + rest.split(end)[1], encoding="utf-8")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("requirement", nargs="?", type=Path, default=EXAMPLE)
@@ -173,7 +167,7 @@ def main() -> None:
     for name, text in texts.items():
         print(text)
         if given.docs and name != "samplers":
-            into_docs(name, text)
+            rewrite(DOCS, {name: text})
 
 
 if __name__ == "__main__":

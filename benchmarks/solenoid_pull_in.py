@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from marked_text import put
+from marked_text import rewrite
 from numpy.typing import NDArray
 from published_magnets import REFERENCE, solenoid
 
@@ -164,7 +164,7 @@ def main() -> None:
         ("pull-in steel", steel_rows(wanted)),
     ):
         print(content)
-        DOCUMENT.write_text(put(DOCUMENT.read_text(encoding="utf-8"), mark, content), encoding="utf-8")
+        rewrite(DOCUMENT, {mark: content})
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from coupled_model import ALL_EFFECTS, RATE, SPEC, SUBSTEPS, by_scipy, lanes, single
 from guard import of_c, pairs
-from marked_text import put
+from marked_text import rewrite
 
 from msl_fem.actuator import load_actuator
 from msl_fem.export import fmu
@@ -149,8 +149,7 @@ def main() -> None:
     text = markdown(given.runs)
     print(text)
     if given.readme:
-        path = ROOT / "README.md"
-        path.write_text(put(path.read_text(encoding="utf-8"), "speed", text.rstrip()), encoding="utf-8")
+        rewrite(ROOT / "README.md", {"speed": text})
 
 
 if __name__ == "__main__":
