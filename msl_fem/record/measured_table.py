@@ -7,15 +7,16 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.record.record import Noise, StaticMap
+from msl_fem.record.record import StaticMap
+from msl_fem.record.rig_file import Noise
 from msl_fem.table.coenergy_fit import SMOOTHING, CoenergyFit, Samples, SaturatingReluctance, fit_base, fit_coenergy
 from msl_fem.table.magnetic_table import NODES, MagneticTable
 
-Array = NDArray[np.float64]
 GAPS, CURRENTS = 20, 34
 FEWEST_ROWS, FEWEST_GAPS, FEWEST_CURRENTS = 20, 3, 3
 FAR = 0.15
@@ -86,7 +87,7 @@ def table_from_measurements(
     InputError : too few rows, no noise stated for a measured quantity, a grid beyond the measurements
     ComputationError : the rows are not those of a reluctance magnet
     """
-    samples = {name: s for name in CHANNELS if (s := _samples(static, noise, name, "fit")) is not None}
+    samples = _all_samples(static, noise, "fit")
     _refuse_too_few(samples)
     gap, current = _grid(samples, gaps, currents)
     base = fit_base(samples)
@@ -127,6 +128,12 @@ def _positive_fit(
         "the fitted incremental inductance falls below 0 between the nodes; give more --gaps and --currents, or check "
         "the rows for outliers"
     )
+
+
+def _all_samples(static: StaticMap, noise: Noise, role: str) -> dict[str, Samples]:
+    """The rows of a role by the quantity measured."""
+    samples = {name: _samples(static, noise, name, role) for name in CHANNELS}
+    return {name: s for name, s in samples.items() if s is not None}
 
 
 def _samples(static: StaticMap, noise: Noise, name: str, role: str) -> Samples | None:
@@ -177,10 +184,15 @@ def _grid(samples: Mapping[str, Samples], gaps: ArrayLike | None, currents: Arra
     measured = np.unique(np.concatenate([s.gap for s in samples.values()]))
     smallest, largest = float(measured[measured > 0][0]), float(measured[-1])
     highest = max(float(s.current.max()) for s in samples.values())
-    share = np.linspace(0, 1, CURRENTS)
-    gap = np.geomspace(smallest, largest, GAPS) if gaps is None else np.unique(np.asarray(gaps, dtype=float))
-    current = highest * share**1.5 if currents is None else np.unique(np.r_[0.0, np.asarray(currents, dtype=float)])
-    gap[[0, -1]] = np.where(np.isclose(gap[[0, -1]], [smallest, largest], rtol=1e-9), [smallest, largest], gap[[0, -1]])
+    gap = np.geomspace(smallest, largest, GAPS)
+    if gaps is not None:
+        gap = np.unique(np.asarray(gaps, dtype=float))
+    current = highest * np.linspace(0, 1, CURRENTS) ** 1.5
+    if currents is not None:
+        current = np.unique(np.r_[0.0, np.asarray(currents, dtype=float)])
+    for end, bound in ((0, smallest), (-1, largest)):
+        if np.isclose(gap[end], bound, rtol=1e-9):
+            gap[end] = bound
     inside = gap[0] >= smallest and gap[-1] <= largest and current[0] >= 0 and current[-1] <= highest * (1 + 1e-9)
     if not inside:  # also for nan
         raise InputError(
@@ -196,15 +208,18 @@ def _grid(samples: Mapping[str, Samples], gaps: ArrayLike | None, currents: Arra
 
 def _dense(current: Array, gap: Array) -> tuple[Array, Array]:
     """Nodes and middles of a grid as points (current, gap)."""
-    i, g = np.meshgrid(
-        np.sort(np.r_[current, (current[1:] + current[:-1]) / 2]), np.sort(np.r_[gap, (gap[1:] + gap[:-1]) / 2])
-    )
+    i, g = np.meshgrid(np.sort(np.r_[current, _middles(current)]), np.sort(np.r_[gap, _middles(gap)]))
     return i.ravel(), g.ravel()
+
+
+def _middles(nodes: Array) -> Array:
+    return (nodes[1:] + nodes[:-1]) / 2
 
 
 def _sampled(fit: CoenergyFit, gap: Array, current: Array) -> MagneticTable:
     i, g = (v.ravel() for v in np.meshgrid(current, gap))
-    nodes = {name: fit(name, i, g)[0].reshape(gap.size, current.size) for name in NODES}
+    shape = gap.size, current.size
+    nodes = {name: fit(name, i, g)[0].reshape(shape) for name in NODES}
     return MagneticTable(gap, current, nodes)
 
 
@@ -212,17 +227,17 @@ def _report(
     static: StaticMap, noise: Noise, *, fit: CoenergyFit, table: MagneticTable, weighted: Mapping[str, Samples]
 ) -> MeasuredReport:
     residual = {name: _residual(fit, name, s) for name, s in weighted.items()}
-    held_out = {
-        name: _residual(fit, name, _effective(s, name, fit.base, noise))
-        for name in CHANNELS
-        if (s := _inside(fit, _samples(static, noise, name, "held-out"))) is not None
-    }
+    held_out = {}
+    for name, s in _all_samples(static, noise, "held-out").items():
+        kept = _inside(fit, s)
+        if kept.gap.size:
+            held_out[name] = _residual(fit, name, _effective(kept, name, fit.base, noise))
     i, g = _dense(table.current, table.gap)
     between = table.evaluate(i, g)
-    error = {
-        name: float(np.abs(fit(name, i, g)[0] - between[name]).max() / np.abs(table.nodes[name]).max())
-        for name in CHANNELS
-    }
+    error = {}
+    for name in CHANNELS:
+        largest = np.abs(fit(name, i, g)[0] - between[name]).max()
+        error[name] = float(largest / np.abs(table.nodes[name]).max())
     thin = _thin(fit, table, weighted, excess=max(1.0, *residual.values()))
     return MeasuredReport(
         points=int(np.count_nonzero(static.role == "fit")),
@@ -242,15 +257,15 @@ def _report(
 
 def _residual(fit: CoenergyFit, name: str, s: Samples) -> float:
     """RMS of (measured - fitted) over sigma."""
-    return float(np.sqrt(np.mean(((s.value - fit(name, s.current, s.gap)[0]) / s.sigma) ** 2)))
+    error = s.value - fit(name, s.current, s.gap)[0]
+    return float(np.sqrt(np.mean((error / s.sigma) ** 2)))
 
 
-def _inside(fit: CoenergyFit, s: Samples | None) -> Samples | None:
+def _inside(fit: CoenergyFit, s: Samples) -> Samples:
     """The samples within the fitted rectangle."""
-    if s is None:
-        return None
-    kept = (s.gap >= fit.span[0]) & (s.gap <= fit.span[1]) & (s.current <= fit.span[2])
-    return Samples(s.current[kept], s.gap[kept], s.value[kept], s.sigma[kept]) if kept.any() else None
+    smallest, largest, highest = fit.span
+    kept = (s.gap >= smallest) & (s.gap <= largest) & (s.current <= highest)
+    return Samples(s.current[kept], s.gap[kept], s.value[kept], s.sigma[kept])
 
 
 @dataclass(frozen=True)
@@ -268,17 +283,15 @@ def _thin(fit: CoenergyFit, table: MagneticTable, samples: Mapping[str, Samples]
 
     A magnet without remanence is known at i = 0, so that side of the rectangle counts as measured.
     """
-    i, g = (
-        v.ravel()
-        for v in np.meshgrid((table.current[1:] + table.current[:-1]) / 2, (table.gap[1:] + table.gap[:-1]) / 2)
-    )
-    sides = table.current[-1], table.gap[-1] - table.gap[0]
-    apart = i / sides[0]
+    i, g = (v.ravel() for v in np.meshgrid(_middles(table.current), _middles(table.gap)))
+    width, height = table.current[-1], table.gap[-1] - table.gap[0]
+    apart = i / width
     for s in samples.values():
-        away = np.hypot((i[:, None] - s.current) / sides[0], (g[:, None] - s.gap) / sides[1])
+        away = np.hypot((i[:, None] - s.current) / width, (g[:, None] - s.gap) / height)
         apart = np.minimum(apart, away.min(axis=1))
     band = 1.96 * excess * fit("force", i, g)[1] / np.abs(table.nodes["force"]).max()
-    far, thin = apart > FAR, (apart > FAR) | (band > VAGUE)
+    far = apart > FAR
+    thin = far | (band > VAGUE)
     if not thin.any():
         return _Thin(i.size, 0, float(band.max()), ())
     worst = int(np.argmax(np.where(far, apart, 0.0) if far.any() else band))
