@@ -112,17 +112,8 @@ def free_run(plant: KernelPlant, data: RunData, start: Start) -> FreeRun:
     """The run from a start to its end, or to where the plant leaves table or range."""
     n = len(data.commands)
     out = np.full((n, layout.N_OUT), np.nan)
-    status, done = kernel.run(
-        plant.surface,
-        plant.parameters,
-        plant.effects,
-        kernel_state(plant, start),
-        data.commands,
-        np.zeros(n),
-        plant.step,
-        plant.substeps,
-        out,
-    )
+    state = kernel_state(plant, start)
+    status, done = kernel.run(*plant.model, state, data.commands, np.zeros(n), *plant.timing, out)
     out[done:] = np.nan
     return _ended(readings_of(plant, data, out), status, done)
 
@@ -280,7 +271,7 @@ def _in_loop(plant: KernelPlant) -> PlantInLoop:
     hum = instruments.hum.copy()
     hum[0] *= plant.gain
     scaled = instruments._replace(polynomial=polynomial, hum=hum, drift=plant.gain * instruments.drift)
-    return PlantInLoop(plant.surface, plant.parameters, plant.effects, scaled, plant.step, plant.substeps)
+    return PlantInLoop(*plant.model, scaled, *plant.timing)
 
 
 @compiled

@@ -71,6 +71,15 @@ class KernelPlant:
     def step(self) -> float:
         return 1.0 / (self.rate * self.substeps)
 
+    @property
+    def model(self) -> tuple[Surface, PlantParameters, Array | None]:
+        """The first arguments of the kernel's functions."""
+        return self.surface, self.parameters, self.effects
+
+    @property
+    def timing(self) -> tuple[float, int]:
+        return self.step, self.substeps
+
 
 def free_parameters(belief: ModelHypothesis, tolerance: Tolerance) -> dict[str, float]:
     """Parameters that the plant has and that are not known exactly, with one sigma relative."""

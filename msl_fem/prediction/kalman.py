@@ -88,20 +88,10 @@ def kalman_filter(
     predicted, whitened = np.full((2, n, len(names)), np.nan)
     states = np.full((n, N_STATE), np.nan)
     voltages = np.full((n, 2), np.nan)
-    done, log_likelihood = filter_run(
-        plant.surface,
-        plant.parameters,
-        plant.effects,
-        (plant.step, plant.substeps),
-        _setting(plant, data, names, noise),
-        kernel_state(plant, start or guessed_start(plant, data)),
-        data.commands,
-        sensed,
-        predicted,
-        states,
-        whitened,
-        voltages,
-    )
+    setting = _setting(plant, data, names, noise)
+    state = kernel_state(plant, start or guessed_start(plant, data))
+    rows = predicted, states, whitened, voltages
+    done, log_likelihood = filter_run(*plant.model, plant.timing, setting, state, data.commands, sensed, *rows)
     predicted[0] = np.nan
     ended = None if done == n else int(done)
     return KalmanFilterRun(
@@ -122,18 +112,8 @@ def k_step(plant: KernelPlant, data: RunData, found: KalmanFilterRun, horizon: i
     predicted = np.full((n, len(names)), np.nan)
     voltages = np.full((n, 2), np.nan)
     which, delay = _setting(plant, data, names, ProcessNoise(0.0, 0.0))[:2]
-    ahead(
-        plant.surface,
-        plant.parameters,
-        plant.effects,
-        (plant.step, plant.substeps),
-        (which, delay),
-        found.states,
-        data.commands,
-        horizon,
-        predicted,
-        voltages,
-    )
+    timing, readings = plant.timing, (which, delay)
+    ahead(*plant.model, timing, readings, found.states, data.commands, horizon, predicted, voltages)
     return _by_channel(plant, data, predicted, voltages)
 
 
