@@ -179,15 +179,15 @@ class Roots(NamedTuple):
 
 def checked_levels(levels: Sequence[float]) -> Array:
     """The levels as an array; InputError unless they are positive, increasing and flux densities that iron can bear."""
-    wanted = np.asarray(levels, dtype=float)
-    if wanted.ndim != 1 or wanted.size == 0 or not (wanted > 0).all() or not (np.diff(wanted) > 0).all():
+    values = np.asarray(levels, dtype=float)
+    if values.ndim != 1 or values.size == 0 or not (values > 0).all() or not (np.diff(values) > 0).all():
         raise InputError(f"levels must be positive and increasing, like 1.2, 1.6 T; these are {list(levels)} T")
-    if wanted.size > MOST_LEVELS or wanted[-1] > LARGEST_LEVEL or wanted[0] < SMALLEST_LEVEL:
+    if values.size > MOST_LEVELS or values[-1] > LARGEST_LEVEL or values[0] < SMALLEST_LEVEL:
         raise InputError(
-            f"{wanted.size} level(s) from {wanted[0]:g} to {wanted[-1]:g} T are not allowed; give at most "
+            f"{values.size} level(s) from {values[0]:g} to {values[-1]:g} T are not allowed; give at most "
             f"{MOST_LEVELS}, each {SMALLEST_LEVEL:g} ... {LARGEST_LEVEL:g} T, like 1.2, 1.6 T"
         )
-    return wanted
+    return values
 
 
 def operating_map(
@@ -215,25 +215,25 @@ def operating_map(
     OutOfTable : a gap outside the table
     TableError : the table has no section flux densities, or some are not finite
     """
-    wanted = checked_levels(levels)
+    values = checked_levels(levels)
     gaps = np.array(table.gap if gap is None else gap, dtype=float)
     if gaps.ndim != 1 or gaps.size < 2 or not (np.diff(gaps) > 0).all():
         raise InputError("gaps must be increasing and at least two")
-    roots = [_roots(table, wanted, float(g)) for g in gaps]
+    roots = [_roots(table, values, float(g)) for g in gaps]
     current = np.stack([root.current for root in roots], axis=1)
     error = np.stack([root.error for root in roots], axis=1)
     section = tuple(zip(*(root.section for root in roots), strict=True))
     provenance = {} if table.provenance is None else dict(table.provenance)
     falls = monotone_or_why_not(
-        wanted, gaps, current, error=error, section=section, cause="look for noise in the table's flux densities"
+        values, gaps, current, error=error, section=section, cause="look for noise in the table's flux densities"
     )
     return OperatingMap(
-        levels=wanted,
+        levels=values,
         gap=gaps,
         current=current,
         section=section,
         error=error,
-        allowance=_allowance(table, wanted, gaps, roots),
+        allowance=_allowance(table, values, gaps, roots),
         current_max=float(table.current[-1]),
         actuator=str(provenance.get("actuator", "")) if actuator is None else actuator,
         digest=str(provenance.get("actuator_sha256", "")) if digest is None else digest,

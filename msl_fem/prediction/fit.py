@@ -158,37 +158,37 @@ def _fit(
     z = np.zeros(len(sigmas) + residuals.nuisances)
     for _ in range(ROUNDS):
         settings = FitSettings(step=STEP, damping=1.0 if scale else 1e3, most_steps=30)
-        found = fit_map(
+        fit = fit_map(
             lambda rows: np.array([residuals(row, scale) for row in rows]),  # noqa: B023 - used at once
             z,
             settings=settings,
         )
-        z = found.parameters
+        z = fit.parameters
         rms: dict[str, list[Array]] = {}
         for name, part in residuals.channels():
-            rms.setdefault(name, []).append(found.residual[part] * scale.get(name, 1.0))
+            rms.setdefault(name, []).append(fit.residual[part] * scale.get(name, 1.0))
         excess = {name: float(np.sqrt(np.mean(np.concatenate(p) ** 2))) for name, p in rms.items()}
         needed = {name: max(1.0, value) for name, value in excess.items()}
         settled = all(abs(needed[name] / scale.get(name, 1.0) - 1) < ENOUGH - 1 for name in needed)
         scale = needed
         if settled:
             break
-    return _outcome(belief, sigmas, found, by=by, excess=excess)
+    return _outcome(belief, sigmas, fit, by=by, excess=excess)
 
 
 def _outcome(
-    belief: ModelHypothesis, sigmas: Mapping[str, float], found: MapFit, *, by: Method, excess: Mapping[str, float]
+    belief: ModelHypothesis, sigmas: Mapping[str, float], fit: MapFit, *, by: Method, excess: Mapping[str, float]
 ) -> RecordFit:
-    error = np.sqrt(np.diag(found.covariance))
+    error = np.sqrt(np.diag(fit.covariance))
     parameters = {}
     factors = dict(belief.factors)
     for n, (name, sigma) in enumerate(sigmas.items()):
         believed = believed_value(belief, name)
-        z = float(found.parameters[n])
+        z = float(fit.parameters[n])
         low, value, high = (believed * np.exp(sigma * (z + k * 1.96 * error[n])) for k in (-1, 0, 1))
         parameters[name] = FittedParameter(believed, float(value), float(low), float(high), z)
         factors[name] = belief.factors.get(name, 1.0) * float(np.exp(sigma * z))
-    return RecordFit(replace(belief, factors=factors), parameters, by, excess, found)
+    return RecordFit(replace(belief, factors=factors), parameters, by, excess, fit)
 
 
 def _plant(belief: ModelHypothesis, run: RunData, sigmas: Mapping[str, float], z: Array) -> KernelPlant:

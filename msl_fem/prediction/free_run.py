@@ -179,13 +179,13 @@ def measured_start(plant: KernelPlant, data: RunData) -> Start:
         return np.array([residual(z) for z in rows])
 
     try:
-        found = fit_map(residuals, np.zeros(sigmas.size), settings=START_FIT)
-        size = max(1.0, float(np.sqrt(np.mean(found.residual**2))))  # a model error is no information
+        fit = fit_map(residuals, np.zeros(sigmas.size), settings=START_FIT)
+        size = max(1.0, float(np.sqrt(np.mean(fit.residual**2))))  # a model error is no information
         if size > 1.0:
-            found = fit_map(residuals, found.parameters, settings=START_FIT)
+            fit = fit_map(residuals, fit.parameters, settings=START_FIT)
     except ComputationError:
         return guess
-    return moved_start(guess, found.parameters * sigmas)
+    return moved_start(guess, fit.parameters * sigmas)
 
 
 def weighted(run: FreeRun, data: RunData, scale: Mapping[str, float] | None = None) -> Array:

@@ -104,7 +104,7 @@ def kalman_filter(
     )
 
 
-def k_step(plant: KernelPlant, data: RunData, found: KalmanFilterRun, horizon: int) -> dict[str, Array]:
+def k_step(plant: KernelPlant, data: RunData, filtered: KalmanFilterRun, horizon: int) -> dict[str, Array]:
     """Channel to (n_sample,) predicted `horizon` samples ahead of the states a predictor knew; nan before, and where
     the plant would have left table or range."""
     names = _read_channels(data)
@@ -113,7 +113,7 @@ def k_step(plant: KernelPlant, data: RunData, found: KalmanFilterRun, horizon: i
     voltages = np.full((n, 2), np.nan)
     which, delay = _setting(plant, data, names, ProcessNoise(0.0, 0.0))[:2]
     timing, readings = plant.timing, (which, delay)
-    ahead(*plant.model, timing, readings, found.states, data.commands, horizon, predicted, voltages)
+    ahead(*plant.model, timing, readings, filtered.states, data.commands, horizon, predicted, voltages)
     return _by_channel(plant, data, predicted, voltages)
 
 
@@ -145,8 +145,8 @@ def tuned_process_noise(plant: KernelPlant, runs: Sequence[RunData]) -> ProcessN
         for value in values:
             at = list(place)
             at[axis] = float(value)
-            if (found := score(at)) > best:
-                best, place = found, at
+            if (likelihood := score(at)) > best:
+                best, place = likelihood, at
     return ProcessNoise(speed * 10 ** place[0], unit * 10 ** place[1])
 
 

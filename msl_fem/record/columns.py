@@ -119,8 +119,8 @@ def _read_csv(path: Path) -> dict[str, Column]:
     names = [name.strip() for name in next(csv.reader([header], skipinitialspace=True), [])]
     double = next((name for k, name in enumerate(names) if name in names[:k] and name), None)
     if not any(names) or double:
-        said = f"column {double} is there twice" if double else "there are no column names"
-        raise RecordError(f"{path}: row 1: {said}; name each column once in the first row")
+        problem = f"column {double} is there twice" if double else "there are no column names"
+        raise RecordError(f"{path}: row 1: {problem}; name each column once in the first row")
     columns = _numeric_columns(body, width=len(names)) or _cell_columns(body, width=len(names), path=path)
     for k, name in enumerate(names):
         if not name and columns[k].size and (columns[k].dtype.kind == "f" or any(columns[k])):
@@ -189,8 +189,8 @@ def numbers(column: Column, name: str, file: Path | str) -> Array:
     if bad.size:
         cell = column[bad[0]]
         missing = str(cell).lower() in ("", "nan")
-        said = "the value is missing" if missing else f"{str(cell)!r} is not a finite number"
-        raise RecordError(f"{place(file, int(bad[0]))}, column {name}: {said}; write a number or cut the run there")
+        problem = "the value is missing" if missing else f"{str(cell)!r} is not a finite number"
+        raise RecordError(f"{place(file, int(bad[0]))}, column {name}: {problem}; write a number or cut the run there")
     values = np.asarray(column, dtype=np.float64)
     beyond = np.flatnonzero(np.abs(values) > LARGEST)
     if beyond.size:

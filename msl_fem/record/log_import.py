@@ -203,8 +203,8 @@ def _source(column: str, keys: dict[str, str]) -> ColumnSource:
         raise RecordError(f"--columns: {column} is no column of a run; there are {', '.join(CHANNELS)}")
     unknown = [key for key in keys if key not in COLUMN_KEYS]
     if unknown or "source" not in keys:
-        said = f"{unknown[0]} is unknown" if unknown else "source is missing"
-        raise RecordError(f"--columns: {column}: {said}; the keys are {', '.join(COLUMN_KEYS)}")
+        problem = f"{unknown[0]} is unknown" if unknown else "source is missing"
+        raise RecordError(f"--columns: {column}: {problem}; the keys are {', '.join(COLUMN_KEYS)}")
     unit = CHANNELS[column].unit
     try:
         return ColumnSource(column, keys["source"], _scale(keys, unit), _offset(keys, unit))
