@@ -31,7 +31,7 @@ from msl_fem.design.sizing import (
 )
 from msl_fem.design.sizing.closed_form import Factors
 from msl_fem.design.sizing.parameters import design_from
-from msl_fem.design.sizing.sampler import MixedSampler
+from msl_fem.design.sizing.search import MixedSampler
 
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parent / "requirements" / "400_newton.toml"

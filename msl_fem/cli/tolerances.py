@@ -12,7 +12,7 @@ from msl_fem.cli.output import print_columns, print_result, progress_bar
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
 from msl_fem.computing.jobs import RowCache
 from msl_fem.design.tolerances import NAMES, Resources, StudySettings, ToleranceStudy, tolerance_study
-from msl_fem.design.tolerances.deviation import LENGTHS
+from msl_fem.design.tolerances.manufactured import LENGTHS
 from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
 from msl_fem.report.page import write_page

@@ -7,8 +7,8 @@ import pytest
 from sizing_cases import envelope, judge
 
 from msl_fem.design.sizing import first_designs
-from msl_fem.design.sizing.first_guess import first_guess
-from msl_fem.design.sizing.judge import SOLVED
+from msl_fem.design.sizing.evaluation import SOLVED
+from msl_fem.design.sizing.parameters import first_guess
 from msl_fem.errors import RequirementError
 
 TEN_KILONEWTON = {"force": {"minimum": "10 kN", "gap": "0.5 mm"}}

@@ -10,7 +10,7 @@ from sizing_cases import judge
 from msl_fem.design.sizing import Design
 from msl_fem.design.sizing.closed_form import Factors, closed_form, gap_permeance, window_leakage
 from msl_fem.design.sizing.design import plain_magnet
-from msl_fem.design.sizing.first_guess import STACK_ASPECT, WINDOW_ASPECT, first_guess
+from msl_fem.design.sizing.parameters import STACK_ASPECT, WINDOW_ASPECT, first_guess
 from msl_fem.materials.constants import MU_0
 
 PLAIN = Factors(fringing=False, leakage=False)

@@ -9,9 +9,8 @@ from sizing_cases import envelope, judge
 from msl_fem.actuator import Actuator
 from msl_fem.design.sizing import Design, Judge
 from msl_fem.design.sizing import judge as judge_module
-from msl_fem.design.sizing.judge import NOT_BUILT, SOLVED
-from msl_fem.design.sizing.mass import masses
-from msl_fem.design.sizing.performance import PlanePoint, wound
+from msl_fem.design.sizing.design import PlanePoint, masses, wound
+from msl_fem.design.sizing.evaluation import NOT_BUILT, SOLVED
 from msl_fem.magnetics.kinds.e_core import solve
 
 GOOD = Design(14e-3, 7e-3, 7e-3, 7e-3, 16e-3, 28e-3, 1.2, 150.0)

@@ -19,7 +19,7 @@ from sizing_cases import envelope, judge
 
 from msl_fem.computing import jobs
 from msl_fem.design.sizing import Judge, SearchResult, SearchSettings, choose, pareto_front, search
-from msl_fem.design.sizing.judge import NOT_BUILT
+from msl_fem.design.sizing.evaluation import NOT_BUILT
 from msl_fem.design.sizing.search import GUESS
 from msl_fem.errors import InputError
 

@@ -6,8 +6,7 @@ import numpy as np
 from conftest import ROOT
 
 from msl_fem.actuator import Actuator, ECore, load_actuator
-from msl_fem.magnetics.field_map.gap_levels import LevelJob, level_mesh, level_order, level_safety
-from msl_fem.magnetics.field_map.level_roots import Climb
+from msl_fem.magnetics.field_map.gap_levels import Climb, LevelJob, level_mesh, level_order, level_safety
 from msl_fem.magnetics.field_map.readings import reader_of
 from msl_fem.magnetics.kinds.e_core import MagnetField
 from msl_fem.maps import parse_criterion

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msl_fem.magnetics.field_map.chords import chord_allowance, neighbours_counted
+from msl_fem.magnetics.field_map.level_map import chord_allowance, neighbours_counted
 
 
 def reduced_chord(gap, curve, slope, at, section=None):

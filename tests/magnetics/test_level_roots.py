@@ -7,7 +7,7 @@ import pytest
 from field_map_cases import linear_field
 
 from msl_fem.errors import NotConverged
-from msl_fem.magnetics.field_map.level_roots import MOST_SOLUTIONS, Climb
+from msl_fem.magnetics.field_map.gap_levels import MOST_SOLUTIONS, Climb
 from msl_fem.magnetics.field_map.readings import Reading
 
 GAP = 5e-4

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msl_fem.magnetics.field_map.other_curves import other_curves
+from msl_fem.magnetics.field_map.gap_levels import other_curves
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import Iron, laminated, load_iron
 

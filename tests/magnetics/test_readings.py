@@ -4,9 +4,15 @@ import numpy as np
 import pytest
 from field_map_cases import E1, SERVO, currents_at, field_at
 
-from msl_fem.magnetics.field_map.iron_points import area_points, circle_points, edge_points, outside_corners
-from msl_fem.magnetics.field_map.prolongation import prolongation
-from msl_fem.magnetics.field_map.readings import Potentials, reader_of
+from msl_fem.magnetics.field_map.gap_levels import prolongation
+from msl_fem.magnetics.field_map.readings import (
+    Potentials,
+    area_points,
+    circle_points,
+    edge_points,
+    outside_corners,
+    reader_of,
+)
 from msl_fem.magnetics.solver.magnetostatics import field_response
 from msl_fem.magnetics.solver.postprocess import gradient_maps
 from msl_fem.maps import parse_criterion

@@ -1,14 +1,11 @@
 """Sizing: from what a magnet has to do to an actuator file, by closed equations, a search, and fields that judge it."""
 
-from msl_fem.design.sizing.choice import RULE, Choice, choose
-from msl_fem.design.sizing.constraints import Constraint
-from msl_fem.design.sizing.design import Design
-from msl_fem.design.sizing.judge import Judge, Verdict
-from msl_fem.design.sizing.pareto import pareto_front
+from msl_fem.design.sizing.choice import RULE, Choice, choose, pareto_front, sized_actuator, write_sized_actuator
+from msl_fem.design.sizing.design import Constraint, Design
+from msl_fem.design.sizing.evaluation import Judge, Verdict
 from msl_fem.design.sizing.requirement import Requirement, load_requirement, parse_requirement
 from msl_fem.design.sizing.search import SearchResult, SearchSettings, first_designs, search
-from msl_fem.design.sizing.sized_actuator import sized_actuator, write_sized_actuator
-from msl_fem.design.sizing.trial_record import JudgedTrial, figures
+from msl_fem.design.sizing.trials import JudgedTrial, figures
 
 __all__ = [
     "RULE",

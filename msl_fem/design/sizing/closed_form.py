@@ -26,7 +26,7 @@ from itertools import pairwise
 import numpy as np
 
 from msl_fem.actuator import ECore
-from msl_fem.design.sizing.performance import PlanePoint
+from msl_fem.design.sizing.design import PlanePoint
 from msl_fem.magnetics.kinds.end_effects import corner_excess
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron

@@ -1,17 +1,20 @@
-"""The best design by the closed equations: thousands of them in a second, where fields would take minutes."""
+"""The best design by the closed equations, thousands of them in a second; and demands that no magnet meets together."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import differential_evolution, minimize
 
-from msl_fem.design.sizing.design import Design
-from msl_fem.design.sizing.judge import Judge, Verdict
-from msl_fem.design.sizing.parameters import Space, Span, design_from, parameters_of
+from msl_fem.computing.arrays import Array
+from msl_fem.design.sizing.design import GRID, Constraint, Design, overall_depth
+from msl_fem.design.sizing.evaluation import CLOSED_FORM_ERROR, SOLVED, Judge, Verdict
+from msl_fem.design.sizing.parameters import BEYOND, Space, Span, design_from, parameters_of
+from msl_fem.design.sizing.requirement import Envelope
+from msl_fem.errors import ComputationError, RequirementError
+from msl_fem.files.quantity import format_quantity
 
-Array = NDArray[np.float64]
 Score = Callable[[Verdict], float]
 """Of a design with a performance; the least is wanted."""
 REFUSED = 1e6
@@ -90,3 +93,134 @@ def _place(value: float, span: Span) -> float:
     if span.log:
         return float(np.log(value / span.low) / np.log(span.high / span.low))
     return (value - span.low) / (span.high - span.low)
+
+
+ROOMY = 1e4
+"""Times the envelope: in it every design can be judged, whatever its size."""
+LEAST_FLUX = 0.02
+"""Of the flux limit: how little the iron may carry where room for copper is what lacks."""
+_PENALTY = 100.0  # of what is not asked about
+_SLIGHT = 0.01  # of a limit: what rounded dimensions break
+_ENVELOPE = "envelope_"
+
+
+@dataclass(frozen=True)
+class ClashSearch:
+    """Asks the closed equations what a requirement would need."""
+
+    judge: Judge
+    space: Space
+
+    @cached_property
+    def roomy(self) -> Judge:
+        """The judge without walls."""
+        envelope = self.judge.requirement.envelope
+        stated = {name: getattr(envelope, name) for name in ("width", "height", "depth")}
+        wide = Envelope(**{name: None if size is None else size * ROOMY for name, size in stated.items()})
+        return Judge(self.judge.requirement.model_copy(update={"envelope": wide}))
+
+    def closest(self) -> Found:
+        """The design whose largest violation is the least; its verdict's constraints are the requirement's own."""
+        found = ClosedSearch(self.roomy, self.space, lambda v: _worst(_narrow(v.constraints))).everywhere()
+        return replace(found, verdict=replace(found.verdict, constraints=_narrow(found.verdict.constraints)))
+
+    def needed_envelope(self) -> tuple[float, tuple[Constraint, ...]]:
+        """How many times as large the envelope must be, all else kept, and its constraints at that design."""
+
+        def score(verdict: Verdict) -> float:
+            demands = _narrow(verdict.constraints)
+            return (
+                1
+                + _worst(c for c in demands if _of_envelope(c))
+                + _PENALTY * max(0.0, _worst(c for c in demands if not _of_envelope(c)))
+            )
+
+        found = ClosedSearch(self.roomy, self.space, score).everywhere()
+        return found.score, tuple(c for c in _narrow(found.verdict.constraints) if _of_envelope(c))
+
+    def strongest(self) -> Found:
+        """The design inside the envelope with the most force, its stack as deep as the envelope lets it be."""
+        requirement = self.judge.requirement
+        assert requirement.envelope.depth is not None
+        room = requirement.envelope.depth - GRID
+
+        def deepest(design: Design) -> Design:
+            stack = max(room - overall_depth(design, requirement, 0.0), GRID)
+            return replace(design, force=stack * self.judge.circuit(design).point.force)
+
+        def score(verdict: Verdict) -> float:
+            assert verdict.performance is not None
+            others = _worst(c for c in verdict.constraints if c.name != "force")
+            return -verdict.performance.force * (1 - _PENALTY * max(0.0, others))
+
+        spans = self.space.spans | {"flux_share": Span(LEAST_FLUX, BEYOND, False)}
+        return ClosedSearch(self.judge, replace(self.space, spans=spans), score, deepest).everywhere()
+
+
+def refuse_clash(judge: Judge, space: Space) -> Design:
+    """The closed equations' closest design, where the requirement may be met.
+
+    Raises
+    ------
+    RequirementError : even that design breaks a constraint by more than the closed equations are wrong by; the message
+        names the constraints, the force that there is room for, and the envelope that would do
+    """
+    asked, requirement = ClashSearch(judge, space), judge.requirement
+    closest = asked.closest()
+    if closest.score <= CLOSED_FORM_ERROR:
+        return closest.design
+    said = [
+        f"{requirement.name} cannot be met: {requirement.force.minimum:g} N at "
+        f"{format_quantity(requirement.force.gap, 'm')} below {requirement.flux.limit:g} T; the closest design has "
+        + ", ".join(broken(closest.verdict.constraints, beyond=_SLIGHT))
+    ]
+    if requirement.envelope.depth is not None:
+        said.append(_room(asked))
+    if any(_of_envelope(c) for c in closest.verdict.constraints):
+        times, sides = asked.needed_envelope()
+        if times < _PENALTY:
+            sizes = " x ".join(f"{c.limit * times * 1e3:.3g}" for c in sides)
+            names = " x ".join(c.name.removeprefix(_ENVELOPE) for c in sides)
+            said.append(f"the envelope must be {times:.3g} times as large, {sizes} mm ({names})")
+    raise RequirementError("; ".join([*said, "ask for less force, or allow more flux density, room, heat or supply"]))
+
+
+def broken(constraints: Iterable[Constraint], *, beyond: float = 0.0) -> list[str]:
+    """The constraints broken beyond a share of their limit, the worst first: "envelope_width 35 mm (at most 20 mm)"."""
+    worst_first = sorted((c for c in constraints if c.violation > beyond), key=lambda c: -c.violation)
+    return [
+        f"{c.name} {format_quantity(c.value, c.unit, digits=3)} (at {'most' if c.upper else 'least'} "
+        f"{format_quantity(c.limit, c.unit, digits=3)})"
+        for c in worst_first
+    ]
+
+
+def _room(asked: ClashSearch) -> str:
+    """How much force the envelope has room for, by the closed equations and, at that design, by the field."""
+    found = asked.strongest()
+    if found.verdict.performance is None or found.score >= 0:
+        return "into the envelope fits no magnet at all"
+    force, depth = found.verdict.performance.force, found.verdict.performance.magnet.stack_depth
+    iron = found.design.flux_density
+    text = f"in the stated envelope the other limits allow at most {force:.3g} N (iron at {iron:.3g} T)"
+    try:
+        verdict = asked.judge.by_field(found.design)
+    except ComputationError:
+        return text
+    if verdict.judged != SOLVED or verdict.performance is None:
+        return text
+    by_field = found.design.force * depth / verdict.performance.magnet.stack_depth
+    return f"{text} by the closed equations, {by_field:.3g} N by the field of that design"
+
+
+def _of_envelope(constraint: Constraint) -> bool:
+    return constraint.name.startswith(_ENVELOPE)
+
+
+def _narrow(constraints: Iterable[Constraint]) -> tuple[Constraint, ...]:
+    """The constraints with the envelope's own limits."""
+    return tuple(replace(c, limit=c.limit / ROOMY) if _of_envelope(c) else c for c in constraints)
+
+
+def _worst(constraints: Iterable[Constraint]) -> float:
+    return max((c.violation for c in constraints), default=0.0)

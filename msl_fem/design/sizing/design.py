@@ -1,11 +1,70 @@
-"""A design: the free dimensions of an E-core's section, how hard its iron works, and what it pulls."""
+"""A design, its constraints, and what it gives as a wound magnet, by the closed equations or by a field."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
-from msl_fem.actuator import Coil, ECore
-from msl_fem.design.sizing.constraints import Constraint, at_least, at_most
-from msl_fem.design.sizing.requirement import Requirement
+from msl_fem.actuator import Actuator, Coil, ECore
+from msl_fem.design.sizing.requirement import Densities, Heat, Requirement
+from msl_fem.losses import Cooling, Cycle, Heating, peak_rise, thermal_network
+from msl_fem.materials.constants import COPPER_DENSITY
+
+LARGEST = 1e6  # of a violation
+ROUNDING = 1e-9  # relative: what adding lengths costs
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """One demand on a design.
+
+    Attributes
+    ----------
+    value, limit : in `unit`
+    upper : the value must not be above the limit (else: not below it)
+    """
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+    upper: bool
+
+    @property
+    def margin(self) -> float:
+        """In `unit`; negative where the constraint is broken."""
+        return self.limit - self.value if self.upper else self.value - self.limit
+
+    @property
+    def violation(self) -> float:
+        """Relative to the limit; at most 0 where the constraint is kept, and never infinite."""
+        return min(max(-self.margin / abs(self.limit) - ROUNDING, -LARGEST), LARGEST)
+
+    @property
+    def kept(self) -> bool:
+        return self.violation <= 0
+
+    def fields(self) -> dict[str, Any]:
+        """As JSON states it."""
+        return {
+            "name": self.name, "value": self.value, "limit": self.limit, "margin": self.margin, "unit": self.unit,
+            "at": "most" if self.upper else "least",
+        }  # fmt: skip
+
+
+def at_most(name: str, value: float, limit: float, unit: str) -> Constraint:
+    """The value must not be above the limit."""
+    return Constraint(name, value, limit, unit, True)
+
+
+def at_least(name: str, value: float, limit: float, unit: str) -> Constraint:
+    """The value must not be below the limit."""
+    return Constraint(name, value, limit, unit, False)
+
+
+def total_violation(constraints: tuple[Constraint, ...]) -> float:
+    """The sum of what is broken, relative to the limits; 0 where all is kept."""
+    return sum(max(c.violation, 0.0) for c in constraints)
+
 
 GRID = 1e-5
 """m; dimensions are multiples of it."""
@@ -130,3 +189,173 @@ def _coil(design: Design, requirement: Requirement) -> dict[str, Any]:
         "leg_clearance": winding.leg_clearance,
         "face_clearance": winding.face_clearance,
     }
+
+
+SILICON_STEEL_DENSITY = 7650.0
+"""kg/m3, where nothing better is known: non-oriented sheet with about 3 % silicon (EN 10106, M270-35A)."""
+IRON_DENSITIES = {
+    # semi-processed grades by their old AISI names: 7.65 to 7.75 (ASTM A34, assumed densities by silicon content)
+    "m15": 7650.0, "m19": 7650.0, "m19_pyleecan": 7650.0, "m19_29ga_pyleecan": 7650.0, "m27": 7650.0, "m36": 7700.0,
+    "m45": 7750.0,
+    # EN 10106, conventional densities
+    "m235_35a_pyleecan": 7600.0, "m270_35a_pyleecan": 7650.0, "m400_50a_pyleecan": 7700.0, "m530_65a_pyleecan": 7700.0,
+    # data sheets: plain carbon steels and iron 7870, AISI 430 7740, cobalt irons 8120
+    "steel_1010": 7870.0, "steel_1020": 7870.0, "pure_iron": 7870.0, "stainless_430": 7740.0, "hiperco_50": 8120.0,
+    "vanadium_permendur": 8120.0,
+}  # fmt: skip
+"""kg/m3 by the library's names."""
+
+
+@dataclass(frozen=True)
+class Masses:
+    """kg of one magnet; `total` is all of it, `armature` is what moves."""
+
+    core: float
+    armature: float
+    copper: float
+
+    @property
+    def total(self) -> float:
+        return self.core + self.armature + self.copper
+
+
+def masses(magnet: ECore, densities: Densities) -> Masses:
+    """The masses of a magnet: sheets fill the stack by the stacking factor, wire the coil by the fill factor.
+
+    Insulation of sheets and wire, bobbin and screws are left out.
+    """
+    iron = magnet.iron
+    envelope = 2 * magnet.half_width * magnet.height
+    core = (envelope - 2 * magnet.window_width * magnet.window_height) * magnet.stack_depth * iron.core_stacking
+    armature = 2 * magnet.armature_half_width * magnet.armature_thickness * magnet.stack_depth * iron.armature_stacking
+    copper = magnet.coil.fill_factor * magnet.coil_section * magnet.mean_turn_length
+    return Masses(
+        core=core * (densities.core or iron_density(iron.core)),
+        armature=armature * (densities.armature or iron_density(iron.armature)),
+        copper=copper * (densities.copper or COPPER_DENSITY),
+    )
+
+
+def iron_density(name: str) -> float:
+    """kg/m3 of an iron by its name; that of silicon steel where the name says nothing."""
+    return IRON_DENSITIES.get(name, SILICON_STEEL_DENSITY)
+
+
+@dataclass(frozen=True)
+class PlanePoint:
+    """One working point of a section, per metre of depth; one turn, so that the current is the magnetomotive force.
+
+    Attributes
+    ----------
+    ampere_turns : A
+    force : N/m
+    force_slope : N/(A m), dF/d(ampere turns)
+    inductance : H/m, incremental, of one turn
+    flux_density : T in the iron, mean over `section`, the most loaded one
+    """
+
+    ampere_turns: float
+    force: float
+    force_slope: float
+    inductance: float
+    flux_density: float
+    section: str
+
+
+@dataclass(frozen=True)
+class Performance:
+    """A wound magnet at the current that gives its force.
+
+    Attributes
+    ----------
+    magnet : with its depth and turns
+    current : A in the coil
+    force, flux_density, section : at that current
+    resistance : ohm, 20 degC
+    loss : W, copper at 20 degC and that current
+    inductance : H, incremental at that current
+    current_density : A/m2 in the copper
+    slew_rate : N/s that the supply can raise the force by, at that current
+    temperature_rise : K of the winding above the air; inf where no temperature balances the loss
+    """
+
+    magnet: ECore
+    masses: Masses
+    current: float
+    force: float
+    flux_density: float
+    section: str
+    resistance: float
+    loss: float
+    inductance: float
+    current_density: float
+    slew_rate: float
+    temperature_rise: float
+
+
+def wound(design: Design, point: PlanePoint, requirement: Requirement, *, depth: float) -> Performance:
+    """The magnet of a depth with the turns that its supply asks for.
+
+    Turns share a given magnetomotive force between current and voltage: the fewest whose current stays below the
+    supply's are taken, which leaves the most voltage for dF/dt = (dF/di) (V - R i) / (dlambda/di). A stated wire
+    diameter fixes the turns instead, as many as the copper's area holds (one at least).
+
+    Raises
+    ------
+    ValueError : proportions that no section may have
+    """
+    fill = None
+    plain = magnet_of(design, requirement, depth=depth, turns=1)
+    if requirement.winding.wire_diameter is None:
+        turns = max(1, math.ceil(point.ampere_turns / requirement.coil_current * (1 - 1e-12)))
+    else:
+        wire = math.pi / 4 * requirement.winding.wire_diameter**2
+        turns = max(1, math.floor(requirement.winding.fill_factor * plain.coil_section / wire))
+        fill = min(turns * wire / plain.coil_section, 1 - 1e-9)
+    magnet = magnet_of(design, requirement, depth=depth, turns=turns, fill=fill)
+    current, resistance = point.ampere_turns / turns, magnet.winding_resistance
+    loss, inductance = resistance * current**2, turns**2 * point.inductance * depth
+    headroom = requirement.coil_voltage - resistance * current
+    return Performance(
+        magnet=magnet,
+        masses=masses(magnet, requirement.densities),
+        current=current,
+        force=point.force * depth,
+        flux_density=point.flux_density,
+        section=point.section,
+        resistance=resistance,
+        loss=loss,
+        inductance=inductance,
+        current_density=point.ampere_turns / (magnet.coil.fill_factor * magnet.coil_section),
+        slew_rate=point.force_slope * depth * turns * headroom / inductance,
+        temperature_rise=_temperature_rise(magnet, current, requirement.heat),
+    )
+
+
+def _temperature_rise(magnet: ECore, current: float, heat: Heat) -> float:
+    """By the network of winding and core, the current flowing for `duty` of a short period (`msl_fem.losses`)."""
+    alone = Actuator(schema=1, name="magnet", magnet=magnet)
+    network = thermal_network(alone, Cooling(heat_transfer_coefficient=heat.heat_transfer))
+    return peak_rise(network, Heating(magnet.winding_resistance), current, cycle=Cycle(heat.duty))
+
+
+def performance_constraints(found: Performance, requirement: Requirement) -> tuple[Constraint, ...]:
+    """The demands on a wound magnet, those of its envelope's depth included."""
+    heat, envelope = requirement.heat, requirement.envelope
+    demands = [
+        at_least("force", found.force, requirement.force.minimum, "N"),
+        at_most("flux_density", found.flux_density, requirement.flux.limit, "T"),
+        at_most("current", found.current, requirement.coil_current, "A"),
+        at_most("voltage", found.resistance * found.current, requirement.coil_voltage, "V"),
+    ]
+    if requirement.force.slew_rate is not None:
+        demands.append(at_least("force_slew_rate", found.slew_rate, requirement.force.slew_rate, "N/s"))
+    if heat.largest_current_density is not None:
+        demands.append(at_most("current_density", found.current_density, heat.largest_current_density, "A/m^2"))
+    if heat.temperature_rise is not None:
+        demands.append(at_most("temperature_rise", found.temperature_rise, heat.temperature_rise, "K"))
+    if envelope.depth is not None:
+        coil = found.magnet.coil
+        total = found.magnet.stack_depth + 2 * (coil.leg_clearance + coil.width)
+        demands.append(at_most("envelope_depth", total, envelope.depth, "m"))
+    return tuple(demands)

@@ -1,28 +1,236 @@
-"""The currents of all levels at one gap, with what they may be wrong by: a job's rows for the processes of a sweep."""
+"""The currents of all levels at one gap, by Newton's iteration on field solutions, with what they may be wrong by.
+
+Errors are those of the mesh, told by one polynomial degree more, and of the B-H curve, told by other curves through its
+points. A gap is a row of a job.
+"""
 
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
+from scipy.interpolate import PchipInterpolator
 
 from msl_fem.actuator import ECore
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.jobs import Arrays
 from msl_fem.errors import NotConverged
-from msl_fem.magnetics.field_map.level_roots import Climb, Point, Root
-from msl_fem.magnetics.field_map.other_curves import other_curves
-from msl_fem.magnetics.field_map.prolongation import prolongation
-from msl_fem.magnetics.field_map.readings import Potentials, Reader, reader_of
+from msl_fem.magnetics.field_map.readings import Potentials, Reader, Reading, reader_of
 from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section
-from msl_fem.magnetics.solver.magnetostatics import FieldModel, NewtonSettings, solve_field
+from msl_fem.magnetics.solver.magnetostatics import (
+    FieldModel,
+    FieldSolution,
+    NewtonSettings,
+    field_response,
+    solve_field,
+)
 from msl_fem.magnetics.solver.mesh import TriangleMesh, triangulate
 from msl_fem.magnetics.solver.postprocess import irons_on_tail
 from msl_fem.magnetics.sweep.rows import FieldJob
 from msl_fem.maps.level_currents import MAX, Criterion
+from msl_fem.materials.constants import MU_0
+from msl_fem.materials.material import AnalyticIron, Iron
+
+TOLERANCE = 1e-5
+"""Of the current: the last Newton step, whose error is about its square; or the width of the bracket."""
+MOST_SOLUTIONS = 60
+FIRST_SHARE = 0.5  # of the current that drives the first level across both gaps, without iron
+LARGEST_RISE = 2.0  # of the current, in a step into the unknown
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A field solution at a gap, its derivative dA/di, and what the criterion reads there."""
+
+    solution: FieldSolution
+    by_current: Array
+    reading: Reading
+
+    @property
+    def current(self) -> float:
+        return self.solution.current
+
+
+class Root(NamedTuple):
+    """The current of a level and the point next to it; nan where the level is not reached, with the last point."""
+
+    current: float
+    point: Point
+
+
+class Climb:
+    """The field of one gap along the current; every solution starts from the tangent of the nearest one known.
+
+    The criterion rises with the current, and mostly ever slower as the iron saturates: Newton's iteration on the
+    current, with the criterion's exact derivative, then comes from below and never passes the root. What does not
+    behave so is bracketed.
+    """
+
+    def __init__(self, field: MagnetField, reader: Reader, gap: float) -> None:
+        self.field, self.gap = field, gap
+        self._reader = reader
+        self.known: list[Point] = []
+        self.newton_iterations = 0
+
+    def at(self, current: float) -> Point:
+        """The field at a current; raises NotConverged."""
+        solution = self._solve(current)
+        response = field_response(self.field.model, solution)
+        potentials = Potentials(solution.potential, response.by_current, response.by_gap)
+        point = Point(solution, response.by_current, self._reader(self.field.model, potentials))
+        self.known.append(point)
+        self.newton_iterations += len(solution.trail)
+        return point
+
+    def _solve(self, current: float) -> FieldSolution:
+        if self.known:
+            near = min(self.known, key=lambda point: abs(point.current - current))
+            start = near.solution.potential + near.by_current * (current - near.current)
+            try:
+                return self.field.solve(current, self.gap, start=start)
+            except NotConverged:
+                pass
+        return self.field.solve(current, self.gap)
+
+    def root(self, level: float, most: float) -> Root:
+        """The smallest current up to `most` at which the criterion takes the level.
+
+        Where the criterion passes a level several times within one step along the current, which needs a section that
+        unloads as the current rises, it may be a later one.
+
+        Raises
+        ------
+        NotConverged : a field solution, or the search itself
+        """
+        low, high = self._bracket(level)
+        guess = self._first(level) if low is None and high is None else self._next(level, low, high)
+        last_step = np.inf
+        for _ in range(MOST_SOLUTIONS):
+            if high is None and guess >= most:
+                if low is not None and low.current >= most:
+                    return Root(np.nan, low)
+                guess = most
+            point = self.at(guess)
+            left = level - point.reading.value
+            low, high = (point, high) if left > 0 else (low, point)
+            step = left / point.reading.current_slope if point.reading.current_slope > 0 else np.inf
+            if abs(step) <= TOLERANCE * point.current and point.current + step <= most:
+                return Root(point.current + step, point)
+            if low is not None and high is not None and high.current - low.current <= TOLERANCE * high.current:
+                return Root(_between(low, high, level), point)
+            guess = point.current + step
+            slow = abs(step) > 0.5 * last_step
+            last_step = abs(step)
+            if not _inside(guess, low, high) or (slow and high is not None):
+                guess, last_step = self._next(level, low, high), np.inf
+            elif high is None:
+                guess = min(guess, LARGEST_RISE * point.current)
+        raise NotConverged(
+            f"no current that brings {level:g} T was found at gap {self.gap * 1e3:g} mm in {MOST_SOLUTIONS} field "
+            "solutions; leave the gap or the level out, or choose another criterion"
+        )
+
+    def _bracket(self, level: float) -> tuple[Point | None, Point | None]:
+        """The neighbours of the level's first crossing among the points known."""
+        points = sorted(self.known, key=lambda point: point.current)
+        above = next((k for k, point in enumerate(points) if point.reading.value >= level), len(points))
+        return (points[above - 1] if above else None), (points[above] if above < len(points) else None)
+
+    def _first(self, level: float) -> float:
+        return FIRST_SHARE * level * 2 * self.gap / (MU_0 * self.field.magnet.coil.turns)
+
+    def _next(self, level: float, low: Point | None, high: Point | None) -> float:
+        """A current inside the bracket, by regula falsi kept off its ends, or beyond the last point known."""
+        if high is None:
+            assert low is not None, "a point is known"
+            slope = low.reading.current_slope
+            step = (level - low.reading.value) / slope if slope > 0 else np.inf
+            return low.current + min(step, (LARGEST_RISE - 1) * low.current)
+        start, value = (low.current, low.reading.value) if low is not None else (0.0, 0.0)
+        share = (level - value) / max(high.reading.value - value, 1e-300)
+        return start + min(max(share, 0.1), 0.9) * (high.current - start)
+
+
+def _inside(current: float, low: Point | None, high: Point | None) -> bool:
+    start = low.current if low is not None else 0.0
+    return start < current and (high is None or current < high.current)
+
+
+def _between(low: Point, high: Point, level: float) -> float:
+    share = (level - low.reading.value) / (high.reading.value - low.reading.value)
+    return low.current + share * (high.current - low.current)
+
+
+def prolongation(coarse: FieldModel, fine: FieldModel) -> sparse.csr_matrix:
+    """The matrix (n_dof of `fine`, n_dof of `coarse`) that reproduces a potential exactly; both on one mesh.
+
+    Degrees of freedom are values at points, so a row holds the coarse element's functions at the fine one's point.
+    """
+    dofs = fine.basis.element_dofs  # (local, element)
+    place = np.full(fine.n_dof, -1)
+    place[dofs.ravel()] = np.arange(dofs.size)
+    element = place % dofs.shape[1]
+    mapping = coarse.basis.mapping
+    at = mapping.invF(fine.basis.doflocs[:, :, None], tind=element)
+    n = np.arange(fine.n_dof)
+    values, columns = [], []
+    for k in range(coarse.basis.Nbfun):
+        values.append(np.asarray(coarse.basis.elem.gbasis(mapping, at, k, tind=element)[0])[:, 0])
+        columns.append(coarse.basis.element_dofs[k, element])
+    rows = np.tile(n, len(values))
+    return sparse.csr_matrix(
+        (np.concatenate(values), (rows, np.concatenate(columns))), shape=(fine.n_dof, coarse.n_dof)
+    )
+
+
+PIECES = 8  # an interval between two points
+FEWEST = 9  # points that may be thinned
+THINNED_SHARE = 1 / 3
+"""What half the points change, of that all points leave open: a smooth curve's error grows 16-fold, a kink's 4-fold."""
+
+
+class OtherCurve(NamedTuple):
+    """An iron that might as well be the one given, and the share of its difference that counts as error."""
+
+    iron: Iron
+    share: float
+
+
+def other_curves(iron: Iron | AnalyticIron) -> tuple[OtherCurve, ...]:
+    """Irons whose curves take other courses through the same points, or through half of them; none for a formula.
+
+    The monotone cubics (Fritsch and Butland 1984) of H over B and of B over H, each continued as an odd function and
+    sampled so densely that how the samples are joined no longer matters; and the iron's own course through every other
+    point, which tells what the points' spacing is worth where all courses through all points are alike.
+    """
+    if isinstance(iron, AnalyticIron):
+        return ()
+    b, h = iron.flux_density, iron.field_strength
+    fine_b, fine_h = _subdivided(b), _subdivided(h)
+    found = [
+        OtherCurve(replace(iron, flux_density=fine_b, field_strength=_odd_monotone(b, h, fine_b)), 1.0),
+        OtherCurve(replace(iron, flux_density=_odd_monotone(h, b, fine_h), field_strength=fine_h), 1.0),
+    ]
+    if b.size >= FEWEST:
+        for start in (1, 2):
+            kept = np.unique(np.r_[0, np.arange(start, b.size, 2), b.size - 1])
+            found.append(OtherCurve(replace(iron, flux_density=b[kept], field_strength=h[kept]), THINNED_SHARE))
+    return tuple(found)
+
+
+def _subdivided(points: Array) -> Array:
+    share = np.arange(PIECES) / PIECES
+    inner = points[:-1, None] + np.diff(points)[:, None] * share
+    return np.r_[inner.ravel(), points[-1]]
+
+
+def _odd_monotone(x: Array, y: Array, at: Array) -> Array:
+    return np.asarray(PchipInterpolator(np.r_[-x[:0:-1], x], np.r_[-y[:0:-1], y])(at))
+
 
 ENOUGH = 1e-5  # tolerance of a solution that serves an error's estimate
 CIRCLE_SIZE = 0.1  # of the radius of the criterion `max`: elements at the iron's corners

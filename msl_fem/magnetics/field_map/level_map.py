@@ -13,15 +13,108 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, failures, run_jobs
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.field_map.chords import chord_allowance, neighbours_counted
 from msl_fem.magnetics.field_map.gap_levels import GapRow, GapSolver, LevelJob, level_mesh, level_order, level_safety
-from msl_fem.magnetics.field_map.ranges import checked_gaps, default_gaps, drive_limit, largest_current
 from msl_fem.magnetics.kinds.accuracy import LEVELS as ACCURACIES
 from msl_fem.magnetics.kinds.accuracy import Accuracy
-from msl_fem.magnetics.kinds.e_core import MagnetField
+from msl_fem.magnetics.kinds.e_core import MagnetField, check_grid, check_point
 from msl_fem.magnetics.sweep.rows import field_key, field_provenance
 from msl_fem.maps import LEVELS, MEAN, OperatingMap, parse_criterion
 from msl_fem.maps.level_currents import checked_levels, monotone_or_why_not
+
+LARGEST_DENSITY = 1e8  # A/m2 in the copper: to there a level is looked for, unless the drive reaches farther
+PREFERRED_NUMBERS = (
+    1.0, 1.12, 1.25, 1.4, 1.6, 1.8, 2.0, 2.24, 2.5, 2.8, 3.15, 3.55, 4.0, 4.5, 5.0, 5.6, 6.3, 7.1, 8.0, 9.0,
+)  # fmt: skip
+"""The series R20 of ISO 3, twenty a decade: a curve is within 0.1 % of the chords between."""
+NO_RANGE = 1 / 200, 1 / 16  # default gaps of a magnet without a range, of the core's half width
+
+
+def default_gaps(actuator: Actuator) -> Array:
+    """Gaps (m) over an actuator's range with a margin: both ends, the nominal gap, and preferred numbers between.
+
+    From half the smallest gap to a sixth of the nominal gap beyond the largest, as a table's; for a magnet without a
+    range from a two hundredth to a sixteenth of the core's half width.
+    """
+    motion = actuator.motion
+    ends: list[float]
+    if motion is None or motion.nominal_gap is None or motion.range is None:
+        half = actuator.e_core().half_width
+        ends, wanted = [half * share for share in NO_RANGE], []
+    else:
+        ends = [(motion.nominal_gap - motion.range) / 2, motion.nominal_gap * 7 / 6 + motion.range]
+        wanted = [motion.nominal_gap]
+    decades = range(math.floor(math.log10(ends[0])), math.ceil(math.log10(ends[1])))
+    inner = [number * 10.0**decade for decade in decades for number in PREFERRED_NUMBERS]
+    near = 1.05  # two gaps closer than this are one
+    kept = [
+        g for g in inner if ends[0] * near < g < ends[1] / near and all(not 1 / near < g / w < near for w in wanted)
+    ]
+    return np.array(sorted({*ends, *wanted, *(float(f"{g:.6g}") for g in kept)}))
+
+
+def checked_gaps(actuator: Actuator, gap: ArrayLike) -> Array:
+    """The gaps (m), increasing; InputError unless they are at least two, allowed, and apart."""
+    gaps = np.unique(np.asarray(gap, dtype=float))
+    for g in gaps:
+        check_point(actuator, 0.0, float(g))
+    if gaps.size < 2:
+        raise InputError(f"a map needs at least 2 different gaps, {gaps.size} given")
+    check_grid(actuator, gaps.tolist(), [])
+    return gaps
+
+
+def drive_limit(actuator: Actuator) -> float | None:
+    """The drive's current limit for one magnet's coil, in A; None where none is stated."""
+    drive, sides = actuator.drive, actuator.sides
+    if drive is None or not drive.current_limit:
+        return None
+    parallel = sides.magnets_per_side if sides is not None and sides.connection == "parallel" else 1
+    return float(drive.current_limit) / parallel
+
+
+def largest_current(actuator: Actuator, gaps: Array, asked: float | None) -> float:
+    """The current in A up to which levels are looked for; InputError where the one asked for is not allowed."""
+    if asked is not None:
+        if not asked > 0:
+            raise InputError(f"the largest current must be positive, {asked:g} A is not")
+        check_point(actuator, asked, float(gaps[0]))
+        return asked
+    magnet = actuator.e_core()
+    copper = LARGEST_DENSITY * magnet.coil.fill_factor * magnet.coil_section / magnet.coil.turns
+    return max(copper, drive_limit(actuator) or 0.0)
+
+
+ERROR_REACH = 1  # gaps on either side whose relative errors count, as a difference of two meshes may pass through zero
+
+
+def neighbours_counted(current: Array, error: Array) -> Array:
+    """(n_level, n_gap) A: each error, of the current, at least as large as that of the neighbouring gaps."""
+    relative = np.where(np.isnan(current), 0.0, error / np.where(np.isnan(current), 1.0, current))
+    padded = np.pad(relative, ((0, 0), (ERROR_REACH, ERROR_REACH)), mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * ERROR_REACH + 1, axis=1)
+    return np.asarray(windows.max(axis=2) * np.nan_to_num(current))
+
+
+def chord_allowance(
+    gap: Array, current: Array, slope: Array, *, error: Array, section: tuple[tuple[str, ...], ...]
+) -> Array:
+    """(n_level, n_gap) A: the errors of the currents, and how far the curve may sag below its chords.
+
+    A chord's slope exceeds the curve's at its left end by a, and lies below that at its right end by b. A convex curve
+    stays above both its tangents, so below the chord by at most h a b/(a + b) <= h max(a, b)/2, h the interval; a
+    concave one above the chord; of a cubic with one turning point it is 4/27 h max(a, b). Where the loading section
+    changes within, twice that. A node takes the larger allowance of its two intervals.
+    """
+    h = np.diff(gap)
+    chord = np.diff(current, axis=1) / h
+    # a node without a slope lies beyond the map's end, where the curve is cut: that only lowers chords
+    left = np.nan_to_num(chord - slope[:, :-1], nan=0.0)
+    right = np.nan_to_num(slope[:, 1:] - chord, nan=0.0)
+    names = np.array(section)
+    share = np.where(names[:, 1:] == names[:, :-1], 0.5, 1.0)
+    sag = share * h * np.maximum(np.maximum(left, right), 0.0) + np.maximum(error[:, :-1], error[:, 1:])
+    return np.asarray(np.maximum(np.pad(sag, ((0, 0), (1, 0))), np.pad(sag, ((0, 0), (0, 1)))))
+
 
 METHOD_VERSION = 1
 """Raised when a change of this package changes its answers: cached gaps of another version are not used."""

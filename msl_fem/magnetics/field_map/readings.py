@@ -1,26 +1,133 @@
-"""A criterion read on a field: the flux density in the iron, its derivatives, and where it occurs."""
+"""A criterion read on a field: the flux density at points in the iron, its derivatives, and where it occurs."""
 
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.field_map.iron_points import (
-    IronPoints,
-    area_points,
-    circle_points,
-    edge_points,
-    outside_corners,
-    parts_of,
-    sheet_flux_density,
-)
 from msl_fem.magnetics.kinds.e_core import MagnetField
 from msl_fem.magnetics.solver.magnetostatics import FieldModel
+from msl_fem.magnetics.solver.mesh import TriangleMesh
+from msl_fem.magnetics.solver.postprocess import gradient_maps
 from msl_fem.maps.level_currents import MAX, PERCENTILE, Criterion
+from msl_fem.materials.constants import MU_0
+from msl_fem.materials.material import AnalyticIron, Iron
 
-Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+SMALLEST = 1e-12  # T: |B| has no direction below
+ASIDE = 1e-4  # rad
+ON_CIRCLE = 1 + 1e-9  # of a circle's radius, so that its points lie outside
+
+
+class IronPoints:
+    """Points (2, n) of a model's iron, each in an element, and the maps from the potential to the field there."""
+
+    def __init__(self, model: FieldModel, points: Array, elements: Indices) -> None:
+        self.points = points
+        self.region = np.array(model.mesh.names)[model.mesh.region[elements]]
+        self._along_x, self._along_y = gradient_maps(model, points, elements)
+
+    def flux_density(self, model: FieldModel, potential: Array, *directions: Array) -> tuple[Array, list[Array]]:
+        """|B| in the iron (n,), and its derivatives along changes of the potential."""
+        b_x, b_y = self._along_x @ potential, self._along_y @ potential
+        changes = [(self._along_x @ d, self._along_y @ d) for d in directions]
+        sheets, slopes = np.empty(b_x.size), [np.empty(b_x.size) for _ in directions]
+        for name in np.unique(self.region):
+            here = self.region == name
+            sheets[here], found = sheet_flux_density(
+                model.irons[str(name)].iron, (b_x[here], b_y[here]), [(x[here], y[here]) for x, y in changes]
+            )
+            for slope, values in zip(slopes, found, strict=True):
+                slope[here] = values
+        return sheets, slopes
+
+
+def sheet_flux_density(
+    iron: Iron | AnalyticIron, gradient: tuple[Array, Array], changes: list[tuple[Array, Array]]
+) -> tuple[Array, list[Array]]:
+    """|B| in the iron from the averaged field's components, and its derivatives along changes of these."""
+    b = np.hypot(*gradient)
+    s = iron.stacking_factor
+    gain = np.ones_like(b) if s == 1.0 else (1 - (1 - s) * MU_0 * iron.magnetise(b)[1]) / s
+    unit = np.stack(gradient) / np.maximum(b, SMALLEST)
+    return iron.iron_flux_density(b), [gain * (unit[0] * x + unit[1] * y) for x, y in changes]
+
+
+def area_points(field: MagnetField, divisions: int) -> tuple[Array, Indices, Array]:
+    """Centroids (2, n) of the iron's triangles, each cut into divisions^2 alike, their elements and areas in m2."""
+    mesh = field.model.mesh
+    elements = mesh.elements(*field.irons)
+    steps = [(i, j) for i in range(divisions) for j in range(divisions - i)]
+    up = [((i + 1 / 3) / divisions, (j + 1 / 3) / divisions) for i, j in steps]
+    down = [((i + 2 / 3) / divisions, (j + 2 / 3) / divisions) for i, j in steps if i + j < divisions - 1]
+    share = np.array(up + down).T
+    origin, first, second = mesh.points[:, mesh.triangles[:, elements]].transpose(1, 0, 2)
+    along, across = first - origin, second - origin
+    points = (
+        origin[:, :, None] + along[:, :, None] * share[0] + across[:, :, None] * share[1]
+    )  # (2, element, sub-triangle)
+    area = np.abs(along[0] * across[1] - along[1] * across[0]) / 2
+    n = share.shape[1]
+    return points.reshape(2, -1), np.repeat(elements, n), np.repeat(area / n, n)
+
+
+def edge_points(field: MagnetField, divisions: int) -> tuple[Array, Indices]:
+    """Points (2, n) along the edges of each iron, `divisions` an element's edge, and their elements."""
+    mesh = field.model.mesh
+    points, elements = [], []
+    for name in field.irons:
+        inside = mesh.elements(name)
+        edges, owner = _outline(mesh, inside)
+        start, end = mesh.points[:, edges[0]], mesh.points[:, edges[1]]
+        share = np.arange(divisions) / divisions
+        points.append((start[:, :, None] + (end - start)[:, :, None] * share).reshape(2, -1))
+        elements.append(np.repeat(owner, divisions))
+    return np.concatenate(points, axis=1), np.concatenate(elements)
+
+
+def _outline(mesh: TriangleMesh, inside: Indices) -> tuple[Indices, Indices]:
+    """Edges (2, n) that belong to one of the triangles only, and that triangle."""
+    corners = mesh.triangles[:, inside]
+    edges = np.concatenate([corners[[0, 1]], corners[[1, 2]], corners[[2, 0]]], axis=1)
+    _, first, count = np.unique(np.sort(edges, axis=0), axis=1, return_index=True, return_counts=True)
+    single = first[count == 1]
+    return edges[:, single], np.tile(inside, 3)[single]
+
+
+def circle_points(field: MagnetField, radius: float, number: int) -> tuple[Array, Indices]:
+    """Points (2, n) of the iron on circles around its corners, in `number` directions, and their elements.
+
+    The directions include those of the iron's edges, at which the largest values stand, from just inside of them.
+    """
+    mesh = field.model.mesh
+    angle = 2 * np.pi * np.arange(number) / number
+    angle = np.r_[angle - ASIDE, angle + ASIDE]
+    ring = ON_CIRCLE * radius * np.stack([np.cos(angle), np.sin(angle)])
+    points = np.concatenate([np.array([[x], [y]]) + ring for x, y, _ in field.section.corners], axis=1)
+    points = points[:, points[0] > 0]
+    elements = np.asarray(field.model.skfem_mesh.element_finder()(*points))
+    iron = np.isin(elements, mesh.elements(*field.irons))
+    return points[:, iron], elements[iron]
+
+
+def outside_corners(field: MagnetField, points: Array, radius: float) -> NDArray[np.bool_]:
+    """Which points lie at least a radius from every corner of the iron."""
+    corners = np.array([(x, y) for x, y, _ in field.section.corners]).T
+    distance = np.hypot(*(points[:, :, None] - corners[:, None, :])).min(axis=1)
+    return np.asarray(distance >= radius)
+
+
+def parts_of(field: MagnetField, at: IronPoints) -> NDArray[np.str_]:
+    """The part of the magnet that each point lies in: centre_leg, outer_leg, yoke or armature."""
+    magnet, (x, y) = field.magnet, at.points
+    legs = np.where(x <= magnet.centre_leg_width / 2 + magnet.window_width / 2, "centre_leg", "outer_leg")
+    core = np.where(y >= field.section.gap + magnet.window_height, "yoke", legs)
+    return np.asarray(np.where(at.region == "core", core, at.region))
+
+
 AREA_DIVISIONS, EDGE_DIVISIONS, CIRCLE_POINTS = 4, 4, 180
 WINDOW = 0.005  # of the iron's area on either side of a percentile: the slope is the mean there
 
