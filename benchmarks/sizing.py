@@ -20,14 +20,14 @@ from marked_text import rewrite
 from optuna.samplers import BaseSampler, NSGAIISampler, TPESampler
 
 from msl_fem.design.sizing import (
-    Judge,
+    DesignEvaluator,
     SearchResult,
     SearchSettings,
-    choose,
+    choose_design,
     figures,
     load_requirement,
     pareto_front,
-    search,
+    search_designs,
 )
 from msl_fem.design.sizing.closed_form import Factors
 from msl_fem.design.sizing.parameters import design_from
@@ -41,12 +41,12 @@ SEEDS = (1, 2)
 PLAIN = Factors(fringing=False, leakage=False)
 
 
-def run(judge: Judge, asked: SearchSettings) -> tuple[SearchResult, str]:
+def run(evaluator: DesignEvaluator, asked: SearchSettings) -> tuple[SearchResult, str]:
     """A search with a storage of its own, and what it took."""
     with tempfile.TemporaryDirectory() as folder:
         settings = replace(asked, storage=f"sqlite:///{folder}/trials.sqlite3")
         before, started = os.times(), time.perf_counter()
-        found = search(judge, settings)
+        found = search_designs(evaluator, settings)
         seconds, after = time.perf_counter() - started, os.times()
     cpu = sum(after[:4]) - sum(before[:4])
     solved = sum(t.solves > 0 for t in found.trials)
@@ -59,25 +59,25 @@ def run(judge: Judge, asked: SearchSettings) -> tuple[SearchResult, str]:
     return found, text
 
 
-def errors_table(judge: Judge, found: SearchResult) -> str:
+def errors_table(evaluator: DesignEvaluator, found: SearchResult) -> str:
     """The closed equations over the front, relative to fields at accuracy normal."""
     rows = []
-    for trial in pareto_front(found.trials, judge.requirement.objectives):
-        design = design_from(trial.parameters, found.space, judge)
-        field = judge.by_field(design, accuracy="normal").performance
+    for trial in pareto_front(found.trials, evaluator.requirement.objectives):
+        design = design_from(trial.parameters, found.space, evaluator)
+        field = evaluator.by_field(design, accuracy="normal").performance
         assert field is not None
         row = [trial.number, field.masses.total, field.loss, field.flux_density]
         # at the field's own flux density, so that what is compared is the equations alone
         design = replace(design, flux_density=field.flux_density)
         for factors in (None, PLAIN):
-            point = judge.circuit(design, factors=factors).point
-            verdict = judge.by_closed_form(design, factors=factors).performance
-            assert verdict is not None
+            point = evaluator.circuit(design, factors=factors).point
+            evaluation = evaluator.by_closed_form(design, factors=factors).performance
+            assert evaluation is not None
             turns = field.current * field.magnet.coil.turns
             force = field.force / field.magnet.stack_depth
             row += [
                 point.ampere_turns / turns - 1, point.force / force - 1,
-                verdict.masses.total / field.masses.total - 1, verdict.loss / field.loss - 1,
+                evaluation.masses.total / field.masses.total - 1, evaluation.loss / field.loss - 1,
             ]  # fmt: skip
         rows.append(row)
     table = np.array(rows)
@@ -95,28 +95,28 @@ def errors_table(judge: Judge, found: SearchResult) -> str:
     return "\n".join(lines) + "\n"
 
 
-def guess_table(judge: Judge, found: SearchResult) -> str:
+def guess_table(evaluator: DesignEvaluator, found: SearchResult) -> str:
     """The first guess, the closed equations' best designs and the chosen one, at fine accuracy."""
-    choice = choose(judge, found)
+    choice = choose_design(evaluator, found)
     lines = ["| design | mass in kg | loss in W | force in N | iron in T |", "| --- | --- | --- | --- | --- |"]
     rows = {t.first_design: t for t in found.trials if t.first_design is not None}
     for name, trial in rows.items():
-        lines.append(_line(f"{name} (trial {trial.number})", judge, found, trial.parameters))
-    lines.append(_line(f"chosen (trial {choice.trial.number})", judge, found, choice.trial.parameters))
+        lines.append(_line(f"{name} (trial {trial.number})", evaluator, found, trial.parameters))
+    lines.append(_line(f"chosen (trial {choice.trial.number})", evaluator, found, choice.trial.parameters))
     return "\n".join(lines) + "\n"
 
 
-def _line(name: str, judge: Judge, found: SearchResult, parameters: dict[str, float]) -> str:
-    verdict = judge.by_field(design_from(parameters, found.space, judge), accuracy="fine")
-    if verdict.performance is None:
+def _line(name: str, evaluator: DesignEvaluator, found: SearchResult, parameters: dict[str, float]) -> str:
+    evaluation = evaluator.by_field(design_from(parameters, found.space, evaluator), accuracy="fine")
+    if evaluation.performance is None:
         return f"| {name} | cannot be built | | | |"
-    it = figures(verdict)
-    broken = ", ".join(c.name.replace("_", " ") for c in verdict.constraints if not c.kept)
+    it = figures(evaluation)
+    broken = ", ".join(c.name.replace("_", " ") for c in evaluation.constraints if not c.kept)
     name = f"{name}, breaks {broken}" if broken else name
     return f"| {name} | {it['mass_kg']:.4f} | {it['loss_W']:.3f} | {it['force_N']:.2f} | {it['flux_density_T']:.4f} |"
 
 
-def samplers_table(judge: Judge, trials: int) -> str:
+def samplers_table(evaluator: DesignEvaluator, trials: int) -> str:
     """Samplers with the same first designs: least mass, and the volume of objectives that the front beats."""
     makers: dict[str, Callable[..., BaseSampler]] = {
         "mixed": MixedSampler,
@@ -129,8 +129,8 @@ def samplers_table(judge: Judge, trials: int) -> str:
     for name, make in makers.items():
         best, volumes = [], []
         for seed in SEEDS:
-            found, _ = run(judge, SearchSettings("", trials, seed, sampler=make))
-            front = pareto_front(found.trials, judge.requirement.objectives)
+            found, _ = run(evaluator, SearchSettings("", trials, seed, sampler=make))
+            front = pareto_front(found.trials, evaluator.requirement.objectives)
             first = next(t for t in found.trials if t.first_design is not None)
             reference = reference or [2.0 * first.values[0], 1.5 * first.values[1]]
             best.append(front[0].values[0])
@@ -159,11 +159,11 @@ def main() -> None:
     parser.add_argument("--samplers", action="store_true", help="compare samplers: eight searches")
     parser.add_argument("--docs", action="store_true")
     given = parser.parse_args()
-    judge = Judge(load_requirement(given.requirement))
-    found, speed = run(judge, SearchSettings("", given.trials, workers=given.workers))
-    texts = {"speed": speed, "designs": guess_table(judge, found), "errors": errors_table(judge, found)}
+    evaluator = DesignEvaluator(load_requirement(given.requirement))
+    found, speed = run(evaluator, SearchSettings("", given.trials, workers=given.workers))
+    texts = {"speed": speed, "designs": guess_table(evaluator, found), "errors": errors_table(evaluator, found)}
     if given.samplers:
-        texts["samplers"] = samplers_table(judge, given.trials)
+        texts["samplers"] = samplers_table(evaluator, given.trials)
     for name, text in texts.items():
         print(text)
         if given.docs and name != "samplers":

@@ -10,16 +10,16 @@ from msl_fem.cli.output import print_columns, print_result, progress_bar, say
 from msl_fem.cli.sweeping import default_workers
 from msl_fem.design.sizing import (
     RULE,
-    Choice,
-    Judge,
-    JudgedTrial,
+    DesignChoice,
+    DesignEvaluator,
+    EvaluatedTrial,
     Requirement,
     SearchResult,
     SearchSettings,
-    choose,
+    choose_design,
     figures,
     load_requirement,
-    search,
+    search_designs,
     sized_actuator,
     write_sized_actuator,
 )
@@ -63,13 +63,13 @@ def command(
         target.parent.mkdir(parents=True, exist_ok=True)
         storage = f"sqlite:///{target.with_name(f'.{target.name}.trials.sqlite3')}"
     settings = SearchSettings(storage, trials, seed, workers or default_workers(), scheduler)
-    judge = Judge(wanted)
+    evaluator = DesignEvaluator(wanted)
     with progress_bar("designs judged by fields") as progress:
-        found = search(judge, settings, progress=progress)
+        found = search_designs(evaluator, settings, progress=progress)
     with progress_bar("verified at fine accuracy") as progress:
-        choice = choose(judge, found, progress=progress)
-    assert choice.verdict.performance is not None
-    write_sized_actuator(sized_actuator(choice.verdict.performance, wanted, target=target), target)
+        choice = choose_design(evaluator, found, progress=progress)
+    assert choice.evaluation.performance is not None
+    write_sized_actuator(sized_actuator(choice.evaluation.performance, wanted, target=target), target)
     save_picture(draw_front(_points(choice, found, wanted), wanted.objectives, title=wanted.name), drawn)
     _say_warm(choice, wanted)
     if found.failed:
@@ -84,9 +84,9 @@ def command(
     print_result({k: v for k, v in result.items() if k != "pareto"}, as_json=False, title=f"{wanted.name}: {target}")
 
 
-def _say_warm(choice: Choice, requirement: Requirement) -> None:
+def _say_warm(choice: DesignChoice, requirement: Requirement) -> None:
     """A winding that gets hot because nothing forbids it is worth a line."""
-    heat, found = requirement.heat, choice.verdict.performance
+    heat, found = requirement.heat, choice.evaluation.performance
     if heat.temperature_rise is None and found is not None and not found.temperature_rise <= CLASS_130_RISE:
         say(
             f"note: the winding's temperature rise is {found.temperature_rise:.0f} K at full force for {heat.duty:g} "
@@ -102,15 +102,15 @@ def _check_files(requirement: Path, target: Path, drawn: Path) -> None:
             raise InputError(f"{path} is the requirement itself; give another output with -o")
 
 
-def size_fields(choice: Choice, found: SearchResult, requirement: Requirement) -> dict[str, Any]:
+def size_fields(choice: DesignChoice, found: SearchResult, requirement: Requirement) -> dict[str, Any]:
     """The JSON fields of `size` that do not name files."""
-    best = figures(choice.verdict)
+    best = figures(choice.evaluation)
     fields: dict[str, Any] = {name: best[name] for name in ("force_N", "mass_kg", "loss_W")}
     fields |= {name: value for name, value in best.items() if name not in fields}
     fields |= {
         "gap_m": requirement.force.gap,
         "objectives": list(requirement.objectives),
-        "constraints": [c.fields() for c in choice.verdict.constraints],
+        "constraints": [c.fields() for c in choice.evaluation.constraints],
         "trial": choice.trial.number,
         "trials": len(found.trials) + found.failed,
         "trials_reused": found.reused,
@@ -125,14 +125,14 @@ def size_fields(choice: Choice, found: SearchResult, requirement: Requirement) -
     return fields
 
 
-def _values(trial: JudgedTrial, requirement: Requirement) -> dict[str, float]:
+def _values(trial: EvaluatedTrial, requirement: Requirement) -> dict[str, float]:
     return {name: trial.figures[FIELD_NAMES[name]] for name in requirement.objectives}
 
 
-def _points(choice: Choice, found: SearchResult, requirement: Requirement) -> FrontPoints:
+def _points(choice: DesignChoice, found: SearchResult, requirement: Requirement) -> FrontPoints:
     numbers = {t.number for t in choice.front}
     solved = [t for t in found.trials if t.figures and t.solves]
-    chosen = figures(choice.verdict)
+    chosen = figures(choice.evaluation)
     guess = figures(choice.guess) if choice.guess is not None else None
     return FrontPoints(
         front=[_values(t, requirement) for t in choice.front],
@@ -143,7 +143,7 @@ def _points(choice: Choice, found: SearchResult, requirement: Requirement) -> Fr
     )
 
 
-def _print_front(choice: Choice, requirement: Requirement) -> None:
+def _print_front(choice: DesignChoice, requirement: Requirement) -> None:
     front = [t.figures for t in choice.front]
     columns = {"trial": [str(t.number) for t in choice.front]}
     for title, name, scale in (

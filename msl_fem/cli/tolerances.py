@@ -11,7 +11,7 @@ from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json, read_option, 
 from msl_fem.cli.output import print_columns, print_result, progress_bar
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
 from msl_fem.computing.jobs import RowCache
-from msl_fem.design.tolerances import NAMES, Resources, StudySettings, ToleranceStudy, tolerance_study
+from msl_fem.design.tolerances import NAMES, StudyResources, ToleranceSettings, ToleranceStudy, tolerance_study
 from msl_fem.design.tolerances.manufactured import LENGTHS
 from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
@@ -49,7 +49,7 @@ def command(
         raise InputError("--resume needs -o: finished magnets are kept beside the page")
     if output is not None:
         check_target(output, apart_from=[actuator])
-    settings = StudySettings(
+    settings = ToleranceSettings(
         tolerances=dict(_limit(text) for text in tolerance or []),
         gaps=None if gaps is None else tuple(read_options("--gaps", gaps, "m")),
         levels=tuple(read_options("--levels", levels, "T")),
@@ -66,7 +66,7 @@ def command(
     if cache is not None:
         cache.check_writable()
     with progress_bar("made magnets") as progress:
-        resources = Resources(workers or default_workers(), cache, resume, progress)
+        resources = StudyResources(workers or default_workers(), cache, resume, progress)
         study = tolerance_study(it, settings=settings, resources=resources)
     if output is not None:
         write_page(tolerance_page(it, study), output)

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from msl_fem.design.sizing import Judge, Requirement, parse_requirement
+from msl_fem.design.sizing import DesignEvaluator, Requirement, parse_requirement
 
 SERVO: dict[str, Any] = {
     "schema": 1,
@@ -21,5 +21,5 @@ def requirement(**changes: Any) -> Requirement:
     return parse_requirement({**SERVO, **changes})
 
 
-def judge(**changes: Any) -> Judge:
-    return Judge(requirement(**changes))
+def evaluator(**changes: Any) -> DesignEvaluator:
+    return DesignEvaluator(requirement(**changes))

@@ -14,9 +14,9 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.jobs import Executor, RowCache, Workers
 from msl_fem.design.tolerances import (
     NAMES,
-    Resources,
-    Running,
-    StudySettings,
+    RowRun,
+    StudyResources,
+    ToleranceSettings,
     answers,
     direct_band,
     draw,
@@ -40,12 +40,12 @@ def study(servo: Actuator):  # type: ignore[no-untyped-def]
 
 def test_deviations_are_seeded_uniform_and_within_their_limits(servo: Actuator) -> None:
     wanted = tolerances_of(servo)
-    drawn = draw(wanted, 4000, 7)
-    assert drawn == draw(wanted, 4000, 7)
-    assert drawn[:100] != draw(wanted, 100, 8)
-    assert drawn[:50] == draw(wanted, 50, 7), "the checks are the first of the samples"
+    nominal_field = draw(wanted, 4000, 7)
+    assert nominal_field == draw(wanted, 4000, 7)
+    assert nominal_field[:100] != draw(wanted, 100, 8)
+    assert nominal_field[:50] == draw(wanted, 50, 7), "the checks are the first of the samples"
     for tolerance in wanted:
-        values = np.array([d[tolerance.name] for d in drawn])
+        values = np.array([d[tolerance.name] for d in nominal_field])
         assert np.abs(values).max() <= tolerance.limit
         assert values.std() == pytest.approx(tolerance.limit / np.sqrt(3), rel=0.05)
         assert abs(values.mean()) < 0.05 * tolerance.limit
@@ -100,7 +100,7 @@ def test_each_section_is_linear_where_their_minimum_has_a_kink(study) -> None:  
 def test_processes_and_order_do_not_matter(study) -> None:  # type: ignore[no-untyped-def]
     wanted = [s.tolerance for s in study[1]]
     one = direct_band(JOB, wanted, HERE, samples=6, seed=5)
-    two = direct_band(JOB, wanted, Running(Executor(2)), samples=6, seed=5)
+    two = direct_band(JOB, wanted, RowRun(Executor(2)), samples=6, seed=5)
     assert np.array_equal(one.low, two.low)
     assert np.array_equal(one.high, two.high)
     assert one.force == two.force
@@ -126,7 +126,7 @@ def test_finished_magnets_are_taken_up_again(tmp_path: Path) -> None:
 
     cache = RowCache(tmp_path / "rows")
     with pytest.raises(KeyboardInterrupt):
-        answers(JOB, deviations, Running(Interrupted(), cache))
+        answers(JOB, deviations, RowRun(Interrupted(), cache))
     told: list[tuple[int, int]] = []
 
     class Counted(Executor):
@@ -134,7 +134,7 @@ def test_finished_magnets_are_taken_up_again(tmp_path: Path) -> None:
             told.append((-1, most))
             return super().open(job, most)
 
-    resumed = answers(JOB, deviations, Running(Counted(), cache, True, lambda done, total: told.append((done, total))))
+    resumed = answers(JOB, deviations, RowRun(Counted(), cache, True, lambda done, total: told.append((done, total))))
     assert told == [(-1, 2), (2, 4), (3, 4), (4, 4)]
     fresh = answers(JOB, deviations, HERE)
     assert [float(r["force"]) for r in resumed] == [float(r["force"]) for r in fresh]
@@ -164,9 +164,11 @@ def test_tolerances_come_from_the_call_the_file_or_the_defaults(servo: Actuator)
 
 
 def test_the_study_of_the_reference_actuator(servo: Actuator) -> None:
-    settings = StudySettings(gaps=(0.3e-3, 0.6e-3), levels=(1.2,), samples=500, checks=3)
+    settings = ToleranceSettings(gaps=(0.3e-3, 0.6e-3), levels=(1.2,), samples=500, checks=3)
     told: list[int] = []
-    found = tolerance_study(servo, settings=settings, resources=Resources(progress=lambda done, _: told.append(done)))
+    found = tolerance_study(
+        servo, settings=settings, resources=StudyResources(progress=lambda done, _: told.append(done))
+    )
     assert found.sections == ("centre_leg", "outer_leg")
     assert found.point[0] == pytest.approx(3.89, abs=0.02)
     assert found.current[0, 1] == pytest.approx(found.point[0], rel=1e-3)
@@ -190,7 +192,7 @@ def test_the_study_of_the_reference_actuator(servo: Actuator) -> None:
 )
 def test_what_cannot_be_studied_is_refused(servo: Actuator, settings: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
-        tolerance_study(servo, settings=StudySettings(**settings))
+        tolerance_study(servo, settings=ToleranceSettings(**settings))
 
 
 def test_a_magnet_without_travel_needs_gaps(servo: Actuator) -> None:

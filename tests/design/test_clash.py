@@ -4,11 +4,11 @@ import re
 import time
 
 import pytest
-from sizing_cases import envelope, judge
+from sizing_cases import envelope, evaluator
 
 from msl_fem.design.sizing import first_designs
 from msl_fem.design.sizing.evaluation import SOLVED
-from msl_fem.design.sizing.parameters import first_guess
+from msl_fem.design.sizing.parameters import textbook_guess
 from msl_fem.errors import RequirementError
 
 TEN_KILONEWTON = {"force": {"minimum": "10 kN", "gap": "0.5 mm"}}
@@ -16,7 +16,7 @@ TEN_KILONEWTON = {"force": {"minimum": "10 kN", "gap": "0.5 mm"}}
 
 def complaint(**changes: object) -> str:
     with pytest.raises(RequirementError) as caught:
-        first_designs(judge(**changes))
+        first_designs(evaluator(**changes))
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
@@ -38,12 +38,12 @@ def test_ten_kilonewton_in_a_thimble() -> None:
     assert room < 10e3
     # what is said to fit fits, and much more is refused
     below, above = ({"force": {"minimum": f"{f * room} N", "gap": "0.5 mm"}} for f in (0.9, 1.8))
-    first_designs(judge(**below, **envelope("60 mm", "60 mm", "60 mm")))
+    first_designs(evaluator(**below, **envelope("60 mm", "60 mm", "60 mm")))
     complaint(**above, **envelope("60 mm", "60 mm", "60 mm"))
     times = number(r"must be (\S+) times as large", said)
     assert times > 1.5
     side = f"{60 * times} mm"
-    _, designs = first_designs(judge(**TEN_KILONEWTON, **envelope(side, side, side)))
+    _, designs = first_designs(evaluator(**TEN_KILONEWTON, **envelope(side, side, side)))
     assert designs
 
 
@@ -67,9 +67,9 @@ def test_no_size_has_that_force() -> None:
 
 def test_an_envelope_that_only_the_textbook_s_proportions_break() -> None:
     """A flat magnet: another shape is found inside it, and the field agrees."""
-    it = judge(**envelope("70 mm", "30 mm", "80 mm"))
-    assert it.by_closed_form(first_guess(it)).violation > 0.05
+    it = evaluator(**envelope("70 mm", "30 mm", "80 mm"))
+    assert it.by_closed_form(textbook_guess(it)).violation > 0.05
     _, designs = first_designs(it)
-    verdict = it.by_field(designs["closed-form mass"])
-    assert verdict.judged == SOLVED
-    assert verdict.violation < 0.05
+    evaluation = it.by_field(designs["closed-form mass"])
+    assert evaluation.stage == SOLVED
+    assert evaluation.violation < 0.05

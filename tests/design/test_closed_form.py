@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sizing_cases import judge
+from sizing_cases import evaluator
 
 from msl_fem.design.sizing import Design
 from msl_fem.design.sizing.closed_form import Factors, closed_form, gap_permeance, window_leakage
 from msl_fem.design.sizing.design import plain_magnet
-from msl_fem.design.sizing.parameters import STACK_ASPECT, WINDOW_ASPECT, first_guess
+from msl_fem.design.sizing.parameters import STACK_ASPECT, WINDOW_ASPECT, textbook_guess
 from msl_fem.materials.constants import MU_0
 
 PLAIN = Factors(fringing=False, leakage=False)
@@ -20,7 +20,7 @@ EVEN = Design(10e-3, 5e-3, 5e-3, 5e-3, 10e-3, 20e-3, 1.2, 150.0)
 
 def test_uniform_gap_is_maxwells_force() -> None:
     """B^2 A/(2 mu_0) over both pole faces, and N i = 2 B g/mu_0, with ideal iron, no fringe, no leakage."""
-    it = judge(**IDEAL)
+    it = evaluator(**IDEAL)
     point = it.circuit(EVEN, factors=PLAIN).point
     gap = it.requirement.force.gap
     assert point.force == pytest.approx(1.2**2 * (10e-3 + 2 * 5e-3) / (2 * MU_0), rel=1e-9)
@@ -31,7 +31,7 @@ def test_uniform_gap_is_maxwells_force() -> None:
 
 def test_gutierrez_and_ro_s_flux_with_iron() -> None:
     """Phi = N i/(l/(mu_0 mu_r A) + 2 g/(mu_0 A)), the paper's form, for legs, yoke and armature of one area."""
-    it, mu_r = judge(iron={"core": "linear:2000", "armature": "linear:2000"}), 2000
+    it, mu_r = evaluator(iron={"core": "linear:2000", "armature": "linear:2000"}), 2000
     circuit = it.circuit(EVEN, factors=PLAIN)
     length = 2 * (20e-3 + 2.5e-3) + 2 * (10e-3 + 2.5e-3 + 2.5e-3)  # two legs; yoke and armature
     flux = circuit.point.ampere_turns / ((length / mu_r + 2 * it.requirement.force.gap) / (MU_0 * 10e-3))
@@ -41,21 +41,21 @@ def test_gutierrez_and_ro_s_flux_with_iron() -> None:
 def test_stacking_factor_dilutes_the_gap_s_flux() -> None:
     """The level is that in the sheets: the gap carries the stacking factor of it, the force its square."""
     ideal = IDEAL["iron"]
-    thin = judge(iron={**ideal, "stacking_factor": 0.9}).circuit(EVEN, factors=PLAIN).point
-    solid = judge(**IDEAL).circuit(EVEN, factors=PLAIN).point
+    thin = evaluator(iron={**ideal, "stacking_factor": 0.9}).circuit(EVEN, factors=PLAIN).point
+    solid = evaluator(**IDEAL).circuit(EVEN, factors=PLAIN).point
     assert thin.force / solid.force == pytest.approx(0.81, rel=1e-9)
 
 
 @pytest.mark.parametrize("fringing", [False, True])
 def test_slope_of_the_permeance_is_its_derivative(fringing: bool) -> None:
-    magnet, gap, step = plain_magnet(EVEN, judge().requirement), 0.5e-3, 1e-8
+    magnet, gap, step = plain_magnet(EVEN, evaluator().requirement), 0.5e-3, 1e-8
     up, down = (gap_permeance(magnet, gap + s, fringing=fringing).value for s in (step, -step))
     assert gap_permeance(magnet, gap, fringing=fringing).slope == pytest.approx((up - down) / (2 * step), rel=1e-6)
 
 
 def test_window_leakage_is_the_integral_of_its_density() -> None:
     """Piece by piece exact, against a fine midpoint rule."""
-    magnet = plain_magnet(replace(EVEN, window_width=4e-3), judge().requirement)
+    magnet = plain_magnet(replace(EVEN, window_width=4e-3), evaluator().requirement)
     coil, width = magnet.coil, magnet.window_width
     y = (np.arange(200_000) + 0.5) / 200_000 * magnet.window_height
     force = np.clip((coil.face_clearance + coil.height - y) / coil.height, 0, 1)
@@ -68,7 +68,7 @@ def test_window_leakage_is_the_integral_of_its_density() -> None:
 @pytest.mark.parametrize("gap", ["0.2 mm", "0.5 mm", "1 mm"])
 def test_corrections_bring_the_equations_near_the_field(gap: str) -> None:
     """Force and magnetomotive force at 1.2 T: with fringes and leakage within 7 %, without them further off."""
-    it = judge(force={"minimum": "150 N", "gap": gap})
+    it = evaluator(force={"minimum": "150 N", "gap": gap})
     design = replace(EVEN, window_width=12e-3, yoke_thickness=5.3e-3)
     field = it.by_field(design).performance
     assert field is not None
@@ -82,11 +82,11 @@ def test_corrections_bring_the_equations_near_the_field(gap: str) -> None:
 
 
 def test_first_guess_meets_the_requirement_by_the_equations() -> None:
-    it = judge()
-    guess = first_guess(it)
-    verdict = it.by_closed_form(guess)
-    assert verdict.violation < 1e-4, "but for rounding"
-    found = verdict.performance
+    it = evaluator()
+    guess = textbook_guess(it)
+    evaluation = it.by_closed_form(guess)
+    assert evaluation.violation < 1e-4, "but for rounding"
+    found = evaluation.performance
     assert found is not None
     assert guess.outer_leg_width == pytest.approx(guess.centre_leg_width / 2, abs=1e-5)
     assert guess.window_height == pytest.approx(WINDOW_ASPECT * guess.window_width, abs=3e-5)
@@ -95,7 +95,7 @@ def test_first_guess_meets_the_requirement_by_the_equations() -> None:
 
 
 def test_magnet_s_depth_plays_no_part() -> None:
-    it = judge()
+    it = evaluator()
     magnet = plain_magnet(EVEN, it.requirement)
     deep = magnet.model_copy(update={"stack_depth": 10 * magnet.stack_depth})
     assert closed_form(magnet, it.irons, 0.5e-3, 1.2) == closed_form(deep, it.irons, 0.5e-3, 1.2)

@@ -15,10 +15,17 @@ import numpy as np
 import optuna
 import pytest
 from optuna.trial import TrialState
-from sizing_cases import envelope, judge
+from sizing_cases import envelope, evaluator
 
 from msl_fem.computing import jobs
-from msl_fem.design.sizing import Judge, SearchResult, SearchSettings, choose, pareto_front, search
+from msl_fem.design.sizing import (
+    DesignEvaluator,
+    SearchResult,
+    SearchSettings,
+    choose_design,
+    pareto_front,
+    search_designs,
+)
 from msl_fem.design.sizing.evaluation import NOT_BUILT
 from msl_fem.design.sizing.search import GUESS
 from msl_fem.errors import InputError
@@ -40,24 +47,24 @@ def settings(file: Path, trials: int, **more: Any) -> SearchSettings:
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Judge, SearchResult, Path]:
+def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[DesignEvaluator, SearchResult, Path]:
     """Twenty trials, most of them drawn."""
     file = tmp_path_factory.mktemp("small") / "trials.sqlite3"
-    it = judge()
-    return it, search(it, settings(file, 20)), file
+    it = evaluator()
+    return it, search_designs(it, settings(file, 20)), file
 
 
-def test_a_small_search_improves_on_the_first_guess(small: tuple[Judge, SearchResult, Path]) -> None:
+def test_a_small_search_improves_on_the_first_guess(small: tuple[DesignEvaluator, SearchResult, Path]) -> None:
     """Less mass at the same force, verified at fine accuracy; and the front has more than one design."""
     it, found, _ = small
     assert [t.number for t in found.trials] == list(range(20))
     assert found.trials[0].first_design == GUESS
-    choice = choose(it, found)
+    choice = choose_design(it, found)
     assert choice.guess is not None
     assert choice.guess.performance is not None
-    best, first = choice.verdict.performance, choice.guess.performance
+    best, first = choice.evaluation.performance, choice.guess.performance
     assert best is not None
-    assert choice.verdict.feasible
+    assert choice.evaluation.feasible
     assert best.masses.total < 0.98 * first.masses.total
     assert best.force >= 150.0
     assert best.flux_density <= 1.2
@@ -65,39 +72,43 @@ def test_a_small_search_improves_on_the_first_guess(small: tuple[Judge, SearchRe
     assert all(1 <= t.solves <= 6 for t in found.trials)
 
 
-def test_the_search_itself_finds_better_than_what_it_began_with(small: tuple[Judge, SearchResult, Path]) -> None:
+def test_the_search_itself_finds_better_than_what_it_began_with(
+    small: tuple[DesignEvaluator, SearchResult, Path],
+) -> None:
     """Drawn trials stand on the front, beside those of the closed equations."""
     it, found, _ = small
     front = pareto_front(found.trials, it.requirement.objectives)
     assert any(t.first_design is None for t in front)
 
 
-def test_a_resumed_search_is_the_undisturbed_one(small: tuple[Judge, SearchResult, Path], tmp_path: Path) -> None:
+def test_a_resumed_search_is_the_undisturbed_one(
+    small: tuple[DesignEvaluator, SearchResult, Path], tmp_path: Path
+) -> None:
     """One process: stopped after 12 of 20 trials and gone on, every trial is the same; the first twelve are kept."""
     it, whole, _ = small
     file = tmp_path / "trials.sqlite3"
-    first = search(it, settings(file, 12))
-    second = search(it, settings(file, 20))
+    first = search_designs(it, settings(file, 12))
+    second = search_designs(it, settings(file, 20))
     assert (first.reused, second.reused) == (0, 12)
     assert second.trials[:12] == first.trials
     assert [t.parameters for t in second.trials] == [t.parameters for t in whole.trials]
-    again = search(it, settings(file, 20))
+    again = search_designs(it, settings(file, 20))
     assert again.trials == second.trials
     assert again.reused == 20
 
 
-def test_another_seed_draws_other_designs(small: tuple[Judge, SearchResult, Path], tmp_path: Path) -> None:
+def test_another_seed_draws_other_designs(small: tuple[DesignEvaluator, SearchResult, Path], tmp_path: Path) -> None:
     it, whole, _ = small
-    other = search(it, settings(tmp_path / "t.sqlite3", 7, seed=2))
+    other = search_designs(it, settings(tmp_path / "t.sqlite3", 7, seed=2))
     firsts = sum(t.first_design is not None for t in whole.trials)
     assert other.trials[:firsts] == whole.trials[:firsts], "the closed equations draw nothing"
     assert other.trials[firsts].parameters != whole.trials[firsts].parameters
 
 
-def test_a_storage_of_another_requirement_is_refused(small: tuple[Judge, SearchResult, Path]) -> None:
+def test_a_storage_of_another_requirement_is_refused(small: tuple[DesignEvaluator, SearchResult, Path]) -> None:
     _, _, file = small
     with pytest.raises(InputError, match="holds a study 'servo' of another requirement"):
-        search(judge(flux={"limit": "1.1 T"}), settings(file, 20))
+        search_designs(evaluator(flux={"limit": "1.1 T"}), settings(file, 20))
 
 
 @pytest.mark.parametrize(
@@ -112,7 +123,7 @@ def test_a_storage_of_another_requirement_is_refused(small: tuple[Judge, SearchR
 )
 def test_a_storage_that_cannot_be_reached_is_one_line(url: str, said: str) -> None:
     with pytest.raises(InputError, match=r"storage '.*' cannot be reached \(.*\); give an Optuna") as caught:
-        search(judge(), SearchSettings(url, 5))
+        search_designs(evaluator(), SearchSettings(url, 5))
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -123,15 +134,15 @@ def test_designs_outside_the_envelope_are_recorded_and_never_solved(
     """As many fields as designs that can be built; the others have their constraints' sizes in the storage."""
     submitted: list[object] = []
 
-    def count(it: Judge, design: Any) -> Any:
+    def count(it: DesignEvaluator, design: Any) -> Any:
         submitted.append(design)
         return solve(it, design)
 
-    solve = Judge.solve
-    monkeypatch.setattr(Judge, "solve", count)
-    it, file = judge(**envelope("48 mm", "44 mm", "50 mm")), tmp_path / "t.sqlite3"
-    found = search(it, settings(file, 24))
-    unbuilt = [t for t in found.trials if t.judged == NOT_BUILT]
+    solve = DesignEvaluator.solve
+    monkeypatch.setattr(DesignEvaluator, "solve", count)
+    it, file = evaluator(**envelope("48 mm", "44 mm", "50 mm")), tmp_path / "t.sqlite3"
+    found = search_designs(it, settings(file, 24))
+    unbuilt = [t for t in found.trials if t.stage == NOT_BUILT]
     assert len(unbuilt) >= 3
     assert len(submitted) == 24 - len(unbuilt)
     assert all(t.solves == 0 and not t.feasible and t.values == () for t in unbuilt)
@@ -145,8 +156,8 @@ def test_designs_outside_the_envelope_are_recorded_and_never_solved(
 
 
 def test_force_as_an_objective_is_pushed_up(tmp_path: Path) -> None:
-    it = judge(objectives=["mass", "force", "inductance"])
-    found = search(it, settings(tmp_path / "t.sqlite3", 11))
+    it = evaluator(objectives=["mass", "force", "inductance"])
+    found = search_designs(it, settings(tmp_path / "t.sqlite3", 11))
     front = pareto_front(found.trials, it.requirement.objectives)
     forces = np.array([t.figures["force_N"] for t in front])
     assert forces.min() >= 150.0
@@ -236,7 +247,7 @@ def test_two_commands_share_one_storage(tmp_path: Path) -> None:
 
 
 def test_on_a_cluster_as_here(
-    small: tuple[Judge, SearchResult, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    small: tuple[DesignEvaluator, SearchResult, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The closed equations' designs have the same verdicts from a cluster's workers."""
     distributed = pytest.importorskip("distributed", reason="the extra 'cluster' (dask.distributed) is not installed")
@@ -246,5 +257,5 @@ def test_on_a_cluster_as_here(
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
     ) as cluster:
-        found = search(it, settings(tmp_path / "t.sqlite3", 6, scheduler=cluster.scheduler_address))
+        found = search_designs(it, settings(tmp_path / "t.sqlite3", 6, scheduler=cluster.scheduler_address))
     assert [t.values for t in found.trials] == [pytest.approx(t.values) for t in whole.trials[:6]]

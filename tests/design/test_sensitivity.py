@@ -4,14 +4,17 @@ import numpy as np
 import pytest
 from tolerance_cases import HERE, job, nominal, nominal_of, wide_open
 
-from msl_fem.design.tolerances import Sensitivity, Tolerance, made_field, sensitivities
+from msl_fem.design.tolerances import ManufacturingTolerance, Sensitivity, manufactured_field, sensitivities
 
 LEVEL = (0.3,)
 
 
-def tolerances(magnet, *names: str) -> list[Tolerance]:  # type: ignore[no-untyped-def]
+def tolerances(magnet, *names: str) -> list[ManufacturingTolerance]:  # type: ignore[no-untyped-def]
     nominal_values = {"gap": None, "stacking_factor": 1.0, "bh_polarisation": 1.0, "bh_field_strength": 1.0}
-    return [Tolerance(name, nominal_values.get(name, getattr(magnet, name, None)), 0.0, "", "test") for name in names]
+    return [
+        ManufacturingTolerance(name, nominal_values.get(name, getattr(magnet, name, None)), 0.0, "", "test")
+        for name in names
+    ]
 
 
 def by_name(found: tuple[Sensitivity, ...]) -> dict[str, Sensitivity]:
@@ -23,10 +26,10 @@ def linear() -> dict[float, dict[str, Sensitivity]]:
     """The wide-open magnet at two gaps, by name of the quantity."""
     found = {}
     for gap in (0.1e-3, 0.4e-3):
-        drawn = nominal(wide_open(), gap)
-        asked = job(drawn, gap, current=0.1, levels=LEVEL)
+        nominal_field = nominal(wide_open(), gap)
+        asked = job(nominal_field, gap, current=0.1, levels=LEVEL)
         names = ("gap", "centre_leg_width", "outer_leg_width", "stack_depth", "bh_field_strength")
-        found[gap] = by_name(sensitivities(asked, tolerances(drawn.magnet, *names), HERE)[1])
+        found[gap] = by_name(sensitivities(asked, tolerances(nominal_field.magnet, *names), HERE)[1])
     return found
 
 
@@ -62,12 +65,12 @@ def test_an_iron_that_takes_no_field_does_not_matter(linear: dict[float, dict[st
 @pytest.fixture(scope="module")
 def saturated() -> dict[str, Sensitivity]:
     gap = 0.3e-3
-    drawn = nominal_of("fast_tool_servo", gap)
-    asked = job(drawn, gap, current=3.0, levels=(1.2, 1.6), sections=("centre_leg", "outer_leg"))
+    nominal_field = nominal_of("fast_tool_servo", gap)
+    asked = job(nominal_field, gap, current=3.0, levels=(1.2, 1.6), sections=("centre_leg", "outer_leg"))
     names = ("gap", "centre_leg_width", "stack_depth", "bh_polarisation", "stacking_factor")
     wanted = [
-        Tolerance(t.name, 0.96 if t.name == "stacking_factor" else t.nominal, 0.0, "", "")
-        for t in tolerances(drawn.magnet, *names)
+        ManufacturingTolerance(t.name, 0.96 if t.name == "stacking_factor" else t.nominal, 0.0, "", "")
+        for t in tolerances(nominal_field.magnet, *names)
     ]
     return by_name(sensitivities(asked, wanted, HERE)[1])
 
@@ -75,7 +78,7 @@ def saturated() -> dict[str, Sensitivity]:
 def test_the_gaps_sensitivity_is_the_exact_derivative(saturated: dict[str, Sensitivity]) -> None:
     """Two routes: differences of solutions; back-substitution of one solution's tangent."""
     gap = 0.3e-3
-    field = made_field(nominal_of("fast_tool_servo", gap), {})
+    field = manufactured_field(nominal_of("fast_tool_servo", gap), {})
     at = field.quantities(field.solve(3.0, gap))
     assert saturated["gap"].force == pytest.approx(at.force_gap_slope * gap / at.force, rel=1e-4)
     assert saturated["gap"].flux_linkage == pytest.approx(-at.force_current_slope * gap / at.flux_linkage, rel=1e-4)
@@ -100,13 +103,13 @@ def test_a_wider_leg_needs_more_current_for_its_own_level_only(saturated: dict[s
 def test_a_solid_iron_is_judged_from_below() -> None:
     """A stacking factor of 1 cannot rise; the one-sided differences agree with the central ones of 0.98's side."""
     gap = 0.3e-3
-    drawn = nominal_of("e1", gap)
-    wanted = [Tolerance("stacking_factor", 1.0, 0.0, "", "")]
-    solid = sensitivities(job(drawn, gap, current=4.0, levels=(1.2,)), wanted, HERE)[1][0]
+    nominal_field = nominal_of("e1", gap)
+    wanted = [ManufacturingTolerance("stacking_factor", 1.0, 0.0, "", "")]
+    solid = sensitivities(job(nominal_field, gap, current=4.0, levels=(1.2,)), wanted, HERE)[1][0]
     assert np.isfinite(solid.force)
     forces = []
     for stacking in (0.999, 0.997):
-        field = made_field(drawn, {"stacking_factor": stacking - 1})
+        field = manufactured_field(nominal_field, {"stacking_factor": stacking - 1})
         forces.append(field.quantities(field.solve(4.0, gap)).force)
     near = (np.log(forces[0]) - np.log(forces[1])) / (np.log(0.999) - np.log(0.997))
     assert solid.force == pytest.approx(near, rel=0.05)

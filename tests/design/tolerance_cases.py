@@ -6,9 +6,10 @@ from pathlib import Path
 
 from msl_fem.actuator import Actuator, parse_actuator
 from msl_fem.computing.jobs import Executor
-from msl_fem.design.tolerances import MadeJob, Nominal, Questions, Running
+from msl_fem.design.tolerances import ManufacturingJob, Questions, RowRun
 from msl_fem.magnetics.kinds.accuracy import LEVELS
 from msl_fem.magnetics.kinds.e_core import magnet_mesh
+from msl_fem.magnetics.sweep.rows import FieldJob
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -21,25 +22,25 @@ def wide_open(iron: str = "linear:1e6") -> Actuator:
 
 
 @lru_cache
-def nominal_of(actuator_name: str, gap: float) -> Nominal:
+def nominal_of(actuator_name: str, gap: float) -> FieldJob:
     content = tomllib.loads((ROOT / "geometries" / f"{actuator_name}.toml").read_text(encoding="utf-8"))
     return nominal(parse_actuator(content), gap)
 
 
-def nominal(actuator: Actuator, gap: float) -> Nominal:
+def nominal(actuator: Actuator, gap: float) -> FieldJob:
     magnet = actuator.e_core()
-    return Nominal(magnet, magnet_mesh(magnet, gap, "fast"), actuator.folder, LEVELS["fast"].order)
+    return FieldJob(magnet, magnet_mesh(magnet, gap, "fast"), actuator.folder, LEVELS["fast"].order)
 
 
 def job(
-    drawn: Nominal,
+    nominal_field: FieldJob,
     gap: float,
     *,
     current: float,
     levels: tuple[float, ...] = (),
     sections: tuple[str, ...] = ("centre_leg",),
-) -> MadeJob:
-    return MadeJob(drawn, Questions((gap,), levels, sections, 100.0, current, gap))
+) -> ManufacturingJob:
+    return ManufacturingJob(nominal_field, Questions((gap,), levels, sections, 100.0, current, gap))
 
 
-HERE = Running(Executor())
+HERE = RowRun(Executor())

@@ -6,7 +6,7 @@ import numpy as np
 from conftest import ROOT
 
 from msl_fem.actuator import Actuator, ECore, load_actuator
-from msl_fem.magnetics.field_map.gap_levels import Climb, LevelJob, level_mesh, level_order, level_safety
+from msl_fem.magnetics.field_map.gap_levels import CurrentContinuation, LevelJob, level_mesh, level_order, level_safety
 from msl_fem.magnetics.field_map.readings import reader_of
 from msl_fem.magnetics.kinds.e_core import MagnetField
 from msl_fem.maps import parse_criterion
@@ -54,5 +54,5 @@ def currents_at(
 ) -> np.ndarray:
     """The levels' currents on a mesh of the gap's own, or on that of a field."""
     field = field or field_at(actuator, gap, accuracy, criterion)
-    climb = Climb(field, reader_of(field, parse_criterion(criterion)), gap)
-    return np.array([climb.root(level, 40.0).current for level in levels])
+    continuation = CurrentContinuation(field, reader_of(field, parse_criterion(criterion)), gap)
+    return np.array([continuation.root(level, 40.0).current for level in levels])

@@ -7,8 +7,8 @@ import pytest
 from field_map_cases import linear_field
 
 from msl_fem.errors import NotConverged
-from msl_fem.magnetics.field_map.gap_levels import MOST_SOLUTIONS, Climb
-from msl_fem.magnetics.field_map.readings import Reading
+from msl_fem.magnetics.field_map.gap_levels import MOST_SOLUTIONS, CurrentContinuation
+from msl_fem.magnetics.field_map.readings import LevelReading
 
 GAP = 5e-4
 
@@ -20,9 +20,9 @@ def climb_of(value, slope):
 
     def reader(model, potentials):
         current = float(model.source @ potentials.potential) / unit
-        return Reading(value(current), slope(current), 0.0, "somewhere")
+        return LevelReading(value(current), slope(current), 0.0, "somewhere")
 
-    return Climb(field, reader, GAP)
+    return CurrentContinuation(field, reader, GAP)
 
 
 def saturating(i):
@@ -34,10 +34,10 @@ def saturating_slope(i):
 
 
 def test_newton_needs_few_solutions():
-    climb = climb_of(saturating, saturating_slope)
-    roots = [climb.root(level, 40.0) for level in (1.2, 1.6)]
+    continuation = climb_of(saturating, saturating_slope)
+    roots = [continuation.root(level, 40.0) for level in (1.2, 1.6)]
     np.testing.assert_allclose([r.current for r in roots], 5 * np.arctanh([0.6, 0.8]), rtol=1e-7)
-    assert len(climb.known) <= 9
+    assert len(continuation.known) <= 9
 
 
 @pytest.mark.parametrize("claimed", [lambda i: 0.0, lambda i: -1.0, lambda i: 3 * saturating_slope(i), lambda i: 1e-3])
@@ -53,22 +53,24 @@ def test_a_kink_or_a_jump_is_bracketed(step):
     def value(i):
         return 0.2 * i if i < 5 else 1.0 + step + 0.5 * (i - 5)
 
-    climb = climb_of(value, lambda i: 0.2 if i < 5 else 0.5)
-    assert climb.root(1.0 + step / 2, 40.0).current == pytest.approx(5.0, rel=3e-5)
+    continuation = climb_of(value, lambda i: 0.2 if i < 5 else 0.5)
+    assert continuation.root(1.0 + step / 2, 40.0).current == pytest.approx(5.0, rel=3e-5)
 
 
 def test_a_level_beyond_the_largest_current_is_nan_and_names_the_place():
-    climb = climb_of(saturating, saturating_slope)
-    below = climb.root(1.2, 3.0)
+    continuation = climb_of(saturating, saturating_slope)
+    below = continuation.root(1.2, 3.0)
     assert math.isnan(below.current)
     assert below.point.current == 3.0
     assert below.point.reading.place == "somewhere"
-    assert math.isnan(climb.root(1.6, 3.0).current)
-    assert climb.root(1.2, 40.0).current == pytest.approx(5 * math.atanh(0.6), rel=1e-7), "and is found further out"
+    assert math.isnan(continuation.root(1.6, 3.0).current)
+    assert continuation.root(1.2, 40.0).current == pytest.approx(5 * math.atanh(0.6), rel=1e-7), (
+        "and is found further out"
+    )
 
 
 def test_a_search_without_end_ends_with_an_error_that_says_where():
-    climb = climb_of(lambda i: 0.5, lambda i: 1e-30)
+    continuation = climb_of(lambda i: 0.5, lambda i: 1e-30)
     with pytest.raises(NotConverged, match=r"1.2 T was found at gap 0.5 mm in \d+ field solutions"):
-        climb.root(1.2, math.inf)
-    assert len(climb.known) <= MOST_SOLUTIONS
+        continuation.root(1.2, math.inf)
+    assert len(continuation.known) <= MOST_SOLUTIONS

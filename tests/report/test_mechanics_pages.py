@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from msl_fem.actuator import load_actuator
-from msl_fem.design.tolerances import StudySettings, ToleranceStudy, tolerance_study
+from msl_fem.design.tolerances import ToleranceSettings, ToleranceStudy, tolerance_study
 from msl_fem.mechanics import assess_flexure
 from msl_fem.mechanics.gap_trade import gap_trade
 from msl_fem.report.mechanics import flexure_force, flexure_page, gap_trade_figure, gap_trade_page, mode_chart
@@ -20,7 +20,7 @@ FLEXURE = load_actuator(ROOT / "geometries" / "fast_tool_servo_flexure.toml")
 
 @pytest.fixture(scope="module")
 def study() -> ToleranceStudy:
-    settings = StudySettings(gaps=(0.3e-3, 0.6e-3), levels=(1.2,), samples=200, checks=0)
+    settings = ToleranceSettings(gaps=(0.3e-3, 0.6e-3), levels=(1.2,), samples=200, checks=0)
     return tolerance_study(FLEXURE, settings=settings)
 
 

@@ -11,11 +11,11 @@ import numpy as np
 from msl_fem.actuator import Actuator, Drive, IronSpec, Motion
 from msl_fem.design.sizing.closed_search import broken
 from msl_fem.design.sizing.design import Design, Performance
-from msl_fem.design.sizing.evaluation import NOT_BUILT, Judge, Verdict, direction
+from msl_fem.design.sizing.evaluation import NOT_BUILT, DesignEvaluation, DesignEvaluator, direction
 from msl_fem.design.sizing.parameters import design_from
 from msl_fem.design.sizing.requirement import Objective, Requirement
 from msl_fem.design.sizing.search import GUESS, SearchResult
-from msl_fem.design.sizing.trials import JudgedTrial
+from msl_fem.design.sizing.trials import EvaluatedTrial
 from msl_fem.errors import ComputationError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.schema import document
@@ -24,7 +24,7 @@ from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.kinds.accuracy import Accuracy
 
 
-def pareto_front(trials: Sequence[JudgedTrial], objectives: tuple[Objective, ...]) -> list[JudgedTrial]:
+def pareto_front(trials: Sequence[EvaluatedTrial], objectives: tuple[Objective, ...]) -> list[EvaluatedTrial]:
     """The feasible trials that no other one beats, best in the first objective first.
 
     A trial is beaten by one that is at least as good in all objectives and better in one; of equal ones the first
@@ -51,7 +51,7 @@ MOST_TRIES = 10
 
 
 @dataclass(frozen=True)
-class Choice:
+class DesignChoice:
     """The chosen trial, and what the finest field says of its design; the front that it was chosen from.
 
     Attributes
@@ -59,14 +59,16 @@ class Choice:
     guess : what the finest field says of the first guess, None where it cannot be built
     """
 
-    trial: JudgedTrial
+    trial: EvaluatedTrial
     design: Design
-    verdict: Verdict
-    front: tuple[JudgedTrial, ...]
-    guess: Verdict | None
+    evaluation: DesignEvaluation
+    front: tuple[EvaluatedTrial, ...]
+    guess: DesignEvaluation | None
 
 
-def choose(judge: Judge, found: SearchResult, *, progress: Callable[[int, int], None] | None = None) -> Choice:
+def choose_design(
+    evaluator: DesignEvaluator, found: SearchResult, *, progress: Callable[[int, int], None] | None = None
+) -> DesignChoice:
     """The chosen design of a search, by `RULE`.
 
     The depth and the current are those of the finest field, so that the force is the wanted one there.
@@ -76,42 +78,42 @@ def choose(judge: Judge, found: SearchResult, *, progress: Callable[[int, int], 
     ComputationError : no trial met all constraints, or none of the front's first ones does at the finest accuracy
     """
     tell = progress or (lambda *_: None)
-    front = pareto_front(found.trials, judge.requirement.objectives)
+    front = pareto_front(found.trials, evaluator.requirement.objectives)
     if not front:
-        raise ComputationError(_nothing_found(judge, found))
+        raise ComputationError(_nothing_found(evaluator, found))
     tell(0, 2)
-    guess = _verified_guess(judge, found)
+    guess = _verified_guess(evaluator, found)
     tell(1, 2)
-    verdict = None
+    evaluation = None
     for trial in front[:MOST_TRIES]:
-        design = design_from(trial.parameters, found.space, judge)
-        verdict = judge.by_field(design, accuracy=VERIFIED)
-        if verdict.feasible:
+        design = design_from(trial.parameters, found.space, evaluator)
+        evaluation = evaluator.by_field(design, accuracy=VERIFIED)
+        if evaluation.feasible:
             tell(2, 2)
-            return Choice(trial, design, verdict, tuple(front), guess)
-    assert verdict is not None
+            return DesignChoice(trial, design, evaluation, tuple(front), guess)
+    assert evaluation is not None
     raise ComputationError(
         f"the best designs miss a constraint at {VERIFIED} accuracy, the last one tried has "
-        f"{', '.join(broken(verdict.constraints))}; "
+        f"{', '.join(broken(evaluation.constraints))}; "
         "run again with more --trials"
     )
 
 
-def _verified_guess(judge: Judge, found: SearchResult) -> Verdict | None:
+def _verified_guess(evaluator: DesignEvaluator, found: SearchResult) -> DesignEvaluation | None:
     """The first guess's design by the finest field, its constraints kept or not."""
     first = next((t for t in found.trials if t.first_design == GUESS), None)
     if first is None:
         return None
     try:
-        verdict = judge.by_field(design_from(first.parameters, found.space, judge), accuracy=VERIFIED)
+        evaluation = evaluator.by_field(design_from(first.parameters, found.space, evaluator), accuracy=VERIFIED)
     except ComputationError:
         return None
-    return verdict if verdict.performance is not None and verdict.judged != NOT_BUILT else None
+    return evaluation if evaluation.performance is not None and evaluation.stage != NOT_BUILT else None
 
 
-def _nothing_found(judge: Judge, found: SearchResult) -> str:
+def _nothing_found(evaluator: DesignEvaluator, found: SearchResult) -> str:
     """The trial that comes closest, and what it misses."""
-    requirement = judge.requirement
+    requirement = evaluator.requirement
     wanted = f"{requirement.force.minimum:g} N at {format_quantity(requirement.force.gap, 'm')}"
     if not found.trials:
         return f"{requirement.name}: no design of {wanted} came to a verdict ({found.failed} fields failed)"

@@ -53,7 +53,7 @@ class GapPermeance:
 
 
 @dataclass(frozen=True)
-class Circuit:
+class MagneticCircuit:
     """The circuit of a section at a flux density.
 
     Attributes
@@ -96,7 +96,7 @@ def _parts(magnet: ECore, irons: Irons) -> dict[str, _Part]:
 
 def closed_form(
     magnet: ECore, irons: Irons, gap: float, flux_density: float, *, factors: Factors | None = None
-) -> Circuit:
+) -> MagneticCircuit:
     """The circuit whose most loaded section carries `flux_density` (T, in the iron); the magnet's depth is not used."""
     factors = factors or Factors()
     permeance = gap_permeance(magnet, gap, fringing=factors.fringing)
@@ -122,7 +122,7 @@ def closed_form(
         flux_density=flux_density,
         section=section,
     )
-    return Circuit(point, flux, drive / ampere_turns, permeance.value / permeance.plain, 1 + whole / half)
+    return MagneticCircuit(point, flux, drive / ampere_turns, permeance.value / permeance.plain, 1 + whole / half)
 
 
 def gap_permeance(magnet: ECore, gap: float, *, fringing: bool = True) -> GapPermeance:

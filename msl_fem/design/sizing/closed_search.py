@@ -9,13 +9,13 @@ from scipy.optimize import differential_evolution, minimize
 
 from msl_fem.computing.arrays import Array
 from msl_fem.design.sizing.design import GRID, Constraint, Design, overall_depth
-from msl_fem.design.sizing.evaluation import CLOSED_FORM_ERROR, SOLVED, Judge, Verdict
-from msl_fem.design.sizing.parameters import BEYOND, Space, Span, design_from, parameters_of
+from msl_fem.design.sizing.evaluation import CLOSED_FORM_ERROR, SOLVED, DesignEvaluation, DesignEvaluator
+from msl_fem.design.sizing.parameters import BEYOND, ParameterSpan, SearchSpace, design_from, parameters_of
 from msl_fem.design.sizing.requirement import Envelope
 from msl_fem.errors import ComputationError, RequirementError
 from msl_fem.files.quantity import format_quantity
 
-Score = Callable[[Verdict], float]
+Score = Callable[[DesignEvaluation], float]
 """Of a design with a performance; the least is wanted."""
 REFUSED = 1e6
 """Of a score that is no answer: worse than all that are."""
@@ -24,11 +24,11 @@ _STEP, _EVALUATIONS = 0.15, 300  # of the simplex: of each span
 
 
 @dataclass(frozen=True)
-class Found:
+class ClosedFormOptimum:
     """The design with the least score."""
 
     design: Design
-    verdict: Verdict
+    evaluation: DesignEvaluation
     score: float
 
 
@@ -38,15 +38,15 @@ class ClosedSearch:
 
     Attributes
     ----------
-    change : made to each design before it is judged
+    change : made to each design before it is evaluated
     """
 
-    judge: Judge
-    space: Space
+    evaluator: DesignEvaluator
+    space: SearchSpace
     score: Score
     change: Callable[[Design], Design] = lambda design: design
 
-    def everywhere(self, *, seed: int = 1) -> Found:
+    def everywhere(self, *, seed: int = 1) -> ClosedFormOptimum:
         """In the whole space (differential evolution, Storn and Price 1997)."""
         found = differential_evolution(
             self._cost, [(0.0, 1.0)] * len(self.space.spans), popsize=_POPULATION, maxiter=_GENERATIONS, tol=1e-4,
@@ -54,9 +54,9 @@ class ClosedSearch:
         )  # fmt: skip
         return self._found(found.x)
 
-    def near(self, start: Design) -> Found:
+    def near(self, start: Design) -> ClosedFormOptimum:
         """Downhill from a design (Nelder and Mead 1965, coefficients of Gao and Han 2012)."""
-        values = parameters_of(start, self.space, self.judge)
+        values = parameters_of(start, self.space, self.evaluator)
         origin = np.array([_place(values[name], span) for name, span in self.space.spans.items()])
         inward = np.diag(np.where(origin < 0.5, _STEP, -_STEP))
         found = minimize(
@@ -69,34 +69,34 @@ class ClosedSearch:
         return self._found(found.x)
 
     def _cost(self, places: Array) -> float:
-        verdict = self.judge.by_closed_form(self._design(places))
-        return REFUSED * (1 + verdict.violation) if verdict.performance is None else self.score(verdict)
+        evaluation = self.evaluator.by_closed_form(self._design(places))
+        return REFUSED * (1 + evaluation.violation) if evaluation.performance is None else self.score(evaluation)
 
     def _design(self, places: Array) -> Design:
         spans = self.space.spans.items()
         parameters = {name: _value(float(place), span) for place, (name, span) in zip(places, spans, strict=True)}
-        return self.change(design_from(parameters, self.space, self.judge))
+        return self.change(design_from(parameters, self.space, self.evaluator))
 
-    def _found(self, places: Array) -> Found:
+    def _found(self, places: Array) -> ClosedFormOptimum:
         design = self._design(places)
-        return Found(design, self.judge.by_closed_form(design), self._cost(places))
+        return ClosedFormOptimum(design, self.evaluator.by_closed_form(design), self._cost(places))
 
 
-def _value(place: float, span: Span) -> float:
+def _value(place: float, span: ParameterSpan) -> float:
     """The value at a place between 0 and 1."""
     if span.log:
         return span.low * (span.high / span.low) ** place
     return span.low + (span.high - span.low) * place
 
 
-def _place(value: float, span: Span) -> float:
+def _place(value: float, span: ParameterSpan) -> float:
     if span.log:
         return float(np.log(value / span.low) / np.log(span.high / span.low))
     return (value - span.low) / (span.high - span.low)
 
 
 ROOMY = 1e4
-"""Times the envelope: in it every design can be judged, whatever its size."""
+"""Times the envelope: in it every design can be evaluated, whatever its size."""
 LEAST_FLUX = 0.02
 """Of the flux limit: how little the iron may carry where room for copper is what lacks."""
 _PENALTY = 100.0  # of what is not asked about
@@ -105,30 +105,30 @@ _ENVELOPE = "envelope_"
 
 
 @dataclass(frozen=True)
-class ClashSearch:
+class ContradictionSearch:
     """Asks the closed equations what a requirement would need."""
 
-    judge: Judge
-    space: Space
+    evaluator: DesignEvaluator
+    space: SearchSpace
 
     @cached_property
-    def roomy(self) -> Judge:
-        """The judge without walls."""
-        envelope = self.judge.requirement.envelope
+    def roomy(self) -> DesignEvaluator:
+        """The evaluator without an envelope."""
+        envelope = self.evaluator.requirement.envelope
         stated = {name: getattr(envelope, name) for name in ("width", "height", "depth")}
         wide = Envelope(**{name: None if size is None else size * ROOMY for name, size in stated.items()})
-        return Judge(self.judge.requirement.model_copy(update={"envelope": wide}))
+        return DesignEvaluator(self.evaluator.requirement.model_copy(update={"envelope": wide}))
 
-    def closest(self) -> Found:
+    def closest(self) -> ClosedFormOptimum:
         """The design whose largest violation is the least; its verdict's constraints are the requirement's own."""
         found = ClosedSearch(self.roomy, self.space, lambda v: _worst(_narrow(v.constraints))).everywhere()
-        return replace(found, verdict=replace(found.verdict, constraints=_narrow(found.verdict.constraints)))
+        return replace(found, evaluation=replace(found.evaluation, constraints=_narrow(found.evaluation.constraints)))
 
     def needed_envelope(self) -> tuple[float, tuple[Constraint, ...]]:
         """How many times as large the envelope must be, all else kept, and its constraints at that design."""
 
-        def score(verdict: Verdict) -> float:
-            demands = _narrow(verdict.constraints)
+        def score(evaluation: DesignEvaluation) -> float:
+            demands = _narrow(evaluation.constraints)
             return (
                 1
                 + _worst(c for c in demands if _of_envelope(c))
@@ -136,28 +136,28 @@ class ClashSearch:
             )
 
         found = ClosedSearch(self.roomy, self.space, score).everywhere()
-        return found.score, tuple(c for c in _narrow(found.verdict.constraints) if _of_envelope(c))
+        return found.score, tuple(c for c in _narrow(found.evaluation.constraints) if _of_envelope(c))
 
-    def strongest(self) -> Found:
+    def strongest(self) -> ClosedFormOptimum:
         """The design inside the envelope with the most force, its stack as deep as the envelope lets it be."""
-        requirement = self.judge.requirement
+        requirement = self.evaluator.requirement
         assert requirement.envelope.depth is not None
         room = requirement.envelope.depth - GRID
 
         def deepest(design: Design) -> Design:
             stack = max(room - overall_depth(design, requirement, 0.0), GRID)
-            return replace(design, force=stack * self.judge.circuit(design).point.force)
+            return replace(design, force=stack * self.evaluator.circuit(design).point.force)
 
-        def score(verdict: Verdict) -> float:
-            assert verdict.performance is not None
-            others = _worst(c for c in verdict.constraints if c.name != "force")
-            return -verdict.performance.force * (1 - _PENALTY * max(0.0, others))
+        def score(evaluation: DesignEvaluation) -> float:
+            assert evaluation.performance is not None
+            others = _worst(c for c in evaluation.constraints if c.name != "force")
+            return -evaluation.performance.force * (1 - _PENALTY * max(0.0, others))
 
-        spans = self.space.spans | {"flux_share": Span(LEAST_FLUX, BEYOND, False)}
-        return ClosedSearch(self.judge, replace(self.space, spans=spans), score, deepest).everywhere()
+        spans = self.space.spans | {"flux_share": ParameterSpan(LEAST_FLUX, BEYOND, False)}
+        return ClosedSearch(self.evaluator, replace(self.space, spans=spans), score, deepest).everywhere()
 
 
-def refuse_clash(judge: Judge, space: Space) -> Design:
+def refuse_contradiction(evaluator: DesignEvaluator, space: SearchSpace) -> Design:
     """The closed equations' closest design, where the requirement may be met.
 
     Raises
@@ -165,18 +165,18 @@ def refuse_clash(judge: Judge, space: Space) -> Design:
     RequirementError : even that design breaks a constraint by more than the closed equations are wrong by; the message
         names the constraints, the force that there is room for, and the envelope that would do
     """
-    asked, requirement = ClashSearch(judge, space), judge.requirement
+    asked, requirement = ContradictionSearch(evaluator, space), evaluator.requirement
     closest = asked.closest()
     if closest.score <= CLOSED_FORM_ERROR:
         return closest.design
     said = [
         f"{requirement.name} cannot be met: {requirement.force.minimum:g} N at "
         f"{format_quantity(requirement.force.gap, 'm')} below {requirement.flux.limit:g} T; the closest design has "
-        + ", ".join(broken(closest.verdict.constraints, beyond=_SLIGHT))
+        + ", ".join(broken(closest.evaluation.constraints, beyond=_SLIGHT))
     ]
     if requirement.envelope.depth is not None:
         said.append(_room(asked))
-    if any(_of_envelope(c) for c in closest.verdict.constraints):
+    if any(_of_envelope(c) for c in closest.evaluation.constraints):
         times, sides = asked.needed_envelope()
         if times < _PENALTY:
             sizes = " x ".join(f"{c.limit * times * 1e3:.3g}" for c in sides)
@@ -195,21 +195,21 @@ def broken(constraints: Iterable[Constraint], *, beyond: float = 0.0) -> list[st
     ]
 
 
-def _room(asked: ClashSearch) -> str:
+def _room(asked: ContradictionSearch) -> str:
     """How much force the envelope has room for, by the closed equations and, at that design, by the field."""
     found = asked.strongest()
-    if found.verdict.performance is None or found.score >= 0:
+    if found.evaluation.performance is None or found.score >= 0:
         return "into the envelope fits no magnet at all"
-    force, depth = found.verdict.performance.force, found.verdict.performance.magnet.stack_depth
+    force, depth = found.evaluation.performance.force, found.evaluation.performance.magnet.stack_depth
     iron = found.design.flux_density
     text = f"in the stated envelope the other limits allow at most {force:.3g} N (iron at {iron:.3g} T)"
     try:
-        verdict = asked.judge.by_field(found.design)
+        evaluation = asked.evaluator.by_field(found.design)
     except ComputationError:
         return text
-    if verdict.judged != SOLVED or verdict.performance is None:
+    if evaluation.stage != SOLVED or evaluation.performance is None:
         return text
-    by_field = found.design.force * depth / verdict.performance.magnet.stack_depth
+    by_field = found.design.force * depth / evaluation.performance.magnet.stack_depth
     return f"{text} by the closed equations, {by_field:.3g} N by the field of that design"
 
 

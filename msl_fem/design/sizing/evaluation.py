@@ -7,7 +7,7 @@ from pathlib import Path
 
 from msl_fem.actuator import LARGEST_MAGNET, THINNEST, ECore
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.design.sizing.closed_form import Circuit, Factors, Irons, closed_form
+from msl_fem.design.sizing.closed_form import Factors, Irons, MagneticCircuit, closed_form
 from msl_fem.design.sizing.design import (
     GRID,
     Constraint,
@@ -115,47 +115,47 @@ NOT_BUILT, NO_FIELD, SOLVED = "not built", "refused by the closed equations", "s
 
 
 @dataclass(frozen=True)
-class Verdict:
+class DesignEvaluation:
     """What is known of a design.
 
     Attributes
     ----------
-    judged : NOT_BUILT, NO_FIELD or SOLVED: how far it came
+    stage : NOT_BUILT, NO_FIELD or SOLVED: how far it came
     constraints : all that is known of it at that point
     performance : None where it is not built
     solves : field solutions that were spent on it
     """
 
-    judged: str
+    stage: str
     constraints: tuple[Constraint, ...]
     performance: Performance | None = None
     solves: int = 0
 
     @property
     def feasible(self) -> bool:
-        return self.judged == SOLVED and all(c.kept for c in self.constraints)
+        return self.stage == SOLVED and all(c.kept for c in self.constraints)
 
     @property
     def violation(self) -> float:
         return total_violation(self.constraints)
 
 
-Outcome = Verdict | str
-"""A verdict, or why the design's field failed."""
+Outcome = DesignEvaluation | str
+"""An evaluation, or why the design's field failed."""
 
 
 @dataclass(frozen=True)
-class Judge:
-    """Judges designs against one requirement; a job of designs, can be sent to another process."""
+class DesignEvaluator:
+    """Evaluates designs against one requirement; a job whose rows are designs."""
 
     requirement: Requirement
 
-    def solver(self) -> "Judge":
+    def solver(self) -> "DesignEvaluator":
         """Itself."""
         return self
 
     def solve(self, design: Design) -> Outcome:
-        """The field's verdict, or why there is none."""
+        """The field's evaluation, or why there is none."""
         try:
             return self.by_field(design)
         except ComputationError as err:
@@ -169,10 +169,10 @@ class Judge:
             laminated(load_iron(iron.armature, folder=folder), iron.armature_stacking),
         )
 
-    def not_built(self, design: Design) -> Verdict | None:
-        """The verdict on a design that cannot be built, or None."""
+    def not_built(self, design: Design) -> DesignEvaluation | None:
+        """The evaluation of a design that cannot be built, or None."""
         constraints = (*building_constraints(design, self.requirement), *self._proportions(design))
-        return Verdict(NOT_BUILT, constraints) if any(not c.kept for c in constraints) else None
+        return DesignEvaluation(NOT_BUILT, constraints) if any(not c.kept for c in constraints) else None
 
     def _proportions(self, design: Design) -> tuple[Constraint, ...]:
         """What a section's mesh and an actuator file ask for; only what is broken."""
@@ -185,22 +185,22 @@ class Judge:
         )
         return tuple(c for c in limits if not c.kept)
 
-    def by_closed_form(self, design: Design, *, factors: Factors | None = None) -> Verdict:
-        """The verdict of the closed equations (its `judged` is NO_FIELD where the design can be built)."""
+    def by_closed_form(self, design: Design, *, factors: Factors | None = None) -> DesignEvaluation:
+        """The evaluation by the closed equations (its `stage` is NO_FIELD where the design can be built)."""
         refused = self.not_built(design)
         if refused is not None:
             return refused
-        return self._verdict(NO_FIELD, design, self.circuit(design, factors=factors).point)
+        return self._evaluated(NO_FIELD, design, self.circuit(design, factors=factors).point)
 
-    def circuit(self, design: Design, *, factors: Factors | None = None) -> Circuit:
+    def circuit(self, design: Design, *, factors: Factors | None = None) -> MagneticCircuit:
         """The closed equations at a design's flux density."""
         gap = self.requirement.force.gap
         return closed_form(
             plain_magnet(design, self.requirement), self.irons, gap, design.flux_density, factors=factors
         )
 
-    def by_field(self, design: Design, *, accuracy: Accuracy = "fast") -> Verdict:
-        """The verdict of field solutions; without any where the design cannot be built.
+    def by_field(self, design: Design, *, accuracy: Accuracy = "fast") -> DesignEvaluation:
+        """The evaluation by field solutions; without any where the design cannot be built.
 
         A design whose depth is far outside the envelope by the closed equations already is not solved either.
 
@@ -209,7 +209,7 @@ class Judge:
         ComputationError : the mesher failed or a field did not converge
         """
         first = self.by_closed_form(design)
-        if first.judged == NOT_BUILT or any(
+        if first.stage == NOT_BUILT or any(
             c.name == "envelope_depth" and c.violation > CLOSED_FORM_ERROR for c in first.constraints
         ):
             return first
@@ -219,9 +219,9 @@ class Judge:
             magnet_of(design, requirement, depth=design.half_width, turns=1), requirement.force.gap, aim,
             guess=self.circuit(design).point.ampere_turns, folder=requirement.folder, accuracy=accuracy,
         )  # fmt: skip
-        return self._verdict(SOLVED, design, found.point, solves=found.solves)
+        return self._evaluated(SOLVED, design, found.point, solves=found.solves)
 
-    def _verdict(self, judged: str, design: Design, point: PlanePoint, *, solves: int = 0) -> Verdict:
+    def _evaluated(self, stage: str, design: Design, point: PlanePoint, *, solves: int = 0) -> DesignEvaluation:
         """The depth that gives the force, on the grid's next multiple; the winding; all constraints."""
         depth = round(math.ceil(design.force / point.force / GRID) * GRID, 9)
         building = building_constraints(design, self.requirement)
@@ -231,10 +231,10 @@ class Judge:
             at_most("stack_depth", depth, min(LARGEST_MAGNET, MOST_SLENDER * design.half_width), "m"),
         )
         if not all(c.kept for c in stack):
-            return Verdict(judged, (*building, *(c for c in stack if not c.kept)), None, solves)
+            return DesignEvaluation(stage, (*building, *(c for c in stack if not c.kept)), None, solves)
         found = wound(design, point, self.requirement, depth=depth)
         rest = (c for c in building if c.name != "envelope_depth")  # it was that of the end turns alone
-        return Verdict(judged, (*rest, *performance_constraints(found, self.requirement)), found, solves)
+        return DesignEvaluation(stage, (*rest, *performance_constraints(found, self.requirement)), found, solves)
 
 
 def objective_values(found: Performance, objectives: tuple[Objective, ...]) -> tuple[float, ...]:

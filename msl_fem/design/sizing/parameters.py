@@ -12,9 +12,9 @@ from dataclasses import dataclass, fields, replace
 from pydantic import ValidationError
 from scipy.optimize import brentq
 
-from msl_fem.design.sizing.closed_form import Circuit
+from msl_fem.design.sizing.closed_form import MagneticCircuit
 from msl_fem.design.sizing.design import GRID, LEAST_COIL, Design, coil_size, on_grid, performance_constraints, wound
-from msl_fem.design.sizing.evaluation import Judge
+from msl_fem.design.sizing.evaluation import DesignEvaluator
 from msl_fem.design.sizing.requirement import Requirement
 from msl_fem.errors import RequirementError
 
@@ -39,7 +39,7 @@ _ROUNDS = 3  # of the window's fixed point
 
 
 @dataclass(frozen=True)
-class Span:
+class ParameterSpan:
     """From where to where a parameter goes, and whether its logarithm is what is drawn evenly."""
 
     low: float
@@ -48,10 +48,10 @@ class Span:
 
 
 @dataclass(frozen=True)
-class Space:
+class SearchSpace:
     """The parameters of a search for one requirement; `current_density` (A/m2) is what a share of 1 means."""
 
-    spans: dict[str, Span]
+    spans: dict[str, ParameterSpan]
     current_density: float
 
     def clipped(self, parameters: Mapping[str, float]) -> dict[str, float]:
@@ -59,31 +59,31 @@ class Space:
         return {name: min(max(parameters[name], span.low), span.high) for name, span in self.spans.items()}
 
 
-def space_around(guess: Design, judge: Judge) -> Space:
+def space_around(guess: Design, evaluator: DesignEvaluator) -> SearchSpace:
     """The search's parameters around a first guess."""
-    requirement = judge.requirement
+    requirement = evaluator.requirement
     low, high = (factor * guess.centre_leg_width for factor in CENTRE_LEG)
     if requirement.envelope.width is not None:
         low = min(low, LEAST_LEG * requirement.envelope.width)
     spans = {
-        "centre_leg_width": Span(low, high, True),
-        "coil_aspect": Span(*COIL_ASPECT, True),
-        "flux_share": Span(*FLUX_SHARE, False),
-        "current_density_share": Span(*CURRENT_DENSITY_SHARE, False),
+        "centre_leg_width": ParameterSpan(low, high, True),
+        "coil_aspect": ParameterSpan(*COIL_ASPECT, True),
+        "flux_share": ParameterSpan(*FLUX_SHARE, False),
+        "current_density_share": ParameterSpan(*CURRENT_DENSITY_SHARE, False),
     }
-    spans |= {name: Span(low, high, False) for name, (low, high) in SHARES.items()}
+    spans |= {name: ParameterSpan(low, high, False) for name, (low, high) in SHARES.items()}
     if "force" in requirement.objectives:
-        spans["force_share"] = Span(*FORCE_SHARE, True)
+        spans["force_share"] = ParameterSpan(*FORCE_SHARE, True)
     limit = requirement.heat.largest_current_density
-    return Space(spans, 2 * _current_density(guess, judge) if limit is None else limit)
+    return SearchSpace(spans, 2 * _current_density(guess, evaluator) if limit is None else limit)
 
 
-def design_from(parameters: Mapping[str, float], space: Space, judge: Judge) -> Design:
+def design_from(parameters: Mapping[str, float], space: SearchSpace, evaluator: DesignEvaluator) -> Design:
     """The design that the parameters stand for, its dimensions on the grid of 10 um.
 
     The window is found by a fixed point: its leakage takes part in the magnetomotive force that its copper carries.
     """
-    requirement = judge.requirement
+    requirement = evaluator.requirement
     centre = on_grid(parameters["centre_leg_width"])
     density = space.current_density * min(parameters["current_density_share"], 1.0)
     winding = requirement.winding
@@ -94,9 +94,11 @@ def design_from(parameters: Mapping[str, float], space: Space, judge: Judge) -> 
         requirement.force.minimum * parameters.get("force_share", 1.0),
     )  # fmt: skip
     for _ in range(_ROUNDS):
-        circuit = judge.circuit(design)
+        circuit = evaluator.circuit(design)
         area = circuit.point.ampere_turns / (density * requirement.winding.fill_factor)
-        design = _with_coil(_balanced(design, circuit, parameters, judge), area, parameters["coil_aspect"], judge)
+        design = _with_coil(
+            _balanced(design, circuit, parameters, evaluator), area, parameters["coil_aspect"], evaluator
+        )
     return replace(
         design,
         **{
@@ -106,9 +108,9 @@ def design_from(parameters: Mapping[str, float], space: Space, judge: Judge) -> 
     )
 
 
-def _with_coil(design: Design, area: float, aspect: float, judge: Judge) -> Design:
+def _with_coil(design: Design, area: float, aspect: float, evaluator: DesignEvaluator) -> Design:
     """The design with a coil of that area and aspect in its window."""
-    winding = judge.requirement.winding
+    winding = evaluator.requirement.winding
     width = math.sqrt(area / aspect)
     return replace(
         design,
@@ -117,9 +119,11 @@ def _with_coil(design: Design, area: float, aspect: float, judge: Judge) -> Desi
     )
 
 
-def _balanced(design: Design, circuit: Circuit, shares: Mapping[str, float], judge: Judge) -> Design:
+def _balanced(
+    design: Design, circuit: MagneticCircuit, shares: Mapping[str, float], evaluator: DesignEvaluator
+) -> Design:
     """The design with its iron as thick as the circuit's fluxes and the shares ask for."""
-    even = even_thickness(design, circuit, judge)
+    even = even_thickness(design, circuit, evaluator)
     return replace(
         design,
         outer_leg_width=even["outer_leg_share"] * shares["outer_leg_share"],
@@ -128,9 +132,9 @@ def _balanced(design: Design, circuit: Circuit, shares: Mapping[str, float], jud
     )
 
 
-def even_thickness(design: Design, circuit: Circuit, judge: Judge) -> dict[str, float]:
+def even_thickness(design: Design, circuit: MagneticCircuit, evaluator: DesignEvaluator) -> dict[str, float]:
     """The thicknesses in m at which outer leg, yoke and armature carry the centre leg's flux density."""
-    flux, iron = circuit.flux, judge.requirement.iron
+    flux, iron = circuit.flux, evaluator.requirement.iron
     width = design.centre_leg_width / 2 / flux["centre_leg"]
     return {
         "outer_leg_share": width * flux["outer_leg"],
@@ -139,27 +143,27 @@ def even_thickness(design: Design, circuit: Circuit, judge: Judge) -> dict[str, 
     }
 
 
-def parameters_of(design: Design, space: Space, judge: Judge) -> dict[str, float]:
+def parameters_of(design: Design, space: SearchSpace, evaluator: DesignEvaluator) -> dict[str, float]:
     """The parameters that give a design, to rounding, held inside the space."""
-    even = even_thickness(design, judge.circuit(design), judge)
-    width, height = coil_size(design, judge.requirement)
+    even = even_thickness(design, evaluator.circuit(design), evaluator)
+    width, height = coil_size(design, evaluator.requirement)
     return space.clipped(
         {
             "centre_leg_width": design.centre_leg_width,
             "coil_aspect": height / width,
-            "flux_share": design.flux_density / judge.requirement.flux.limit,
-            "current_density_share": _current_density(design, judge) / space.current_density,
+            "flux_share": design.flux_density / evaluator.requirement.flux.limit,
+            "current_density_share": _current_density(design, evaluator) / space.current_density,
             "outer_leg_share": design.outer_leg_width / even["outer_leg_share"],
             "yoke_share": design.yoke_thickness / even["yoke_share"],
             "armature_share": design.armature_thickness / even["armature_share"],
-            "force_share": design.force / judge.requirement.force.minimum,
+            "force_share": design.force / evaluator.requirement.force.minimum,
         }
     )
 
 
-def _current_density(design: Design, judge: Judge) -> float:
-    width, height = coil_size(design, judge.requirement)
-    return judge.circuit(design).point.ampere_turns / (judge.requirement.winding.fill_factor * width * height)
+def _current_density(design: Design, evaluator: DesignEvaluator) -> float:
+    width, height = coil_size(design, evaluator.requirement)
+    return evaluator.circuit(design).point.ampere_turns / (evaluator.requirement.winding.fill_factor * width * height)
 
 
 WINDOW_ASPECT = 2.0
@@ -170,7 +174,7 @@ _STEP, _STEPS = 1.4, 40  # of the walk that brackets a root
 _HEAT = ("current_density", "temperature_rise", "voltage")
 
 
-def first_guess(judge: Judge) -> Design:
+def textbook_guess(evaluator: DesignEvaluator) -> Design:
     """The E-core of textbook proportions that meets the requirement by the closed equations.
 
     Outer legs, yoke and armature half as thick as the centre leg, a square centre leg, a window twice as high as wide;
@@ -181,14 +185,14 @@ def first_guess(judge: Judge) -> Design:
     ------
     RequirementError : no size does
     """
-    requirement = judge.requirement
+    requirement = evaluator.requirement
 
     def excess_depth(width: float) -> float:
-        design = _with_window(judge, width)
-        return design.force / judge.circuit(design).point.force - STACK_ASPECT * width
+        design = _with_window(evaluator, width)
+        return design.force / evaluator.circuit(design).point.force - STACK_ASPECT * width
 
     width = _root(excess_depth, requirement.force.gap, requirement)
-    rough = _with_window(judge, width)
+    rough = _with_window(evaluator, width)
     lengths = [f.name for f in fields(Design) if f.name not in ("flux_density", "force")]
     # the window's to the next multiple, so that rounding does not make the coil too small
     return replace(
@@ -203,16 +207,16 @@ def _design(requirement: Requirement, width: float, window: float) -> Design:
     )
 
 
-def _with_window(judge: Judge, width: float) -> Design:
+def _with_window(evaluator: DesignEvaluator, width: float) -> Design:
     """The design of a leg's width with the smallest window that keeps what limits the heat and the voltage."""
-    requirement = judge.requirement
+    requirement = evaluator.requirement
     winding = requirement.winding
     least = 2 * winding.leg_clearance + LEAST_COIL
     least = max(least, (winding.face_clearance + winding.back_clearance + LEAST_COIL) / WINDOW_ASPECT) + 2e-5
 
     def excess(window: float) -> float:
         design = _design(requirement, width, window)
-        found = wound(design, judge.circuit(design).point, requirement, depth=STACK_ASPECT * width)
+        found = wound(design, evaluator.circuit(design).point, requirement, depth=STACK_ASPECT * width)
         return max(c.violation for c in performance_constraints(found, requirement) if c.name in _HEAT)
 
     window = least if excess(least) <= 0 else _root(excess, least, requirement)

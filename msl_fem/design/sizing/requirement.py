@@ -92,7 +92,7 @@ class Envelope(FrozenModel):
     depth: Length | None = None
 
 
-class Winding(FrozenModel):
+class WindingSpec(FrozenModel):
     """The coil's copper and its clearances in the window; with `wire_diameter` the turns follow from the area."""
 
     fill_factor: Annotated[float, Field(gt=0, lt=1)] = 0.5
@@ -133,7 +133,7 @@ class Requirement(FrozenModel):
     heat: Heat = Heat()
     envelope: Envelope = Envelope()
     iron: IronSpec = IronSpec(core="m19", armature="m19", stacking_factor=0.96)
-    winding: Winding = Winding()
+    winding: WindingSpec = WindingSpec()
     densities: Densities = Densities()
     sides: Sides = Sides(count=2, magnets_per_side=1)
     motion: MotionWanted = MotionWanted()

@@ -12,21 +12,29 @@ from optuna.samplers import BaseSampler, TPESampler
 from optuna.trial import FrozenTrial, TrialState
 
 from msl_fem.computing.jobs import Executor, Progress, Workers
-from msl_fem.design.sizing.closed_search import ClosedSearch, refuse_clash
+from msl_fem.design.sizing.closed_search import ClosedSearch, refuse_contradiction
 from msl_fem.design.sizing.design import Design
-from msl_fem.design.sizing.evaluation import SOLVED, Judge, Outcome, Verdict, direction, objective_values
-from msl_fem.design.sizing.parameters import Space, design_from, first_guess, parameters_of, space_around
+from msl_fem.design.sizing.evaluation import (
+    SOLVED,
+    DesignEvaluation,
+    DesignEvaluator,
+    Outcome,
+    direction,
+    objective_values,
+)
+from msl_fem.design.sizing.parameters import SearchSpace, design_from, parameters_of, space_around, textbook_guess
 from msl_fem.design.sizing.requirement import Objective
 from msl_fem.design.sizing.trials import (
     FIRST,
     VERDICT,
-    JudgedTrial,
+    EvaluatedTrial,
     begun_by_one,
     clear_abandoned,
-    count_judged,
+    count_evaluated,
     distributions,
     enqueue_first,
-    judged_trials,
+    evaluated_trials,
+    evaluation_attribute,
     new_file,
     open_storage,
     open_study,
@@ -34,7 +42,6 @@ from msl_fem.design.sizing.trials import (
     storage_trouble,
     store_space,
     stored_space,
-    verdict_attribute,
 )
 
 STARTUP = 20
@@ -123,7 +130,7 @@ class MixedSampler(BaseSampler):
 
 GUESS, CLOSEST = "closed-form guess", "closed-form closest"
 """Names of the first designs."""
-GO_ON = "judged designs are kept: run the same command again"
+EVALUATED_ARE_KEPT = "judged designs are kept: run the same command again"
 _PENALTY = 10.0  # of a relative violation, in the closed equations' search
 
 
@@ -134,7 +141,7 @@ class SearchSettings:
     Attributes
     ----------
     storage : an Optuna storage URL
-    trials : judged designs at the end, those of earlier runs counted
+    trials : evaluated designs at the end, those of earlier runs counted
     seed : of all random numbers
     workers, scheduler : processes here, or the address of a dask scheduler
     sampler : makes an Optuna sampler of a seed and the parameters' ranges
@@ -150,16 +157,18 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """What a search found: all judged trials, in order; `reused` of them were there before."""
+    """What a search found: all evaluated trials, in order; `reused` of them were there before."""
 
-    space: Space
-    trials: tuple[JudgedTrial, ...]
+    space: SearchSpace
+    trials: tuple[EvaluatedTrial, ...]
     failed: int
     reused: int
 
 
-def search(judge: Judge, settings: SearchSettings, *, progress: Progress | None = None) -> SearchResult:
-    """So many judged designs, beginning with the closed equations' guess and their best design for each objective.
+def search_designs(
+    evaluator: DesignEvaluator, settings: SearchSettings, *, progress: Progress | None = None
+) -> SearchResult:
+    """So many evaluated designs, beginning with the closed equations' guess and their best design for each objective.
 
     Designs in flight are lost with the process, nothing else: each verdict is in the storage as soon as it is there.
 
@@ -171,37 +180,37 @@ def search(judge: Judge, settings: SearchSettings, *, progress: Progress | None 
     """
     with quiet_optuna(), storage_trouble(settings.storage):
         # before a file is made, so that a requirement that cannot be met leaves none
-        begin = first_designs(judge) if new_file(settings.storage) else None
+        begin = first_designs(evaluator) if new_file(settings.storage) else None
         storage = open_storage(settings.storage)
-        study, space = begun_by_one(lambda: _begun(open_study(storage, judge), judge, begin))
+        study, space = begun_by_one(lambda: _begun(open_study(storage, evaluator), evaluator, begin))
         study.sampler = settings.sampler(settings.seed, distributions(space))
         clear_abandoned(study)
-        reused = count_judged(study)
+        reused = count_evaluated(study)
         if reused < settings.trials:
-            with _executor(settings).open(judge, settings.trials - reused) as workers:
-                _Run(study, judge, space, settings.trials, progress or (lambda *_: None)).go(workers)
-        trials = judged_trials(study)
-        return SearchResult(space, tuple(trials), count_judged(study) - len(trials), reused)
+            with _executor(settings).open(evaluator, settings.trials - reused) as workers:
+                _Run(study, evaluator, space, settings.trials, progress or (lambda *_: None)).go(workers)
+        trials = evaluated_trials(study)
+        return SearchResult(space, tuple(trials), count_evaluated(study) - len(trials), reused)
 
 
 def _executor(settings: SearchSettings) -> Executor:
-    return Executor(settings.workers, settings.scheduler, work="search", item="design", go_on=GO_ON)
+    return Executor(settings.workers, settings.scheduler, work="search", item="design", go_on=EVALUATED_ARE_KEPT)
 
 
 def _begun(
-    study: "optuna.Study", judge: Judge, begin: tuple[Space, dict[str, Design]] | None
-) -> tuple["optuna.Study", Space]:
+    study: "optuna.Study", evaluator: DesignEvaluator, begin: tuple[SearchSpace, dict[str, Design]] | None
+) -> tuple["optuna.Study", SearchSpace]:
     """The study and its space; at its beginning it is made, and the first designs are put in front."""
     space = stored_space(study)
     if space is None:
-        space, designs = begin or first_designs(judge)
-        study.set_user_attr(FIRST, {n: parameters_of(d, space, judge) for n, d in designs.items()})
+        space, designs = begin or first_designs(evaluator)
+        study.set_user_attr(FIRST, {n: parameters_of(d, space, evaluator) for n, d in designs.items()})
         store_space(study, space)
     enqueue_first(study, study.user_attrs[FIRST])
     return study, space
 
 
-def first_designs(judge: Judge) -> tuple[Space, dict[str, Design]]:
+def first_designs(evaluator: DesignEvaluator) -> tuple[SearchSpace, dict[str, Design]]:
     """The space of a search, and by name the designs of the closed equations that it begins with.
 
     The textbook's guess; where that breaks a constraint, the closest design; from there the best design for each
@@ -211,28 +220,28 @@ def first_designs(judge: Judge) -> tuple[Space, dict[str, Design]]:
     ------
     RequirementError : the demands clash
     """
-    guess = first_guess(judge)
-    space = space_around(guess, judge)
+    guess = textbook_guess(evaluator)
+    space = space_around(guess, evaluator)
     designs, start = {GUESS: guess}, guess
-    verdict = judge.by_closed_form(guess)
-    if any(c.violation > 1e-3 for c in verdict.constraints):  # more than the rounding of its dimensions
-        designs[CLOSEST] = start = refuse_clash(judge, space)
-    objectives = judge.requirement.objectives
+    evaluation = evaluator.by_closed_form(guess)
+    if any(c.violation > 1e-3 for c in evaluation.constraints):  # more than the rounding of its dimensions
+        designs[CLOSEST] = start = refuse_contradiction(evaluator, space)
+    objectives = evaluator.requirement.objectives
     wishes: dict[str, tuple[Objective, ...]] = {f"closed-form {name}": (name,) for name in objectives}
     if len(objectives) > 1:
         wishes["closed-form compromise"] = objectives
     for name, wish in wishes.items():
-        designs[name] = ClosedSearch(judge, space, _score(wish)).near(start).design
+        designs[name] = ClosedSearch(evaluator, space, _score(wish)).near(start).design
     return space, designs
 
 
-def _score(wish: tuple[Objective, ...]) -> Callable[[Verdict], float]:
+def _score(wish: tuple[Objective, ...]) -> Callable[[DesignEvaluation], float]:
     """The logarithm of the objectives' product, and what is broken."""
 
-    def score(verdict: Verdict) -> float:
-        assert verdict.performance is not None
-        total = math.log1p(_PENALTY * verdict.violation)
-        for name, value in zip(wish, objective_values(verdict.performance, wish), strict=True):
+    def score(evaluation: DesignEvaluation) -> float:
+        assert evaluation.performance is not None
+        total = math.log1p(_PENALTY * evaluation.violation)
+        for name, value in zip(wish, objective_values(evaluation.performance, wish), strict=True):
             total += math.log(value) * (-1 if direction(name) == "maximize" else 1)
         return total
 
@@ -244,32 +253,32 @@ class _Run:
     """One search on its way."""
 
     study: "optuna.Study"
-    judge: Judge
-    space: Space
+    evaluator: DesignEvaluator
+    space: SearchSpace
     trials: int
     tell_progress: Progress
 
     def go(self, workers: Workers[Design, Outcome]) -> None:
-        """Ask, judge and tell until there are enough trials."""
+        """Ask, evaluate and tell until there are enough trials."""
         ranges = distributions(self.space)
         waiting: dict[Any, tuple[optuna.Trial, Design]] = {}
-        judged = count_judged(self.study)
-        self.tell_progress(judged, self.trials)
-        while judged < self.trials or waiting:
-            while len(waiting) < workers.capacity and judged + len(waiting) < self.trials:
+        n_evaluated = count_evaluated(self.study)
+        self.tell_progress(n_evaluated, self.trials)
+        while n_evaluated < self.trials or waiting:
+            while len(waiting) < workers.capacity and n_evaluated + len(waiting) < self.trials:
                 trial = self.study.ask(ranges)
-                design = design_from(trial.params, self.space, self.judge)
-                refused = self.judge.not_built(design)
+                design = design_from(trial.params, self.space, self.evaluator)
+                refused = self.evaluator.not_built(design)
                 if refused is None:
                     waiting[workers.submit(design)] = trial, design
                 else:
                     self._tell(trial, design, refused)
-                    judged += 1
+                    n_evaluated += 1
             if waiting:
                 for future in workers.wait(list(waiting)):
                     self._tell(*waiting.pop(future), future.result())
-            judged = count_judged(self.study)  # other processes may work on the storage as well
-            self.tell_progress(min(judged, self.trials), self.trials)
+            n_evaluated = count_evaluated(self.study)  # other processes may work on the storage as well
+            self.tell_progress(min(n_evaluated, self.trials), self.trials)
 
     def _tell(self, trial: "optuna.Trial", design: Design, outcome: Outcome) -> None:
         """Into the storage: the values of what was solved; what is infeasible with its constraints' sizes."""
@@ -281,8 +290,8 @@ class _Run:
         broken = {c.name: c.violation for c in outcome.constraints if not c.kept}
         for name, size in (broken or {"nearest": max(c.violation for c in outcome.constraints)}).items():
             trial.set_constraint(name, size)
-        trial.set_user_attr(VERDICT, verdict_attribute(design, outcome))
-        if outcome.judged == SOLVED and outcome.performance is not None:
-            self.study.tell(trial, objective_values(outcome.performance, self.judge.requirement.objectives))
+        trial.set_user_attr(VERDICT, evaluation_attribute(design, outcome))
+        if outcome.stage == SOLVED and outcome.performance is not None:
+            self.study.tell(trial, objective_values(outcome.performance, self.evaluator.requirement.objectives))
         else:
             self.study.tell(trial, state=TrialState.PRUNED)

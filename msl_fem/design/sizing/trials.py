@@ -19,8 +19,8 @@ from sqlalchemy.engine import make_url
 from sqlalchemy.exc import IntegrityError, OperationalError, SQLAlchemyError
 
 from msl_fem.design.sizing.design import Constraint, Design, total_violation
-from msl_fem.design.sizing.evaluation import Judge, Verdict, direction
-from msl_fem.design.sizing.parameters import Space, Span
+from msl_fem.design.sizing.evaluation import DesignEvaluation, DesignEvaluator, direction
+from msl_fem.design.sizing.parameters import ParameterSpan, SearchSpace
 from msl_fem.errors import ComputationError, InputError
 
 FIRST_DESIGN = "first_design"
@@ -29,12 +29,12 @@ VERDICT = "verdict"
 
 
 @dataclass(frozen=True)
-class JudgedTrial:
+class EvaluatedTrial:
     """A trial as the storage has it: `figures` in SI units, of the magnet that the field says it takes."""
 
     number: int
     parameters: dict[str, float]
-    judged: str
+    stage: str
     feasible: bool
     values: tuple[float, ...]
     figures: dict[str, Any]
@@ -48,21 +48,21 @@ class JudgedTrial:
         return total_violation(self.constraints)
 
 
-def verdict_attribute(design: Design, verdict: Verdict) -> dict[str, Any]:
+def evaluation_attribute(design: Design, evaluation: DesignEvaluation) -> dict[str, Any]:
     """The user attribute of a trial: one JSON value, so that it is one write."""
     return {
-        "judged": verdict.judged,
-        "feasible": verdict.feasible,
-        "solves": verdict.solves,
+        "judged": evaluation.stage,
+        "feasible": evaluation.feasible,
+        "solves": evaluation.solves,
         "design": asdict(design),
-        "figures": {} if verdict.performance is None else figures(verdict),
-        "constraints": [asdict(c) for c in verdict.constraints],
+        "figures": {} if evaluation.performance is None else figures(evaluation),
+        "constraints": [asdict(c) for c in evaluation.constraints],
     }
 
 
-def figures(verdict: Verdict) -> dict[str, Any]:
+def figures(evaluation: DesignEvaluation) -> dict[str, Any]:
     """The numbers of a design that scripts read, names with units."""
-    found = verdict.performance
+    found = evaluation.performance
     assert found is not None, "only what can be built has figures"
     numbers = {
         "mass_kg": found.masses.total,
@@ -84,13 +84,13 @@ def figures(verdict: Verdict) -> dict[str, Any]:
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in numbers.items()}
 
 
-def judged_trial(trial: FrozenTrial) -> JudgedTrial:
+def evaluated_trial(trial: FrozenTrial) -> EvaluatedTrial:
     """A storage's trial that has a verdict."""
     stored, values = trial.user_attrs[VERDICT], trial.values if trial.state == TrialState.COMPLETE else None
-    return JudgedTrial(
+    return EvaluatedTrial(
         number=trial.number,
         parameters=dict(trial.params),
-        judged=stored["judged"],
+        stage=stored["judged"],
         feasible=bool(stored["feasible"]) and values is not None,
         values=tuple(values or ()),
         figures=stored["figures"],
@@ -194,14 +194,14 @@ def storage_trouble(url: str) -> Iterator[None]:
         ) from err
 
 
-def open_study(storage: "optuna.storages.BaseStorage", judge: Judge) -> "optuna.Study":
+def open_study(storage: "optuna.storages.BaseStorage", evaluator: DesignEvaluator) -> "optuna.Study":
     """The requirement's study in a storage, under the requirement's name; made where it is not there yet.
 
     Raises
     ------
     InputError : a study of that name belongs to another requirement
     """
-    requirement = judge.requirement
+    requirement = evaluator.requirement
     directions: list[Any] = [direction(objective) for objective in requirement.objectives]
     study = optuna.create_study(
         storage=storage,
@@ -222,32 +222,34 @@ def open_study(storage: "optuna.storages.BaseStorage", judge: Judge) -> "optuna.
     return study
 
 
-def stored_space(study: "optuna.Study") -> Space | None:
+def stored_space(study: "optuna.Study") -> SearchSpace | None:
     """The space that the study was begun with, None at its beginning."""
     stored = study.user_attrs.get(SPACE)
     if stored is None:
         return None
-    return Space({name: Span(*span) for name, span in stored["spans"].items()}, stored["current_density"])
+    return SearchSpace(
+        {name: ParameterSpan(*span) for name, span in stored["spans"].items()}, stored["current_density"]
+    )
 
 
-def store_space(study: "optuna.Study", space: Space) -> None:
+def store_space(study: "optuna.Study", space: SearchSpace) -> None:
     """Keep the space, so that a resumed search goes on in it."""
     spans = {name: [span.low, span.high, span.log] for name, span in space.spans.items()}
     study.set_user_attr(SPACE, {"spans": spans, "current_density": space.current_density})
 
 
-def distributions(space: Space) -> dict[str, BaseDistribution]:
+def distributions(space: SearchSpace) -> dict[str, BaseDistribution]:
     """The space as Optuna has it."""
     return {name: FloatDistribution(s.low, s.high, log=s.log) for name, s in space.spans.items()}
 
 
-def judged_trials(study: "optuna.Study") -> list[JudgedTrial]:
+def evaluated_trials(study: "optuna.Study") -> list[EvaluatedTrial]:
     """The trials that came to a verdict, in order of number."""
     trials = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED))
-    return [judged_trial(trial) for trial in trials if VERDICT in trial.user_attrs]
+    return [evaluated_trial(trial) for trial in trials if VERDICT in trial.user_attrs]
 
 
-def count_judged(study: "optuna.Study") -> int:
+def count_evaluated(study: "optuna.Study") -> int:
     """The number of trials that came to a verdict, or to a field that failed."""
     trials = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED, TrialState.FAIL))
     return sum(VERDICT in trial.user_attrs for trial in trials)

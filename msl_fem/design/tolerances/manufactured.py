@@ -7,7 +7,6 @@ its errors drop out of differences.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section
 from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.postprocess import Probes
 from msl_fem.magnetics.solver.section import Section
+from msl_fem.magnetics.sweep.rows import FieldJob
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
 
@@ -39,7 +39,7 @@ SOURCES = {
 
 
 @dataclass(frozen=True)
-class Tolerance:
+class ManufacturingTolerance:
     """A quantity's nominal value, its limit plus and minus, both in `unit`, and the limit's source.
 
     The nominal value of the B-H curve's two factors is 1. The gap's is that of the point it is judged at: None.
@@ -52,7 +52,9 @@ class Tolerance:
     source: str
 
 
-def tolerances_of(actuator: Actuator, *, stated: Mapping[str, float] | None = None) -> tuple[Tolerance, ...]:
+def tolerances_of(
+    actuator: Actuator, *, stated: Mapping[str, float] | None = None
+) -> tuple[ManufacturingTolerance, ...]:
     """The tolerances of an actuator's E-core: those given, else those of its [tolerances], else defaults.
 
     Raises
@@ -76,7 +78,7 @@ def tolerances_of(actuator: Actuator, *, stated: Mapping[str, float] | None = No
             limit = default
         nominal, unit = _nominal(magnet, name), "m" if name == "gap" or name in LENGTHS else ""
         _check(name, limit, nominal, unit)
-        found.append(Tolerance(name, nominal, limit, unit, source))
+        found.append(ManufacturingTolerance(name, nominal, limit, unit, source))
     return tuple(found)
 
 
@@ -112,26 +114,16 @@ def _check(name: str, limit: float, nominal: float | None, unit: str) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Nominal:
-    """The magnet as drawn and its mesh."""
-
-    magnet: ECore
-    mesh: TriangleMesh
-    folder: Path
-    order: int
-
-
-def made_field(nominal: Nominal, deviation: Mapping[str, float]) -> MagnetField:
+def manufactured_field(nominal: FieldJob, deviation: Mapping[str, float]) -> MagnetField:
     """The field of the magnet with these deviations but that of the gap; relative for the B-H curve, absolute else.
 
     Raises
     ------
     ActuatorError, ValueError : dimensions that make no magnet
     """
-    magnet = made_magnet(nominal.magnet, deviation)
-    drawn, made = e_core_section(nominal.magnet, nominal.mesh.gap), e_core_section(magnet, nominal.mesh.gap)
-    mesh = moved_mesh(nominal.mesh, drawn, made)
+    magnet = manufactured_magnet(nominal.magnet, deviation)
+    nominal_field, made = e_core_section(nominal.magnet, nominal.mesh.gap), e_core_section(magnet, nominal.mesh.gap)
+    mesh = moved_mesh(nominal.mesh, nominal_field, made)
     field = MagnetField(magnet, mesh, folder=nominal.folder, order=nominal.order)
     polarisation, strength = (deviation.get(name, 0.0) for name in ("bh_polarisation", "bh_field_strength"))
     if polarisation or strength:
@@ -146,7 +138,7 @@ def made_field(nominal: Nominal, deviation: Mapping[str, float]) -> MagnetField:
     return field
 
 
-def made_magnet(magnet: ECore, deviation: Mapping[str, float]) -> ECore:
+def manufactured_magnet(magnet: ECore, deviation: Mapping[str, float]) -> ECore:
     """The magnet with deviating dimensions and stacking factors; windows and coil keep theirs."""
     content = magnet.model_dump()
     for name in LENGTHS:
@@ -161,14 +153,14 @@ def made_magnet(magnet: ECore, deviation: Mapping[str, float]) -> ECore:
     return ECore.model_validate(content)
 
 
-def moved_mesh(mesh: TriangleMesh, drawn: Section, made: Section) -> TriangleMesh:
+def moved_mesh(mesh: TriangleMesh, nominal_field: Section, made: Section) -> TriangleMesh:
     """The mesh of one section as that of another with the same topology.
 
     Raises
     ------
     ComputationError : sections of different topology, or lines that change their order
     """
-    points = np.stack([_moved(mesh.points[axis], _lines(drawn, axis), _lines(made, axis)) for axis in (0, 1)])
+    points = np.stack([_moved(mesh.points[axis], _lines(nominal_field, axis), _lines(made, axis)) for axis in (0, 1)])
     return replace(mesh, points=points)
 
 

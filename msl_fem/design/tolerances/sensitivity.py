@@ -14,9 +14,9 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, run_jobs
-from msl_fem.design.tolerances.manufactured import NAMES, Nominal, Tolerance, made_field
+from msl_fem.design.tolerances.manufactured import NAMES, FieldJob, ManufacturingTolerance, manufactured_field
 from msl_fem.errors import ComputationError, NotConverged
-from msl_fem.magnetics.field_map.gap_levels import Climb
+from msl_fem.magnetics.field_map.gap_levels import CurrentContinuation
 from msl_fem.magnetics.field_map.readings import reader_of
 from msl_fem.magnetics.kinds.e_core import MagnetField
 from msl_fem.magnetics.sweep.rows import field_key
@@ -43,7 +43,7 @@ class Questions:
 
 
 @dataclass(frozen=True)
-class Made:
+class ManufacturedMagnet:
     """A made magnet: deviations in the order of `NAMES`; whether each section is asked for by itself."""
 
     deviation: tuple[float, ...]
@@ -56,30 +56,30 @@ class Made:
 
 
 @dataclass(frozen=True)
-class MadeJob:
+class ManufacturingJob:
     """What a process needs to answer for made magnets."""
 
-    nominal: Nominal
+    nominal: FieldJob
     questions: Questions
 
-    def solver(self) -> "MadeSolver":
+    def solver(self) -> "ManufacturingSolver":
         """What answers the questions about magnets as made, in a process of its own if need be."""
-        return MadeSolver(self)
+        return ManufacturingSolver(self)
 
     @cached_property
     def key(self) -> str:
         """What determines the answers, as a name."""
-        return field_key(made_field(self.nominal, {}), questions=self.questions, method=METHOD_VERSION)
+        return field_key(manufactured_field(self.nominal, {}), questions=self.questions, method=METHOD_VERSION)
 
 
-class MadeSolver:
+class ManufacturingSolver:
     """Answers for one made magnet after the other."""
 
-    def __init__(self, job: MadeJob) -> None:
+    def __init__(self, job: ManufacturingJob) -> None:
         self.job = job
 
     @one_blas_thread
-    def solve(self, row: Made) -> Arrays:
+    def solve(self, row: ManufacturedMagnet) -> Arrays:
         """force N, flux_linkage Wb and currents in A, nan where a level is not reached.
 
         Currents are `current` (n_level, n_gap) of the section that governs, or with `by_section` those of each,
@@ -90,7 +90,7 @@ class MadeSolver:
         deviation = dict(zip(NAMES, row.deviation, strict=True))
         off = deviation["gap"]
         try:
-            field = made_field(self.job.nominal, deviation)
+            field = manufactured_field(self.job.nominal, deviation)
             if row.by_section:
                 per_section = [self._currents(field, only(field, name), off) for name in asked.sections]
                 found = {"section_current": np.stack(per_section)}
@@ -113,8 +113,8 @@ class MadeSolver:
         asked, reader = self.job.questions, reader_of(read_on, Criterion("mean"))
         columns = []
         for gap in asked.gaps:
-            climb = Climb(field, reader, gap + off)
-            columns.append([climb.root(level, asked.most).current for level in asked.levels])
+            continuation = CurrentContinuation(field, reader, gap + off)
+            columns.append([continuation.root(level, asked.most).current for level in asked.levels])
         return np.array(columns).T
 
 
@@ -127,7 +127,7 @@ def only(field: MagnetField, section: str) -> MagnetField:
 
 
 @dataclass(frozen=True)
-class Running:
+class RowRun:
     """How rows are solved: by what, the folder of finished rows (None keeps none), whether they are taken from it."""
 
     executor: Executor
@@ -137,7 +137,7 @@ class Running:
 
 
 def answers(
-    job: MadeJob, deviations: Sequence[dict[str, float]], running: Running, *, by_section: bool = False
+    job: ManufacturingJob, deviations: Sequence[dict[str, float]], running: RowRun, *, by_section: bool = False
 ) -> list[Arrays]:
     """The answers for made magnets, in order; each is kept as soon as it is there.
 
@@ -147,7 +147,7 @@ def answers(
     """
     return run_jobs(
         job,
-        [Made(tuple(float(d.get(name, 0.0)) for name in NAMES), by_section) for d in deviations],
+        [ManufacturedMagnet(tuple(float(d.get(name, 0.0)) for name in NAMES), by_section) for d in deviations],
         executor=running.executor,
         cache=running.cache,
         key=job.key if running.cache is not None else "",
@@ -156,7 +156,7 @@ def answers(
     )
 
 
-def _told(row: Made) -> str:
+def _told(row: ManufacturedMagnet) -> str:
     return (
         ", ".join(f"{name} off by {d:.3g}" for name, d in zip(NAMES, row.deviation, strict=True) if d) or "no deviation"
     )
@@ -179,7 +179,7 @@ class Sensitivity:
     step_error : the largest change of any of these elasticities from twice the step to this one
     """
 
-    tolerance: Tolerance
+    tolerance: ManufacturingTolerance
     force: float
     flux_linkage: float
     current_slope: Array
@@ -189,7 +189,7 @@ class Sensitivity:
 
 
 def sensitivities(
-    job: MadeJob, tolerances: Sequence[Tolerance], running: Running
+    job: ManufacturingJob, tolerances: Sequence[ManufacturingTolerance], running: RowRun
 ) -> tuple[Arrays, tuple[Sensitivity, ...]]:
     """The nominal magnet's answers, and one sensitivity for each tolerance.
 
@@ -213,23 +213,23 @@ def sensitivities(
     return nominal, tuple(found)
 
 
-def _step(job: MadeJob, tolerance: Tolerance) -> float:
+def _step(job: ManufacturingJob, tolerance: ManufacturingTolerance) -> float:
     return STEP * (min(job.questions.gaps) if tolerance.nominal is None else tolerance.nominal)
 
 
-def _shares(tolerance: Tolerance) -> tuple[float, ...]:
+def _shares(tolerance: ManufacturingTolerance) -> tuple[float, ...]:
     """Multiples of the step: for the differences with it, then with its half."""
     if _one_sided(tolerance):
         return (-1.0, -2.0, -0.5, -1.0)
     return (1.0, -1.0, 0.5, -0.5)
 
 
-def _one_sided(tolerance: Tolerance) -> bool:
+def _one_sided(tolerance: ManufacturingTolerance) -> bool:
     return tolerance.name == "stacking_factor" and tolerance.nominal is not None and tolerance.nominal > 1 - STEP
 
 
 def _from_rows(
-    job: MadeJob, tolerance: Tolerance, step: float, *, nominal: Arrays, rows: Sequence[Arrays]
+    job: ManufacturingJob, tolerance: ManufacturingTolerance, step: float, *, nominal: Arrays, rows: Sequence[Arrays]
 ) -> Sensitivity:
     coarse, fine = (
         {name: _slope(tolerance, name, h, nominal=nominal, pair=pair) for name in QUANTITIES}
@@ -253,7 +253,7 @@ def _from_rows(
     )
 
 
-def _slope(tolerance: Tolerance, name: str, h: float, *, nominal: Arrays, pair: Sequence[Arrays]) -> Array:
+def _slope(tolerance: ManufacturingTolerance, name: str, h: float, *, nominal: Arrays, pair: Sequence[Arrays]) -> Array:
     first, second = (row[name] for row in pair)
     if _one_sided(tolerance):  # at -h and -2 h
         return np.asarray((3 * nominal[name] - 4 * first + second) / (2 * h))

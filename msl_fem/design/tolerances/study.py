@@ -9,11 +9,18 @@ from numpy.typing import NDArray
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache
-from msl_fem.design.tolerances.manufactured import Nominal, Tolerance, made_field, tolerances_of
-from msl_fem.design.tolerances.sensitivity import MadeJob, Questions, Running, Sensitivity, answers, sensitivities
+from msl_fem.design.tolerances.manufactured import FieldJob, ManufacturingTolerance, manufactured_field, tolerances_of
+from msl_fem.design.tolerances.sensitivity import (
+    ManufacturingJob,
+    Questions,
+    RowRun,
+    Sensitivity,
+    answers,
+    sensitivities,
+)
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.field_map.gap_levels import Climb
+from msl_fem.magnetics.field_map.gap_levels import CurrentContinuation
 from msl_fem.magnetics.field_map.readings import reader_of
 from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.kinds.e_core import LARGEST_CURRENT_DENSITY, MagnetField, check_point, magnet_mesh
@@ -51,7 +58,7 @@ class Band:
     band_error: float = 0.0
 
 
-def draw(tolerances: Sequence[Tolerance], samples: int, seed: int) -> list[dict[str, float]]:
+def draw(tolerances: Sequence[ManufacturingTolerance], samples: int, seed: int) -> list[dict[str, float]]:
     """Independent deviations, uniform between their limits.
 
     Where only limits are known, all values between them are equally likely (GUM, JCGM 100:2008, 4.3.7).
@@ -61,7 +68,9 @@ def draw(tolerances: Sequence[Tolerance], samples: int, seed: int) -> list[dict[
     return [{t.name: float(d) for t, d in zip(tolerances, row, strict=True)} for row in uniform]
 
 
-def direct_band(job: MadeJob, tolerances: Sequence[Tolerance], running: Running, *, samples: int, seed: int) -> Band:
+def direct_band(
+    job: ManufacturingJob, tolerances: Sequence[ManufacturingTolerance], running: RowRun, *, samples: int, seed: int
+) -> Band:
     """The band of field solutions of every sample; raises ComputationError."""
     rows = answers(job, draw(tolerances, samples, seed), running)
     stacked = {name: np.stack([row[name] for row in rows]) for name in ("current", "force", "flux_linkage")}
@@ -121,7 +130,7 @@ Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class StudySettings:
+class ToleranceSettings:
     """What is studied and how.
 
     Attributes
@@ -146,7 +155,7 @@ class StudySettings:
 
 
 @dataclass(frozen=True)
-class Resources:
+class StudyResources:
     """Processes, folder of finished magnets and whether they are taken from it, progress."""
 
     workers: int = 1
@@ -186,12 +195,12 @@ class ToleranceStudy:
         return np.asarray(np.argmin(np.where(np.isnan(found), np.inf, found), axis=0))
 
     @property
-    def tolerances(self) -> tuple[Tolerance, ...]:
+    def tolerances(self) -> tuple[ManufacturingTolerance, ...]:
         return tuple(s.tolerance for s in self.sensitivities)
 
 
 def tolerance_study(
-    actuator: Actuator, *, settings: StudySettings | None = None, resources: Resources | None = None
+    actuator: Actuator, *, settings: ToleranceSettings | None = None, resources: StudyResources | None = None
 ) -> ToleranceStudy:
     """The tolerance study of an actuator's E-core.
 
@@ -200,20 +209,20 @@ def tolerance_study(
     InputError : gaps, levels, samples or tolerances that are not allowed
     ComputationError : a field did not converge; what is finished is kept
     """
-    settings, resources = settings or StudySettings(), resources or Resources()
+    settings, resources = settings or ToleranceSettings(), resources or StudyResources()
     tolerances = tolerances_of(actuator, stated=settings.tolerances)
     _check(settings)
     gaps = _gaps(actuator, settings.gaps, tolerances)
     magnet = actuator.e_core()
     mesh = magnet_mesh(magnet, float(np.sqrt(gaps[0] * gaps[-1])), settings.accuracy)
-    nominal = Nominal(magnet, mesh, actuator.folder, LEVELS[settings.accuracy].order)
-    running = Running(Executor(resources.workers), resources.cache, resources.resume, resources.progress)
+    nominal = FieldJob(magnet, mesh, actuator.folder, LEVELS[settings.accuracy].order)
+    running = RowRun(Executor(resources.workers), resources.cache, resources.resume, resources.progress)
     most = _most(actuator)
-    drawn = made_field(nominal, {})
-    point = settings.point or _point(actuator, drawn, settings.levels[0], most=most, gaps=gaps)
+    nominal_field = manufactured_field(nominal, {})
+    point = settings.point or _point(actuator, nominal_field, settings.levels[0], most=most, gaps=gaps)
     check_point(actuator, *point)
-    sections = _sections(drawn, settings.levels, most=most, gaps=gaps)
-    job = MadeJob(nominal, Questions(gaps, settings.levels, sections, most, *point))
+    sections = _sections(nominal_field, settings.levels, most=most, gaps=gaps)
+    job = ManufacturingJob(nominal, Questions(gaps, settings.levels, sections, most, *point))
     at, found = sensitivities(job, tolerances, running)
     if settings.direct:
         band = direct_band(job, tolerances, running, samples=settings.samples, seed=settings.seed)
@@ -223,7 +232,9 @@ def tolerance_study(
     return ToleranceStudy(np.array(settings.levels), np.array(gaps), sections, point, at, found, band)
 
 
-def _gaps(actuator: Actuator, given: tuple[float, ...] | None, tolerances: tuple[Tolerance, ...]) -> tuple[float, ...]:
+def _gaps(
+    actuator: Actuator, given: tuple[float, ...] | None, tolerances: tuple[ManufacturingTolerance, ...]
+) -> tuple[float, ...]:
     """The gaps of the map, increasing; InputError where one is no gap of this magnet with its tolerance."""
     motion = actuator.motion
     if given is None:
@@ -246,7 +257,7 @@ def _gaps(actuator: Actuator, given: tuple[float, ...] | None, tolerances: tuple
     return gaps
 
 
-def _check(settings: StudySettings) -> None:
+def _check(settings: ToleranceSettings) -> None:
     levels = settings.levels
     if not levels or not all(0 < low < high for low, high in zip((1e-9, *levels), levels, strict=False)):
         raise InputError(f"levels must be positive and increasing, like 1.2, 1.6 T; these are {list(levels)} T")
@@ -265,11 +276,15 @@ def _most(actuator: Actuator) -> float:
     return LARGEST_CURRENT_DENSITY * coil.fill_factor * actuator.e_core().coil_section / coil.turns
 
 
-def _point(actuator: Actuator, drawn: MagnetField, level: float, *, most: float, gaps: tuple[float, ...]) -> Point:
+def _point(
+    actuator: Actuator, nominal_field: MagnetField, level: float, *, most: float, gaps: tuple[float, ...]
+) -> Point:
     """The current that brings the level at the nominal gap, or at the middle one where none is stated."""
     stated = actuator.motion.nominal_gap if actuator.motion is not None else None
     gap = stated if stated is not None else gaps[len(gaps) // 2]
-    current = Climb(drawn, reader_of(drawn, Criterion("mean")), gap).root(level, most).current
+    current = (
+        CurrentContinuation(nominal_field, reader_of(nominal_field, Criterion("mean")), gap).root(level, most).current
+    )
     if np.isnan(current):
         raise InputError(
             f"{level:g} T is not reached at gap {format_quantity(gap, 'm')} below {most:g} A; give a lower level, or "
@@ -279,22 +294,22 @@ def _point(actuator: Actuator, drawn: MagnetField, level: float, *, most: float,
 
 
 def _sections(
-    drawn: MagnetField, levels: tuple[float, ...], *, most: float, gaps: tuple[float, ...]
+    nominal_field: MagnetField, levels: tuple[float, ...], *, most: float, gaps: tuple[float, ...]
 ) -> tuple[str, ...]:
     """The sections whose mean flux density comes near a level where another one's, or their own, takes it."""
     near: dict[str, None] = {}
-    reader = reader_of(drawn, Criterion("mean"))
+    reader = reader_of(nominal_field, Criterion("mean"))
     for gap in {gaps[0], gaps[len(gaps) // 2], gaps[-1]}:
-        climb = Climb(drawn, reader, gap)
+        continuation = CurrentContinuation(nominal_field, reader, gap)
         for level in levels:
-            potential = climb.root(level, most).point.solution.potential
-            means = {name: found.mean for name, found in drawn.probes.section_flux_density(potential).items()}
+            potential = continuation.root(level, most).point.solution.potential
+            means = {name: found.mean for name, found in nominal_field.probes.section_flux_density(potential).items()}
             near |= dict.fromkeys(name for name in means if means[name] >= NEARLY * max(means.values()))
-    return tuple(name for name in drawn.probes.cuts if name in near)
+    return tuple(name for name in nominal_field.probes.cuts if name in near)
 
 
 def _checked(
-    job: MadeJob, band: Band, at: Arrays, found: tuple[Sensitivity, ...], *, running: Running, checks: int
+    job: ManufacturingJob, band: Band, at: Arrays, found: tuple[Sensitivity, ...], *, running: RowRun, checks: int
 ) -> Band:
     """The linearised band with its error, told by solving the fields of its first samples."""
     if not checks:

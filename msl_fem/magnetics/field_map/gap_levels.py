@@ -18,7 +18,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.jobs import Arrays
 from msl_fem.errors import NotConverged
-from msl_fem.magnetics.field_map.readings import Potentials, Reader, Reading, reader_of
+from msl_fem.magnetics.field_map.readings import LevelReading, Potentials, Reader, reader_of
 from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section
 from msl_fem.magnetics.solver.magnetostatics import (
@@ -43,26 +43,26 @@ LARGEST_RISE = 2.0  # of the current, in a step into the unknown
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class LevelPoint:
     """A field solution at a gap, its derivative dA/di, and what the criterion reads there."""
 
     solution: FieldSolution
     by_current: Array
-    reading: Reading
+    reading: LevelReading
 
     @property
     def current(self) -> float:
         return self.solution.current
 
 
-class Root(NamedTuple):
+class LevelRoot(NamedTuple):
     """The current of a level and the point next to it; nan where the level is not reached, with the last point."""
 
     current: float
-    point: Point
+    point: LevelPoint
 
 
-class Climb:
+class CurrentContinuation:
     """The field of one gap along the current; every solution starts from the tangent of the nearest one known.
 
     The criterion rises with the current, and mostly ever slower as the iron saturates: Newton's iteration on the
@@ -73,15 +73,15 @@ class Climb:
     def __init__(self, field: MagnetField, reader: Reader, gap: float) -> None:
         self.field, self.gap = field, gap
         self._reader = reader
-        self.known: list[Point] = []
+        self.known: list[LevelPoint] = []
         self.newton_iterations = 0
 
-    def at(self, current: float) -> Point:
+    def at(self, current: float) -> LevelPoint:
         """The field at a current; raises NotConverged."""
         solution = self._solve(current)
         response = field_response(self.field.model, solution)
         potentials = Potentials(solution.potential, response.by_current, response.by_gap)
-        point = Point(solution, response.by_current, self._reader(self.field.model, potentials))
+        point = LevelPoint(solution, response.by_current, self._reader(self.field.model, potentials))
         self.known.append(point)
         self.newton_iterations += len(solution.trail)
         return point
@@ -96,7 +96,7 @@ class Climb:
                 pass
         return self.field.solve(current, self.gap)
 
-    def root(self, level: float, most: float) -> Root:
+    def root(self, level: float, most: float) -> LevelRoot:
         """The smallest current up to `most` at which the criterion takes the level.
 
         Where the criterion passes a level several times within one step along the current, which needs a section that
@@ -112,16 +112,16 @@ class Climb:
         for _ in range(MOST_SOLUTIONS):
             if high is None and guess >= most:
                 if low is not None and low.current >= most:
-                    return Root(np.nan, low)
+                    return LevelRoot(np.nan, low)
                 guess = most
             point = self.at(guess)
             left = level - point.reading.value
             low, high = (point, high) if left > 0 else (low, point)
             step = left / point.reading.current_slope if point.reading.current_slope > 0 else np.inf
             if abs(step) <= TOLERANCE * point.current and point.current + step <= most:
-                return Root(point.current + step, point)
+                return LevelRoot(point.current + step, point)
             if low is not None and high is not None and high.current - low.current <= TOLERANCE * high.current:
-                return Root(_between(low, high, level), point)
+                return LevelRoot(_between(low, high, level), point)
             guess = point.current + step
             slow = abs(step) > 0.5 * last_step
             last_step = abs(step)
@@ -134,7 +134,7 @@ class Climb:
             "solutions; leave the gap or the level out, or choose another criterion"
         )
 
-    def _bracket(self, level: float) -> tuple[Point | None, Point | None]:
+    def _bracket(self, level: float) -> tuple[LevelPoint | None, LevelPoint | None]:
         """The neighbours of the level's first crossing among the points known."""
         points = sorted(self.known, key=lambda point: point.current)
         above = next((k for k, point in enumerate(points) if point.reading.value >= level), len(points))
@@ -143,7 +143,7 @@ class Climb:
     def _first(self, level: float) -> float:
         return FIRST_SHARE * level * 2 * self.gap / (MU_0 * self.field.magnet.coil.turns)
 
-    def _next(self, level: float, low: Point | None, high: Point | None) -> float:
+    def _next(self, level: float, low: LevelPoint | None, high: LevelPoint | None) -> float:
         """A current inside the bracket, by regula falsi kept off its ends, or beyond the last point known."""
         if high is None:
             assert low is not None, "a point is known"
@@ -155,12 +155,12 @@ class Climb:
         return start + min(max(share, 0.1), 0.9) * (high.current - start)
 
 
-def _inside(current: float, low: Point | None, high: Point | None) -> bool:
+def _inside(current: float, low: LevelPoint | None, high: LevelPoint | None) -> bool:
     start = low.current if low is not None else 0.0
     return start < current and (high is None or current < high.current)
 
 
-def _between(low: Point, high: Point, level: float) -> float:
+def _between(low: LevelPoint, high: LevelPoint, level: float) -> float:
     share = (level - low.reading.value) / (high.reading.value - low.reading.value)
     return low.current + share * (high.current - low.current)
 
@@ -322,11 +322,11 @@ class GapSolver:
     def solve(self, row: GapRow) -> Arrays:
         """Arrays (n_level,): current, gap_slope, mesh_error, bh_error, section, tail; or `failed`, which says why."""
         started = time.process_time()
-        climb = Climb(self.field, self._reader, row.gap)
+        continuation = CurrentContinuation(self.field, self._reader, row.gap)
         try:
             roots, errors = [], []
             for level in row.levels:  # the errors at once, while the field's factors are the root's
-                roots.append(climb.root(level, row.most))
+                roots.append(continuation.root(level, row.most))
                 errors.append(self._errors(roots[-1]))
         except NotConverged as err:
             return {"failed": np.array(str(err))}
@@ -340,11 +340,11 @@ class GapSolver:
             "tail": np.array(
                 [" and ".join(irons_on_tail(self.field.model, root.point.solution.potential)) for root in roots]
             ),
-            "newton_iterations": np.array(climb.newton_iterations),
+            "newton_iterations": np.array(continuation.newton_iterations),
             "cpu_seconds": np.array(time.process_time() - started),
         }
 
-    def _errors(self, root: Root) -> tuple[float, float]:
+    def _errors(self, root: LevelRoot) -> tuple[float, float]:
         """A: what one degree more, and what other curves through the B-H points, move the current; 0 if not reached.
 
         At the root's current, the criterion's change over its slope.
@@ -356,7 +356,7 @@ class GapSolver:
         changes = [share * abs(self._with_other_irons(model, point) - value) for model, share in self._other_models]
         return self.job.safety * abs(self._finer_value(point) - value) / slope, max(changes, default=0.0) / slope
 
-    def _finer_value(self, point: Point) -> float:
+    def _finer_value(self, point: LevelPoint) -> float:
         """What the criterion reads with one degree more at a point's current."""
         start = self._to_finer @ point.solution.potential
         found = solve_field(
@@ -364,7 +364,7 @@ class GapSolver:
         )
         return _value(self._finer_reader, self._finer.model, found.potential)
 
-    def _with_other_irons(self, model: FieldModel, point: Point) -> float:
+    def _with_other_irons(self, model: FieldModel, point: LevelPoint) -> float:
         """What the criterion reads with other irons: one Newton step from the point, with the tangent of its own irons.
 
         The step leaves an error of the order of the curves' difference squared.
@@ -380,7 +380,7 @@ def _value(reader: Reader, model: FieldModel, potential: Array) -> float:
     return reader(model, Potentials(potential, nothing, nothing)).value
 
 
-def _gap_slope(root: Root) -> float:
+def _gap_slope(root: LevelRoot) -> float:
     """di/dgap along the level, -(dB/dgap)/(dB/di), in A/m; nan where it is not reached, 0 where that says nothing."""
     reading = root.point.reading
     if np.isnan(root.current):

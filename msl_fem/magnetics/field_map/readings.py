@@ -132,7 +132,7 @@ AREA_DIVISIONS, EDGE_DIVISIONS, CIRCLE_POINTS = 4, 4, 180
 WINDOW = 0.005  # of the iron's area on either side of a percentile: the slope is the mean there
 
 
-class Reading(NamedTuple):
+class LevelReading(NamedTuple):
     """The criterion's flux density in T, its derivatives with respect to current (T/A) and gap (T/m), and the part."""
 
     value: float
@@ -152,7 +152,7 @@ class Potentials(NamedTuple):
 class Reader(Protocol):
     """Reads a criterion on a field; `model` may have other irons than the one that the reader was made for."""
 
-    def __call__(self, model: FieldModel, field: Potentials) -> Reading: ...
+    def __call__(self, model: FieldModel, field: Potentials) -> LevelReading: ...
 
 
 def reader_of(field: MagnetField, criterion: Criterion, *, finer: int = 1) -> Reader:
@@ -187,14 +187,14 @@ class _SectionMeans:
     def __init__(self, field: MagnetField) -> None:
         self._cuts = field.probes.cuts
 
-    def __call__(self, model: FieldModel, field: Potentials) -> Reading:
+    def __call__(self, model: FieldModel, field: Potentials) -> LevelReading:
         found = []
         for name, (region, along_x, along_y) in self._cuts.items():
             gradient, by_current, by_gap = ((along_x @ a, along_y @ a) for a in field)
             sheets, slopes = sheet_flux_density(model.irons[region].iron, gradient, [by_current, by_gap])
             # the first and the last point stand at the section's ends, for the largest value alone
             value, current_slope, gap_slope = (float(values[1:-1].mean()) for values in (sheets, *slopes))
-            found.append(Reading(value, current_slope, gap_slope, name))
+            found.append(LevelReading(value, current_slope, gap_slope, name))
         return max(found, key=lambda reading: reading.value)
 
 
@@ -207,7 +207,7 @@ class _AreaPercentile:
         self._share, self._percent = area / area.sum(), percent / 100
         self._parts = parts_of(field, self._points)
 
-    def __call__(self, model: FieldModel, field: Potentials) -> Reading:
+    def __call__(self, model: FieldModel, field: Potentials) -> LevelReading:
         sheets, slopes = self._points.flux_density(model, *field)
         order = np.argsort(sheets)
         share = self._share[order]
@@ -218,7 +218,7 @@ class _AreaPercentile:
         by_current, by_gap = (float(np.average(s[order][near], weights=share[near])) for s in slopes)
         names, place = np.unique(self._parts, return_inverse=True)
         above = np.bincount(place, np.where(sheets >= value, self._share, 0.0))
-        return Reading(value, by_current, by_gap, str(names[np.argmax(above)]))
+        return LevelReading(value, by_current, by_gap, str(names[np.argmax(above)]))
 
 
 class _LargestOutsideCorners:
@@ -235,7 +235,7 @@ class _LargestOutsideCorners:
         self._points = IronPoints(field.model, points[:, outside], elements[outside])
         self._parts = parts_of(field, self._points)
 
-    def __call__(self, model: FieldModel, field: Potentials) -> Reading:
+    def __call__(self, model: FieldModel, field: Potentials) -> LevelReading:
         sheets, slopes = self._points.flux_density(model, *field)
         k = int(np.argmax(sheets))
-        return Reading(float(sheets[k]), float(slopes[0][k]), float(slopes[1][k]), str(self._parts[k]))
+        return LevelReading(float(sheets[k]), float(slopes[0][k]), float(slopes[1][k]), str(self._parts[k]))

@@ -4,11 +4,11 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from sizing_cases import envelope, judge
+from sizing_cases import envelope, evaluator
 
 from msl_fem.actuator import Actuator
-from msl_fem.design.sizing import Design, Judge
-from msl_fem.design.sizing import judge as judge_module
+from msl_fem.design.sizing import Design, DesignEvaluator
+from msl_fem.design.sizing import evaluation as evaluation_module
 from msl_fem.design.sizing.design import PlanePoint, masses, wound
 from msl_fem.design.sizing.evaluation import NOT_BUILT, SOLVED
 from msl_fem.magnetics.kinds.e_core import solve
@@ -21,7 +21,7 @@ def no_field(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*args: Any, **more: Any) -> None:
         raise AssertionError("a field was solved")
 
-    monkeypatch.setattr(judge_module, "field_point", refuse)
+    monkeypatch.setattr(evaluation_module, "field_point", refuse)
 
 
 @pytest.mark.usefixtures("no_field")
@@ -39,31 +39,31 @@ def no_field(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_what_cannot_be_built_is_never_solved(design: Design, room: dict[str, Any], name: str, value: float) -> None:
-    verdict = judge(**room).by_field(design)
-    assert verdict.judged == NOT_BUILT
-    assert not verdict.feasible
-    assert verdict.solves == 0
-    broken = {c.name: c for c in verdict.constraints if not c.kept}
+    evaluation = evaluator(**room).by_field(design)
+    assert evaluation.stage == NOT_BUILT
+    assert not evaluation.feasible
+    assert evaluation.solves == 0
+    broken = {c.name: c for c in evaluation.constraints if not c.kept}
     assert broken[name].value == pytest.approx(value, rel=1e-6), "its size is recorded"
-    assert verdict.violation > 0
+    assert evaluation.violation > 0
 
 
 @pytest.mark.usefixtures("no_field")
 def test_far_too_deep_a_stack_is_never_solved() -> None:
     """The closed equations alone refuse it: 150 N need a stack much deeper than 2 mm."""
-    verdict = judge(**envelope("1 m", "1 m", "32 mm")).by_field(GOOD)
-    assert [c.name for c in verdict.constraints if not c.kept] == ["envelope_depth"]
-    assert verdict.solves == 0
+    evaluation = evaluator(**envelope("1 m", "1 m", "32 mm")).by_field(GOOD)
+    assert [c.name for c in evaluation.constraints if not c.kept] == ["envelope_depth"]
+    assert evaluation.solves == 0
 
 
 def test_a_design_is_what_solve_says() -> None:
     """The written magnet at the stated current: the wanted force, and the flux density that was aimed at."""
-    it = judge()
-    verdict = it.by_field(GOOD)
-    assert verdict.judged == SOLVED
-    assert verdict.feasible, verdict.constraints
-    assert 1 <= verdict.solves <= 5
-    found = verdict.performance
+    it = evaluator()
+    evaluation = it.by_field(GOOD)
+    assert evaluation.stage == SOLVED
+    assert evaluation.feasible, evaluation.constraints
+    assert 1 <= evaluation.solves <= 5
+    found = evaluation.performance
     assert found is not None
     point = solve(Actuator(schema=1, name="x", magnet=found.magnet), found.current, 0.5e-3, accuracy="fast")
     assert point.quantities.force == pytest.approx(found.force, rel=1e-6)
@@ -75,7 +75,7 @@ def test_a_design_is_what_solve_says() -> None:
 
 
 def test_less_flux_density_is_more_iron_and_less_loss() -> None:
-    it = judge()
+    it = evaluator()
     hard, soft = (it.by_field(replace(GOOD, flux_density=b)).performance for b in (1.2, 0.9))
     assert hard is not None
     assert soft is not None
@@ -86,7 +86,7 @@ def test_less_flux_density_is_more_iron_and_less_loss() -> None:
 
 
 def test_turns_are_the_fewest_that_the_supply_drives() -> None:
-    it = judge(supply={"current": "3 A"})
+    it = evaluator(supply={"current": "3 A"})
     found = it.by_closed_form(GOOD).performance
     assert found is not None
     ampere_turns = it.circuit(GOOD).point.ampere_turns
@@ -95,20 +95,20 @@ def test_turns_are_the_fewest_that_the_supply_drives() -> None:
 
 
 def test_a_stated_wire_fixes_the_turns() -> None:
-    it = judge(winding={"wire_diameter": "0.5 mm"}, supply={"current": "0.8 A"})
-    verdict = it.by_closed_form(GOOD)
-    found = verdict.performance
+    it = evaluator(winding={"wire_diameter": "0.5 mm"}, supply={"current": "0.8 A"})
+    evaluation = it.by_closed_form(GOOD)
+    found = evaluation.performance
     assert found is not None
     coil = found.magnet.coil
     copper = coil.turns * 3.14159265 / 4 * 0.5e-3**2
     assert copper <= 0.5 * found.magnet.coil_section < copper + 2e-7
     assert coil.fill_factor == pytest.approx(copper / found.magnet.coil_section)
-    assert [c.name for c in verdict.constraints if not c.kept] == ["current"]
+    assert [c.name for c in evaluation.constraints if not c.kept] == ["current"]
 
 
 def test_slew_rate_is_what_the_voltage_drives() -> None:
     """dF/dt = dF/di (V - R i)/L, by hand."""
-    it = judge(supply={"voltage": "20 V", "current": "5 A"}, sides={"count": 2, "magnets_per_side": 2})
+    it = evaluator(supply={"voltage": "20 V", "current": "5 A"}, sides={"count": 2, "magnets_per_side": 2})
     point = PlanePoint(1000.0, 5e3, 9.0, 2e-5, 1.2, "yoke")
     found = wound(GOOD, point, it.requirement, depth=30e-3)
     turns = 200
@@ -129,12 +129,12 @@ def test_slew_rate_is_what_the_voltage_drives() -> None:
 )
 def test_each_limit_is_a_constraint(change: dict[str, Any], name: str | None) -> None:
     """A flux limit is no constraint that a design breaks: the iron works at most that hard."""
-    broken = [c.name for c in judge(**change).by_field(GOOD).constraints if not c.kept]
+    broken = [c.name for c in evaluator(**change).by_field(GOOD).constraints if not c.kept]
     assert broken == ([] if name is None else [name])
 
 
 def test_masses_by_hand() -> None:
-    it = judge(densities={"core": "7000 kg/m^3", "armature": "8000 kg/m^3", "copper": "9000 kg/m^3"})
+    it = evaluator(densities={"core": "7000 kg/m^3", "armature": "8000 kg/m^3", "copper": "9000 kg/m^3"})
     found = it.by_closed_form(GOOD).performance
     assert found is not None
     magnet, depth = found.magnet, found.magnet.stack_depth
@@ -150,5 +150,5 @@ def test_masses_by_hand() -> None:
 def test_a_judge_can_be_sent_elsewhere() -> None:
     import pickle
 
-    it: Judge = pickle.loads(pickle.dumps(judge()))
-    assert it.by_closed_form(GOOD) == judge().by_closed_form(GOOD)
+    it: DesignEvaluator = pickle.loads(pickle.dumps(evaluator()))
+    assert it.by_closed_form(GOOD) == evaluator().by_closed_form(GOOD)

@@ -5,12 +5,12 @@ import io
 import numpy as np
 import pytest
 
-from msl_fem.design.sizing import JudgedTrial, pareto_front
+from msl_fem.design.sizing import EvaluatedTrial, pareto_front
 from msl_fem.report.pareto_picture import FrontPoints, draw_front
 
 
-def trial(number: int, values: tuple[float, ...], *, feasible: bool = True) -> JudgedTrial:
-    return JudgedTrial(number, {}, "solved", feasible, values, {}, (), 3)
+def trial(number: int, values: tuple[float, ...], *, feasible: bool = True) -> EvaluatedTrial:
+    return EvaluatedTrial(number, {}, "solved", feasible, values, {}, (), 3)
 
 
 def test_front_is_what_nothing_beats() -> None:
