@@ -14,11 +14,9 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +25,7 @@ import numpy as np
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record, usual_excitations
 from msl_fem.computing.blas_threads import one_blas_thread
+from msl_fem.computing.jobs import Executor, run_jobs
 from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.errors import ComputationError, InputError
@@ -66,6 +65,7 @@ class Case:
     hidden: tuple[str, ...]
     seed: int
     noise: str = "coloured"
+    cost = 1  # all about the same: cases are taken in their order
 
     @property
     def key(self) -> str:
@@ -207,17 +207,49 @@ def _best(row: dict[str, Any]) -> list[tuple[str, float]]:
     return [tuple(stage[0]) for stage in row.get("statistics", []) if stage]
 
 
+class Study:
+    """The job, and what solves its cases."""
+
+    def solver(self) -> "Study":
+        return self
+
+    def solve(self, case: Case) -> dict[str, Any]:
+        return {"row": tried(case)}
+
+
+class EachRow:
+    """A cache that keeps nothing: it hands on each row as soon as it is there."""
+
+    def __init__(self, take: Callable[[dict[str, Any]], None]) -> None:
+        self._take = take
+
+    def get(self, key: str) -> dict[str, Any] | None:
+        return None
+
+    def put(self, key: str, answer: dict[str, Any]) -> None:
+        self._take(answer["row"])
+
+
+def run_cases(chosen: list[Case], processes: int, take: Callable[[dict[str, Any]], None]) -> None:
+    """The cases in processes; each row is taken as soon as it is there."""
+    executor = Executor(processes, work="study", item="case", go_on="finished cases are kept: run it again")
+    run_jobs(Study(), chosen, executor=executor, cache=EachRow(take))
+
+
 def compare_with(rows: Path, keys: Path | None, *, limit: int | None, processes: int) -> int:
     """Cases of a file of rows made anew, all or those of `keys` (one a line); how many verdicts or names differ."""
     known = {row["key"]: row for row in done(rows)}
     wanted = keys.read_text(encoding="utf-8").split("\n") if keys is not None else list(known)
     chosen = [case for case in cases() if case.key in wanted and case.key in known][:limit]
     moved = 0
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        for case, row in zip(chosen, pool.map(tried, chosen), strict=True):
-            told = differences(known[case.key], row)
-            moved += any(text.startswith(("verdict", "causes")) for text in told)
-            print(f"{case.key}: {'; '.join(told) or 'the same'} ({row.get('cpu_seconds')} s)", flush=True)
+
+    def compare(row: dict[str, Any]) -> None:
+        nonlocal moved
+        told = differences(known[row["key"]], row)
+        moved += any(text.startswith(("verdict", "causes")) for text in told)
+        print(f"{row['key']}: {'; '.join(told) or 'the same'} ({row.get('cpu_seconds')} s)", flush=True)
+
+    run_cases(chosen, processes, compare)
     print(f"{moved} of {len(chosen)} differ in verdict or names")
     return moved
 
@@ -237,22 +269,22 @@ def main() -> None:
     known = {row["key"] for row in done(options.results)}
     left = [case for case in cases() if case.key not in known and options.only in case.key][: options.limit]
     print(f"{len(known)} cases are there, {len(left)} to do", file=sys.stderr)
-    begin = time.monotonic()
-    with (
-        ProcessPoolExecutor(options.processes, mp_context=get_context("spawn")) as pool,
-        options.results.open("a", encoding="utf-8") as out,
-    ):
-        futures = [pool.submit(tried, case) for case in left]
-        for n, future in enumerate(as_completed(futures), 1):
-            row = future.result()
+    begin, written = time.monotonic(), 0
+    with options.results.open("a", encoding="utf-8") as out:
+
+        def write(row: dict[str, Any]) -> None:
+            nonlocal written
             out.write(json.dumps(row) + "\n")
             out.flush()
-            rest = (time.monotonic() - begin) / n * (len(left) - n)
+            written += 1
+            rest = (time.monotonic() - begin) / written * (len(left) - written)
             names = [c["effect"] for c in row.get("causes", [])]
             print(
-                f"{n}/{len(left)}, {rest / 60:.0f} min left: {row['key']}: {row.get('verdict')} {names}",
+                f"{written}/{len(left)}, {rest / 60:.0f} min left: {row['key']}: {row.get('verdict')} {names}",
                 file=sys.stderr,
             )
+
+        run_cases(left, options.processes, write)
 
 
 if __name__ == "__main__":
