@@ -23,6 +23,14 @@ from msl_fem.files.toml_text import toml_text
 from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.kinds.accuracy import Accuracy
 
+RULE = "the best in the first objective of all designs that meet all constraints, verified at fine accuracy"
+VERIFIED: Accuracy = "fine"
+MOST_TRIES = 10
+NATURAL_FREQUENCY = 60.0
+"""Hz of the mover on its suspension where no stiffness is stated: about the reference actuator's."""
+DAMPING_RATIO = 0.02
+"""Where no damping is stated: flexures and air."""
+
 
 def pareto_front(trials: Sequence[EvaluatedTrial], objectives: tuple[Objective, ...]) -> list[EvaluatedTrial]:
     """The feasible trials that no other one beats, best in the first objective first.
@@ -37,17 +45,13 @@ def pareto_front(trials: Sequence[EvaluatedTrial], objectives: tuple[Objective, 
     costs = np.array([t.values for t in feasible]) * signs
     front = []
     for k, cost in enumerate(costs):
-        at_least_as_good, better = (costs <= cost).all(axis=1), (costs < cost).any(axis=1)
+        at_least_as_good = (costs <= cost).all(axis=1)
+        better = (costs < cost).any(axis=1)
         twin = at_least_as_good & ~better
         if not (at_least_as_good & better).any() and int(np.argmax(twin)) == k:
             front.append(k)
     front.sort(key=lambda k: tuple(costs[k]))
     return [feasible[k] for k in front]
-
-
-RULE = "the best in the first objective of all designs that meet all constraints, verified at fine accuracy"
-VERIFIED: Accuracy = "fine"
-MOST_TRIES = 10
 
 
 @dataclass(frozen=True)
@@ -125,18 +129,13 @@ def _nothing_found(evaluator: DesignEvaluator, found: SearchResult) -> str:
     )
 
 
-NATURAL_FREQUENCY = 60.0
-"""Hz of the mover on its suspension where no stiffness is stated: about the reference actuator's."""
-DAMPING_RATIO = 0.02
-"""Where no damping is stated: flexures and air."""
-
-
 def sized_actuator(found: Performance, requirement: Requirement, *, target: Path) -> Actuator:
     """The actuator around a sized magnet; the requirement's defaults fill what it does not state.
 
     `target` is the file that it is meant for: names of B-H files are made relative to it.
     """
-    motion, supply = requirement.motion, requirement.supply
+    motion = requirement.motion
+    supply = requirement.supply
     mass = motion.payload + requirement.sides.magnets_per_side * found.masses.armature
     stiffness = motion.stiffness
     if stiffness is None:

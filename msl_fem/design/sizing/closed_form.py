@@ -127,14 +127,18 @@ def closed_form(
 
 def gap_permeance(magnet: ECore, gap: float, *, fringing: bool = True) -> GapPermeance:
     """The permeance of the centre leg's gap and the two outer ones in series."""
-    c, o = magnet.centre_leg_width, magnet.outer_leg_width
-    centre, centre_slope = c / gap, -c / gap**2
-    outer, outer_slope = 2 * o / gap, -2 * o / gap**2
+    c = magnet.centre_leg_width
+    o = magnet.outer_leg_width
+    centre = c / gap
+    centre_slope = -c / gap**2
+    outer = 2 * o / gap
+    outer_slope = -2 * o / gap**2
     plain = centre * outer / (centre + outer)
     if fringing:
         share = 2 * o / (c + 2 * o)  # of the magnetomotive force across the centre leg's gap, as the reluctances
         edge, edge_slope = _corner(_reach(magnet, share), gap)
-        centre, centre_slope = centre + 2 * edge, centre_slope + 2 * edge_slope
+        centre = centre + 2 * edge
+        centre_slope = centre_slope + 2 * edge_slope
         edge, edge_slope = _corner(_reach(magnet, 1 - share), gap)
         flush, flush_slope = _corner(magnet.armature_thickness, gap / 2)  # two in series over half the gap each
         outer += 2 * (edge + flush / 2)
@@ -161,8 +165,10 @@ def _reach(magnet: ECore, share: float) -> float:
 
 def window_leakage(magnet: ECore) -> tuple[float, float, float]:
     """A window's leakage over mu_0 U and the depth: flux below mid-height, all flux, flux linkage of one turn."""
-    width, middle = magnet.window_width, magnet.window_height / 2
-    begin, end = magnet.coil.face_clearance, magnet.coil.face_clearance + magnet.coil.height
+    width = magnet.window_width
+    middle = magnet.window_height / 2
+    begin = magnet.coil.face_clearance
+    end = magnet.coil.face_clearance + magnet.coil.height
 
     def force(y: float) -> float:  # of U, between two legs at a height
         return min(1.0, max(0.0, (end - y) / (end - begin)))

@@ -21,6 +21,13 @@ REFUSED = 1e6
 """Of a score that is no answer: worse than all that are."""
 _POPULATION, _GENERATIONS = 6, 40
 _STEP, _EVALUATIONS = 0.15, 300  # of the simplex: of each span
+ROOMY = 1e4
+"""Times the envelope: in it every design can be evaluated, whatever its size."""
+LEAST_FLUX = 0.02
+"""Of the flux limit: how little the iron may carry where room for copper is what lacks."""
+_PENALTY = 100.0  # of what is not asked about
+_SLIGHT = 0.01  # of a limit: what rounded dimensions break
+_ENVELOPE = "envelope_"
 
 
 @dataclass(frozen=True)
@@ -95,15 +102,6 @@ def _place(value: float, span: ParameterSpan) -> float:
     return (value - span.low) / (span.high - span.low)
 
 
-ROOMY = 1e4
-"""Times the envelope: in it every design can be evaluated, whatever its size."""
-LEAST_FLUX = 0.02
-"""Of the flux limit: how little the iron may carry where room for copper is what lacks."""
-_PENALTY = 100.0  # of what is not asked about
-_SLIGHT = 0.01  # of a limit: what rounded dimensions break
-_ENVELOPE = "envelope_"
-
-
 @dataclass(frozen=True)
 class ContradictionSearch:
     """Asks the closed equations what a requirement would need."""
@@ -165,7 +163,8 @@ def refuse_contradiction(evaluator: DesignEvaluator, space: SearchSpace) -> Desi
     RequirementError : even that design breaks a constraint by more than the closed equations are wrong by; the message
         names the constraints, the force that there is room for, and the envelope that would do
     """
-    asked, requirement = ContradictionSearch(evaluator, space), evaluator.requirement
+    asked = ContradictionSearch(evaluator, space)
+    requirement = evaluator.requirement
     closest = asked.closest()
     if closest.score <= CLOSED_FORM_ERROR:
         return closest.design
@@ -200,7 +199,8 @@ def _room(asked: ContradictionSearch) -> str:
     found = asked.strongest()
     if found.evaluation.performance is None or found.score >= 0:
         return "into the envelope fits no magnet at all"
-    force, depth = found.evaluation.performance.force, found.evaluation.performance.magnet.stack_depth
+    force = found.evaluation.performance.force
+    depth = found.evaluation.performance.magnet.stack_depth
     iron = found.design.flux_density
     text = f"in the stated envelope the other limits allow at most {force:.3g} N (iron at {iron:.3g} T)"
     try:

@@ -11,6 +11,23 @@ from msl_fem.materials.constants import COPPER_DENSITY
 
 LARGEST = 1e6  # of a violation
 ROUNDING = 1e-9  # relative: what adding lengths costs
+GRID = 1e-5
+"""m; dimensions are multiples of it."""
+LEAST_COIL = 5e-4
+"""m; a narrower or lower coil is not wound."""
+SILICON_STEEL_DENSITY = 7650.0
+"""kg/m3, where nothing better is known: non-oriented sheet with about 3 % silicon (EN 10106, M270-35A)."""
+IRON_DENSITIES = {
+    # semi-processed grades by their old AISI names: 7.65 to 7.75 (ASTM A34, assumed densities by silicon content)
+    "m15": 7650.0, "m19": 7650.0, "m19_pyleecan": 7650.0, "m19_29ga_pyleecan": 7650.0, "m27": 7650.0, "m36": 7700.0,
+    "m45": 7750.0,
+    # EN 10106, conventional densities
+    "m235_35a_pyleecan": 7600.0, "m270_35a_pyleecan": 7650.0, "m400_50a_pyleecan": 7700.0, "m530_65a_pyleecan": 7700.0,
+    # data sheets: plain carbon steels and iron 7870, AISI 430 7740, cobalt irons 8120
+    "steel_1010": 7870.0, "steel_1020": 7870.0, "pure_iron": 7870.0, "stainless_430": 7740.0, "hiperco_50": 8120.0,
+    "vanadium_permendur": 8120.0,
+}  # fmt: skip
+"""kg/m3 by the library's names."""
 
 
 @dataclass(frozen=True)
@@ -64,12 +81,6 @@ def at_least(name: str, value: float, limit: float, unit: str) -> Constraint:
 def total_violation(constraints: tuple[Constraint, ...]) -> float:
     """The sum of what is broken, relative to the limits; 0 where all is kept."""
     return sum(max(c.violation, 0.0) for c in constraints)
-
-
-GRID = 1e-5
-"""m; dimensions are multiples of it."""
-LEAST_COIL = 5e-4
-"""m; a narrower or lower coil is not wound."""
 
 
 @dataclass(frozen=True)
@@ -191,21 +202,6 @@ def _coil(design: Design, requirement: Requirement) -> dict[str, Any]:
     }
 
 
-SILICON_STEEL_DENSITY = 7650.0
-"""kg/m3, where nothing better is known: non-oriented sheet with about 3 % silicon (EN 10106, M270-35A)."""
-IRON_DENSITIES = {
-    # semi-processed grades by their old AISI names: 7.65 to 7.75 (ASTM A34, assumed densities by silicon content)
-    "m15": 7650.0, "m19": 7650.0, "m19_pyleecan": 7650.0, "m19_29ga_pyleecan": 7650.0, "m27": 7650.0, "m36": 7700.0,
-    "m45": 7750.0,
-    # EN 10106, conventional densities
-    "m235_35a_pyleecan": 7600.0, "m270_35a_pyleecan": 7650.0, "m400_50a_pyleecan": 7700.0, "m530_65a_pyleecan": 7700.0,
-    # data sheets: plain carbon steels and iron 7870, AISI 430 7740, cobalt irons 8120
-    "steel_1010": 7870.0, "steel_1020": 7870.0, "pure_iron": 7870.0, "stainless_430": 7740.0, "hiperco_50": 8120.0,
-    "vanadium_permendur": 8120.0,
-}  # fmt: skip
-"""kg/m3 by the library's names."""
-
-
 @dataclass(frozen=True)
 class Masses:
     """kg of one magnet; `total` is all of it, `armature` is what moves."""
@@ -313,8 +309,10 @@ def wound(design: Design, point: PlanePoint, requirement: Requirement, *, depth:
         turns = max(1, math.floor(requirement.winding.fill_factor * plain.coil_section / wire))
         fill = min(turns * wire / plain.coil_section, 1 - 1e-9)
     magnet = magnet_of(design, requirement, depth=depth, turns=turns, fill=fill)
-    current, resistance = point.ampere_turns / turns, magnet.winding_resistance
-    loss, inductance = resistance * current**2, turns**2 * point.inductance * depth
+    current = point.ampere_turns / turns
+    resistance = magnet.winding_resistance
+    loss = resistance * current**2
+    inductance = turns**2 * point.inductance * depth
     headroom = requirement.coil_voltage - resistance * current
     return Performance(
         magnet=magnet,
@@ -341,7 +339,8 @@ def _temperature_rise(magnet: ECore, current: float, heat: Heat) -> float:
 
 def performance_constraints(found: Performance, requirement: Requirement) -> tuple[Constraint, ...]:
     """The demands on a wound magnet, those of its envelope's depth included."""
-    heat, envelope = requirement.heat, requirement.envelope
+    heat = requirement.heat
+    envelope = requirement.envelope
     demands = [
         at_least("force", found.force, requirement.force.minimum, "N"),
         at_most("flux_density", found.flux_density, requirement.flux.limit, "T"),

@@ -34,6 +34,11 @@ from msl_fem.materials.material import laminated, load_iron
 TOLERANCE = 3e-4
 """Relative, on the flux density that is aimed at."""
 MOST_SOLVES = 12
+CLOSED_FORM_ERROR = 0.1
+"""Relative: what the closed equations may be wrong by where they refuse a design (docs/sizing.md has their errors)."""
+MOST_SLENDER, LEAST_STACK = 50.0, 1e-3
+"""Of the stack's depth: over the core's half width at most, and in m at least."""
+NOT_BUILT, NO_FIELD, SOLVED = "not built", "refused by the closed equations", "solved"
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,8 @@ def field_point(
     ComputationError : the mesher failed, a field did not converge, or the flux density was not reached
     """
     field = MagnetField(magnet, magnet_mesh(magnet, gap, accuracy), folder=folder, order=LEVELS[accuracy].order)
-    current, start = guess, None
+    current = guess
+    start = None
     known: list[tuple[float, float]] = []
     for n in range(1, MOST_SOLVES + 1):
         solution = field.solve(current, gap, start=start)
@@ -105,13 +111,6 @@ def _per_metre(quantities: FieldQuantities, depth: float, current: float, loaded
         flux_density=mean,
         section=section,
     )
-
-
-CLOSED_FORM_ERROR = 0.1
-"""Relative: what the closed equations may be wrong by where they refuse a design (docs/sizing.md has their errors)."""
-MOST_SLENDER, LEAST_STACK = 50.0, 1e-3
-"""Of the stack's depth: over the core's half width at most, and in m at least."""
-NOT_BUILT, NO_FIELD, SOLVED = "not built", "refused by the closed equations", "solved"
 
 
 @dataclass(frozen=True)
@@ -163,7 +162,8 @@ class DesignEvaluator:
 
     @cached_property
     def irons(self) -> Irons:
-        iron, folder = self.requirement.iron, self.requirement.folder
+        iron = self.requirement.iron
+        folder = self.requirement.folder
         return (
             laminated(load_iron(iron.core, folder=folder), iron.core_stacking),
             laminated(load_iron(iron.armature, folder=folder), iron.armature_stacking),
@@ -176,7 +176,8 @@ class DesignEvaluator:
 
     def _proportions(self, design: Design) -> tuple[Constraint, ...]:
         """What a section's mesh and an actuator file ask for; only what is broken."""
-        lengths, gap = section_lengths(design, self.requirement), self.requirement.force.gap
+        lengths = section_lengths(design, self.requirement)
+        gap = self.requirement.force.gap
         largest = max(lengths)
         limits = (
             at_most("largest_length", largest, min(LARGEST_MAGNET, gap / SMALLEST_GAP), "m"),

@@ -36,6 +36,12 @@ CURRENT_DENSITY_SHARE = (0.25, BEYOND)
 FORCE_SHARE = (1.0, 2.0)
 """Of the wanted force, where force is an objective."""
 _ROUNDS = 3  # of the window's fixed point
+WINDOW_ASPECT = 2.0
+"""Height over width of the window, as E-laminations have it or more (3 in scrapless ones)."""
+STACK_ASPECT = 1.0
+"""Depth over width of the centre leg: a square has the shortest turns for its area."""
+_STEP, _STEPS = 1.4, 40  # of the walk that brackets a root
+_HEAT = ("current_density", "temperature_rise", "voltage")
 
 
 @dataclass(frozen=True)
@@ -134,7 +140,8 @@ def _balanced(
 
 def even_thickness(design: Design, circuit: MagneticCircuit, evaluator: DesignEvaluator) -> dict[str, float]:
     """The thicknesses in m at which outer leg, yoke and armature carry the centre leg's flux density."""
-    flux, iron = circuit.flux, evaluator.requirement.iron
+    flux = circuit.flux
+    iron = evaluator.requirement.iron
     width = design.centre_leg_width / 2 / flux["centre_leg"]
     return {
         "outer_leg_share": width * flux["outer_leg"],
@@ -164,14 +171,6 @@ def parameters_of(design: Design, space: SearchSpace, evaluator: DesignEvaluator
 def _current_density(design: Design, evaluator: DesignEvaluator) -> float:
     width, height = coil_size(design, evaluator.requirement)
     return evaluator.circuit(design).point.ampere_turns / (evaluator.requirement.winding.fill_factor * width * height)
-
-
-WINDOW_ASPECT = 2.0
-"""Height over width of the window, as E-laminations have it or more (3 in scrapless ones)."""
-STACK_ASPECT = 1.0
-"""Depth over width of the centre leg: a square has the shortest turns for its area."""
-_STEP, _STEPS = 1.4, 40  # of the walk that brackets a root
-_HEAT = ("current_density", "temperature_rise", "voltage")
 
 
 def textbook_guess(evaluator: DesignEvaluator) -> Design:
@@ -225,7 +224,8 @@ def _with_window(evaluator: DesignEvaluator, width: float) -> Design:
 
 def _root(function: Callable[[float], float], start: float, requirement: Requirement) -> float:
     """The root of a function that falls from above 0, looked for from `start` on."""
-    low, high = start, start * _STEP
+    low = start
+    high = start * _STEP
     for _ in range(_STEPS):
         try:
             if function(high) <= 0:

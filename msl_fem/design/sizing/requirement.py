@@ -43,6 +43,10 @@ DEFAULT_CURRENT_DENSITY = 5e6
 """A/m2 where neither current density nor temperature rise is limited: usual for windings in still air."""
 DEFAULT_RANGE = 0.8
 """Of the nominal gap, where no range is stated."""
+_PURE_NUMBERS = {
+    "schema", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor", "duty", "count",
+    "magnets_per_side", "delay_samples",
+}  # fmt: skip
 
 
 class ForceWanted(FrozenModel):
@@ -152,7 +156,8 @@ class Requirement(FrozenModel):
                 f"force.gap {format_quantity(self.force.gap, 'm')} is above {format_quantity(LARGEST_MAGNET, 'm')}, "
                 "larger than any magnet; look at its unit"
             )
-        low, high = self.nominal_gap - self.range, self.nominal_gap + self.range
+        low = self.nominal_gap - self.range
+        high = self.nominal_gap + self.range
         if low <= 0:
             raise ValueError(
                 f"motion.range {format_quantity(self.range, 'm')} must be below the nominal gap "
@@ -194,12 +199,6 @@ class Requirement(FrozenModel):
     def digest(self) -> str:
         """SHA-256 of the content: equal for equal requirements, whatever the file's comments."""
         return hashlib.sha256(self.model_dump_json(exclude={"sources"}).encode()).hexdigest()
-
-
-_PURE_NUMBERS = {
-    "schema", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor", "duty", "count",
-    "magnets_per_side", "delay_samples",
-}  # fmt: skip
 
 
 def load_requirement(path: str | Path) -> Requirement:

@@ -50,6 +50,10 @@ VARIED = 0.5
 """Share of the trials that vary a good design; half of them the best in the first objective, half any of the front."""
 _LARGEST_STEP, _SMALLEST_STEP = 0.08, 0.008  # of a parameter's span
 _LEAST_KNOWN = 4  # feasible trials before there is something to vary
+GUESS, CLOSEST = "closed-form guess", "closed-form closest"
+"""Names of the first designs."""
+EVALUATED_ARE_KEPT = "judged designs are kept: run the same command again"
+_PENALTY = 10.0  # of a relative violation, in the closed equations' search
 
 
 class MixedSampler(BaseSampler):
@@ -126,12 +130,6 @@ class MixedSampler(BaseSampler):
     ) -> None:
         """What the estimator does after a trial."""
         self._tpe.after_trial(study, trial, state, values)
-
-
-GUESS, CLOSEST = "closed-form guess", "closed-form closest"
-"""Names of the first designs."""
-EVALUATED_ARE_KEPT = "judged designs are kept: run the same command again"
-_PENALTY = 10.0  # of a relative violation, in the closed equations' search
 
 
 @dataclass(frozen=True)
@@ -222,7 +220,8 @@ def first_designs(evaluator: DesignEvaluator) -> tuple[SearchSpace, dict[str, De
     """
     guess = textbook_guess(evaluator)
     space = space_around(guess, evaluator)
-    designs, start = {GUESS: guess}, guess
+    designs = {GUESS: guess}
+    start = guess
     evaluation = evaluator.by_closed_form(guess)
     if any(c.violation > 1e-3 for c in evaluation.constraints):  # more than the rounding of its dimensions
         designs[CLOSEST] = start = refuse_contradiction(evaluator, space)

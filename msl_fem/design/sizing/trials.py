@@ -26,6 +26,14 @@ from msl_fem.errors import ComputationError, InputError
 FIRST_DESIGN = "first_design"
 VERDICT = "verdict"
 """Name of the user attribute of a judged trial; a trial without it was lost on the way."""
+Answer = TypeVar("Answer")
+PAUSES = (0.2, 0.5, 1.0, 2.0)
+"""Seconds between attempts to begin what another process begins as well."""
+PATIENCE = 60.0
+"""Seconds that a process waits for another one's write to a sqlite file."""
+ABANDONED = datetime.timedelta(minutes=10)
+"""A trial that has been running for so long was lost with its process: a design is judged in a second."""
+REQUIREMENT, SPACE, FIRST = "requirement_sha256", "space", "first_designs"
 
 
 @dataclass(frozen=True)
@@ -86,7 +94,8 @@ def figures(evaluation: DesignEvaluation) -> dict[str, Any]:
 
 def evaluated_trial(trial: FrozenTrial) -> EvaluatedTrial:
     """A storage's trial that has a verdict."""
-    stored, values = trial.user_attrs[VERDICT], trial.values if trial.state == TrialState.COMPLETE else None
+    stored = trial.user_attrs[VERDICT]
+    values = trial.values if trial.state == TrialState.COMPLETE else None
     return EvaluatedTrial(
         number=trial.number,
         parameters=dict(trial.params),
@@ -98,16 +107,6 @@ def evaluated_trial(trial: FrozenTrial) -> EvaluatedTrial:
         solves=int(stored["solves"]),
         first_design=trial.user_attrs.get(FIRST_DESIGN),
     )
-
-
-Answer = TypeVar("Answer")
-PAUSES = (0.2, 0.5, 1.0, 2.0)
-"""Seconds between attempts to begin what another process begins as well."""
-PATIENCE = 60.0
-"""Seconds that a process waits for another one's write to a sqlite file."""
-ABANDONED = datetime.timedelta(minutes=10)
-"""A trial that has been running for so long was lost with its process: a design is judged in a second."""
-REQUIREMENT, SPACE, FIRST = "requirement_sha256", "space", "first_designs"
 
 
 @contextlib.contextmanager

@@ -69,14 +69,18 @@ def tolerances_of(
     found = []
     for name in NAMES:
         in_file = getattr(actuator.tolerances, name) if actuator.tolerances is not None else None
-        default, source = _default(magnet, name), SOURCES[name]
+        default = _default(magnet, name)
+        source = SOURCES[name]
         if name in given:
-            limit, source = given[name], "given"
+            limit = given[name]
+            source = "given"
         elif in_file is not None:
-            limit, source = in_file, actuator.sources.get(f"tolerances.{name}", "[tolerances] of the actuator file")
+            limit = in_file
+            source = actuator.sources.get(f"tolerances.{name}", "[tolerances] of the actuator file")
         else:
             limit = default
-        nominal, unit = _nominal(magnet, name), "m" if name == "gap" or name in LENGTHS else ""
+        nominal = _nominal(magnet, name)
+        unit = "m" if name == "gap" or name in LENGTHS else ""
         _check(name, limit, nominal, unit)
         found.append(ManufacturingTolerance(name, nominal, limit, unit, source))
     return tuple(found)
@@ -122,7 +126,8 @@ def manufactured_field(nominal: FieldJob, deviation: Mapping[str, float]) -> Mag
     ActuatorError, ValueError : dimensions that make no magnet
     """
     magnet = manufactured_magnet(nominal.magnet, deviation)
-    nominal_field, made = e_core_section(nominal.magnet, nominal.mesh.gap), e_core_section(magnet, nominal.mesh.gap)
+    nominal_field = e_core_section(nominal.magnet, nominal.mesh.gap)
+    made = e_core_section(magnet, nominal.mesh.gap)
     mesh = moved_mesh(nominal.mesh, nominal_field, made)
     field = MagnetField(magnet, mesh, folder=nominal.folder, order=nominal.order)
     polarisation, strength = (deviation.get(name, 0.0) for name in ("bh_polarisation", "bh_field_strength"))
@@ -133,7 +138,8 @@ def manufactured_field(nominal: FieldJob, deviation: Mapping[str, float]) -> Mag
             )
             for region, (name, stacking) in field.section.iron.items()
         }
-        field.irons, field.model = irons, field.model.with_irons(irons)
+        field.irons = irons
+        field.model = field.model.with_irons(irons)
         field.probes = Probes(field.model, field.section)
     return field
 
@@ -167,7 +173,8 @@ def moved_mesh(mesh: TriangleMesh, nominal_field: Section, made: Section) -> Tri
 def _lines(section: Section, axis: int) -> Array:
     """Coordinates of the vertices in order, those on the painted box's edges as the whole box's, where they end up."""
     painted = np.array([vertex[axis] for region in section.regions for vertex in region.vertices], dtype=float)
-    low, high = painted.min(), painted.max()
+    low = painted.min()
+    high = painted.max()
     start = section.gap if axis == 1 else 0.0
     lines = np.where(painted == low, low * section.far, painted)
     return np.where(painted == high, start + (high - start) * section.far, lines)
@@ -177,7 +184,8 @@ def _moved(coordinate: Array, old: Array, new: Array) -> Array:
     if old.shape != new.shape:
         raise ComputationError("the deviating section has other vertices than the nominal one")
     order = np.lexsort((new, old))
-    x, y = old[order], new[order]
+    x = old[order]
+    y = new[order]
     fresh = np.r_[True, np.diff(x) > 1e-9 * np.abs(x).max()]
     first = np.flatnonzero(fresh)
     group = np.cumsum(fresh) - 1

@@ -24,6 +24,8 @@ from msl_fem.maps.level_currents import Criterion
 
 METHOD_VERSION = 1
 """Raised when a change of the code changes the answers: kept rows of another version are not used."""
+STEP = 0.01  # of the nominal value (of the smallest gap for the gap); halved once
+QUANTITIES = ("force", "flux_linkage", "section_current")
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,8 @@ class ManufacturingSolver:
 
     def _currents(self, field: MagnetField, read_on: MagnetField, off: float) -> Array:
         """(n_level, n_gap) A; the field is read where the probes of `read_on` are."""
-        asked, reader = self.job.questions, reader_of(read_on, Criterion("mean"))
+        asked = self.job.questions
+        reader = reader_of(read_on, Criterion("mean"))
         columns = []
         for gap in asked.gaps:
             continuation = CurrentContinuation(field, reader, gap + off)
@@ -162,10 +165,6 @@ def _told(row: ManufacturedMagnet) -> str:
     )
 
 
-STEP = 0.01  # of the nominal value (of the smallest gap for the gap); halved once
-QUANTITIES = ("force", "flux_linkage", "section_current")
-
-
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
     """Derivatives with respect to one quantity, central differences with the smaller of two steps.
@@ -205,7 +204,8 @@ def sensitivities(
     for tolerance, step, share in zip(tolerances, steps, shares, strict=True):
         asked += [{tolerance.name: factor * step} for factor in share]
     nominal, *rest = answers(job, asked, running, by_section=True)
-    found, start = [], 0
+    found = []
+    start = 0
     for tolerance, step, share in zip(tolerances, steps, shares, strict=True):
         rows = rest[start : start + len(share)]
         start += len(share)

@@ -29,6 +29,11 @@ from msl_fem.maps.level_currents import Criterion
 
 PERCENTILES = (5.0, 95.0)
 MOST_MISSING = 0.05  # of the samples in which a level is not reached: the upper percentile is then unknown
+BEYOND_DRIVE = 4.0  # times the drive's limit: where a level is still looked for
+MOST_SAMPLES = 100_000
+LARGEST_LEVEL = 10.0  # T
+NEARLY = 0.9  # of the governing section's flux density: what tolerances of a few per cent may make govern
+Point = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,13 +127,6 @@ def _band(stacked: Arrays, method: str, *, samples: int, seed: int) -> Band:
     return Band(low, high, (force[0], force[1]), (flux[0], flux[1]), method, samples, seed)
 
 
-BEYOND_DRIVE = 4.0  # times the drive's limit: where a level is still looked for
-MOST_SAMPLES = 100_000
-LARGEST_LEVEL = 10.0  # T
-NEARLY = 0.9  # of the governing section's flux density: what tolerances of a few per cent may make govern
-Point = tuple[float, float]
-
-
 @dataclass(frozen=True)
 class ToleranceSettings:
     """What is studied and how.
@@ -209,7 +207,8 @@ def tolerance_study(
     InputError : gaps, levels, samples or tolerances that are not allowed
     ComputationError : a field did not converge; what is finished is kept
     """
-    settings, resources = settings or ToleranceSettings(), resources or StudyResources()
+    settings = settings or ToleranceSettings()
+    resources = resources or StudyResources()
     tolerances = tolerances_of(actuator, stated=settings.tolerances)
     _check(settings)
     gaps = _gaps(actuator, settings.gaps, tolerances)
@@ -243,7 +242,8 @@ def _gaps(
                 f'{actuator.name} states no motion.nominal_gap and motion.range; give --gaps, like "0.2,0.5,1 mm"'
             )
         middle = motion.nominal_gap
-        low, high = np.geomspace(middle - motion.range, middle, 3), np.geomspace(middle, middle + motion.range, 3)
+        low = np.geomspace(middle - motion.range, middle, 3)
+        high = np.geomspace(middle, middle + motion.range, 3)
         given = (*low[:-1].tolist(), middle, *high[1:].tolist())
     gaps = tuple(sorted(set(given)))
     limit = next(t.limit for t in tolerances if t.name == "gap")

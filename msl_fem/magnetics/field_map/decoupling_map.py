@@ -22,6 +22,12 @@ from msl_fem.maps.level_currents import checked_levels
 
 SIGNS = (1.0, -1.0)
 """Of side 2's current: aiding, opposing."""
+PAIRINGS = ("aiding", "opposing")
+N_POSITION = 5
+TOLERANCE = 0.01
+"""Of the larger side's force, and of the flux linkage: below it the sides count as decoupled."""
+_SMALLEST = 1e-9  # relative distance of two gaps that count as one
+_SAFETY = 2.0  # of the force's error by one degree more, see `Discretisation`
 
 
 @dataclass(frozen=True)
@@ -67,7 +73,8 @@ class PairSolver:
         `single_flux` (side, n) of one magnet without the other core; `checked` the same quantities of one pair with
         one degree more, see `_checked`.
         """
-        actuator, accuracy = self.job.actuator, self.job.accuracy
+        actuator = self.job.actuator
+        accuracy = self.job.accuracy
         try:
             both = TwoSidedField(actuator, TwoSidedPosition(*row.gaps), accuracy=accuracy)
             singles = [field_of(actuator, gap, accuracy=accuracy) for gap in row.gaps]
@@ -83,28 +90,32 @@ class PairSolver:
 def _pairs(field: TwoSidedField, row: PairRow) -> Arrays:
     first, second = row.currents
     shape = (len(SIGNS), len(first), len(second))
-    net, flux = np.zeros(shape), np.zeros((2, *shape))
+    net = np.zeros(shape)
+    flux = np.zeros((2, *shape))
     for s, sign in enumerate(SIGNS):
         for j, i_1 in enumerate(first):
             start = None
             for k, i_2 in enumerate(second):
                 if s and (j == 0 or k == 0):  # a sign of one magnet alone changes nothing but that of its flux
-                    net[s, j, k], flux[:, s, j, k] = net[0, j, k], flux[:, 0, j, k]
+                    net[s, j, k] = net[0, j, k]
+                    flux[:, s, j, k] = flux[:, 0, j, k]
                     continue
                 if not (j or k):
                     continue
                 if np.isnan(i_1) or np.isnan(i_2):
-                    net[s, j, k], flux[:, s, j, k] = np.nan, np.nan
+                    net[s, j, k] = np.nan
+                    flux[:, s, j, k] = np.nan
                     continue
-                found, solution = field.solve(i_1, sign * i_2, start=start)
+                quantities, solution = field.solve(i_1, sign * i_2, start=start)
                 start = solution.potential
-                net[s, j, k] = found.net_force
-                flux[:, s, j, k] = found.flux_linkage_1, sign * found.flux_linkage_2
+                net[s, j, k] = quantities.net_force
+                flux[:, s, j, k] = quantities.flux_linkage_1, sign * quantities.flux_linkage_2
     return {"net_force": net, "flux": flux}
 
 
 def _singles(fields: list[MagnetField], row: PairRow) -> Arrays:
-    force, flux = np.zeros((2, len(row.currents[0]))), np.zeros((2, len(row.currents[0])))
+    force = np.zeros((2, len(row.currents[0])))
+    flux = np.zeros((2, len(row.currents[0])))
     for side, (field, gap, currents) in enumerate(zip(fields, row.gaps, row.currents, strict=True)):
         start = None
         for n, current in enumerate(currents[1:], start=1):
@@ -113,8 +124,9 @@ def _singles(fields: list[MagnetField], row: PairRow) -> Arrays:
                 continue
             solution = field.solve(current, gap, start=start)
             start = solution.potential
-            found = field.quantities(solution)
-            force[side, n], flux[side, n] = found.force, found.flux_linkage
+            quantities = field.quantities(solution)
+            force[side, n] = quantities.force
+            flux[side, n] = quantities.flux_linkage
     return {"single_force": force, "single_flux": flux}
 
 
@@ -127,14 +139,6 @@ def _checked(field: TwoSidedField, singles: list[MagnetField], row: PairRow, n: 
         for single, current, gap in zip(singles, (i_1, i_2), row.gaps, strict=True)
     ]
     return np.array([*forces, *alone])
-
-
-PAIRINGS = ("aiding", "opposing")
-N_POSITION = 5
-TOLERANCE = 0.01
-"""Of the larger side's force, and of the flux linkage: below it the sides count as decoupled."""
-_SMALLEST = 1e-9  # relative distance of two gaps that count as one
-_SAFETY = 2.0  # of the force's error by one degree more, see `Discretisation`
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,15 +232,19 @@ class DecouplingMap:
             "level_T": self.level.tolist(),
             "current_A": _lists(self.current),
             "linked_share": _lists(self.linked_share),
-            "force_error": {name: _lists(self.force_error[s]) for s, name in enumerate(PAIRINGS)},
-            "superposition_error": {name: _lists(self.superposition_error[s]) for s, name in enumerate(PAIRINGS)},
-            "flux_error": {name: _lists(self.flux_error[s]) for s, name in enumerate(PAIRINGS)},
+            "force_error": _by_pairing(self.force_error),
+            "superposition_error": _by_pairing(self.superposition_error),
+            "flux_error": _by_pairing(self.flux_error),
             "force_error_uncertainty": self.uncertainty,
             "preferred_level_T": self.preferred,
             "polarity": self.polarity,
             "tolerance": self.tolerance,
             "findings": list(self.findings()),
         }
+
+
+def _by_pairing(errors: Array) -> dict[str, list[Any]]:
+    return {name: _lists(error) for name, error in zip(PAIRINGS, errors, strict=True)}
 
 
 def _lists(values: Array) -> list[Any]:
@@ -280,23 +288,23 @@ def decoupling_map(
         )
         for p in range(position.size)
     ]
-    found = run_jobs(PairJob(actuator, settings.accuracy), rows, executor=Executor(settings.workers), progress=progress)
-    failed = failures(found)
+    job = PairJob(actuator, settings.accuracy)
+    solved = run_jobs(job, rows, executor=Executor(settings.workers), progress=progress)
+    failed = failures(solved)
     if failed:
         raise ComputationError(f"both sides at {len(failed)} of {len(rows)} positions: {failed[0]}")
+    uncertainties = [_uncertainty(pair, row.check) for pair, row in zip(solved, rows, strict=True) if row.check]
     sides = actuator.sides
     return DecouplingMap(
         position=position,
         gap=gap,
         level=level,
         current=current,
-        linked_share=np.stack([_linked_share(arrays) for arrays in found]),
-        force_error=np.stack([_force_error(arrays, arrays["single_force"]) for arrays in found], axis=1),
-        superposition_error=np.stack([_force_error(arrays, _beside_dead_core(arrays)) for arrays in found], axis=1),
-        flux_error=np.stack([_flux_error(arrays) for arrays in found], axis=2),
-        uncertainty=max(
-            (_uncertainty(a, row.check) for a, row in zip(found, rows, strict=True) if row.check), default=0.0
-        ),
+        linked_share=np.stack([_linked_share(pair) for pair in solved]),
+        force_error=np.stack([_force_error(pair, pair["single_force"]) for pair in solved], axis=1),
+        superposition_error=np.stack([_force_error(pair, _beside_dead_core(pair)) for pair in solved], axis=1),
+        flux_error=np.stack([_flux_error(pair) for pair in solved], axis=2),
+        uncertainty=max(uncertainties, default=0.0),
         preferred=float(wanted[0]),
         polarity=sides.polarity if sides is not None else PAIRINGS[1],
     )
@@ -304,7 +312,8 @@ def decoupling_map(
 
 def decoupling_positions(actuator: Actuator, asked: Sequence[float] | None = None) -> tuple[float, Array]:
     """The nominal gap and the positions, in m; raises InputError as `decoupling_map`."""
-    motion, sides = actuator.motion, actuator.sides
+    motion = actuator.motion
+    sides = actuator.sides
     if sides is None or sides.count != 2 or motion is None or motion.nominal_gap is None:
         raise InputError(
             f"{actuator.name} has no two sides that share an armature; decoupling needs [sides] count = 2 and "
@@ -327,12 +336,10 @@ def _currents(actuator: Actuator, gap: Array, level: Array, settings: FieldMapSe
     """(n_position, 2, n_level) A that bring each level in a side alone."""
     gaps = np.unique(gap.round(12))
     needed = gaps if gaps.size > 1 else np.r_[gaps, 1.1 * gaps]
-    made = field_map(
-        actuator, needed, levels=level[1:].tolist(),
-        settings=FieldMapSettings(settings.accuracy, settings.workers, current_max=settings.current_max),
-    )  # fmt: skip
+    without_cache = FieldMapSettings(settings.accuracy, settings.workers, current_max=settings.current_max)
+    one_side = field_map(actuator, needed, levels=level[1:].tolist(), settings=without_cache)
     place = np.searchsorted(gaps, gap.round(12))
-    by_level = np.concatenate([np.zeros((1, made.gap.size)), made.current])
+    by_level = np.concatenate([np.zeros((1, one_side.gap.size)), one_side.current])
     return np.moveaxis(by_level[:, place], 0, -1)
 
 
@@ -350,7 +357,8 @@ def _beside_dead_core(arrays: Arrays) -> Array:
 
 def _force_error(arrays: Arrays, single: Array) -> Array:
     """(2, n, n) net force of independent sides less that together, over the larger side's; nan without currents."""
-    first, second = single[0][:, None], single[1][None, :]
+    first = single[0][:, None]
+    second = single[1][None, :]
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray((first - second - arrays["net_force"]) / np.maximum(np.abs(first), np.abs(second)))
 
@@ -367,7 +375,8 @@ def _flux_error(arrays: Arrays) -> Array:
 def _uncertainty(arrays: Arrays, n: int | None) -> float:
     """How much one degree more moves the force errors of one pair, times a safety."""
     aiding, opposing, alone, *single = arrays["checked"]
-    net, force = arrays["net_force"], arrays["single_force"]
+    net = arrays["net_force"]
+    force = arrays["single_force"]
     pairs = [
         ((single[0] - single[1] - aiding), (force[0, n] - force[1, n] - net[0, n, n])),
         ((single[0] - single[1] - opposing), (force[0, n] - force[1, n] - net[1, n, n])),

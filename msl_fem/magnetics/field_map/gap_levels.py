@@ -40,6 +40,15 @@ TOLERANCE = 1e-5
 MOST_SOLUTIONS = 60
 FIRST_SHARE = 0.5  # of the current that drives the first level across both gaps, without iron
 LARGEST_RISE = 2.0  # of the current, in a step into the unknown
+PIECES = 8  # an interval between two points
+FEWEST = 9  # points that may be thinned
+THINNED_SHARE = 1 / 3
+"""What half the points change, of that all points leave open: a smooth curve's error grows 16-fold, a kink's 4-fold."""
+ENOUGH = 1e-5  # tolerance of a solution that serves an error's estimate
+CIRCLE_SIZE = 0.1  # of the radius of the criterion `max`: elements at the iron's corners
+CIRCLE_GROWTH: dict[str, float] = {"fast": 0.4, "normal": 0.25, "fine": 0.15}  # of these elements, at most
+DEGREE_SAFETY = 2.0  # see `Discretisation`
+CIRCLE_ORDER = 3  # at least: |B| itself, near where it is singular, needs more than a force does
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +80,8 @@ class CurrentContinuation:
     """
 
     def __init__(self, field: MagnetField, reader: Reader, gap: float) -> None:
-        self.field, self.gap = field, gap
+        self.field = field
+        self.gap = gap
         self._reader = reader
         self.known: list[LevelPoint] = []
         self.newton_iterations = 0
@@ -126,7 +136,8 @@ class CurrentContinuation:
             slow = abs(step) > 0.5 * last_step
             last_step = abs(step)
             if not _inside(guess, low, high) or (slow and high is not None):
-                guess, last_step = self._next(level, low, high), np.inf
+                guess = self._next(level, low, high)
+                last_step = np.inf
             elif high is None:
                 guess = min(guess, LARGEST_RISE * point.current)
         raise NotConverged(
@@ -177,7 +188,8 @@ def prolongation(coarse: FieldModel, fine: FieldModel) -> sparse.csr_matrix:
     mapping = coarse.basis.mapping
     at = mapping.invF(fine.basis.doflocs[:, :, None], tind=element)
     n = np.arange(fine.n_dof)
-    values, columns = [], []
+    values = []
+    columns = []
     for k in range(coarse.basis.Nbfun):
         values.append(np.asarray(coarse.basis.elem.gbasis(mapping, at, k, tind=element)[0])[:, 0])
         columns.append(coarse.basis.element_dofs[k, element])
@@ -185,12 +197,6 @@ def prolongation(coarse: FieldModel, fine: FieldModel) -> sparse.csr_matrix:
     return sparse.csr_matrix(
         (np.concatenate(values), (rows, np.concatenate(columns))), shape=(fine.n_dof, coarse.n_dof)
     )
-
-
-PIECES = 8  # an interval between two points
-FEWEST = 9  # points that may be thinned
-THINNED_SHARE = 1 / 3
-"""What half the points change, of that all points leave open: a smooth curve's error grows 16-fold, a kink's 4-fold."""
 
 
 class OtherCurve(NamedTuple):
@@ -209,8 +215,10 @@ def other_curves(iron: Iron | AnalyticIron) -> tuple[OtherCurve, ...]:
     """
     if isinstance(iron, AnalyticIron):
         return ()
-    b, h = iron.flux_density, iron.field_strength
-    fine_b, fine_h = _subdivided(b), _subdivided(h)
+    b = iron.flux_density
+    h = iron.field_strength
+    fine_b = _subdivided(b)
+    fine_h = _subdivided(h)
     found = [
         OtherCurve(replace(iron, flux_density=fine_b, field_strength=_odd_monotone(b, h, fine_b)), 1.0),
         OtherCurve(replace(iron, flux_density=_odd_monotone(h, b, fine_h), field_strength=fine_h), 1.0),
@@ -230,13 +238,6 @@ def _subdivided(points: Array) -> Array:
 
 def _odd_monotone(x: Array, y: Array, at: Array) -> Array:
     return np.asarray(PchipInterpolator(np.r_[-x[:0:-1], x], np.r_[-y[:0:-1], y])(at))
-
-
-ENOUGH = 1e-5  # tolerance of a solution that serves an error's estimate
-CIRCLE_SIZE = 0.1  # of the radius of the criterion `max`: elements at the iron's corners
-CIRCLE_GROWTH: dict[str, float] = {"fast": 0.4, "normal": 0.25, "fine": 0.15}  # of these elements, at most
-DEGREE_SAFETY = 2.0  # see `Discretisation`
-CIRCLE_ORDER = 3  # at least: |B| itself, near where it is singular, needs more than a force does
 
 
 @dataclass(frozen=True)
@@ -267,7 +268,8 @@ class GapRow:
 
 def level_mesh(magnet: ECore, gap: float, accuracy: Accuracy, criterion: Criterion) -> TriangleMesh:
     """The accuracy level's mesh; for the criterion `max` as fine around the iron's corners as its circles need."""
-    section, size = e_core_section(magnet, gap), LEVELS[accuracy].size
+    section = e_core_section(magnet, gap)
+    size = LEVELS[accuracy].size
     if criterion.kind == MAX:
         strength = (size.corner * gap / (CIRCLE_SIZE * criterion.radius)) ** (2 / 3)
         section = replace(section, corners=tuple((x, y, max(s, strength)) for x, y, s in section.corners))
@@ -324,7 +326,8 @@ class GapSolver:
         started = time.process_time()
         continuation = CurrentContinuation(self.field, self._reader, row.gap)
         try:
-            roots, errors = [], []
+            roots = []
+            errors = []
             for level in row.levels:  # the errors at once, while the field's factors are the root's
                 roots.append(continuation.root(level, row.most))
                 errors.append(self._errors(roots[-1]))
@@ -337,32 +340,38 @@ class GapSolver:
             "mesh_error": np.array([mesh for mesh, _ in errors]),
             "bh_error": np.array([curve for _, curve in errors]),
             "section": np.array([root.point.reading.place for root in roots]),
-            "tail": np.array(
-                [" and ".join(irons_on_tail(self.field.model, root.point.solution.potential)) for root in roots]
-            ),
+            "tail": np.array([self._on_tail(root.point) for root in roots]),
             "newton_iterations": np.array(continuation.newton_iterations),
             "cpu_seconds": np.array(time.process_time() - started),
         }
+
+    def _on_tail(self, point: LevelPoint) -> str:
+        """The irons that rest on their saturation tails."""
+        return " and ".join(irons_on_tail(self.field.model, point.solution.potential))
 
     def _errors(self, root: LevelRoot) -> tuple[float, float]:
         """A: what one degree more, and what other curves through the B-H points, move the current; 0 if not reached.
 
         At the root's current, the criterion's change over its slope.
         """
-        point, slope = root.point, root.point.reading.current_slope
+        point = root.point
+        slope = root.point.reading.current_slope
         if np.isnan(root.current) or not slope > 0:
             return 0.0, 0.0
         value = point.reading.value
-        changes = [share * abs(self._with_other_irons(model, point) - value) for model, share in self._other_models]
-        return self.job.safety * abs(self._finer_value(point) - value) / slope, max(changes, default=0.0) / slope
+        by_mesh = self.job.safety * abs(self._finer_value(point) - value)
+        by_curve = 0.0
+        for model, share in self._other_models:
+            by_curve = max(by_curve, share * abs(self._with_other_irons(model, point) - value))
+        return by_mesh / slope, by_curve / slope
 
     def _finer_value(self, point: LevelPoint) -> float:
         """What the criterion reads with one degree more at a point's current."""
         start = self._to_finer @ point.solution.potential
-        found = solve_field(
-            self._finer.model, point.current, point.solution.gap, start=start, settings=NewtonSettings(ENOUGH)
-        )
-        return _value(self._finer_reader, self._finer.model, found.potential)
+        model = self._finer.model
+        enough = NewtonSettings(ENOUGH)
+        solution = solve_field(model, point.current, point.solution.gap, start=start, settings=enough)
+        return _value(self._finer_reader, model, solution.potential)
 
     def _with_other_irons(self, model: FieldModel, point: LevelPoint) -> float:
         """What the criterion reads with other irons: one Newton step from the point, with the tangent of its own irons.

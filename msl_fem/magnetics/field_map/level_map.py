@@ -14,10 +14,10 @@ from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, failure
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field_map.gap_levels import GapRow, GapSolver, LevelJob, level_mesh, level_order, level_safety
-from msl_fem.magnetics.kinds.accuracy import LEVELS as ACCURACIES
-from msl_fem.magnetics.kinds.accuracy import Accuracy
+from msl_fem.magnetics.kinds.accuracy import Accuracy, iron_notes, level_of
 from msl_fem.magnetics.kinds.e_core import MagnetField, check_grid, check_point
 from msl_fem.magnetics.sweep.rows import field_key, field_provenance
+from msl_fem.magnetics.sweep.table_sweep import drive_limit
 from msl_fem.maps import LEVELS, MEAN, OperatingMap, parse_criterion
 from msl_fem.maps.level_currents import checked_levels, monotone_or_why_not
 
@@ -27,6 +27,11 @@ PREFERRED_NUMBERS = (
 )  # fmt: skip
 """The series R20 of ISO 3, twenty a decade: a curve is within 0.1 % of the chords between."""
 NO_RANGE = 1 / 200, 1 / 16  # default gaps of a magnet without a range, of the core's half width
+ERROR_REACH = 1  # gaps on either side whose relative errors count, as a difference of two meshes may pass through zero
+METHOD_VERSION = 1
+"""Raised when a change of this package changes its answers: cached gaps of another version are not used."""
+END_MARGIN = 1.05  # the map ends so far beyond its largest current, where no drive says otherwise
+_ROUNDING = 2e-6  # of a current: what is left when its search ends
 
 
 def default_gaps(actuator: Actuator) -> Array:
@@ -39,16 +44,16 @@ def default_gaps(actuator: Actuator) -> Array:
     ends: list[float]
     if motion is None or motion.nominal_gap is None or motion.range is None:
         half = actuator.e_core().half_width
-        ends, wanted = [half * share for share in NO_RANGE], []
+        ends = [half * share for share in NO_RANGE]
+        wanted = []
     else:
         ends = [(motion.nominal_gap - motion.range) / 2, motion.nominal_gap * 7 / 6 + motion.range]
         wanted = [motion.nominal_gap]
     decades = range(math.floor(math.log10(ends[0])), math.ceil(math.log10(ends[1])))
     inner = [number * 10.0**decade for decade in decades for number in PREFERRED_NUMBERS]
     near = 1.05  # two gaps closer than this are one
-    kept = [
-        g for g in inner if ends[0] * near < g < ends[1] / near and all(not 1 / near < g / w < near for w in wanted)
-    ]
+    apart = [g for g in inner if all(not 1 / near < g / w < near for w in wanted)]
+    kept = [g for g in apart if ends[0] * near < g < ends[1] / near]
     return np.array(sorted({*ends, *wanted, *(float(f"{g:.6g}") for g in kept)}))
 
 
@@ -63,15 +68,6 @@ def checked_gaps(actuator: Actuator, gap: ArrayLike) -> Array:
     return gaps
 
 
-def drive_limit(actuator: Actuator) -> float | None:
-    """The drive's current limit for one magnet's coil, in A; None where none is stated."""
-    drive, sides = actuator.drive, actuator.sides
-    if drive is None or not drive.current_limit:
-        return None
-    parallel = sides.magnets_per_side if sides is not None and sides.connection == "parallel" else 1
-    return float(drive.current_limit) / parallel
-
-
 def largest_current(actuator: Actuator, gaps: Array, asked: float | None) -> float:
     """The current in A up to which levels are looked for; InputError where the one asked for is not allowed."""
     if asked is not None:
@@ -82,9 +78,6 @@ def largest_current(actuator: Actuator, gaps: Array, asked: float | None) -> flo
     magnet = actuator.e_core()
     copper = LARGEST_DENSITY * magnet.coil.fill_factor * magnet.coil_section / magnet.coil.turns
     return max(copper, drive_limit(actuator) or 0.0)
-
-
-ERROR_REACH = 1  # gaps on either side whose relative errors count, as a difference of two meshes may pass through zero
 
 
 def neighbours_counted(current: Array, error: Array) -> Array:
@@ -114,12 +107,6 @@ def chord_allowance(
     share = np.where(names[:, 1:] == names[:, :-1], 0.5, 1.0)
     sag = share * h * np.maximum(np.maximum(left, right), 0.0) + np.maximum(error[:, :-1], error[:, 1:])
     return np.asarray(np.maximum(np.pad(sag, ((0, 0), (1, 0))), np.pad(sag, ((0, 0), (0, 1)))))
-
-
-METHOD_VERSION = 1
-"""Raised when a change of this package changes its answers: cached gaps of another version are not used."""
-END_MARGIN = 1.05  # the map ends so far beyond its largest current, where no drive says otherwise
-_ROUNDING = 2e-6  # of a current: what is left when its search ends
 
 
 @dataclass(frozen=True)
@@ -173,12 +160,13 @@ def field_map(
     ComputationError : field solutions or the search failed at some gap; with a cache, the others are kept
     """
     settings = settings or FieldMapSettings()
-    if settings.accuracy not in ACCURACIES:
-        raise InputError(f"accuracy '{settings.accuracy}' is unknown; choose one of {', '.join(ACCURACIES)}")
-    wanted, where = checked_levels(levels), parse_criterion(criterion)
+    level_of(settings.accuracy)
+    wanted = checked_levels(levels)
+    where = parse_criterion(criterion)
     gaps = checked_gaps(actuator, default_gaps(actuator) if gap is None else gap)
     most = largest_current(actuator, gaps, settings.current_max)
-    magnet, accuracy = actuator.e_core(), settings.accuracy
+    magnet = actuator.e_core()
+    accuracy = settings.accuracy
     job = LevelJob(
         magnet,
         level_mesh(magnet, float(np.sqrt(gaps[0] * gaps[-1])), accuracy, where),
@@ -218,35 +206,37 @@ def _assembled(
     criterion: str,
     settings: FieldMapSettings,
 ) -> OperatingMap:
-    gap, levels = np.array([row.gap for row in rows]), np.array(rows[0].levels)
-    current, slope, mesh_error, bh_error = (
-        np.stack([found[name] for found in done], axis=1) for name in ("current", "gap_slope", "mesh_error", "bh_error")
-    )
-    mesh_error, bh_error = neighbours_counted(current, mesh_error), neighbours_counted(current, bh_error)
+    gap = np.array([row.gap for row in rows])
+    levels = np.array(rows[0].levels)
+    current = _stacked(done, "current")
+    slope = _stacked(done, "gap_slope")
+    mesh_error = neighbours_counted(current, _stacked(done, "mesh_error"))
+    bh_error = neighbours_counted(current, _stacked(done, "bh_error"))
     error = mesh_error + bh_error + _ROUNDING * np.nan_to_num(current)
-    section, on_tail = (_names(done, name) for name in ("section", "tail"))
+    section = _names(done, "section")
+    on_tail = _names(done, "tail")
     limit = drive_limit(actuator)
     end = rows[0].most
     if settings.current_max is None and not np.isnan(current).any():
         end = max(limit or 0.0, _rounded_up(END_MARGIN * float(current.max())))
-    notes = [iron.note for iron in field.irons.values() if iron.note]
+    notes = list(iron_notes(field.irons))
     if limit is not None:
         notes += _beyond_drive(levels, gap, current, limit)
+    known = np.where(np.isnan(current), end, current)
+    cause = "look at the flux densities around there"
     return OperatingMap(
         levels=levels,
         gap=gap,
         current=current,
         section=section,
         error=error,
-        allowance=chord_allowance(gap, np.where(np.isnan(current), end, current), slope, error=error, section=section),
+        allowance=chord_allowance(gap, known, slope, error=error, section=section),
         current_max=end,
         criterion=criterion,
         actuator=actuator.name,
         digest=actuator.digest,
         warnings=(
-            *monotone_or_why_not(
-                levels, gap, current, error=error, section=section, cause="look at the flux densities around there"
-            ),
+            *monotone_or_why_not(levels, gap, current, error=error, section=section, cause=cause),
             *_beyond_data(levels, gap, current, on_tail=on_tail, field=field),
         ),
         mesh_error=mesh_error,
@@ -263,8 +253,13 @@ def _rounded_up(value: float) -> float:
     return math.ceil(value / unit) * unit
 
 
+def _stacked(done: list[Arrays], name: str) -> Array:
+    """(n_level, n_gap)."""
+    return np.stack([row[name] for row in done], axis=1)
+
+
 def _names(done: list[Arrays], name: str) -> tuple[tuple[str, ...], ...]:
-    return tuple(zip(*([str(text) for text in found[name]] for found in done), strict=True))
+    return tuple(zip(*([str(text) for text in row[name]] for row in done), strict=True))
 
 
 def _beyond_drive(levels: Array, gap: Array, current: Array, limit: float) -> Iterable[str]:

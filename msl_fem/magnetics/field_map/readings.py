@@ -20,6 +20,8 @@ Indices = NDArray[np.int64]
 SMALLEST = 1e-12  # T: |B| has no direction below
 ASIDE = 1e-4  # rad
 ON_CIRCLE = 1 + 1e-9  # of a circle's radius, so that its points lie outside
+AREA_DIVISIONS, EDGE_DIVISIONS, CIRCLE_POINTS = 4, 4, 180
+WINDOW = 0.005  # of the iron's area on either side of a percentile: the slope is the mean there
 
 
 class IronPoints:
@@ -32,9 +34,11 @@ class IronPoints:
 
     def flux_density(self, model: FieldModel, potential: Array, *directions: Array) -> tuple[Array, list[Array]]:
         """|B| in the iron (n,), and its derivatives along changes of the potential."""
-        b_x, b_y = self._along_x @ potential, self._along_y @ potential
+        b_x = self._along_x @ potential
+        b_y = self._along_y @ potential
         changes = [(self._along_x @ d, self._along_y @ d) for d in directions]
-        sheets, slopes = np.empty(b_x.size), [np.empty(b_x.size) for _ in directions]
+        sheets = np.empty(b_x.size)
+        slopes = [np.empty(b_x.size) for _ in directions]
         for name in np.unique(self.region):
             here = self.region == name
             sheets[here], found = sheet_flux_density(
@@ -65,7 +69,8 @@ def area_points(field: MagnetField, divisions: int) -> tuple[Array, Indices, Arr
     down = [((i + 2 / 3) / divisions, (j + 2 / 3) / divisions) for i, j in steps if i + j < divisions - 1]
     share = np.array(up + down).T
     origin, first, second = mesh.points[:, mesh.triangles[:, elements]].transpose(1, 0, 2)
-    along, across = first - origin, second - origin
+    along = first - origin
+    across = second - origin
     points = (
         origin[:, :, None] + along[:, :, None] * share[0] + across[:, :, None] * share[1]
     )  # (2, element, sub-triangle)
@@ -77,11 +82,13 @@ def area_points(field: MagnetField, divisions: int) -> tuple[Array, Indices, Arr
 def edge_points(field: MagnetField, divisions: int) -> tuple[Array, Indices]:
     """Points (2, n) along the edges of each iron, `divisions` an element's edge, and their elements."""
     mesh = field.model.mesh
-    points, elements = [], []
+    points = []
+    elements = []
     for name in field.irons:
         inside = mesh.elements(name)
         edges, owner = _outline(mesh, inside)
-        start, end = mesh.points[:, edges[0]], mesh.points[:, edges[1]]
+        start = mesh.points[:, edges[0]]
+        end = mesh.points[:, edges[1]]
         share = np.arange(divisions) / divisions
         points.append((start[:, :, None] + (end - start)[:, :, None] * share).reshape(2, -1))
         elements.append(np.repeat(owner, divisions))
@@ -126,10 +133,6 @@ def parts_of(field: MagnetField, at: IronPoints) -> NDArray[np.str_]:
     legs = np.where(x <= magnet.centre_leg_width / 2 + magnet.window_width / 2, "centre_leg", "outer_leg")
     core = np.where(y >= field.section.gap + magnet.window_height, "yoke", legs)
     return np.asarray(np.where(at.region == "core", core, at.region))
-
-
-AREA_DIVISIONS, EDGE_DIVISIONS, CIRCLE_POINTS = 4, 4, 180
-WINDOW = 0.005  # of the iron's area on either side of a percentile: the slope is the mean there
 
 
 class LevelReading(NamedTuple):
@@ -204,7 +207,8 @@ class _AreaPercentile:
     def __init__(self, field: MagnetField, percent: float, divisions: int) -> None:
         points, elements, area = area_points(field, divisions)
         self._points = IronPoints(field.model, points, elements)
-        self._share, self._percent = area / area.sum(), percent / 100
+        self._share = area / area.sum()
+        self._percent = percent / 100
         self._parts = parts_of(field, self._points)
 
     def __call__(self, model: FieldModel, field: Potentials) -> LevelReading:

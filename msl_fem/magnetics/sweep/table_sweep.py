@@ -11,7 +11,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, run_jobs
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy
+from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy, iron_notes
 from msl_fem.magnetics.kinds.e_core import MagnetField, check_grid, check_point, magnet_mesh
 from msl_fem.magnetics.sweep.rows import SweepJob, SweepRow, field_key, field_provenance
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION, MagneticTable
@@ -57,6 +57,16 @@ class SweepReport:
     notes: tuple[str, ...]
 
 
+def drive_limit(actuator: Actuator) -> float | None:
+    """The drive's current limit for one magnet's coil, in A; None where none is stated."""
+    drive = actuator.drive
+    sides = actuator.sides
+    if drive is None or not drive.current_limit:
+        return None
+    parallel = sides.magnets_per_side if sides is not None and sides.connection == "parallel" else 1
+    return float(drive.current_limit) / parallel
+
+
 def default_grid(actuator: Actuator) -> tuple[Array, Array]:
     """Gaps (m) and currents (A) that cover an actuator's ranges with a margin.
 
@@ -67,18 +77,18 @@ def default_grid(actuator: Actuator) -> tuple[Array, Array]:
     ------
     InputError : the actuator states no nominal gap, range or current limit
     """
-    motion, drive, sides = actuator.motion, actuator.drive, actuator.sides
-    if motion is None or motion.nominal_gap is None or motion.range is None or drive is None or not drive.current_limit:
+    motion = actuator.motion
+    limit = drive_limit(actuator)
+    if motion is None or motion.nominal_gap is None or motion.range is None or limit is None:
         raise InputError(
             f"{actuator.name} states no motion.nominal_gap, motion.range or drive.current_limit to choose a grid from; "
             'give one, like --gaps "0.1,0.2,0.5 mm" --currents "1,2,5 A"'
         )
-    parallel = sides.magnets_per_side if sides is not None and sides.connection == "parallel" else 1
     smallest = (motion.nominal_gap - motion.range) / 2
     largest = motion.nominal_gap + motion.range + motion.nominal_gap / 6
     gaps = np.geomspace(smallest, largest, DEFAULT_GAPS)
     share = np.arange(DEFAULT_CURRENTS) / (DEFAULT_CURRENTS - 1)
-    return gaps, drive.current_limit / parallel * share**2
+    return gaps, limit * share**2
 
 
 def sweep(
@@ -109,7 +119,8 @@ def sweep(
     settings = settings or SweepSettings()
     gap, current = _checked_grid(actuator, gaps, currents)
     started = time.process_time()
-    magnet, level = actuator.e_core(), LEVELS[settings.accuracy]
+    magnet = actuator.e_core()
+    level = LEVELS[settings.accuracy]
     mesh = magnet_mesh(magnet, float(np.sqrt(gap[0] * gap[-1])), settings.accuracy)
     job = SweepJob(magnet, mesh, actuator.folder, level.order, settings.end_effects)
     field = job.field()
@@ -239,7 +250,7 @@ def _refuse_failures(done: list[Arrays]) -> None:
 
 
 def _notes(field: MagnetField, grid: list[Arrays], gap: Array, current: Array) -> tuple[str, ...]:
-    notes = list(dict.fromkeys(iron.note for iron in field.irons.values() if iron.note))
+    notes = list(iron_notes(field.irons))
     tail = np.stack([row["tail"] for row in grid]) > 0
     if tail.any():
         m, n = np.argwhere(tail)[0]
