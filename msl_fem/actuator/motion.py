@@ -102,19 +102,19 @@ class Flexure(FrozenModel):
         ------
         ActuatorError : two sets without set_spacing, or leaves that cannot be parted into so many sets
         """
-        wanted = sets or self.sets
+        count = sets or self.sets
         sides = (1, -1) if self.arrangement == "opposed" else (-1,)
-        if wanted == 2 and self.set_spacing is None:
+        if count == 2 and self.set_spacing is None:
             raise ActuatorError("motion.flexure.set_spacing is missing; two sets need their distance")
-        if self.leaves % (wanted * len(sides)):
+        if self.leaves % (count * len(sides)):
             raise ActuatorError(
-                f"{self.leaves} {self.arrangement} leaves cannot be parted into {wanted} sets; "
+                f"{self.leaves} {self.arrangement} leaves cannot be parted into {count} sets; "
                 "change motion.flexure.count"
             )
         half = (self.set_spacing or 0.0) / 2
         return placed(
-            (0.0,) if wanted == 1 else (-half, half),
-            per_side=self.leaves // (wanted * len(sides)),
+            (0.0,) if count == 1 else (-half, half),
+            per_side=self.leaves // (count * len(sides)),
             sides=sides,
             reach=self.attachment,
             pitch=self.leaf_spacing or self.width,

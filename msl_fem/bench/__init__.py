@@ -1,4 +1,4 @@
-"""The virtual bench: simulated records of a rig whose true parameters, and perhaps a hidden effect, nobody is told.
+"""The virtual bench: simulated records of a rig with undisclosed true parameters and perhaps a hidden effect.
 
 Its equations are its own, finer than those of the models that are to find out, and known to the command line and to
 tests alone. Of the coupled model it uses the excitations and nothing else.

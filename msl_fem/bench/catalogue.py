@@ -46,14 +46,14 @@ def resonant_force(setting: Setting) -> float:
 
 def _stiffness_nonlinearity(setting: Setting, rig: Rig, share: float) -> RigWithEffect:
     """The share of the spring's force at the RMS displacement that goes with its cube; three in ten springs soften."""
-    sign = -1.0 if setting.chance("stiffness_nonlinearity").random() < 0.3 else 1.0
+    sign = -1.0 if setting.generator("stiffness_nonlinearity").random() < 0.3 else 1.0
     cubic = sign * share * spring(setting) / setting.scales.position**2
     flexure = rig.plant.flexure._replace(stretch_stiffness=2 * cubic * STRETCH_LENGTH**2, stretch_length=STRETCH_LENGTH)
     return rig.with_parts(flexure=flexure), {"cubic": cubic, "share": sign * share}
 
 
 def _coulomb_friction(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
-    stick = float(setting.chance("coulomb_friction").uniform(1.1, 1.4))
+    stick = float(setting.generator("coulomb_friction").uniform(1.1, 1.4))
     bristle = force / (0.05 * setting.scales.position)
     friction = Friction(
         coulomb=force,
@@ -74,9 +74,9 @@ def _squeeze_film(setting: Setting, rig: Rig, damping: float) -> RigWithEffect:
 
 
 def _structural_mode(setting: Setting, rig: Rig, share: float) -> RigWithEffect:
-    chance = setting.chance("structural_mode")
-    frequency = float(chance.uniform(2.0, 5.0)) * math.sqrt(spring(setting) / rig.plant.motion.mass)
-    attached = Attached(share, frequency, float(chance.uniform(0.008, 0.02)))
+    generator = setting.generator("structural_mode")
+    frequency = float(generator.uniform(2.0, 5.0)) * math.sqrt(spring(setting) / rig.plant.motion.mass)
+    attached = Attached(share, frequency, float(generator.uniform(0.008, 0.02)))
     parameters = {"mass_share": share, "frequency_rad_per_s": frequency, "damping_ratio": attached.damping_ratio}
     return rig.with_parts(attached=attached), parameters
 
@@ -95,26 +95,26 @@ def branches(plant_flexure: FlexureLaw, stiffness: Array, times: Array) -> Flexu
 
 def _flexure_relaxation(setting: Setting, rig: Rig, share: float) -> RigWithEffect:
     """Two relaxation times, the main one between 20 and 200 ms: what creeps is never of one kind alone."""
-    time = float(0.02 * 10 ** setting.chance("flexure_relaxation").random())
+    time = float(0.02 * 10 ** setting.generator("flexure_relaxation").random())
     stiffness = share * spring(setting) * np.array([0.85, 0.15])
     times = time * np.array([1.0, 8.0])
-    made = rig.with_parts(flexure=branches(rig.plant.flexure, stiffness, times))
-    return made, {"stiffness_share": share, "time": time, "second_time": 8 * time, "second_share": 0.15}
+    changed = rig.with_parts(flexure=branches(rig.plant.flexure, stiffness, times))
+    return changed, {"stiffness_share": share, "time": time, "second_time": 8 * time, "second_share": 0.15}
 
 
 def _force_offset(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
-    value = force * float(setting.chance("force_offset").choice([-1, 1]))
+    value = force * float(setting.generator("force_offset").choice([-1, 1]))
     motion = rig.plant.motion
     return rig.with_parts(motion=motion._replace(constant_force=motion.constant_force + value)), {"force": value}
 
 
 def _support_compliance(setting: Setting, rig: Rig, share: float) -> RigWithEffect:
     """A support as stiff as the spring over `share`, its resonance about ten times the mover's."""
-    ratio = float(setting.chance("support_compliance").uniform(9.0, 14.0))
+    ratio = float(setting.generator("support_compliance").uniform(9.0, 14.0))
     frequency = ratio * math.sqrt(spring(setting) / rig.plant.motion.mass)
     stiffness = spring(setting) / share
-    made = Support(stiffness / frequency**2, stiffness, 0.2 * stiffness / frequency)
-    return rig.with_parts(support=made), {"compliance": 1 / stiffness, "frequency_rad_per_s": frequency}
+    support = Support(stiffness / frequency**2, stiffness, 0.2 * stiffness / frequency)
+    return rig.with_parts(support=support), {"compliance": 1 / stiffness, "frequency_rad_per_s": frequency}
 
 
 MECHANICAL = (
@@ -149,15 +149,17 @@ MECHANICAL = (
 
 def _position_sensor_nonlinearity(setting: Setting, rig: Rig, share: float) -> RigWithEffect:
     """x/(1 - b x): an optical lever's curvature; `share` is b x at the RMS displacement."""
-    curvature = share / setting.scales.position * float(setting.chance("position_sensor_nonlinearity").choice([-1, 1]))
+    curvature = (
+        share / setting.scales.position * float(setting.generator("position_sensor_nonlinearity").choice([-1, 1]))
+    )
     return rig.with_parts(reading=rig.plant.reading._replace(curvature=curvature)), {"curvature": curvature}
 
 
 def _position_sensor_lag(setting: Setting, rig: Rig, lag: float) -> RigWithEffect:
     """Two first-order lags in a row, of 0.7 and 0.3 of the whole."""
     lags = lag * np.array([0.7, 0.3])
-    made = rig.with_parts(reading=rig.plant.reading._replace(lags=lags))
-    return made, {"lag": lag, "first": float(lags[0]), "second": float(lags[1])}
+    changed = rig.with_parts(reading=rig.plant.reading._replace(lags=lags))
+    return changed, {"lag": lag, "first": float(lags[0]), "second": float(lags[1])}
 
 
 def _time_delay(setting: Setting, rig: Rig, delay: float) -> RigWithEffect:
@@ -166,17 +168,17 @@ def _time_delay(setting: Setting, rig: Rig, delay: float) -> RigWithEffect:
 
 def _periodic_disturbance(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
     """A force at 50 or 60 Hz, or anywhere between 15 and 200 Hz, with a tenth of it at three times that."""
-    chance = setting.chance("periodic_disturbance")
-    any_other = float(15 * (200 / 15) ** chance.random())
-    frequency = float(chance.choice([*HUMS, any_other]))
-    phase = float(chance.uniform(0, 2 * math.pi))
+    generator = setting.generator("periodic_disturbance")
+    any_other = float(15 * (200 / 15) ** generator.random())
+    frequency = float(generator.choice([*HUMS, any_other]))
+    phase = float(generator.uniform(0, 2 * math.pi))
     hum_frequency = 2 * math.pi * frequency
-    made = rig.plant.disturbance._replace(hum=force, hum_frequency=hum_frequency, hum_phase=phase, hum_third=0.1)
-    return rig.with_parts(disturbance=made), {"force": force, "frequency": frequency, "phase": phase}
+    changed = rig.plant.disturbance._replace(hum=force, hum_frequency=hum_frequency, hum_phase=phase, hum_third=0.1)
+    return rig.with_parts(disturbance=changed), {"force": force, "frequency": frequency, "phase": phase}
 
 
 def _sensor_drift(setting: Setting, rig: Rig, drift: float) -> RigWithEffect:
-    seed = int(setting.chance("sensor_drift").integers(2**31))
+    seed = int(setting.generator("sensor_drift").integers(2**31))
     errors = replace(rig.instruments, drift=drift, drift_seed=seed)
     return replace(rig, instruments=errors), {"rms": drift}
 
@@ -204,11 +206,11 @@ SENSING = (
 
 
 def _cogging(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
-    chance = setting.chance("cogging")
-    period = float(chance.uniform(0.8, 1.6)) * setting.scales.position
-    phase = float(chance.uniform(0, 2 * math.pi))
-    made = rig.plant.disturbance._replace(cogging=force, cogging_period=period, cogging_phase=phase)
-    return rig.with_parts(disturbance=made), {"force": force, "period": period, "phase": phase}
+    generator = setting.generator("cogging")
+    period = float(generator.uniform(0.8, 1.6)) * setting.scales.position
+    phase = float(generator.uniform(0, 2 * math.pi))
+    changed = rig.plant.disturbance._replace(cogging=force, cogging_period=period, cogging_phase=phase)
+    return rig.with_parts(disturbance=changed), {"force": force, "period": period, "phase": phase}
 
 
 def _quadratic_drag(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
@@ -219,17 +221,17 @@ def _quadratic_drag(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
 def _relaxing_cushion(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
     """A cushion that resists by the square of its compression and relaxes within 20 ms: neither spring nor creep."""
     flexure = branches(rig.plant.flexure, np.zeros(1), np.array([CUSHION_TIME]))
-    made = rig.with_parts(flexure=flexure._replace(cushion=force / setting.scales.position**2))
-    return made, {"force": force, "relaxation_time": CUSHION_TIME}
+    changed = rig.with_parts(flexure=flexure._replace(cushion=force / setting.scales.position**2))
+    return changed, {"force": force, "relaxation_time": CUSHION_TIME}
 
 
 def _current_product_force(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
-    value = force / setting.scales.current**2 * float(setting.chance("current_product_force").choice([-1, 1]))
+    value = force / setting.scales.current**2 * float(setting.generator("current_product_force").choice([-1, 1]))
     return rig.with_parts(disturbance=rig.plant.disturbance._replace(product=value)), {"force_per_square_ampere": value}
 
 
 def _random_force(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
-    seed = int(setting.chance("random_force").integers(2**31))
+    seed = int(setting.generator("random_force").integers(2**31))
     return replace(rig, random_force=force, random_force_seed=seed), {"rms": force}
 
 

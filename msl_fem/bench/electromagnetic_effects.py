@@ -26,8 +26,8 @@ def _gap_offset(setting: Setting, rig: Rig, offset: float) -> RigWithEffect:
     magnets = rig.plant.magnets
     believed = setting.actuator.motion.nominal_gap if setting.actuator.motion else None
     sign = 1.0 if magnets.nominal_gap >= (believed or 0.0) else -1.0
-    made = rig.with_parts(magnets=magnets._replace(nominal_gap=magnets.nominal_gap + sign * offset))
-    return made, {"offset": sign * offset}
+    changed = rig.with_parts(magnets=magnets._replace(nominal_gap=magnets.nominal_gap + sign * offset))
+    return changed, {"offset": sign * offset}
 
 
 def _least_gap_offset(setting: Setting) -> float:
@@ -81,8 +81,8 @@ def _early_saturation(setting: Setting, rig: Rig, crowding: float) -> RigWithEff
         force += length * (h - h0)
         slope += length / section * ((1 + crowding) * dh - dh0)
     step = per_flux * float(flux[1])
-    made = rig.with_parts(series_iron=SeriesIron(step, force / per_current, slope / per_current / per_flux))
-    return made, {"flux_crowding": crowding, "effective_stacking_factor": 1 / (1 + crowding)}
+    changed = rig.with_parts(series_iron=SeriesIron(step, force / per_current, slope / per_current / per_flux))
+    return changed, {"flux_crowding": crowding, "effective_stacking_factor": 1 / (1 + crowding)}
 
 
 def _fringing(setting: Setting, rig: Rig, strength: float) -> RigWithEffect:
@@ -100,16 +100,16 @@ def _fringing(setting: Setting, rig: Rig, strength: float) -> RigWithEffect:
     log, across = np.log1p(b / g), g + b  # d/dg of ln(1 + b/g) = 1/(g + b) - 1/g
     rise = log + g / across  # d/dg of g (1 + ln(1 + b/g))
     curve = 1 / across - 1 / g + b / across**2
-    made = multiplied(rig.table, Factor(1 + a * g * (1 + log), over_gap=a * rise, over_gap_twice=a * curve))
+    changed = multiplied(rig.table, Factor(1 + a * g * (1 + log), over_gap=a * rise, over_gap_twice=a * curve))
     more = float(a * nominal * (1 + np.log1p(b / nominal)))
-    return replace(rig, table=made), {"strength": strength, "flux_at_nominal_gap": more}
+    return replace(rig, table=changed), {"strength": strength, "flux_at_nominal_gap": more}
 
 
 def _magnetic_hysteresis(setting: Setting, rig: Rig, amplitude: float) -> RigWithEffect:
-    spread = float(setting.chance("magnetic_hysteresis").uniform(0.1, 0.2))
+    spread = float(setting.generator("magnetic_hysteresis").uniform(0.1, 0.2))
     scale = spread * setting.scales.flux_linkage
-    made = rig.with_parts(hysteresis=Hysteresis(amplitude, scale, 4.0))
-    return made, {"pinned_current": amplitude, "flux_scale": scale}
+    changed = rig.with_parts(hysteresis=Hysteresis(amplitude, scale, 4.0))
+    return changed, {"pinned_current": amplitude, "flux_scale": scale}
 
 
 def _iron_inductance(setting: Setting) -> float:
@@ -142,8 +142,8 @@ def _eddy_currents(setting: Setting, rig: Rig, diffusion_time: float) -> RigWith
     while ladder.stages > 1 and fastest_ladder_rate(ladder) > 6 * setting.rate:
         ladder = ladder._replace(stages=ladder.stages - 1)
     thickness = 2 * np.sqrt(diffusion_time / (_mean_slope(setting) * SHEET_CONDUCTIVITY))
-    said = {"diffusion_time": diffusion_time, "conductance": conductance, "sheet_thickness": float(thickness)}
-    return rig.with_parts(ladder=ladder), said
+    parameters = {"diffusion_time": diffusion_time, "conductance": conductance, "sheet_thickness": float(thickness)}
+    return rig.with_parts(ladder=ladder), parameters
 
 
 def _start_of_eddy_currents(setting: Setting) -> float:
@@ -161,8 +161,8 @@ def _cross_coupling(setting: Setting, rig: Rig, share: float) -> RigWithEffect:
 def _armature_tilt(setting: Setting, rig: Rig, edge: float) -> RigWithEffect:
     """Gaps that differ by up to `edge` (m) to either side of the middle, averaged over the faces."""
     assert rig.table is not None
-    made = averaged(rig.table, list(edge * _STRIPS[0]), list(_STRIPS[1] / 2))
-    return replace(rig, table=made), {"gap_at_the_edge": edge}
+    changed = averaged(rig.table, list(edge * _STRIPS[0]), list(_STRIPS[1] / 2))
+    return replace(rig, table=changed), {"gap_at_the_edge": edge}
 
 
 def _gap(setting: Setting) -> float:
@@ -172,7 +172,7 @@ def _gap(setting: Setting) -> float:
 def _room(setting: Setting) -> float:
     """How much smaller than the table's largest and larger than its smallest gap all gaps of the runs stay, m."""
     assert setting.table is not None
-    reach = max(float(np.abs(one.position).max()) for one in setting.responses)
+    reach = max(float(np.abs(response.position).max()) for response in setting.responses)
     gap = _gap(setting)
     return max(min(gap - 1.1 * reach - setting.table.gap[0], setting.table.gap[-1] - gap - 1.1 * reach), 0.02 * gap)
 
@@ -219,13 +219,13 @@ MAGNETIC = (
 
 def _coil_heating(setting: Setting, rig: Rig, rise: float) -> RigWithEffect:
     """Thermal resistances such that the runs' mean loss would warm the coil by `rise` (K) in the end."""
-    stretch = float(setting.chance("coil_heating").uniform(0.6, 1.2))
+    stretch = float(setting.generator("coil_heating").uniform(0.6, 1.2))
     whole = rise / setting.scales.copper_loss
     coil_time = stretch * _COIL_TIME * setting.scales.duration
     core_time = _CORE_TIME * setting.scales.duration
     thermal = Thermal(_COIL_SHARE * whole, (1 - _COIL_SHARE) * whole, coil_time, core_time)
-    said = {"final_rise": rise, "coil_to_core": thermal.coil_to_core, "core_to_air": thermal.core_to_air}
-    return rig.with_parts(thermal=thermal), said | {"coil_time": coil_time, "core_time": core_time}
+    parameters = {"final_rise": rise, "coil_to_core": thermal.coil_to_core, "core_to_air": thermal.core_to_air}
+    return rig.with_parts(thermal=thermal), parameters | {"coil_time": coil_time, "core_time": core_time}
 
 
 def _least_coil_heating(setting: Setting) -> float:
@@ -235,19 +235,21 @@ def _least_coil_heating(setting: Setting) -> float:
 
 def _amplifier_bandwidth(setting: Setting, rig: Rig, lag: float) -> RigWithEffect:
     """Second order with the mean lag asked for (s), and a slew limit that the largest steps of the command feel."""
-    chance = setting.chance("amplifier_bandwidth")
-    ratio = float(chance.uniform(0.6, 0.9))
+    generator = setting.generator("amplifier_bandwidth")
+    ratio = float(generator.uniform(0.6, 0.9))
     frequency = 2 * ratio / lag
-    slew = float(chance.uniform(1.5, 3.0)) * frequency * setting.scales.step
-    made = rig.with_parts(amplifier=rig.plant.amplifier._replace(frequency=frequency, damping_ratio=ratio, slew=slew))
-    return made, {"lag": lag, "frequency_rad_per_s": frequency, "damping_ratio": ratio, "slew_limit": slew}
+    slew = float(generator.uniform(1.5, 3.0)) * frequency * setting.scales.step
+    changed = rig.with_parts(
+        amplifier=rig.plant.amplifier._replace(frequency=frequency, damping_ratio=ratio, slew=slew)
+    )
+    return changed, {"lag": lag, "frequency_rad_per_s": frequency, "damping_ratio": ratio, "slew_limit": slew}
 
 
 def _current_sensor_error(setting: Setting, rig: Rig, gain: float) -> RigWithEffect:
     """A gain error and, of a third of its size, an offset."""
-    chance = setting.chance("current_sensor_error")
-    error = gain * chance.choice([-1, 1])
-    offset = 0.3 * gain * setting.scales.current * chance.choice([-1, 1])
+    generator = setting.generator("current_sensor_error")
+    error = gain * generator.choice([-1, 1])
+    offset = 0.3 * gain * setting.scales.current * generator.choice([-1, 1])
     errors = replace(rig.instruments, current_gain=1 + float(error), current_offset=float(offset))
     return replace(rig, instruments=errors), {"gain_error": float(error), "offset": float(offset)}
 

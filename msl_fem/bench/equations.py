@@ -196,8 +196,8 @@ def faces(actuator: Actuator) -> tuple[tuple[float, float], ...]:
     if not isinstance(actuator.magnet, ECore) or actuator.sides is None:
         return ()
     m = actuator.magnet
-    one = [(m.centre_leg_width, m.stack_depth)] + 2 * [(m.outer_leg_width, m.stack_depth)]
-    return tuple(one * actuator.sides.magnets_per_side)
+    legs = (m.centre_leg_width, m.outer_leg_width, m.outer_leg_width)
+    return tuple((width, m.stack_depth) for width in legs) * actuator.sides.magnets_per_side
 
 
 def film_numbers(

@@ -199,8 +199,8 @@ def true_table(table: MagneticTable, truth: Truth) -> MagneticTable:
     coefficients = np.zeros(len(ERROR_TERMS)) if truth.table is None else truth.table
     if truth.table is None and truth.magnetic_scale == 1.0:
         return table
-    made = multiplied(table, error_factor(table, coefficients))
-    return multiplied(made, Factor(np.array(truth.magnetic_scale)))
+    changed = multiplied(table, error_factor(table, coefficients))
+    return multiplied(changed, Factor(np.array(truth.magnetic_scale)))
 
 
 @dataclass(frozen=True)

@@ -251,7 +251,7 @@ def follow(rig: Rig, asked: Following, *, rate: float, seed: int = 0) -> Respons
         raise InputError(f"{rig.name}: {rate:g} samples a second are no whole multiple of {controller.rate:g} Hz")
     n, sides = len(asked.reference), plant.magnets.sides
     late = every * controller.delay_samples
-    wanted = np.zeros((n + late, 2))
+    due = np.zeros((n + late, 2))
     commands = np.zeros((n, 2))
     bench = compiled_bench(rig, plant)
     y = rest(plant)
@@ -272,8 +272,8 @@ def follow(rig: Rig, asked: Following, *, rate: float, seed: int = 0) -> Respons
             if asked.resolution > 0:
                 measured[k] = np.round(measured[k] / asked.resolution) * asked.resolution
             if k % every == 0:
-                wanted[k + late :, :sides] = controller.command(asked.reference[k], float(measured[k]))
-            commands[k] = wanted[k]
+                due[k + late :, :sides] = controller.command(asked.reference[k], float(measured[k]))
+            commands[k] = due[k]
             status = sample(bench, y, scratch, k, commands, pushes, clock, out[k])
         if status != OK:
             way_out = "the loop does not hold it"

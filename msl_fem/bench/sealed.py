@@ -272,7 +272,7 @@ def _hidden(setting: Setting, request: Request, others: Sequence[EffectAtSize], 
         return effect_of_size(setting, request.effect, request.size, exact=exact)
     taken = {other.effect.name for other in others}
     left: list[BenchEffect] = [effect for name, effect in OUTSIDE_BY_NAME.items() if name not in taken]
-    order = setting.chance("outside").permutation(len(left))
+    order = setting.generator("outside").permutation(len(left))
     last: InputError | None = None
     for n in order:
         try:

@@ -70,8 +70,8 @@ class Setting:
     seed: int
     scales: Scales
 
-    def chance(self, effect: str) -> np.random.Generator:
-        """The source of an effect's chance: always the same for a seed and an effect."""
+    def generator(self, effect: str) -> np.random.Generator:
+        """The random generator of an effect: always the same for a seed and an effect."""
         return np.random.default_rng([self.seed, 3, crc32(effect.encode())])
 
     @property

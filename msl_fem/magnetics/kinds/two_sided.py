@@ -64,11 +64,11 @@ def two_sided_section(magnet: ECore, position: TwoSidedPosition) -> TwoSidedSect
     half = position.tilt == 0.0
     armature = [_turned(x, y, position.tilt, middle) for x, y in _armature(magnet)]
     nearest = _nearest_gap(magnet, position)
-    one = e_core_section(magnet, position.gap_1)
-    two = e_core_section(magnet, position.gap_2)
+    upper = e_core_section(magnet, position.gap_1)
+    lower = e_core_section(magnet, position.gap_2)
     regions = _surroundings(magnet, position)
     corners: list[Corner] = []
-    for side, part, gap in ((1, one, position.gap_1), (2, two, position.gap_2)):
+    for side, part, gap in ((1, upper, position.gap_1), (2, lower, position.gap_2)):
         mirror = 1.0 if side == 1 else -1.0
         base = middle * (1 - mirror)  # side 2 is mirrored about the armature's middle
         painted = [r for r in part.regions if r.name in ("core", "window", "coil")]
@@ -88,12 +88,12 @@ def two_sided_section(magnet: ECore, position: TwoSidedPosition) -> TwoSidedSect
     corners += [(x, y, 1.0) for x, y in (armature[1:3] if half else armature)]
     density = magnet.coil.turns / magnet.coil_section
     turns = [{f"coil_{k}+": density} | ({} if half else {f"coil_{k}-": -density}) for k in (1, 2)]
-    core = one.iron["core"]
+    core = upper.iron["core"]
     section = Section(
         regions=tuple(regions),
         corners=tuple(corners),
         cuts=(),
-        iron={"core_1": core, "core_2": core, "armature": one.iron["armature"]},
+        iron={"core_1": core, "core_2": core, "armature": upper.iron["armature"]},
         turns_density=turns[0] | turns[1],
         depth=magnet.stack_depth,
         gap=nearest,

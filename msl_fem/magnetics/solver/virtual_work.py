@@ -89,9 +89,9 @@ class MovingBody:
             return -float(stretch - np.einsum("kje,jke->", g, products))
 
         x, y = self.mesh.points - self.centre[:, None]
-        one = np.ones_like(x)
-        zero = np.zeros_like(x)
-        return BodyForce(along(np.stack([one, zero])), along(np.stack([zero, one])), along(np.stack([-y, x])))
+        still, moving = np.zeros_like(x), np.ones_like(x)
+        turning = np.stack([-y, x])
+        return BodyForce(along(np.stack([moving, still])), along(np.stack([still, moving])), along(turning))
 
     def force_stress_tensor(self, potential: Array) -> BodyForce:
         """Force by Maxwell's stress (B (B.n) - |B|^2 n / 2)/mu_0 on the contour p = 1/2 around the body."""
