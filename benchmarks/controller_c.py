@@ -28,8 +28,8 @@ from msl_fem.control.lqr_design import LqrOptions, lqr_design
 from msl_fem.control.stepper import Stepper
 from msl_fem.export.c_controller import ControllerSource, controller_header
 from msl_fem.maps import operating_map
-from msl_fem.plant.closed_run import simulate_closed
 from msl_fem.plant.excitation import parse_excitation, reference
+from msl_fem.plant.sampled_plant import simulate_closed
 from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent

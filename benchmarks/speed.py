@@ -28,8 +28,7 @@ from msl_fem.export.formats import ModelSource
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, default_grid, sweep
 from msl_fem.maps import Guard, operating_map
 from msl_fem.plant import plant_parameters, surface_of
-from msl_fem.plant.excitation import parse_excitation
-from msl_fem.plant.inputs import Inputs, excitation_inputs
+from msl_fem.plant.excitation import Inputs, excitation_inputs, parse_excitation
 from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent

@@ -10,9 +10,9 @@ from msl_fem.control.design import ControllerDesign
 from msl_fem.control.stepper import Stepper, stated
 from msl_fem.errors import InputError
 from msl_fem.maps import OperatingMap, operating_map
-from msl_fem.plant.closed_run import clock_of
 from msl_fem.plant.excitation import Reference, reference
 from msl_fem.plant.excitation_kinds import Excitation
+from msl_fem.plant.sampled_plant import clock_of
 from msl_fem.table.magnetic_table import MagneticTable
 
 

@@ -19,11 +19,10 @@ from msl_fem.plant import (
     refused_unless_borne,
     simulation_record,
 )
-from msl_fem.plant.closed_run import simulate_closed
-from msl_fem.plant.excitation import load_excitations
+from msl_fem.plant.excitation import DRIVE_UNIT, load_excitations
 from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
-from msl_fem.plant.inputs import DRIVE_UNIT
+from msl_fem.plant.sampled_plant import simulate_closed
 from msl_fem.record import check_record_folder, write_record
 from msl_fem.table.magnetic_table import MagneticTable
 

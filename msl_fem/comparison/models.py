@@ -29,8 +29,8 @@ from msl_fem.identification import ArmaxModel, identify
 from msl_fem.maps import operating_map
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
-from msl_fem.plant.closed_run import clock_of
 from msl_fem.plant.excitation import parse_excitation, reference
+from msl_fem.plant.sampled_plant import clock_of
 from msl_fem.prediction import (
     CallableLaw,
     ModelHypothesis,

@@ -25,13 +25,13 @@ Flag = Any  # a truth value, or one a lane
 Rows = Any  # the rows of an array, by its address
 
 
-class Layout:
+class RowLayout:
     """Hands out the rows of an array one after the other: whoever wants a row names it, and nobody counts.
 
     Its rows follow those of another layout, if one is given.
     """
 
-    def __init__(self, *, after: "Layout | None" = None) -> None:
+    def __init__(self, *, after: "RowLayout | None" = None) -> None:
         self.size: int = after.size if after else 0
 
     def row(self, size: int = 1) -> int:

@@ -24,7 +24,7 @@ from msl_fem.control.believed_plant import BelievedPlant, believed_plant
 from msl_fem.control.inverse import SideBelief, inverse_of
 from msl_fem.maps.guard import Guard
 from msl_fem.maps.level_currents import OperatingMap
-from msl_fem.plant.effects import CATALOGUE, EffectValues
+from msl_fem.plant.effects import CATALOGUE, EffectValues, design_change
 from msl_fem.plant.plant import Surface, plant_parameters
 from msl_fem.table.coenergy_surface import fit_coenergy_surface
 from msl_fem.table.magnetic_table import MagneticTable
@@ -41,16 +41,16 @@ def belief_with_effects(
     InputError : a table and a map that do not belong together
     """
     coupled = plant_parameters(actuator)
-    coupled = coupled._replace(constant_force=coupled.constant_force + effects.get("force_offset", "force"))
+    change = design_change(effects, sides=coupled.sides)
+    coupled = coupled._replace(constant_force=coupled.constant_force + change.constant_force)
     surface = surface_with_effects(table, effects)
-    offset, centring = effects.get("gap_offset", "offset"), effects.get("gap_offset", "centring")
-    sides = [SideBelief(surface, coupled.nominal_gap + offset + sign * centring) for sign in (1.0, -1.0)]
+    sides = [SideBelief(surface, coupled.nominal_gap + wider) for wider in (change.gap_1, change.gap_2)]
     return Belief(
         actuator,
         plant_with_effects(believed_plant(actuator), effects, sides=coupled.sides),
         coupled,
         inverse_of(coupled, Guard(operating_map), *sides),
-        cubic=effects.get("stiffness_nonlinearity", "cubic"),
+        cubic=change.cubic,
         source="extended model",
         left_out=left_to_feedback(effects),
     )
@@ -69,15 +69,13 @@ def left_to_feedback(effects: EffectValues) -> tuple[str, ...]:
 
 
 def surface_with_effects(table: MagneticTable, effects: EffectValues) -> Surface:
-    """The surface of a magnet with early saturation and fringing.
+    """The surface of a magnet with early saturation and fringing: the coenergy depth(g) W'(t i, g).
 
-    With t = (1 + s)(1 + turns_error) and depth(g) = (1 + depth_error + growth g)/(1 + s)^2 the coenergy is
-    depth(g) W'(t i, g). Nodes at the currents i/t take the table's own values, so nothing is interpolated twice.
+    Nodes at the currents i/t take the table's own values, so nothing is interpolated twice.
     """
-    sooner = 1.0 + effects.get("early_saturation", "knee_shift")
-    t = sooner * (1.0 + effects.get("fringing", "turns_error"))
-    growth = effects.get("fringing", "growth") / sooner**2
-    depth = ((1.0 + effects.get("fringing", "depth_error")) / sooner**2 + growth * table.gap)[:, None]
+    change = design_change(effects, sides=1)
+    t, growth = change.current_scale, change.growth
+    depth = (change.depth + growth * table.gap)[:, None]
     w = table.nodes
     nodes = {
         "coenergy": depth * w["coenergy"],
@@ -96,14 +94,14 @@ def plant_with_effects(plant: BelievedPlant, effects: EffectValues, *, sides: in
 
     A chain of lags is taken as one whose time constant is their sum: alike up to the second order in frequency.
     """
-    bandwidth = plant.lag * (1.0 + effects.get("amplifier_bandwidth", "bandwidth_error"))
-    late = effects.get("time_delay", "command") / plant.period
+    change = design_change(effects, sides=sides)
+    late = change.delay / plant.period
     whole = math.floor(late + 1e-9)
-    time = 1.0 / bandwidth + effects.get("amplifier_bandwidth", "lag") + effects.get("eddy_currents", "time_constant")
+    time = 1.0 / (plant.lag * change.bandwidth) + change.lag
     time += max(late - whole, 0.0) * plant.period
     return replace(
         plant,
-        damping=plant.damping + sides * effects.get("squeeze_film", "damping"),
+        damping=plant.damping + change.damping,
         lag=1.0 / time if time > 0 else math.inf,
         delay=plant.delay + whole,
     )

@@ -26,6 +26,7 @@ from msl_fem.control.inverse import force_limits
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.instruments import N_READING, reading_noise
 from msl_fem.plant.layout import (
     COIL_1,
     COIL_2,
@@ -37,15 +38,7 @@ from msl_fem.plant.layout import (
     X,
 )
 from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
-from msl_fem.plant.plant_in_loop import (
-    N_READING,
-    PlantInLoop,
-    act,
-    plant_at_rest,
-    plant_in_loop,
-    read,
-    reading_noise,
-)
+from msl_fem.plant.sampled_plant import SampledPlant, advance_sample, plant_at_rest, read_instruments, sampled_plant
 from msl_fem.table.magnetic_table import MagneticTable
 
 Array = NDArray[np.float64]
@@ -164,7 +157,7 @@ def run_closed_loop(
     """
     wanted = checked_reference(design, reference)
     n, period = wanted.shape[0], design.law.plant.period
-    true = plant_in_loop(
+    true = sampled_plant(
         plant.actuator, plant.table, rate=1 / period, effects=plant.effects, largest_step=STEP_OF_FASTEST
     )
     if true.parameters.drive != CURRENT_DRIVE:
@@ -186,7 +179,7 @@ def run_closed_loop(
 
 @compiled
 def loop(
-    plant: PlantInLoop, plant_memory: tuple[Array, Array], parameters: ControllerParameters, memory: Array,
+    plant: SampledPlant, plant_memory: tuple[Array, Array], parameters: ControllerParameters, memory: Array,
     inputs: _Inputs, out: Array,
 ) -> tuple[int, int]:  # fmt: skip
     """(status, samples done); a row of `out` a sample. Plant (state, history) and controller are moved on."""
@@ -194,7 +187,7 @@ def loop(
     waiting = np.zeros((parameters.delay + 1, 2))
     voltage, command, readings = np.zeros(2), np.zeros(2), np.zeros(N_READING)
     for k in range(out.shape[0]):
-        read(plant, state, history, k, inputs.noise[k], readings)
+        read_instruments(plant, state, history, k, inputs.noise[k], readings)
         controller_step(parameters, memory, inputs.reference[k], readings[0], command)
         for j in range(parameters.delay):
             waiting[j] = waiting[j + 1]
@@ -207,7 +200,7 @@ def loop(
         row[_VELOCITY_HAT], row[_DISTURBANCE_HAT] = memory[V_HAT], memory[D_HAT]
         row[_INNOVATION], row[_FORCE] = memory[INNOVATION], memory[FORCE]
         row[_READ_1], row[_READ_2] = readings[1], readings[2]
-        status = act(plant, state, waiting[0], inputs.disturbance[k], voltage)
+        status = advance_sample(plant, state, waiting[0], inputs.disturbance[k], voltage)
         row[_VOLTAGE_1], row[_VOLTAGE_2] = voltage[0], voltage[1]
         if plant.effects is None:
             for j in range(I1, I2 + 1):  # an idle side's current decays for ever; below 1e-300 it is slow to compute

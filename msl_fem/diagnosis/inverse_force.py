@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
 from msl_fem.plant import PlantParameters
-from msl_fem.plant.effects import PARAMETER_INDEX
-from msl_fem.plant.effects.mechanisms import N_STOP, pole_and_delay, position_delay
+from msl_fem.plant.effects import MoverMotion, needed_force, values_of
+from msl_fem.plant.effects.mechanisms import pole_and_delay, position_delay
+from msl_fem.plant.instruments import instruments_of, reading_at
 from msl_fem.prediction import RunData
 from msl_fem.prediction.run_data import POSITION_COLUMN
 
@@ -77,16 +77,6 @@ def usual_low_pass(runs: Sequence[RunData]) -> LowPass:
     return LowPass(min(next(s for s in series if s >= highest), 0.2 * rate), rate)
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """Position, velocity and acceleration of the mover, and of a second mass against it, (n_sample,) each."""
-
-    position: Array
-    velocity: Array
-    acceleration: Array
-    mode_acceleration: Array
-
-
 def missing_force(plant: PlantParameters, data: RunData, effects: Array, *, gain: float, low_pass: LowPass) -> Array:
     """The force applied less the force that the measured motion takes, (n_sample,) N, not yet low-passed.
 
@@ -97,10 +87,10 @@ def missing_force(plant: PlantParameters, data: RunData, effects: Array, *, gain
     effects : (N_PARAMETER,) of the catalogue
     gain : position reading over position, beside the effects
     """
-    v = {key: float(effects[n]) for key, n in PARAMETER_INDEX.items()}
-    time = data.time
-    motion = measured_motion(plant, data, v, gain=gain, low_pass=low_pass)
-    return applied_force(data, v) + _push(plant, v, time) - needed_force(plant, v, motion)
+    v = values_of(effects)
+    motion = measured_motion(plant, data, effects, gain=gain, low_pass=low_pass)
+    plain = plant.mass * motion.acceleration + plant.damping * motion.velocity + plant.stiffness * motion.position
+    return applied_force(data, v) + plant.constant_force - (plain + needed_force(plant, v, motion))
 
 
 def applied_force(data: RunData, v: dict[tuple[str, str], float]) -> Array:
@@ -119,11 +109,12 @@ def applied_force(data: RunData, v: dict[tuple[str, str], float]) -> Array:
 
 
 def measured_motion(
-    plant: PlantParameters, data: RunData, v: dict[tuple[str, str], float], *, gain: float, low_pass: LowPass
-) -> Motion:
+    plant: PlantParameters, data: RunData, effects: Array, *, gain: float, low_pass: LowPass
+) -> MoverMotion:
     """The motion that a low-passed reading says, the sensor's effects undone."""
-    reading = data.measured[POSITION_COLUMN] / gain - _false_reading(v, data.time)
-    seen = _undone(reading, v)
+    v, instruments = values_of(effects), instruments_of(effects, rate=data.rate)
+    reading = data.measured[POSITION_COLUMN] / gain - reading_at(instruments, 0, 0.0, data.time)
+    seen = _undone(reading, instruments.polynomial[0])
     late, rate, pole = position_delay(v), data.rate, pole_and_delay(v, "position_sensor_lag")[0]
     lag = pole + (0.0 if np.isinf(plant.sensor_bandwidth) else 1 / plant.sensor_bandwidth)
     share, read = v["structural_mode", "mass_share"], v["structural_mode", "load_reading"]
@@ -141,69 +132,18 @@ def measured_motion(
     velocity, acceleration = np.gradient(seen, 1 / rate), np.zeros(seen.size)
     acceleration[1:-1] = (seen[2:] - 2 * seen[1:-1] + seen[:-2]) * rate**2
     other = _filtered(acceleration, rate, mode) if share else np.zeros(seen.size)
-    return Motion(seen, velocity, acceleration, other)
+    return MoverMotion(data.time, seen, velocity, acceleration, other)
 
 
-def needed_force(plant: PlantParameters, v: dict[tuple[str, str], float], motion: Motion) -> Array:
-    """The force along +x that a motion takes, (n_sample,) N."""
-    x, velocity = motion.position, motion.velocity
-    share = v["structural_mode", "mass_share"]
-    force = plant.mass * (motion.acceleration + share * motion.mode_acceleration)
-    force = force + plant.damping * velocity + plant.stiffness * x
-    force = force + (v["stiffness_nonlinearity", "quadratic"] + v["stiffness_nonlinearity", "cubic"] * x) * x * x
-    friction = v["coulomb_friction", "force"]
-    if friction:
-        rise = v["coulomb_friction", "stribeck_rise"]
-        more = rise / (1 + (velocity / v["coulomb_friction", "stribeck_velocity"]) ** 2)
-        width = v["coulomb_friction", "presliding"] / N_STOP
-        force = force + friction * (1 + more) * stops(x, width) / (width * N_STOP * (N_STOP + 1) / 2)
-    return np.asarray(force)
-
-
-@compiled
-def stops(position: Array, width: float) -> Array:
-    """The sum of the stops of a friction along a path (n_sample,), m; at rest in the beginning."""
-    state, found = np.zeros(N_STOP), np.zeros(position.size)
-    for n in range(1, position.size):
-        change, total = position[n] - position[n - 1], 0.0
-        for k in range(N_STOP):
-            reach = (k + 1) * width
-            state[k] = min(max(state[k] + change, -reach), reach)
-            total += state[k]
-        found[n] = total
-    return found
-
-
-def _push(plant: PlantParameters, v: dict[tuple[str, str], float], time: Array) -> Array:
-    """Forces along +x that do not come from the drive, (n_sample,) N."""
-    phase = 2 * np.pi * v["periodic_disturbance", "frequency"] * time
-    cosine, sine = v["periodic_disturbance", "force_cosine"], v["periodic_disturbance", "force_sine"]
-    steady = plant.constant_force + v["force_offset", "force"]
-    return np.asarray(steady + cosine * np.cos(phase) + sine * np.sin(phase))
-
-
-def _false_reading(v: dict[tuple[str, str], float], time: Array) -> Array:
-    """What the position's reading holds beside the position, (n_sample,) m."""
-    phase = 2 * np.pi * v["periodic_disturbance", "frequency"] * time
-    hum = v["periodic_disturbance", "position_cosine"] * np.cos(phase)
-    hum = hum + v["periodic_disturbance", "position_sine"] * np.sin(phase)
-    rate, acceleration, jerk = (v["sensor_drift", name] for name in ("rate", "acceleration", "jerk"))
-    hum = hum + v["sensor_drift", "offset"]
-    return np.asarray(hum + rate * time + acceleration * time**2 / 2 + jerk * time**3 / 6)
-
-
-def _undone(reading: Array, v: dict[tuple[str, str], float]) -> Array:
-    """The position of a reading (1 + gain_error) x + quadratic x^2 + cubic x^3, by Newton steps."""
-    slope, square, cube = (1 + v[_SENSOR, "gain_error"], v[_SENSOR, "quadratic"], v[_SENSOR, "cubic"])
+def _undone(reading: Array, polynomial: Array) -> Array:
+    """The position x of a reading slope x + square x^2 + cube x^3, by Newton steps."""
+    _, slope, square, cube = polynomial
     x = reading / slope
     if square or cube:
         for _ in range(6):
             steep = slope + 2 * square * x + 3 * cube * x**2
             x = x - (slope * x + square * x**2 + cube * x**3 - reading) / np.where(np.abs(steep) > 0.1, steep, 0.1)
     return x
-
-
-_SENSOR = "position_sensor_nonlinearity"
 
 
 def _filtered(signal: Array, rate: float, answer: Callable[[Spectrum], Spectrum]) -> Array:

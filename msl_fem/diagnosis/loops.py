@@ -29,7 +29,7 @@ from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant, possible, variants
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import kernel_coefficients, neutral_vector
-from msl_fem.plant.extended import small_signal_inductance
+from msl_fem.plant.preparation import small_signal_inductance
 from msl_fem.prediction import (
     KernelPlant,
     ModelHypothesis,

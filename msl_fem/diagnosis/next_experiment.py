@@ -23,9 +23,8 @@ from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant import bearable_run
 from msl_fem.plant.effects import find_parameter
-from msl_fem.plant.excitation import parse_excitation
+from msl_fem.plant.excitation import DRIVE_UNIT, parse_excitation
 from msl_fem.plant.excitation_kinds import Excitation
-from msl_fem.plant.inputs import DRIVE_UNIT
 from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, Start
 from msl_fem.prediction.free_run import start_sigmas
 from msl_fem.prediction.run_data import POSITION_COLUMN

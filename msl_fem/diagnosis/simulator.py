@@ -9,7 +9,7 @@ from msl_fem.diagnosis.table_error import TableError
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.errors import InputError
 from msl_fem.plant import Surface
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
 from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.free_run import counted

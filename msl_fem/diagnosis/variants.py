@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.diagnosis.unknowns import EffectUnknown
-from msl_fem.plant.effects import CATALOGUE, Parameter
-from msl_fem.plant.extended import LAGGING
+from msl_fem.plant.effects import CATALOGUE, LAGGING, Parameter
 from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters, drive_lags
 
 Array = NDArray[np.float64]

@@ -4,18 +4,23 @@ Open-loop runs (`simulate`), many runs with different parameters together (`run_
 stability, and records of simulated runs. `kernel` is the time loop itself, for closed loops that run compiled with it.
 """
 
-from msl_fem.plant.bearable import bearable_run, refused_unless_borne
 from msl_fem.plant.energy import EnergyAudit
-from msl_fem.plant.equilibrium import Equilibrium, equilibria, resting_point
-from msl_fem.plant.extended import check_effects, effect_coefficients
-from msl_fem.plant.inputs import Inputs, excitation_inputs
+from msl_fem.plant.excitation import Inputs, excitation_inputs
 from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
-from msl_fem.plant.linearise import Linearisation, linearise
-from msl_fem.plant.open_loop import check_open_loop
+from msl_fem.plant.open_loop import bearable_run, check_open_loop, refused_unless_borne
+from msl_fem.plant.operating_point import (
+    Equilibrium,
+    Linearisation,
+    OpenLoopMap,
+    equilibria,
+    linearise,
+    open_loop_map,
+    resting_point,
+    stability_limit,
+)
 from msl_fem.plant.plant import PlantParameters, Surface, plant_parameters, surface_of
-from msl_fem.plant.recording import NamedRun, simulation_record
-from msl_fem.plant.simulate import Options, Simulation, simulate
-from msl_fem.plant.stability import OpenLoopMap, open_loop_map, stability_limit
+from msl_fem.plant.preparation import check_effects, effect_coefficients
+from msl_fem.plant.simulate import NamedRun, Options, Simulation, simulate, simulation_record
 from msl_fem.plant.static_map import static_map
 
 __all__ = [

@@ -213,7 +213,7 @@ def queue_command(e: Rows, state: Rows, work: Rows) -> None:
 
 
 @compiled
-def act(p: PlantParameters, state: Rows, work: Rows, push: Value) -> None:
+def set_inputs(p: PlantParameters, state: Rows, work: Rows, push: Value) -> None:
     """The inputs of one step of the plain model: commands and forces held, outputs on their way to the commands."""
     half, whole = work[DRIVE_HALF], work[DRIVE_WHOLE]
     for j in range(1 if p.drive == FORCE_DRIVE else p.sides):
@@ -226,7 +226,7 @@ def act(p: PlantParameters, state: Rows, work: Rows, push: Value) -> None:
 
 
 @compiled
-def act_with_effects(
+def set_inputs_with_effects(
     p: PlantParameters, e: Rows, state: Rows, work: Rows, push: Value, n: int, step: float
 ) -> None:  # fmt: skip
     """The inputs of step n of a sample with time_delay, amplifier_bandwidth, force_offset and periodic_disturbance.

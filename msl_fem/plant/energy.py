@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import keep, rows_of
 from msl_fem.plant.effects import magnetic, mechanical
@@ -38,8 +38,6 @@ from msl_fem.plant.layout import (
 from msl_fem.plant.plant import PlantParameters, Surface
 from msl_fem.plant.side import cells_of, side_flux, side_gap
 from msl_fem.plant.step import look_at
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

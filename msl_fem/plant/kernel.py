@@ -10,7 +10,15 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Flag, Rows, choose, every, first, keep, rows_of, size, width
-from msl_fem.plant.drive import act, act_with_effects, count, jump, queue_command, set_timing, take_command
+from msl_fem.plant.drive import (
+    count,
+    jump,
+    queue_command,
+    set_inputs,
+    set_inputs_with_effects,
+    set_timing,
+    take_command,
+)
 from msl_fem.plant.effects import electrical, magnetic, sensing
 from msl_fem.plant.layout import (
     AT_CURRENT_LIMIT_1,
@@ -183,9 +191,9 @@ def _hold(
     done = 0
     while done < n_step and status == OK:
         if e is None:
-            act(p, state, work, push)
+            set_inputs(p, state, work, push)
         else:
-            act_with_effects(p, e, state, work, push, done, step)
+            set_inputs_with_effects(p, e, state, work, push, done, step)
         status = _step(p.end_stop, cells, p, e, state, work, reach, step)
         if status == OK:
             if e is not None and done == 0:

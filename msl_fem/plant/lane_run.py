@@ -21,8 +21,8 @@ from msl_fem.errors import InputError
 from msl_fem.plant import kernel
 from msl_fem.plant.effects import N_PARAMETER, PARAMETER_INDEX, kernel_coefficients, neutral_vector
 from msl_fem.plant.effects.mechanisms import position_delay
-from msl_fem.plant.extended import small_signal_inductance
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
+from msl_fem.plant.instruments import Channels, currents_before_noise, position_before_noise
 from msl_fem.plant.layout import (
     BLOCK_1,
     BLOCK_2,
@@ -42,9 +42,8 @@ from msl_fem.plant.layout import (
     lane_workspace,
 )
 from msl_fem.plant.plant import PlantParameters, Surface
-from msl_fem.plant.readings import Channels, currents_before_noise, position_before_noise
+from msl_fem.plant.preparation import small_signal_inductance, start_effects
 from msl_fem.plant.side import cells_of
-from msl_fem.plant.starting import start_effects
 
 
 @dataclass(frozen=True, eq=False)

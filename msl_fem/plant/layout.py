@@ -1,15 +1,15 @@
 """What stands where: the state of the coupled model, the rows that the kernel works on, and the columns of a run.
 
-The coefficients of the effects stand in the files of their groups. All rows are handed out by a `Layout`: a row more is
-a name more. One array of rows each, since compiled code passes it on as one argument and counts no references to parts
-of it.
+The coefficients of the effects stand in the files of their groups. All rows are handed out by a `RowLayout`: a row more
+is a name more. One array of rows each, since compiled code passes it on as one argument and counts no references to
+parts of it.
 """
 
 import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import LANES, Layout
+from msl_fem.computing.lanes import LANES, RowLayout
 from msl_fem.plant.effects.electrical import N_QUEUE
 from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.effects.mechanisms import N_STOP
@@ -18,7 +18,7 @@ from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters
 # What `advance` and `run` return
 OK, OUTSIDE_TABLE, NOT_FINITE, OUTSIDE_RANGE = range(4)
 
-_STATE = Layout()
+_STATE = RowLayout()
 # What Runge-Kutta integrates: magnetising currents of the sides (A; the coils' own without hysteresis and eddy
 # currents), position (m), velocity (m/s); energies since the start (J): electrical input, copper loss, damping loss
 # (and film), work of forces that are not the plant's own (disturbance, constant force, force drive); volt-seconds of
@@ -52,26 +52,26 @@ STOPS_1, STOPS_2, STOPS_X = _STATE.rows(3, N_STOP)
 QUEUE_1, QUEUE_2 = _STATE.rows(2, N_QUEUE + 1)  # commands that have not acted yet, the latest first
 N_STATE = _STATE.size
 
-_BLOCK = Layout()
+_BLOCK = RowLayout()
 # The cell of the coenergy spline that a side is in: coefficients (powers of the gap first), its edges, what a lane
 # looks for, and where the coefficients of the lane's surface begin
 CELL = _BLOCK.row(36)
 GAP_LOW, GAP_HIGH, CURRENT_LOW, CURRENT_HIGH, CURRENT, GAP, SURFACE_START = _BLOCK.rows(7)
 N_BLOCK = _BLOCK.size
 
-_INPUT = Layout()
+_INPUT = RowLayout()
 # What acts on the plant: what a current loop aims at (A), what a voltage or force drive gives (V, N), outer forces (N)
 TARGET_1, TARGET_2, OUTPUT_OF_1, OUTPUT_OF_2, PUSH = _INPUT.rows(5)
 N_INPUT = _INPUT.size
 
-_CIRCUIT = Layout()
+_CIRCUIT = RowLayout()
 # A side's circuit: incremental inductance (H), back-EMF (V), magnetising current with memory and eddy part (A),
 # resistance (ohm); then what `solve_circuits` finds: du/dt (A/s), voltage (V), current of the coil (A); loss of the
 # modes of the eddy currents (W)
 INDUCTANCE, EMF, MMF, RESISTANCE, SLOPE, VOLTAGE, COIL_CURRENT, MODE_LOSS = _CIRCUIT.rows(8)
 N_CIRCUIT = _CIRCUIT.size
 
-_WORK = Layout()
+_WORK = RowLayout()
 BLOCK_1, BLOCK_2 = _WORK.rows(2, N_BLOCK)  # the cells of both sides
 SLOPES, SLOPES_2, SLOPES_3, SLOPES_4 = _WORK.rows(4, N_INTEGRATED)  # of the stages of Runge-Kutta
 Y = _WORK.row(N_INTEGRATED)  # the integrated states at which slopes are taken
@@ -88,7 +88,7 @@ CIRCUIT_1, CIRCUIT_2 = _WORK.rows(2, N_CIRCUIT)
 TILTED = _WORK.row(4 * N_BLOCK)  # cells at either end of a tilted face: side 1's lower and upper gap, then side 2's
 N_WORK = _WORK.size
 
-_OUT = Layout()
+_OUT = RowLayout()
 # Columns of `run`: the state before the command acts (currents of the coils, what the position sensor gives before
 # noise), mean voltages until the next row, flux linkages of the coils, limits reached; then slopes in time of the
 # sensor, of the currents behind the row's instant and before the next one (with effects only)

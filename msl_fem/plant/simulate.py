@@ -1,19 +1,28 @@
-"""Open-loop runs of the coupled model."""
+"""Open-loop runs of the coupled model, and simulated runs as a record, as an experimenter would have written it."""
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant import kernel, layout
 from msl_fem.plant.effects import EffectValues, neutral_vector
 from msl_fem.plant.energy import EnergyAudit, energy_audit
-from msl_fem.plant.extended import effect_coefficients
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
+from msl_fem.plant.instruments import (
+    Channels,
+    current_reading,
+    currents_before_noise,
+    position_before_noise,
+    position_reading,
+)
 from msl_fem.plant.layout import (
     AT_CURRENT_LIMIT_1,
     I1,
@@ -26,15 +35,12 @@ from msl_fem.plant.layout import (
     X,
     initial_state,
 )
+from msl_fem.plant.operating_point import stability_limit
 from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters, Surface, plant_parameters, surface_of
-from msl_fem.plant.readings import Channels, currents_before_noise, position_before_noise
-from msl_fem.plant.sensors import current_reading, position_reading
-from msl_fem.plant.stability import stability_limit
-from msl_fem.plant.starting import start_effects
-from msl_fem.plant.step_size import default_substeps
+from msl_fem.plant.preparation import default_substeps, effect_coefficients, start_effects
+from msl_fem.record import Noise, Record, Role, Run, Sampling
 from msl_fem.table.magnetic_table import MagneticTable
 
-Array = NDArray[np.float64]
 STATUS = {
     OK: "completed",
     OUTSIDE_TABLE: "a gap or a current left the table",
@@ -236,3 +242,60 @@ def _complaint(actuator: Actuator, table: MagneticTable | None, status: int, *, 
         f"these inputs{known}: lower the amplitude or the bias, or "
         "follow a reference in closed loop ('msl-fem control')"
     )
+
+
+@dataclass(frozen=True, eq=False)
+class NamedRun:
+    """A simulation with what rig.toml says about a run: its name (also the file's), excitation in words, and role.
+
+    `reference` is what a closed loop was to follow, (n_sample,) m.
+    """
+
+    name: str
+    excitation: str
+    role: Role
+    simulation: Simulation
+    reference: Array | None = None
+
+
+def simulation_record(
+    actuator: Actuator, runs: Sequence[NamedRun], *, controller: Mapping[str, Any] | None = None
+) -> Record:
+    """The record (origin "simulated") of runs of one actuator, all sampled at one rate.
+
+    Currents and position are the sensors' readings, voltages (and the force of a force drive) means over the sample;
+    what no instrument reads, such as flux linkage, is left out. The noise is that of the actuator's sensors. Commands
+    are those that act from their sample on. `controller` is what rig.toml is to state of one.
+
+    Raises
+    ------
+    InputError : no runs, or runs of different rates
+    RecordError : as `write_record`, when it is written
+    """
+    rates = {run.simulation.rate for run in runs}
+    if len(rates) != 1:
+        raise InputError(
+            f"the runs of a record have one sampling rate, these have {sorted(rates) or 'none'} Hz; simulate them alike"
+        )
+    noise = Noise(position=actuator.position_sensor.noise)
+    if any(run.simulation.current.shape[1] for run in runs):
+        noise = Noise(position=actuator.position_sensor.noise, current=actuator.current_sensor.noise)
+    made = tuple(Run(run.name, run.excitation, run.role, _columns(actuator, run)) for run in runs)
+    sampling = Sampling(rate=rates.pop())
+    return Record("simulated", actuator, sampling=sampling, noise=noise, controller=controller, runs=made)
+
+
+def _columns(actuator: Actuator, run: NamedRun) -> dict[str, Array]:
+    """Columns of a run file, by RECORDS' names; commands where they are not what a column has already."""
+    simulation = run.simulation
+    kind = actuator.drive.kind if actuator.drive else "force"
+    sides = range(simulation.current.shape[1])
+    columns = {"time_s": simulation.time}
+    if kind == "current":
+        columns |= {f"command_{j + 1}_A": simulation.command[:, j] for j in sides}
+    columns |= {f"voltage_{j + 1}_V": simulation.voltage[:, j] for j in sides}
+    columns |= {f"current_{j + 1}_A": simulation.measured_current[:, j] for j in sides}
+    if kind == "force":
+        columns["force_N"] = simulation.force
+    columns["position_m"] = simulation.measured_position
+    return columns if run.reference is None else columns | {"reference_m": run.reference}

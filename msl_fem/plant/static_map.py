@@ -1,20 +1,19 @@
 """Force and flux of one magnet at rest, with the magnetic effects, measured point after point."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Rows, keep, rows_of
 from msl_fem.errors import InputError, OutOfTable
 from msl_fem.plant.effects import EffectValues, kernel_coefficients, magnetic
 from msl_fem.plant.effects.mechanisms import N_STOP, SUM_OF_WIDTHS
 from msl_fem.plant.equations import series_iron, settle_stops, stop_sum
-from msl_fem.plant.extended import small_signal_inductance
 from msl_fem.plant.layout import STOPS_1, workspace
 from msl_fem.plant.plant import PlantParameters, Surface
+from msl_fem.plant.preparation import small_signal_inductance
 from msl_fem.plant.side import Cells, cells_of, side_with_effects
-
-Array = NDArray[np.float64]
 
 
 def static_map(

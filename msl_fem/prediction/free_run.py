@@ -20,12 +20,12 @@ from msl_fem.computing.compiled import compiled
 from msl_fem.computing.gauss_newton import FitSettings, fit_map
 from msl_fem.errors import ComputationError, OutOfTable
 from msl_fem.plant import kernel, layout, linearise
+from msl_fem.plant.instruments import Channels, currents_before_noise, instruments_of, position_before_noise
 from msl_fem.plant.layout import OK, initial_state
 from msl_fem.plant.plant import FORCE_DRIVE, drive_lags, plant_parameters
-from msl_fem.plant.plant_in_loop import PlantInLoop, act, instruments_of, plant_at_rest, read
-from msl_fem.plant.readings import Channels, currents_before_noise, position_before_noise
+from msl_fem.plant.preparation import start_effects
+from msl_fem.plant.sampled_plant import SampledPlant, advance_sample, plant_at_rest, read_instruments
 from msl_fem.plant.simulate import STATUS
-from msl_fem.plant.starting import start_effects
 from msl_fem.prediction.hypothesis import KernelPlant, ModelHypothesis
 from msl_fem.prediction.run_data import POSITION_COLUMN, LoopLaw, RunData
 from msl_fem.record.columns import Channel, side_columns
@@ -263,7 +263,7 @@ def closed_run(plant: KernelPlant, data: RunData, start: Start, law: CallableLaw
     return _ended(_by_channel(data, out[:, 0], out[:, 1:3], out[:, _VOLTAGES]), status, done)
 
 
-def _in_loop(plant: KernelPlant) -> PlantInLoop:
+def _in_loop(plant: KernelPlant) -> SampledPlant:
     """The plant with its instruments, whose position reading is `gain` times the position."""
     instruments = instruments_of(plant.readings, rate=plant.rate)
     polynomial = instruments.polynomial.copy()
@@ -271,12 +271,12 @@ def _in_loop(plant: KernelPlant) -> PlantInLoop:
     hum = instruments.hum.copy()
     hum[0] *= plant.gain
     scaled = instruments._replace(polynomial=polynomial, hum=hum, drift=plant.gain * instruments.drift)
-    return PlantInLoop(*plant.model, scaled, *plant.timing)
+    return SampledPlant(*plant.model, scaled, *plant.timing)
 
 
 @compiled
 def _run_linear(
-    plant: PlantInLoop, law: LoopLaw, state: Array, history: Array, commands: Array, recorded: Array, out: Array
+    plant: SampledPlant, law: LoopLaw, state: Array, history: Array, commands: Array, recorded: Array, out: Array
 ) -> tuple[int, int]:
     """(status, samples done); recorded (n, 3) readings beside commands (n, 2), a row of `out` a sample."""
     n_state, n_out = law.a.shape[0], law.makes.size
@@ -286,7 +286,7 @@ def _run_linear(
     silence, voltage, command = np.zeros(3), np.zeros(2), np.zeros(2)
     for k in range(commands.shape[0]):
         row = out[k]
-        read(plant, state, history, k, silence, row[_READINGS])
+        read_instruments(plant, state, history, k, silence, row[_READINGS])
         for m in range(law.delay):
             waiting[m] = waiting[m + 1]
         if k % law.every == 0:
@@ -298,7 +298,7 @@ def _run_linear(
         command[:] = commands[k]
         for m in range(n_out):
             command[law.makes[m]] += waiting[0, m]
-        status = act(plant, state, command, 0.0, voltage)
+        status = advance_sample(plant, state, command, 0.0, voltage)
         row[_VOLTAGES] = voltage
         if status != OK:
             return status, k
@@ -306,18 +306,18 @@ def _run_linear(
 
 
 def _run_callable(
-    plant: PlantInLoop, law: CallableLaw, state: Array, history: Array, commands: Array, out: Array
+    plant: SampledPlant, law: CallableLaw, state: Array, history: Array, commands: Array, out: Array
 ) -> tuple[int, int]:
     """(status, samples done) as `_run_linear`, by a law that is no compiled one."""
     waiting = np.zeros((law.delay + 1, 2))
     silence, voltage = np.zeros(3), np.zeros(2)
     for k in range(commands.shape[0]):
         row = out[k]
-        read(plant, state, history, k, silence, row[_READINGS])
+        read_instruments(plant, state, history, k, silence, row[_READINGS])
         waiting[:-1] = waiting[1:]
         if k % law.every == 0:
             waiting[law.delay] = law.answer(k, float(row[0]))
-        status = act(plant, state, commands[k] + waiting[0], 0.0, voltage)
+        status = advance_sample(plant, state, commands[k] + waiting[0], 0.0, voltage)
         row[_VOLTAGES] = voltage
         if status != OK:
             return status, k

@@ -9,8 +9,13 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.plant import PlantParameters, Surface, plant_parameters, surface_of
 from msl_fem.plant.effects import EffectValues, kernel_coefficients, neutral_vector
-from msl_fem.plant.extended import check_effects, small_signal_inductance
-from msl_fem.plant.step_size import fastest_rate, fastest_rate_of_effects, steps_a_sample
+from msl_fem.plant.preparation import (
+    check_effects,
+    fastest_rate,
+    fastest_rate_of_effects,
+    small_signal_inductance,
+    steps_a_sample,
+)
 from msl_fem.record import Tolerance
 from msl_fem.table.magnetic_table import MagneticTable
 

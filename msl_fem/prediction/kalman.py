@@ -16,6 +16,7 @@ from msl_fem.computing.compiled import compiled
 from msl_fem.plant.effects import PARAMETER_INDEX
 from msl_fem.plant.effects.mechanical import COMPLIANCE, MODE_MASS
 from msl_fem.plant.effects.mechanisms import position_delay
+from msl_fem.plant.instruments import Channels, currents_before_noise, position_before_noise
 from msl_fem.plant.kernel import advance
 from msl_fem.plant.layout import (
     BASE,
@@ -31,7 +32,6 @@ from msl_fem.plant.layout import (
     V,
     X,
 )
-from msl_fem.plant.readings import Channels, currents_before_noise, position_before_noise
 from msl_fem.prediction.free_run import Start, guessed_start, kernel_state
 from msl_fem.prediction.hypothesis import KernelPlant
 from msl_fem.prediction.run_data import POSITION_COLUMN, RunData

@@ -10,9 +10,9 @@ from msl_fem.comparison import CompareSettings, compare, nrmse
 from msl_fem.comparison.models import own_loop
 from msl_fem.control.stepper import Stepper, stated
 from msl_fem.errors import InputError
-from msl_fem.plant.closed_run import simulate_closed
 from msl_fem.plant.excitation import parse_excitation, reference
-from msl_fem.plant.recording import NamedRun, simulation_record
+from msl_fem.plant.sampled_plant import simulate_closed
+from msl_fem.plant.simulate import NamedRun, simulation_record
 from msl_fem.prediction import ModelHypothesis, Start, closed_run, kernel_plant, run_data
 from msl_fem.record import Record
 

@@ -6,8 +6,8 @@ from control_cases import RATE, TABLE, believed, servo, servo_design
 
 from msl_fem.control import run_closed_loop
 from msl_fem.control.stepper import Stepper, stated
-from msl_fem.plant.closed_run import simulate_closed
 from msl_fem.plant.excitation import parse_excitation, reference
+from msl_fem.plant.sampled_plant import simulate_closed
 
 WANTED = reference(parse_excitation("sine:frequency=20 Hz,amplitude=0.1 mm,duration=0.1 s,loop=closed"), rate=RATE)
 

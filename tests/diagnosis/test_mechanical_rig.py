@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from msl_fem.diagnosis.diagnose import diagnose
-from msl_fem.diagnosis.inverse_force import LowPass, missing_force, stops, usual_low_pass
+from msl_fem.diagnosis.inverse_force import LowPass, missing_force, usual_low_pass
 from msl_fem.diagnosis.mechanical_rig import attenuation, smoothed
 from msl_fem.plant import plant_parameters
 from msl_fem.plant.effects import neutral_vector
+from msl_fem.plant.effects.mechanical import stops_along
 from msl_fem.prediction import run_data
 from msl_fem.record import Noise, Record, Run, Sampling, load_record
 
@@ -110,5 +111,5 @@ def test_the_inverse_of_a_known_motion(emps):
 def test_stops_hold_what_sliding_left():
     """After full sliding one way the stops stand at their widths, and half the way back at what the path says."""
     there = np.array([0.0, 10.0, 9.0])
-    assert stops(there, 1.0)[1] == 1 + 2 + 3 + 4 + 5 + 6
-    assert stops(there, 1.0)[2] == 0 + 1 + 2 + 3 + 4 + 5
+    assert stops_along(there, 1.0)[1] == 1 + 2 + 3 + 4 + 5 + 6
+    assert stops_along(there, 1.0)[2] == 0 + 1 + 2 + 3 + 4 + 5

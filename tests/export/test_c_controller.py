@@ -15,9 +15,9 @@ from msl_fem.control.output_stage import BIAS, INVERSE, Stage
 from msl_fem.control.stepper import Stepper
 from msl_fem.errors import InputError
 from msl_fem.export.c_controller import ControllerSource, controller_header, write
-from msl_fem.plant.closed_run import simulate_closed
 from msl_fem.plant.excitation import parse_excitation, reference
 from msl_fem.plant.plant import Surface
+from msl_fem.plant.sampled_plant import simulate_closed
 
 BOARD = r"""
 #include <stdio.h>

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from msl_fem.actuator import Actuator
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.plant import plant_parameters
 from msl_fem.table.magnetic_table import MagneticTable
 

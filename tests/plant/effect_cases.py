@@ -4,7 +4,7 @@ import numpy as np
 
 from msl_fem.actuator import Actuator, parse_actuator
 from msl_fem.plant.effects import EffectValues
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 
 ALL_EFFECTS = EffectValues({
     "gap_offset": {"offset": 3e-6, "centring": 1e-6},

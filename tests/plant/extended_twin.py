@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from msl_fem.actuator import Actuator
 from msl_fem.plant.effects import EffectValues
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.plant import plant_parameters
 from msl_fem.table.magnetic_table import MagneticTable
 

@@ -5,8 +5,8 @@ import pytest
 from coupled_cases import changed, linear_table, locked
 
 from msl_fem.actuator import Actuator, parse_actuator
-from msl_fem.plant.equilibrium import resting_point
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
+from msl_fem.plant.operating_point import resting_point
 from msl_fem.plant.plant import plant_parameters
 from msl_fem.plant.simulate import Options, simulate
 from msl_fem.table.magnetic_table import MagneticTable

@@ -9,11 +9,9 @@ from effect_cases import EffectValues
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.plant.closed_run import simulate_closed
-from msl_fem.plant.excitation import Reference, parse_excitation, reference
-from msl_fem.plant.inputs import Inputs
-from msl_fem.plant.recording import NamedRun, simulation_record
-from msl_fem.plant.simulate import simulate
+from msl_fem.plant.excitation import Inputs, Reference, parse_excitation, reference
+from msl_fem.plant.sampled_plant import simulate_closed
+from msl_fem.plant.simulate import NamedRun, simulate, simulation_record
 from msl_fem.table.magnetic_table import MagneticTable
 
 RATE = 1e4

@@ -11,7 +11,7 @@ from scipy.integrate import quad, solve_ivp
 from msl_fem.actuator import Actuator
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.effects.mechanisms import fall_stages
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.simulate import Options, simulate
 from msl_fem.table.magnetic_table import MagneticTable
 

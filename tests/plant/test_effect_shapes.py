@@ -11,7 +11,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.effects.magnetic import EDDY_POLES, EDDY_WEIGHTS
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.simulate import Options, simulate
 
 INDUCTANCE = 2 * 1.08e-5 / 6.3e-4  # of a side of two magnets of `linear_table`, H

@@ -24,8 +24,8 @@ from msl_fem.maps import operating_map
 from msl_fem.plant import plant_parameters, surface_of
 from msl_fem.plant.effects import CATALOGUE, Effect, EffectValues, Parameter, kernel_coefficients
 from msl_fem.plant.effects.entry import Part
-from msl_fem.plant.extended import small_signal_inductance
-from msl_fem.plant.plant_in_loop import instruments_of
+from msl_fem.plant.instruments import instruments_of
+from msl_fem.plant.preparation import small_signal_inductance
 from msl_fem.prediction import RunData
 from msl_fem.record import Noise, Record, Sampling, StaticMap
 

@@ -7,7 +7,7 @@ from effect_cases import effects, rig
 
 from msl_fem.actuator import Actuator, parse_actuator
 from msl_fem.errors import ActuatorError
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_run import LaneSettings, run_lanes
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.plant.simulate import Options, simulate

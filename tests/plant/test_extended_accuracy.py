@@ -10,8 +10,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
 from msl_fem.plant import kernel, layout
 from msl_fem.plant.effects import N_PARAMETER, EffectValues, kernel_coefficients, neutral_vector
-from msl_fem.plant.extended import effect_coefficients, small_signal_inductance
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_run import LaneSettings, run_lanes
 from msl_fem.plant.layout import (
     BASE,
@@ -27,8 +26,8 @@ from msl_fem.plant.layout import (
     initial_state,
 )
 from msl_fem.plant.plant import plant_parameters, surface_of
+from msl_fem.plant.preparation import effect_coefficients, small_signal_inductance, start_effects
 from msl_fem.plant.simulate import Options, simulate
-from msl_fem.plant.starting import start_effects
 from msl_fem.table.magnetic_table import MagneticTable
 
 

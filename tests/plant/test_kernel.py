@@ -6,7 +6,7 @@ from coupled_cases import changed, reference_run
 
 from msl_fem.actuator import Actuator
 from msl_fem.plant import kernel, layout
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.layout import (
     AT_CURRENT_LIMIT_2,
     I1,

@@ -8,12 +8,11 @@ from effect_cases import ALL_EFFECTS, effects
 from msl_fem.actuator import Actuator
 from msl_fem.plant import kernel
 from msl_fem.plant.effects import N_COEFFICIENT, EffectValues, kernel_coefficients
-from msl_fem.plant.extended import effect_coefficients, small_signal_inductance
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.layout import I1, N_INTEGRATED, V, initial_state
 from msl_fem.plant.plant import plant_parameters, surface_of
+from msl_fem.plant.preparation import effect_coefficients, small_signal_inductance, start_effects
 from msl_fem.plant.simulate import Options, Simulation, simulate
-from msl_fem.plant.starting import start_effects
 from msl_fem.table.magnetic_table import MagneticTable
 
 

@@ -9,12 +9,11 @@ from scipy.linalg import expm
 from msl_fem.actuator import Actuator
 from msl_fem.plant import kernel
 from msl_fem.plant.effects import EffectValues
-from msl_fem.plant.extended import effect_coefficients
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.layout import N_INTEGRATED, V, initial_state
 from msl_fem.plant.plant import plant_parameters, surface_of
+from msl_fem.plant.preparation import effect_coefficients, start_effects
 from msl_fem.plant.simulate import Options, simulate
-from msl_fem.plant.starting import start_effects
 from msl_fem.table.magnetic_table import MagneticTable
 
 FINE = Options(substeps=64)

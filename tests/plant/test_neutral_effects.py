@@ -8,7 +8,7 @@ from effect_cases import ALL_EFFECTS, effects, rig, rough
 from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import CATALOGUE, EffectValues
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_run import LaneSettings, run_lanes
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.plant.simulate import Options, Simulation, simulate

@@ -9,14 +9,11 @@ from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
 from msl_fem.maps import Guard, operating_map
 from msl_fem.plant import NamedRun, open_loop_map, refused_unless_borne, simulation_record
-from msl_fem.plant.bearable import bearable_run, check_map
 from msl_fem.plant.effects import EffectValues
-from msl_fem.plant.equilibrium import equilibria
-from msl_fem.plant.excitation import parse_excitation, samples
-from msl_fem.plant.inputs import Inputs
-from msl_fem.plant.linearise import linearise
+from msl_fem.plant.excitation import Inputs, parse_excitation, samples
+from msl_fem.plant.open_loop import bearable_run, check_map
+from msl_fem.plant.operating_point import equilibria, linearise, stability_limit
 from msl_fem.plant.simulate import simulate
-from msl_fem.plant.stability import stability_limit
 from msl_fem.table.magnetic_table import MagneticTable
 
 POSITIONS = np.array([-3e-4, -1e-4, 0.0, 2e-4])

@@ -7,7 +7,7 @@ from effect_cases import effects, rough
 
 from msl_fem.actuator import Actuator
 from msl_fem.plant.effects import EffectValues
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.simulate import Options, simulate
 from msl_fem.table.magnetic_table import MagneticTable
 

@@ -8,9 +8,8 @@ from coupled_cases import changed
 
 from msl_fem.actuator import Actuator, parse_actuator
 from msl_fem.errors import InputError
-from msl_fem.plant.inputs import Inputs
-from msl_fem.plant.recording import NamedRun, simulation_record
-from msl_fem.plant.simulate import simulate
+from msl_fem.plant.excitation import Inputs
+from msl_fem.plant.simulate import NamedRun, simulate, simulation_record
 from msl_fem.record import load_record, write_record
 from msl_fem.table.magnetic_table import MagneticTable
 

@@ -6,8 +6,7 @@ from coupled_cases import changed
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import ActuatorError, ComputationError, InputError, OutOfTable
-from msl_fem.plant.excitation import parse_excitation
-from msl_fem.plant.inputs import Inputs, excitation_inputs
+from msl_fem.plant.excitation import Inputs, excitation_inputs, parse_excitation
 from msl_fem.plant.plant import plant_parameters
 from msl_fem.plant.simulate import Options, simulate
 from msl_fem.table.magnetic_table import MagneticTable

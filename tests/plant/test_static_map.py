@@ -8,7 +8,7 @@ from effect_cases import effects
 from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError, OutOfTable
 from msl_fem.plant.effects import EffectValues
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.plant.simulate import Options, simulate
 from msl_fem.plant.static_map import static_map

@@ -3,8 +3,9 @@
 import numpy as np
 
 from msl_fem.actuator import Actuator
+from msl_fem.plant.instruments import reading_noise
 from msl_fem.plant.layout import OK
-from msl_fem.plant.plant_in_loop import act, plant_at_rest, plant_in_loop, read, reading_noise
+from msl_fem.plant.sampled_plant import advance_sample, plant_at_rest, read_instruments, sampled_plant
 from msl_fem.record import Noise, Record, Run, Sampling
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -38,14 +39,14 @@ def looped_record(
 
 
 def looped_run(actuator, table, count, effects, generator) -> dict[str, np.ndarray]:
-    plant = plant_in_loop(actuator, table, rate=RATE, effects=effects)
+    plant = sampled_plant(actuator, table, rate=RATE, effects=effects)
     state, history = plant_at_rest(plant, currents=(BIAS, BIAS), position=0.0)
     noise, wanted = reading_noise(actuator, count, generator=generator), reference(count)
     readings, voltage, rows = np.zeros(3), np.zeros(2), []
     total, before, queue = 0.0, 0.0, [0.0] * (DELAY + 1)
     period = EVERY / RATE
     for k in range(count):
-        read(plant, state, history, k, noise[k], readings)
+        read_instruments(plant, state, history, k, noise[k], readings)
         if k % EVERY == 0:
             error = wanted[k] - readings[0]
             total += error
@@ -54,7 +55,7 @@ def looped_run(actuator, table, count, effects, generator) -> dict[str, np.ndarr
             queue = [*queue[1:], made]
         command = np.array([BIAS + queue[0], BIAS - queue[0]])
         row = [k / RATE, *command, *readings[1:], readings[0], wanted[k]]
-        assert act(plant, state, command, 0.0, voltage) == OK
+        assert advance_sample(plant, state, command, 0.0, voltage) == OK
         rows.append([*row, *voltage])
     names = "time_s command_1_A command_2_A current_1_A current_2_A position_m reference_m voltage_1_V voltage_2_V"
     return dict(zip(names.split(), np.array(rows).T, strict=True))

@@ -8,7 +8,7 @@ from shifted_records import RATE, in_voltage_drive, simulated_record
 
 from msl_fem.comparison.accuracy import nrmse
 from msl_fem.plant import simulate
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
 from msl_fem.prediction import (
     ModelHypothesis,
     ProcessNoise,

@@ -16,7 +16,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import sensing
 from msl_fem.plant.effects.electrical import ELECTRICAL
-from msl_fem.plant.effects.entry import Effect, Parameter, Part, Setting
+from msl_fem.plant.effects.entry import DesignChange, Effect, KernelSetting, MoverMotion, Parameter, Part
 from msl_fem.plant.effects.magnetic import MAGNETIC
 from msl_fem.plant.effects.mechanical import MECHANICAL
 from msl_fem.plant.effects.sensing import SENSING
@@ -24,18 +24,23 @@ from msl_fem.plant.plant import PlantParameters
 
 __all__ = [
     "CATALOGUE",
+    "LAGGING",
     "N_COEFFICIENT",
     "N_PARAMETER",
     "PARAMETER_INDEX",
+    "DesignChange",
     "Effect",
     "EffectValues",
+    "KernelSetting",
+    "MoverMotion",
     "Parameter",
     "Part",
-    "Setting",
+    "design_change",
     "find_effect",
     "find_parameter",
     "from_vector",
     "kernel_coefficients",
+    "needed_force",
     "neutral_vector",
 ]
 
@@ -46,6 +51,8 @@ PARAMETER_INDEX: dict[tuple[str, str], int] = {
 }
 """Where the parameter (effect, name) stands in a vector of all parameters."""
 N_PARAMETER = len(PARAMETER_INDEX)
+LAGGING = tuple((e.name, p.name) for e in CATALOGUE.values() for p in e.parameters if p.lagging)
+"""Parameters that need a drive whose current cannot jump, of effects that do without."""
 N_COEFFICIENT = sensing.LAYOUT.size
 """Rows of the kernel's coefficients that the groups of effects have named."""
 
@@ -160,9 +167,32 @@ def kernel_coefficients(
     ------
     InputError : a command that is delayed too much
     """
-    values = {key: float(effects[n]) for key, n in PARAMETER_INDEX.items()}
-    coefficients, setting = np.zeros(N_COEFFICIENT), Setting(plant, inductance, step, n_step)
+    values = values_of(effects)
+    coefficients, setting = np.zeros(N_COEFFICIENT), KernelSetting(plant, inductance, step, n_step)
     for set_coefficients in {effect.coefficients for effect in CATALOGUE.values()} - {None}:
         assert set_coefficients is not None
         set_coefficients(coefficients, values, setting)
     return coefficients
+
+
+def values_of(vector: Array) -> dict[tuple[str, str], float]:
+    """Every parameter of the catalogue, by effect and name, of a vector (N_PARAMETER,)."""
+    return {key: float(vector[n]) for key, n in PARAMETER_INDEX.items()}
+
+
+def design_change(effects: EffectValues, *, sides: int) -> DesignChange:
+    """What the effects do to the plant that a design believes in."""
+    change, values = DesignChange(sides), values_of(effects.vector())
+    for believe in dict.fromkeys(effect.believe for effect in CATALOGUE.values()):
+        if believe is not None:
+            believe(change, values)
+    return change
+
+
+def needed_force(plant: PlantParameters, values: Mapping[tuple[str, str], float], motion: MoverMotion) -> Array:
+    """The force along +x (N) that a motion takes because of all effects, (n_sample,)."""
+    force = np.zeros(motion.time.size)
+    for effect in CATALOGUE.values():
+        if effect.needed_force is not None:
+            force = force + effect.needed_force(values, plant, motion)
+    return force

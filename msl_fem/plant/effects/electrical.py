@@ -3,15 +3,24 @@
 import math
 
 from msl_fem.computing.arrays import Array
-from msl_fem.computing.lanes import Layout
+from msl_fem.computing.lanes import RowLayout
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import magnetic
-from msl_fem.plant.effects.entry import NO_MAGNETS, NOT_AT_REST, Effect, Parameter, Part, Setting, Values
+from msl_fem.plant.effects.entry import (
+    NO_MAGNETS,
+    NOT_AT_REST,
+    DesignChange,
+    Effect,
+    KernelSetting,
+    Parameter,
+    Part,
+    Values,
+)
 from msl_fem.plant.effects.mechanisms import fall_stages, pole_and_delay
 
 N_QUEUE = 16  # samples by which a command can be late
 
-LAYOUT = Layout(after=magnetic.LAYOUT)
+LAYOUT = RowLayout(after=magnetic.LAYOUT)
 HEAT_PER_JOULE, COOLING = LAYOUT.rows(2)  # relative rise of the resistance, 1/J; its decay, 1/s
 HEAT_START = LAYOUT.row()  # the rise in the beginning
 CORE_RATE = LAYOUT.row()  # at which the core follows the coil's temperature, 1/s
@@ -26,12 +35,12 @@ SLEW_TIME, RAMP_MIDDLE, RAMP_END = LAYOUT.rows(3)
 SOFT, DECAY, PAST_MIDDLE, PAST_END = LAYOUT.rows(4)
 
 
-def _heating(e: Array, v: Values, setting: Setting) -> None:
+def _heating(e: Array, v: Values, setting: KernelSetting) -> None:
     e[HEAT_PER_JOULE], e[COOLING] = v["coil_heating", "rise_per_joule"], v["coil_heating", "cooling_rate"]
     e[HEAT_START], e[CORE_RATE] = v["coil_heating", "initial_rise"], v["coil_heating", "core_rate"]
 
 
-def command_path(e: Array, v: Values, setting: Setting) -> None:
+def command_path(e: Array, v: Values, setting: KernelSetting) -> None:
     """The way of a command to the drive: delay, slew limit and lag, the drive's own bandwidth.
 
     Raises
@@ -65,6 +74,17 @@ def command_path(e: Array, v: Values, setting: Setting) -> None:
     if math.isfinite(z):
         e[RAMP_MIDDLE] = -1.0 / z + (0.5 + 1.0 / z) * math.exp(-0.5 * z)
         e[RAMP_END] = 0.5 - 1.0 / z + (0.5 + 1.0 / z) * math.exp(-z)
+
+
+def believed_command_path(change: DesignChange, v: Values) -> None:
+    """Lag and delay on a command's way, as a design believes them."""
+    change.bandwidth = 1.0 + v["amplifier_bandwidth", "bandwidth_error"]
+    change.delay = v["time_delay", "command"]
+
+
+def _believed_lag(change: DesignChange, v: Values) -> None:
+    believed_command_path(change, v)
+    change.lag += v["amplifier_bandwidth", "lag"]
 
 
 ELECTRICAL = (
@@ -150,6 +170,7 @@ ELECTRICAL = (
         ),
         needs=("drive lag",),
         coefficients=command_path,
+        believe=_believed_lag,
         design=Part(("lag", "bandwidth_error"), "a slew limit is not linear; keep the reference below it"),
         inverse=Part(
             ("lag",),

@@ -16,7 +16,7 @@ Values = Mapping[tuple[str, str], float]
 """Every parameter of the catalogue, by effect and name."""
 
 
-class Setting(NamedTuple):
+class KernelSetting(NamedTuple):
     """What coefficients depend on beside the effects: the plant, and the steps of its integration."""
 
     plant: PlantParameters
@@ -25,8 +25,53 @@ class Setting(NamedTuple):
     n_step: int  # steps a sample
 
 
-SetCoefficients = Callable[[Array, Values, Setting], None]
+class MoverMotion(NamedTuple):
+    """How a mover goes, and a second mass against it: (n_sample,) each, SI units."""
+
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    mode_acceleration: Array
+
+
+@dataclass
+class DesignChange:
+    """What effects do to the plant that a controller's design believes in, all together.
+
+    Attributes
+    ----------
+    sides : of the plant
+    gap_1, gap_2 : m, by which the gaps are wider
+    current_scale, depth, growth : of a magnet's coenergy, W'(i, g) -> (depth + growth g) W'(current_scale i, g)
+    cubic : N/m^3, of the spring
+    constant_force : N, along +x
+    damping : N s/m
+    bandwidth : of the drive, over the stated one
+    lag : s, of a chain of lags the sum
+    delay : s, of the command
+    """
+
+    sides: int
+    gap_1: float = 0.0
+    gap_2: float = 0.0
+    current_scale: float = 1.0
+    depth: float = 1.0
+    growth: float = 0.0
+    cubic: float = 0.0
+    constant_force: float = 0.0
+    damping: float = 0.0
+    bandwidth: float = 1.0
+    lag: float = 0.0
+    delay: float = 0.0
+
+
+SetCoefficients = Callable[[Array, Values, KernelSetting], None]
 """Sets an effect's rows of the kernel's coefficients."""
+Believe = Callable[[DesignChange, Values], None]
+"""Puts what a design believes of an effect into the change."""
+NeededForce = Callable[[Values, PlantParameters, MoverMotion], Array | float]
+"""The force along +x (N) that a motion takes because of an effect."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +91,7 @@ class Parameter:
     width : of a shape, one sigma of its logarithm about a value that is tried
     belongs_to : of a shape, the one amount that it is about; "": all of them
     alone : an amount that is tried without its effect's shapes too
+    lagging : it needs a drive whose current cannot jump, though its effect does not
     """
 
     name: str
@@ -60,6 +106,7 @@ class Parameter:
     width: float = 1.0
     belongs_to: str = ""
     alone: bool = False
+    lagging: bool = False
 
 
 @dataclass(frozen=True)
@@ -93,6 +140,9 @@ class Effect:
     advice : what an engineer looks at who finds it
     coefficients : sets what the kernel's equations take of it; effects of one mechanism share it; None: it acts on
         readings alone
+    believe : changes the plant of a design; effects of one mechanism share it
+    needed_force : what the inverse dynamics add to the force that a motion takes; what acts on commands and readings
+        is undone there in its order
     needs : what a plant must have for it: magnets (and a gap), two sides, a current drive that lags
     sets : amounts that a search tries together; (): one set, all of them
     separating : the static measurement that tells it from the other effects of a magnet at rest; "": it is not looked
@@ -110,6 +160,8 @@ class Effect:
     static: Part
     advice: str
     coefficients: SetCoefficients | None = None
+    believe: Believe | None = None
+    needed_force: NeededForce | None = None
     needs: tuple[Need, ...] = ()
     sets: tuple[tuple[str, ...], ...] = ()
     separating: str = ""

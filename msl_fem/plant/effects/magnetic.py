@@ -3,8 +3,17 @@
 import math
 
 from msl_fem.computing.arrays import Array
-from msl_fem.computing.lanes import Layout
-from msl_fem.plant.effects.entry import NO_MAGNETS, NOT_AT_REST, Effect, Parameter, Part, Setting, Values
+from msl_fem.computing.lanes import RowLayout
+from msl_fem.plant.effects.entry import (
+    NO_MAGNETS,
+    NOT_AT_REST,
+    DesignChange,
+    Effect,
+    KernelSetting,
+    Parameter,
+    Part,
+    Values,
+)
 from msl_fem.plant.effects.mechanisms import N_STOP, SUM_OF_WIDTHS
 
 EDDY_POLES = (9.961828, 46.97476, 177.0982, 678.4545, 2655.095, 12635.84)
@@ -13,7 +22,7 @@ EDDY_WEIGHTS = (6.148609, 8.745795, 16.96271, 33.58058, 68.57505, 209.0614)
 N_EDDY = len(EDDY_POLES)  # modes of the eddy currents of a side, beside what answers at once
 FASTEST_EDDY = 1.0  # steps: faster modes of the eddy currents are taken to answer at once
 
-LAYOUT = Layout()
+LAYOUT = RowLayout()
 GAP_1, GAP_2 = LAYOUT.rows(2)  # gaps of the sides at x = 0, m
 CURRENT_SCALE = LAYOUT.row()  # what multiplies the magnets' current
 DEPTH, GROWTH = LAYOUT.rows(2)  # W' is multiplied by depth + growth g
@@ -26,30 +35,43 @@ IRON_SCALE, IRON_LOW = LAYOUT.rows(2)  # iron in series: one over L_0, 1/H; curr
 IRON_WIDTH, IRON_KNEE = LAYOUT.rows(2)  # its width, A; current over the cube, 1/A^2
 
 
-def _gaps(e: Array, v: Values, setting: Setting) -> None:
+def _gaps(e: Array, v: Values, setting: KernelSetting) -> None:
     offset, centring = v["gap_offset", "offset"], v["gap_offset", "centring"]
     e[GAP_1] = setting.plant.nominal_gap + offset + centring
     e[GAP_2] = setting.plant.nominal_gap + offset - centring
 
 
-def _coenergy(e: Array, v: Values, setting: Setting) -> None:
-    """W'(i, g) -> (depth + growth g) W'(scale i, g), and iron in series with it."""
+def _believed_gaps(change: DesignChange, v: Values) -> None:
+    offset, centring = v["gap_offset", "offset"], v["gap_offset", "centring"]
+    change.gap_1, change.gap_2 = offset + centring, offset - centring
+
+
+def _coenergy_scales(v: Values) -> tuple[float, float, float]:
+    """(scale, depth, growth) of W'(i, g) -> (depth + growth g) W'(scale i, g)."""
     sooner, turns = 1.0 + v["early_saturation", "knee_shift"], 1.0 + v["fringing", "turns_error"]
-    e[CURRENT_SCALE] = sooner * turns
-    e[DEPTH] = (1.0 + v["fringing", "depth_error"]) / sooner**2
-    e[GROWTH] = v["fringing", "growth"] / sooner**2
+    depth = (1.0 + v["fringing", "depth_error"]) / sooner**2
+    return sooner * turns, depth, v["fringing", "growth"] / sooner**2
+
+
+def _believed_coenergy(change: DesignChange, v: Values) -> None:
+    change.current_scale, change.depth, change.growth = _coenergy_scales(v)
+
+
+def _coenergy(e: Array, v: Values, setting: KernelSetting) -> None:
+    """The magnets' coenergy, and iron in series with it."""
+    e[CURRENT_SCALE], e[DEPTH], e[GROWTH] = _coenergy_scales(v)
     e[IRON_SCALE] = 1.0 / setting.inductance
     e[IRON_LOW] = v["early_saturation", "low_field_current"]
     e[IRON_WIDTH] = v["early_saturation", "low_field_width"]
     e[IRON_KNEE] = v["early_saturation", "knee_excess"]
 
 
-def _hysteresis(e: Array, v: Values, setting: Setting) -> None:
+def _hysteresis(e: Array, v: Values, setting: KernelSetting) -> None:
     e[HYSTERESIS_WIDTH] = setting.inductance * v["magnetic_hysteresis", "reversal_current"] / N_STOP
     e[HYSTERESIS_SLOPE] = v["magnetic_hysteresis", "coercive_current"] / (SUM_OF_WIDTHS * e[HYSTERESIS_WIDTH])
 
 
-def _eddy_currents(e: Array, v: Values, setting: Setting) -> None:
+def _eddy_currents(e: Array, v: Values, setting: KernelSetting) -> None:
     """Sheets of diffusion time T and low-frequency conductance G: a magnetising current (3 G/T) (q coth q - 1) Lambda,
     q^2 = s T, is taken as the sum over k of (G w_k/T) s/(s + p_k/T) Lambda, and the rest of G at once: within 0.5 % up
     to s T = 10^4. Modes that are faster than the step answer at once."""
@@ -64,12 +86,16 @@ def _eddy_currents(e: Array, v: Values, setting: Setting) -> None:
     e[EDDY] = conductance * at_once
 
 
-def _coupling(e: Array, v: Values, setting: Setting) -> None:
+def _believed_eddy_currents(change: DesignChange, v: Values) -> None:
+    change.lag += v["eddy_currents", "time_constant"]
+
+
+def _coupling(e: Array, v: Values, setting: KernelSetting) -> None:
     e[SHARE] = v["cross_coupling", "share"] if setting.plant.sides == 2 else 0.0
     e[UNMIX] = 1.0 / (1.0 - e[SHARE] ** 2)
 
 
-def _tilt(e: Array, v: Values, setting: Setting) -> None:
+def _tilt(e: Array, v: Values, setting: KernelSetting) -> None:
     e[TILT] = math.sqrt(1.8 * v["armature_tilt", "gap_variance"])  # sqrt(3/5) of half the span, which is sqrt(3 v)
 
 
@@ -86,6 +112,7 @@ MAGNETIC = (
         ),
         needs=("magnets",),
         coefficients=_gaps,
+        believe=_believed_gaps,
         design=Part(("offset", "centring")),
         inverse=NO_MAGNETS,
         static=Part(("offset",), "one magnet has no middle that it could be off"),
@@ -105,9 +132,23 @@ MAGNETIC = (
         parameters=(
             Parameter("knee_shift", "", 0.0, (-0.3, 5.0), 0.02, "s: the flux at the knee is 1/(1 + s)"),
             Parameter(
-                "low_field_current", "A", 0.0, (0.0, 2.0), 0.01, "that the iron takes in excess where its curve begins"
+                "low_field_current",
+                "A",
+                0.0,
+                (0.0, 2.0),
+                0.01,
+                "that the iron takes in excess where its curve begins",
+                lagging=True,
             ),
-            Parameter("knee_excess", "A^-2", 0.0, (0.0, 100.0), 0.01, "current in excess over the cube of lambda/L_0"),
+            Parameter(
+                "knee_excess",
+                "A^-2",
+                0.0,
+                (0.0, 100.0),
+                0.01,
+                "current in excess over the cube of lambda/L_0",
+                lagging=True,
+            ),
             Parameter(
                 "low_field_width",
                 "A",
@@ -122,6 +163,7 @@ MAGNETIC = (
         ),
         needs=("magnets",),
         coefficients=_coenergy,
+        believe=_believed_coenergy,
         design=Part(("knee_shift",), "the current of iron in series depends on the flux and is left to the feedback"),
         inverse=NO_MAGNETS,
         static=Part(("knee_shift", "low_field_current", "knee_excess")),
@@ -142,6 +184,7 @@ MAGNETIC = (
         ),
         needs=("magnets",),
         coefficients=_coenergy,
+        believe=_believed_coenergy,
         design=Part(("growth", "depth_error", "turns_error")),
         inverse=NO_MAGNETS,
         static=Part(("growth", "depth_error", "turns_error")),
@@ -208,6 +251,7 @@ MAGNETIC = (
         ),
         needs=("magnets", "drive lag"),
         coefficients=_eddy_currents,
+        believe=_believed_eddy_currents,
         design=Part(("time_constant",)),
         inverse=NO_MAGNETS,
         static=NOT_AT_REST,

@@ -2,13 +2,27 @@
 
 import math
 
-from msl_fem.computing.arrays import Array
-from msl_fem.computing.lanes import Layout
-from msl_fem.plant.effects import electrical
-from msl_fem.plant.effects.entry import NO_MAGNETS, NOT_AT_REST, Effect, Parameter, Part, Setting, Values
-from msl_fem.plant.effects.mechanisms import N_STOP, SUM_OF_WIDTHS
+import numpy as np
 
-LAYOUT = Layout(after=electrical.LAYOUT)
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.compiled import compiled
+from msl_fem.computing.lanes import RowLayout
+from msl_fem.plant.effects import electrical
+from msl_fem.plant.effects.entry import (
+    NO_MAGNETS,
+    NOT_AT_REST,
+    DesignChange,
+    Effect,
+    KernelSetting,
+    MoverMotion,
+    Parameter,
+    Part,
+    Values,
+)
+from msl_fem.plant.effects.mechanisms import N_STOP, SUM_OF_WIDTHS
+from msl_fem.plant.plant import PlantParameters
+
+LAYOUT = RowLayout(after=electrical.LAYOUT)
 QUADRATIC, CUBIC = LAYOUT.rows(2)  # of the spring, N/m^2, N/m^3
 FRICTION_SLOPE, FRICTION_WIDTH = LAYOUT.rows(2)  # of a stop, N/m; of the first stop, m
 STRIBECK_RISE, STRIBECK_FALL = LAYOUT.rows(2)  # friction at rest over that in motion less 1; 1/velocity^2 of its fall
@@ -22,22 +36,59 @@ BASE_STIFFNESS, BASE_DAMPING = LAYOUT.rows(2)  # of the base: w^2, 2 zeta w
 FORCE = LAYOUT.row()  # constant, N
 
 
-def _spring(e: Array, v: Values, setting: Setting) -> None:
+def _spring(e: Array, v: Values, setting: KernelSetting) -> None:
     e[QUADRATIC], e[CUBIC] = v["stiffness_nonlinearity", "quadratic"], v["stiffness_nonlinearity", "cubic"]
 
 
-def _friction(e: Array, v: Values, setting: Setting) -> None:
+def _believed_spring(change: DesignChange, v: Values) -> None:
+    change.cubic = v["stiffness_nonlinearity", "cubic"]
+
+
+def _spring_force(v: Values, plant: PlantParameters, motion: MoverMotion) -> Array:
+    x = motion.position
+    return (v["stiffness_nonlinearity", "quadratic"] + v["stiffness_nonlinearity", "cubic"] * x) * x * x
+
+
+def _friction(e: Array, v: Values, setting: KernelSetting) -> None:
     e[FRICTION_WIDTH] = v["coulomb_friction", "presliding"] / N_STOP
     e[FRICTION_SLOPE] = v["coulomb_friction", "force"] / (SUM_OF_WIDTHS * e[FRICTION_WIDTH])
     e[STRIBECK_RISE] = v["coulomb_friction", "stribeck_rise"]
     e[STRIBECK_FALL] = 1.0 / v["coulomb_friction", "stribeck_velocity"] ** 2
 
 
-def _film(e: Array, v: Values, setting: Setting) -> None:
+def _friction_force(v: Values, plant: PlantParameters, motion: MoverMotion) -> Array | float:
+    friction = v["coulomb_friction", "force"]
+    if not friction:
+        return 0.0
+    slowness = 1 + (motion.velocity / v["coulomb_friction", "stribeck_velocity"]) ** 2
+    width = v["coulomb_friction", "presliding"] / N_STOP
+    rise = 1 + v["coulomb_friction", "stribeck_rise"] / slowness
+    return friction * rise * stops_along(motion.position, width) / (width * SUM_OF_WIDTHS)
+
+
+@compiled
+def stops_along(position: Array, width: float) -> Array:
+    """The sum of the stops of a friction along a path (n_sample,), m; at rest in the beginning."""
+    state, sums = np.zeros(N_STOP), np.zeros(position.size)
+    for n in range(1, position.size):
+        change, total = position[n] - position[n - 1], 0.0
+        for k in range(N_STOP):
+            reach = (k + 1) * width
+            state[k] = min(max(state[k] + change, -reach), reach)
+            total += state[k]
+        sums[n] = total
+    return sums
+
+
+def _film(e: Array, v: Values, setting: KernelSetting) -> None:
     e[FILM], e[FILM_GAP] = v["squeeze_film", "damping"], setting.plant.nominal_gap
 
 
-def _second_mass(e: Array, v: Values, setting: Setting) -> None:
+def _believed_film(change: DesignChange, v: Values) -> None:
+    change.damping = change.sides * v["squeeze_film", "damping"]
+
+
+def _second_mass(e: Array, v: Values, setting: KernelSetting) -> None:
     share, natural = v["structural_mode", "mass_share"], 2 * math.pi * v["structural_mode", "frequency"]
     e[MODE_KEPT], e[MODE_RATIO] = 1.0 - share, share / (1.0 - share)
     if share or v["structural_mode", "load_reading"]:  # what is not there stands still, whatever the step
@@ -47,17 +98,29 @@ def _second_mass(e: Array, v: Values, setting: Setting) -> None:
     e[MODE_READING] = v["structural_mode", "load_reading"]
 
 
-def _relaxation(e: Array, v: Values, setting: Setting) -> None:
+def _second_mass_force(v: Values, plant: PlantParameters, motion: MoverMotion) -> Array:
+    return plant.mass * v["structural_mode", "mass_share"] * motion.mode_acceleration
+
+
+def _relaxation(e: Array, v: Values, setting: KernelSetting) -> None:
     strength = v["flexure_relaxation", "strength"]
     e[CREEP_STIFFNESS] = strength * setting.plant.stiffness
     e[CREEP_RATE] = 1.0 / v["flexure_relaxation", "time_constant"] if strength else 0.0
 
 
-def _constant_force(e: Array, v: Values, setting: Setting) -> None:
+def _constant_force(e: Array, v: Values, setting: KernelSetting) -> None:
     e[FORCE] = v["force_offset", "force"]
 
 
-def _base(e: Array, v: Values, setting: Setting) -> None:
+def _believed_force(change: DesignChange, v: Values) -> None:
+    change.constant_force = v["force_offset", "force"]
+
+
+def _balancing_force(v: Values, plant: PlantParameters, motion: MoverMotion) -> float:
+    return -v["force_offset", "force"]
+
+
+def _base(e: Array, v: Values, setting: KernelSetting) -> None:
     natural = 2 * math.pi * v["support_compliance", "frequency"]
     e[COMPLIANCE] = v["support_compliance", "compliance"]
     e[BASE_INERTIA] = e[COMPLIANCE] / natural**2
@@ -78,6 +141,8 @@ MECHANICAL = (
             Parameter("quadratic", "N/m^2", 0.0, (-1e10, 1e10), 3e6, "of the flexure's force"),
         ),
         coefficients=_spring,
+        believe=_believed_spring,
+        needed_force=_spring_force,
         design=Part(("cubic",), "the magnets carry the cubic force alone; the feedback takes the quadratic one"),
         inverse=Part(("cubic", "quadratic")),
         static=NOT_AT_REST,
@@ -132,6 +197,7 @@ MECHANICAL = (
             ),
         ),
         coefficients=_friction,
+        needed_force=_friction_force,
         design=Part(declined="the linear plant has no memory; the feedback takes friction as a disturbance"),
         inverse=Part(("force",)),
         static=NOT_AT_REST,
@@ -146,6 +212,7 @@ MECHANICAL = (
         parameters=(Parameter("damping", "N s/m", 0.0, (0.0, 1e4), 1.0, "of one side's film at the nominal gap"),),
         needs=("magnets",),
         coefficients=_film,
+        believe=_believed_film,
         design=Part(("damping",)),
         inverse=NO_MAGNETS,
         static=NOT_AT_REST,
@@ -178,6 +245,7 @@ MECHANICAL = (
             Parameter("damping_ratio", "", 0.01, (0.0, 1.0), 0.01, "zeta", shape=True, tried=(0.015,)),
         ),
         coefficients=_second_mass,
+        needed_force=_second_mass_force,
         design=Part(declined="the linear plant is one mass; keep the loop's bandwidth below the resonance"),
         inverse=Part(("mass_share", "load_reading")),
         static=NOT_AT_REST,
@@ -218,6 +286,8 @@ MECHANICAL = (
         source="Newton's second law",
         parameters=(Parameter("force", "N", 0.0, (-1e4, 1e4), 0.1, "along +x"),),
         coefficients=_constant_force,
+        believe=_believed_force,
+        needed_force=_balancing_force,
         design=Part(("force",)),
         inverse=Part(("force",)),
         static=Part(("force",)),

@@ -2,20 +2,23 @@
 
 import math
 
-from msl_fem.computing.arrays import Array
-from msl_fem.computing.lanes import Layout
-from msl_fem.plant.effects import mechanical
-from msl_fem.plant.effects.electrical import command_path
-from msl_fem.plant.effects.entry import NOT_AT_REST, Effect, Parameter, Part, Setting, Values
-from msl_fem.plant.effects.mechanisms import pole_and_delay
+import numpy as np
 
-LAYOUT = Layout(after=mechanical.LAYOUT)
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.lanes import RowLayout
+from msl_fem.plant.effects import mechanical
+from msl_fem.plant.effects.electrical import believed_command_path, command_path
+from msl_fem.plant.effects.entry import NOT_AT_REST, Effect, KernelSetting, MoverMotion, Parameter, Part, Values
+from msl_fem.plant.effects.mechanisms import pole_and_delay
+from msl_fem.plant.plant import PlantParameters
+
+LAYOUT = RowLayout(after=mechanical.LAYOUT)
 SENSOR_BANDWIDTH = LAYOUT.row()  # of the position sensor, rad/s
 FORCE_COSINE, FORCE_SINE = LAYOUT.rows(2)  # of the periodic disturbance, N
 TURN_COSINE, TURN_SINE = LAYOUT.rows(2)  # rotation of its phase in half a step
 
 
-def _sensor_pole(e: Array, v: Values, setting: Setting) -> None:
+def _sensor_pole(e: Array, v: Values, setting: KernelSetting) -> None:
     bandwidth, lag = setting.plant.sensor_bandwidth, pole_and_delay(v, "position_sensor_lag")[0]
     if math.isinf(bandwidth):
         e[SENSOR_BANDWIDTH] = 1.0 / lag if lag > 0 else math.inf
@@ -23,11 +26,17 @@ def _sensor_pole(e: Array, v: Values, setting: Setting) -> None:
         e[SENSOR_BANDWIDTH] = bandwidth / (1.0 + bandwidth * lag)
 
 
-def _periodic_force(e: Array, v: Values, setting: Setting) -> None:
+def _periodic_force(e: Array, v: Values, setting: KernelSetting) -> None:
     e[FORCE_COSINE] = v["periodic_disturbance", "force_cosine"]
     e[FORCE_SINE] = v["periodic_disturbance", "force_sine"]
     half_turn = math.pi * v["periodic_disturbance", "frequency"] * setting.step
     e[TURN_COSINE], e[TURN_SINE] = math.cos(half_turn), math.sin(half_turn)
+
+
+def _periodic_balance(v: Values, plant: PlantParameters, motion: MoverMotion) -> Array:
+    phase = 2 * np.pi * v["periodic_disturbance", "frequency"] * motion.time
+    cosine, sine = v["periodic_disturbance", "force_cosine"], v["periodic_disturbance", "force_sine"]
+    return -(cosine * np.cos(phase) + sine * np.sin(phase))
 
 
 SENSING = (
@@ -87,11 +96,12 @@ SENSING = (
         equation="the drive obeys u(t - command); readings are x(t - position), i(t - current)",
         source="Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., 1997, ch. 2",
         parameters=(
-            Parameter("command", "s", 0.0, (0.0, 0.1), 1e-5, "from the command to its action"),
+            Parameter("command", "s", 0.0, (0.0, 0.1), 1e-5, "from the command to its action", lagging=True),
             Parameter("position", "s", 0.0, (0.0, 0.1), 1e-5, "of the position reading"),
             Parameter("current", "s", 0.0, (0.0, 0.1), 1e-5, "of the current readings"),
         ),
         coefficients=command_path,
+        believe=believed_command_path,
         design=Part(
             ("command",), "the linear plant has no sensors; the margins of the design have to bear their delays"
         ),
@@ -116,6 +126,7 @@ SENSING = (
             Parameter("frequency", "Hz", 50.0, (0.01, 1e5), 10.0, "w / 2 pi", shape=True, over="lines", width=0.15),
         ),
         coefficients=_periodic_force,
+        needed_force=_periodic_balance,
         design=Part(declined="the feedback takes it as a disturbance"),
         inverse=Part(
             ("force_cosine", "force_sine", "position_cosine", "position_sine"),

@@ -6,20 +6,14 @@ from coupled_cases import changed
 from effect_cases import ALL_EFFECTS, effects, rig, rough
 
 from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import EffectValues
-from msl_fem.plant.inputs import Inputs
+from msl_fem.plant.excitation import Inputs
+from msl_fem.plant.instruments import reading_noise
 from msl_fem.plant.layout import OK, OUTSIDE_TABLE
-from msl_fem.plant.plant_in_loop import (
-    Array,
-    PlantInLoop,
-    act,
-    plant_at_rest,
-    plant_in_loop,
-    read,
-    reading_noise,
-)
+from msl_fem.plant.sampled_plant import SampledPlant, advance_sample, plant_at_rest, read_instruments, sampled_plant
 from msl_fem.plant.simulate import simulate
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -28,19 +22,19 @@ LATE = {"command": 1.37e-4, "position": 7.3e-4, "current": 1.1e-5}
 
 @compiled
 def fed(
-    plant: PlantInLoop, state: Array, history: Array, commands: Array, disturbance: Array, noise: Array, out: Array
+    plant: SampledPlant, state: Array, history: Array, commands: Array, disturbance: Array, noise: Array, out: Array
 ) -> int:
     """A loop that is none: the commands are those of a list; rows of readings and voltages."""
     status, voltage = OK, np.zeros(2)
     for k in range(commands.shape[0]):
-        read(plant, state, history, k, noise[k], out[k, :3])
+        read_instruments(plant, state, history, k, noise[k], out[k, :3])
         if status == OK:
-            status = act(plant, state, commands[k], disturbance[k], voltage)
+            status = advance_sample(plant, state, commands[k], disturbance[k], voltage)
         out[k, 3:] = voltage
     return status
 
 
-def sample_by_sample(plant: PlantInLoop, inputs: Inputs, noise: Array) -> tuple[int, Array]:
+def sample_by_sample(plant: SampledPlant, inputs: Inputs, noise: Array) -> tuple[int, Array]:
     state, history = plant_at_rest(plant)
     n = inputs.commands.shape[0]
     commands, out = np.zeros((n, 2)), np.zeros((n, 5))
@@ -66,7 +60,7 @@ def test_readings_are_those_of_the_open_loop_run(
     inputs = rough(400)
     run = simulate(bench, table, inputs, effects=values, generator=np.random.default_rng(5))
     noise = reading_noise(bench, 400, generator=np.random.default_rng(5))
-    status, out = sample_by_sample(plant_in_loop(bench, table, rate=inputs.rate, effects=values), inputs, noise)
+    status, out = sample_by_sample(sampled_plant(bench, table, rate=inputs.rate, effects=values), inputs, noise)
     assert status == OK
     assert out[:, 0] == pytest.approx(run.measured_position, rel=1e-12, abs=1.1e-10)  # a step of the resolution
     assert np.abs(out[:, 0] - run.measured_position).mean() < 1e-14, "hardly a sample is rounded the other way"
@@ -81,7 +75,7 @@ def test_a_rig_that_a_force_drives_reads_its_position(bandwidth: float | None) -
     late = effects("time_delay", position=3.4e-4)
     run = simulate(bench, None, inputs, effects=late, generator=np.random.default_rng(2))
     noise = reading_noise(bench, 300, generator=np.random.default_rng(2))
-    _, out = sample_by_sample(plant_in_loop(bench, None, rate=inputs.rate, effects=late), inputs, noise)
+    _, out = sample_by_sample(sampled_plant(bench, None, rate=inputs.rate, effects=late), inputs, noise)
     assert out[:, 0] == pytest.approx(run.measured_position, rel=1e-12, abs=1e-20)
     assert (out[:, 1:3] == 0).all()
     assert out[:, 3] == pytest.approx(run.force, rel=1e-12)
@@ -89,13 +83,13 @@ def test_a_rig_that_a_force_drives_reads_its_position(bandwidth: float | None) -
 
 def test_a_plant_that_leaves_its_table_says_so(servo: Actuator, table: MagneticTable) -> None:
     strong = changed(servo, drive={"current_limit": None, "voltage_limit": None}, motion={"range": None})
-    plant = plant_in_loop(strong, table, rate=1e4)
+    plant = sampled_plant(strong, table, rate=1e4)
     status, _ = sample_by_sample(plant, Inputs(np.full((400, 2), 11.9) * [1, 0], 1e4), np.zeros((400, 3)))
     assert status == OUTSIDE_TABLE
 
 
 def test_what_the_plant_cannot_have_is_refused(servo: Actuator) -> None:
     with pytest.raises(InputError, match="there is no table"):
-        plant_in_loop(servo, None, rate=1e4)
+        sampled_plant(servo, None, rate=1e4)
     with pytest.raises(InputError, match="needs magnets"):
-        plant_in_loop(rig(), None, rate=1e4, effects=effects("eddy_currents", time_constant=1e-4))
+        sampled_plant(rig(), None, rate=1e4, effects=effects("eddy_currents", time_constant=1e-4))
