@@ -14,7 +14,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.schema import bare_number, first_complaint, reason
-from msl_fem.plant.excitation_kinds import KINDS, Channel, Excitation, Unit, sample_count
+from msl_fem.plant.excitation_kinds import KINDS, Excitation, ExcitedSides, Unit, sample_count
 
 MOST_SAMPLES = 20_000_000
 _PURE_NUMBERS = ("channel", "seed", "periods")
@@ -120,7 +120,7 @@ def samples(excitation: Excitation, *, rate: float, sides: int, generator: np.ra
     return np.maximum(command, 0.0) if excitation.unit == "A" else command  # a rounding below zero, see _check_sign
 
 
-def _channel(excitation: Excitation, sides: int) -> Channel:
+def _channel(excitation: Excitation, sides: int) -> ExcitedSides:
     """The stated channel or the usual one, if the sides have it."""
     if sides not in (1, 2):
         raise InputError(f"{excitation.name}: an actuator of {sides} sides; 1 or 2 can be excited")
@@ -148,7 +148,7 @@ def _check_sampling(excitation: Excitation, rate: float) -> None:
         )
 
 
-def _check_sign(excitation: Excitation, channel: Channel) -> None:
+def _check_sign(excitation: Excitation, channel: ExcitedSides) -> None:
     """InputError where the command of a current could become negative."""
     if excitation.unit != "A" or (channel == "differential" and excitation.bias == 0):
         return

@@ -118,7 +118,7 @@ def crest_bound(lines: int) -> float:
 Time = Annotated[float, In("s"), Field(gt=0)]
 Fade = Annotated[float, In("s"), Field(ge=0)]
 Count = Annotated[int, Field(gt=0)]
-Channel = Literal["1", "2", "common", "differential", "independent"]
+ExcitedSides = Literal["1", "2", "common", "differential", "independent"]
 Unit = Literal["A", "V", "N", "m"]
 
 
@@ -135,7 +135,7 @@ class Excitation(FrozenModel):
     """
 
     name: str
-    channel: Annotated[Channel | None, BeforeValidator(lambda c: str(c) if isinstance(c, int) else c)] = None
+    channel: Annotated[ExcitedSides | None, BeforeValidator(lambda c: str(c) if isinstance(c, int) else c)] = None
     amplitude: Annotated[float, Field(gt=0)]
     bias: float = 0.0
     duration: Time
@@ -143,7 +143,7 @@ class Excitation(FrozenModel):
     role: Literal["fit", "held-out"] = "fit"
     loop: Literal["open", "closed"] = "open"
     unit: Unit = "A"
-    usual_channel: ClassVar[Channel] = "differential"
+    usual_channel: ClassVar[ExcitedSides] = "differential"
 
     @model_validator(mode="before")
     @classmethod
@@ -188,7 +188,7 @@ class BandLimitedNoise(Excitation):
 
     name: Literal["band-limited-noise"]
     band: Frequency
-    usual_channel: ClassVar[Channel] = "independent"
+    usual_channel: ClassVar[ExcitedSides] = "independent"
 
     @property
     def highest_frequency(self) -> float:
@@ -222,7 +222,7 @@ class Multisine(Excitation):
     stop: Frequency
     periods: Count = 4
     lines: Literal["all", "odd", "odd-detection"] = "all"
-    usual_channel: ClassVar[Channel] = "independent"
+    usual_channel: ClassVar[ExcitedSides] = "independent"
 
     @property
     def highest_frequency(self) -> float:

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
-from msl_fem.files import sole_run as module
 from msl_fem.errors import InputError
+from msl_fem.files import sole_run as module
 from msl_fem.files.sole_run import sole_run
 from msl_fem.record import load_record
 
