@@ -22,7 +22,7 @@ import numpy as np
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tests" / "identification"))
-from armax_cases import CASES, efficiency, fisher_information  # noqa: E402
+from armax_plants import CASES, efficiency, fisher_information  # noqa: E402
 from marked_text import rewrite  # noqa: E402
 
 from msl_fem.identification import fit_armax  # noqa: E402

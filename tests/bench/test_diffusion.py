@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bench_cases import RATE, plain_rig
+from bench_rigs import RATE, plain_rig
 from scipy.linalg import eigvalsh_tridiagonal
 
 from msl_fem.bench.iron import fastest_ladder_rate, ladder_matrix, ladder_response, sheet_response

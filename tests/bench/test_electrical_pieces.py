@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bench_cases import RATE, plain_rig, setting_in
+from bench_rigs import RATE, plain_rig, setting_in
 from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from bench_cases import SERVO, SERVO_TABLE, VOLTAGE_SERVO
+from bench_rigs import SERVO, SERVO_TABLE, VOLTAGE_SERVO
 
 from msl_fem.bench import BenchOptions, ClosedLoop, parse_requests, sealed_record
 from msl_fem.bench.instruments import readings

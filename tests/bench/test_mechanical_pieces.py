@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bench_cases import RATE, SERVO, plain_rig
+from bench_rigs import RATE, SERVO, plain_rig
 from scipy.integrate import solve_ivp
 from scipy.sparse import diags, eye, kron
 from scipy.sparse.linalg import spsolve

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bench_cases import DRIVES, RATE, VOLTAGE_SERVO, excitations, noise_commands, plain_rig
+from bench_rigs import DRIVES, RATE, VOLTAGE_SERVO, excitations, noise_commands, plain_rig
 
 from msl_fem.bench.iron import side_coenergy
 from msl_fem.bench.plant import (

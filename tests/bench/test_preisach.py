@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bench_cases import RATE, plain_rig
+from bench_rigs import RATE, plain_rig
 
 from msl_fem.bench.iron import COUNT, pinned_current, settle_memory, virgin_memory
 from msl_fem.bench.plant import Hysteresis

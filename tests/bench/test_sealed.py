@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench_cases import DRIVES, RATE, SERVO, SERVO_TABLE, VOLTAGE_SERVO, excitations
+from bench_rigs import DRIVES, RATE, SERVO, SERVO_TABLE, VOLTAGE_SERVO, excitations
 
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record, usual_excitations
 from msl_fem.bench.instruments import instrument_noise, noise_of_instruments

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bench_cases import RATE, setting_in
+from bench_rigs import RATE, setting_in
 
 from msl_fem.bench.catalogue import INSIDE, OUTSIDE_BY_NAME
 from msl_fem.bench.instruments import readings

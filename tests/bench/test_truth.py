@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bench_cases import SERVO_TABLE
+from bench_rigs import SERVO_TABLE
 from scipy.special import eval_legendre
 
 from msl_fem.bench.rig import ERROR_TERMS, Factor, averaged, draw_truth, error_factor, multiplied, true_table

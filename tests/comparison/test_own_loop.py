@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from control_cases import TABLE, servo, servo_design
+from servo_controllers import TABLE, servo, servo_design
 
 from msl_fem.comparison import CompareSettings, compare, nrmse
 from msl_fem.comparison.models import own_loop

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from control_cases import TABLE, believed, rest, servo, servo_belief, servo_design, servo_map, sine
+from servo_controllers import TABLE, believed, rest, servo, servo_belief, servo_design, servo_map, sine
 
 from msl_fem.control import (
     Choice,

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from control_cases import servo
 from scipy.integrate import solve_ivp
+from servo_controllers import servo
 
 from msl_fem.control.believed_plant import BelievedPlant, believed_plant
 from msl_fem.errors import ActuatorError, InputError

@@ -5,7 +5,8 @@ import time
 import numpy as np
 import pytest
 from conftest import closed_form_table
-from control_cases import (
+from scipy.signal import lfilter
+from servo_controllers import (
     RATE,
     TABLE,
     believed,
@@ -19,7 +20,6 @@ from control_cases import (
     sine,
     step,
 )
-from scipy.signal import lfilter
 
 from msl_fem.control import TruePlant, closed_loop_record, design_controller, run_closed_loop, with_measured_gap
 from msl_fem.control.controller import controller_state, controller_step

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from control_cases import delayed_design, plain, rival, servo_design
+from servo_controllers import delayed_design, plain, rival, servo_design
 
 from msl_fem.control import ControllerDesign
 from msl_fem.control.controller import (

@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from control_cases import TABLE, servo, servo_design, servo_map
+from servo_controllers import TABLE, servo, servo_design, servo_map
 
 from msl_fem.control import design_controller, with_measured_gap
 from msl_fem.errors import ActuatorError, InputError

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from control_cases import TABLE, believed, rest, rival, servo, servo_belief, servo_design, sine, step
+from servo_controllers import TABLE, believed, rest, rival, servo, servo_belief, servo_design, sine, step
 
 from msl_fem.computing.statespace import StateSpace
 from msl_fem.control import (

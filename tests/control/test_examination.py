@@ -6,7 +6,7 @@ from functools import cache
 import control
 import numpy as np
 import pytest
-from control_cases import TABLE, believed, rival, servo, servo_design, sine
+from servo_controllers import TABLE, believed, rival, servo, servo_design, sine
 
 from msl_fem.control import Examination, TruePlant, examine, replay, run_closed_loop
 from msl_fem.control.linear_loop import grid

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from control_cases import TABLE, believed, delayed, delayed_design, servo, servo_design, servo_map
+from servo_controllers import TABLE, believed, delayed, delayed_design, servo, servo_design, servo_map
 
 from msl_fem.control import TruePlant, belief_of, frequency_response, lqr_design
 from msl_fem.errors import InputError

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 from conftest import saturating_reluctance
-from control_cases import TABLE, servo, servo_map
 from scipy.optimize import brentq
+from servo_controllers import TABLE, servo, servo_map
 
 from msl_fem.control.inverse import (
     SideBelief,

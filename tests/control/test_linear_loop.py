@@ -5,7 +5,7 @@ import dataclasses
 import control
 import numpy as np
 import pytest
-from control_cases import servo_design
+from servo_controllers import servo_design
 
 from msl_fem.control.believed_plant import BelievedPlant
 from msl_fem.control.linear_loop import AtPosition, bandwidth, flat_band, grid, sensitivity_bound

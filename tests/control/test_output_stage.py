@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from control_cases import TABLE, believed, rest, servo_belief, servo_design
+from servo_controllers import TABLE, believed, rest, servo_belief, servo_design
 
 from msl_fem.control import LqrOptions, lqr_design, run_closed_loop
 from msl_fem.control.inverse import force_domain, hand_over, held_stiffness, magnet_force

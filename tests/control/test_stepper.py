@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from control_cases import RATE, TABLE, believed, servo, servo_design
+from servo_controllers import RATE, TABLE, believed, servo, servo_design
 
 from msl_fem.control import run_closed_loop
 from msl_fem.control.stepper import Stepper, stated

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tolerance_cases import HERE, job, nominal_of
+from small_magnets import HERE, job, nominal_of
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.jobs import Executor, RowCache, Workers

@@ -4,7 +4,7 @@ import re
 import time
 
 import pytest
-from sizing_cases import envelope, evaluator
+from sizing_requirements import envelope, evaluator
 
 from msl_fem.design.sizing import first_designs
 from msl_fem.design.sizing.evaluation import SOLVED

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sizing_cases import evaluator
+from sizing_requirements import evaluator
 
 from msl_fem.design.sizing import Design
 from msl_fem.design.sizing.closed_form import Factors, closed_form, gap_permeance, window_leakage

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from sizing_cases import envelope, evaluator
+from sizing_requirements import envelope, evaluator
 
 from msl_fem.actuator import Actuator
 from msl_fem.design.sizing import Design, DesignEvaluator

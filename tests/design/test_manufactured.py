@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tolerance_cases import nominal, nominal_of, wide_open
+from small_magnets import nominal, nominal_of, wide_open
 
 from msl_fem.design.tolerances import NAMES, manufactured_field, manufactured_magnet, moved_mesh, scaled_iron
 from msl_fem.errors import ComputationError

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from conftest import ROOT
-from sizing_cases import SERVO, requirement
+from sizing_requirements import SERVO, requirement
 
 from msl_fem.design.sizing import load_requirement, parse_requirement
 from msl_fem.errors import InputError, RequirementError

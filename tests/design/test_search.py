@@ -15,7 +15,7 @@ import numpy as np
 import optuna
 import pytest
 from optuna.trial import TrialState
-from sizing_cases import envelope, evaluator
+from sizing_requirements import envelope, evaluator
 
 from msl_fem.computing import jobs
 from msl_fem.design.sizing import (

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tolerance_cases import HERE, job, nominal, nominal_of, wide_open
+from small_magnets import HERE, job, nominal, nominal_of, wide_open
 
 from msl_fem.design.tolerances import ManufacturingTolerance, Sensitivity, manufactured_field, sensitivities
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from c_programs import VARIANTS, assert_same_bits, compile_c
-from control_cases import TABLE, delayed_design, servo, servo_design, servo_map
+from servo_controllers import TABLE, delayed_design, servo, servo_design, servo_map
 
 from msl_fem.control.controller import N_PREFERRED, N_VIOLATION, controller_state, controller_step
 from msl_fem.control.design import ControllerDesign

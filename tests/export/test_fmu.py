@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from c_programs import STRICT, compiler
 from fmpy.validation import validate_fmu
-from fmu_cases import RATE, Master, assert_equal_runs, cases, changed, exported, run_in_python, steps
+from fmu_master import RATE, Master, assert_equal_runs, cases, changed, exported, run_in_python, steps
 
 from msl_fem.actuator import load_actuator
 from msl_fem.export import fmu

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from c_programs import compiler
 from fmpy.fmi1 import FMICallException
-from fmu_cases import RATE, Master, exported, steps
+from fmu_master import RATE, Master, exported, steps
 
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.export import fmu, fmu_library

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from armax_cases import CASES, Case, efficiency, fisher_information, mode_polynomial
+from armax_plants import CASES, Case, efficiency, fisher_information, mode_polynomial
 
 from msl_fem.identification import ArmaxOrders, OscillatorPrior, SampledRun, SearchSettings, armax, fit_armax
 from msl_fem.identification.polynomials import polynomials_of

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from armax_cases import CASES, mode_polynomial
+from armax_plants import CASES, mode_polynomial
 from scipy.signal import lfilter
 
 from msl_fem.errors import InputError

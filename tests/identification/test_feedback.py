@@ -1,7 +1,7 @@
 """Feedback is seen where it is, and as often as stated where it is not."""
 
 import numpy as np
-from armax_cases import CASES
+from armax_plants import CASES
 from scipy.stats import binom
 
 from msl_fem.identification import feedback_note, feedback_tests, fit_armax

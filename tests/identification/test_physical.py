@@ -5,7 +5,7 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
-from armax_cases import CASES
+from armax_plants import CASES
 from magnet_rig import DAMPING, MASS, NOMINAL_GAP, STIFFNESS, STRENGTH, magnet_run
 from scipy.signal import lfilter
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from armax_cases import CASES
+from armax_plants import CASES
 
 from msl_fem.identification import ArmaxOrders, regression
 from msl_fem.identification.evaluation import evaluate, evaluated, objective_gradient

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from armax_cases import mode_polynomial
+from armax_plants import mode_polynomial
 from magnet_rig import DAMPING, DELTA, MASS, NOMINAL_GAP, SAMPLING_PERIOD, STIFFNESS, STRENGTH, magnet_run
 
 from msl_fem.errors import InputError

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from armax_cases import CASES
+from armax_plants import CASES
 from scipy.signal import lfilter
 from scipy.stats import binom
 

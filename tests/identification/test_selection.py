@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from armax_cases import CASES
+from armax_plants import CASES
 from magnet_rig import NOMINAL_GAP, magnet_run
 
 from msl_fem.errors import InputError

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from armax_cases import CASES
+from armax_plants import CASES
 from magnet_rig import DELTA, NOMINAL_GAP, magnet_run
 
 from msl_fem.errors import InputError

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from wire_cases import servo
+from wound_coils import servo
 
 from msl_fem.errors import InputError
 from msl_fem.losses import SlotRows, choose_wire, negligible_below, resistance_factor, skin_depth, slot_rows

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fit_core_loss import FittedRange, fit_losses, refit
-from loss_cases import m19, sine, triangle
+from sheets_and_waveforms import m19, sine, triangle
 
 from msl_fem.errors import InputError, MaterialError
 from msl_fem.losses import FluxWaveform, loss_density, sinusoidal_loss

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from loss_cases import sine, triangle
+from sheets_and_waveforms import sine, triangle
 
 from msl_fem.errors import InputError
 from msl_fem.losses import FluxWaveform, closed_loops

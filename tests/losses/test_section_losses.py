@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from loss_cases import servo, servo_table
+from sheets_and_waveforms import servo, servo_table
 
 from msl_fem.actuator import ECore
 from msl_fem.errors import InputError, OutOfTable, TableError

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from thermal_cases import ALPHA, one_node, two_nodes
+from thermal_networks import ALPHA, one_node, two_nodes
 
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.losses import Cycle, Heating, ThermalNetwork, ThermalRunaway, peak_rise, runaway_current, steady_rise

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from thermal_cases import ROOT, servo
+from thermal_networks import ROOT, servo
 
 from msl_fem.actuator import Actuator, parse_actuator
 from msl_fem.errors import InputError, MaterialError

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from wire_cases import coil_of, servo
+from wound_coils import coil_of, servo
 
 from msl_fem.errors import InputError
 from msl_fem.losses import choose_wire, fitting_layers, metric_wire, wind, wires

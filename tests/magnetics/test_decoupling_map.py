@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from field_map_cases import E1, SERVO
+from level_jobs import E1, SERVO
 
 from msl_fem.errors import InputError
 from msl_fem.magnetics.field_map import DecouplingMap, FieldMapSettings, decoupling_map

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from field_map_cases import E1, SERVO, currents_at, field_at, job_of, with_iron
+from level_jobs import E1, SERVO, currents_at, field_at, job_of, with_iron
 
 import msl_fem
 from msl_fem.errors import ComputationError, InputError, NotConverged

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from field_map_cases import linear_field
+from level_jobs import linear_field
 
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field_map.gap_levels import MOST_SOLUTIONS, CurrentContinuation

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from field_map_cases import E1, SERVO, currents_at, field_at
+from level_jobs import E1, SERVO, currents_at, field_at
 
 from msl_fem.magnetics.field_map.gap_levels import prolongation
 from msl_fem.magnetics.field_map.readings import (

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from coupled_cases import changed, linear_table, locked
+from coupled_twin import changed, linear_table, locked
 
 from msl_fem.actuator import Actuator, parse_actuator
 from msl_fem.plant.excitation import Inputs

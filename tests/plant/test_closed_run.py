@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from coupled_cases import changed
-from effect_cases import EffectValues
+from coupled_twin import changed
+from effect_sets import EffectValues
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import ComputationError, InputError

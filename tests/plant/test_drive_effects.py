@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from coupled_cases import changed, linear_table, locked
-from effect_cases import effects, rig, rough
+from coupled_twin import changed, linear_table, locked
+from effect_sets import effects, rig, rough
 from scipy.integrate import quad, solve_ivp
 
 from msl_fem.actuator import Actuator

@@ -3,8 +3,8 @@ was magnetised before the run."""
 
 import numpy as np
 import pytest
-from coupled_cases import changed, linear_table, locked
-from effect_cases import effects, rig
+from coupled_twin import changed, linear_table, locked
+from effect_sets import effects, rig
 from scipy.linalg import expm
 
 from msl_fem.actuator import Actuator

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import ROOT, closed_form_table
-from coupled_cases import changed
-from effect_cases import rig
+from coupled_twin import changed
+from effect_sets import rig
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.control import belief_with_effects

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from conftest import saturating_reluctance
-from coupled_cases import changed
+from coupled_twin import changed
 from scipy.optimize import brentq
 
 from msl_fem.actuator import Actuator, parse_actuator

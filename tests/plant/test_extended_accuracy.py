@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from coupled_cases import changed
-from effect_cases import ALL_EFFECTS, rough
+from coupled_twin import changed
+from effect_sets import ALL_EFFECTS, rough
 from extended_twin import SMOOTH, twin
 
 from msl_fem.actuator import Actuator

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from coupled_cases import changed, reference_run
+from coupled_twin import changed, reference_run
 
 from msl_fem.actuator import Actuator
 from msl_fem.plant import kernel, layout

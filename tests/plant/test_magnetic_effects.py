@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from coupled_cases import changed, linear_table, locked
-from effect_cases import ALL_EFFECTS, effects
+from coupled_twin import changed, linear_table, locked
+from effect_sets import ALL_EFFECTS, effects
 
 from msl_fem.actuator import Actuator
 from msl_fem.plant import kernel

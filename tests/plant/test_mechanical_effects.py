@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from coupled_cases import changed
-from effect_cases import effects, rig
+from coupled_twin import changed
+from effect_sets import effects, rig
 from scipy.linalg import expm
 
 from msl_fem.actuator import Actuator

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from coupled_cases import changed
-from effect_cases import ALL_EFFECTS, effects, rig, rough
+from coupled_twin import changed
+from effect_sets import ALL_EFFECTS, effects, rig, rough
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from coupled_cases import changed
+from coupled_twin import changed
 
 from msl_fem.actuator import Actuator, parse_actuator
 from msl_fem.errors import InputError

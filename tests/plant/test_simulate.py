@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from coupled_cases import changed
+from coupled_twin import changed
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import ActuatorError, ComputationError, InputError, OutOfTable

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from coupled_cases import changed, linear_table
-from effect_cases import effects
+from coupled_twin import changed, linear_table
+from effect_sets import effects
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError, OutOfTable
