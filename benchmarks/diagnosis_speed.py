@@ -18,9 +18,8 @@ from diagnosis_study import ROOT, TABLE, actuator_of
 from marked_text import rewrite
 
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record, usual_excitations
-from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
-from msl_fem.plant.excitation import parse_excitation
-from msl_fem.plant.excitation_kinds import Excitation
+from msl_fem.diagnosis import DiagnosisSettings, diagnose
+from msl_fem.plant.excitation import Excitation, parse_excitation
 from msl_fem.table.magnetic_table import read_table
 
 CASES = (

@@ -26,7 +26,7 @@ from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record, usual_excitations
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.jobs import Executor, run_jobs
-from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
+from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.effects import CATALOGUE

@@ -13,10 +13,9 @@ from pathlib import Path
 import numpy as np
 from marked_text import rewrite
 
-from msl_fem.diagnosis.decision import Rule
-from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
-from msl_fem.diagnosis.other_records import diagnosis_of
-from msl_fem.diagnosis.rests import Rests, of_rests, rests
+from msl_fem.diagnosis import DiagnosisSettings, diagnose
+from msl_fem.diagnosis.driver import diagnosis_of
+from msl_fem.diagnosis.loops import StaticEquilibria, map_with_equilibria, static_equilibria
 from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import load_record
 from msl_fem.table.magnetic_table import read_table
@@ -67,17 +66,16 @@ def with_lift_off(found, table):
     gap, current, force = rows[(rows[:, 0] > table.gap[0]) & (rows[:, 0] < table.gap[-1])].T
     role = np.where(np.arange(gap.size) % 2 == 0, "fit", "held-out")
     pairs = ((found.gap, gap), (found.current, current), (found.force, force), (found.role, role))
-    return Rests(*(np.concatenate(pair) for pair in pairs))
+    return StaticEquilibria(*(np.concatenate(pair) for pair in pairs))
 
 
 def levitation():
     """What the rests say, and the rests with the ramps."""
     record, table = load_record(RIG), read_table(RIG / "table.nc")
     alone = diagnose(record, DiagnosisSettings(table=table))
-    likelihood, unknowns, kind = of_rests(
-        record, ModelHypothesis(record.actuator, table), with_lift_off(rests(record), table)
-    )
-    both = diagnosis_of(likelihood, unknowns, kind, rule=Rule(), tell=lambda said: None)
+    belief = ModelHypothesis(record.actuator, table)
+    kind = map_with_equilibria(record, belief, with_lift_off(static_equilibria(record), table))
+    both = diagnosis_of(kind, DiagnosisSettings(table=table))
     parts = []
     for title, found in (("The record's rests", alone), ("The rests and the ramps", both)):
         best = "; ".join(f"{name} {gain:.0f}" for name, gain in found.statistics[0])

@@ -26,7 +26,7 @@ _VERBS = {
     "simulate": "msl_fem.plant",
     "identify": "msl_fem.identification",
     "design_controller": "msl_fem.control",
-    "diagnose": "msl_fem.diagnosis.diagnose",
+    "diagnose": "msl_fem.diagnosis",
 }
 __all__ = sorted(_VERBS)
 

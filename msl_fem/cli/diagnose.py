@@ -12,12 +12,11 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from msl_fem.cli.options import Json, TableFile
 from msl_fem.cli.output import ERRORS, print_columns, print_result, say
 from msl_fem.cli.sweeping import table_for
-from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
-from msl_fem.diagnosis.result import Diagnosis
+from msl_fem.diagnosis import Diagnosis, DiagnosisSettings, diagnose
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target
 from msl_fem.record import Record, load_record
-from msl_fem.report.diagnosis_files import DIAGNOSIS, FILES, REPORT, write_diagnosis
+from msl_fem.report.diagnosis_page import DIAGNOSIS, FILES, REPORT, write_diagnosis
 from msl_fem.report.diagnosis_words import (
     channel_name,
     estimate_text,
@@ -44,23 +43,23 @@ def command(
 
     Without a folder the outcome is printed alone.
     """
-    it = load_record(record)
+    measured = load_record(record)
     with sole_run(output):
-        _diagnose(it, output, table=table, json=json)
+        _diagnose(measured, output, table=table, json=json)
 
 
-def _diagnose(it: Record, output: Path | None, *, table: Path | None, json: bool) -> None:
+def _diagnose(record: Record, output: Path | None, *, table: Path | None, json: bool) -> None:
     if output is not None:
         for name in FILES:
             check_target(output / name)
-    for warning in it.warnings:
+    for warning in record.warnings:
         say(f"note: {warning}")
-    magnet_table = table_for(it.actuator, table)
+    magnet_table = table_for(record.actuator, table)
     with tried_line() as tell:
-        found = diagnose(it, DiagnosisSettings(table=magnet_table, threads=os.cpu_count() or 1, progress=tell))
+        found = diagnose(record, DiagnosisSettings(table=magnet_table, threads=os.cpu_count() or 1, progress=tell))
     fields = found.fields()
     if output is not None:
-        write_diagnosis(it, found, output, table=magnet_table)
+        write_diagnosis(record, found, output, table=magnet_table)
         fields |= {"files": [str(output / name) for name in FILES if (output / name).is_file()]}
     if json:
         print_result(fields, as_json=True, title="")
@@ -90,11 +89,13 @@ def print_diagnosis(found: Diagnosis) -> None:
     """The outcome for people."""
     print_columns({"": [found.reason]}, title=verdict_sentence(found))
     if found.causes:
-        rows = [(c, name, estimate_text(c.effect, name, e)) for c in found.causes for name, e in c.parameters.items()]
-        columns = zip(*((one_of(c), name, text) for c, name, text in rows), strict=True)
-        print_columns(
-            dict(zip(("cause", "parameter", "value (95 %)"), map(list, columns), strict=True)), title="Causes"
-        )
+        causes: dict[str, list[str]] = {"cause": [], "parameter": [], "value (95 %)": []}
+        for cause in found.causes:
+            for name, estimate in cause.parameters.items():
+                causes["cause"].append(one_of(cause))
+                causes["parameter"].append(name)
+                causes["value (95 %)"].append(estimate_text(cause.effect, name, estimate))
+        print_columns(causes, title="Causes")
     if found.threshold == found.threshold:
         print_result(dict(sure_rows(found)), as_json=False, title="How sure")
     if found.accuracy:

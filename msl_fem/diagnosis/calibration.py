@@ -12,7 +12,7 @@ from typing import Any
 
 from msl_fem.diagnosis import decision
 from msl_fem.diagnosis.decision import Rule
-from msl_fem.diagnosis.variants import Scene, possible, variants
+from msl_fem.diagnosis.variants import RecordFeatures, possible, variants
 from msl_fem.plant.effects import CATALOGUE
 from msl_fem.plant.plant import CURRENT_DRIVE, VOLTAGE_DRIVE, PlantParameters
 from msl_fem.prediction import RunData
@@ -21,7 +21,7 @@ from msl_fem.record import Record
 DRIVES = {CURRENT_DRIVE: "current", VOLTAGE_DRIVE: "voltage"}
 RATE = (8e3, 12e3)  # Hz
 SECONDS = (3.0, 5.0)  # of all fit runs together
-ANY_RECORD = Scene(position=1e-5, current=1.0, velocity=1e-3, own_frequency=60.0)
+ANY_RECORD = RecordFeatures(position=1e-5, current=1.0, velocity=1e-3, own_frequency=60.0)
 """The features by which the variants that are tried are listed."""
 OF_RULE = ("QUIET", "LEFT_OVER", "TOLERANCES", "WORSE", "WANDERED", "OWN_OF_A_RUN", "BESIDE", "STRONG")
 """Numbers of `decision` that decide beside those of the `Rule`."""

@@ -10,18 +10,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from msl_fem.diagnosis.extension import effect_estimates
-from msl_fem.diagnosis.fit import Fit
-from msl_fem.diagnosis.search import Stage
-from msl_fem.diagnosis.simulator import Problem
+from msl_fem.diagnosis.fit import effect_estimates
+from msl_fem.diagnosis.likelihood import Fit, FitProblem
+from msl_fem.diagnosis.search import Refit, SearchStage
 from msl_fem.diagnosis.unknowns import EffectUnknown
+from msl_fem.prediction import ModelHypothesis, RunData, open_loop_stable
+from msl_fem.prediction.run_data import POSITION_COLUMN
+from msl_fem.record import Record
 
 QUIET = 1.1
 """RMS residual over the noise's sigma, up to which a residual is noise."""
 LEFT_OVER = 0.05
 """Share of the excess power without effects that named ones may leave."""
 FINISHED = 0.25
-"""Share of the excess power that a further effect may leave, where the fit before was not quiet."""
+"""Share of the excess power that a further effect may leave, where the fit before was not white."""
 TOLERANCES = 4.0
 """Tolerances of a believed parameter below which what coincides with it is no cause."""
 TIE = 5.0
@@ -43,6 +45,9 @@ COINCIDING = {
     ("position_sensor_nonlinearity", "gain_error"): "position_gain",
 }
 """Parameters of effects that act as a believed parameter does."""
+SHORTEST = 0.5  # s of all fit runs together
+FEWEST = 3000  # samples of them
+RESPONSE = 20.0  # times the noise: what the position has to move for anything to be seen
 
 
 @dataclass(frozen=True)
@@ -61,21 +66,24 @@ class Rule:
     finished: float = FINISHED
     most: int = 3
 
-    def enough(self, stages: Sequence[Stage], n: int) -> bool:
+    def enough(self, stages: Sequence[SearchStage], n: int) -> bool:
         """Whether the best effect of stage n brings enough."""
         best, first = stages[n].best, stages[0].best
         if best is None or first is None:
             return False
         if n == 0:
             return best.gain >= self.threshold
-        bounded = all((one.effect, one.name) in COINCIDING for one in best.variant.amounts)
-        return best.gain >= (self.further if bounded else max(self.further, self.share * first.gain))
+        bounded = all((amount.effect, amount.name) in COINCIDING for amount in best.variant.amounts)
+        least = 0.0 if bounded else self.share * first.gain
+        return best.gain >= max(self.further, least)
 
-    def goes_on(self, stages: Sequence[Stage], n: int, before: Mapping[str, float], after: Mapping[str, float]) -> bool:
-        """Whether the best effect of stage n is more than an ornament of those before (`finishes`). What is of a run's
-        own, a wandering sensor, leaves a rest that no other effect finishes: beside it a large gain counts."""
+    def goes_on(
+        self, stages: Sequence[SearchStage], n: int, before: Mapping[str, float], after: Mapping[str, float]
+    ) -> bool:
+        """Whether the best effect of stage n is no spurious addition to those before (`completes`). What is of a run's
+        own, a wandering sensor, leaves a rest that no other effect completes: beside it a large gain counts."""
         first, best = stages[0].best, stages[n].best
-        if n == 0 or finishes(before, after, self.finished) or first is None or best is None:
+        if n == 0 or completes(before, after, self.finished) or first is None or best is None:
             return True
         return first.variant.effect in OWN_OF_A_RUN and best.gain >= BESIDE * first.gain
 
@@ -101,57 +109,61 @@ def too_much_left(effects: Sequence[str], excesses: Sequence[Mapping[str, float]
     there without them. Empty where they do."""
     taken = len(effects)
     left = share_left(excesses, taken)
-    if not taken or quiet(excesses[taken]) or left <= may_leave(effects):
+    if not taken or white(excesses[taken]) or left <= may_leave(effects):
         return ""
     power = f"{100 * left:.3g} % of the excess power is left"
     return f"nearest in the catalogue: {', '.join(effects)}; not named, since {power}"
 
 
-def quiet(excess: Mapping[str, float]) -> bool:
+def white(excess: Mapping[str, float]) -> bool:
     return max(excess.values(), default=0.0) <= QUIET
 
 
-def leaves_tolerance(problem: Problem, found: Fit, effect: str) -> bool:
+def leaves_tolerance(problem: FitProblem, fit: Fit, effect: str) -> bool:
     """Whether an effect of a fit is more than a believed parameter within `TOLERANCES` of its own."""
-    sigmas = dict(found.unknowns.believed)
-    covariance = np.linalg.inv(found.precision)
-    estimates = effect_estimates(found)[effect]
-    apart = []
-    for n, one in enumerate(found.unknowns.effects):
-        if one.effect != effect or one.width:
+    sigmas = dict(fit.unknowns.believed)
+    estimates = effect_estimates(fit)[effect]
+    amounts, apart = 0, []
+    for row, unknown in enumerate(fit.unknowns.effects, fit.unknowns.n_nuisance):
+        if unknown.effect != effect or unknown.width:
             continue
-        believed = COINCIDING.get((effect, one.name))
+        amounts += 1
+        believed = COINCIDING.get((effect, unknown.name))
         if believed is None:
-            apart.append(found.unknowns.n_nuisance + n)
-        elif believed in sigmas and abs(_relative(problem, one, estimates[one.name].value)) >= (
-            TOLERANCES * sigmas[believed]
-        ):
-            return True
+            apart.append(row)
+        elif believed in sigmas:
+            moved = abs(_relative(problem, unknown, estimates[unknown.name].value))
+            if moved >= TOLERANCES * sigmas[believed]:
+                return True
     if not apart:
         return False
-    z = found.z[apart]
-    strong = float(z @ np.linalg.solve(covariance[np.ix_(apart, apart)], z))
-    return strong >= STRONG or len(apart) == sum(o.effect == effect and not o.width for o in found.unknowns.effects)
+    z = fit.z[apart]
+    covariance = np.linalg.inv(fit.precision)[np.ix_(apart, apart)]
+    strong = float(z @ np.linalg.solve(covariance, z))
+    return strong >= STRONG or len(apart) == amounts
 
 
-def allowed(problem: Problem, found: Stage) -> Stage:
+def beyond_tolerances(problem: FitProblem, stage: SearchStage) -> SearchStage:
     """A stage without refits that are no more than a believed parameter within its tolerances."""
-    kept = [r for r in found.refits if r.gain <= 0 or leaves_tolerance(problem, r.fit, r.variant.effect)]
-    return replace(found, refits=tuple(kept))
+
+    def counts(refit: Refit) -> bool:
+        return refit.gain <= 0 or leaves_tolerance(problem, refit.fit, refit.variant.effect)
+
+    return replace(stage, refits=tuple(filter(counts, stage.refits)))
 
 
-def _relative(problem: Problem, one: EffectUnknown, value: float) -> float:
+def _relative(problem: FitProblem, unknown: EffectUnknown, value: float) -> float:
     """An effect's parameter over the believed value of what it coincides with."""
-    return value / problem.plant.parameters.nominal_gap if one.name == "offset" else value
+    return value / problem.plant.parameters.nominal_gap if unknown.name == "offset" else value
 
 
-def finishes(before: Mapping[str, float], after: Mapping[str, float], share: float = FINISHED) -> bool:
-    """Whether one effect more is more than an ornament of those before: they were enough, or it leaves little of what
+def completes(before: Mapping[str, float], after: Mapping[str, float], share: float = FINISHED) -> bool:
+    """Whether one effect more is no spurious addition to those before: they were enough, or it leaves little of what
     they left."""
-    return quiet(before) or quiet(after) or excess_power(after) <= share * excess_power(before)
+    return white(before) or white(after) or excess_power(after) <= share * excess_power(before)
 
 
-def accepted(stages: Sequence[Stage], excesses: Sequence[Mapping[str, float]], rule: Rule) -> int:
+def n_accepted(stages: Sequence[SearchStage], excesses: Sequence[Mapping[str, float]], rule: Rule) -> int:
     """How many of the stages' best effects are taken.
 
     Parameters
@@ -166,3 +178,32 @@ def accepted(stages: Sequence[Stage], excesses: Sequence[Mapping[str, float]], r
             break
         taken = n + 1
     return taken
+
+
+def undecidable_because(record: Record, data: Sequence[RunData]) -> str:
+    """Why nothing can be decided; empty where it can be."""
+    fitted = [run for run in data if run.role == "fit"]
+    if not fitted:
+        return "no dynamic run has the role fit"
+    if not any(run.role == "held-out" for run in data):
+        return "no run is held out, so no gain could be shown; give one run the role held-out"
+    stuck = [text for text in record.warnings if "clipped" in text or "stuck" in text]
+    if stuck:
+        return f"a sensor is stuck or clipped: {stuck[0]}"
+    samples = sum(len(run.commands) for run in fitted)
+    seconds = sum(len(run.commands) / run.rate for run in fitted)
+    if samples < FEWEST or seconds < SHORTEST:
+        return f"the fit runs hold {samples} samples in {seconds:.3g} s; at least {FEWEST} in {SHORTEST:g} s are needed"
+    if max(float(np.ptp(run.commands, axis=0).max()) for run in fitted) == 0:
+        return "the commands of the fit runs never change; excite the plant"
+    moved = 0.0
+    for run in fitted:
+        moved = max(moved, float(run.measured[POSITION_COLUMN].std() / run.noise[POSITION_COLUMN].sigma))
+    if moved < RESPONSE:
+        return f"the position moves by {moved:.3g} times its noise; at least {RESPONSE:g} times are needed, excite more"
+    return ""
+
+
+def unstable_run(belief: ModelHypothesis, data: Sequence[RunData]) -> str:
+    """The first run of an open loop that is not stable, in which a free run says nothing; empty where none is."""
+    return next((run.name for run in data if not open_loop_stable(belief, run)), "")

@@ -12,146 +12,30 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.diagnosis.noise_bands import PRIOR, Bands, transformed
-from msl_fem.diagnosis.simulator import Points, Problem, residuals
-from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.gauss_newton import Damping, DescentSettings, descend, log_evidence
+from msl_fem.diagnosis.likelihood import CONVERGED, Fit, FitProblem, Likelihood, NoiseWeights, Points, weights_of
+from msl_fem.diagnosis.table_error import corrected, scaled
+from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns, factor
 from msl_fem.errors import ComputationError
+from msl_fem.plant.effects import PARAMETER_INDEX, EffectValues, find_parameter, from_vector
+from msl_fem.prediction import ModelHypothesis
+from msl_fem.prediction.hypothesis import believed_value
 
-Array = NDArray[np.float64]
 STALE = 0.6
 """Share of the predicted decrease that a step has to bring for the nuisances' columns to be kept."""
-SLOW_CEILING = 100.0
-AT_ONCE = 16  # rows that are simulated together: what bounds the memory
-ENOUGH = 0.05
-"""Nats that a further step would gain, at which a fit has converged."""
-
-
-@dataclass(frozen=True, eq=False)
-class Likelihood:
-    """A record as a likelihood of its unknowns; `substeps` are Runge-Kutta steps a sample."""
-
-    problem: Problem
-    bands: Bands
-    substeps: int
-
-    def spectra(self, points: Points) -> Array:
-        """Residuals in the frequency domain over their white sigma, (n_row, n_number); nan of a failed run."""
-        parts = [points.only(slice(at, at + AT_ONCE)) for at in range(0, len(points.rows), AT_ONCE)]
-        return np.concatenate([self.transformed(residuals(self.problem, p, substeps=self.substeps)) for p in parts])
-
-    def transformed(self, found: list[list[Array]]) -> Array:
-        """Arrays (n_row, n_sample) of every run's channels as `spectra` orders and scales them."""
-        parts = []
-        for run, channels in enumerate(found):
-            data = self.problem.runs[run]
-            for name, values in zip(self.problem.channels(run), channels, strict=True):
-                parts.append(transformed(values / data.noise[name].sigma, self.bands.lines[run]))
-        return np.concatenate(parts, axis=-1)
-
-    def excess(self, found: "Fit") -> dict[str, float]:
-        """Channel to RMS residual over the noise's sigma, all frequencies and all runs together."""
-        power: dict[str, list[float]] = {}
-        points = Points.of(found.unknowns, found.z[None])
-        for run, channels in enumerate(residuals(self.problem, points, substeps=self.substeps)):
-            for name, values in zip(self.problem.channels(run), channels, strict=True):
-                sigma = self.problem.runs[run].noise[name].sigma
-                power.setdefault(name, []).append(float(np.mean(values**2)) / sigma**2)
-        return {name: float(np.sqrt(np.mean(values))) for name, values in power.items()}
-
-    def runs_part(self, found: "Fit") -> tuple["Likelihood", "Fit"]:
-        """The runs alone, and a fit as they see it: all there is, where nothing stands beside them."""
-        return self, found
-
-    @property
-    def labels(self) -> NDArray[np.intp]:
-        """(n_number,) the band of each number, channels apart, runs together."""
-        names = self.channel_names
-        parts = []
-        for run in range(len(self.problem.runs)):
-            band = np.tile(self.bands.band_of[run], 2)
-            band[self.bands.lines[run]] = band[0]
-            parts += [band + self.bands.n_band * names.index(name) for name in self.problem.channels(run)]
-        return np.concatenate(parts)
-
-    @property
-    def ceilings(self) -> Array:
-        """(n_label,) the largest density over the white one that a band's noise can have: of the lowest one of each
-        channel `SLOW_CEILING`, where there are several. A drift or an offset of any size would pass as noise there for
-        a few nats."""
-        found = np.full(self.bands.n_band * len(self.channel_names), np.inf)
-        if self.bands.n_band > 1:
-            found[:: self.bands.n_band] = SLOW_CEILING
-        return found
-
-    def weights(self, residual: Array) -> "Weights":
-        """The most probable densities given a residual (n_number,)."""
-        return weights_of(residual, self.labels, self.ceilings)
-
-    @property
-    def channel_names(self) -> list[str]:
-        found: list[str] = []
-        for run in range(len(self.problem.runs)):
-            found += [name for name in self.problem.channels(run) if name not in found]
-        return found
-
-
-@dataclass(frozen=True, eq=False)
-class Weights:
-    """The noise's densities over the white one by band label, how many numbers each has, and the objective's data part.
-
-    Attributes
-    ----------
-    density : (n_label,)
-    root : (n_number,) one over the square root of each number's density
-    nats : the data's part of S
-    """
-
-    density: Array
-    root: Array
-    nats: float
-
-
-def weights_of(residual: Array, labels: NDArray[np.intp], ceilings: Array) -> Weights:
-    """The most probable densities given a residual (n_number,), none above its ceiling (n_label,)."""
-    count = np.bincount(labels) + PRIOR
-    power = np.bincount(labels, weights=residual**2) + PRIOR
-    density = np.minimum(power / count, ceilings)
-    nats = np.sum(count * (np.log(density) - 1) + power / density) / 2
-    return Weights(density, 1 / np.sqrt(density)[labels], float(nats))
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """Where a fit ended.
-
-    Attributes
-    ----------
-    unknowns, z : what was fitted, (unknowns.size,)
-    residual : (n_number,) over the white sigma; `weights` belong to it
-    jacobian : (n_number, unknowns.size) of the residual, not weighted
-    objective, log_evidence : nats
-    predicted : nats that a further step would gain
-    """
-
-    unknowns: Unknowns
-    z: Array
-    residual: Array
-    jacobian: Array
-    weights: Weights
-    objective: float
-    log_evidence: float
-    predicted: float
-    simulations: int
-
-    @property
-    def converged(self) -> bool:
-        return self.predicted < ENOUGH
-
-    @property
-    def precision(self) -> Array:
-        """J'J and the prior's curvature."""
-        j = self.jacobian * self.weights.root[:, None]
-        return np.asarray(j.T @ j + np.diag(self.unknowns.prior(self.z)[2]))
+INTERVAL = 1.96
+_READ = (
+    ("position_sensor_nonlinearity", "quadratic"),
+    ("position_sensor_nonlinearity", "cubic"),
+    ("sensor_drift", "rate"),
+    ("sensor_drift", "acceleration"),
+    ("sensor_drift", "jerk"),
+    ("sensor_drift", "offset"),
+    ("periodic_disturbance", "position_cosine"),
+    ("periodic_disturbance", "position_sine"),
+)
 
 
 @dataclass(frozen=True)
@@ -168,11 +52,13 @@ class FitPlan:
 
     most_steps: int = 60
     damping: float = 1.0
-    enough: float = ENOUGH
+    enough: float = CONVERGED
     renew: bool = True
 
 
-def columns(likelihood: Likelihood, unknowns: Unknowns, z: Array, which: NDArray[np.intp], residual: Array) -> Array:
+def jacobian_columns(
+    likelihood: Likelihood, unknowns: Unknowns, z: Array, which: NDArray[np.intp], residual: Array
+) -> Array:
     """Columns (n_number, n_which) of the residual's Jacobian by one-sided differences, backwards where a run fails."""
     step = unknowns.steps[which]
     rows = np.tile(z, (which.size, 1))
@@ -187,8 +73,14 @@ def columns(likelihood: Likelihood, unknowns: Unknowns, z: Array, which: NDArray
     return np.asarray(((moved - residual) / step[:, None]).T)
 
 
-def fit(likelihood: Likelihood, unknowns: Unknowns, start: Array, *, plan: FitPlan | None = None,
-        nuisance_columns: Array | None = None) -> Fit:  # fmt: skip
+def fit(
+    likelihood: Likelihood,
+    unknowns: Unknowns,
+    start: Array,
+    *,
+    plan: FitPlan | None = None,
+    nuisance_columns: Array | None = None,
+) -> Fit:
     """The most probable unknowns next to a start.
 
     Parameters
@@ -199,94 +91,95 @@ def fit(likelihood: Likelihood, unknowns: Unknowns, start: Array, *, plan: FitPl
     ------
     ComputationError : the simulation fails at the start
     """
-    search = _Search(likelihood, unknowns, unknowns.allowed(start))
-    search.linearise(nuisance_columns)
     how = plan or FitPlan()
-    damping = how.damping
-    for _ in range(how.most_steps):
-        if search.predicted < how.enough:
-            if not (search.stale and how.renew):
-                break
-            search.linearise()
-            continue
-        move, promised = search.step(damping)
-        gained = search.tried(move)
-        if gained > 0:
-            damping = damping / 10 if damping > 1e-4 else 0.0
-            search.linearise(None if how.renew and gained < STALE * promised else search.nuisance_columns)
-        elif search.stale and how.renew:
-            search.linearise()
-        elif damping > 1e8:
-            break
-        else:
-            damping = max(10 * damping, 1e-2)
-    return search.ended()
+    posterior = _FitPosterior(likelihood, unknowns)
+    first = posterior.at(unknowns.allowed(start))
+    if not np.isfinite(first.residual).all():
+        raise ComputationError("the simulation fails at the start of the fit")
+    damping = Damping(first=how.damping, least=1e-4, rise=1e-2, most=1e8)
+    settings = DescentSettings(damping, how.enough, most_trials=how.most_steps, renewal=STALE if how.renew else None)
+    end = descend(posterior, first, settings, first=posterior.linearised(first, nuisance_columns))
+    point, model = end.point, end.model
+    return Fit(
+        unknowns,
+        point.z,
+        point.residual,
+        model.jacobian,
+        point.weights,
+        point.objective,
+        log_evidence(point.objective, model.gram + np.diag(model.curvature)),
+        model.promised,
+        posterior.simulations,
+    )
 
 
-class _Search:
-    """Where a fit is, and its quadratic model there."""
+@dataclass(frozen=True, eq=False)
+class _FitPoint:
+    """Unknowns with their residual, the noise's densities that suit it, and S."""
 
-    def __init__(self, likelihood: Likelihood, unknowns: Unknowns, z: Array) -> None:
-        self.likelihood, self.unknowns = likelihood, unknowns
-        self.labels, self.ceilings = likelihood.labels, likelihood.ceilings
-        self.z, self.simulations, self.stale = z, 1, False
-        self.residual = likelihood.spectra(Points.of(unknowns, z[None]))[0]
-        if not np.isfinite(self.residual).all():
-            raise ComputationError("the simulation fails at the start of the fit")
-        self.weights = weights_of(self.residual, self.labels, self.ceilings)
-        self.cost = self.weights.nats + unknowns.prior(z)[0]
-        self.jacobian = np.empty((self.residual.size, z.size))
+    z: Array
+    residual: Array
+    weights: NoiseWeights
+    objective: float
 
-    @property
-    def nuisance_columns(self) -> Array:
-        return self.jacobian[:, : self.unknowns.n_nuisance]
 
-    def linearise(self, nuisance_columns: Array | None = None) -> None:
-        """Computes the columns here; those of the nuisances only where they are not given."""
-        n = self.unknowns.n_nuisance
-        which = np.arange(0 if nuisance_columns is None else n, self.unknowns.size)
-        if nuisance_columns is not None:
-            self.jacobian[:, :n] = nuisance_columns
-        if which.size:
-            self.jacobian[:, which] = columns(self.likelihood, self.unknowns, self.z, which, self.residual)
-        self.simulations += which.size
-        self.stale = nuisance_columns is not None
-        j = self.jacobian * self.weights.root[:, None]
-        _, prior_slope, curvature = self.unknowns.prior(self.z)
-        self.gram, self.curvature = j.T @ j, curvature
-        self.slope = j.T @ (self.residual * self.weights.root) + prior_slope
-        self.free = _free(self.unknowns, self.z, self.slope)
-        self.predicted = self.step(-1.0)[1]
+class _FitModel:
+    """S near a point: the densities of the noise as they are there, the residual linear."""
+
+    def __init__(self, unknowns: Unknowns, point: _FitPoint, jacobian: Array, *, stale: bool) -> None:
+        self.jacobian, self.stale = jacobian, stale
+        weighted = jacobian * point.weights.root[:, None]
+        _, prior_slope, self.curvature = unknowns.prior(point.z)
+        self.gram = weighted.T @ weighted
+        self.slope = weighted.T @ (point.residual * point.weights.root) + prior_slope
+        self.free = _free(unknowns, point.z, self.slope)
+        self.promised = self.step(-1.0)[1]
 
     def step(self, damping: float) -> tuple[Array, float]:
         """(the step, nats that it promises); -1 for the step without any damping."""
-        free = np.ix_(self.free, self.free)
-        matrix = (self.gram + np.diag(self.curvature))[free]
-        move = np.zeros(self.z.size)
+        matrix = (self.gram + np.diag(self.curvature))[np.ix_(self.free, self.free)]
+        slope = self.slope[self.free]
         damped = matrix + (1 + damping) * np.diag(self.curvature[self.free])
-        move[self.free] = np.linalg.solve(matrix if damping < 0 else damped, -self.slope[self.free])
-        part = move[self.free]
-        return move, float(-self.slope[self.free] @ part - part @ matrix @ part / 2)
+        part = np.linalg.solve(matrix if damping < 0 else damped, -slope)
+        move = np.zeros(self.slope.size)
+        move[self.free] = part
+        return move, float(-slope @ part - part @ matrix @ part / 2)
 
-    def tried(self, move: Array) -> float:
-        """Nats gained by a step, which is taken where there are any."""
-        there = self.unknowns.allowed(self.z + move)
-        residual = self.likelihood.spectra(Points.of(self.unknowns, there[None]))[0]
+
+class _FitPosterior:
+    """S of a likelihood; counts its simulations."""
+
+    def __init__(self, likelihood: Likelihood, unknowns: Unknowns) -> None:
+        self.likelihood, self.unknowns = likelihood, unknowns
+        self.labels, self.ceilings = likelihood.labels, likelihood.ceilings
+        self.simulations = 0
+
+    def at(self, z: Array) -> _FitPoint:
+        """A point that holds the bounds; its S is inf where the simulation fails."""
+        residual = self.likelihood.spectra(Points.of(self.unknowns, z[None]))[0]
         self.simulations += 1
-        if not np.isfinite(residual).all():
-            return -np.inf
         weights = weights_of(residual, self.labels, self.ceilings)
-        gained = self.cost - weights.nats - self.unknowns.prior(there)[0]
-        if gained > 0:
-            self.z, self.residual, self.weights, self.cost = there, residual, weights, self.cost - gained
-        return float(gained)
+        objective = weights.nats + self.unknowns.prior(z)[0] if np.isfinite(residual).all() else np.inf
+        return _FitPoint(z, residual, weights, float(objective))
 
-    def ended(self) -> Fit:
-        evidence = -self.cost - float(np.linalg.slogdet(self.gram + np.diag(self.curvature))[1]) / 2
-        return Fit(
-            self.unknowns, self.z, self.residual, self.jacobian, self.weights, float(self.cost), evidence,
-            self.predicted, self.simulations,
-        )  # fmt: skip
+    def moved(self, point: _FitPoint, move: Array) -> _FitPoint:
+        return self.at(self.unknowns.allowed(point.z + move))
+
+    def model(self, point: _FitPoint, neighbour: _FitModel | None) -> _FitModel:
+        known = None if neighbour is None else neighbour.jacobian[:, : self.unknowns.n_nuisance]
+        return self.linearised(point, known)
+
+    def linearised(self, point: _FitPoint, nuisance_columns: Array | None) -> _FitModel:
+        """The model at a point; the nuisances' columns are computed where they are not given."""
+        n = self.unknowns.n_nuisance
+        which = np.arange(0 if nuisance_columns is None else n, self.unknowns.size)
+        jacobian = np.empty((point.residual.size, point.z.size))
+        if nuisance_columns is not None:
+            jacobian[:, :n] = nuisance_columns
+        if which.size:
+            jacobian[:, which] = jacobian_columns(self.likelihood, self.unknowns, point.z, which, point.residual)
+        self.simulations += which.size
+        return _FitModel(self.unknowns, point, jacobian, stale=nuisance_columns is not None)
 
 
 def _free(unknowns: Unknowns, z: Array, slope: Array) -> NDArray[np.intp]:
@@ -297,3 +190,92 @@ def _free(unknowns: Unknowns, z: Array, slope: Array) -> NDArray[np.intp]:
         if (z[n] <= lowest and slope[n] >= 0) or (z[n] >= highest and slope[n] <= 0):
             held.append(n)
     return np.setdiff1d(np.arange(z.size), held)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A fitted number in SI units with its 95 % interval; `tolerances` is how many of its own a believed one moved."""
+
+    value: float
+    low: float
+    high: float
+    believed: float | None = None
+    tolerances: float | None = None
+
+
+def extended_belief(belief: ModelHypothesis, problem: FitProblem, found: Fit) -> ModelHypothesis:
+    """The belief with everything at its fitted value: what other commands take as the model.
+
+    The sensor's gain becomes an error of the reading, the scale of the magnets and the table's error a table.
+    """
+    factors = found.unknowns.factors(found.z)
+    table = belief.table
+    scale = factors.get("magnetic_scale", 1.0)
+    if table is not None and problem.table_error is not None:
+        table = corrected(table, problem.table_error, found.z[found.unknowns.table_rows], scale=scale)
+    elif table is not None and scale != 1.0:
+        table = scaled(table, scale)
+    vector = found.unknowns.effect_vector(found.z)
+    gain = factors.get("position_gain", 1.0)
+    place = PARAMETER_INDEX["position_sensor_nonlinearity", "gain_error"]
+    vector[place] = gain * (1.0 + vector[place]) - 1.0
+    for key in _READ:
+        vector[PARAMETER_INDEX[key]] *= gain
+    return ModelHypothesis(fitted_actuator(belief.actuator, factors), table, effects_present(vector))
+
+
+def effects_present(vector: Array) -> EffectValues | None:
+    """The effects that are there; shapes alone are none."""
+    every = from_vector(vector)
+    present = {name: every.stated[name] for name in every.present}
+    return EffectValues(present) if present else None
+
+
+def fitted_actuator(actuator: Actuator, factors: dict[str, float]) -> Actuator:
+    """The actuator with believed parameters times these factors."""
+    motion, drive = actuator.motion, actuator.drive
+    assert motion is not None
+    assert drive is not None
+    changed: dict[str, float | None] = {
+        name: value * factors.get(name, 1.0)
+        for name in ("moving_mass", "stiffness", "damping", "nominal_gap")
+        if (value := getattr(motion, name)) is not None
+    }
+    if motion.flexure is not None and "stiffness" in factors:
+        changed["flexure"] = None  # its stiffness is no longer what its leaves say
+    update: dict[str, object] = {"motion": motion.model_copy(update=changed)}
+    if "coil_resistance" in factors:
+        resistance = actuator.coil_resistance() * factors["coil_resistance"]
+        update["drive"] = drive.model_copy(update={"coil_resistance": resistance})
+    return actuator.model_copy(update=update)
+
+
+def believed_estimates(belief: ModelHypothesis, found: Fit) -> dict[str, Estimate]:
+    """The believed parameters after a fit."""
+    error = np.sqrt(np.diag(np.linalg.inv(found.precision)))
+    made = {}
+    for n, (name, sigma) in enumerate(found.unknowns.believed):
+        z, value = float(found.z[n]), believed_value(belief, name)
+        low, middle, high = (float(value * factor(sigma, z + k * INTERVAL * error[n])) for k in (-1, 0, 1))
+        made[name] = Estimate(middle, low, high, believed=value, tolerances=z)
+    return made
+
+
+def effect_estimates(found: Fit) -> dict[str, dict[str, Estimate]]:
+    """The parameters of the effects of a fit, by effect and name."""
+    error = np.sqrt(np.diag(np.linalg.inv(found.precision)))
+    made: dict[str, dict[str, Estimate]] = {}
+    for n, one in enumerate(found.unknowns.effects):
+        row = found.unknowns.n_nuisance + n
+        low, value, high = _interval(one, float(found.z[row]), INTERVAL * float(error[row]))
+        made.setdefault(one.effect, {})[one.name] = Estimate(value, low, high)
+    return made
+
+
+def _interval(one: EffectUnknown, z: float, half: float) -> tuple[float, float, float]:
+    low, value, high = (float(one.value(np.array(z + k * half))) for k in (-1, 0, 1))
+    return low, value, high
+
+
+def unit_of(effect: str, name: str) -> str:
+    return find_parameter(effect, name).unit

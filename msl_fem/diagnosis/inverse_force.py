@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.plant import PlantParameters
 from msl_fem.plant.effects import MoverMotion, needed_force, values_of
@@ -22,7 +23,6 @@ from msl_fem.plant.instruments import instruments_of, reading_at
 from msl_fem.prediction import RunData
 from msl_fem.prediction.run_data import POSITION_COLUMN
 
-Array = NDArray[np.float64]
 Spectrum = NDArray[np.complexfloating]
 ORDER = 4
 OF_POSITION = 2.5
@@ -33,7 +33,7 @@ _SERIES = (1.0, 2.0, 5.0)
 
 
 @dataclass(frozen=True)
-class LowPass:
+class ZeroPhaseLowPass:
     """Zero-phase Butterworth filters of an inverse model: of the equation, in Hz, and of the position before it."""
 
     equation: float
@@ -64,7 +64,7 @@ class LowPass:
         return np.asarray(sosfiltfilt(sections, signal), dtype=float)
 
 
-def usual_low_pass(runs: Sequence[RunData]) -> LowPass:
+def usual_low_pass(runs: Sequence[RunData]) -> ZeroPhaseLowPass:
     """The lowest of 1, 2, 5, 10 ... Hz below which the commands have `POWER` of their power."""
     highest, rate = 0.0, runs[0].rate
     for run in runs:
@@ -74,10 +74,12 @@ def usual_low_pass(runs: Sequence[RunData]) -> LowPass:
             highest = max(highest, float(np.searchsorted(power, POWER * power[-1])) * rate / force.size)
     decade = 10.0 ** np.floor(np.log10(max(highest, 1e-3)))
     series = [s * decade for s in (*_SERIES, 10.0)]
-    return LowPass(min(next(s for s in series if s >= highest), 0.2 * rate), rate)
+    return ZeroPhaseLowPass(min(next(s for s in series if s >= highest), 0.2 * rate), rate)
 
 
-def missing_force(plant: PlantParameters, data: RunData, effects: Array, *, gain: float, low_pass: LowPass) -> Array:
+def missing_force(
+    plant: PlantParameters, data: RunData, effects: Array, *, gain: float, low_pass: ZeroPhaseLowPass
+) -> Array:
     """The force applied less the force that the measured motion takes, (n_sample,) N, not yet low-passed.
 
     Parameters
@@ -109,7 +111,7 @@ def applied_force(data: RunData, v: dict[tuple[str, str], float]) -> Array:
 
 
 def measured_motion(
-    plant: PlantParameters, data: RunData, effects: Array, *, gain: float, low_pass: LowPass
+    plant: PlantParameters, data: RunData, effects: Array, *, gain: float, low_pass: ZeroPhaseLowPass
 ) -> MoverMotion:
     """The motion that a low-passed reading says, the sensor's effects undone."""
     v, instruments = values_of(effects), instruments_of(effects, rate=data.rate)

@@ -3,25 +3,21 @@
 On the menu are excitations that `simulate` can make (smaller, larger, faster, on both sides alike or against each
 other, a sweep, two tones, steps), a run with the mover locked, and measurements beside a run as it was: the mover
 weighed, a gauge block under the position sensor, the resistance, one force at rest. Each is judged by `separation`.
+Where no effect has a name, the next run is the one that moves what the rest depends on farther.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from msl_fem.diagnosis.fit import Likelihood
-from msl_fem.diagnosis.measures import beside_a_run
-from msl_fem.diagnosis.noise_bands import make_bands
-from msl_fem.diagnosis.prepare import START
-from msl_fem.diagnosis.search import Stage
-from msl_fem.diagnosis.separation import Hypothesis, Measure, PlannedRecord
-from msl_fem.diagnosis.simulator import Problem
+from msl_fem.diagnosis.likelihood import START, FitProblem, Likelihood, make_bands
+from msl_fem.diagnosis.search import SearchStage
+from msl_fem.diagnosis.separation import Hypothesis, Measure, PlannedRecord, beside_a_run
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.plant import bearable_run
+from msl_fem.plant import Simulation, bearable_run
 from msl_fem.plant.effects import find_parameter
 from msl_fem.plant.excitation import DRIVE_UNIT, parse_excitation
 from msl_fem.plant.excitation_kinds import Excitation
@@ -29,7 +25,6 @@ from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, Start
 from msl_fem.prediction.free_run import start_sigmas
 from msl_fem.prediction.run_data import POSITION_COLUMN
 
-Array = NDArray[np.float64]
 TOLD_APART = 5.0
 """Nats within which two names are not told apart."""
 DECIDES = float((np.sqrt(2 * TOLD_APART) + 1.645) ** 2)
@@ -38,6 +33,8 @@ allowed, it is (2.576 + 1.645)^2 = 17.8."""
 SIMULATED, PLANNED = 0.4, 4.0  # s: simulated of a run, and its planned length
 HEAVY = 1e6  # times the mass: a locked mover
 MUCH = 1e4  # noncentrality: more is as good
+WIDER = 1.1  # times the spread of the run as it was, that is worth a run
+_OF_CURRENT = ("current", "flux", "voltage", "command")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +43,7 @@ class Question:
     uncertain within tolerances, and how it was excited."""
 
     belief: ModelHypothesis
-    problem: Problem
+    problem: FitProblem
     believed: tuple[tuple[str, float], ...]
 
     @property
@@ -85,7 +82,7 @@ class Option:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class JudgedOption:
     """An option with the planned record and the measures by which it was judged."""
 
     option: Option
@@ -136,7 +133,7 @@ class Proposal:
         )
 
 
-def separating(question: Question, stage: Stage, rivals: Sequence[str]) -> str:
+def separating(question: Question, stage: SearchStage, rivals: Sequence[str]) -> str:
     """What would tell a stage's best effect from the first of its rivals; empty without rivals."""
     if not rivals or stage.best is None:
         return ""
@@ -158,24 +155,27 @@ def next_experiment(
         `truth` is the one that is judged
     entries : the menu, the run as it was first; None: `menu`
     """
-    found: list[Judged] = []
+    judged: list[JudgedOption] = []
     for entry in menu(question) if entries is None else entries:
         try:
             plan, borne = planned(question, entry.excitation, locked=entry.locked)
         except (InputError, ComputationError):
             continue
-        first = not found
-        found.append(Judged(Option(entry.words, spec_of(borne), plan.distance(truth, other)), plan))
-        for m in beside_a_run(question.problem) if first else ():
-            option = Option(f"{m.name} beside a run as before", spec_of(borne), plan.distance(truth, other, (m,)))
-            found.append(Judged(option, plan, (m,)))
-    found = sorted((j for j in found if np.isfinite(j.option.noncentrality)), key=lambda j: -j.worth)
-    share = _decides_from(found[0], truth, other) if found else np.inf
-    names = [h.effects[-1].effect for h in (truth, other)]
-    return Proposal(names[0], names[1], tuple(j.option for j in found), share, _amount(truth, share))
+        excitation = spec_of(borne)
+        beside = () if judged else tuple(beside_a_run(question.problem))
+        judged.append(JudgedOption(Option(entry.words, excitation, plan.distance(truth, other)), plan))
+        for measure in beside:
+            distance = plan.distance(truth, other, (measure,))
+            option = Option(f"{measure.name} beside a run as before", excitation, distance)
+            judged.append(JudgedOption(option, plan, (measure,)))
+    finite = [option for option in judged if np.isfinite(option.option.noncentrality)]
+    ranked = sorted(finite, key=lambda option: -option.worth)
+    share = _decides_from(ranked[0], truth, other) if ranked else np.inf
+    first, second = (hypothesis.effects[-1].effect for hypothesis in (truth, other))
+    return Proposal(first, second, tuple(option.option for option in ranked), share, _amount(truth, share))
 
 
-def _decides_from(best: Judged, truth: Hypothesis, other: Hypothesis) -> float:
+def _decides_from(best: JudgedOption, truth: Hypothesis, other: Hypothesis) -> float:
     """The share of the size at which d^2 is enough, by the power with which it grows: 2 where the effects differ in
     first order, 4 where they differ in second."""
     option = best.option
@@ -266,7 +266,7 @@ def planned(question: Question, excitation: Excitation, *, locked: bool = False)
     currents = [float(c) for c in simulation.current[0]] + [0.0, 0.0]
     start = Start((currents[0], currents[1]), float(simulation.position[0]), 0.0)
     sigmas = START * start_sigmas(plant, run)
-    problem = Problem(plant, (run,), (start,), (sigmas,), question.problem.table_error)
+    problem = FitProblem(plant, (run,), (start,), (sigmas,), question.problem.table_error)
     n_table = 0 if problem.table_error is None else len(problem.table_error.modes)
     likelihood = Likelihood(problem, make_bands([len(commands)], rate, highest=rate / 2), plant.substeps)
     plain = Unknowns(question.believed, n_table, (sigmas.size,))
@@ -278,9 +278,14 @@ def _locked(plant: KernelPlant) -> KernelPlant:
     """The plant with a mover so heavy that it stays where it is."""
     from_believed = plant.parameters
     return KernelPlant(
-        plant.surface, from_believed._replace(mass=HEAVY * from_believed.mass), plant.effects, plant.readings,
-        plant.gain, plant.rate, plant.substeps,
-    )  # fmt: skip
+        plant.surface,
+        from_believed._replace(mass=HEAVY * from_believed.mass),
+        plant.effects,
+        plant.readings,
+        plant.gain,
+        plant.rate,
+        plant.substeps,
+    )
 
 
 def at_planned_length(excitation: Excitation) -> Excitation:
@@ -295,3 +300,56 @@ def at_planned_length(excitation: Excitation) -> Excitation:
 def spec_of(excitation: Excitation) -> str:
     """The text of an excitation without what is usual."""
     return excitation.spec.replace(",role=fit", "").replace(",loop=open", "")
+
+
+def farther(question: Question, variables: Sequence[str]) -> str:
+    """What to do next, in words and as an excitation.
+
+    Parameters
+    ----------
+    variables : that the rest was found to depend on; none: amplitudes are compared instead
+    """
+    name = variables[0] if variables else ""
+    runs = _runs(question)
+    if not runs:
+        return ""
+    base = spread(runs[0][2], name)
+    if not name or not base:
+        return _smaller(runs)
+    words, excitation, simulation = max(runs, key=lambda run: spread(run[2], name))
+    factor = spread(simulation, name) / base
+    if factor < WIDER:
+        return f"nothing on the menu moves {name} farther than this record did; a longer record narrows the curve"
+    return f'{words}, simulate --excitation "{spec_of(excitation)}": {name} moves {factor:.2g} times as far'
+
+
+def spread(run: Simulation, variable: str) -> float:
+    """RMS deviation of what a variable is about: a current, a velocity, or else the position."""
+    if variable.startswith(_OF_CURRENT) and run.current.size:
+        return float(run.current.std(axis=0).max())
+    values = run.velocity if "velocity" in variable else run.position
+    return 0.0 if variable.startswith("time") else float(values.std())
+
+
+def _runs(question: Question) -> list[tuple[str, Excitation, Simulation]]:
+    """The entries of the menu in motion that the rig bears, the run as it was first."""
+    belief, found = question.belief, []
+    for entry in menu(question):
+        if entry.locked:
+            continue
+        try:
+            run, borne = bearable_run(belief.actuator, belief.table, entry.excitation, rate=question.run.rate)
+        except (InputError, ComputationError):
+            continue
+        found.append((entry.words, at_planned_length(borne), run))
+    return found
+
+
+def _smaller(runs: Sequence[tuple[str, Excitation, Simulation]]) -> str:
+    half = next((excitation for words, excitation, _ in runs if words == "half the amplitude"), None)
+    if half is None:
+        return ""
+    return (
+        f'half the amplitude, simulate --excitation "{spec_of(half)}": a rest that halves is linear in the motion, one '
+        "that falls faster is not, one that stays is a disturbance from elsewhere"
+    )

@@ -6,38 +6,41 @@ are linear in the coefficients. All that the fit does not know stays unknown. Th
 
     b'(G + 1/s^2)^-1 b/2 - log det(1 + s^2 G)/2,
 
-G and b as in `scoring`. Functions fitted through the simulation need no derivatives of noisy readings. The trajectory
+G and b as in `search`. Functions fitted through the simulation need no derivatives of noisy readings. The trajectory
 is the model's own, so a variable is known but for what the model gets wrong.
 """
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.signal import lfilter
 
-from msl_fem.diagnosis.fit import Fit, Likelihood
+from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.plant import kernel, layout
 from msl_fem.plant.plant import FORCE_DRIVE
 from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, Start, kernel_plant, measured_start
 from msl_fem.prediction.free_run import kernel_state, readings_of
-from msl_fem.record import Channel
+from msl_fem.record.columns import Channel
 
-Array = NDArray[np.float64]
 N_SPLINE = 14
 SIZES = np.geomspace(1e-4, 1e2, 13)
 """Of the coefficients, over the variable's own scale of the equation."""
-ENOUGH = 20.0  # nats below which no variable is named
+WORTH_NAMING = 20.0  # nats below which no variable is named
 EXPLAINED = 0.3  # share of the excess power that a function of the best variable has to explain
 LEVEL = 5.0  # nats within which variables are named together
 MEMORIES = (0.005, 0.02, 0.1)  # s, of exponential memories of the position
 FEW = (
-    ("force", "position"), ("force", "velocity"), ("force", "memory of the position over 20 ms"),
-    ("force", "current product"), ("voltage", "command"),
-)  # fmt: skip
+    ("force", "position"),
+    ("force", "velocity"),
+    ("force", "memory of the position over 20 ms"),
+    ("force", "current product"),
+    ("voltage", "command"),
+)
 """Equations and variables by which most of what is in no catalogue acts."""
 SMALL = 1e-3  # of the equation's scale: a coefficient in the simulations
 
@@ -65,7 +68,7 @@ class Dependence:
 
 
 def dependences(
-    likelihood: Likelihood, found: Fit, belief: ModelHypothesis, *, few: bool = False, threads: int = 1
+    likelihood: Likelihood, fit: Fit, belief: ModelHypothesis, *, few: bool = False, threads: int = 1
 ) -> list[Dependence]:
     """Every (equation, variable), the most probable first.
 
@@ -74,128 +77,148 @@ def dependences(
     belief : the model of the fit, with all that it found
     few : only `FEW`, in an eighth of the time
     """
-    run = 0
-    data = likelihood.problem.runs[run]
-    plant = kernel_plant(belief, rate=data.rate, ideal_current=data.ideal_current)
-    start = measured_start(plant, data)
-    out = _simulated(plant, data, start)
-    if not np.isfinite(out).all():
+    run = likelihood.problem.runs[0]
+    plant = kernel_plant(belief, rate=run.rate, ideal_current=run.ideal_current)
+    trajectory = _Trajectory(plant, run, measured_start(plant, run))
+    if not np.isfinite(trajectory.out).all():
         return []
-    scene = _Scene(likelihood, found, plant, data, start, out)
-    pairs = [(equation, name) for equation, names in _tried(scene).items() for name in names]
+    judge = _FreeFunctions(likelihood, fit, trajectory)
+    pairs = [(equation, name) for equation, names in _tried(trajectory).items() for name in names]
+    chosen = [pair for pair in pairs if pair in FEW or not few]
     with ThreadPoolExecutor(threads) as pool:
-        made = list(pool.map(lambda pair: scene.judged(*pair), [pair for pair in pairs if pair in FEW or not few]))
-    return sorted(made, key=lambda d: -d.gain)
+        found = list(pool.map(lambda pair: judge.dependence(*pair), chosen))
+    return sorted(found, key=lambda dependence: -dependence.gain)
 
 
-def named(ranked: Sequence[Dependence]) -> tuple[str, tuple[str, ...]]:
+def named_dependence(ranked: Sequence[Dependence]) -> tuple[str, tuple[str, ...]]:
     """(equation, variables) that what is left depends on; empty where none stands out."""
-    if not ranked or ranked[0].gain < ENOUGH or ranked[0].share < EXPLAINED:
+    if not ranked or ranked[0].gain < WORTH_NAMING or ranked[0].share < EXPLAINED:
         return "", ()
     best = ranked[0]
     level = [d.variable for d in ranked if d.equation == best.equation and best.gain - d.gain <= LEVEL]
     return best.equation, tuple(level)
 
 
-def _simulated(
-    plant: KernelPlant, data: RunData, start: Start, push: Array | None = None, more: Array | None = None
-) -> Array:
-    n = len(data.commands)
-    out = np.full((n, layout.N_OUT), np.nan)
-    commands = data.commands if more is None else data.commands + more
-    done = kernel.run(
-        plant.surface, plant.parameters, plant.effects, kernel_state(plant, start), commands,
-        np.zeros(n) if push is None else push, plant.step, plant.substeps, out,
-    )[1]  # fmt: skip
-    out[done:] = np.nan
-    return out
+class _Trajectory:
+    """The first run of a record as the fitted model makes it, from its measured start."""
 
+    def __init__(self, plant: KernelPlant, run: RunData, start: Start) -> None:
+        self.plant, self.run, self.start = plant, run, start
+        self.out = self.simulated()
 
-def _tried(scene: "_Scene") -> Mapping[str, list[str]]:
-    motion = [name for name in scene.variables if not name.startswith(("current", "flux", "voltage", "command"))]
-    sides = [name for name in scene.variables if name not in motion and name != "current product"]
-    found = {"force": [*motion, *(["current product", *sides] if scene.plant.parameters.sides else [])]}
-    if scene.plant.parameters.drive != FORCE_DRIVE:
-        found["voltage"] = [*sides, "velocity", "time"]
-        found["current reading"] = [*sides, "time"]
-    found["position reading"] = ["position", "velocity", "time", *(n for n in motion if n.startswith("memory"))]
-    return found
+    def simulated(self, push: Array | None = None, more: Array | None = None) -> Array:
+        """The kernel's outputs (n_sample, N_OUT) with a force beside the magnets' and additions to the commands; nan
+        behind an early end."""
+        n = len(self.run.commands)
+        out = np.full((n, layout.N_OUT), np.nan)
+        commands = self.run.commands if more is None else self.run.commands + more
+        force = np.zeros(n) if push is None else push
+        plant = self.plant
+        state = kernel_state(plant, self.start)
+        done = kernel.run(
+            plant.surface, plant.parameters, plant.effects, state, commands, force, plant.step, plant.substeps, out
+        )[1]
+        out[done:] = np.nan
+        return out
 
+    @cached_property
+    def variables(self) -> dict[str, Array]:
+        """Variables (n_sample,), or (n_sample, 2) where each side has its own."""
+        return _variables(self.plant, self.run, self.out)
 
-class _Scene:
-    """A fitted run, its trajectory, and what is unknown around it."""
-
-    def __init__(
-        self, likelihood: Likelihood, found: Fit, plant: KernelPlant, data: RunData, start: Start, out: Array
-    ) -> None:
-        self.likelihood, self.plant, self.data, self.start, self.out = likelihood, plant, data, start, out
-        self.channels = likelihood.problem.channels(0)
-        root = found.weights.root
-        j = found.jacobian * root[:, None]
-        self.root = root
-        self.j, self.residual = j, found.residual * root
-        self.inverse = np.linalg.inv(j.T @ j + np.diag(found.unknowns.prior(found.z)[2]))
-        self.raw = found.residual
-        self.variables = _variables(plant, data, out)
-        self.zero = readings_of(plant, data, out)
-        self.sizes = {
-            "force": plant.parameters.mass * float(np.std(np.gradient(out[:, layout.OUT_V]))) * data.rate,
-            "voltage": float(np.std(data.commands)) or 1.0,
-            "current reading": float(np.std(out[:, layout.OUT_I1])) or 1.0,
-            "position reading": float(np.std(out[:, layout.OUT_X])) or 1.0,
+    @cached_property
+    def scales(self) -> dict[str, float]:
+        """Of each equation, the usual size of its terms."""
+        velocity = self.out[:, layout.OUT_V]
+        return {
+            "force": self.plant.parameters.mass * float(np.std(np.gradient(velocity))) * self.run.rate,
+            "voltage": float(np.std(self.run.commands)) or 1.0,
+            "current reading": float(np.std(self.out[:, layout.OUT_I1])) or 1.0,
+            "position reading": float(np.std(self.out[:, layout.OUT_X])) or 1.0,
         }
 
-    def judged(self, equation: str, name: str) -> Dependence:
-        z = self.variables[name]  # (n_sample,) or (n_sample, 2), one a side
-        basis, at = _basis(z)
+
+def _tried(trajectory: _Trajectory) -> Mapping[str, list[str]]:
+    """Equation to the variables that are tried in it."""
+    electrical = ("current", "flux", "voltage", "command")
+    plant = trajectory.plant.parameters
+    motion = [name for name in trajectory.variables if not name.startswith(electrical)]
+    sides = [name for name in trajectory.variables if name not in motion and name != "current product"]
+    tried = {"force": [*motion, *(["current product", *sides] if plant.sides else [])]}
+    if plant.drive != FORCE_DRIVE:
+        tried["voltage"] = [*sides, "velocity", "time"]
+        tried["current reading"] = [*sides, "time"]
+    memories = [name for name in motion if name.startswith("memory")]
+    tried["position reading"] = ["position", "velocity", "time", *memories]
+    return tried
+
+
+class _FreeFunctions:
+    """Free functions of one variable beside all that a fit does not know."""
+
+    def __init__(self, likelihood: Likelihood, fit: Fit, trajectory: _Trajectory) -> None:
+        self.likelihood, self.trajectory = likelihood, trajectory
+        self.root = fit.weights.root
+        self.jacobian = fit.jacobian * self.root[:, None]
+        self.residual = fit.residual * self.root
+        prior = np.diag(fit.unknowns.prior(fit.z)[2])
+        self.inverse = np.linalg.inv(self.jacobian.T @ self.jacobian + prior)
+        self.channels = likelihood.problem.channels(0)
+        self.zero = readings_of(trajectory.plant, trajectory.run, trajectory.out)
+
+    def dependence(self, equation: str, variable: str) -> Dependence:
+        """The most probable function of a variable in an equation."""
+        basis, (points, shapes) = _basis(self.trajectory.variables[variable])
         columns = np.column_stack([self._response(equation, part) for part in basis]) * self.root[:, None]
-        mixed = columns.T @ self.j
+        mixed = columns.T @ self.jacobian
         g = columns.T @ columns - mixed @ self.inverse @ mixed.T
-        b = -columns.T @ self.residual + mixed @ self.inverse @ (self.j.T @ self.residual)
-        gains = [_evidence(g, b, s) for s in SIZES]
+        b = -columns.T @ self.residual + mixed @ self.inverse @ (self.jacobian.T @ self.residual)
+        gains = [_evidence(g, b, size) for size in SIZES]
         size = float(SIZES[int(np.argmax(gains))])
         matrix = g + np.eye(len(b)) / size**2
-        a = np.linalg.solve(matrix, b)
-        scale = self.sizes[equation]
-        spread = np.linalg.inv(matrix)
-        points, shapes = at
-        shift = self.inverse @ (mixed.T @ a)
-        after = self.residual + columns @ a - self.j @ shift
-        excess = float(np.sum((self.residual / self.root) ** 2) - self.raw.size)
-        left = float(np.sum((after / self.root) ** 2) - self.raw.size)
-        band = scale * np.sqrt(np.einsum("nk,kl,nl->n", shapes, spread, shapes))
+        coefficients = np.linalg.solve(matrix, b)
+        after = self.residual + columns @ coefficients - self.jacobian @ (self.inverse @ (mixed.T @ coefficients))
+        excess, left = self._excess_power(self.residual), self._excess_power(after)
         share = 1 - left / excess if excess > 0 else 0.0
-        return Dependence(equation, name, float(max(gains)), share, points, scale * (shapes @ a), band)
+        scale = self.trajectory.scales[equation]
+        band = scale * np.sqrt(np.einsum("nk,kl,nl->n", shapes, np.linalg.inv(matrix), shapes))
+        return Dependence(equation, variable, float(max(gains)), share, points, scale * (shapes @ coefficients), band)
+
+    def _excess_power(self, weighted: Array) -> float:
+        return float(np.sum((weighted / self.root) ** 2) - weighted.size)
 
     def _response(self, equation: str, part: Array) -> Array:
         """Numbers (n_number of all runs,) by which the residual changes with a coefficient of one scale."""
-        small = SMALL * self.sizes[equation]
-        zeros = [np.zeros_like(self.data.measured[name]) for name in self.channels]
+        trajectory, scale = self.trajectory, self.trajectory.scales[equation]
+        run = trajectory.run
+        zeros = [np.zeros_like(run.measured[name]) for name in self.channels]
         if equation.endswith("reading"):
-            first = equation.split()[0]
             for k, name in enumerate(self.channels):
-                if name.startswith(first):
-                    own = part if part.ndim == 1 else part[:, Channel.of(name).index]
-                    zeros[k] = -own * self.sizes[equation]
+                channel = Channel.of(name)
+                if channel.quantity == equation.split()[0]:
+                    zeros[k] = -scale * (part if part.ndim == 1 else part[:, channel.index])
             return self._numbers(zeros)
+        small = SMALL * scale
         if equation == "force":
-            push = small * (part if part.ndim == 1 else part[:, 0] - part[:, -1])
-            out = _simulated(self.plant, self.data, self.start, push=push)
+            out = trajectory.simulated(push=small * (part if part.ndim == 1 else part[:, 0] - part[:, -1]))
         else:
-            more = np.zeros_like(self.data.commands)
-            sides = self.plant.parameters.sides
+            sides = trajectory.plant.parameters.sides
+            more = np.zeros_like(run.commands)
             more[:, :sides] = small * (part[:, None] if part.ndim == 1 else part[:, :sides])
-            out = _simulated(self.plant, self.data, self.start, more=more)
+            out = trajectory.simulated(more=more)
         if not np.isfinite(out).all():
             return self._numbers(zeros)
-        moved = readings_of(self.plant, self.data, out)
+        moved = readings_of(trajectory.plant, run, out)
         return self._numbers([(self.zero[name] - moved[name]) * (SMALL**-1) for name in self.channels])
 
     def _numbers(self, series: Sequence[Array]) -> Array:
-        found = [[np.zeros((1, len(r.commands))) for _ in self.likelihood.problem.channels(k)]
-                 for k, r in enumerate(self.likelihood.problem.runs)]  # fmt: skip
-        found[0] = [values[None] for values in series]
-        return self.likelihood.transformed(found)[0]
+        """Changes of the first run's channels as the likelihood orders and scales them, all other runs' nothing."""
+        problem = self.likelihood.problem
+        runs = []
+        for k, run in enumerate(problem.runs):
+            runs.append([np.zeros((1, len(run.commands))) for _ in problem.channels(k)])
+        runs[0] = [values[None] for values in series]
+        return self.likelihood.transformed(runs)[0]
 
 
 def _variables(plant: KernelPlant, data: RunData, out: Array) -> dict[str, Array]:

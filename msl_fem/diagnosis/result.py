@@ -1,12 +1,17 @@
-"""What a diagnosis returns, and its JSON."""
+"""What a diagnosis returns, its JSON, and what it rests on."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from msl_fem.diagnosis.evidence import Evidence
-from msl_fem.diagnosis.extension import Estimate, unit_of
-from msl_fem.diagnosis.held_out import Followed
+import numpy as np
+
+from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.fit import Estimate, unit_of
+from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, Size
+from msl_fem.diagnosis.outside import Dependence
+from msl_fem.diagnosis.search import SearchStage
+from msl_fem.files.numbers import json_value
 from msl_fem.prediction import ModelHypothesis
 
 Verdict = Literal["nothing-found", "named", "unexplained", "named-and-unexplained", "undecidable"]
@@ -34,18 +39,22 @@ class Cause:
     next_experiment: str = ""
 
     def fields(self) -> dict[str, Any]:
+        """The cause in diagnosis.json."""
+        parameters = {}
+        for name, estimate in self.parameters.items():
+            interval = [estimate.low, estimate.high]
+            parameters[name] = {"value": estimate.value, "unit": unit_of(self.effect, name), "ci95": interval}
         return {
             "effect": self.effect,
-            "parameters": {
-                name: {"value": e.value, "unit": unit_of(self.effect, name), "ci95": [e.low, e.high]}
-                for name, e in self.parameters.items()
-            },
+            "parameters": parameters,
             "evidence": {
-                "statistic": self.statistic, "p_value": self.p_value, "held_out_log_likelihood_gain": self.gain,
+                "statistic": self.statistic,
+                "p_value": self.p_value,
+                "held_out_log_likelihood_gain": self.gain,
             },
             "indistinguishable_from": list(self.rivals),
             "next_experiment": self.next_experiment,
-        }  # fmt: skip
+        }
 
 
 @dataclass(frozen=True)
@@ -70,18 +79,86 @@ class Unexplained:
 class Accuracy:
     """The three models on one channel of one run."""
 
-    nominal: Followed
-    refitted: Followed
-    extended: Followed
+    nominal: PredictionError
+    refitted: PredictionError
+    extended: PredictionError
     prediction: str = "free-run"
 
     def fields(self) -> dict[str, Any]:
-        n = self.nominal
+        """The entry in diagnosis.json."""
         return {
-            "run": n.run, "role": n.role, "channel": n.channel, "prediction": self.prediction,
-            "nominal_nrmse": _number(n.nrmse), "refitted_nrmse": _number(self.refitted.nrmse),
-            "extended_nrmse": _number(self.extended.nrmse), "noise_floor_nrmse": n.floor / n.deviation,
-        }  # fmt: skip
+            "run": self.nominal.run,
+            "role": self.nominal.role,
+            "channel": self.nominal.channel,
+            "prediction": self.prediction,
+            "nominal_nrmse": json_value(self.nominal.nrmse),
+            "refitted_nrmse": json_value(self.refitted.nrmse),
+            "extended_nrmse": json_value(self.extended.nrmse),
+            "noise_floor_nrmse": self.nominal.floor / self.nominal.deviation,
+        }
+
+
+@dataclass(frozen=True)
+class TriedVariant:
+    """A way in which an effect was tried.
+
+    Attributes
+    ----------
+    stage : 1 for the first effect, 2 for a second beside it, and so on
+    linear : nats of log evidence in the linear model around the fit without it
+    refitted : nats of log evidence with everything fitted anew; None where the linear figure was too low for that
+    taken : it is named
+    """
+
+    stage: int
+    effect: str
+    variant: str
+    linear: float
+    refitted: float | None
+    taken: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelResiduals:
+    """Measured less modelled of a channel of a run, SI units, (n_sample,) each; nan where a model ended early.
+
+    Attributes
+    ----------
+    sigma : of the noise
+    """
+
+    run: str
+    role: str
+    channel: str
+    rate: float
+    sigma: float
+    nominal: Array
+    refitted: Array
+    extended: Array
+
+    @property
+    def time(self) -> Array:
+        return np.arange(self.nominal.size) / self.rate
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What a diagnosis rests on, for those who want to look.
+
+    Attributes
+    ----------
+    tried : all effects of all stages, the best of each stage first
+    residuals : every run and channel; none of a static map
+    variables : run to name (with unit) to (n_sample,): what a residual may depend on
+    sizes : of the named effects
+    dependences : of what is left on each variable in each equation, the most probable first
+    """
+
+    tried: tuple[TriedVariant, ...]
+    residuals: tuple[ChannelResiduals, ...]
+    variables: Mapping[str, Mapping[str, Array]]
+    sizes: tuple[Size, ...]
+    dependences: tuple[Dependence, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +196,14 @@ class Diagnosis:
 
     def fields(self) -> dict[str, Any]:
         """The content of diagnosis.json."""
+        parameters = {}
+        for name, estimate in self.parameters.items():
+            parameters[name] = {
+                "believed": estimate.believed,
+                "fitted": estimate.value,
+                "ci95": [estimate.low, estimate.high],
+                "tolerances": estimate.tolerances,
+            }
         return {
             "schema": 1,
             "verdict": self.verdict,
@@ -130,23 +215,40 @@ class Diagnosis:
                 "equation": self.unexplained.equation,
                 "next_experiment": self.unexplained.next_experiment,
             },
-            "accuracy": [one.fields() for one in self.accuracy],
-            "parameters": {
-                name: {"believed": e.believed, "fitted": e.value, "ci95": [e.low, e.high], "tolerances": e.tolerances}
-                for name, e in self.parameters.items()
-            },
-            "threshold": _number(self.threshold),
+            "accuracy": [entry.fields() for entry in self.accuracy],
+            "parameters": parameters,
+            "threshold": json_value(self.threshold),
             "false_alarms": None if self.false_alarms is None else list(self.false_alarms),
             "notes": list(self.notes),
         }
 
 
-def accuracy(
-    nominal: Sequence[Followed], refitted: Sequence[Followed], extended: Sequence[Followed]
-) -> tuple[Accuracy, ...]:
-    return tuple(Accuracy(*three) for three in zip(nominal, refitted, extended, strict=True))
+def channel_residuals(
+    nominal: Sequence[ErrorSignal], refitted: Sequence[ErrorSignal], extended: Sequence[ErrorSignal]
+) -> tuple[ChannelResiduals, ...]:
+    """The signals of three models side by side; rows of a map, which have no rate, are left out."""
+    residuals = []
+    for first, second, third in zip(nominal, refitted, extended, strict=True):
+        if np.isfinite(first.rate):
+            values = (first.values, second.values, third.values)
+            residuals.append(ChannelResiduals(first.run, first.role, first.channel, first.rate, first.floor, *values))
+    return tuple(residuals)
 
 
-def _number(value: float) -> float | None:
-    """For JSON, which has no nan or infinity."""
-    return value if abs(value) < float("inf") else None
+def tried_variants(stages: Sequence[SearchStage], taken: int) -> tuple[TriedVariant, ...]:
+    """All variants of all stages; those that were refitted come first, by their gain, then by the linear figure."""
+    tried: list[TriedVariant] = []
+    for n, stage in enumerate(stages):
+        refits = {refit.variant.name: refit.gain for refit in stage.refits}
+        best = stage.best.variant.name if stage.best is not None and n < taken else ""
+        of_stage = []
+        for score in stage.scores:
+            name = score.variant.name
+            refitted = refits.get(name)
+            of_stage.append(TriedVariant(n + 1, score.variant.effect, name, score.gain, refitted, name == best))
+        tried += sorted(of_stage, key=_order)
+    return tuple(tried)
+
+
+def _order(tried: TriedVariant) -> tuple[bool, float]:
+    return tried.refitted is None, -(tried.linear if tried.refitted is None else tried.refitted)

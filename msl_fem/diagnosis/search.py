@@ -1,7 +1,17 @@
 """The search for causes: from a converged fit without, score all, refit the best, keep the best of these, go on.
 
 Forward with all parameters fitted anew at each stage; a stage's candidates are chosen by the linear evidence of all
-variants of all effects (`scoring`) and judged by the evidence of their own converged fits.
+variants of all effects and judged by the evidence of their own converged fits.
+
+The linear evidence is exact for the linear model around a fit. At a most probable point without an effect, with the
+weighted residual r, the columns J of what is unknown there and C of the effect's amounts, the likelihood over the
+amounts a is that of a linear model with
+
+    G = C'C - C'J (J'J + I)^-1 J'C,   b = -C'r + C'J (J'J + I)^-1 (J'r + z),
+
+and with Cauchy's prior the log evidence grows by b'a - a'Ga/2 - sum log(1 + a^2) - log det(G + 2)/2 at the best a. G
+tells how far apart an effect and all that is unknown are: the noncentrality of an effect of given size is a'Ga (a case
+of Kay, Statistical Signal Processing II, 1998, ch. 6).
 """
 
 from collections.abc import Callable, Sequence
@@ -11,22 +21,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.diagnosis.fit import ENOUGH, Fit, FitPlan, Likelihood, fit
-from msl_fem.diagnosis.scoring import Score, scores
-from msl_fem.diagnosis.simulator import Points
-from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.fit import FitPlan, fit
+from msl_fem.diagnosis.likelihood import CONVERGED, Fit, Likelihood, Points
+from msl_fem.diagnosis.unknowns import CAUCHY, STEP_OF_AMOUNTS, EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
 from msl_fem.errors import ComputationError
 
-Array = NDArray[np.float64]
-Progress = Callable[[str], None]
-MOST_TRIED, FEWEST_TRIED = 7, 3
+Shapes = tuple[EffectUnknown, ...]
+_AT_ONCE = 64
+MOST_TRIED = 7
+FEWEST_TRIED = 3
 SHARE = 0.03  # of the best score: effects below are not refitted
 VARIANTS = 2  # of an effect that are refitted
-LOST = 0.25  # of the gain that the best refit has made: a refit below it after its first steps is out of the race
-FIRST_STEPS = 6
+ELIMINATED = 0.25  # of the gain that the best refit has made: a refit below it after screening goes no further
+SCREENING_STEPS = 6
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to the linear model's best at which a refit may begin
-RACE_STEPS, LAST_STEPS = 25, 20
+REFINEMENT_STEPS = 25
+LAST_STEPS = 20
 NEAR = 15.0  # nats behind the best within which refits are converged
 FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the best
 ROUGH = 5.0  # nats that a fit may still gain when it is scored, where the best score is far above
@@ -34,6 +46,102 @@ FAR_ABOVE = 40.0
 STRAINED = 4.0  # tolerances by which a believed parameter of a fit has moved, where something else bends it
 COMPENSATED = ("gap_offset", "early_saturation", "fringing", "armature_tilt")
 """Effects that gap, scale and table make up for nearly, so that at a strained fit a linear score misses them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """A variant at a converged fit.
+
+    Attributes
+    ----------
+    gain : nats of log evidence, of the linear model
+    guess : (n_amount,) z at which it is highest; `shift` how far all that was unknown before moves then
+    own : (n_amount, n_amount) what the record tells of the amounts alone, when all else is unknown
+    signature : (n_number, n_amount) weighted columns
+    """
+
+    variant: Variant
+    gain: float
+    guess: Array
+    shift: Array
+    own: Array
+    signature: Array
+
+
+class Background:
+    """What is unknown at a fit, and the columns of many amounts, multiplied with one another once."""
+
+    def __init__(self, found: Fit, raw: Array) -> None:
+        """`raw` are columns (n_number, n_amount) of the residual, not weighted."""
+        root = found.weights.root
+        j, self.c = found.jacobian * root[:, None], raw * root[:, None]
+        residual = found.residual * root
+        inverse = np.linalg.inv(j.T @ j + np.diag(found.unknowns.prior(found.z)[2]))
+        mixed = self.c.T @ j
+        gradient = j.T @ residual + found.unknowns.prior(found.z)[1]
+        self.own = self.c.T @ self.c - mixed @ inverse @ mixed.T
+        self.slope = -self.c.T @ residual + mixed @ inverse @ gradient
+        self.still, self.moved = -inverse @ gradient, -inverse @ mixed.T
+
+    def score(self, variant: Variant, places: Sequence[int]) -> Score:
+        """The score of a variant whose amounts stand at these places."""
+        at = np.array(places)
+        own, b = self.own[np.ix_(at, at)], self.slope[at]
+        one_sided = np.array([one.one_sided for one in variant.amounts])
+        guess, best = np.zeros(at.size), 0.0
+        for weak in (2.0, 0.02):  # near nothing, and far out, where the prior is all but flat
+            a = _held(own + weak * np.eye(at.size), b, one_sided)
+            made = float(b @ a - a @ own @ a / 2 - np.log1p(a**2).sum())
+            guess, best = (a, made) if made > best else (guess, best)
+        gain = best + CAUCHY * at.size - float(np.linalg.slogdet(own + 2 * np.eye(at.size))[1]) / 2
+        return Score(variant, gain, guess, self.still + self.moved[:, at] @ guess, own, self.c[:, at])
+
+
+def _held(g: Array, b: Array, one_sided: NDArray[np.bool_]) -> Array:
+    """The best point with one-sided numbers at least 0, by leaving out those below."""
+    kept = np.ones(b.size, dtype=bool)
+    guess = np.zeros(b.size)
+    for _ in range(b.size):
+        guess = np.zeros(b.size)
+        if not kept.any():
+            return guess
+        guess[kept] = np.linalg.solve(g[np.ix_(kept, kept)], b[kept])
+        bad = one_sided & (guess < 0)
+        if not bad.any():
+            break
+        kept &= ~bad
+    return guess
+
+
+def scores(likelihood: Likelihood, found: Fit, tried: Sequence[Variant]) -> list[Score]:
+    """All variants at a fit that can be seen there, best first."""
+    if not tried:
+        return []
+    amounts = list(dict.fromkeys((amount, variant.shapes) for variant in tried for amount in variant.amounts))
+    starts = range(0, len(amounts), _AT_ONCE)
+    raw = np.concatenate([_signatures(likelihood, found, amounts[at : at + _AT_ONCE]) for at in starts], axis=1)
+    seen = np.isfinite(raw).all(axis=0) & (np.abs(np.nan_to_num(raw)).max(axis=0) > 0)
+    background = Background(found, np.where(seen, raw, 0.0))
+    place = {amount: n for n, amount in enumerate(amounts)}
+    made = []
+    for variant in tried:
+        places = [place[one, variant.shapes] for one in variant.amounts]
+        if seen[places].all():
+            made.append(background.score(variant, places))
+    return sorted(made, key=lambda s: -s.gain)
+
+
+def _signatures(likelihood: Likelihood, found: Fit, amounts: Sequence[tuple[EffectUnknown, Shapes]]) -> Array:
+    """(n_number, n_amount) slopes of the residual over each amount at nothing, around its shapes; nan where there is
+    none. With all amounts at nothing shapes change nothing."""
+    effects = np.tile(found.unknowns.effect_vector(found.z), (len(amounts), 1))
+    for row, (one, shapes) in zip(effects, amounts, strict=True):
+        for shape in shapes:
+            row[shape.place] = shape.centre
+        row[one.place] = one.value(np.array(STEP_OF_AMOUNTS))
+    rows = np.tile(found.z, (len(amounts), 1))
+    moved = likelihood.spectra(Points(found.unknowns, rows, effects))
+    return np.asarray(((moved - found.residual) / STEP_OF_AMOUNTS).T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +154,7 @@ class Refit:
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class SearchStage:
     """A fit, and what one effect more would bring: all scores, and the refits, best first."""
 
     base: Fit
@@ -67,18 +175,22 @@ class Stage:
         return list(found.values())
 
 
-def stage(likelihood: Likelihood, start: Fit, tried: Sequence[Variant], *, tell: Progress, threads: int = 1) -> Stage:
+def search_stage(
+    likelihood: Likelihood, start: Fit, tried: Sequence[Variant], *, tell: Callable[[str], None], threads: int = 1
+) -> SearchStage:
     """What one of these variants more would bring to a fit, which is converged as far as that asks for."""
     tell("all effects")
     base, every = start, scores(likelihood, start, tried)
     if not base.converged and not (every and every[0].gain > FAR_ABOVE + 10 * base.predicted):
-        base = fit(likelihood, base.unknowns, base.z, nuisance_columns=base.jacobian[:, : base.unknowns.n_nuisance])
+        columns = base.jacobian[:, : base.unknowns.n_nuisance]
+        base = fit(likelihood, base.unknowns, base.z, nuisance_columns=columns)
         every = scores(likelihood, base, tried)
     candidates = ranked(every)
     if strained(base):
-        tried_too = {score.variant.effect for score in candidates}
-        candidates += [s for s in _best_of(every).values() if s.variant.effect in set(COMPENSATED) - tried_too]
-    return Stage(base, tuple(every), tuple(_refits(likelihood, base, candidates, tell=tell, threads=threads)))
+        missing = set(COMPENSATED) - {score.variant.effect for score in candidates}
+        candidates += [score for score in _best_of(every).values() if score.variant.effect in missing]
+    refits = _Refinement(likelihood, base, tell).best_first(candidates, threads=threads)
+    return SearchStage(base, tuple(every), tuple(refits))
 
 
 def strained(found: Fit) -> bool:
@@ -95,7 +207,7 @@ def _best_of(every: Sequence[Score]) -> dict[str, Score]:
     return found
 
 
-def statistics_of(stages: Sequence[Stage]) -> tuple[tuple[tuple[str, float], ...], ...]:
+def statistics_of(stages: Sequence[SearchStage]) -> tuple[tuple[tuple[str, float], ...], ...]:
     """Of each stage the best effects with their gains."""
     return tuple(tuple((r.variant.effect, r.gain) for r in one.refits[:3]) for one in stages)
 
@@ -114,68 +226,82 @@ def started(likelihood: Likelihood, base: Fit, score: Score) -> Array:
     unknowns = extended(base.unknowns, score.variant)
     points = np.array([unknowns.allowed(row) for row in rows])
     residuals = likelihood.spectra(Points.of(unknowns, points))
-    costs = [
-        likelihood.weights(r).nats + unknowns.prior(z)[0] if np.isfinite(r).all() else np.inf
-        for r, z in zip(residuals, points, strict=True)
-    ]
+    costs = np.full(len(points), np.inf)
+    for n, residual in enumerate(residuals):
+        if np.isfinite(residual).all():
+            costs[n] = likelihood.weights(residual).nats + unknowns.prior(points[n])[0]
     return np.asarray(points[int(np.argmin(costs))])
 
 
 def ranked(every: Sequence[Score]) -> list[Score]:
     """The variants worth a refit, at most `VARIANTS` of an effect, best first."""
     found: list[Score] = []
+    chosen: dict[str, list[Score]] = {}
     best = every[0].gain if every else 0.0
-    for one in every:
-        same = sum(s.variant.effect == one.variant.effect for s in found)
-        effects = {s.variant.effect for s in found}
-        if same >= VARIANTS or (one.variant.effect not in effects and len(effects) >= MOST_TRIED):
+    for score in every:
+        of_effect = chosen.get(score.variant.effect, [])
+        if len(of_effect) >= VARIANTS or (not of_effect and len(chosen) >= MOST_TRIED):
             continue
-        if one.gain < SHARE * best and len(effects) >= FEWEST_TRIED:
+        if score.gain < SHARE * best and len(chosen) >= FEWEST_TRIED:
             continue
-        if same and one.gain < 0.5 * next(s.gain for s in found if s.variant.effect == one.variant.effect):
+        if of_effect and score.gain < 0.5 * of_effect[0].gain:
             continue
-        found.append(one)
+        chosen.setdefault(score.variant.effect, []).append(score)
+        found.append(score)
     return found
 
 
-def _refits(
-    likelihood: Likelihood, base: Fit, candidates: Sequence[Score], *, tell: Progress, threads: int
-) -> list[Refit]:
-    """The candidates refitted in a race, best first: heats for all, those that lag far behind are given up, and those
-    in front go on until nothing more is to be gained. The outcome does not depend on the number of threads."""
+class _Refinement:
+    """The refits of candidates beside a fit: all are screened by a few steps, those that lag far behind are eliminated,
+    and those in front go on until nothing more is to be gained. The outcome does not depend on the number of threads.
+    """
 
-    n = base.unknowns.n_nuisance
+    def __init__(self, likelihood: Likelihood, base: Fit, tell: Callable[[str], None]) -> None:
+        self.likelihood, self.base, self.tell = likelihood, base, tell
+        self.nuisance_columns = base.jacobian[:, : base.unknowns.n_nuisance]
 
-    def refitted(variant: Variant, z: Array, plan: FitPlan, columns: Array | None = None) -> Refit:
-        unknowns = extended(base.unknowns, variant)
-        found = fit(likelihood, unknowns, z, plan=plan, nuisance_columns=columns)
-        return Refit(variant, found, found.log_evidence - base.log_evidence)
+    def best_first(self, candidates: Sequence[Score], *, threads: int) -> list[Refit]:
+        """All refits by their gain."""
+        with ThreadPoolExecutor(threads) as pool:
+            screened = [refit for refit in pool.map(self.screened, candidates) if refit is not None]
+            best = max((refit.gain for refit in screened), default=0.0)
+            eliminated = [refit for refit in screened if best > 0 and refit.gain < ELIMINATED * best]
+            kept = [refit for refit in screened if refit not in eliminated]
+            refined = sorted(pool.map(self.refined, kept), key=_by_gain)
+            ends = []
+            for place, refit in enumerate(refined):
+                near = refit.gain > 0 and refit.gain + refit.fit.predicted > refined[0].gain - NEAR
+                enough = max(CONVERGED, FRACTION * refit.gain if place else 0.0)
+                ends.append(enough if near else np.inf)
+            converged = list(pool.map(self.converged, refined, ends))
+        return sorted([*converged, *eliminated], key=_by_gain)
 
-    def heat(score: Score) -> Refit | None:
-        tell(score.variant.name)
-        plan = FitPlan(most_steps=FIRST_STEPS, renew=False)
+    def screened(self, score: Score) -> Refit | None:
+        """A candidate after its first steps; None where it cannot be simulated."""
+        self.tell(score.variant.name)
+        plan = FitPlan(most_steps=SCREENING_STEPS, renew=False)
         try:
-            return refitted(score.variant, started(likelihood, base, score), plan, base.jacobian[:, :n])
+            return self._refit(score.variant, started(self.likelihood, self.base, score), plan, self.nuisance_columns)
         except ComputationError:
             return None
 
-    def race(one: Refit) -> Refit:
-        plan = FitPlan(most_steps=RACE_STEPS, enough=max(ROUGH, FRACTION * max(one.gain, 0.0)))
-        return refitted(one.variant, one.fit.z, plan)
+    def refined(self, refit: Refit) -> Refit:
+        """A candidate that was kept, with all columns of its own."""
+        enough = max(ROUGH, FRACTION * max(refit.gain, 0.0))
+        return self._refit(refit.variant, refit.fit.z, FitPlan(most_steps=REFINEMENT_STEPS, enough=enough), None)
 
-    def end(one: Refit, enough: float) -> Refit:
-        if one.fit.predicted <= enough:
-            return one
-        plan = FitPlan(most_steps=LAST_STEPS, enough=enough)
-        return refitted(one.variant, one.fit.z, plan, one.fit.jacobian[:, :n])
+    def converged(self, refit: Refit, enough: float) -> Refit:
+        """A candidate of which a further step would gain no more than enough."""
+        if refit.fit.predicted <= enough:
+            return refit
+        columns = refit.fit.jacobian[:, : self.base.unknowns.n_nuisance]
+        return self._refit(refit.variant, refit.fit.z, FitPlan(most_steps=LAST_STEPS, enough=enough), columns)
 
-    with ThreadPoolExecutor(threads) as pool:
-        heats = [one for one in pool.map(heat, candidates) if one is not None]
-        best = max((one.gain for one in heats), default=0.0)
-        lost = [one for one in heats if best > 0 and one.gain < LOST * best]
-        found = sorted(pool.map(race, [one for one in heats if one not in lost]), key=lambda one: -one.gain)
-        level = [one.gain > 0 and one.gain + one.fit.predicted > found[0].gain - NEAR for one in found]
-        enough = [max(ENOUGH, FRACTION * one.gain if place else 0.0) for place, one in enumerate(found)]
-        ends = [limit if near else np.inf for near, limit in zip(level, enough, strict=True)]
-        found = list(pool.map(end, found, ends))
-    return sorted([*found, *lost], key=lambda one: -one.gain)
+    def _refit(self, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
+        unknowns = extended(self.base.unknowns, variant)
+        found = fit(self.likelihood, unknowns, z, plan=plan, nuisance_columns=columns)
+        return Refit(variant, found, found.log_evidence - self.base.log_evidence)
+
+
+def _by_gain(refit: Refit) -> float:
+    return -refit.gain

@@ -8,19 +8,28 @@ linear models (Kay, Fundamentals of Statistical Signal Processing II, 1998, ch. 
 order too, by which alone a delay and a lag differ.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from msl_fem.diagnosis.fit import Fit, Likelihood, columns
-from msl_fem.diagnosis.simulator import Points
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.gauss_newton import HALVING, DescentSettings, descend, halved
+from msl_fem.diagnosis.fit import jacobian_columns
+from msl_fem.diagnosis.likelihood import Fit, FitProblem, Likelihood, Points
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
+from msl_fem.plant import static_map
+from msl_fem.plant.effects import PARAMETER_INDEX, from_vector
 
-Array = NDArray[np.float64]
-STEPS, HALVINGS = 6, 4
+STEPS = 6
 SETTLED = 0.01  # share of d^2 that a further step must promise to be taken
+
+
+Measured = Callable[[dict[str, float], Array, Array], float]
+"""Of factors of believed parameters, numbers of the table's error and all parameters of effects."""
+GAUGE_BLOCK, SCALES, OHMMETER, LOAD_CELL = 2e-4, 2e-4, 1e-3, 2e-3
+"""One sigma of each, relative: a block of 1 mm read to 0.2 um; workshop scales; a bench meter with four wires; a load
+cell and a gap set by shims."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +52,10 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Measure:
-    """A number that is measured beside a run: its value for factors of believed parameters, numbers of the table's
-    error and all parameters of effects, and one sigma of the measurement."""
+    """A number that is measured beside a run: its value, and one sigma of the measurement."""
 
     name: str
-    value: Callable[[dict[str, float], Array, Array], float]
+    value: Measured
     sigma: float
 
 
@@ -65,91 +73,142 @@ class PlannedRecord:
         self.likelihood, self.plain, self.weight = likelihood, plain, weight
         nothing = np.zeros(plain.size)
         self.base = likelihood.spectra(Points.of(plain, nothing[None]))[0]
-        self.nuisance = columns(likelihood, plain, nothing, np.arange(plain.size), self.base)
+        self.nuisance = jacobian_columns(likelihood, plain, nothing, np.arange(plain.size), self.base)
 
     def distance(self, truth: Hypothesis, other: Hypothesis, measures: tuple[Measure, ...] = ()) -> float:
         """d^2; nan where the model does not bear the truth."""
-        return _Fitted(self, truth, other, measures).least()
+        return _Separation(self, truth, other, measures).least()
 
 
-class _Fitted:
+@dataclass(frozen=True, eq=False)
+class _SeparationPoint:
+    """The other explanation at some unknowns; d^2 is its objective."""
+
+    z: Array
+    spectrum: Array
+    measured: Array
+    objective: float
+
+
+class _SeparationModel:
+    """d^2 near a point, the readings linear."""
+
+    stale = False
+
+    def __init__(self, gram: Array, slope: Array) -> None:
+        scale = 1 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        scaled = gram * scale[:, None] * scale + 1e-12 * np.eye(slope.size)
+        self._move = -scale * np.linalg.solve(scaled, scale * slope)
+        self.promised = float(-slope @ self._move)
+
+    def step(self, damping: float) -> tuple[Array, float]:
+        return halved(self._move, damping), self.promised
+
+
+class _Separation:
     """The other explanation fitted to what the truth makes of a planned record."""
 
     def __init__(
         self, plan: PlannedRecord, truth: Hypothesis, other: Hypothesis, measures: tuple[Measure, ...]
     ) -> None:
-        self.plan, self.measures = plan, measures
+        self.plan, self.measures, self.other = plan, measures, other
         p = plan.plain
         true = Unknowns(p.believed, p.n_table, p.starts, truth.effects)
         self.unknowns = Unknowns(p.believed, p.n_table, p.starts, other.effects)
         at = np.concatenate([np.zeros(p.size), truth.z])
         self.target = plan.likelihood.spectra(Points.of(true, at[None]))[0]
         self.aims = self._measured(true, at)
-        self.z = np.concatenate([np.zeros(p.size), other.z])
+
+    def least(self) -> float:
+        """The least d^2, by Gauss-Newton steps that are halved until they lead down."""
+        if not np.isfinite(self.target).all():
+            return float("nan")
+        nothing = np.zeros(self.plan.plain.size)
+        start = self._at(np.concatenate([nothing, self.other.z]))
+        if not np.isfinite(start.objective):
+            start = self._at(np.zeros(self.unknowns.size), self.plan.base)
+        limits = DescentSettings(HALVING, enough=0.0, enough_share=SETTLED, most_steps=STEPS)
+        return descend(self, start, limits).point.objective
+
+    def moved(self, point: _SeparationPoint, move: Array) -> _SeparationPoint:
+        return self._at(self.unknowns.allowed(point.z + move))
+
+    def model(self, point: _SeparationPoint, neighbour: _SeparationModel | None) -> _SeparationModel:
+        effects = np.arange(self.unknowns.n_nuisance, point.z.size)
+        own = jacobian_columns(self.plan.likelihood, self.unknowns, point.z, effects, point.spectrum)
+        root = np.sqrt(self.plan.weight)
+        jacobian = np.concatenate([self.plan.nuisance, own], axis=1) * root
+        left = (point.spectrum - self.target) * root
+        slopes = [self._measured_slope(k, point) for k in range(point.z.size)]
+        rows = np.array(slopes).reshape(point.z.size, -1).T
+        prior = np.ones(point.z.size)
+        prior[self.unknowns.amounts] = 0.0
+        gram = jacobian.T @ jacobian + rows.T @ rows + np.diag(prior)
+        slope = jacobian.T @ left + rows.T @ (point.measured - self.aims) + self._over_prior(point.z)
+        return _SeparationModel(gram, slope)
+
+    def _at(self, z: Array, spectrum: Array | None = None) -> _SeparationPoint:
+        if spectrum is None:
+            spectrum = self.plan.likelihood.spectra(Points.of(self.unknowns, z[None]))[0]
+        if not np.isfinite(spectrum).all():
+            return _SeparationPoint(z, spectrum, self.aims, np.inf)
+        left = spectrum - self.target
+        measured = self._measured(self.unknowns, z)
+        beside, over_prior = measured - self.aims, self._over_prior(z)
+        d2 = self.plan.weight * (left @ left) + beside @ beside + over_prior @ over_prior
+        return _SeparationPoint(z, spectrum, measured, float(d2))
 
     def _measured(self, unknowns: Unknowns, z: Array) -> Array:
         table, effects = z[unknowns.table_rows], unknowns.effect_vector(z)
         return np.array([m.value(unknowns.factors(z), table, effects) / m.sigma for m in self.measures])
 
-    def _spectrum(self, z: Array) -> Array:
-        return self.plan.likelihood.spectra(Points.of(self.unknowns, z[None]))[0]
-
-    def _cost(self, z: Array, spectrum: Array) -> float:
-        left = spectrum - self.target
-        beside = self._measured(self.unknowns, z) - self.aims
-        return float(self.plan.weight * (left @ left) + beside @ beside + self._kept(z) @ self._kept(z))
-
-    def _kept(self, z: Array) -> Array:
+    def _over_prior(self, z: Array) -> Array:
         """z over its prior's width: amounts of effects have none to speak of."""
         kept = z.copy()
         kept[self.unknowns.amounts] = 0.0
         return kept
 
-    def least(self) -> float:
-        """The least cost, by Gauss-Newton steps that are halved until they lead down."""
-        if not np.isfinite(self.target).all():
-            return float("nan")
-        spectrum = self._spectrum(self.z)
-        if not np.isfinite(spectrum).all():
-            self.z[self.unknowns.n_nuisance :] = 0.0
-            spectrum = self.plan.base
-        cost = self._cost(self.z, spectrum)
-        for _ in range(STEPS):
-            move, promised = self._step(spectrum)
-            if promised < SETTLED * cost:
-                break
-            for halving in range(HALVINGS):
-                tried = self.unknowns.allowed(self.z + move / 2**halving)
-                there = self._spectrum(tried)
-                new = self._cost(tried, there) if np.isfinite(there).all() else np.inf
-                if new < cost:
-                    break
-            else:
-                break
-            self.z, spectrum, cost = tried, there, new
-        return cost
-
-    def _step(self, spectrum: Array) -> tuple[Array, float]:
-        n = self.unknowns.n_nuisance
-        own = columns(self.plan.likelihood, self.unknowns, self.z, np.arange(n, self.z.size), spectrum)
-        jacobian = np.concatenate([self.plan.nuisance, own], axis=1) * np.sqrt(self.plan.weight)
-        left = (spectrum - self.target) * np.sqrt(self.plan.weight)
-        beside = self._measured(self.unknowns, self.z)
-        rows = np.array([self._measured_slope(k, beside) for k in range(self.z.size)]).reshape(self.z.size, -1).T
-        prior = np.ones(self.z.size)
-        prior[self.unknowns.amounts] = 0.0
-        gram = jacobian.T @ jacobian + rows.T @ rows + np.diag(prior)
-        slope = jacobian.T @ left + rows.T @ (beside - self.aims) + self._kept(self.z)
-        scale = 1 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        scaled = gram * scale[:, None] * scale + 1e-12 * np.eye(self.z.size)
-        move = -scale * np.linalg.solve(scaled, scale * slope)
-        return move, float(-slope @ move)
-
-    def _measured_slope(self, k: int, here: Array) -> Array:
+    def _measured_slope(self, k: int, here: _SeparationPoint) -> Array:
         """Slopes of the measured numbers over one unknown."""
         if not self.measures:
             return np.empty(0)
         step = float(self.unknowns.steps[k]) * 10
-        moved = self.z.copy()
+        moved = here.z.copy()
         moved[k] += step
-        return (self._measured(self.unknowns, moved) - here) / step
+        return (self._measured(self.unknowns, moved) - here.measured) / step
+
+
+def beside_a_run(problem: FitProblem) -> Iterator[Measure]:
+    """The measurements that a rig allows."""
+    gain = PARAMETER_INDEX["position_sensor_nonlinearity", "gain_error"]
+
+    def reading(factors: dict[str, float], table: Array, effects: Array) -> float:
+        return float(np.log(factors.get("position_gain", 1.0) * (1 + effects[gain])))
+
+    yield Measure("a gauge block under the position sensor", reading, GAUGE_BLOCK)
+    yield Measure("the mover weighed", _log_of("moving_mass"), SCALES)
+    if problem.plant.parameters.sides:
+        yield Measure("the coils' resistance", _log_of("coil_resistance"), OHMMETER)
+        yield Measure("one force at rest, by a load cell", _static_force(problem), LOAD_CELL)
+
+
+def _log_of(believed: str) -> Measured:
+    """The log of a believed parameter over its believed value."""
+    return lambda factors, table, effects: float(np.log(factors.get(believed, 1.0)))
+
+
+def _static_force(problem: FitProblem) -> Measured:
+    """The log of a magnet's force at rest, at the nominal gap and the mean current of the runs."""
+    plant = problem.plant
+    p = plant.parameters
+    run = problem.runs[0]
+    currents = run.measured.get("current_1_A", run.commands[:, 0])
+    current = float(np.sqrt(np.mean(currents**2))) * p.current_share
+
+    def force(factors: dict[str, float], table: Array, effects: Array) -> float:
+        surface = problem.surface(factors.get("magnetic_scale", 1.0), table)
+        gap = p.nominal_gap * factors.get("nominal_gap", 1.0)
+        found, _ = static_map(surface, p, from_vector(effects), gap=[gap], current=[current])
+        return float(np.log(found[0]))
+
+    return force

@@ -2,40 +2,39 @@
 
 Force and flux linkage of one magnet at gaps and currents as they were read, row after row in the order of measurement
 (hysteresis needs it). The rows of all roles are run through, since those held out are part of the history too; those of
-the role `fit` count. The noise of each channel is white, its density estimated with the fit.
+the role `fit` count. The noise of each channel is white, its density estimated with the fit. Beside runs, the rows
+belong to one likelihood with them: table, scale and gap are the same unknowns.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
-from msl_fem.diagnosis.extension import extended_belief
-from msl_fem.diagnosis.fit import Fit, Likelihood
-from msl_fem.diagnosis.held_out import Followed
-from msl_fem.diagnosis.noise_bands import Bands
-from msl_fem.diagnosis.other_records import Kind
-from msl_fem.diagnosis.simulator import Points, Problem
-from msl_fem.diagnosis.table_error import Visited, corrected, table_error
+from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.fit import effects_present
+from msl_fem.diagnosis.kind import ErrorSignal, Kind, without_those_of
+from msl_fem.diagnosis.likelihood import Fit, FitProblem, Likelihood, NoiseBands, NoiseWeights, Points
+from msl_fem.diagnosis.table_error import TableErrorModes, Visited, corrected, table_error
 from msl_fem.diagnosis.unknowns import Unknowns
-from msl_fem.diagnosis.variants import Scene, Variant, variants
+from msl_fem.diagnosis.variants import RecordFeatures, Variant, variants
 from msl_fem.errors import InputError, OutOfTable
-from msl_fem.plant import PlantParameters, Surface, plant_parameters, surface_of
-from msl_fem.plant.effects import CATALOGUE, PARAMETER_INDEX, EffectValues, from_vector, neutral_vector
+from msl_fem.plant import PlantParameters, plant_parameters, surface_of
+from msl_fem.plant.effects import CATALOGUE, PARAMETER_INDEX, from_vector, neutral_vector
 from msl_fem.plant.plant import VOLTAGE_DRIVE
 from msl_fem.plant.static_map import static_map
-from msl_fem.prediction import KernelPlant, ModelHypothesis
+from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData
 from msl_fem.record import Record, StaticMap
 from msl_fem.table.magnetic_table import MagneticTable
 
-Array = NDArray[np.float64]
-EXPERIMENTS = {name: effect.separating for name, effect in CATALOGUE.items() if effect.separating}
-"""What a magnet at rest can show; of the current's sensor, side 1's stands for the map's."""
 FEWEST_ROWS = 12
 FORCE, FLUX = "force_N", "flux_linkage_Wb"
 MARGIN = 4.0  # tolerances of the gap: rows nearer to the table's ends would leave it in a fit
 LEAST_NOISE = 1e-5  # of the largest value, where no noise is stated
+MAP_BESIDE = "the rows of the static map count beside the runs"
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +53,10 @@ class MeasuredMap:
     sigmas: dict[str, float]
     counted: NDArray[np.bool_]
 
+    @property
+    def visited(self) -> Visited:
+        return Visited.by(self.rows.current, self.rows.gap)
+
     def counts(self, name: str) -> NDArray[np.bool_]:
         """(n_row,) rows of a channel that a fit looks at."""
         return np.asarray(self.counted & np.isfinite(self.channels[name]))
@@ -67,13 +70,12 @@ class StaticLikelihood(Likelihood):
 
     def spectra(self, points: Points) -> Array:
         """Measured less modelled of the counted rows over the noise, channel after channel, (n_row, n_number)."""
-        vectors = points.effects if points.effects is not None else [neutral_vector()] * len(points.rows)
-        found = []
-        for z, effects in zip(points.rows, vectors, strict=True):
+        rows = []
+        for z, effects in points.each():
             missed = self.missed(points.unknowns, z, effects)
-            m = self.measured
-            found.append(np.concatenate([missed[n][m.counts(n)] / s for n, s in m.sigmas.items()]))
-        return np.array(found)
+            channels = [missed[n][self.measured.counts(n)] / s for n, s in self.measured.sigmas.items()]
+            rows.append(np.concatenate(channels))
+        return np.array(rows)
 
     def missed(self, unknowns: Unknowns, z: Array, effects: Array) -> dict[str, Array]:
         """Channel to measured less modelled of all rows; nan where the model leaves its table."""
@@ -83,22 +85,18 @@ class StaticLikelihood(Likelihood):
     def _modelled(self, unknowns: Unknowns, z: Array, effects: Array) -> dict[str, Array]:
         p, rows = self.problem.plant.parameters, self.measured.rows
         factors = unknowns.factors(z)
+        surface = self.problem.surface(factors.get("magnetic_scale", 1.0), z[unknowns.table_rows])
         wider = p.nominal_gap * (factors.get("nominal_gap", 1.0) - 1.0)
-        gain, offset = (effects[PARAMETER_INDEX["current_sensor_error", name]] for name in ("gain_1", "offset_1"))
+        gain = effects[PARAMETER_INDEX["current_sensor_error", "gain_1"]]
+        offset = effects[PARAMETER_INDEX["current_sensor_error", "offset_1"]]
+        current = (rows.current - offset) / (1.0 + gain)
         try:
             force, flux = static_map(
-                self._surface(unknowns, z), p, from_vector(effects), gap=rows.gap + wider,
-                current=(rows.current - offset) / (1.0 + gain), sequence=rows.sequence,
-            )  # fmt: skip
+                surface, p, from_vector(effects), gap=rows.gap + wider, current=current, sequence=rows.sequence
+            )
         except (OutOfTable, InputError):
             force = flux = np.full(rows.gap.size, np.nan)
         return {FORCE: force + effects[PARAMETER_INDEX["force_offset", "force"]], FLUX: flux}
-
-    def _surface(self, unknowns: Unknowns, z: Array) -> Surface:
-        surface, error = self.problem.plant.surface, self.problem.table_error
-        scale = unknowns.factors(z).get("magnetic_scale", 1.0)
-        change = 0.0 if error is None else np.tensordot(z[unknowns.table_rows], error.modes, axes=1)
-        return surface._replace(coefficients=scale * (surface.coefficients + change))
 
     @property
     def labels(self) -> NDArray[np.intp]:
@@ -117,11 +115,12 @@ class StaticLikelihood(Likelihood):
     def excess(self, found: Fit) -> dict[str, float]:
         """Channel to RMS residual of the counted rows over the noise, over what chance makes of so few: 1 and two
         standard errors of an RMS of n numbers, 1/sqrt(2 n) each."""
-        labels, made = self.labels, {}
+        excess = {}
         for n, name in enumerate(self.measured.sigmas):
-            own = found.residual[labels == n]
-            made[name] = float(np.sqrt(np.mean(own**2)) / (1.0 + 2.0 / np.sqrt(2.0 * own.size)))
-        return made
+            own = found.residual[self.labels == n]
+            by_chance = 1.0 + 2.0 / np.sqrt(2.0 * own.size)
+            excess[name] = float(np.sqrt(np.mean(own**2)) / by_chance)
+        return excess
 
 
 def why_no_map(static: StaticMap) -> str:
@@ -146,26 +145,33 @@ def measured_map(record: Record, table: MagneticTable) -> MeasuredMap:
     static = record.static
     assert static is not None
     stated = {FORCE: record.noise.force, FLUX: record.noise.flux_linkage}
-    channels = {n: c for n, c in ((FORCE, static.force), (FLUX, static.flux_linkage)) if c is not None}
+    readings = {FORCE: static.force, FLUX: static.flux_linkage}
+    channels = {name: values for name, values in readings.items() if values is not None}
     sigmas = {name: float(stated[name] or _roughness(static, values)) for name, values in channels.items()}
     motion = record.actuator.motion
-    margin = MARGIN * record.tolerance.nominal_gap * float((motion.nominal_gap if motion else None) or 0.0)
+    nominal_gap = float((motion.nominal_gap if motion else None) or 0.0)
+    margin = MARGIN * record.tolerance.nominal_gap * nominal_gap
     inside = (static.gap > table.gap[0] + margin) & (static.gap < table.gap[-1] - margin)
     inside &= np.abs(static.current) < table.current[-1]
     counted = inside & (static.role == "fit")
     if not counted.any():
         raise InputError("no row of static.csv lies inside the table; extend the sweep")
-    return MeasuredMap(_inside(static, inside), {n: c[inside] for n, c in channels.items()}, sigmas, counted[inside])
+    kept = {name: values[inside] for name, values in channels.items()}
+    return MeasuredMap(_inside(static, inside), kept, sigmas, counted[inside])
 
 
 def _inside(static: StaticMap, kept: NDArray[np.bool_]) -> StaticMap:
     return replace(
-        static, gap=static.gap[kept], current=static.current[kept], role=static.role[kept],
+        static,
+        gap=static.gap[kept],
+        current=static.current[kept],
+        role=static.role[kept],
         force=None if static.force is None else static.force[kept],
         flux_linkage=None if static.flux_linkage is None else static.flux_linkage[kept],
         direction=None if static.direction is None else static.direction[kept],
-        sequence=None if static.sequence is None else static.sequence[kept], extra={},
-    )  # fmt: skip
+        sequence=None if static.sequence is None else static.sequence[kept],
+        extra={},
+    )
 
 
 def _roughness(static: StaticMap, values: Array) -> float:
@@ -182,79 +188,89 @@ def static_plant(actuator: Actuator, table: MagneticTable, gap: Array) -> Kernel
     else:
         nominal = actuator.motion.nominal_gap if actuator.motion is not None else None
         p = PlantParameters(
-            mass=1.0, stiffness=0.0, damping=0.0, constant_force=0.0, nominal_gap=float(nominal or np.median(gap)),
-            travel=np.inf, sides=1, magnets=1, current_share=1.0, resistance=1.0, drive=VOLTAGE_DRIVE, bandwidth=np.inf,
-            voltage_limit=np.inf, current_limit=np.inf, sensor_bandwidth=np.inf, end_stop=None,
-        )  # fmt: skip
+            mass=1.0,
+            stiffness=0.0,
+            damping=0.0,
+            constant_force=0.0,
+            nominal_gap=float(nominal or np.median(gap)),
+            travel=np.inf,
+            sides=1,
+            magnets=1,
+            current_share=1.0,
+            resistance=1.0,
+            drive=VOLTAGE_DRIVE,
+            bandwidth=np.inf,
+            voltage_limit=np.inf,
+            current_limit=np.inf,
+            sensor_bandwidth=np.inf,
+            end_stop=None,
+        )
     return KernelPlant(surface_of(table), p._replace(sides=1), None, neutral_vector(), 1.0, 1.0, 1)
 
 
 def prepared_map(record: Record, table: MagneticTable) -> tuple[StaticLikelihood, Unknowns]:
     """The likelihood of a record's static map under a table, and what it does not know without any effect."""
-    measured, t = measured_map(record, table), record.tolerance
-    rows = measured.rows
-    current = np.abs(rows.current)
-    visited = Visited((float(current.min()), float(current.max())), (float(rows.gap.min()), float(rows.gap.max())))
-    error = table_error(table, visited, tolerance=t.table) if t.table else None
-    plant = static_plant(record.actuator, table, rows.gap)
-    problem = Problem(plant, (), (), (), error)
-    bands = Bands(np.array([0.0, 1.0]), (), ())
-    believed = tuple(
-        (name, s) for name, s in (("nominal_gap", t.nominal_gap), ("magnetic_scale", t.magnetic_scale)) if s
-    )
+    measured, tolerance = measured_map(record, table), record.tolerance
+    error = table_error(table, measured.visited, tolerance=tolerance.table) if tolerance.table else None
+    plant = static_plant(record.actuator, table, measured.rows.gap)
+    problem = FitProblem(plant, (), (), (), error)
+    bands = NoiseBands(np.array([0.0, 1.0]), (), ())
+    stated = (("nominal_gap", tolerance.nominal_gap), ("magnetic_scale", tolerance.magnetic_scale))
+    believed = tuple((name, sigma) for name, sigma in stated if sigma)
     unknowns = Unknowns(believed, 0 if error is None else len(error.modes), ())
     return StaticLikelihood(problem, bands, 1, measured), unknowns
 
 
-def candidates_of_map(likelihood: Likelihood, found: Fit) -> list[Variant]:
-    """The variants that a static map can show."""
-    assert isinstance(likelihood, StaticLikelihood)
-    plant = likelihood.problem.plant.parameters
-    scene = Scene(1.0, float(np.std(likelihood.measured.rows.current)), 1.0, 1.0)
-    have = {one.effect for one in found.unknowns.effects}
-    return [v for effect in EXPERIMENTS if effect not in have for v in variants(effect, scene, plant)]
+@dataclass(frozen=True, eq=False)
+class MapAlone(Kind):
+    """The rows of a static map."""
+
+    prediction: ClassVar[str] = "static"
+
+    @property
+    def rows(self) -> StaticLikelihood:
+        assert isinstance(self.likelihood, StaticLikelihood)
+        return self.likelihood
+
+    def candidates(self, fit: Fit) -> list[Variant]:
+        """What a magnet at rest can show; of the current's sensor, side 1's stands for the map's."""
+        plant = self.likelihood.problem.plant.parameters
+        spread = float(np.std(self.rows.measured.rows.current))
+        features = RecordFeatures(position=1.0, current=spread, velocity=1.0, own_frequency=1.0)
+        effects = [name for name, effect in CATALOGUE.items() if effect.separating]
+        tried = [variant for name in effects for variant in variants(name, features, plant)]
+        return without_those_of(fit, tried)
+
+    def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:
+        """By role and channel, of all rows inside the table."""
+        measured, unknowns = self.rows.measured, self.unknowns if fit is None else fit.unknowns
+        z = np.zeros(unknowns.size) if fit is None else fit.z
+        missed = self.rows.missed(unknowns, z, unknowns.effect_vector(z))
+        signals = []
+        for role in ("fit", "held-out"):
+            for name, values in missed.items():
+                readings = measured.channels[name]
+                at = np.flatnonzero((measured.rows.role == role) & np.isfinite(readings))
+                if at.size:
+                    spread = float(readings[at].std()) or float(np.abs(readings[at]).mean())
+                    sigma = measured.sigmas[name]
+                    signals.append(ErrorSignal("static", role, name, values[at], spread, sigma, rate=float("nan")))
+        return signals
+
+    def extend(self, fit: Fit) -> ModelHypothesis:
+        """An actuator without motion or drive stays as it is."""
+        belief, error = self.belief, self.likelihood.problem.table_error
+        if belief.actuator.motion is not None and belief.actuator.drive is not None:
+            return super().extend(fit)
+        table = belief.table
+        if table is not None and error is not None:
+            scale = fit.unknowns.factors(fit.z).get("magnetic_scale", 1.0)
+            table = corrected(table, error, fit.z[fit.unknowns.table_rows], scale=scale)
+        return ModelHypothesis(belief.actuator, table, effects_present(fit.unknowns.effect_vector(fit.z)))
 
 
-def map_followed(likelihood: StaticLikelihood, found: Fit | None) -> list[Followed]:
-    """How well a fit, or the believed table, follows the rows of each role."""
-    measured = likelihood.measured
-    nothing = Unknowns(
-        (), 0 if likelihood.problem.table_error is None else len(likelihood.problem.table_error.modes), ()
-    )
-    unknowns = nothing if found is None else found.unknowns
-    z = np.zeros(unknowns.size) if found is None else found.z
-    missed = likelihood.missed(unknowns, z, unknowns.effect_vector(z))
-    made = []
-    for role in ("fit", "held-out"):
-        for name in missed:
-            at = np.flatnonzero((measured.rows.role == role) & np.isfinite(measured.channels[name]))
-            if not at.size:
-                continue
-            rms = float(np.sqrt(np.mean(missed[name][at] ** 2)))
-            deviation = float(measured.channels[name][at].std()) or float(np.abs(measured.channels[name][at]).mean())
-            made.append(
-                Followed("static", role, name, rms if np.isfinite(rms) else np.inf, rms / deviation,
-                         measured.sigmas[name], at.size, deviation)
-            )  # fmt: skip
-    return made
-
-
-def map_extension(belief: ModelHypothesis, likelihood: StaticLikelihood, found: Fit) -> ModelHypothesis:
-    """The belief with what a static map has told; an actuator without motion or drive stays as it is."""
-    if belief.actuator.motion is not None and belief.actuator.drive is not None:
-        return extended_belief(belief, likelihood.problem, found)
-    table, error = belief.table, likelihood.problem.table_error
-    assert table is not None
-    if error is not None:
-        scale = found.unknowns.factors(found.z).get("magnetic_scale", 1.0)
-        table = corrected(table, error, found.z[found.unknowns.table_rows], scale=scale)
-    every = from_vector(found.unknowns.effect_vector(found.z))
-    present = {name: every.stated[name] for name in every.present}
-    return ModelHypothesis(belief.actuator, table, EffectValues(present) if present else None)
-
-
-def of_map(record: Record, belief: ModelHypothesis) -> tuple[StaticLikelihood, Unknowns, Kind]:
-    """What the diagnosis of the static map of a record needs.
+def map_alone(record: Record, belief: ModelHypothesis) -> MapAlone:
+    """A record's static map, made ready.
 
     Raises
     ------
@@ -262,15 +278,89 @@ def of_map(record: Record, belief: ModelHypothesis) -> tuple[StaticLikelihood, U
     """
     assert belief.table is not None
     likelihood, unknowns = prepared_map(record, belief.table)
-    stated = record.noise
-    missing = [
-        n for n, s in ((FORCE, stated.force), (FLUX, stated.flux_linkage)) if n in likelihood.measured.sigmas and not s
-    ]
-    notes = tuple(
-        f"the noise of {name} is not stated; taken from the differences of neighbouring rows" for name in missing
-    )
-    kind = Kind(
-        "static", belief, candidates_of_map, lambda found: map_followed(likelihood, found),
-        lambda found: map_extension(belief, likelihood, found), experiments=EXPERIMENTS, notes=notes,
-    )  # fmt: skip
-    return likelihood, unknowns, kind
+    stated = {FORCE: record.noise.force, FLUX: record.noise.flux_linkage}
+    guessed = [name for name in likelihood.measured.sigmas if not stated[name]]
+    notes = [f"the noise of {name} is not stated; taken from the differences of neighbouring rows" for name in guessed]
+    return MapAlone(belief, likelihood, unknowns, tuple(notes))
+
+
+@dataclass(frozen=True, eq=False)
+class JointLikelihood(Likelihood):
+    """The numbers of the runs, then those of the map; `static` may be missing. Its table error is that of `problem`."""
+
+    static: StaticLikelihood | None
+
+    def of_runs(self, points: Points) -> Array:
+        """`spectra` of the runs alone."""
+        return super().spectra(points)
+
+    def spectra(self, points: Points) -> Array:
+        """Residuals of the runs in the frequency domain over their white sigma, then the map's; (n_row, n_number)."""
+        found = self.of_runs(points)
+        return found if self.static is None else np.hstack([found, self.static.spectra(points)])
+
+    @property
+    def labels(self) -> NDArray[np.intp]:
+        """(n_number,) the band of each number of the runs, then the channel of each of the map."""
+        own, n = super().labels, self.bands.n_band * len(super().channel_names)
+        return own if self.static is None else np.concatenate([own, self.static.labels + n])
+
+    @property
+    def ceilings(self) -> Array:
+        """(n_label,) of the runs' bands, then of the map."""
+        own = super().ceilings
+        return own if self.static is None else np.concatenate([own, self.static.ceilings])
+
+    def excess_of_runs(self, found: Fit) -> dict[str, float]:
+        """Channel to RMS residual over the noise's sigma."""
+        return super().excess(found)
+
+    def excess(self, found: Fit) -> dict[str, float]:
+        """Channel to RMS residual over the noise, of runs and map."""
+        made = self.excess_of_runs(found)
+        if self.static is not None:
+            made |= self.static.excess(replace(found, residual=found.residual[self._of_runs :]))
+        return made
+
+    def runs_part(self, found: Fit) -> tuple[Likelihood, Fit]:
+        """The runs alone, and a fit as they see it."""
+        n = self._of_runs
+        weights = NoiseWeights(found.weights.density, found.weights.root[:n], found.weights.nats)
+        alone = replace(found, residual=found.residual[:n], jacobian=found.jacobian[:n], weights=weights)
+        return Likelihood(self.problem, self.bands, self.substeps), alone
+
+    @property
+    def _of_runs(self) -> int:
+        """How many numbers the runs have."""
+        return 2 * sum(n * len(self.problem.channels(run)) for run, n in enumerate(self.bands.lines))
+
+
+def joined(
+    record: Record, belief: ModelHypothesis, likelihood: Likelihood, unknowns: Unknowns
+) -> tuple[Likelihood, Unknowns]:
+    """The likelihood of runs with a record's static map beside it, where there is one that a fit can use."""
+    if record.static is None or belief.table is None or why_no_map(record.static):
+        return likelihood, unknowns
+    static = prepared_map(record, belief.table)[0]
+    runs = likelihood.problem
+    error = common_error(record, belief, runs.plant, runs.runs, static)
+    static = replace(static, problem=replace(static.problem, table_error=error))
+    both = JointLikelihood(replace(runs, table_error=error), likelihood.bands, likelihood.substeps, static)
+    return both, replace(unknowns, n_table=0 if error is None else len(error.modes))
+
+
+def common_error(
+    record: Record,
+    belief: ModelHypothesis,
+    plant: KernelPlant,
+    runs: Sequence[RunData],
+    static: StaticLikelihood | None,
+) -> TableErrorModes | None:
+    """The table's error over all that runs and map visit."""
+    tolerance = record.tolerance.table
+    if belief.table is None or not tolerance:
+        return None
+    visited = Visited.by_runs(plant, runs)
+    if static is not None:
+        visited = visited.joined(static.measured.visited)
+    return table_error(belief.table, visited, tolerance=tolerance)

@@ -7,16 +7,18 @@ visits, the process is its first Karhunen-Loeve modes. The amplitude a is such t
 force or flux linkage, whichever is larger, is the table's tolerance.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
+from msl_fem.prediction import KernelPlant, RunData
+from msl_fem.prediction.run_data import POSITION_COLUMN
+from msl_fem.record.columns import Channel
 from msl_fem.table.coenergy_surface import fit_coenergy_surface
 from msl_fem.table.magnetic_table import NODES, SECTION, MagneticTable
 
-Array = NDArray[np.float64]
 LENGTH = 0.6
 """Correlation length, in half widths of the table's range of u and z."""
 KNEE = 6.0  # the largest current over s
@@ -28,14 +30,44 @@ _MARGIN = 0.15  # of its width, by which the visited part is widened
 
 @dataclass(frozen=True, eq=False)
 class Visited:
-    """Where a record's runs go: currents of a magnet (A, absolute) and gaps (m), lowest and highest."""
+    """Where data go: currents of a magnet (A, absolute) and gaps (m), lowest and highest."""
 
     current: tuple[float, float]
     gap: tuple[float, float]
 
+    @classmethod
+    def by(cls, current: Array, gap: Array) -> "Visited":
+        """What these currents, of either sign, and gaps reach."""
+        size = np.abs(current)
+        return cls((float(size.min()), float(size.max())), (float(gap.min()), float(gap.max())))
+
+    @classmethod
+    def by_runs(cls, plant: KernelPlant, runs: Sequence[RunData]) -> "Visited":
+        """What the readings of runs say, or where currents are not read, the commands."""
+        p = plant.parameters
+        positions = np.concatenate([run.measured[POSITION_COLUMN] for run in runs]) / plant.gain
+        gaps = [p.nominal_gap - positions]
+        if p.sides == 2:
+            gaps.append(p.nominal_gap + positions)
+        currents = []
+        for run in runs:
+            for side in range(p.sides):
+                column = Channel("current", side + 1).column
+                currents.append(run.measured.get(column, run.commands[:, side]) * p.current_share)
+        return cls.by(np.concatenate(currents), np.concatenate(gaps))
+
+    def joined(self, other: "Visited") -> "Visited":
+        """What either of them reaches."""
+        low, high = np.minimum(self._spans, other._spans)[:, 0], np.maximum(self._spans, other._spans)[:, 1]
+        return Visited((float(low[0]), float(high[0])), (float(low[1]), float(high[1])))
+
+    @property
+    def _spans(self) -> Array:
+        return np.array([self.current, self.gap])
+
 
 @dataclass(frozen=True, eq=False)
-class TableError:
+class TableErrorModes:
     """Changes of a table by unit normal numbers.
 
     Attributes
@@ -48,12 +80,13 @@ class TableError:
     nodes: Mapping[str, Array]
 
 
-def table_error(table: MagneticTable, visited: Visited, *, tolerance: float) -> TableError:
+def table_error(table: MagneticTable, visited: Visited, *, tolerance: float) -> TableErrorModes:
     """The modes of a smooth error with an RMS of `tolerance` over the table."""
     coordinates = _Coordinates(table)
     amplitude = tolerance / np.sqrt(_error_of_unit(table, coordinates))
-    i = np.linspace(*_widened(visited.current, (0.0, float(table.current[-1]))), _SAMPLES)
-    g = np.linspace(*_widened(visited.gap, (float(table.gap[0]), float(table.gap[-1]))), _SAMPLES)
+    currents, gaps = (0.0, float(table.current[-1])), (float(table.gap[0]), float(table.gap[-1]))
+    i = np.linspace(*_widened(visited.current, currents), _SAMPLES)
+    g = np.linspace(*_widened(visited.gap, gaps), _SAMPLES)
     u, z = (a.ravel() for a in np.meshgrid(coordinates.u(i)[0], coordinates.z(g)[0]))
     covariance = np.exp(-((u[:, None] - u) ** 2 + (z[:, None] - z) ** 2) / (2 * LENGTH**2))
     values, vectors = np.linalg.eigh(covariance)
@@ -62,10 +95,10 @@ def table_error(table: MagneticTable, visited: Visited, *, tolerance: float) -> 
     weights = amplitude * vectors[:, kept] / np.sqrt(values[kept])
     changes = [_node_changes(table, coordinates, (u, z, w)) for w in weights.T]
     modes = [fit_coenergy_surface(table.gap, table.current, nodes).coefficients for nodes in changes]
-    return TableError(np.array(modes), {name: np.array([nodes[name] for nodes in changes]) for name in NODES})
+    return TableErrorModes(np.array(modes), {name: np.array([nodes[name] for nodes in changes]) for name in NODES})
 
 
-def corrected(table: MagneticTable, error: TableError, numbers: Array, *, scale: float) -> MagneticTable:
+def corrected(table: MagneticTable, error: TableErrorModes, numbers: Array, *, scale: float) -> MagneticTable:
     """The table with an error of these numbers (n_mode,), its coenergy multiplied by `scale`."""
     nodes = {name: scale * (table.nodes[name] + np.tensordot(numbers, error.nodes[name], axes=1)) for name in NODES}
     return _with_nodes(table, nodes)
@@ -99,7 +132,8 @@ class _Coordinates:
     def __init__(self, table: MagneticTable) -> None:
         self.s = float(table.current[-1]) / KNEE
         self.u_span = np.sqrt(1 + KNEE**2) - 1
-        self.z_low, self.z_span = np.sqrt(table.gap[0]), np.sqrt(table.gap[-1]) - np.sqrt(table.gap[0])
+        self.z_low = np.sqrt(table.gap[0])
+        self.z_span = np.sqrt(table.gap[-1]) - self.z_low
 
     def u(self, i: Array) -> tuple[Array, Array, Array]:
         root = np.sqrt(1 + (i / self.s) ** 2)
@@ -131,10 +165,14 @@ def _node_changes(
     at_u, at_z, weight = mode
     u, u_i, u_ii = (a[:, None] for a in coordinates.u(table.current))
     z, z_g, z_gg = (a[:, None] for a in coordinates.z(table.gap))
-    du, dz = (u - at_u) / LENGTH**2, (z - at_z) / LENGTH**2
-    along, across = np.exp(-(du**2) * LENGTH**2 / 2), np.exp(-(dz**2) * LENGTH**2 / 2)  # (n_node, n_sample)
-    along_i = (along, -du * u_i * along, ((du * u_i) ** 2 - u_i**2 / LENGTH**2 - du * u_ii) * along)
-    across_g = (across, -dz * z_g * across, ((dz * z_g) ** 2 - z_g**2 / LENGTH**2 - dz * z_gg) * across)
+    du = (u - at_u) / LENGTH**2
+    dz = (z - at_z) / LENGTH**2
+    along = np.exp(-(du**2) * LENGTH**2 / 2)  # (n_node, n_sample)
+    across = np.exp(-(dz**2) * LENGTH**2 / 2)
+    along_ii = ((du * u_i) ** 2 - u_i**2 / LENGTH**2 - du * u_ii) * along
+    across_gg = ((dz * z_g) ** 2 - z_g**2 / LENGTH**2 - dz * z_gg) * across
+    along_i = (along, -du * u_i * along, along_ii)
+    across_g = (across, -dz * z_g * across, across_gg)
     p, p_i, p_g, p_ii, p_ig, p_gg = (
         (across_g[k] * weight) @ along_i[m].T for m, k in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
     )

@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.plant.effects import CATALOGUE, PARAMETER_INDEX, neutral_vector
 
-Array = NDArray[np.float64]
 WIDE = 10.0
 LINEAR = 0.1  # relative tolerance up to which a parameter is linear in z
-STEP, STEP_OF_AMOUNTS = 1e-5, 1e-7
+STEP = 1e-5
+STEP_OF_AMOUNTS = 1e-7
 WIDTHS = 3.0  # of a shape about its centre, at most
 CAUCHY = float(np.log(2 / np.pi) / 2)  # log of 1/pi over that of the normal distribution's 1/sqrt(2 pi)
 
@@ -129,7 +130,8 @@ class Unknowns:
     @property
     def amounts(self) -> NDArray[np.intp]:
         """Places of the effects' amounts."""
-        return np.array([self.n_nuisance + n for n, one in enumerate(self.effects) if not one.width], dtype=np.intp)
+        places = [n for n, unknown in enumerate(self.effects, self.n_nuisance) if not unknown.width]
+        return np.array(places, dtype=np.intp)
 
     @property
     def steps(self) -> Array:

@@ -10,16 +10,22 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.plant.effects import CATALOGUE, LAGGING, Parameter
 from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters, drive_lags
-
-Array = NDArray[np.float64]
+from msl_fem.prediction import RunData
+from msl_fem.prediction.run_data import POSITION_COLUMN
 
 MOST_LINES = 3  # of a residual's spectrum that are tried as frequencies of a disturbance
 MAINS = (50.0, 60.0)
+LOUD = 12.0  # times the mean power of the lines around: what noise does once in e^12 lines
+APART = 4  # lines between two that are taken
+SLOWEST = 3  # periods of a run below which a line is a drift
+SMOOTH_SECONDS = 0.5e-3  # over which a velocity is taken, at least three samples
+SMOOTH = 20  # samples over which a velocity is taken
 
 
 @dataclass(frozen=True)
@@ -36,12 +42,13 @@ class Variant:
 
     @property
     def name(self) -> str:
-        shapes = ", ".join(f"{s.name} near {s.centre:.3g}" for s in self.shapes)
-        return f"{self.effect} ({', '.join(a.name for a in self.amounts)}{'; ' + shapes if shapes else ''})"
+        amounts = ", ".join(amount.name for amount in self.amounts)
+        shapes = ", ".join(f"{shape.name} near {shape.centre:.3g}" for shape in self.shapes)
+        return f"{self.effect} ({amounts}; {shapes})" if shapes else f"{self.effect} ({amounts})"
 
 
 @dataclass(frozen=True)
-class Scene:
+class RecordFeatures:
     """What the grids of shapes need to know of a record: usual sizes and its own frequencies.
 
     Attributes
@@ -62,22 +69,30 @@ def possible(plant: PlantParameters) -> tuple[str, ...]:
     """The effects that a plant can have at all."""
     has = {"magnets": plant.sides > 0, "two sides": plant.sides == 2, "drive lag": drive_lags(plant)}
     left = set() if plant.drive != FORCE_DRIVE or drive_lags(plant) else {"amplifier_bandwidth"}
-    return tuple(e.name for e in CATALOGUE.values() if all(has[need] for need in e.needs) and e.name not in left)
+    names = [effect.name for effect in CATALOGUE.values() if all(has[need] for need in effect.needs)]
+    return tuple(name for name in names if name not in left)
 
 
-def variants(effect: str, scene: Scene, plant: PlantParameters) -> list[Variant]:
+def every_variant(plant: PlantParameters, features: RecordFeatures) -> list[Variant]:
+    """All variants of all effects that a plant can have, for a record of these features."""
+    return [variant for effect in possible(plant) for variant in variants(effect, features, plant)]
+
+
+def variants(effect: str, features: RecordFeatures, plant: PlantParameters) -> list[Variant]:
     """All variants of an effect for a record."""
     entry = CATALOGUE[effect]
-    sets = [s for s in entry.sets or (entry.amounts,) if _there(effect, s, plant)]
-    shapes = [p for p in entry.parameters if p.shape]
+    sets = [names for names in entry.sets or (entry.amounts,) if _there(effect, names, plant)]
+    shapes = [parameter for parameter in entry.parameters if parameter.shape]
     found = []
-    for chosen in sets:
-        own = [p for p in shapes if not p.belongs_to or p.belongs_to in chosen]
-        for centres in product(*(_centres(p, scene) for p in own)):
-            made = tuple(EffectUnknown(effect, p.name, c, p.width) for p, c in zip(own, centres, strict=True))
-            found.append(Variant(effect, tuple(EffectUnknown(effect, name) for name in chosen), made))
-    plain = [Variant(effect, (EffectUnknown(effect, p.name),)) for p in entry.parameters if p.alone]
-    return found + plain
+    for names in sets:
+        amounts = tuple(EffectUnknown(effect, name) for name in names)
+        own = [shape for shape in shapes if not shape.belongs_to or shape.belongs_to in names]
+        for centres in product(*(_centres(shape, features) for shape in own)):
+            around = zip(own, centres, strict=True)
+            unknown = tuple(EffectUnknown(effect, shape.name, centre, shape.width) for shape, centre in around)
+            found.append(Variant(effect, amounts, unknown))
+    alone = [parameter.name for parameter in entry.parameters if parameter.alone]
+    return found + [Variant(effect, (EffectUnknown(effect, name),)) for name in alone]
 
 
 def _there(effect: str, names: Sequence[str], plant: PlantParameters) -> bool:
@@ -93,9 +108,76 @@ def _there(effect: str, names: Sequence[str], plant: PlantParameters) -> bool:
     return drive_lags(plant) or not any((effect, name) in LAGGING for name in names)
 
 
-def _centres(shape: Parameter, scene: Scene) -> tuple[float, ...]:
+def _centres(shape: Parameter, features: RecordFeatures) -> tuple[float, ...]:
     """The values of a shape at which a search starts."""
     if shape.over == "lines":
-        return tuple(dict.fromkeys((*MAINS, *scene.lines[:MOST_LINES])))
-    unit = float(getattr(scene, shape.over)) if shape.over else 1.0
+        return tuple(dict.fromkeys((*MAINS, *features.lines[:MOST_LINES])))
+    unit = float(getattr(features, shape.over)) if shape.over else 1.0
     return tuple(unit * factor for factor in shape.tried)
+
+
+def record_features(likelihood: Likelihood, found: Fit) -> RecordFeatures:
+    """The features of a record at a fit without what is looked for."""
+    problem, p = likelihood.problem, likelihood.problem.plant.parameters
+    currents = [run.measured.get("current_1_A", run.commands[:, 0]) for run in problem.runs]
+    own = np.sqrt(p.stiffness / p.mass) / (2 * np.pi) if p.stiffness else 0.0
+    return RecordFeatures(
+        position=_rms([run.measured[POSITION_COLUMN] for run in problem.runs]),
+        current=_rms(currents) if p.sides else 1.0,
+        velocity=_rms([_velocity(run) for run in problem.runs]),
+        own_frequency=float(own) or 20.0,
+        lines=loud_lines(likelihood, found),
+    )
+
+
+def _rms(values: Sequence[Array]) -> float:
+    return float(np.sqrt(np.mean([np.var(v) for v in values])))
+
+
+def _velocity(run: RunData) -> Array:
+    smooth = np.convolve(run.measured[POSITION_COLUMN], np.ones(SMOOTH) / SMOOTH, "valid")
+    return (smooth[SMOOTH:] - smooth[:-SMOOTH]) * run.rate / SMOOTH
+
+
+def loud_lines(likelihood: Likelihood, found: Fit) -> tuple[float, ...]:
+    """Frequencies in Hz at which single lines of the weighted residual stand out, the loudest first."""
+    weighted = found.residual * found.weights.root
+    at, candidates = 0, []
+    for run, data in enumerate(likelihood.problem.runs):
+        n = likelihood.bands.lines[run]
+        spacing = data.rate / len(data.commands)
+        for _ in likelihood.problem.channels(run):
+            power = weighted[at : at + n] ** 2 + weighted[at + n : at + 2 * n] ** 2
+            at += 2 * n
+            around = np.convolve(power, np.ones(31) / 31, "same")
+            loud = np.flatnonzero(power > LOUD * np.maximum(around - power / 31, 2.0 / 3))
+            loud = loud[loud >= SLOWEST]
+            candidates += [(float(power[k]), _peak(power, int(k)) * spacing, spacing) for k in loud]
+    frequencies: list[float] = []
+    for _, frequency, spacing in sorted(candidates, reverse=True):
+        if all(abs(frequency - other) > APART * spacing for other in frequencies):
+            frequencies.append(frequency)
+    return tuple(frequencies[:MOST_LINES])
+
+
+def _peak(power: Array, k: int) -> float:
+    """The place of a peak between its lines, by the amplitudes of its neighbours (Jacobsen, Kootsookos, 2007, for no
+    window)."""
+    if not 0 < k < power.size - 1:
+        return float(k)
+    low, top, high = np.sqrt(power[k - 1 : k + 2])
+    side = 1.0 if high > low else -1.0
+    return float(k + side * max(high, low) / (top + max(high, low)))
+
+
+def variables_of(run: RunData) -> dict[str, Array]:
+    """What a residual of a run may depend on, from its readings: position, velocity, currents, time."""
+    x = run.measured[POSITION_COLUMN]
+    width = max(3, round(SMOOTH_SECONDS * run.rate) | 1)
+    smooth = np.convolve(np.pad(x, width // 2, mode="edge"), np.ones(width) / width, "valid")
+    variables = {"position_m": x, "velocity_m_per_s": np.gradient(smooth) * run.rate}
+    for name in ("current_1_A", "current_2_A"):
+        if name in run.measured:
+            variables[name] = run.measured[name]
+    variables["time_s"] = run.time
+    return variables

@@ -9,10 +9,9 @@ from plotly.subplots import make_subplots
 from scipy.signal import welch
 
 from msl_fem.comparison.accuracy import over_variable
-from msl_fem.diagnosis.evidence import ChannelResiduals
-from msl_fem.diagnosis.extension import Estimate
+from msl_fem.diagnosis.fit import Estimate
 from msl_fem.diagnosis.outside import Dependence
-from msl_fem.diagnosis.result import Accuracy
+from msl_fem.diagnosis.result import Accuracy, ChannelResiduals
 from msl_fem.report.diagnosis_words import FAR, called, channel_name, floors
 from msl_fem.report.style import BLUE, GREY, ORANGE, SKY, dress, figure, line, logarithmic
 
@@ -23,13 +22,22 @@ A_DECADE = 16  # bands of a drawn spectrum
 LINES_IN_FULL = 6  # the lowest lines of a spectrum are drawn one by one
 MODELS = (("as believed", SKY), ("re-fitted within tolerances", ORANGE), ("with what was found", BLUE))
 VARIABLES = {
-    "position_m": ("position in mm", 1e3), "velocity_m_per_s": ("velocity in mm/s", 1e3),
-    "current_1_A": ("current 1 in A", 1.0), "current_2_A": ("current 2 in A", 1.0), "time_s": ("time in s", 1.0),
-}  # fmt: skip
+    "position_m": ("position in mm", 1e3),
+    "velocity_m_per_s": ("velocity in mm/s", 1e3),
+    "current_1_A": ("current 1 in A", 1.0),
+    "current_2_A": ("current 2 in A", 1.0),
+    "time_s": ("time in s", 1.0),
+}
 _OF_VARIABLE = (
-    ("product", "A²"), ("flux linkage's rate", "V"), ("flux", "Wb"), ("current", "A"), ("velocity", "m/s"),
-    ("acceleration", "m/s²"), ("position", "m"), ("time", "s"),
-)  # fmt: skip
+    ("product", "A²"),
+    ("flux linkage's rate", "V"),
+    ("flux", "Wb"),
+    ("current", "A"),
+    ("velocity", "m/s"),
+    ("acceleration", "m/s²"),
+    ("position", "m"),
+    ("time", "s"),
+)
 _OF_EQUATION = {"force": "N", "voltage": "V", "position reading": "m", "current reading": "A"}
 _UNITS = {"m": ("µm", 1e6), "A": ("mA", 1e3), "V": ("mV", 1e3), "N": ("N", 1.0), "Wb": ("µWb", 1e6)}
 
@@ -47,9 +55,15 @@ def gain_figure(judged: Sequence[Accuracy], *, named: bool) -> go.Figure:
     for k, (name, colour) in enumerate(MODELS if named else MODELS[:2]):
         shown = np.where(np.isfinite(values[:, k]), values[:, k], np.nan)
         bar = go.Bar(
-            x=shown, y=labels, orientation="h", name=name, marker={"color": colour},
-            text=[f"{v:.3g}" for v in values[:, k]], textposition="outside", cliponaxis=False,
-        )  # fmt: skip
+            x=shown,
+            y=labels,
+            orientation="h",
+            name=name,
+            marker={"color": colour},
+            text=[f"{v:.3g}" for v in values[:, k]],
+            textposition="outside",
+            cliponaxis=False,
+        )
         made.add_trace(bar)
     made.update_layout(barmode="group", bargap=0.25)
     finite = values[np.isfinite(values)]
@@ -140,9 +154,14 @@ def over_variables(left: ChannelResiduals, variables: Mapping[str, Array], *, na
             spread = over_variable(values[good], variables[name][good])
             middle = (spread.edges[:-1] + spread.edges[1:]) / 2 * factor
             drawn = line(
-                middle, spread.rms * scale, name=model, colour=colour, mode="lines+markers", legendgroup=model,
+                middle,
+                spread.rms * scale,
+                name=model,
+                colour=colour,
+                mode="lines+markers",
+                legendgroup=model,
                 showlegend=n == 0,
-            )  # fmt: skip
+            )
             made.add_trace(drawn, **place)
         made.add_hline(y=left.sigma * scale, line={"color": GREY, "dash": "dash", "width": 1}, **place)
         made.update_xaxes(title={"text": label}, **place)
@@ -158,9 +177,14 @@ def dependence_figure(found: Dependence) -> go.Figure:
     low, high = found.value - 2 * found.band, found.value + 2 * found.band
     both, edge = np.r_[found.at, found.at[::-1]], np.r_[low, high[::-1]]
     fill = go.Scatter(
-        x=both, y=edge, fill="toself", fillcolor="rgba(86,180,233,0.3)", mode="none", name="two standard errors",
+        x=both,
+        y=edge,
+        fill="toself",
+        fillcolor="rgba(86,180,233,0.3)",
+        mode="none",
+        name="two standard errors",
         hoverinfo="skip",
-    )  # fmt: skip
+    )
     made.add_trace(fill)
     made.add_trace(line(found.at, found.value, name="what the model lacks", colour=BLUE))
     for axis in (made.update_xaxes, made.update_yaxes):
@@ -177,10 +201,14 @@ def parameters_figure(parameters: Mapping[str, Estimate]) -> go.Figure:
     made.add_vrect(x0=-1, x1=1, fillcolor="rgba(107,114,128,0.14)", line_width=0)
     made.add_trace(
         go.Scatter(
-            x=moved, y=names, mode="markers", marker={"color": BLUE, "size": 9}, showlegend=False,
+            x=moved,
+            y=names,
+            mode="markers",
+            marker={"color": BLUE, "size": 9},
+            showlegend=False,
             error_x={"type": "data", "array": half, "color": BLUE, "thickness": 1.5},
         )
-    )  # fmt: skip
+    )
     reach = max(FAR, float(np.max(np.abs(moved) + half, initial=0.0))) + 0.3
     made.update_xaxes(range=[-reach, reach], zeroline=True, zerolinecolor=GREY)
     made.update_yaxes(autorange="reversed", automargin=True)

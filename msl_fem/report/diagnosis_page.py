@@ -1,15 +1,28 @@
-"""The report of a diagnosis: what, how sure, how much better and what to do next; below, what it rests on."""
+"""The report of a diagnosis: what, how sure, how much better and what to do next; below, what it rests on.
+
+Its files appear in a folder all together, or not at all.
+"""
 
 import datetime
+import json
+import os
 import platform
+import shutil
+import tempfile
 from collections.abc import Sequence
 from importlib.metadata import version
+from pathlib import Path
 
-from msl_fem.diagnosis.evidence import ChannelResiduals, Evidence, Size, Tried
+from msl_fem.actuator import Actuator, TableMagnet
+from msl_fem.diagnosis.kind import Size
 from msl_fem.diagnosis.outside import Dependence
-from msl_fem.diagnosis.result import Diagnosis
+from msl_fem.diagnosis.result import ChannelResiduals, Diagnosis, Evidence, TriedVariant
+from msl_fem.errors import InputError
+from msl_fem.files.numbers import json_value
 from msl_fem.files.quantity import format_quantity
-from msl_fem.plant.effects import CATALOGUE, find_parameter
+from msl_fem.plant.effects import CATALOGUE, EffectValues, find_parameter
+from msl_fem.plant.extended_model import ExtendedModel, write_extended_model
+from msl_fem.prediction import ModelHypothesis
 from msl_fem.prediction.hypothesis import UNITS
 from msl_fem.record import Record
 from msl_fem.report.diagnosis_figures import (
@@ -38,9 +51,84 @@ from msl_fem.report.diagnosis_words import (
     verdict_sentence,
     what_is_left,
 )
-from msl_fem.report.page import Grid, Page, Stage
+from msl_fem.report.page import Grid, Page, Stage, write_page
+from msl_fem.table.magnetic_table import MagneticTable, write_table
 
 MOST_DEPENDENCES = 8
+DIAGNOSIS, REPORT, MODEL, TABLE = "diagnosis.json", "report.html", "extended_model.toml", "corrected_table.nc"
+FILES = (TABLE, MODEL, REPORT, DIAGNOSIS)
+"""What may stand in the folder, in the order in which the files appear: what names a file comes after it."""
+
+
+def write_diagnosis(record: Record, found: Diagnosis, folder: Path, *, table: MagneticTable | None) -> dict[str, Path]:
+    """The files written, by name; those of an earlier diagnosis that this one does not have are removed.
+
+    Parameters
+    ----------
+    table : the believed one, from which a corrected one is told
+
+    Raises
+    ------
+    InputError : the folder cannot be written
+    """
+    target = folder.resolve()
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        staging = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part"))
+    except OSError as err:
+        raise InputError(f"{folder}: cannot be written ({err.strerror}); choose another folder") from err
+    try:
+        _write_all(record, found, staging, table=table)
+        return _moved(staging, target)
+    except OSError as err:
+        raise InputError(f"{folder}: cannot be written ({err.strerror}); make room or choose another folder") from err
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+
+
+def _write_all(record: Record, found: Diagnosis, folder: Path, *, table: MagneticTable | None) -> None:
+    if found.extended is not None:
+        model = extended_model_of(found.extended, folder, believed=table)
+        if found.extended.table is not None and found.extended.table is not table:
+            write_table(found.extended.table, folder / TABLE)
+        write_extended_model(model, folder / MODEL)
+    write_page(diagnosis_page(record, found), folder / REPORT)
+    text = json.dumps(json_value(found.fields()), indent=1, allow_nan=False)
+    (folder / DIAGNOSIS).write_text(f"{text}\n", encoding="utf-8")
+
+
+def _moved(staging: Path, target: Path) -> dict[str, Path]:
+    target.mkdir(exist_ok=True)
+    for name in FILES:
+        if (target / name).is_dir():
+            raise InputError(f"{target / name}: is a folder; choose another one for the diagnosis")
+    made = {}
+    for name in FILES:
+        if (staging / name).is_file():
+            os.replace(staging / name, target / name)
+            made[name] = target / name
+        else:
+            (target / name).unlink(missing_ok=True)
+    return made
+
+
+def extended_model_of(belief: ModelHypothesis, folder: Path, *, believed: MagneticTable | None) -> ExtendedModel:
+    """The extended model as its file says it: magnets whose table was corrected are known by that table alone."""
+    actuator = belief.actuator
+    if belief.table is not None and belief.table is not believed:
+        actuator = known_by_table(actuator, folder)
+    return ExtendedModel(actuator, belief.effects or EffectValues())
+
+
+def known_by_table(actuator: Actuator, folder: Path) -> Actuator:
+    """The actuator with the table in a folder in place of its magnet's geometry; the winding's resistance is kept."""
+    drive = actuator.drive
+    if drive is not None:
+        drive = drive.model_copy(update={"coil_resistance": actuator.coil_resistance()})
+    sources = {key: text for key, text in actuator.sources.items() if not key.startswith("magnet")}
+    sources["magnet"] = f"the table of {actuator.name}, corrected within its tolerance by the diagnosis of a record"
+    magnet = TableMagnet(kind="table", table=TABLE)
+    return actuator.model_copy(update={"magnet": magnet, "drive": drive, "sources": sources, "file": folder / MODEL})
 
 
 def diagnosis_page(record: Record, found: Diagnosis) -> Page:
@@ -87,13 +175,18 @@ def _what(found: Diagnosis) -> Stage:
     for cause in found.causes:
         for n, (name, estimate) in enumerate(cause.parameters.items()):
             meaning = f"{name.replace('_', ' ')}: {find_parameter(cause.effect, name).meaning}"
-            rows.append((
-                one_of(cause) if n == 0 else "", meaning, estimate_text(cause.effect, name, estimate),
-                _size_text(sizes.get(cause.effect)) if n == 0 else "",
-            ))  # fmt: skip
+            rows.append(
+                (
+                    one_of(cause) if n == 0 else "",
+                    meaning,
+                    estimate_text(cause.effect, name, estimate),
+                    _size_text(sizes.get(cause.effect)) if n == 0 else "",
+                )
+            )
     table = Grid(("cause", "parameter", "value (95 % interval)", "size"), tuple(rows)) if rows else None
-    means = tuple((called(c.effect), f"{CATALOGUE[c.effect].sentence}: {CATALOGUE[c.effect].equation}")
-                  for c in found.causes)  # fmt: skip
+    means = tuple(
+        (called(c.effect), f"{CATALOGUE[c.effect].sentence}: {CATALOGUE[c.effect].equation}") for c in found.causes
+    )
     reason = found.reason[:1].upper() + found.reason[1:]
     sentence = f"{reason}." if found.verdict != "undecidable" else verdict_sentence(found)
     return Stage("What", f"{sentence} {what_is_left(found)}".strip(), means, table=table)
@@ -129,10 +222,15 @@ def _accuracy(found: Diagnosis) -> Stage:
     for one in found.accuracy:
         unit = one.nominal.channel.rpartition("_")[2]
         errors = [f"{value:.4g}" for value in floors(one)]
-        rows.append((
-            one.nominal.run, one.nominal.role, channel_name(one.nominal.channel),
-            format_quantity(one.nominal.floor, unit, digits=3), *(errors if named else errors[:2]),
-        ))  # fmt: skip
+        rows.append(
+            (
+                one.nominal.run,
+                one.nominal.role,
+                channel_name(one.nominal.channel),
+                format_quantity(one.nominal.floor, unit, digits=3),
+                *(errors if named else errors[:2]),
+            )
+        )
     sentence = "RMS error of each model over the noise's sigma, all runs; inf: the model left its table or range."
     return Stage("Evidence: accuracy", sentence, (), table=Grid(columns, rows))
 
@@ -149,18 +247,24 @@ def _evidence(found: Diagnosis, evidence: Evidence) -> list[Stage]:
     stages = []
     if left is not None:
         where = f"{channel_name(left.channel)} of run {left.run} ({left.role})"
-        stages.append(Stage(
-            "Evidence: over time",
-            f"Residual of the {where}, drawn between its extremes; dashed: two sigma of the noise.",
-            (), plot=over_time(left, named=named),
-        ))  # fmt: skip
+        stages.append(
+            Stage(
+                "Evidence: over time",
+                f"Residual of the {where}, drawn between its extremes; dashed: two sigma of the noise.",
+                (),
+                plot=over_time(left, named=named),
+            )
+        )
         stages += [_over_frequency(one, named=named) for one in evidence.residuals if one.run == left.run]
-        stages.append(Stage(
-            "Evidence: over position, velocity and current",
-            f"RMS residual of the {where} in equally filled bins; what is noise lies level on the dashed line. "
-            "The variables are measured and move together, so a slope here is a hint and no proof.",
-            (), plot=over_variables(left, evidence.variables[left.run], named=named),
-        ))  # fmt: skip
+        stages.append(
+            Stage(
+                "Evidence: over position, velocity and current",
+                f"RMS residual of the {where} in equally filled bins; what is noise lies level on the dashed line. "
+                "The variables are measured and move together, so a slope here is a hint and no proof.",
+                (),
+                plot=over_variables(left, evidence.variables[left.run], named=named),
+            )
+        )
     if evidence.dependences:
         stages.insert(0, _dependences(evidence.dependences))
     return [*stages, _tried(evidence.tried)]
@@ -175,8 +279,9 @@ def _dependences(ranked: Sequence[Dependence]) -> Stage:
         "is said above."
     )
     columns = ("in the equation of", "function of", "evidence", "explains")
-    return Stage("Evidence: what the rest depends on", sentence, (), plot=dependence_figure(best),
-                 table=Grid(columns, rows))  # fmt: skip
+    return Stage(
+        "Evidence: what the rest depends on", sentence, (), plot=dependence_figure(best), table=Grid(columns, rows)
+    )
 
 
 def _shown(found: Diagnosis, evidence: Evidence) -> ChannelResiduals | None:
@@ -196,17 +301,21 @@ def _over_frequency(left: ChannelResiduals, *, named: bool) -> Stage:
     return Stage(title, sentence, (), plot=over_frequency(left, named=named))
 
 
-def _tried(tried: Sequence[Tried]) -> Stage:
-    best: dict[tuple[int, str], Tried] = {}
+def _tried(tried: Sequence[TriedVariant]) -> Stage:
+    best: dict[tuple[int, str], TriedVariant] = {}
     for one in tried:
         best.setdefault((one.stage, one.effect), one)
     rows = [
         (
-            called(one.effect), one.variant.partition(" ")[2].strip("()"), str(one.stage), f"{one.linear:.4g}",
-            "-" if one.refitted is None else f"{one.refitted:.4g}", "named" if one.taken else "",
+            called(one.effect),
+            one.variant.partition(" ")[2].strip("()"),
+            str(one.stage),
+            f"{one.linear:.4g}",
+            "-" if one.refitted is None else f"{one.refitted:.4g}",
+            "named" if one.taken else "",
         )
         for one in best.values()
-    ]  # fmt: skip
+    ]
     sentence = (
         "Every effect of the catalogue that this rig can have, in its best variant: log evidence in nats in the linear "
         "model, and with everything fitted anew where the linear figure was worth it. The second stage is beside the "
@@ -219,18 +328,21 @@ def _tried(tried: Sequence[Tried]) -> Stage:
 def _parameters(found: Diagnosis) -> Stage:
     rows = [
         (
-            called(name), _believed_text(name, e.believed), _believed_text(name, e.value),
+            called(name),
+            _believed_text(name, e.believed),
+            _believed_text(name, e.value),
             f"{_believed_text(name, e.low)} ... {_believed_text(name, e.high)}",
             "-" if e.tolerances is None else f"{e.tolerances:+.2f}",
         )
         for name, e in found.parameters.items()
-    ]  # fmt: skip
+    ]
     far = far_out(found)
     judged = (
         f"{' and '.join(called(name) for name, _ in far)} moved by more than {FAR:g} tolerances: look whether what is "
         "believed of it is right."
-        if far else f"None moved by more than {FAR:g} tolerances."
-    )  # fmt: skip
+        if far
+        else f"None moved by more than {FAR:g} tolerances."
+    )
     beside = " together with what was found" if found.causes else ""
     sentence = (
         f"What was believed within a tolerance, and what the record makes of it{beside}. {judged} Mass, stiffness, gap "
@@ -238,8 +350,9 @@ def _parameters(found: Diagnosis) -> Stage:
         "stated."
     )
     columns = ("parameter", "believed", "fitted", "95 % interval", "tolerances")
-    return Stage("Believed parameters", sentence, (), plot=parameters_figure(found.parameters),
-                 table=Grid(columns, rows))  # fmt: skip
+    return Stage(
+        "Believed parameters", sentence, (), plot=parameters_figure(found.parameters), table=Grid(columns, rows)
+    )
 
 
 def _believed_text(name: str, value: float | None) -> str:

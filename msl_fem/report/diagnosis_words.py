@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from scipy.stats import beta
 
-from msl_fem.diagnosis.extension import Estimate, unit_of
+from msl_fem.diagnosis.fit import Estimate, unit_of
 from msl_fem.diagnosis.result import Accuracy, Cause, Diagnosis
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import CATALOGUE, find_parameter

@@ -6,7 +6,7 @@ from pathlib import Path
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record
 from msl_fem.bench.sealed import SealedRecord
-from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
+from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.table.magnetic_table import MagneticTable, read_table

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.diagnosis.fit import Weights, weights_of
-from msl_fem.diagnosis.simulator import Points
+from msl_fem.diagnosis.likelihood import NoiseWeights, Points, weights_of
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 
 Array = NDArray[np.float64]
@@ -30,7 +29,7 @@ class LinearRecord:
     def ceilings(self) -> Array:
         return np.array([np.inf])
 
-    def weights(self, residual: Array) -> Weights:
+    def weights(self, residual: Array) -> NoiseWeights:
         return weights_of(residual, self.labels, self.ceilings)
 
     def spectra(self, points: Points) -> Array:

@@ -17,7 +17,7 @@ from msl_fem.cli.app import app
 from msl_fem.cli.diagnose import tried_line
 from msl_fem.cli.output import run_guarded
 from msl_fem.comparison import CompareSettings
-from msl_fem.diagnosis.diagnose import DiagnosisSettings
+from msl_fem.diagnosis import DiagnosisSettings
 from msl_fem.errors import InputError
 from msl_fem.plant import NamedRun, bearable_run, simulation_record
 from msl_fem.plant.effects import EffectValues

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from msl_fem.diagnosis.calibration import Calibration
-from msl_fem.diagnosis.decision import Rule, accepted, excess_power, finishes, may_leave, quiet
-from msl_fem.diagnosis.diagnose import Searched, _kept, _patched
-from msl_fem.diagnosis.held_out import Followed, log_likelihood_gain
+from msl_fem.diagnosis.decision import Rule, completes, excess_power, may_leave, n_accepted, white
+from msl_fem.diagnosis.driver import EffectSearch, _compensating, _named
+from msl_fem.diagnosis.kind import PredictionError, log_likelihood_gain
 
 
 def stages(*gains: float | None, first: str = "time_delay", amount: str = "command") -> list[Any]:
@@ -24,34 +24,34 @@ QUIET, LOUD, LOUDER = {"x": 1.02, "i": 1.0}, {"x": 3.0, "i": 1.1}, {"x": 10.0, "
 def test_excess_is_what_is_above_the_noise_in_all_channels() -> None:
     assert excess_power({"x": 3.0, "i": 0.9}) == pytest.approx(8.0)
     assert excess_power({"x": 3.0, "i": 2.0}) == pytest.approx(11.0)
-    assert quiet(QUIET)
-    assert not quiet(LOUD)
+    assert white(QUIET)
+    assert not white(LOUD)
 
 
 def test_effects_are_taken_as_long_as_they_bring_enough() -> None:
     rule = Rule()
-    assert accepted(stages(5.9), [QUIET], rule) == 0
-    assert accepted(stages(6.1, 3.0), [QUIET, QUIET], rule) == 1
-    assert accepted(stages(400.0, 13.0, None), [LOUD, QUIET, QUIET], rule) == 2
-    assert accepted(stages(400.0, 11.0), [LOUD, QUIET], rule) == 1
-    assert accepted(stages(9000.0, 20.0), [LOUD, QUIET], rule) == 1, "a fraction of what the first one brought"
+    assert n_accepted(stages(5.9), [QUIET], rule) == 0
+    assert n_accepted(stages(6.1, 3.0), [QUIET, QUIET], rule) == 1
+    assert n_accepted(stages(400.0, 13.0, None), [LOUD, QUIET, QUIET], rule) == 2
+    assert n_accepted(stages(400.0, 11.0), [LOUD, QUIET], rule) == 1
+    assert n_accepted(stages(9000.0, 20.0), [LOUD, QUIET], rule) == 1, "a fraction of what the first one brought"
     gap = stages(9000.0, 20.0, first="gap_offset", amount="offset")
-    assert accepted(gap, [LOUD, QUIET, QUIET], rule) == 2, "the gap's tolerance bounds what an offset can bring"
+    assert n_accepted(gap, [LOUD, QUIET, QUIET], rule) == 2, "the gap's tolerance bounds what an offset can bring"
 
 
 def test_an_ornament_of_an_effect_that_fits_badly_is_not_taken() -> None:
     """The first leaves three times the noise; what then brings evidence but leaves it as loud is no cause."""
     rule = Rule()
-    assert not finishes(LOUD, {"x": 2.9, "i": 1.0})
-    assert finishes(LOUD, QUIET)
-    assert accepted(stages(1000.0, 100.0), [LOUDER, LOUD, {"x": 2.9, "i": 1.0}], rule) == 1
-    assert accepted(stages(1000.0, 900.0), [LOUDER, LOUD, QUIET], rule) == 2
+    assert not completes(LOUD, {"x": 2.9, "i": 1.0})
+    assert completes(LOUD, QUIET)
+    assert n_accepted(stages(1000.0, 100.0), [LOUDER, LOUD, {"x": 2.9, "i": 1.0}], rule) == 1
+    assert n_accepted(stages(1000.0, 900.0), [LOUDER, LOUD, QUIET], rule) == 2
 
 
 def test_beside_a_wandering_sensor_a_large_gain_counts_though_nothing_finishes_what_it_leaves() -> None:
     powers = [LOUDER, LOUD, {"x": 2.9, "i": 1.0}]
-    assert accepted(stages(1000.0, 130.0, first="sensor_drift"), powers, Rule()) == 2
-    assert accepted(stages(1000.0, 90.0, first="sensor_drift"), powers, Rule()) == 1
+    assert n_accepted(stages(1000.0, 130.0, first="sensor_drift"), powers, Rule()) == 2
+    assert n_accepted(stages(1000.0, 90.0, first="sensor_drift"), powers, Rule()) == 1
 
 
 def test_the_p_value_counts_clean_records_that_reach_a_statistic() -> None:
@@ -61,31 +61,32 @@ def test_the_p_value_counts_clean_records_that_reach_a_statistic() -> None:
     assert clean.records == 4
 
 
-def searched(*refits: tuple[str, float]) -> Searched:
+def searched(*refits: tuple[str, float]) -> EffectSearch:
     """A search that has taken all of these effects, each to the noise."""
     found = [SimpleNamespace(best=SimpleNamespace(gain=g, variant=SimpleNamespace(effect=e))) for e, g in refits]
-    likelihood: Any = SimpleNamespace(runs_part=lambda fit: (None, fit))
     n = len(refits)
-    return Searched(likelihood, (None,) * (n + 1), tuple(found), (LOUD, *[QUIET] * n), n)  # type: ignore[arg-type]
+    return EffectSearch((None,) * (n + 1), tuple(found), (LOUD, *[QUIET] * n), n)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("left", "patchwork"), [(101.0, True), (40.0, False), (None, False)])
 def test_several_effects_are_a_patchwork_where_a_function_explains_more_than_the_last_of_them(
-    left: float | None, patchwork: bool, monkeypatch: pytest.MonkeyPatch
+    left: float | None, patchwork: bool
 ) -> None:
     found: list[Any] = [] if left is None else [SimpleNamespace(gain=left)]
-    monkeypatch.setattr("msl_fem.diagnosis.diagnose.dependences", lambda *_, few, threads: found)
+    kind: Any = SimpleNamespace(dependences=lambda *_, few, threads: found)
     model: Any = None
-    assert _patched(searched(("cubic", 992.0), ("film", 137.0), ("tilt", 42.7)), model, threads=1) is patchwork
-    assert not _patched(searched(("cubic", 992.0), ("film", 137.0)), model, threads=1)
+    three = searched(("cubic", 992.0), ("film", 137.0), ("tilt", 42.7))
+    assert _compensating(kind, three, model, threads=1) is patchwork
+    assert not _compensating(kind, searched(("cubic", 992.0), ("film", 137.0)), model, threads=1)
+    assert not _compensating(kind, searched(("cubic", 992.0)), model, threads=1)
 
 
 def test_a_drift_is_of_each_run_s_own_so_held_out_runs_do_not_speak_against_it() -> None:
-    names, notes = _kept(searched(("sensor_drift", 6000.0)), [-500.0])
-    assert names == 1
+    named, notes = _named(searched(("sensor_drift", 6000.0)), [-500.0])
+    assert named.taken == 1
     assert "each run's own" in notes[0]
-    names, notes = _kept(searched(("squeeze_film", 6000.0)), [-500.0])
-    assert names == 0
+    named, notes = _named(searched(("squeeze_film", 6000.0)), [-500.0])
+    assert named.taken == 0
     assert "makes held-out runs worse" in notes[0]
 
 
@@ -95,11 +96,11 @@ def test_a_wandering_sensor_may_leave_more_than_an_equation() -> None:
     left = {"x": 4.2, "i": 2.0}  # a fifth of the excess power
     for effect, names in (("sensor_drift", 1), ("squeeze_film", 0)):
         found = replace(searched((effect, 1385.0)), excesses=(LOUDER, left))
-        assert _kept(found, [100.0])[0] == names
+        assert _named(found, [100.0])[0].taken == names
 
 
-def followed(rms: float) -> Followed:
-    return Followed("sweep", "held-out", "position_m", rms, rms / 1e-5, 5e-8, 1000, 1e-5)
+def followed(rms: float) -> PredictionError:
+    return PredictionError("sweep", "held-out", "position_m", rms, rms / 1e-5, 5e-8, 1000, 1e-5)
 
 
 def test_the_gain_on_held_out_runs_counts_nothing_below_the_noise() -> None:

@@ -9,9 +9,9 @@ from diagnosed import RUNS, TABLE, VOLTAGE_SERVO, bench_record, diagnosed
 from scipy.signal import lfilter
 
 from msl_fem.bench import BenchOptions, sealed_record
+from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.decision import QUIET
-from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
-from msl_fem.diagnosis.held_out import worst_over_floor
+from msl_fem.diagnosis.kind import worst_over_floor
 from msl_fem.errors import InputError
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.record import Record, Run, Tolerance

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from linear_record import CUBIC, OFFSET, record, with_effect
 
-from msl_fem.diagnosis.fit import fit, weights_of
-from msl_fem.diagnosis.noise_bands import PRIOR, make_bands, transformed
-from msl_fem.diagnosis.scoring import scores
-from msl_fem.diagnosis.search import ranked, stage
+from msl_fem.diagnosis.fit import fit
+from msl_fem.diagnosis.likelihood import PRIOR, make_bands, transformed, weights_of
+from msl_fem.diagnosis.search import ranked, scores, search_stage
 from msl_fem.diagnosis.unknowns import CAUCHY, EffectUnknown, Unknowns, factor
 from msl_fem.diagnosis.variants import Variant
 from msl_fem.errors import ComputationError
@@ -94,7 +93,7 @@ def test_of_two_effects_the_one_that_is_there_wins_and_nothing_costs_evidence() 
     it, unknowns = record(seed=7, size=0.15, of="stiffness_nonlinearity")
     base = fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
     variants = [Variant(one.effect, (one,)) for one in (OFFSET, CUBIC)]
-    found = stage(it, base, variants, tell=lambda said: None)  # type: ignore[arg-type]
+    found = search_stage(it, base, variants, tell=lambda said: None)  # type: ignore[arg-type]
     assert found.best is not None
     assert found.best.variant.effect == "stiffness_nonlinearity"
     assert found.refits[1].gain < -2

@@ -7,11 +7,11 @@ import pytest
 from diagnosed import RUNS, TABLE, VOLTAGE_SERVO
 
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record
-from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
+from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.fit import FitPlan, fit
-from msl_fem.diagnosis.joint import NOTE, JointLikelihood, joined
-from msl_fem.diagnosis.prepare import prepared
-from msl_fem.diagnosis.simulator import Points
+from msl_fem.diagnosis.free_runs import prepared_runs
+from msl_fem.diagnosis.likelihood import Points
+from msl_fem.diagnosis.static_maps import MAP_BESIDE, JointLikelihood, joined
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.prediction import ModelHypothesis, run_data
 
@@ -27,7 +27,7 @@ def likelihoods(record):
     """(runs alone, unknowns), (runs and map, unknowns)."""
     belief = ModelHypothesis(record.actuator, TABLE)
     runs = [data for data in (run_data(record, run) for run in record.runs) if data.role == "fit"]
-    alone = prepared(belief, runs, record.tolerance)
+    alone = prepared_runs(belief, runs, record.tolerance)
     return alone, joined(record, belief, *alone)
 
 
@@ -62,5 +62,5 @@ def test_a_map_beside_the_runs_tells_the_magnets_apart_from_the_mover() -> None:
 def test_what_is_hidden_in_runs_and_map_is_found_by_both() -> None:
     found = diagnose(sealed("fringing=3%").record, DiagnosisSettings(table=TABLE))
     assert found.names[:1] == ("fringing",)
-    assert NOTE in found.notes
+    assert MAP_BESIDE in found.notes
     assert found.verdict in ("named", "named-and-unexplained")

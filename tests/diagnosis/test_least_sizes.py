@@ -1,17 +1,21 @@
 """The least size of an effect that a record shows: its size by another route, and what tolerances cost."""
 
+import sys
+
 import numpy as np
 import pytest
+from conftest import ROOT
 from diagnosed import TABLE, VOLTAGE_SERVO, bench_record
 
 from msl_fem.diagnosis.fit import fit
-from msl_fem.diagnosis.least_sizes import least_sizes
-from msl_fem.diagnosis.prepare import prepared
-from msl_fem.diagnosis.scene import scene
-from msl_fem.diagnosis.scoring import scores
-from msl_fem.diagnosis.variants import variants
+from msl_fem.diagnosis.free_runs import prepared_runs
+from msl_fem.diagnosis.search import scores
+from msl_fem.diagnosis.variants import record_features, variants
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import ModelHypothesis, free_run, kernel_plant, measured_start, run_data
+
+sys.path.insert(0, str(ROOT / "benchmarks"))
+from least_sizes import least_sizes
 
 TRIED = ("time_delay", "force_offset", "gap_offset", "squeeze_film")
 
@@ -20,10 +24,10 @@ TRIED = ("time_delay", "force_offset", "gap_offset", "squeeze_film")
 def found():
     record = bench_record(seed=11).record
     run = run_data(record, record.runs[0])
-    likelihood, unknowns = prepared(ModelHypothesis(record.actuator, TABLE), [run], record.tolerance)
+    likelihood, unknowns = prepared_runs(ModelHypothesis(record.actuator, TABLE), [run], record.tolerance)
     base = fit(likelihood, unknowns, np.zeros(unknowns.size))
     plant = likelihood.problem.plant.parameters
-    tried = [v for name in TRIED for v in variants(name, scene(likelihood, base), plant)]
+    tried = [v for name in TRIED for v in variants(name, record_features(likelihood, base), plant)]
     return {one.effect: one for one in least_sizes(likelihood, base, scores(likelihood, base, tried))}, run
 
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msl_fem.diagnosis.diagnose import diagnose
-from msl_fem.diagnosis.inverse_force import LowPass, missing_force, usual_low_pass
-from msl_fem.diagnosis.mechanical_rig import attenuation, smoothed
+from msl_fem.diagnosis import diagnose
+from msl_fem.diagnosis.carriages import attenuation, smoothed
+from msl_fem.diagnosis.inverse_force import ZeroPhaseLowPass, missing_force, usual_low_pass
 from msl_fem.plant import plant_parameters
 from msl_fem.plant.effects import neutral_vector
 from msl_fem.plant.effects.mechanical import stops_along
@@ -100,7 +100,7 @@ def test_the_inverse_of_a_known_motion(emps):
         wanted = size * (plant.damping * omega * np.cos(held) - plant.mass * omega**2 * np.sin(held))
         run = Run("run", "", "fit", {"time_s": time, "force_N": wanted, "position_m": size * np.sin(omega * time)})
         record = Record("simulated", emps.actuator, Sampling(rate=rate), Noise(position=1e-9), runs=(run,))
-        low_pass = LowPass(20.0, rate)
+        low_pass = ZeroPhaseLowPass(20.0, rate)
         data = smoothed(run_data(record, run), low_pass)
         missing = missing_force(plant, data, neutral_vector(), gain=1.0, low_pass=low_pass)
         errors.append(np.abs(missing[low_pass.kept(time.size)]).max())

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from msl_fem.actuator import Actuator
+from msl_fem.diagnosis.free_runs import prepared_runs
 from msl_fem.diagnosis.next_experiment import DECIDES, Entry, Question, menu, next_experiment, planned
-from msl_fem.diagnosis.prepare import prepared
 from msl_fem.diagnosis.separation import Hypothesis
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.plant import NamedRun, bearable_run, simulation_record
@@ -28,7 +28,7 @@ def question(servo: Actuator, table: MagneticTable) -> Question:
     run, _ = bearable_run(actuator, table, excitation, rate=RATE, generator=np.random.default_rng(0))
     record = simulation_record(actuator, [NamedRun("noise", NOISE, "fit", run)])
     belief = ModelHypothesis(actuator, table)
-    likelihood, unknowns = prepared(belief, [run_data(record, record.runs[0])], Tolerance())
+    likelihood, unknowns = prepared_runs(belief, [run_data(record, record.runs[0])], Tolerance())
     return Question(belief, likelihood.problem, unknowns.believed)
 
 

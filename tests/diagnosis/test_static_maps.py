@@ -8,9 +8,9 @@ import pytest
 
 from msl_fem.actuator import load_actuator
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record
-from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
-from msl_fem.diagnosis.simulator import Points
-from msl_fem.diagnosis.static_maps import of_map, prepared_map
+from msl_fem.diagnosis import DiagnosisSettings, diagnose
+from msl_fem.diagnosis.likelihood import Points
+from msl_fem.diagnosis.static_maps import map_alone, prepared_map
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.static_map import static_map
@@ -84,7 +84,7 @@ def test_the_extended_model_gives_the_map(made, table):
     record, _ = made("magnetic_hysteresis=3%", 6)
     rows = record.static
     model = diagnose(record, DiagnosisSettings(table=table)).extended
-    likelihood, _, _ = of_map(record, ModelHypothesis(record.actuator, model.table))
+    likelihood = map_alone(record, ModelHypothesis(record.actuator, model.table)).likelihood
     plant = likelihood.problem.plant
     gap = float(model.actuator.motion.nominal_gap) - float(record.actuator.motion.nominal_gap)
     force, _ = static_map(

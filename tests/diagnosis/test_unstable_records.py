@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from msl_fem.diagnosis.decision import Rule
-from msl_fem.diagnosis.diagnose import DiagnosisSettings, diagnose
-from msl_fem.diagnosis.loops import of_loops, prepared_loops
-from msl_fem.diagnosis.other_records import diagnosis_of
-from msl_fem.diagnosis.rests import Rests, of_rests, rests
-from msl_fem.diagnosis.simulator import Points
+from msl_fem.diagnosis import DiagnosisSettings, diagnose
+from msl_fem.diagnosis.driver import diagnosis_of
+from msl_fem.diagnosis.likelihood import Points
+from msl_fem.diagnosis.loops import StaticEquilibria, loops, map_with_equilibria, prepared_loops, static_equilibria
 from msl_fem.prediction import ModelHypothesis, run_data
 from msl_fem.record import load_record
 from msl_fem.table.magnetic_table import read_table
@@ -47,7 +45,7 @@ def test_the_levitation_rig_cannot_decide(record, table):
 
 
 def test_rests_are_where_reference_and_ball_stand(record):
-    found = rests(record)
+    found = static_equilibria(record)
     assert np.allclose(found.force, WEIGHT)
     steps = found.gap[found.role == "fit"]
     assert set(np.round(steps * 1e3)) == {10.0, 12.0}
@@ -68,14 +66,14 @@ def simulated(record, table, *, hidden):
     held = np.array([brentq(lambda i, g=g: float(table.force(i, g)) - (WEIGHT - hidden), 0.05, 2.5) for g in z])
     held *= 1 + 3e-4 * rng.standard_normal(z.size)
     role = np.where(np.arange(z.size) % 3 == 1, "held-out", "fit")
-    return replace(record, static=rows), Rests(z, held, np.full(z.size, WEIGHT), role)
+    return replace(record, static=rows), StaticEquilibria(z, held, np.full(z.size, WEIGHT), role)
 
 
 @pytest.mark.parametrize("hidden", [0.0, 0.1])
 def test_a_force_that_is_there_is_named_and_none_that_is_not(record, table, hidden):
     made, stood = simulated(record, table, hidden=hidden)
-    likelihood, unknowns, kind = of_rests(made, ModelHypothesis(record.actuator, table), stood)
-    found = diagnosis_of(likelihood, unknowns, kind, rule=Rule(), tell=lambda said: None)
+    kind = map_with_equilibria(made, ModelHypothesis(record.actuator, table), stood)
+    found = diagnosis_of(kind, DiagnosisSettings(table=table))
     assert found.names == (("force_offset",) if hidden else ())
     if hidden:
         force = found.causes[0].parameters["force"]
@@ -90,13 +88,14 @@ def test_runs_are_fitted_by_the_prediction_that_judges_them(record, table):
     alone = replace(record, static=None)
     belief = ModelHypothesis(record.actuator, table, None, {"nominal_gap": 0.886, "magnetic_scale": 1.026})
     data = [run_data(alone, run).first(1200) for run in record.runs]
-    likelihood, unknowns, kind = of_loops(alone, belief, data)
+    kind = loops(alone, belief, data)
+    likelihood, unknowns = kind.likelihood, kind.unknowns
     assert likelihood.way == kind.prediction == "closed-loop"
     assert kind.notes == ()
     found = likelihood.spectra(Points.of(unknowns, np.zeros((1, unknowns.size))))
     assert np.isfinite(found).all()
-    likelihood, _, kind = of_loops(alone, belief, [replace(data[0], law=None), *data[1:]])
-    assert likelihood.way == kind.prediction == "one-step"
+    kind = loops(alone, belief, [replace(data[0], law=None), *data[1:]])
+    assert kind.likelihood.way == kind.prediction == "one-step"
     assert f"the law that drove {data[0].name} is not stated" in kind.notes[0]
 
 

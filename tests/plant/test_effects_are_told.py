@@ -16,10 +16,10 @@ from effect_sets import rig
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.control import belief_with_effects
-from msl_fem.diagnosis.inverse_force import LowPass, missing_force
-from msl_fem.diagnosis.mechanical_rig import offered
+from msl_fem.diagnosis.carriages import offered
+from msl_fem.diagnosis.inverse_force import ZeroPhaseLowPass, missing_force
 from msl_fem.diagnosis.static_maps import prepared_map
-from msl_fem.diagnosis.variants import Scene, possible, variants
+from msl_fem.diagnosis.variants import RecordFeatures, possible, variants
 from msl_fem.maps import operating_map
 from msl_fem.plant import plant_parameters, surface_of
 from msl_fem.plant.effects import CATALOGUE, Effect, EffectValues, Parameter, kernel_coefficients
@@ -68,7 +68,7 @@ def in_the_inverse(values: EffectValues) -> tuple[np.ndarray, ...]:
     commands = np.column_stack([np.cos(2 * np.pi * 5 * time), np.zeros(time.size)])
     data = RunData("run", "fit", rate, commands, {"position_m": position}, {})
     plant = plant_parameters(changed(rig(), drive={"bandwidth": 100.0}))._replace(stiffness=0.0)
-    low_pass = LowPass(20.0, rate)
+    low_pass = ZeroPhaseLowPass(20.0, rate)
     return (missing_force(plant, data, values.vector(), gain=1.0, low_pass=low_pass),)
 
 
@@ -137,7 +137,7 @@ def test_a_new_effect_is_missed_where_it_is_not_told(monkeypatch: pytest.MonkeyP
 def test_a_rig_is_offered_nothing_that_does_nothing() -> None:
     """A slew limit, an error of the drive's bandwidth and a relaxing spring were offered to a carriage."""
     carriage: Actuator = changed(rig(), drive={"bandwidth": 100.0}, motion={"stiffness": 0.0})
-    plant, scene = plant_parameters(carriage), Scene(1e-3, 1.0, 1e-2, 5.0)
+    plant, scene = plant_parameters(carriage), RecordFeatures(1e-3, 1.0, 1e-2, 5.0)
     told = {(v.effect, a.name) for v in offered(plant, scene) for a in v.amounts}
     all_of_them = {(v.effect, a.name) for e in possible(plant) for v in variants(e, scene, plant) for a in v.amounts}
     assert told == {(effect, name) for effect, name in all_of_them if name in CATALOGUE[effect].inverse.parameters}

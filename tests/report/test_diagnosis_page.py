@@ -8,10 +8,9 @@ import pytest
 from devtools import Browser
 
 from msl_fem.actuator import Actuator
-from msl_fem.diagnosis.evidence import ChannelResiduals, Evidence, Size, Tried
-from msl_fem.diagnosis.extension import Estimate
-from msl_fem.diagnosis.held_out import Followed
-from msl_fem.diagnosis.result import Accuracy, Cause, Diagnosis, Unexplained
+from msl_fem.diagnosis.fit import Estimate
+from msl_fem.diagnosis.kind import PredictionError, Size
+from msl_fem.diagnosis.result import Accuracy, Cause, ChannelResiduals, Diagnosis, Evidence, TriedVariant, Unexplained
 from msl_fem.plant.effects import CATALOGUE
 from msl_fem.record import Noise, Record, Run, Sampling
 from msl_fem.report.diagnosis_figures import amplitude_density, envelope, gain_figure, over_frequency, over_variables
@@ -37,8 +36,8 @@ def residuals(role: str = "held-out") -> ChannelResiduals:
     return ChannelResiduals("sweep", role, "position_m", RATE, SIGMA, 3 * tone + noise, tone + noise, noise)
 
 
-def followed(rms: float, role: str = "held-out") -> Followed:
-    return Followed("sweep", role, "position_m", rms, rms / 1e-5, SIGMA, SAMPLES, 1e-5)
+def followed(rms: float, role: str = "held-out") -> PredictionError:
+    return PredictionError("sweep", role, "position_m", rms, rms / 1e-5, SIGMA, SAMPLES, 1e-5)
 
 
 @pytest.fixture
@@ -47,8 +46,8 @@ def named() -> Diagnosis:
     cause = Cause("time_delay", {"command": estimate}, 17789.7, None, 87610.0)
     left = residuals()
     tried = (
-        Tried(1, "time_delay", "time_delay (command)", 6525.4, 17789.7, True),
-        Tried(1, "coil_heating", "coil_heating (initial_rise)", -1.5, None, False),
+        TriedVariant(1, "time_delay", "time_delay (command)", 6525.4, 17789.7, True),
+        TriedVariant(1, "coil_heating", "coil_heating (initial_rise)", -1.5, None, False),
     )
     variables = {"sweep": {"position_m": left.nominal, "current_1_A": np.linspace(0.4, 0.6, SAMPLES)}}
     evidence = Evidence(tried, (left,), variables, (Size("time_delay", "sweep", "position_m", 0.0325, 4.3e-7),))

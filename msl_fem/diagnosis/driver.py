@@ -1,0 +1,294 @@
+"""A record diagnosed: what the model gets wrong, by which causes, and how much better it becomes with them.
+
+One driver for all kinds of records; what differs between them stands in their `Kind`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from msl_fem.computing.blas_threads import one_blas_thread
+from msl_fem.diagnosis.calibration import Calibration
+from msl_fem.diagnosis.carriages import carriage, is_carriage
+from msl_fem.diagnosis.decision import (
+    OWN_OF_A_RUN,
+    TIE,
+    WORSE,
+    Rule,
+    beyond_tolerances,
+    n_accepted,
+    share_left,
+    too_much_left,
+    undecidable_because,
+    unstable_run,
+    white,
+)
+from msl_fem.diagnosis.fit import FitPlan, believed_estimates, effect_estimates, fit
+from msl_fem.diagnosis.free_runs import free_runs
+from msl_fem.diagnosis.kind import Kind, PredictionError, held_out_gains
+from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.loops import equilibria_or_loops
+from msl_fem.diagnosis.outside import WORTH_NAMING, Dependence, named_dependence
+from msl_fem.diagnosis.result import (
+    Accuracy,
+    Cause,
+    Diagnosis,
+    Evidence,
+    Unexplained,
+    Verdict,
+    channel_residuals,
+    tried_variants,
+)
+from msl_fem.diagnosis.search import ROUGH, SearchStage, search_stage, statistics_of
+from msl_fem.diagnosis.static_maps import map_alone, why_no_map
+from msl_fem.errors import InputError
+from msl_fem.plant import plant_parameters
+from msl_fem.prediction import ModelHypothesis, run_data
+from msl_fem.record import Record
+from msl_fem.table.magnetic_table import MagneticTable
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosisSettings:
+    """What a diagnosis takes beside the record: the table of its magnets, the rule, threads, a progress report."""
+
+    table: MagneticTable | None = None
+    rule: Rule = field(default_factory=Rule)
+    threads: int = 1
+    progress: Callable[[str], None] = lambda text: None
+
+
+@dataclass(frozen=True, eq=False)
+class EffectSearch:
+    """What a search went through.
+
+    Attributes
+    ----------
+    fits : without effects, with the first, and so on
+    stages : what was tried beside each of these fits
+    excesses : of each fit, channel to residuals over the noise
+    taken : of how many stages the best effect is named
+    """
+
+    fits: tuple[Fit, ...]
+    stages: tuple[SearchStage, ...]
+    excesses: tuple[dict[str, float], ...]
+    taken: int
+
+    @property
+    def final(self) -> Fit:
+        return self.fits[self.taken]
+
+    @property
+    def effects(self) -> list[str]:
+        """The names that were taken, in their order."""
+        return [stage.best.variant.effect for stage in self.stages[: self.taken] if stage.best is not None]
+
+
+@one_blas_thread
+def diagnose(record: Record, settings: DiagnosisSettings | None = None) -> Diagnosis:
+    """The diagnosis of a record, as its kind asks.
+
+    Raises
+    ------
+    InputError : the record lacks what the coupled model needs, or its magnets' table is missing
+    ComputationError : the model cannot follow the data at all
+    """
+    how = settings or DiagnosisSettings()
+    if record.actuator.magnet is not None and how.table is None:
+        raise InputError(f"{record.actuator.name} has magnets and there is no table; make one with 'msl-fem table'")
+    kind = kind_of(record, how)
+    return Diagnosis("undecidable", kind) if isinstance(kind, str) else diagnosis_of(kind, how)
+
+
+def kind_of(record: Record, how: DiagnosisSettings) -> Kind | str:
+    """The record made ready for its diagnosis; why it cannot decide, where it cannot."""
+    belief = ModelHypothesis(record.actuator, how.table)
+    runs = [run_data(record, run) for run in record.runs]
+    if not runs:
+        assert record.static is not None
+        return why_no_map(record.static) or map_alone(record, belief)
+    mechanical = is_carriage(plant_parameters(record.actuator))
+    free = not mechanical and not unstable_run(belief, runs)  # the commands make a free run, whatever made them
+    reason = undecidable_because(record, runs)
+    if reason:
+        return reason
+    how.progress("the model within its tolerances")
+    if free:
+        return free_runs(record, belief, runs, threads=how.threads)
+    return carriage(record, belief, runs) if mechanical else equilibria_or_loops(record, belief, runs)
+
+
+def diagnosis_of(kind: Kind, how: DiagnosisSettings) -> Diagnosis:
+    """The diagnosis of a record that was made ready."""
+    result = search_effects(kind, how)
+    how.progress("held-out runs")
+    return conclude(kind, result, how)
+
+
+def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
+    """Effects added one after the other as long as each brings more than the rule asks."""
+    likelihood, rule = kind.likelihood, kind.rule(how.rule)
+    fits = [fit(likelihood, kind.unknowns, np.zeros(kind.unknowns.size), plan=FitPlan(enough=ROUGH))]
+    stages: list[SearchStage] = []
+    excesses = []
+    for n in range(rule.most):
+        stage = search_stage(likelihood, fits[n], kind.candidates(fits[n]), tell=how.progress, threads=how.threads)
+        stage = beyond_tolerances(likelihood.problem, stage)
+        fits[n] = stage.base
+        stages.append(stage)
+        excesses.append(likelihood.excess(stage.base))
+        if stage.best is None or not rule.enough(stages, n):
+            break
+        fits.append(stage.best.fit)
+        if not rule.goes_on(stages, n, excesses[n], likelihood.excess(stage.best.fit)):
+            break
+    if len(fits) > len(excesses):
+        excesses.append(likelihood.excess(fits[-1]))
+    return EffectSearch(tuple(fits), tuple(stages), tuple(excesses), n_accepted(stages, excesses, rule))
+
+
+def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagnosis:
+    """The verdict of a search, with what held-out data say."""
+    models = [kind.extend(fit) for fit in result.fits[: result.taken + 1]]
+    signals = [kind.errors(model, fit) for model, fit in zip(models, result.fits, strict=False)]
+    errors = [[signal.summary for signal in of_model] for of_model in signals]
+    gains = held_out_gains(errors)
+    compensating = _compensating(kind, result, models[result.taken], threads=how.threads)
+    if compensating:
+        result = replace(result, taken=1)
+    result, notes = _named(result, gains)
+    if compensating:
+        notes.append("several effects together leave what a function of one variable explains; only the first is kept")
+    n = result.taken
+    calibration, outside_of_it = kind.calibration(how.rule)
+    if outside_of_it:
+        notes.append(outside_of_it)
+    nominal = kind.errors(kind.belief, None)
+    believed = [signal.summary for signal in nominal]
+    accuracy = tuple(Accuracy(*three, kind.prediction) for three in zip(believed, errors[0], errors[n], strict=True))
+    unfaithful = _unfaithful(errors[n], kind) if n else ""
+    explained = white(result.excesses[n]) and not compensating
+    unexplained = Unexplained(0.0)
+    ranked: list[Dependence] = []
+    if unfaithful:
+        unexplained = Unexplained(share_left(result.excesses, n), next_experiment=kind.look_further(()))
+    elif not explained:
+        how.progress("what is left over every variable")
+        unexplained, ranked = _left(kind, result, models[n], threads=how.threads)
+    n_named = 0 if unfaithful else n
+    found = Diagnosis(
+        _verdict(n, explained),
+        _reason(result, explained),
+        tuple(_cause(kind, result, stage, gains[stage], calibration) for stage in range(n_named)),
+        unexplained,
+        accuracy,
+        believed_estimates(kind.belief, result.final),
+        models[0],
+        models[n],
+        how.rule.threshold,
+        (calibration.named, calibration.records) if calibration is not None else None,
+        statistics=statistics_of(result.stages),
+        notes=(*kind.notes, *notes),
+        evidence=Evidence(
+            tried_variants(result.stages, n_named),
+            channel_residuals(nominal, signals[0], signals[n]),
+            kind.variables(),
+            tuple(kind.sizes(models[n], result.effects)),
+            tuple(ranked),
+        ),
+    )
+    return _undecided(found, result, unfaithful, kind) if unfaithful else found
+
+
+def _compensating(kind: Kind, result: EffectSearch, model: ModelHypothesis, *, threads: int) -> bool:
+    """Whether several effects only make up together for what none of them is: what they leave, small as it may be, is
+    a function of one variable that brings more than the last of them did."""
+    if result.taken < 2:
+        return False
+    ranked = kind.dependences(result.final, model, few=True, threads=threads)
+    last = result.stages[result.taken - 1].best
+    return bool(ranked and last is not None and ranked[0].gain > max(WORTH_NAMING, last.gain))
+
+
+def _named(result: EffectSearch, gains: Sequence[float]) -> tuple[EffectSearch, list[str]]:
+    """The search with as many effects as are named, and why not more."""
+    taken, effects = result.taken, result.effects
+    notes = []
+    too_much = too_much_left(effects, result.excesses)
+    if too_much:
+        notes.append(too_much)
+        taken = 0
+    while taken and gains[taken - 1] < -WORSE:
+        effect = effects[taken - 1]
+        if effect in OWN_OF_A_RUN:
+            notes.append(f"{effect} is of each run's own: that of the fit run says nothing of held-out runs")
+            break
+        taken -= 1
+        notes.append(f"{effect} makes held-out runs worse and is not named")
+    return replace(result, taken=taken), notes
+
+
+def _unfaithful(errors: Sequence[PredictionError], kind: Kind) -> str:
+    """On which channel held-out data are followed much worse than fit data, in words; empty where on none."""
+    for held in (error for error in errors if error.role == "held-out"):
+        own = [error.rms for error in errors if error.role == "fit" and error.channel == held.channel]
+        if own and held.rms > kind.faithful * max(*own, held.floor):
+            ratio = held.rms / max(own)
+            return f"errs by {held.rms:.3g} on held-out {held.channel}, {ratio:.3g} times as much as there"
+    return ""
+
+
+def _undecided(found: Diagnosis, result: EffectSearch, unfaithful: str, kind: Kind) -> Diagnosis:
+    """The diagnosis where effects hold on the data they were fitted to alone."""
+    effects = ", ".join(result.effects)
+    reason = (
+        f"{effects} would account for the fit data, and {unfaithful}: something else acts alike where they were taken"
+    )
+    advice = kind.look_further(())
+    if advice:
+        reason += f"; what would decide: {advice}"
+    return replace(found, verdict="undecidable", reason=reason, parameters={}, extended=None)
+
+
+def _left(
+    kind: Kind, result: EffectSearch, model: ModelHypothesis, *, threads: int
+) -> tuple[Unexplained, list[Dependence]]:
+    """What no effect accounts for, and on which variables it depends."""
+    ranked = kind.dependences(result.final, model, threads=threads)
+    equation, variables = named_dependence(ranked)
+    share = share_left(result.excesses, result.taken)
+    return Unexplained(share, variables, equation, kind.look_further(variables)), ranked
+
+
+def _verdict(n_named: int, explained: bool) -> Verdict:
+    if n_named:
+        return "named" if explained else "named-and-unexplained"
+    return "nothing-found" if explained else "unexplained"
+
+
+def _cause(kind: Kind, result: EffectSearch, n: int, gain: float, calibration: Calibration | None) -> Cause:
+    stage = result.stages[n]
+    best = stage.best
+    assert best is not None
+    effect = best.variant.effect
+    rivals = tuple(refit.variant.effect for refit in stage.rivals(TIE))
+    p_value = calibration.p_value(best.gain) if calibration is not None else None
+    parameters = effect_estimates(result.final)[effect]
+    return Cause(effect, parameters, best.gain, p_value, gain, rivals, kind.separating(stage, rivals))
+
+
+def _reason(result: EffectSearch, explained: bool) -> str:
+    n = result.taken
+    excess = result.excesses[n]
+    worst = max(excess, key=lambda name: excess[name])
+    told = f"the largest residual is {excess[worst]:.3g} times the noise ({worst})"
+    if n and explained:
+        return told
+    best = result.stages[n].best if n < len(result.stages) else None
+    further = "" if best is None else f"{best.variant.effect} would bring {best.gain:.3g} nats"
+    if n == 0:
+        return f"{told}; {further or 'no effect'}"
+    told += ", which the named effects do not account for"
+    return f"{told}; {further} more" if further else told

@@ -1,0 +1,191 @@
+"""What is particular to a kind of record, free runs, loops, static maps or carriages, and how its models are judged."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.calibration import Calibration
+from msl_fem.diagnosis.decision import Rule
+from msl_fem.diagnosis.fit import extended_belief
+from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.outside import Dependence
+from msl_fem.diagnosis.search import SearchStage
+from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.diagnosis.variants import Variant, every_variant, record_features
+from msl_fem.plant.effects import CATALOGUE
+from msl_fem.prediction import ModelHypothesis, RunData
+
+
+@dataclass(frozen=True)
+class PredictionError:
+    """The error of a model on one channel of a run.
+
+    Attributes
+    ----------
+    rms : of measured less predicted, SI unit; inf where the model left its table or range
+    nrmse : over the standard deviation of measured
+    floor : the noise's sigma, SI unit
+    samples : independent numbers
+    """
+
+    run: str
+    role: str
+    channel: str
+    rms: float
+    nrmse: float
+    floor: float
+    samples: int
+    deviation: float
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorSignal:
+    """What a model misses on a channel of a run.
+
+    Attributes
+    ----------
+    values : (n_sample,) measured less predicted, SI unit; nan where the model left its table or range
+    deviation : of the measured
+    floor : the noise's sigma
+    rate : samples a second; nan of the rows of a map
+    samples : independent numbers; None: all
+    """
+
+    run: str
+    role: str
+    channel: str
+    values: Array
+    deviation: float
+    floor: float
+    rate: float
+    samples: int | None = None
+
+    @classmethod
+    def of_run(cls, data: RunData, channel: str, values: Array) -> "ErrorSignal":
+        """On a channel of a run as it was measured."""
+        deviation = float(data.measured[channel].std())
+        return cls(data.name, data.role, channel, values, deviation, data.noise[channel].sigma, data.rate)
+
+    @property
+    def summary(self) -> PredictionError:
+        rms = float(np.sqrt(np.mean(self.values**2))) if np.isfinite(self.values).all() else float("inf")
+        samples = self.values.size if self.samples is None else self.samples
+        nrmse = rms / self.deviation
+        return PredictionError(self.run, self.role, self.channel, rms, nrmse, self.floor, samples, self.deviation)
+
+
+def held_out_gains(models: Sequence[Sequence[PredictionError]]) -> list[float]:
+    """Nats that each model brings on held-out data over the one before it; of each model the errors on all data."""
+    unseen = [[error for error in errors if error.role == "held-out"] for errors in models]
+    return [log_likelihood_gain(before, after) for before, after in zip(unseen, unseen[1:], strict=False)]
+
+
+def log_likelihood_gain(before: Sequence[PredictionError], after: Sequence[PredictionError]) -> float:
+    """Nats by which runs are more probable under the second model, the noise's variance estimated for each, at least
+    the instrument's."""
+    total = 0.0
+    for first, second in zip(before, after, strict=True):
+        if not np.isfinite(second.rms):
+            return -np.inf
+        if not np.isfinite(first.rms):
+            return np.inf
+        ratio = max(first.rms, first.floor) / max(second.rms, second.floor)
+        total += first.samples * float(np.log(ratio))
+    return total
+
+
+def worst_over_floor(errors: Sequence[PredictionError]) -> float:
+    """The largest RMS error over the noise's sigma of all channels."""
+    return max((error.rms / error.floor for error in errors), default=float("nan"))
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much an effect changes a run at equal input: RMS change over the channel's own RMS, its largest channel."""
+
+    effect: str
+    run: str
+    channel: str
+    share: float
+    change: float
+
+
+@dataclass(frozen=True, eq=False)
+class Kind(ABC):
+    """A record made ready: its likelihood, what is unknown in it, and all that depends on the kind of a record.
+
+    Attributes
+    ----------
+    belief : as in the record
+    likelihood, unknowns : of the data with the role fit, without any effect
+    notes : what the reader must know beside the verdict
+    prediction : how models are judged, the word of the accuracy's entries
+    faithful : how many times their error on the fit data effects may err on held-out data, to be named
+    advice : what would show more of what is left unexplained
+    """
+
+    belief: ModelHypothesis
+    likelihood: Likelihood
+    unknowns: Unknowns
+    notes: tuple[str, ...] = ()
+
+    prediction: ClassVar[str]
+    faithful: ClassVar[float] = float("inf")
+    advice: ClassVar[str] = ""
+
+    @abstractmethod
+    def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:
+        """What a model misses on every channel of all data, those held out too; `fit` is where it comes from, None of
+        the believed model."""
+
+    def rule(self, rule: Rule) -> Rule:
+        """The rule by which this kind is decided. What an equation leaves out was measured on free runs alone."""
+        return replace(rule, share=0.0)
+
+    def candidates(self, fit: Fit) -> list[Variant]:
+        """The variants of effects to be tried beside those of a fit."""
+        plant = self.likelihood.problem.plant.parameters
+        return without_those_of(fit, every_variant(plant, record_features(self.likelihood, fit)))
+
+    def extend(self, fit: Fit) -> ModelHypothesis:
+        """The model that other commands take."""
+        return extended_belief(self.belief, self.likelihood.problem, fit)
+
+    def calibration(self, rule: Rule) -> tuple[Calibration | None, str]:
+        """The clean records that were studied of this kind; None and why, where there are none."""
+        return None, "no clean records were studied for this kind of record: the false-alarm rate is not known"
+
+    def dependences(
+        self, fit: Fit, belief: ModelHypothesis, *, few: bool = False, threads: int = 1
+    ) -> list[Dependence]:
+        """Free functions of one variable that account for what is left, the most probable first; empty where the
+        prediction takes none."""
+        return []
+
+    def separating(self, stage: SearchStage, rivals: Sequence[str]) -> str:
+        """What would tell a stage's best effect from its rivals; empty without rivals."""
+        if not rivals or stage.best is None:
+            return ""
+        return CATALOGUE[stage.best.variant.effect].separating
+
+    def look_further(self, variables: Sequence[str]) -> str:
+        """What would show more of what is left, which depends on these variables."""
+        return self.advice
+
+    def variables(self) -> dict[str, Mapping[str, Array]]:
+        """Run to name (with unit) to (n_sample,): what the values of its error signals may depend on."""
+        return {}
+
+    def sizes(self, belief: ModelHypothesis, effects: Sequence[str]) -> list[Size]:
+        """How much named effects change the runs; empty where that is not simulated."""
+        return []
+
+
+def without_those_of(fit: Fit, tried: Sequence[Variant]) -> list[Variant]:
+    """Variants of effects that a fit does not have."""
+    present = {unknown.effect for unknown in fit.unknowns.effects}
+    return [variant for variant in tried if variant.effect not in present]

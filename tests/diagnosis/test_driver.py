@@ -1,0 +1,104 @@
+"""One driver for all kinds of records: what holds for one kind holds for every other."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from msl_fem.diagnosis.driver import DiagnosisSettings, diagnosis_of
+from msl_fem.diagnosis.kind import ErrorSignal, Kind
+from msl_fem.diagnosis.likelihood import Fit, NoiseWeights, Points, weights_of
+from msl_fem.diagnosis.outside import Dependence
+from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
+from msl_fem.diagnosis.variants import Variant
+
+N = 2000
+
+
+class LinearRecord:
+    """White noise, and an effect of known size in its readings; two further columns are unknown."""
+
+    def __init__(self, unknown: EffectUnknown) -> None:
+        chance = np.random.default_rng(3)
+        self.unknown, self.nuisances = unknown, chance.standard_normal((N, 2))
+        self.column = chance.standard_normal(N)
+        self.data = self.column + chance.standard_normal(N)
+        self.labels, self.ceilings = np.zeros(N, dtype=np.intp), np.array([np.inf])
+        self.problem = SimpleNamespace(plant=SimpleNamespace(parameters=None))
+
+    def spectra(self, points: Points) -> np.ndarray:
+        rows = []
+        for n, z in enumerate(points.rows):
+            size = 0.0
+            if points.effects is not None:
+                size = self.unknown.z_of(float(points.effects[n, self.unknown.place]))
+            rows.append(self.data - self.nuisances @ z[:2] - self.column * size)
+        return np.array(rows)
+
+    def weights(self, residual: np.ndarray) -> NoiseWeights:
+        return weights_of(residual, self.labels, self.ceilings)
+
+    def excess(self, fit: Fit) -> dict[str, float]:
+        return {"position_m": float(np.sqrt(np.mean(fit.residual**2)))}
+
+
+@dataclass(frozen=True, eq=False)
+class ToyKind(Kind):
+    """A kind of its own, whose effect makes held-out data worse."""
+
+    prediction: ClassVar[str] = "one-step"
+
+    def candidates(self, fit: Fit) -> list[Variant]:
+        unknown = self.likelihood.unknown  # type: ignore[attr-defined]
+        return [] if fit.unknowns.effects else [Variant(unknown.effect, (unknown,))]
+
+    def extend(self, fit: Fit) -> Any:
+        return self.belief
+
+    def errors(self, belief: Any, fit: Fit | None) -> list[ErrorSignal]:
+        worse = 2.0 if fit is not None and fit.unknowns.effects else 1.0
+        return [
+            ErrorSignal(role, role, "position_m", size * np.ones(N), deviation=1.0, floor=1.0, rate=1e3)
+            for role, size in (("fit", 1.0), ("held-out", worse))
+        ]
+
+
+def diagnosed(kind: type[ToyKind], unknown: EffectUnknown) -> Any:
+    likelihood: Any = LinearRecord(unknown)
+    made = kind(SimpleNamespace(), likelihood, Unknowns((), 2, (0,)))  # type: ignore[arg-type]
+    return diagnosis_of(made, DiagnosisSettings(threads=2))
+
+
+def test_held_out_data_speak_against_no_effect_of_each_run_s_own_whatever_the_kind() -> None:
+    found = diagnosed(ToyKind, EffectUnknown("sensor_drift", "rate"))
+    assert found.names == ("sensor_drift",)
+    assert found.causes[0].gain < -1000
+    assert any("each run's own" in note for note in found.notes)
+
+
+def test_held_out_data_speak_against_every_other_effect_whatever_the_kind() -> None:
+    found = diagnosed(ToyKind, EffectUnknown("force_offset", "force"))
+    assert found.names == ()
+    assert any("makes held-out runs worse" in note for note in found.notes)
+
+
+def test_no_rate_is_stated_for_a_kind_without_clean_records_and_what_was_tried_is_kept() -> None:
+    found = diagnosed(ToyKind, EffectUnknown("sensor_drift", "rate"))
+    assert found.false_alarms is None
+    assert found.causes[0].p_value is None
+    assert any("false-alarm rate is not known" in note for note in found.notes)
+    assert [(tried.effect, tried.taken) for tried in found.evidence.tried] == [("sensor_drift", True)]
+    assert [residuals.run for residuals in found.evidence.residuals] == ["fit", "held-out"]
+
+
+def test_an_unexplained_rest_is_looked_into_by_the_kind() -> None:
+    class Explaining(ToyKind):
+        def dependences(self, fit: Fit, belief: Any, *, few: bool = False, threads: int = 1) -> list[Dependence]:
+            assert threads == 2
+            curve = np.zeros(3)
+            return [Dependence("force", "velocity", 500.0, 0.9, curve, curve, curve)]
+
+    found = diagnosed(Explaining, EffectUnknown("force_offset", "force"))
+    assert found.verdict == "unexplained"
+    assert (found.unexplained.equation, found.unexplained.depends_on) == ("force", ("velocity",))
