@@ -10,8 +10,8 @@ from msl_fem.actuator import load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json, read_option, read_options
 from msl_fem.cli.output import print_columns, print_result, progress_bar
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
-from msl_fem.computing.jobs import RowCache
-from msl_fem.design.tolerances import NAMES, StudyResources, ToleranceSettings, ToleranceStudy, tolerance_study
+from msl_fem.computing.jobs import Executor, RowCache
+from msl_fem.design.tolerances import NAMES, RowRun, ToleranceSettings, ToleranceStudy, tolerance_study
 from msl_fem.design.tolerances.manufactured import LENGTHS
 from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
@@ -66,8 +66,8 @@ def command(
     if cache is not None:
         cache.check_writable()
     with progress_bar("made magnets") as progress:
-        resources = StudyResources(workers or default_workers(), cache, resume, progress)
-        study = tolerance_study(it, settings=settings, resources=resources)
+        running = RowRun(Executor(workers or default_workers()), cache, resume, progress)
+        study = tolerance_study(it, settings=settings, running=running)
     if output is not None:
         write_page(tolerance_page(it, study), output)
     if cache is not None:

@@ -347,11 +347,10 @@ def _solve_in_worker(row: Any) -> Any:
 
 @contextlib.contextmanager
 def _on_cluster(job: Job[Row, Answer], address: str, executor: Executor) -> Iterator[Workers[Row, Answer]]:
-    distributed = _distributed()
     # the workers must be able to unpickle the job without having made it: a message each, no scattered data that
     # could die with its holder
     packed, place = pickle.dumps(job), itertools.count()
-    with _quiet_log(), _connected(address) as client:
+    with _connected(address) as (distributed, client):
 
         def submit(row: Row) -> Any:
             return client.submit(
@@ -380,20 +379,30 @@ def _on_cluster(job: Job[Row, Answer], address: str, executor: Executor) -> Iter
             raise ComputationError(f"the connection to the cluster {address} was lost; {executor.go_on}") from err
 
 
-def _distributed() -> Any:
+@contextlib.contextmanager
+def _connected(address: str) -> Iterator[tuple[Any, "Client"]]:
+    """The library, and its client of a scheduler that has at least one worker.
+
+    The client's own log, which has a traceback for each loss that is answered here, is off.
+    """
     try:
         import distributed
     except ImportError as err:
         raise InputError(
             "--scheduler needs dask.distributed, which is not installed; install msl-fem[cluster], or use --workers"
         ) from err
-    return distributed
+    log = logging.getLogger("distributed.client")
+    level = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        with _client(distributed, address) as client:
+            yield distributed, client
+    finally:
+        log.setLevel(level)
 
 
-def _connected(address: str) -> "Client":
-    """A client of a scheduler that has at least one worker."""
+def _client(distributed: Any, address: str) -> "Client":
     way_out = "give the address that 'dask scheduler' prints, like tcp://192.168.0.7:8786, or use --workers"
-    distributed = _distributed()
     try:
         if not address.strip():
             raise ValueError("an empty address would start a cluster")
@@ -410,18 +419,6 @@ def _connected(address: str) -> "Client":
             f"the scheduler at '{address}' has no workers; start one with 'dask worker {address}'"
         ) from err
     return client
-
-
-@contextlib.contextmanager
-def _quiet_log() -> Iterator[None]:
-    """Without the client's own log, which has a traceback for each loss that is answered here."""
-    log = logging.getLogger("distributed.client")
-    before = log.level
-    log.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        log.setLevel(before)
 
 
 _of_thread = threading.local()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from msl_fem.actuator import Actuator, parse_actuator
 from msl_fem.computing.jobs import Executor
-from msl_fem.design.tolerances import ManufacturingJob, Questions, RowRun
+from msl_fem.design.tolerances.sensitivity import ManufacturingJob, Questions, RowRun
 from msl_fem.magnetics.kinds.accuracy import LEVELS
 from msl_fem.magnetics.kinds.e_core import magnet_mesh
 from msl_fem.magnetics.sweep.rows import FieldJob
@@ -33,14 +33,14 @@ def nominal(actuator: Actuator, gap: float) -> FieldJob:
 
 
 def job(
-    nominal_field: FieldJob,
+    nominal_job: FieldJob,
     gap: float,
     *,
     current: float,
     levels: tuple[float, ...] = (),
     sections: tuple[str, ...] = ("centre_leg",),
 ) -> ManufacturingJob:
-    return ManufacturingJob(nominal_field, Questions((gap,), levels, sections, 100.0, current, gap))
+    return ManufacturingJob(nominal_job, Questions((gap,), levels, sections, 100.0, current, gap))
 
 
 HERE = RowRun(Executor())

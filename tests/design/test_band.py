@@ -12,19 +12,15 @@ from small_magnets import HERE, job, nominal_of
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.jobs import Executor, RowCache, Workers
-from msl_fem.design.tolerances import (
-    NAMES,
-    RowRun,
-    StudyResources,
+from msl_fem.design.tolerances.manufactured import NAMES, tolerances_of
+from msl_fem.design.tolerances.sensitivity import RowRun, answers, sensitivities
+from msl_fem.design.tolerances.study import (
     ToleranceSettings,
-    answers,
     direct_band,
     draw,
     linearised_answers,
     linearised_band,
-    sensitivities,
     tolerance_study,
-    tolerances_of,
 )
 from msl_fem.errors import ComputationError, InputError
 
@@ -40,12 +36,12 @@ def study(servo: Actuator):  # type: ignore[no-untyped-def]
 
 def test_deviations_are_seeded_uniform_and_within_their_limits(servo: Actuator) -> None:
     wanted = tolerances_of(servo)
-    nominal_field = draw(wanted, 4000, 7)
-    assert nominal_field == draw(wanted, 4000, 7)
-    assert nominal_field[:100] != draw(wanted, 100, 8)
-    assert nominal_field[:50] == draw(wanted, 50, 7), "the checks are the first of the samples"
+    drawn = draw(wanted, 4000, 7)
+    assert drawn == draw(wanted, 4000, 7)
+    assert drawn[:100] != draw(wanted, 100, 8)
+    assert drawn[:50] == draw(wanted, 50, 7), "the checks are the first of the samples"
     for tolerance in wanted:
-        values = np.array([d[tolerance.name] for d in nominal_field])
+        values = np.array([d[tolerance.name] for d in drawn])
         assert np.abs(values).max() <= tolerance.limit
         assert values.std() == pytest.approx(tolerance.limit / np.sqrt(3), rel=0.05)
         assert abs(values.mean()) < 0.05 * tolerance.limit
@@ -166,9 +162,7 @@ def test_tolerances_come_from_the_call_the_file_or_the_defaults(servo: Actuator)
 def test_the_study_of_the_reference_actuator(servo: Actuator) -> None:
     settings = ToleranceSettings(gaps=(0.3e-3, 0.6e-3), levels=(1.2,), samples=500, checks=3)
     told: list[int] = []
-    found = tolerance_study(
-        servo, settings=settings, resources=StudyResources(progress=lambda done, _: told.append(done))
-    )
+    found = tolerance_study(servo, settings=settings, running=RowRun(progress=lambda done, _: told.append(done)))
     assert found.sections == ("centre_leg", "outer_leg")
     assert found.point[0] == pytest.approx(3.89, abs=0.02)
     assert found.current[0, 1] == pytest.approx(found.point[0], rel=1e-3)

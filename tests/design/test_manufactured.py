@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 from small_magnets import nominal, nominal_of, wide_open
 
-from msl_fem.design.tolerances import NAMES, manufactured_field, manufactured_magnet, moved_mesh, scaled_iron
+from msl_fem.design.tolerances.manufactured import (
+    NAMES,
+    manufactured_field,
+    manufactured_magnet,
+    moved_mesh,
+    scaled_iron,
+)
 from msl_fem.errors import ComputationError
 from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section, magnet_mesh
 from msl_fem.magnetics.sweep.rows import FieldJob
@@ -28,10 +34,10 @@ def area(mesh, name: str) -> float:  # type: ignore[no-untyped-def]
 @pytest.mark.parametrize("name", ["e1", "fast_tool_servo"])
 @pytest.mark.parametrize("chamfer", [0.0, 1e-3])
 def test_the_moved_mesh_fills_the_made_section(name: str, chamfer: float) -> None:
-    nominal_field = nominal_of(name, GAP).magnet.model_copy(update={"pole_chamfer": chamfer, "air": None})
-    mesh = magnet_mesh(nominal_field, GAP, "fast")
-    made = manufactured_magnet(nominal_field, OFF)
-    moved = moved_mesh(mesh, e_core_section(nominal_field, GAP), e_core_section(made, GAP))
+    nominal_magnet = nominal_of(name, GAP).magnet.model_copy(update={"pole_chamfer": chamfer, "air": None})
+    mesh = magnet_mesh(nominal_magnet, GAP, "fast")
+    made = manufactured_magnet(nominal_magnet, OFF)
+    moved = moved_mesh(mesh, e_core_section(nominal_magnet, GAP), e_core_section(made, GAP))
     half = made.centre_leg_width / 2 + made.window_width + made.outer_leg_width
     windows = made.window_width * made.window_height
     core = half * (made.window_height + made.yoke_thickness) - windows - 3 * chamfer**2 / 2
@@ -45,25 +51,25 @@ def test_the_moved_mesh_fills_the_made_section(name: str, chamfer: float) -> Non
 
 def test_a_moved_mesh_gives_what_a_new_one_does() -> None:
     """Two routes to the made magnet's force: within the discretisation's error of `fast`, a few thousandths."""
-    nominal_field = nominal_of("fast_tool_servo", GAP)
-    moved = manufactured_field(nominal_field, OFF)
-    made = manufactured_magnet(nominal_field.magnet, OFF)
-    again = MagnetField(made, magnet_mesh(made, GAP, "fast"), folder=nominal_field.folder, order=nominal_field.order)
+    nominal_job = nominal_of("fast_tool_servo", GAP)
+    moved = manufactured_field(nominal_job, OFF)
+    made = manufactured_magnet(nominal_job.magnet, OFF)
+    again = MagnetField(made, magnet_mesh(made, GAP, "fast"), folder=nominal_job.folder, order=nominal_job.order)
     forces = [field.quantities(field.solve(4.0, GAP)).force for field in (moved, again)]
     assert forces[0] == pytest.approx(forces[1], rel=3e-3)
-    plain = manufactured_field(nominal_field, {})
+    plain = manufactured_field(nominal_job, {})
     assert abs(forces[0] / plain.quantities(plain.solve(4.0, GAP)).force - 1) > 5e-3, "the deviation shows"
 
 
 def test_lines_that_part_or_cross_are_refused() -> None:
-    nominal_field = nominal_of("fast_tool_servo", GAP)
-    section = e_core_section(nominal_field.magnet, GAP)
+    nominal_job = nominal_of("fast_tool_servo", GAP)
+    section = e_core_section(nominal_job.magnet, GAP)
     shrunk = replace(section, regions=section.regions[:-1])
     with pytest.raises(ComputationError, match="other vertices"):
-        moved_mesh(nominal_field.mesh, section, shrunk)
-    overhang = e_core_section(nominal_field.magnet.model_copy(update={"armature_overhang": 1e-3}), GAP)
+        moved_mesh(nominal_job.mesh, section, shrunk)
+    overhang = e_core_section(nominal_job.magnet.model_copy(update={"armature_overhang": 1e-3}), GAP)
     with pytest.raises(ComputationError, match="parts lines"):
-        moved_mesh(nominal_field.mesh, section, overhang)
+        moved_mesh(nominal_job.mesh, section, overhang)
 
 
 @pytest.mark.parametrize("iron", [load_iron("m19"), e1_iron()], ids=["points", "formula"])
@@ -93,9 +99,9 @@ def test_a_linear_iron_with_more_field_strength_has_less_permeability() -> None:
 
 def test_bh_deviations_reach_the_field() -> None:
     """The made field of a linear iron is that of the magnet with the other permeability."""
-    nominal_field = nominal(wide_open("linear:200"), GAP)
-    made = manufactured_field(nominal_field, {"bh_field_strength": 0.25, "bh_polarisation": 0.0})
-    other = FieldJob(wide_open(f"linear:{1 + 199 / 1.25!r}").e_core(), nominal_field.mesh, Path(), nominal_field.order)
+    nominal_job = nominal(wide_open("linear:200"), GAP)
+    made = manufactured_field(nominal_job, {"bh_field_strength": 0.25, "bh_polarisation": 0.0})
+    other = FieldJob(wide_open(f"linear:{1 + 199 / 1.25!r}").e_core(), nominal_job.mesh, Path(), nominal_job.order)
     plain = manufactured_field(other, {})
     found, wanted = (field.quantities(field.solve(2.0, GAP)) for field in (made, plain))
     assert found.force == pytest.approx(wanted.force, rel=1e-6)
@@ -103,9 +109,9 @@ def test_bh_deviations_reach_the_field() -> None:
 
 
 def test_only_what_deviates_changes() -> None:
-    nominal_field = nominal_of("fast_tool_servo", GAP).magnet
-    assert manufactured_magnet(nominal_field, dict.fromkeys(NAMES, 0.0)) == nominal_field
-    made = manufactured_magnet(nominal_field, {"stack_depth": 1e-4, "stacking_factor": -0.01})
-    assert made.stack_depth == pytest.approx(nominal_field.stack_depth + 1e-4)
+    nominal_magnet = nominal_of("fast_tool_servo", GAP).magnet
+    assert manufactured_magnet(nominal_magnet, dict.fromkeys(NAMES, 0.0)) == nominal_magnet
+    made = manufactured_magnet(nominal_magnet, {"stack_depth": 1e-4, "stacking_factor": -0.01})
+    assert made.stack_depth == pytest.approx(nominal_magnet.stack_depth + 1e-4)
     assert (made.iron.core_stacking, made.iron.armature_stacking) == pytest.approx((0.95, 0.95))
-    assert made.coil == nominal_field.coil
+    assert made.coil == nominal_magnet.coil

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from small_magnets import HERE, job, nominal, nominal_of, wide_open
 
-from msl_fem.design.tolerances import ManufacturingTolerance, Sensitivity, manufactured_field, sensitivities
+from msl_fem.design.tolerances.manufactured import ManufacturingTolerance, manufactured_field
+from msl_fem.design.tolerances.sensitivity import Sensitivity, sensitivities
 
 LEVEL = (0.3,)
 
@@ -26,10 +27,10 @@ def linear() -> dict[float, dict[str, Sensitivity]]:
     """The wide-open magnet at two gaps, by name of the quantity."""
     found = {}
     for gap in (0.1e-3, 0.4e-3):
-        nominal_field = nominal(wide_open(), gap)
-        asked = job(nominal_field, gap, current=0.1, levels=LEVEL)
+        nominal_job = nominal(wide_open(), gap)
+        asked = job(nominal_job, gap, current=0.1, levels=LEVEL)
         names = ("gap", "centre_leg_width", "outer_leg_width", "stack_depth", "bh_field_strength")
-        found[gap] = by_name(sensitivities(asked, tolerances(nominal_field.magnet, *names), HERE)[1])
+        found[gap] = by_name(sensitivities(asked, tolerances(nominal_job.magnet, *names), HERE)[1])
     return found
 
 
@@ -65,12 +66,12 @@ def test_an_iron_that_takes_no_field_does_not_matter(linear: dict[float, dict[st
 @pytest.fixture(scope="module")
 def saturated() -> dict[str, Sensitivity]:
     gap = 0.3e-3
-    nominal_field = nominal_of("fast_tool_servo", gap)
-    asked = job(nominal_field, gap, current=3.0, levels=(1.2, 1.6), sections=("centre_leg", "outer_leg"))
+    nominal_job = nominal_of("fast_tool_servo", gap)
+    asked = job(nominal_job, gap, current=3.0, levels=(1.2, 1.6), sections=("centre_leg", "outer_leg"))
     names = ("gap", "centre_leg_width", "stack_depth", "bh_polarisation", "stacking_factor")
     wanted = [
         ManufacturingTolerance(t.name, 0.96 if t.name == "stacking_factor" else t.nominal, 0.0, "", "")
-        for t in tolerances(nominal_field.magnet, *names)
+        for t in tolerances(nominal_job.magnet, *names)
     ]
     return by_name(sensitivities(asked, wanted, HERE)[1])
 
@@ -103,13 +104,13 @@ def test_a_wider_leg_needs_more_current_for_its_own_level_only(saturated: dict[s
 def test_a_solid_iron_is_judged_from_below() -> None:
     """A stacking factor of 1 cannot rise; the one-sided differences agree with the central ones of 0.98's side."""
     gap = 0.3e-3
-    nominal_field = nominal_of("e1", gap)
+    nominal_job = nominal_of("e1", gap)
     wanted = [ManufacturingTolerance("stacking_factor", 1.0, 0.0, "", "")]
-    solid = sensitivities(job(nominal_field, gap, current=4.0, levels=(1.2,)), wanted, HERE)[1][0]
+    solid = sensitivities(job(nominal_job, gap, current=4.0, levels=(1.2,)), wanted, HERE)[1][0]
     assert np.isfinite(solid.force)
     forces = []
     for stacking in (0.999, 0.997):
-        field = manufactured_field(nominal_field, {"stacking_factor": stacking - 1})
+        field = manufactured_field(nominal_job, {"stacking_factor": stacking - 1})
         forces.append(field.quantities(field.solve(4.0, gap)).force)
     near = (np.log(forces[0]) - np.log(forces[1])) / (np.log(0.999) - np.log(0.997))
     assert solid.force == pytest.approx(near, rel=0.05)

@@ -126,9 +126,9 @@ def manufactured_field(nominal: FieldJob, deviation: Mapping[str, float]) -> Mag
     ActuatorError, ValueError : dimensions that make no magnet
     """
     magnet = manufactured_magnet(nominal.magnet, deviation)
-    nominal_field = e_core_section(nominal.magnet, nominal.mesh.gap)
-    made = e_core_section(magnet, nominal.mesh.gap)
-    mesh = moved_mesh(nominal.mesh, nominal_field, made)
+    nominal_section = e_core_section(nominal.magnet, nominal.mesh.gap)
+    deviating = e_core_section(magnet, nominal.mesh.gap)
+    mesh = moved_mesh(nominal.mesh, nominal_section, deviating)
     field = MagnetField(magnet, mesh, folder=nominal.folder, order=nominal.order)
     polarisation, strength = (deviation.get(name, 0.0) for name in ("bh_polarisation", "bh_field_strength"))
     if polarisation or strength:
@@ -159,14 +159,16 @@ def manufactured_magnet(magnet: ECore, deviation: Mapping[str, float]) -> ECore:
     return ECore.model_validate(content)
 
 
-def moved_mesh(mesh: TriangleMesh, nominal_field: Section, made: Section) -> TriangleMesh:
+def moved_mesh(mesh: TriangleMesh, nominal_section: Section, deviating: Section) -> TriangleMesh:
     """The mesh of one section as that of another with the same topology.
 
     Raises
     ------
     ComputationError : sections of different topology, or lines that change their order
     """
-    points = np.stack([_moved(mesh.points[axis], _lines(nominal_field, axis), _lines(made, axis)) for axis in (0, 1)])
+    points = np.stack(
+        [_moved(mesh.points[axis], _lines(nominal_section, axis), _lines(deviating, axis)) for axis in (0, 1)]
+    )
     return replace(mesh, points=points)
 
 

@@ -133,7 +133,7 @@ def only(field: MagnetField, section: str) -> MagnetField:
 class RowRun:
     """How rows are solved: by what, the folder of finished rows (None keeps none), whether they are taken from it."""
 
-    executor: Executor
+    executor: Executor = Executor()  # noqa: RUF009 - frozen
     cache: RowCache | None = None
     resume: bool = False
     progress: Progress | None = None
@@ -142,7 +142,7 @@ class RowRun:
 def answers(
     job: ManufacturingJob, deviations: Sequence[dict[str, float]], running: RowRun, *, by_section: bool = False
 ) -> list[Arrays]:
-    """The answers for made magnets, in order; each is kept as soon as it is there.
+    """The answers for manufactured magnets, in order; each is kept as soon as it is there.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
-from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache
+from msl_fem.computing.jobs import Arrays
 from msl_fem.design.tolerances.manufactured import FieldJob, ManufacturingTolerance, manufactured_field, tolerances_of
 from msl_fem.design.tolerances.sensitivity import (
     ManufacturingJob,
@@ -152,16 +152,6 @@ class ToleranceSettings:
     accuracy: Accuracy = "fast"
 
 
-@dataclass(frozen=True)
-class StudyResources:
-    """Processes, folder of finished magnets and whether they are taken from it, progress."""
-
-    workers: int = 1
-    cache: RowCache | None = None
-    resume: bool = False
-    progress: Progress | None = None
-
-
 @dataclass(frozen=True, eq=False)
 class ToleranceStudy:
     """Sensitivities at a point and over the map, and the map's band.
@@ -198,7 +188,7 @@ class ToleranceStudy:
 
 
 def tolerance_study(
-    actuator: Actuator, *, settings: ToleranceSettings | None = None, resources: StudyResources | None = None
+    actuator: Actuator, *, settings: ToleranceSettings | None = None, running: RowRun | None = None
 ) -> ToleranceStudy:
     """The tolerance study of an actuator's E-core.
 
@@ -208,14 +198,13 @@ def tolerance_study(
     ComputationError : a field did not converge; what is finished is kept
     """
     settings = settings or ToleranceSettings()
-    resources = resources or StudyResources()
+    running = running or RowRun()
     tolerances = tolerances_of(actuator, stated=settings.tolerances)
     _check(settings)
     gaps = _gaps(actuator, settings.gaps, tolerances)
     magnet = actuator.e_core()
     mesh = magnet_mesh(magnet, float(np.sqrt(gaps[0] * gaps[-1])), settings.accuracy)
     nominal = FieldJob(magnet, mesh, actuator.folder, LEVELS[settings.accuracy].order)
-    running = RowRun(Executor(resources.workers), resources.cache, resources.resume, resources.progress)
     most = _most(actuator)
     nominal_field = manufactured_field(nominal, {})
     point = settings.point or _point(actuator, nominal_field, settings.levels[0], most=most, gaps=gaps)
