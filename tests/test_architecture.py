@@ -25,7 +25,6 @@ USERS = {
     "pyvista": {"msl_fem.report"},
 }
 FILE_USERS = {
-    "msl_fem.computing.compiled",
     "msl_fem.files",
     "msl_fem.materials",
     "msl_fem.actuator",

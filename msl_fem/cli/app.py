@@ -16,9 +16,9 @@ COMMANDS = {
     "study": "msl_fem.cli.study:command",
     "solve": "msl_fem.cli.solve:command",
     "table": "msl_fem.cli.table:command",
-    "lookup": "msl_fem.cli.lookup:command",
+    "lookup": "msl_fem.cli.points:lookup",
     "map": "msl_fem.cli.map:command",
-    "guard": "msl_fem.cli.guard:command",
+    "guard": "msl_fem.cli.points:guard",
     "losses": "msl_fem.cli.losses:command",
     "size": "msl_fem.cli.size:command",
     "simulate": "msl_fem.cli.simulate:command",
@@ -29,8 +29,8 @@ COMMANDS = {
     "compare": "msl_fem.cli.compare:command",
     "diagnose": "msl_fem.cli.diagnose:command",
     "export": "msl_fem.cli.export:command",
-    "flexure": "msl_fem.cli.flexure:command",
-    "gap-trade": "msl_fem.cli.gap_trade:command",
+    "flexure": "msl_fem.cli.mechanics:flexure",
+    "gap-trade": "msl_fem.cli.mechanics:trade_gap",
     "tolerances": "msl_fem.cli.tolerances:command",
     "doctor": "msl_fem.cli.doctor:command",
 }
@@ -112,7 +112,7 @@ app = typer.Typer(
 def _version(wanted: bool) -> None:
     if wanted:
         typer.echo(f"msl-fem {import_module('msl_fem').__version__}")
-        typer.echo(import_module("msl_fem.cli.installation").versions_that_matter())
+        typer.echo(import_module("msl_fem.cli.doctor").versions_that_matter())
         raise typer.Exit
 
 

@@ -7,9 +7,9 @@ import typer
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.bench import BenchOptions, ClosedLoop, parse_requests, sealed_record, usual_unit
-from msl_fem.cli.looped import usual_loop
 from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar, write_json
+from msl_fem.cli.simulate import usual_loop
 from msl_fem.cli.sweeping import table_for
 from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run

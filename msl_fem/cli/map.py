@@ -6,8 +6,10 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
+from numpy.typing import ArrayLike
 
 from msl_fem.actuator import Actuator, TableMagnet, load_actuator
+from msl_fem.cli.losses import ThermalTexts, thermal_limit
 from msl_fem.cli.options import (
     DEFAULT_AMBIENT,
     DEFAULT_RISE,
@@ -24,11 +26,11 @@ from msl_fem.cli.options import (
 )
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say, write_json
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
-from msl_fem.cli.thermal_options import ThermalTexts, thermal_columns, thermal_fields, thermal_notes, thermal_request
 from msl_fem.computing.jobs import RowCache
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import check_target
+from msl_fem.losses import ThermalLimit, thermal_curve, thermal_curve_with_iron
 from msl_fem.magnetics.field_map import FieldMapSettings, decoupling_map, decoupling_positions, field_map
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, default_grid, sweep
 from msl_fem.maps import MEAN, OperatingMap, map_to_json, operating_map, parse_criterion
@@ -197,3 +199,54 @@ def _columns(made: OperatingMap) -> dict[str, list[str]]:
         columns[f"{level:g} T in A"] = ["not reached" if np.isnan(i) else f"{i:.4f}" for i in row]
         columns[f"{level:g} T in the"] = [name.replace("_", " ") for name in section]
     return columns
+
+
+class ThermalRequest(NamedTuple):
+    """The limit, and the frequency in Hz of a sine whose iron loss counts; None where the copper's alone does."""
+
+    limit: ThermalLimit
+    frequency: float | None
+
+
+def thermal_request(texts: ThermalTexts) -> ThermalRequest:
+    """What the options ask for; raises as `thermal_limit`."""
+    frequency = None if texts.frequency is None else read_option("--frequency", texts.frequency, "Hz")
+    if frequency is not None and frequency <= 0:
+        raise InputError(f"--frequency {texts.frequency} is not allowed; it must be above 0 Hz")
+    return ThermalRequest(thermal_limit(texts), frequency)
+
+
+def thermal_fields(
+    source: Path, gap: ArrayLike, request: ThermalRequest, *, table: MagneticTable | None
+) -> dict[str, Any]:
+    """The map's fields `continuous_current_A` and `duty_current_A`, a value a gap, and `thermal`; none for a table.
+
+    With a frequency the current is sinusoidal and its iron loss counts. Where the limit cannot be known (no cooling
+    stated for a magnet that is no E-core, no loss data) the currents are null and `thermal` says why.
+    """
+    if source.suffix != ".toml":
+        return {}
+    actuator = load_actuator(source)
+    limit, frequency = request
+    try:
+        if frequency is None or table is None:
+            return thermal_curve(actuator, gap, limit).to_json()
+        return thermal_curve_with_iron(actuator, gap, limit, table=table, frequency=frequency).to_json()
+    except InputError as err:
+        return {"continuous_current_A": None, "duty_current_A": None, "thermal": {"reason": str(err)}}
+
+
+def thermal_columns(fields: dict[str, Any]) -> dict[str, list[str]]:
+    """The limit as columns of the map's table for people; none where it is not known."""
+    rows = {"bears in A": fields.get("continuous_current_A")}
+    if fields.get("thermal", {}).get("duty", 1.0) < 1:
+        rows["at duty in A"] = fields.get("duty_current_A")
+    return {
+        name: ["not known" if i is None else f"{i:.3f}" for i in row] for name, row in rows.items() if row is not None
+    }
+
+
+def thermal_notes(fields: dict[str, Any]) -> list[str]:
+    """What the limit rests on, or why there is none, as notes for people."""
+    thermal = fields.get("thermal", {})
+    return thermal.get("notes", []) + ([f"no thermal limit: {thermal['reason']}"] if "reason" in thermal else [])

@@ -1,27 +1,53 @@
-"""The decorator of compiled functions, with a cache on disk that notices every change of what they depend on.
+"""The decorator of compiled functions. Numba is loaded at the first call of one, not before."""
 
-Numba's cache looks at the file of the function called, not at those of the functions that it calls in turn, so a change
-there would leave stale machine code behind. Here each function is cached under a name that holds a digest of all it was
-compiled from: its byte code and that of every compiled function it calls, the constants and the record types they name,
-and the source of whatever else of the package they use. What it does not use may change and recompiles nothing.
-"""
-
-import hashlib
-import inspect
-from collections.abc import Callable, Iterator
-from functools import cache, cached_property
-from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
+import functools
+import sys
+from collections.abc import Callable
+from types import FunctionType
 from typing import Any, TypeVar
 
-from numba import njit, types
-from numba.core.caching import FunctionCache, NullCache
-from numba.core.dispatcher import Dispatcher
+import numpy as np
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
-OPTIONS = {"nogil": True, "error_model": "numpy"}
-_PACKAGE = __name__.partition(".")[0]
+
+class Compiled:
+    """A function as Python source, and from its first call on as machine code.
+
+    Attributes
+    ----------
+    py_func : the function as it was written
+    """
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        functools.update_wrapper(self, function)
+        self.py_func: Any = function
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.dispatcher(*arguments)
+
+    @functools.cached_property
+    def dispatcher(self) -> Any:
+        """Numba's function, which compiles for each set of argument types or takes what the cache on disk has."""
+        from msl_fem.computing.machine_code import dispatcher_of
+
+        return dispatcher_of(self.py_func)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What a compiled function sees where it names this one."""
+        return self.dispatcher._numba_type_
+
+    @functools.cached_property
+    def interpreted(self) -> Callable[..., Any]:
+        """The function run by Python, and with it all compiled functions that it calls: equal to the last bit."""
+        f: Any = self.py_func
+        names = {n: v.interpreted if isinstance(v, Compiled) else v for n, v in f.__globals__.items()
+                 if n in f.__code__.co_names or n == "__builtins__"}  # fmt: skip
+        return FunctionType(f.__code__, names, f.__name__, f.__defaults__, f.__closure__)
+
+    def __reduce__(self) -> str:
+        return str(self.py_func.__qualname__)  # by name, in the process that reads it
 
 
 def compiled(function: Function) -> Function:
@@ -29,138 +55,16 @@ def compiled(function: Function) -> Function:
 
     Division by zero gives inf or nan, as in numpy. Other threads may run meanwhile.
     """
-    dispatcher: Any = njit(**OPTIONS)(function)
-    dispatcher._cache = _LazyCache(function)
-    return dispatcher
+    return Compiled(function)  # type: ignore[return-value]
 
 
-def digest(function: Any) -> str:
-    """12 hexadecimal digits for what a compiled function, or the Python function behind it, is compiled from."""
-    content = hashlib.sha256(repr(sorted(OPTIONS.items())).encode())
-    python_function = getattr(function, "py_func", function)
-    reached = {_name(python_function): python_function}
-    waiting = [python_function]
-    while waiting:
-        for callee in _callees(waiting.pop()):
-            if _name(callee) not in reached:
-                reached[_name(callee)] = callee
-                waiting.append(callee)
-    for name in sorted(reached):
-        content.update(name.encode() + _own_digest(reached[name]))
-    return content.hexdigest()[:12]
+def for_few(function: Function) -> Function:
+    """The compiled function for a few points: run by Python where numba, whose import takes longer, is not loaded."""
+    if "numba" in sys.modules or not isinstance(function, Compiled):
+        return function
 
+    def quietly(*arguments: Any) -> Any:
+        with np.errstate(all="ignore"):
+            return function.interpreted(*arguments)
 
-class _LazyCache(NullCache):
-    """The cache of one function, opened at its first call: by then all that the function names is defined."""
-
-    def __init__(self, function: Callable[..., object]) -> None:
-        self._function = function
-
-    @cached_property
-    def _opened(self) -> FunctionCache:
-        f: Any = self._function
-        named = FunctionType(f.__code__, f.__globals__, f.__name__, f.__defaults__, f.__closure__)
-        named.__qualname__ = f"{f.__qualname__}_{digest(f)}"
-        return _Cache(named)
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        return self._opened.load_overload(sig, target_context)
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        self._opened.save_overload(sig, data)
-
-
-class _Cache(FunctionCache):
-    """Numba's cache, which also tells apart records of the same class and types with fields in another order."""
-
-    def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
-        return (*super()._index_key(sig, codegen), tuple(_fields(sig)))
-
-
-def _fields(kinds: Any) -> Iterator[tuple[str, ...]]:
-    """The fields' names of all records among the arguments."""
-    for kind in kinds:
-        if isinstance(kind, types.BaseNamedTuple):
-            yield tuple(kind.fields)
-        if isinstance(kind, types.BaseTuple):
-            yield from _fields(kind)
-
-
-def _name(function: Any) -> str:
-    return f"{function.__module__}.{function.__qualname__}"
-
-
-def _callees(function: Any) -> Iterator[Any]:
-    """The Python functions behind the compiled functions that a function names."""
-    values = [value for _, value in _named_values(function)]
-    for value in values:  # grows by what lies in tuples
-        if isinstance(value, Dispatcher):
-            yield value.py_func
-        elif isinstance(value, tuple):
-            values.extend(value)
-
-
-@cache
-def _own_digest(function: Any) -> bytes:
-    """A digest of a function's byte code, and of the values it names that are no compiled functions."""
-    content = hashlib.sha256("".join(_code_texts(function.__code__)).encode())
-    content.update(f"{function.__defaults__}{function.__kwdefaults__}".encode())
-    for name, value in _named_values(function):
-        content.update(name.encode() + _value_bytes(value))
-    return content.digest()
-
-
-def _code_texts(code: CodeType) -> Iterator[str]:
-    names = (code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars)
-    yield f"{code.co_code!r}{code.co_exceptiontable!r}{names}"
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _code_texts(constant)
-        else:
-            yield repr(sorted(map(repr, constant)) if isinstance(constant, frozenset) else constant)
-
-
-def _names(code: CodeType) -> set[str]:
-    """Names of globals and attributes in a function and in the functions inside it."""
-    return set(code.co_names).union(*(_names(c) for c in code.co_consts if isinstance(c, CodeType)))
-
-
-def _named_values(function: Any) -> list[tuple[str, Any]]:
-    """What a function's names mean: its closure, its globals, and attributes of modules among these."""
-    names = sorted(_names(function.__code__))
-    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
-    values = [(name, cell.cell_contents) for name, cell in cells]
-    values += [(name, function.__globals__[name]) for name in names if name in function.__globals__]
-    seen = set()
-    for _, value in values:  # grows by the modules among modules
-        if isinstance(value, ModuleType) and value.__name__ not in seen:
-            seen.add(value.__name__)
-            values += [(f"{value.__name__}.{name}", vars(value)[name]) for name in names if name in vars(value)]
-    return values
-
-
-def _value_bytes(value: Any) -> bytes:
-    """What identifies a value in the next run too; nothing of what numba and numpy bring."""
-    if isinstance(value, Dispatcher):
-        return _name(value.py_func).encode()
-    if isinstance(value, tuple) and not hasattr(value, "_fields"):
-        return b"(" + b",".join(map(_value_bytes, value)) + b")"
-    if isinstance(value, type) and hasattr(value, "_fields"):
-        record: Any = value
-        return f"{record.__qualname__}{record._fields}{record._field_defaults}".encode()
-    if isinstance(value, ModuleType):
-        return value.__name__.encode()
-    home = getattr(value, "__module__", None) or type(value).__module__
-    if home.partition(".")[0] == _PACKAGE:
-        return _source_digest(home)
-    if callable(value):
-        return home.encode()
-    if hasattr(value, "tobytes"):
-        return f"{value.dtype}{value.shape}".encode() + value.tobytes()
-    return repr(value).encode()
-
-
-@cache
-def _source_digest(module: str) -> bytes:
-    source = inspect.getsourcefile(__import__(module, fromlist=["_"]))
-    return hashlib.sha256(Path(str(source)).read_bytes()).digest()
+    return quietly  # type: ignore[return-value]

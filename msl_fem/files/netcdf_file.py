@@ -8,24 +8,27 @@ import io
 import mmap
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import h5netcdf
-import h5py
-import xarray as xr
-from xarray.backends import H5NetCDFStore
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 MOST_OBJECTS = 1000
 _HEAP = b"GCOL\x01\x00\x00\x00"
 
 
-def read_netcdf(path: Path, *, most_values: int) -> xr.Dataset:
+def read_netcdf(path: Path, *, most_values: int) -> "xr.Dataset":
     """The data set in a file, loaded; times stay numbers.
 
     Raises
     ------
     ValueError : not NetCDF-4, damaged, more than `most_values` values, or parts that lie in other files; says which
     """
+    import xarray as xr
+
     try:
         refuse_endless_heap(path)
         _look_through(path, most_values)
@@ -35,13 +38,70 @@ def read_netcdf(path: Path, *, most_values: int) -> xr.Dataset:
         raise ValueError(str(err) or type(err).__name__) from err
 
 
-def write_netcdf(data: xr.Dataset, path: Path, *, encoding: Mapping[str, Mapping[str, Any]]) -> None:
+class Variable(NamedTuple):
+    """A variable of a NetCDF file: the names of its dimensions, its values and its attributes."""
+
+    dims: tuple[str, ...]
+    values: NDArray[Any]
+    attributes: dict[str, Any]
+
+
+def read_variables(path: Path, *, most_values: int) -> tuple[dict[str, Variable], dict[str, Any]]:
+    """The variables and the attributes of a file; raises as `read_netcdf`.
+
+    A file of plain doubles, as ours are, is read by h5py alone; packed or masked values and their like by xarray, which
+    knows the conventions and takes longer to import than a look-up lasts.
+    """
+    try:
+        refuse_endless_heap(path)
+        _look_through(path, most_values)
+        content = _plain_content(path)
+    except Exception as err:  # the HDF5 stack raises errors of many kinds on a damaged file
+        raise ValueError(str(err) or type(err).__name__) from err
+    if content is not None:
+        return content
+    data = read_netcdf(path, most_values=most_values)
+    variables = {str(k): Variable(tuple(map(str, v.dims)), v.values, dict(v.attrs)) for k, v in data.variables.items()}
+    return variables, dict(data.attrs)
+
+
+_PLAIN = {"units", "long_name"}
+_OF_NETCDF = {"_FillValue", "CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_Netcdf4Dimid", "_Netcdf4Coordinates"}
+
+
+def _plain_content(path: Path) -> tuple[dict[str, Variable], dict[str, Any]] | None:
+    """Variables and attributes of a file of plain doubles over coordinates of their own; None of any other."""
+    import h5py
+
+    variables: dict[str, Variable] = {}
+    with h5py.File(path, "r") as file:
+        for name, item in file.items():
+            if not isinstance(item, h5py.Dataset) or item.dtype != np.float64 or item.ndim == 0:
+                return None
+            if not set(item.attrs) <= _PLAIN | _OF_NETCDF or not np.isnan(item.attrs.get("_FillValue", np.nan)).all():
+                return None
+            attributes = {key: item.attrs[key] for key in _PLAIN & set(item.attrs)}
+            scales = [[item] if item.is_scale else list(axis.values()) for axis in item.dims]
+            if any(len(scale) != 1 for scale in scales) or not all(isinstance(v, str) for v in attributes.values()):
+                return None
+            dims = tuple(str(scale[0].name).removeprefix("/") for scale in scales)
+            variables[name] = Variable(dims, item[...], attributes)
+        given = {key: np.ravel(value) for key, value in file.attrs.items()}
+    if any(value.size != 1 for value in given.values()):
+        return None
+    return variables, {key: value[0] for key, value in given.items()}
+
+
+def write_netcdf(data: "xr.Dataset", path: Path, *, encoding: Mapping[str, Mapping[str, Any]]) -> None:
     """Writes a data set as NetCDF-4, made in memory: where a disk is full, the HDF5 library kills the process.
 
     Raises
     ------
     OSError : the file cannot be written
     """
+    import h5netcdf
+    from xarray.backends import H5NetCDFStore
+
     content = io.BytesIO()
     with h5netcdf.File(content, "w") as file:
         data.dump_to_store(H5NetCDFStore(file), encoding=encoding)
@@ -73,6 +133,8 @@ def refuse_endless_heap(path: Path) -> None:
 
 def _look_through(path: Path, most_values: int) -> None:
     """ValueError, or what h5py raises, where a part of the file should not or cannot be read."""
+    import h5py
+
     values = 0
     with h5py.File(path, "r") as file:
         found: list[Any] = [file]

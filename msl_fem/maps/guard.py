@@ -8,10 +8,10 @@ from typing import Any, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline, CubicSpline, PchipInterpolator, PPoly
 
 from msl_fem.computing.arrays import Array
-from msl_fem.computing.compiled import compiled
+from msl_fem.computing.compiled import compiled, for_few
+from msl_fem.computing.splines import akima_slopes, cubic_slopes, monotone_slopes
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.maps.level_currents import OperatingMap
@@ -20,6 +20,7 @@ from msl_fem.table.magnetic_table import LARGEST_GAP, LARGEST_VALUE, SMALLEST_GA
 PREFERRED, DISCOURAGED, UNACCEPTABLE = 0, 1, 2
 REGIONS = ("preferred", "discouraged", "unacceptable")
 """Names of the regions by their number: below the first level, between, above the last or outside the map."""
+FEW = 100  # commands that Python judges sooner than it loads the compiler
 BELOW_FIRST, BETWEEN, ABOVE_LAST, BEYOND_MAP, GAP_OUTSIDE, GAP_NAN, CURRENT_NAN = range(7)
 REASONS = (
     "below the first level",
@@ -31,16 +32,15 @@ REASONS = (
     "current is not a number",
 )
 """Why, by number; a region's number is that of its reason, at most `UNACCEPTABLE`."""
-Curve = Callable[[Array, Array], Any]
-CURVES: dict[str, Curve] = {
-    "monotone cubic (Fritsch and Carlson)": PchipInterpolator,
-    "cubic spline, not-a-knot": CubicSpline,
-    "cubic spline, natural": lambda gap, current: CubicSpline(gap, current, bc_type="natural"),
-    "cubic, slopes of parabolas (Bessel)": lambda gap, i: CubicHermiteSpline(gap, i, np.gradient(i, gap)),
-    "Akima": Akima1DInterpolator,
-    "Akima, modified": lambda gap, current: Akima1DInterpolator(gap, current, method="makima"),
+CURVES: dict[str, Callable[[Array, Array], Array]] = {
+    "monotone cubic (Fritsch and Carlson)": monotone_slopes,
+    "cubic spline, not-a-knot": lambda gap, current: cubic_slopes(gap, current, natural=False),
+    "cubic spline, natural": lambda gap, current: cubic_slopes(gap, current, natural=True),
+    "cubic, slopes of parabolas (Bessel)": lambda gap, current: np.gradient(current, gap),
+    "Akima": lambda gap, current: akima_slopes(gap, current, modified=False),
+    "Akima, modified": lambda gap, current: akima_slopes(gap, current, modified=True),
 }
-"""How a reader of a map may draw its curves between the gaps; chords besides, and Hermite cubics of known slopes."""
+"""The slopes of the cubics that a reader of a map may draw between the gaps; chords besides, and known slopes."""
 _ROUNDING = 16 * np.finfo(float).eps  # of the largest limit: the few roundings of an evaluation, and some to spare
 _SAG_ROUNDING = 1 + 1e-9
 _MOST_BUCKETS = 1024
@@ -211,7 +211,7 @@ class Guard:
     def classify(self, current: ArrayLike, gap: ArrayLike) -> str | NDArray[np.str_]:
         """The region's name, or an array of names; unacceptable outside the map and for what is not a number."""
         if isinstance(current, float) and isinstance(gap, float):
-            return REGIONS[region_of(self.arrays, current, gap)]
+            return REGIONS[for_few(region_of)(self.arrays, current, gap)]
         regions = self.regions(current, gap)
         return REGIONS[int(regions)] if regions.ndim == 0 else np.array(REGIONS)[regions]
 
@@ -219,7 +219,7 @@ class Guard:
         """(n_level, ...) A: the limit of each level at the gap(s); nan outside the map."""
         g = np.asarray(gap, dtype=float)
         out = np.empty((self.arrays.limit.shape[0], g.size))
-        _limits(self.arrays, g.ravel(), out)
+        (for_few(_limits) if g.size <= FEW else _limits)(self.arrays, g.ravel(), out)
         return out.reshape(-1, *g.shape)
 
     def margin(self, current: ArrayLike, gap: ArrayLike) -> Array:
@@ -229,19 +229,19 @@ class Guard:
     def _judged(self, compiled_loop: Callable[..., None], current: ArrayLike, gap: ArrayLike, kind: Any) -> Any:
         i, g = np.broadcast_arrays(np.asarray(current, dtype=float), np.asarray(gap, dtype=float))
         out = np.empty(i.size, dtype=kind)
-        compiled_loop(self.arrays, i.ravel(), g.ravel(), out)
+        (for_few(compiled_loop) if i.size <= FEW else compiled_loop)(self.arrays, i.ravel(), g.ravel(), out)
         return out.reshape(i.shape)
 
     def judge(self, current: float, gap: float) -> Judgement:
         """Region, limits, margin and a sentence why, for one command."""
         current, gap = float(current), float(gap)
-        limits, margin = self.limit(gap), margin_of(self.arrays, current, gap)
+        limits, margin = self.limit(gap), for_few(margin_of)(self.arrays, current, gap)
         inside = not np.isnan(limits).any()
         return Judgement(
             region=self.classify(current, gap),
             limits=tuple(limits.tolist()) if inside else None,
-            margin=margin if math.isfinite(margin) else None,
-            reason=self._sentence(reason_of(self.arrays, current, gap), current, gap),
+            margin=float(margin) if math.isfinite(margin) else None,
+            reason=self._sentence(for_few(reason_of)(self.arrays, current, gap), current, gap),
         )
 
     def _sentence(self, reason: int, current: float, gap: float) -> str:
@@ -311,15 +311,11 @@ def _sag_beside(gap: Array, filled: Array, current: Array, slope: Array) -> Arra
     The curves go through all nodes, and through each run of those reached alone; a Hermite cubic through each run whose
     slopes are known.
     """
-    sag = _sag(gap, *(curve(gap, filled) for curve in CURVES.values()))
-
-    def deepen(run: NDArray[np.int64], *curves: PPoly) -> None:
-        sag[run[:-1]] = np.maximum(sag[run[:-1]], _sag(gap[run], *curves))
-
+    sag = _sag_of_curves(gap, filled)
     for run in _runs(~np.isnan(current)):
-        deepen(run, *(curve(gap[run], current[run]) for curve in CURVES.values()))
+        sag[run[:-1]] = np.maximum(sag[run[:-1]], _sag_of_curves(gap[run], current[run]))
     for run in _runs(np.isfinite(slope) & ~np.isnan(current)):
-        deepen(run, CubicHermiteSpline(gap[run], current[run], slope[run]))
+        sag[run[:-1]] = np.maximum(sag[run[:-1]], _sag(gap[run], current[run], slope[run]))
     return np.maximum(np.r_[sag, 0.0], np.r_[0.0, sag])
 
 
@@ -330,20 +326,25 @@ def _runs(chosen: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
     return [run for run in runs if run.size >= 2]
 
 
-def _sag(gap: Array, *curves: PPoly) -> Array:
-    """(n_gap - 1,) A: how far the lowest of the curves falls below the chord, from the extremes of the cubics."""
-    width = np.diff(gap)
+def _sag_of_curves(gap: Array, current: Array) -> Array:
+    """(n_gap - 1,) A: the largest sag of the curves in `CURVES`."""
+    return np.max([_sag(gap, current, slopes(gap, current)) for slopes in CURVES.values()], axis=0)
+
+
+def _sag(gap: Array, current: Array, slope: Array) -> Array:
+    """(n_gap - 1,) A: how far a curve of cubics falls below the chord, from its extremes; `slope` in A/m."""
+    width, chord = np.diff(gap), np.diff(current) / np.diff(gap)
+    c = slope[:-1] - chord  # the cubic less the chord is a x^3 + b x^2 + c x
+    bend = slope[:-1] + slope[1:] - 2 * chord
+    a = bend / width**2
+    b = -(c + bend) / width
     deepest = np.zeros(width.size)
-    for curve in curves:
-        a, b, c, d = curve.c[-4:]
-        end = np.r_[d[1:], curve(gap[-1])]
-        c = c - (end - d) / width  # the cubic less the chord is a x^3 + b x^2 + c x
-        with np.errstate(all="ignore"):  # no extreme gives nan, which counts for nothing below
-            root = np.sqrt(b * b - 3 * a * c)
-            straight = -c / (2 * b)  # where a vanishes
-            for x in ((-b + root) / (3 * a), (-b - root) / (3 * a), straight):
-                depth = -((a * x + b) * x + c) * x
-                deepest = np.fmax(deepest, np.where((x > 0) & (x < width), depth, 0.0))
+    with np.errstate(all="ignore"):  # no extreme gives nan, which counts for nothing below
+        root = np.sqrt(b * b - 3 * a * c)
+        straight = -c / (2 * b)  # where a vanishes
+        for x in ((-b + root) / (3 * a), (-b - root) / (3 * a), straight):
+            depth = -((a * x + b) * x + c) * x
+            deepest = np.fmax(deepest, np.where((x > 0) & (x < width), depth, 0.0))
     return deepest * _SAG_ROUNDING
 
 

@@ -12,7 +12,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline, make_interp_spline
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError, OutOfTable, QuantityError, TableError
@@ -312,6 +311,8 @@ def _thinned(size: int, start: int) -> NDArray[np.int64]:
 
 def _along_current(table: MagneticTable, name: str, gap: float, thinning: int | None = None) -> Array:
     """(n_current,) mean flux density of a section at a gap, by a cubic spline over log(gap) where it is no node."""
+    from scipy.interpolate import make_interp_spline
+
     values = table.extras[SECTION + name]
     if not np.isfinite(values).all():
         m, n = np.argwhere(~np.isfinite(values))[0]
@@ -332,6 +333,8 @@ def _along_current(table: MagneticTable, name: str, gap: float, thinning: int | 
 
 def _crossings(current: Array, flux_density: Array, levels: Array, rows: NDArray[np.int64] | None = None) -> Array:
     """(n_level,) the smallest positive current at which the odd spline through the chosen nodes takes each level."""
+    from scipy.interpolate import CubicSpline
+
     i = current if rows is None else current[rows]
     b = flux_density if rows is None else flux_density[rows]
     spline = CubicSpline(np.r_[-i[:0:-1], i], np.r_[-b[:0:-1], b])

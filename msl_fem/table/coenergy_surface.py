@@ -8,14 +8,15 @@ dF/di = -dlambda/dg holds to rounding and no closed path over the table yields e
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
 
 from msl_fem.computing.arrays import Array
-from msl_fem.computing.compiled import compiled
+from msl_fem.computing.compiled import compiled, for_few
+from msl_fem.computing.splines import b_splines, spline_derivative
 
 N = 6  # coefficients a direction of a cell: quintic
 STATES = 6
 """Rows of an evaluation: W', lambda, F, dlambda/di, dF/di, dF/dg."""
+FEW = 100  # points that Python evaluates sooner than it loads the compiler
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,8 @@ class CoenergySurface:
         """(6, ...) values of W', lambda, F, dlambda/di, dF/di, dF/dg; nan outside the rectangle."""
         i, g = np.broadcast_arrays(np.asarray(current, dtype=float), np.asarray(gap, dtype=float))
         out = np.empty((STATES, i.size))
-        evaluate_many(self.gap, self.current, self.coefficients, i.ravel(), g.ravel(), out)
+        evaluated = for_few(evaluate_many) if i.size <= FEW else evaluate_many
+        evaluated(self.gap, self.current, self.coefficients, i.ravel(), g.ravel(), out)
         return out.reshape(STATES, *i.shape)
 
 
@@ -65,16 +67,16 @@ def fit_coenergy_surface(gap: Array, current: Array, nodes: dict[str, Array]) ->
     data[slopes_g, values_i] = w_g
     data[slopes_g, slopes_i] = w_ig
     # At i = 0 the third derivative vanishes (W' is even); at the last current, d2W'/di2 and its slope along g.
-    curvature = make_interp_spline(gap, w_ii, k=min(5, n_g - 1))
+    degree = min(5, n_g - 1)
     data[values_g, -1] = w_ii
-    data[slopes_g, -1] = curvature(gap, 1)
+    data[slopes_g, -1] = spline_derivative(gap, w_ii, gap, degree=degree)
     # At both ends of the gap, d2W'/dg2 along i: even in i, so spline it over -i ... i.
     both_signs = np.r_[-current[:0:-1], current]
-    for row, edge, end in ((-2, w_gg[0], gap[0]), (-1, w_gg[1], gap[-1])):
-        mirrored = make_interp_spline(both_signs, np.r_[edge[:0:-1], edge], k=min(5, n_i - 1))
+    for row, edge, end in ((-2, w_gg[0], gap[:1]), (-1, w_gg[1], gap[-1:])):
+        mirrored = np.r_[edge[:0:-1], edge]
         data[row, values_i] = edge
-        data[row, slopes_i] = mirrored(current, 1)
-        data[row, -1] = curvature(end, 2) if n_g > 2 else 0.0
+        data[row, slopes_i] = spline_derivative(both_signs, mirrored, current, degree=min(5, n_i - 1))
+        data[row, -1] = spline_derivative(gap, w_ii, end, 2, degree=degree)[0] if n_g > 2 else 0.0
     taylor = np.einsum("mpr,rs,nqs->mnpq", along_gap.taylor, data, along_current.taylor, optimize=True)
     return CoenergySurface(gap, current, np.ascontiguousarray(taylor))
 
@@ -91,13 +93,13 @@ class _HermiteSpline:
         scale = nodes[-1] - nodes[0]
         x = (nodes - nodes[0]) / scale
         knots = np.r_[np.full(6, x[0]), np.repeat(x[1:-1], 2), np.full(6, x[-1])]
-        basis = BSpline(knots, np.eye(2 * n + 2), 5)
         start = 3 if symmetric_start else 2
-        collocation = np.concatenate([basis(x), basis(x, 1), basis(x[:1], start), basis(x[-1:], 2)])
+        conditions = ((x, 0), (x, 1), (x[:1], start), (x[-1:], 2))
+        collocation = np.concatenate([b_splines(knots, 5, at, order) for at, order in conditions])
         units = np.r_[np.ones(n), np.full(n, scale), scale**start, scale**2]
         to_basis = np.linalg.solve(collocation, np.diag(units))
         factorial = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0]
-        terms = [basis(x[:-1], order) @ to_basis / (factorial[order] * scale**order) for order in range(N)]
+        terms = [b_splines(knots, 5, x[:-1], k) @ to_basis / (factorial[k] * scale**k) for k in range(N)]
         self.taylor = np.stack(terms, axis=1)
 
 

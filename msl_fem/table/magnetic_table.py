@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import OutOfTable, TableError
-from msl_fem.files.netcdf_file import read_netcdf, write_netcdf
+from msl_fem.files.netcdf_file import Variable, read_variables, write_netcdf
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import whole_file
 from msl_fem.table.coenergy_surface import CoenergySurface, fit_coenergy_surface
@@ -171,6 +170,8 @@ def _check_grid(table: MagneticTable) -> None:
 
 def write_table(table: MagneticTable, path: str | Path) -> Path:
     """The NetCDF-4 file written; it appears whole or not at all."""
+    import xarray as xr
+
     units = NODES | EXTRAS
     variables = {}
     for name, values in {**table.nodes, **table.extras}.items():
@@ -200,35 +201,39 @@ def write_table(table: MagneticTable, path: str | Path) -> Path:
     return target
 
 
-def _check_units(content: xr.Dataset, attributes: dict[str, Any]) -> None:
+def _check_units(variables: Mapping[str, Variable], attributes: Mapping[str, Any]) -> None:
     """TableError where a schema or a unit is stated and is not ours; a foreign table may state none."""
     if int(attributes.get("schema", SCHEMA)) != SCHEMA:
         raise TableError(f"schema {attributes['schema']} is not {SCHEMA}, the one this version reads")
     units = {name: unit for name, (unit, _) in (NODES | EXTRAS).items()}
     units |= {"gap": "m", "current": "A"}
     for name, unit in units.items():
-        if name not in content.variables:
-            continue
-        stated = content.variables[name].attrs.get("units", unit)
+        stated = variables[name].attributes.get("units", unit) if name in variables else unit
         if stated != unit:
             raise TableError(f"variable '{name}' is in '{stated}', expected '{unit}'")
 
 
-def _belongs(variable: xr.DataArray) -> bool:
-    """Whether a variable is one of a table's; TableError where it is and has other dimensions."""
-    name = str(variable.name)
-    if name not in NODES | EXTRAS and not name.startswith(SECTION):
-        return False
-    if set(variable.dims) != {"gap", "current"}:
-        raise TableError(f"variable '{name}' has dimensions {variable.dims}, expected ('gap', 'current')")
-    return True
+def _nodes_and_extras(variables: Mapping[str, Variable]) -> dict[str, Array]:
+    """(n_gap, n_current) the variables that are a table's; TableError where one has other dimensions."""
+    arrays = {}
+    for name, variable in variables.items():
+        if name not in NODES | EXTRAS and not name.startswith(SECTION):
+            continue
+        if set(variable.dims) != {"gap", "current"}:
+            raise TableError(f"variable '{name}' has dimensions {variable.dims}, expected ('gap', 'current')")
+        values = _real(name, variables)
+        arrays[name] = values if variable.dims == ("gap", "current") else values.T
+    return arrays
 
 
-def _real(variable: xr.DataArray) -> Array:
-    """The values; TableError where they are no real numbers."""
-    if variable.dtype.kind not in "fiu":
-        raise TableError(f"variable '{variable.name}' holds {variable.dtype}, expected real numbers")
-    return np.asarray(variable.values, dtype=float)
+def _real(name: str, variables: Mapping[str, Variable]) -> Array:
+    """The values; TableError where they are not there or are no real numbers."""
+    if name not in variables:
+        raise TableError(f"No variable named '{name}'")
+    values = variables[name].values
+    if values.dtype.kind not in "fiu":
+        raise TableError(f"variable '{name}' holds {values.dtype}, expected real numbers")
+    return np.asarray(values, dtype=float)
 
 
 def read_table(path: str | Path) -> MagneticTable:
@@ -242,12 +247,11 @@ def read_table(path: str | Path) -> MagneticTable:
         problem = "is no file" if Path(path).exists() else "no such file"
         raise TableError(f"{path}: {problem}; make a table with 'msl-fem table'")
     try:
-        content = read_netcdf(Path(path), most_values=MOST_VALUES)
-        arrays = {str(k): _real(v.transpose("gap", "current")) for k, v in content.items() if _belongs(v)}
-        gap = _real(content["gap"])
-        current = _real(content["current"])
-        attributes = dict(content.attrs)
-        _check_units(content, attributes)
+        variables, attributes = read_variables(Path(path), most_values=MOST_VALUES)
+        arrays = _nodes_and_extras(variables)
+        gap = _real("gap", variables)
+        current = _real("current", variables)
+        _check_units(variables, attributes)
         provenance = json.loads(attributes.get("provenance", "{}")) or {}
         if not isinstance(provenance, dict):
             raise TableError("attribute 'provenance' must be a JSON object")

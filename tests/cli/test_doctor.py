@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from msl_fem.cli import doctor, installation
+from msl_fem.cli import doctor
 
 Run = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/conftest.py
 
@@ -40,7 +40,7 @@ def test_a_program_is_found_by_what_it_answers(tmp_path: Path, monkeypatch: pyte
     (tmp_path / "make").write_bytes(b"\x00no program")
     (tmp_path / "make").chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:/bin")
-    found = installation.programs()
+    found = doctor.programs()
     assert found["gcc"]["version"] == "gcc 99.1"
     assert found["octave"]["version"] == "oct"
     assert found["git"]["version"] is None
@@ -115,16 +115,16 @@ def test_the_cache_counts_the_functions_of_the_sources(tmp_path: Path, monkeypat
     for name in (f"{present}.py311.nbi", f"{present}.py311.1.nbc", f"{former}.py311.nbi", f"{gone}.py311.nbi"):
         (folder / name).write_bytes(bytes(1000))
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    found = installation.compiled_cache()
+    found = doctor.compiled_cache()
     assert (found["functions"], found["stale_functions"]) == (1, 2)
     assert found["megabytes"] == pytest.approx(4e-3)
 
 
 def test_an_uninstalled_checkout_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(installation, "installed_version", lambda name: None)
-    monkeypatch.setattr(installation, "_requirements", lambda: ["numpy>=2.0", 'pytest>=8; extra == "test"', "a[b]>1"])
-    assert installation.packages() == {"required": {"numpy": None, "a": None}, "test": {"pytest": None}}
-    assert "numpy missing" in installation.versions_that_matter()
+    monkeypatch.setattr(doctor, "installed_version", lambda name: None)
+    monkeypatch.setattr(doctor, "_requirements", lambda: ["numpy>=2.0", 'pytest>=8; extra == "test"', "a[b]>1"])
+    assert doctor.packages() == {"required": {"numpy": None, "a": None}, "test": {"pytest": None}}
+    assert "numpy missing" in doctor.versions_that_matter()
 
 
 def test_version_names_what_results_depend_on(msl_fem: Run) -> None:

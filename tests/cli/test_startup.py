@@ -5,11 +5,19 @@ import re
 import subprocess
 import sys
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from msl_fem.cli.app import COMMANDS, stand_in
+from msl_fem.maps import Guard, operating_map, write_map
+from msl_fem.maps.guard import limit_at, margin_of, reason_of, region_of
+from msl_fem.table import MagneticTable, read_table
+from msl_fem.table.coenergy_surface import STATES, evaluate_many
+
+ROOT = Path(__file__).parents[2]
 
 HEAVY = {
     "numba",
@@ -56,3 +64,32 @@ def signature(function: Any) -> str:
 def test_help_loads_nothing_heavy() -> None:
     assert not loaded("size", "--help") & HEAVY_FOR_HELP
     assert not loaded("--help") & HEAVY_FOR_HELP
+
+
+def test_a_lookup_loads_nothing_heavy() -> None:
+    table = str(ROOT / "lookup_tables" / "fast_tool_servo.nc")
+    assert not loaded("lookup", table, "--current", "5 A", "--gap", "0.5 mm") & (HEAVY | {"h5netcdf"})
+
+
+def test_a_judgement_loads_nothing_heavy(tmp_path: Path) -> None:
+    table = read_table(ROOT / "lookup_tables" / "fast_tool_servo.nc")
+    write_map(operating_map(table), tmp_path / "map.json")
+    words = ("guard", str(tmp_path / "map.json"), "--current", "5 A", "--gap", "0.5 mm")
+    assert not loaded(*words) & (HEAVY | {"h5py", "h5netcdf"})
+
+
+def test_few_points_by_python_are_those_of_the_machine_code(table: MagneticTable) -> None:
+    """To the last bit, inside, on the edges, outside and for what is not a number."""
+    surface, guard = table.surface, Guard(operating_map(table)).arrays
+    generator = np.random.default_rng(0)
+    i = np.r_[generator.uniform(-13, 13, 300), 0.0, -0.0, np.nan, np.inf, surface.current[-1], -surface.current[-1]]
+    g = np.r_[generator.uniform(4e-5, 1.3e-3, 300), surface.gap[[0, -1, 1, 2]], np.nan, 5e-4]
+    arrays = (surface.gap, surface.current, surface.coefficients, i, g)
+    out, by_python = np.empty((STATES, i.size)), np.empty((STATES, i.size))
+    evaluate_many(*arrays, out)
+    evaluate_many.interpreted(*arrays, by_python)  # type: ignore[attr-defined]
+    np.testing.assert_array_equal(out, by_python)
+    for function in (limit_at, margin_of, reason_of, region_of):
+        for point in zip(i, g, strict=True):
+            given = (guard, 0, point[1]) if function is limit_at else (guard, *point)
+            np.testing.assert_equal(function(*given), function.interpreted(*given))

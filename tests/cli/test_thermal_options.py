@@ -7,13 +7,8 @@ from pathlib import Path
 import pytest
 from cli_paths import ROOT, SERVO, TABLE
 
-from msl_fem.cli.thermal_options import (
-    ThermalTexts,
-    thermal_columns,
-    thermal_fields,
-    thermal_notes,
-    thermal_request,
-)
+from msl_fem.cli.losses import ThermalTexts
+from msl_fem.cli.map import thermal_columns, thermal_fields, thermal_notes, thermal_request
 from msl_fem.maps import map_from_json, map_to_json, operating_map
 from msl_fem.table.magnetic_table import read_table
 

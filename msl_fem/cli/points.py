@@ -1,4 +1,4 @@
-"""The command `guard`: judges commands by an operating map."""
+"""The commands `lookup` and `guard`: a table's values at a point, and an operating map's judgement of it."""
 
 import re
 from pathlib import Path
@@ -6,15 +6,36 @@ from typing import Annotated, Any
 
 import typer
 
-from msl_fem.cli.options import Json, read_option
+from msl_fem.cli.options import Current, Gap, Json, read_option
 from msl_fem.cli.output import print_columns, print_result
 from msl_fem.errors import InputError
 from msl_fem.maps import REGIONS, Guard, read_map
+from msl_fem.table.magnetic_table import read_table
+
+
+def lookup(
+    table: Annotated[Path, typer.Argument(metavar="TABLE", help="Table (NetCDF).")],
+    current: Current,
+    gap: Gap,
+    json: Json = False,
+) -> None:
+    """Force, flux linkage and inductance from a table; outside it is an error."""
+    values = read_table(table).evaluate(read_option("--current", current, "A"), read_option("--gap", gap, "m"))
+    fields = {
+        "force_N": float(values["force"]),
+        "flux_linkage_Wb": float(values["flux_linkage"]),
+        "incremental_inductance_H": float(values["incremental_inductance"]),
+        "coenergy_J": float(values["coenergy"]),
+        "force_current_slope_N_per_A": float(values["force_current_slope"]),
+        "force_gap_slope_N_per_m": float(values["force_gap_slope"]),
+    }
+    print_result(fields, as_json=json, title=f"{table} at {current}, gap {gap}")
+
 
 _NO_NUMBER = re.compile(r"\s*([+-]?)(nan|inf|infinity)\b\s*(.*)", re.IGNORECASE)
 
 
-def command(
+def guard(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="Operating map (JSON).")],
     current: Annotated[list[str], typer.Option("--current", help='Like "4 A"; nan and inf are judged too.')],
     gap: Annotated[list[str], typer.Option("--gap", help='Like "0.3 mm"; nan and inf are judged too.')],
@@ -24,9 +45,9 @@ def command(
 
     Several commands at once: give --current and --gap as often, or one of them once for all of the other.
     """
-    guard = Guard(read_map(map_file))
+    judge = Guard(read_map(map_file)).judge
     pairs = _pairs([_number("--current", c, "A") for c in current], [_number("--gap", g, "m") for g in gap])
-    judged = [guard.judge(i, g).to_json() for i, g in pairs]
+    judged = [judge(i, g).to_json() for i, g in pairs]
     if len(judged) == 1:
         print_result(judged[0], as_json=json, title=f"{current[0]} at gap {gap[0]}")
         return
