@@ -12,7 +12,7 @@ from marked_text import rewrite
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.bench import INSIDE, OUTSIDE_BY_NAME, BenchOptions, usual_excitations
 from msl_fem.bench.sealed import prepared_setting
-from msl_fem.bench.setting import BenchEffect, Setting, effect_of_size
+from msl_fem.bench.setting import BenchEffect, BenchSetting, effect_of_size
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.table.magnetic_table import read_table
@@ -35,7 +35,7 @@ def _short(value: float, unit: str) -> str:
     return format_quantity(float(f"{value:.2g}"), unit, digits=3)
 
 
-def cell(setting: Setting, effect: BenchEffect) -> str:
+def cell(setting: BenchSetting, effect: BenchEffect) -> str:
     """The strength that makes one per cent and the channel that shows it, or why there is none."""
     try:
         found = effect_of_size(setting, effect, SIZE, exact=True)
@@ -52,7 +52,7 @@ def cell(setting: Setting, effect: BenchEffect) -> str:
     return f"{strength}, {channel}"
 
 
-def rows(settings: dict[str, Setting]) -> list[str]:
+def rows(settings: dict[str, BenchSetting]) -> list[str]:
     lines = ["| effect | strength | voltage drive | current drive |", "| --- | --- | --- | --- |"]
     for name, effect in (INSIDE | OUTSIDE_BY_NAME).items():
         begin = time.process_time()

@@ -11,7 +11,7 @@ from msl_fem.bench.electromagnetic_effects import AMPLIFIER_CROSSOVER, ELECTRICA
 from msl_fem.bench.equations import film_numbers
 from msl_fem.bench.plant import MOST_BRANCHES, Array, Attached, Film, FlexureLaw, Friction, Support
 from msl_fem.bench.rig import Rig
-from msl_fem.bench.setting import BenchEffect, RigWithEffect, Setting, lag_to_start_with
+from msl_fem.bench.setting import BenchEffect, BenchSetting, RigWithEffect, lag_to_start_with
 from msl_fem.errors import InputError
 
 STRETCH_LENGTH = 5e-3  # m: far above the range, so that the force goes with the cube of the displacement
@@ -22,29 +22,29 @@ MOST_HIDDEN = 3
 _PERCENT = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*%\s*")
 
 
-def spring(setting: Setting) -> float:
+def spring(setting: BenchSetting) -> float:
     """N/m: the spring, or what moves the mass as the runs do where there is none."""
     motion, scales = setting.rig.plant.motion, setting.scales
     return motion.stiffness or motion.mass * (scales.velocity / max(scales.position, 1e-12)) ** 2
 
 
-def spring_force(setting: Setting) -> float:
+def spring_force(setting: BenchSetting) -> float:
     """N, at the RMS displacement."""
     return spring(setting) * setting.scales.position
 
 
-def damping_force(setting: Setting) -> float:
+def damping_force(setting: BenchSetting) -> float:
     """N, at the RMS velocity; of a damping ratio of 0.5 % where less is believed."""
     motion = setting.rig.plant.motion
     return max(motion.damping, 0.01 * math.sqrt(spring(setting) * motion.mass)) * setting.scales.velocity
 
 
-def resonant_force(setting: Setting) -> float:
+def resonant_force(setting: BenchSetting) -> float:
     """N, between both: what moves a lightly damped mover about as far as the runs do."""
     return math.sqrt(spring_force(setting) * damping_force(setting))
 
 
-def _stiffness_nonlinearity(setting: Setting, rig: Rig, share: float) -> RigWithEffect:
+def _stiffness_nonlinearity(setting: BenchSetting, rig: Rig, share: float) -> RigWithEffect:
     """The share of the spring's force at the RMS displacement that goes with its cube; three in ten springs soften."""
     sign = -1.0 if setting.generator("stiffness_nonlinearity").random() < 0.3 else 1.0
     cubic = sign * share * spring(setting) / setting.scales.position**2
@@ -52,7 +52,7 @@ def _stiffness_nonlinearity(setting: Setting, rig: Rig, share: float) -> RigWith
     return rig.with_parts(flexure=flexure), {"cubic": cubic, "share": sign * share}
 
 
-def _coulomb_friction(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
+def _coulomb_friction(setting: BenchSetting, rig: Rig, force: float) -> RigWithEffect:
     stick = float(setting.generator("coulomb_friction").uniform(1.1, 1.4))
     bristle = force / (0.05 * setting.scales.position)
     friction = Friction(
@@ -65,7 +65,7 @@ def _coulomb_friction(setting: Setting, rig: Rig, force: float) -> RigWithEffect
     return rig.with_parts(friction=friction), friction._asdict()
 
 
-def _squeeze_film(setting: Setting, rig: Rig, damping: float) -> RigWithEffect:
+def _squeeze_film(setting: BenchSetting, rig: Rig, damping: float) -> RigWithEffect:
     gap = rig.plant.magnets.nominal_gap
     frequency = setting.scales.velocity / max(setting.scales.position, 1e-12)
     velocity = 4 * setting.scales.velocity
@@ -73,7 +73,7 @@ def _squeeze_film(setting: Setting, rig: Rig, damping: float) -> RigWithEffect:
     return rig.with_parts(film=Film(damping, gap)), {"damping_of_a_side": damping, "gap": gap, **numbers}
 
 
-def _structural_mode(setting: Setting, rig: Rig, share: float) -> RigWithEffect:
+def _structural_mode(setting: BenchSetting, rig: Rig, share: float) -> RigWithEffect:
     generator = setting.generator("structural_mode")
     frequency = float(generator.uniform(2.0, 5.0)) * math.sqrt(spring(setting) / rig.plant.motion.mass)
     attached = Attached(share, frequency, float(generator.uniform(0.008, 0.02)))
@@ -93,7 +93,7 @@ def branches(plant_flexure: FlexureLaw, stiffness: Array, times: Array) -> Flexu
     return plant_flexure._replace(branches=total, branch_stiffness=strength, branch_rate=rate)
 
 
-def _flexure_relaxation(setting: Setting, rig: Rig, share: float) -> RigWithEffect:
+def _flexure_relaxation(setting: BenchSetting, rig: Rig, share: float) -> RigWithEffect:
     """Two relaxation times, the main one between 20 and 200 ms: what creeps is never of one kind alone."""
     time = float(0.02 * 10 ** setting.generator("flexure_relaxation").random())
     stiffness = share * spring(setting) * np.array([0.85, 0.15])
@@ -102,13 +102,13 @@ def _flexure_relaxation(setting: Setting, rig: Rig, share: float) -> RigWithEffe
     return changed, {"stiffness_share": share, "time": time, "second_time": 8 * time, "second_share": 0.15}
 
 
-def _force_offset(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
+def _force_offset(setting: BenchSetting, rig: Rig, force: float) -> RigWithEffect:
     value = force * float(setting.generator("force_offset").choice([-1, 1]))
     motion = rig.plant.motion
     return rig.with_parts(motion=motion._replace(constant_force=motion.constant_force + value)), {"force": value}
 
 
-def _support_compliance(setting: Setting, rig: Rig, share: float) -> RigWithEffect:
+def _support_compliance(setting: BenchSetting, rig: Rig, share: float) -> RigWithEffect:
     """A support as stiff as the spring over `share`, its resonance about ten times the mover's."""
     ratio = float(setting.generator("support_compliance").uniform(9.0, 14.0))
     frequency = ratio * math.sqrt(spring(setting) / rig.plant.motion.mass)
@@ -147,7 +147,7 @@ MECHANICAL = (
 )
 
 
-def _position_sensor_nonlinearity(setting: Setting, rig: Rig, share: float) -> RigWithEffect:
+def _position_sensor_nonlinearity(setting: BenchSetting, rig: Rig, share: float) -> RigWithEffect:
     """x/(1 - b x): an optical lever's curvature; `share` is b x at the RMS displacement."""
     curvature = (
         share / setting.scales.position * float(setting.generator("position_sensor_nonlinearity").choice([-1, 1]))
@@ -155,18 +155,18 @@ def _position_sensor_nonlinearity(setting: Setting, rig: Rig, share: float) -> R
     return rig.with_parts(reading=rig.plant.reading._replace(curvature=curvature)), {"curvature": curvature}
 
 
-def _position_sensor_lag(setting: Setting, rig: Rig, lag: float) -> RigWithEffect:
+def _position_sensor_lag(setting: BenchSetting, rig: Rig, lag: float) -> RigWithEffect:
     """Two first-order lags in a row, of 0.7 and 0.3 of the whole."""
     lags = lag * np.array([0.7, 0.3])
     changed = rig.with_parts(reading=rig.plant.reading._replace(lags=lags))
     return changed, {"lag": lag, "first": float(lags[0]), "second": float(lags[1])}
 
 
-def _time_delay(setting: Setting, rig: Rig, delay: float) -> RigWithEffect:
+def _time_delay(setting: BenchSetting, rig: Rig, delay: float) -> RigWithEffect:
     return replace(rig, delay=delay), {"delay": delay}
 
 
-def _periodic_disturbance(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
+def _periodic_disturbance(setting: BenchSetting, rig: Rig, force: float) -> RigWithEffect:
     """A force at 50 or 60 Hz, or anywhere between 15 and 200 Hz, with a tenth of it at three times that."""
     generator = setting.generator("periodic_disturbance")
     any_other = float(15 * (200 / 15) ** generator.random())
@@ -177,7 +177,7 @@ def _periodic_disturbance(setting: Setting, rig: Rig, force: float) -> RigWithEf
     return rig.with_parts(disturbance=changed), {"force": force, "frequency": frequency, "phase": phase}
 
 
-def _sensor_drift(setting: Setting, rig: Rig, drift: float) -> RigWithEffect:
+def _sensor_drift(setting: BenchSetting, rig: Rig, drift: float) -> RigWithEffect:
     seed = int(setting.generator("sensor_drift").integers(2**31))
     errors = replace(rig.instruments, drift=drift, drift_seed=seed)
     return replace(rig, instruments=errors), {"rms": drift}
@@ -205,7 +205,7 @@ SENSING = (
 )
 
 
-def _cogging(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
+def _cogging(setting: BenchSetting, rig: Rig, force: float) -> RigWithEffect:
     generator = setting.generator("cogging")
     period = float(generator.uniform(0.8, 1.6)) * setting.scales.position
     phase = float(generator.uniform(0, 2 * math.pi))
@@ -213,29 +213,29 @@ def _cogging(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
     return rig.with_parts(disturbance=changed), {"force": force, "period": period, "phase": phase}
 
 
-def _quadratic_drag(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
+def _quadratic_drag(setting: BenchSetting, rig: Rig, force: float) -> RigWithEffect:
     drag = force / setting.scales.velocity**2
     return rig.with_parts(disturbance=rig.plant.disturbance._replace(drag=drag)), {"drag": drag}
 
 
-def _relaxing_cushion(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
+def _relaxing_cushion(setting: BenchSetting, rig: Rig, force: float) -> RigWithEffect:
     """A cushion that resists by the square of its compression and relaxes within 20 ms: neither spring nor creep."""
     flexure = branches(rig.plant.flexure, np.zeros(1), np.array([CUSHION_TIME]))
     changed = rig.with_parts(flexure=flexure._replace(cushion=force / setting.scales.position**2))
     return changed, {"force": force, "relaxation_time": CUSHION_TIME}
 
 
-def _current_product_force(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
+def _current_product_force(setting: BenchSetting, rig: Rig, force: float) -> RigWithEffect:
     value = force / setting.scales.current**2 * float(setting.generator("current_product_force").choice([-1, 1]))
     return rig.with_parts(disturbance=rig.plant.disturbance._replace(product=value)), {"force_per_square_ampere": value}
 
 
-def _random_force(setting: Setting, rig: Rig, force: float) -> RigWithEffect:
+def _random_force(setting: BenchSetting, rig: Rig, force: float) -> RigWithEffect:
     seed = int(setting.generator("random_force").integers(2**31))
     return replace(rig, random_force=force, random_force_seed=seed), {"rms": force}
 
 
-def _position_play(setting: Setting, rig: Rig, width: float) -> RigWithEffect:
+def _position_play(setting: BenchSetting, rig: Rig, width: float) -> RigWithEffect:
     return replace(rig, instruments=replace(rig.instruments, play=width)), {"half_width": width}
 
 

@@ -9,7 +9,7 @@ from msl_fem.bench.equations import COPPER_COEFFICIENT
 from msl_fem.bench.iron import fastest_ladder_rate
 from msl_fem.bench.plant import IRON_NODES, Amplifier, Hysteresis, Ladder, SeriesIron, Thermal
 from msl_fem.bench.rig import Factor, Rig, averaged, multiplied
-from msl_fem.bench.setting import BenchEffect, RigWithEffect, Setting, lag_to_start_with
+from msl_fem.bench.setting import BenchEffect, BenchSetting, RigWithEffect, lag_to_start_with
 from msl_fem.errors import InputError
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
@@ -21,7 +21,7 @@ _COIL_SHARE, _COIL_TIME, _CORE_TIME = 0.8, 0.25, 2.0  # of the whole thermal res
 _MEAN_RISE = 0.55  # a lower bound of the coil's mean rise in a run over the final one, with these times
 
 
-def _gap_offset(setting: Setting, rig: Rig, offset: float) -> RigWithEffect:
+def _gap_offset(setting: BenchSetting, rig: Rig, offset: float) -> RigWithEffect:
     """The gaps of both sides are off, away from the believed one as the true one already is."""
     magnets = rig.plant.magnets
     believed = setting.actuator.motion.nominal_gap if setting.actuator.motion else None
@@ -30,7 +30,7 @@ def _gap_offset(setting: Setting, rig: Rig, offset: float) -> RigWithEffect:
     return changed, {"offset": sign * offset}
 
 
-def _least_gap_offset(setting: Setting) -> float:
+def _least_gap_offset(setting: BenchSetting) -> float:
     assert setting.actuator.motion is not None
     return 6 * setting.tolerance.nominal_gap * float(setting.actuator.motion.nominal_gap or 0.0)
 
@@ -59,7 +59,7 @@ def iron_path(actuator: Actuator) -> tuple[tuple[float, float, Iron | AnalyticIr
     )
 
 
-def _linked_turns(setting: Setting) -> tuple[float, float]:
+def _linked_turns(setting: BenchSetting) -> tuple[float, float]:
     """(side's flux linkage over a magnet's flux, magneto-motive force of a magnet over the side's current)."""
     magnets = setting.rig.plant.magnets
     assert isinstance(setting.actuator.magnet, ECore)
@@ -67,7 +67,7 @@ def _linked_turns(setting: Setting) -> tuple[float, float]:
     return magnets.per_side * magnets.share * turns, turns * magnets.share
 
 
-def _early_saturation(setting: Setting, rig: Rig, crowding: float) -> RigWithEffect:
+def _early_saturation(setting: BenchSetting, rig: Rig, crowding: float) -> RigWithEffect:
     """The flux density in the iron is higher than believed, by `crowding`: fewer or damaged sheets carry it."""
     path = iron_path(setting.actuator)
     per_flux, per_current = _linked_turns(setting)
@@ -85,7 +85,7 @@ def _early_saturation(setting: Setting, rig: Rig, crowding: float) -> RigWithEff
     return changed, {"flux_crowding": crowding, "effective_stacking_factor": 1 / (1 + crowding)}
 
 
-def _fringing(setting: Setting, rig: Rig, strength: float) -> RigWithEffect:
+def _fringing(setting: BenchSetting, rig: Rig, strength: float) -> RigWithEffect:
     """Coenergy times 1 + 2 k e(g)/depth, e = (g/pi)(1 + ln(1 + pi h/(2 g))) at either end of the stack.
 
     e is the widening of a gap's cross-section by the field beside an edge whose faces go back by h (Balakrishnan,
@@ -105,14 +105,14 @@ def _fringing(setting: Setting, rig: Rig, strength: float) -> RigWithEffect:
     return replace(rig, table=changed), {"strength": strength, "flux_at_nominal_gap": more}
 
 
-def _magnetic_hysteresis(setting: Setting, rig: Rig, amplitude: float) -> RigWithEffect:
+def _magnetic_hysteresis(setting: BenchSetting, rig: Rig, amplitude: float) -> RigWithEffect:
     spread = float(setting.generator("magnetic_hysteresis").uniform(0.1, 0.2))
     scale = spread * setting.scales.flux_linkage
     changed = rig.with_parts(hysteresis=Hysteresis(amplitude, scale, 4.0))
     return changed, {"pinned_current": amplitude, "flux_scale": scale}
 
 
-def _iron_inductance(setting: Setting) -> float:
+def _iron_inductance(setting: BenchSetting) -> float:
     """Inductance in H that a side's iron alone would have at the runs' flux; for unknown iron 50 times the whole."""
     if not isinstance(setting.actuator.magnet, ECore):
         magnets = setting.rig.plant.magnets
@@ -126,7 +126,7 @@ def _iron_inductance(setting: Setting) -> float:
     return per_flux * per_current / reluctance
 
 
-def _mean_slope(setting: Setting) -> float:
+def _mean_slope(setting: BenchSetting) -> float:
     """dB/dH of the core in H/m at the runs' flux; 2000 mu_0 for unknown iron."""
     if not isinstance(setting.actuator.magnet, ECore):
         return 2000 * MU_0
@@ -135,7 +135,7 @@ def _mean_slope(setting: Setting) -> float:
     return 1 / float(iron.magnetise(np.array(flux / section))[1])
 
 
-def _eddy_currents(setting: Setting, rig: Rig, diffusion_time: float) -> RigWithEffect:
+def _eddy_currents(setting: BenchSetting, rig: Rig, diffusion_time: float) -> RigWithEffect:
     """Sheets as thick as the diffusion time says: T = mu sigma d^2/4, and G/T = 1/(3 L) with L of the iron alone."""
     conductance = diffusion_time / (3 * _iron_inductance(setting))
     ladder = Ladder(MOST_STAGES, conductance, diffusion_time)
@@ -146,30 +146,30 @@ def _eddy_currents(setting: Setting, rig: Rig, diffusion_time: float) -> RigWith
     return rig.with_parts(ladder=ladder), parameters
 
 
-def _start_of_eddy_currents(setting: Setting) -> float:
+def _start_of_eddy_currents(setting: BenchSetting) -> float:
     conductance = 0.01 * setting.scales.current / setting.scales.flux_rate
     return float(conductance * 3 * _iron_inductance(setting))
 
 
-def _cross_coupling(setting: Setting, rig: Rig, share: float) -> RigWithEffect:
+def _cross_coupling(setting: BenchSetting, rig: Rig, share: float) -> RigWithEffect:
     """A share of the current answers to the other side's flux in the armature; it adds where the fluxes do."""
     aiding = setting.actuator.sides is not None and setting.actuator.sides.polarity == "aiding"
     value = (1.0 if aiding else -1.0) * share * setting.scales.current / setting.scales.flux_linkage
     return rig.with_parts(coupling=value), {"share": share, "current_per_flux_linkage": value}
 
 
-def _armature_tilt(setting: Setting, rig: Rig, edge: float) -> RigWithEffect:
+def _armature_tilt(setting: BenchSetting, rig: Rig, edge: float) -> RigWithEffect:
     """Gaps that differ by up to `edge` (m) to either side of the middle, averaged over the faces."""
     assert rig.table is not None
     changed = averaged(rig.table, list(edge * _STRIPS[0]), list(_STRIPS[1] / 2))
     return replace(rig, table=changed), {"gap_at_the_edge": edge}
 
 
-def _gap(setting: Setting) -> float:
+def _gap(setting: BenchSetting) -> float:
     return setting.rig.plant.magnets.nominal_gap
 
 
-def _room(setting: Setting) -> float:
+def _room(setting: BenchSetting) -> float:
     """How much smaller than the table's largest and larger than its smallest gap all gaps of the runs stay, m."""
     assert setting.table is not None
     reach = max(float(np.abs(response.position).max()) for response in setting.responses)
@@ -217,7 +217,7 @@ MAGNETIC = (
 )
 
 
-def _coil_heating(setting: Setting, rig: Rig, rise: float) -> RigWithEffect:
+def _coil_heating(setting: BenchSetting, rig: Rig, rise: float) -> RigWithEffect:
     """Thermal resistances such that the runs' mean loss would warm the coil by `rise` (K) in the end."""
     stretch = float(setting.generator("coil_heating").uniform(0.6, 1.2))
     whole = rise / setting.scales.copper_loss
@@ -228,12 +228,12 @@ def _coil_heating(setting: Setting, rig: Rig, rise: float) -> RigWithEffect:
     return rig.with_parts(thermal=thermal), parameters | {"coil_time": coil_time, "core_time": core_time}
 
 
-def _least_coil_heating(setting: Setting) -> float:
+def _least_coil_heating(setting: BenchSetting) -> float:
     """The final rise with which the resistance is six tolerances up in the mean of a run."""
     return 6 * setting.tolerance.coil_resistance / COPPER_COEFFICIENT / _MEAN_RISE
 
 
-def _amplifier_bandwidth(setting: Setting, rig: Rig, lag: float) -> RigWithEffect:
+def _amplifier_bandwidth(setting: BenchSetting, rig: Rig, lag: float) -> RigWithEffect:
     """Second order with the mean lag asked for (s), and a slew limit that the largest steps of the command feel."""
     generator = setting.generator("amplifier_bandwidth")
     ratio = float(generator.uniform(0.6, 0.9))
@@ -245,7 +245,7 @@ def _amplifier_bandwidth(setting: Setting, rig: Rig, lag: float) -> RigWithEffec
     return changed, {"lag": lag, "frequency_rad_per_s": frequency, "damping_ratio": ratio, "slew_limit": slew}
 
 
-def _current_sensor_error(setting: Setting, rig: Rig, gain: float) -> RigWithEffect:
+def _current_sensor_error(setting: BenchSetting, rig: Rig, gain: float) -> RigWithEffect:
     """A gain error and, of a third of its size, an offset."""
     generator = setting.generator("current_sensor_error")
     error = gain * generator.choice([-1, 1])
@@ -254,7 +254,7 @@ def _current_sensor_error(setting: Setting, rig: Rig, gain: float) -> RigWithEff
     return replace(rig, instruments=errors), {"gain_error": float(error), "offset": float(offset)}
 
 
-def _amplifier_crossover(setting: Setting, rig: Rig, lost: float) -> RigWithEffect:
+def _amplifier_crossover(setting: BenchSetting, rig: Rig, lost: float) -> RigWithEffect:
     width = 0.2 * setting.scales.voltage
     amplifier: Amplifier = rig.plant.amplifier._replace(crossover=lost, crossover_width=width)
     return rig.with_parts(amplifier=amplifier), {"lost_voltage": lost, "width": width}

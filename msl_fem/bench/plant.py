@@ -166,7 +166,7 @@ class SensorElectronics(NamedTuple):
     bandwidth: float  # rad/s, the believed one
 
 
-class Layout(NamedTuple):
+class StateLayout(NamedTuple):
     """Where the states of the pieces stand in the state vector; -1: not there."""
 
     output: int  # of a lagging voltage or force drive, 2
@@ -197,7 +197,7 @@ class BenchPlant(NamedTuple):
     support: Support
     disturbance: Disturbance
     reading: SensorElectronics
-    layout: Layout
+    layout: StateLayout
 
 
 class Bench(NamedTuple):
@@ -228,7 +228,7 @@ def arranged(plant: BenchPlant) -> BenchPlant:
     for name, size in sizes.items():
         places[name] = used if size else -1
         used += size
-    return plant._replace(layout=Layout(**places, size=used))
+    return plant._replace(layout=StateLayout(**places, size=used))
 
 
 def as_record(plant: BenchPlant) -> BenchPlant:

@@ -301,7 +301,7 @@ def true_rig(actuator: Actuator, table: MagneticTable | None, truth: Truth | Non
         reading=parts.SensorElectronics(
             truth.position_gain, 0.0, np.zeros(2), _angular(actuator.position_sensor.bandwidth)
         ),
-        layout=parts.Layout(*8 * (-1,), parts.N_COMMON),
+        layout=parts.StateLayout(*8 * (-1,), parts.N_COMMON),
     )
     return Rig(actuator.name, plant, None if table is None else true_table(table, truth))
 

@@ -24,8 +24,8 @@ from msl_fem.bench.rig import Rig, draw_truth, true_rig
 from msl_fem.bench.running import BenchController, Following, Response, check_stable_stretches, run_rig, stable_current
 from msl_fem.bench.setting import (
     BenchEffect,
+    BenchSetting,
     EffectAtSize,
-    Setting,
     changes,
     channels,
     effect_of_size,
@@ -206,7 +206,7 @@ def sealed_record(
 
 def prepared_setting(
     actuator: Actuator, table: MagneticTable | None, excitations: Sequence[Excitation], options: BenchOptions
-) -> Setting:
+) -> BenchSetting:
     """The true rig of a seed with its undisturbed runs.
 
     Raises
@@ -230,7 +230,7 @@ def prepared_setting(
     for response in responses:
         if response.measured is None:
             check_stable_stretches(rig, response)
-    return Setting(
+    return BenchSetting(
         actuator=actuator,
         table=table,
         tolerance=options.tolerance,
@@ -266,7 +266,7 @@ def _with_noise(asked: Array | Following, actuator: Actuator, options: BenchOpti
     return replace(asked, noise=how.sigma["position"] * noise)
 
 
-def _hidden(setting: Setting, request: Request, others: Sequence[EffectAtSize], *, exact: bool) -> EffectAtSize:
+def _hidden(setting: BenchSetting, request: Request, others: Sequence[EffectAtSize], *, exact: bool) -> EffectAtSize:
     """The effect of a request at its size; an unnamed one outside is drawn among those that can be seen."""
     if request.effect is not None:
         return effect_of_size(setting, request.effect, request.size, exact=exact)
@@ -282,7 +282,7 @@ def _hidden(setting: Setting, request: Request, others: Sequence[EffectAtSize], 
     raise InputError(f"no effect outside the catalogue is as large here: {last}")
 
 
-def with_all(setting: Setting, hidden: Sequence[EffectAtSize]) -> Rig:
+def with_all(setting: BenchSetting, hidden: Sequence[EffectAtSize]) -> Rig:
     """The true rig with every effect at its strength."""
     rig = setting.rig
     for item in hidden:
@@ -291,7 +291,11 @@ def with_all(setting: Setting, hidden: Sequence[EffectAtSize]) -> Rig:
 
 
 def _record(
-    setting: Setting, rig: Rig, excitations: Sequence[Excitation], options: BenchOptions, responses: Sequence[Response]
+    setting: BenchSetting,
+    rig: Rig,
+    excitations: Sequence[Excitation],
+    options: BenchOptions,
+    responses: Sequence[Response],
 ) -> Record:
     actuator = setting.actuator
     how = noise_of_instruments(actuator, coloured=options.noise == "coloured")
@@ -326,7 +330,7 @@ def _record(
 
 
 def _answer(
-    setting: Setting, hidden: Sequence[EffectAtSize], together: dict[str, float], excitations: Sequence[Excitation]
+    setting: BenchSetting, hidden: Sequence[EffectAtSize], together: dict[str, float], excitations: Sequence[Excitation]
 ) -> dict[str, Any]:
     """What was hidden; `changes_together` are the record's changes by all effects at once."""
     return {

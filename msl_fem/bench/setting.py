@@ -45,7 +45,7 @@ class Scales:
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class BenchSetting:
     """Everything that an effect's parameters are chosen by.
 
     Attributes
@@ -101,14 +101,14 @@ class BenchEffect:
     name: str
     parameter: str
     unit: str
-    hide: Callable[[Setting, Rig, float], RigWithEffect]
-    start: Callable[[Setting], float]
-    largest: Callable[[Setting], float]
-    least: Callable[[Setting], float] | None = None
+    hide: Callable[[BenchSetting, Rig, float], RigWithEffect]
+    start: Callable[[BenchSetting], float]
+    largest: Callable[[BenchSetting], float]
+    least: Callable[[BenchSetting], float] | None = None
     needs_magnets: bool = False
 
 
-def lag_to_start_with(setting: Setting) -> float:
+def lag_to_start_with(setting: BenchSetting) -> float:
     """s: a lag of the command of some per cent; a current drive's voltages show less than a voltage drive's motion."""
     return (0.1 if setting.drive == "current" else 0.3) / setting.rate
 
@@ -202,7 +202,7 @@ def changes(changed: dict[str, Array], plain: dict[str, Array]) -> dict[str, flo
 class _Trials:
     """Sizes by strength, without and with the effect."""
 
-    setting: Setting
+    setting: BenchSetting
     effect: BenchEffect
     plain: dict[str, Array]
 
@@ -216,7 +216,7 @@ class _Trials:
         return changes(channels(rig, responses), self.plain)
 
 
-def effect_of_size(setting: Setting, effect: BenchEffect, size: float, *, exact: bool = False) -> EffectAtSize:
+def effect_of_size(setting: BenchSetting, effect: BenchEffect, size: float, *, exact: bool = False) -> EffectAtSize:
     """The effect at the strength that has the size (0.03: three per cent) within half a per cent of it.
 
     An effect that coincides with a believed parameter is made at least six of its tolerances large, unless `exact`.

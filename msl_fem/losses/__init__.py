@@ -7,17 +7,14 @@ from msl_fem.losses.section_loss import (
     SectionFlux,
     SectionLoss,
     iron_loss,
-    iron_names,
     iron_volumes,
     mean_period,
     sine_operation,
 )
 from msl_fem.losses.sheet_loss import (
-    EXCESS_OF_SINE,
     FluxWaveform,
     LossDensity,
     closed_loops,
-    eddy_coefficient,
     loss_density,
     sinusoidal_loss,
 )
@@ -44,7 +41,6 @@ from msl_fem.losses.thermal_network import (
     thermal_network,
 )
 from msl_fem.losses.wire import (
-    NEGLIGIBLE,
     Grade,
     Layers,
     Packing,
@@ -68,8 +64,6 @@ from msl_fem.losses.wire import (
 
 __all__ = [
     "CLASS_130_RISE",
-    "EXCESS_OF_SINE",
-    "NEGLIGIBLE",
     "ContinuousCurrent",
     "Cooling",
     "Cycle",
@@ -97,13 +91,11 @@ __all__ = [
     "closed_loops",
     "continuous_current",
     "core_surface",
-    "eddy_coefficient",
     "end_turn_surface",
     "fitting_layers",
     "gauge_diameter",
     "gauge_wire",
     "iron_loss",
-    "iron_names",
     "iron_volumes",
     "loss_density",
     "mean_period",

@@ -7,7 +7,7 @@ import numpy as np
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.bench.rig import Rig, true_rig
 from msl_fem.bench.sealed import BenchOptions, prepared_setting
-from msl_fem.bench.setting import Setting
+from msl_fem.bench.setting import BenchSetting
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.table.magnetic_table import MagneticTable, read_table
@@ -57,7 +57,7 @@ DRIVES: dict[str, tuple[Actuator, MagneticTable | None]] = {
 }
 
 
-def setting_in(drive: str, *, seed: int = 5, duration: float = 0.4) -> Setting:
+def setting_in(drive: str, *, seed: int = 5, duration: float = 0.4) -> BenchSetting:
     """The true rig of a seed with its short runs."""
     actuator, table = DRIVES[drive]
     options = BenchOptions(seed=seed)

@@ -9,7 +9,7 @@ from msl_fem.bench.instruments import readings
 from msl_fem.bench.integrate import bench_substeps
 from msl_fem.bench.plant import arranged
 from msl_fem.bench.running import run_rig
-from msl_fem.bench.setting import Setting, effect_of_size
+from msl_fem.bench.setting import BenchSetting, effect_of_size
 from msl_fem.errors import InputError
 from msl_fem.record import Tolerance
 
@@ -20,16 +20,16 @@ RECORDS = {
     "coulomb_friction", "squeeze_film", "structural_mode", "flexure_relaxation", "force_offset", "support_compliance",
     "position_sensor_nonlinearity", "position_sensor_lag", "time_delay", "periodic_disturbance", "sensor_drift",
 }  # fmt: skip
-SETTINGS: dict[str, Setting] = {}
+SETTINGS: dict[str, BenchSetting] = {}
 
 
-def setting(drive: str) -> Setting:
+def setting(drive: str) -> BenchSetting:
     if drive not in SETTINGS:
         SETTINGS[drive] = setting_in(drive)
     return SETTINGS[drive]
 
 
-def measured_size(it: Setting, name: str, strength: float, *, substeps: int = 1) -> float:
+def measured_size(it: BenchSetting, name: str, strength: float, *, substeps: int = 1) -> float:
     """Size by the definition, from the readings of every run with and without the effect; steps may be multiplied."""
     rig, _ = ALL[name].hide(it, it.rig, strength)
     squares: dict[str, list[np.ndarray]] = {}
