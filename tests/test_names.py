@@ -12,26 +12,18 @@ ONE_MEANING = {
 }
 """Names that several modules define, each in the one sense that stands here."""
 STILL_DOUBLE = {
-    "Bands",
     "Belief",
     "Criterion",
     "FreeRun",
-    "LowPass",
-    "Problem",
     "QuadraticModel",
     "SearchResult",
     "SearchSettings",
     "Stage",
     "Start",
-    "TableError",
-    "Weights",
     "check_points",
     "evaluate",
     "examine",
     "frequency_response",
-    "model_of",
-    "residuals",
-    "search",
     "side_gap",
     "simulate",
 }
