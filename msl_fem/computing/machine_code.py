@@ -61,7 +61,11 @@ class _LazyCache(NullCache):
         return _Cache(named)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        return self._opened.load_overload(sig, target_context)
+        try:
+            return self._opened.load_overload(sig, target_context)
+        except (ImportError, AttributeError):  # a saved signature names a record that stands elsewhere now
+            self._opened.flush()
+            return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         self._opened.save_overload(sig, data)

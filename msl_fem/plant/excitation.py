@@ -38,7 +38,7 @@ def parse_excitation(text: str, *, unit: Unit = "A") -> Excitation:
         if key in content:
             raise InputError(f"excitation '{text}': {key} is there twice; state it once")
         content[key] = value
-    return _made(content, unit=unit, where=f"excitation '{text}'")
+    return _excitation_of(content, unit=unit, where=f"excitation '{text}'")
 
 
 def load_excitations(spec: str, *, unit: Unit = "A") -> tuple[Excitation, ...]:
@@ -61,16 +61,16 @@ def load_excitations(spec: str, *, unit: Unit = "A") -> tuple[Excitation, ...]:
     if content or not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         odd = f"{next(iter(content))}: unknown key" if content else "excitation: is missing"
         raise InputError(f"{path}: {odd}; the file has one [[excitation]] for each")
-    made = []
+    excitations = []
     for position, entry in enumerate(entries):
         complaint = bare_number(entry, _PURE_NUMBERS, path=f"excitation.{position}.")
         if complaint:
             raise InputError(f"{path}: {complaint}")
-        made.append(_made(entry, unit=unit, where=f"{path}: excitation.{position}"))
-    return tuple(made)
+        excitations.append(_excitation_of(entry, unit=unit, where=f"{path}: excitation.{position}"))
+    return tuple(excitations)
 
 
-def _made(content: dict[str, Any], *, unit: Unit, where: str) -> Excitation:
+def _excitation_of(content: dict[str, Any], *, unit: Unit, where: str) -> Excitation:
     kind = KINDS.get(str(content.get("name")))
     if kind is None:
         raise InputError(f"{where}: '{content.get('name')}' is no excitation; there are {', '.join(KINDS)}")

@@ -56,12 +56,14 @@ def swept_sine(time: Array, *, frequencies: tuple[float, float], duration: float
     if logarithmic and f1 != f2:
         growth = np.log(f2 / f1) / duration
         frequency = f1 * np.exp(growth * time)
-        phase, chirp = 2 * np.pi * (frequency - f1) / growth, growth * frequency
+        phase = 2 * np.pi * (frequency - f1) / growth
+        chirp = growth * frequency
     else:
         chirp = np.full_like(time, (f2 - f1) / duration)
         frequency = f1 + chirp * time
         phase = 2 * np.pi * (f1 + 0.5 * chirp * time) * time
-    w, dw = 2 * np.pi * frequency, 2 * np.pi * chirp
+    w = 2 * np.pi * frequency
+    dw = 2 * np.pi * chirp
     return np.array([np.sin(phase), w * np.cos(phase), dw * np.cos(phase) - w**2 * np.sin(phase)])
 
 
@@ -266,8 +268,8 @@ class Multisine(Excitation):
                 f"{self.name}: {count} samples are not {self.periods} equal periods; "
                 "make duration times rate a multiple of periods"
             )
-        one = flat_noise(self.harmonics(), count=count // self.periods, rate=rate, generator=generator)
-        return np.tile(one, self.periods)
+        period = flat_noise(self.harmonics(), count=count // self.periods, rate=rate, generator=generator)
+        return np.tile(period, self.periods)
 
 
 class SweptSine(Excitation):

@@ -72,9 +72,10 @@ def _telling_windows(currents: Array, window: int) -> list[tuple[int, tuple[floa
     """(first sample, RMS currents) of the windows in which the mean squares are extreme."""
     total = np.vstack([np.zeros(2), np.cumsum(currents**2, axis=0)])
     square = np.maximum(total[window:] - total[:-window], 0.0) / window
-    one, two = square.T
-    starts = sorted({int(np.argmax(size)) for size in (one + two, one, two, one - two, two - one)})
-    return [(n, (math.sqrt(one[n]), math.sqrt(two[n]))) for n in starts]
+    first, second = square.T
+    sizes = (first + second, first, second, first - second, second - first)
+    starts = sorted({int(np.argmax(size)) for size in sizes})
+    return [(n, (math.sqrt(first[n]), math.sqrt(second[n]))) for n in starts]
 
 
 def _rests(actuator: Actuator, table: MagneticTable, rms: tuple[float, float], factor: float) -> bool:

@@ -57,7 +57,8 @@ def net_force(
     OutOfTable : a gap or current outside the table
     """
     x = np.asarray(position, dtype=float)
-    force, stiffness = plant.constant_force - plant.stiffness * x, np.full(x.shape, plant.stiffness)
+    force = plant.constant_force - plant.stiffness * x
+    stiffness = np.full(x.shape, plant.stiffness)
     for j in range(plant.sides):
         if table is None:
             raise InputError("the actuator has magnets and there is no table; make one with 'msl-fem table'")
@@ -143,12 +144,12 @@ def resting_point(
     ------
     ComputationError : there is none before the travel or the table ends, or the one at `start` is unstable
     """
-    found = equilibria(actuator, table, currents=currents)
+    known = equilibria(actuator, table, currents=currents)
     plant = plant_parameters(actuator)
     near = 1e-9 * plant.nominal_gap if np.isfinite(plant.nominal_gap) else 1e-12
-    here = [e for e in found if abs(e.position - start) <= near]
+    here = [e for e in known if abs(e.position - start) <= near]
     push = float(net_force(plant, table, currents=currents, position=np.array(start))[0])
-    ahead = sorted((e for e in found if (e.position - start) * push > 0), key=lambda e: abs(e.position - start))
+    ahead = sorted((e for e in known if (e.position - start) * push > 0), key=lambda e: abs(e.position - start))
     reached = here or ahead
     if not reached or not reached[0].stable:
         why = "the equilibrium is unstable" if reached else "the mover is pulled to its end"
@@ -243,12 +244,18 @@ def _assemble(plant: PlantParameters, sides: list[tuple[float, float]], stiffnes
     rate["velocity"] = force / plant.mass
     rate["position_sensor"] = sensor_lag * (row["position"] - row["position_sensor"])
     outputs = ["position", "position_sensor"] + [f"current{c}" for c in channels if plant.drive != FORCE_DRIVE]
-    dynamics, reading = np.array([rate[s] for s in states]), np.array([row[o] for o in outputs])
+    dynamics = np.array([rate[s] for s in states])
+    reading = np.array([row[o] for o in outputs])
     n = len(states)
     return StateSpace(
-        dynamics[:, :n], dynamics[:, n:], reading[:, :n], reading[:, n:],
-        states=tuple(states), inputs=tuple(inputs), outputs=tuple(outputs),
-    )  # fmt: skip
+        dynamics[:, :n],
+        dynamics[:, n:],
+        reading[:, :n],
+        reading[:, n:],
+        states=tuple(states),
+        inputs=tuple(inputs),
+        outputs=tuple(outputs),
+    )
 
 
 def _signals(plant: PlantParameters, channels: list[str]) -> tuple[list[str], list[str], dict[str, Array]]:
@@ -338,7 +345,8 @@ def open_loop_map(actuator: Actuator, table: MagneticTable, *, currents: Array, 
     plant = plant_parameters(actuator)
     if plant.sides == 0:
         raise InputError(f"{actuator.name} has no magnets; its stiffness is motion.stiffness everywhere")
-    i, x = np.asarray(currents, dtype=float), np.asarray(positions, dtype=float)
+    i = np.asarray(currents, dtype=float)
+    x = np.asarray(positions, dtype=float)
     stiffness = np.array([net_force(plant, table, currents=(c, c), position=x)[1] for c in i])
     with np.errstate(invalid="ignore"):
         natural = np.sqrt(np.where(stiffness > 0, stiffness, np.nan) / plant.mass) / (2 * math.pi)

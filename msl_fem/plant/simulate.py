@@ -148,8 +148,9 @@ def simulate(
     status, out = integrate(surface, plant, inputs, state=state, substeps=substeps, effects=e)
     if status != OK and not options.partial:
         raise ComputationError(_complaint(actuator, table, status, time=len(out) / inputs.rate, state=state))
-    n, limits = len(out), state[AT_CURRENT_LIMIT_1 : AT_CURRENT_LIMIT_1 + 4].astype(np.int64)
-    channels, read = _channels(plant, out), Channels.of(out, plant.sides)
+    n = len(out)
+    limits = state[AT_CURRENT_LIMIT_1 : AT_CURRENT_LIMIT_1 + 4].astype(np.int64)
+    read = Channels.of(out, plant.sides)
     v = neutral_vector() if effects is None else effects.vector()
     return Simulation(
         rate=inputs.rate,
@@ -168,7 +169,7 @@ def simulate(
         substeps=substeps,
         audit=energy_audit(surface, plant, e, start=start, end=state),
         end_state=state,
-        **channels,
+        **_channels(plant, out),
     )
 
 
@@ -280,9 +281,9 @@ def simulation_record(
     noise = Noise(position=actuator.position_sensor.noise)
     if any(run.simulation.current.shape[1] for run in runs):
         noise = Noise(position=actuator.position_sensor.noise, current=actuator.current_sensor.noise)
-    made = tuple(Run(run.name, run.excitation, run.role, _columns(actuator, run)) for run in runs)
+    named = tuple(Run(run.name, run.excitation, run.role, _columns(actuator, run)) for run in runs)
     sampling = Sampling(rate=rates.pop())
-    return Record("simulated", actuator, sampling=sampling, noise=noise, controller=controller, runs=made)
+    return Record("simulated", actuator, sampling=sampling, noise=noise, controller=controller, runs=named)
 
 
 def _columns(actuator: Actuator, run: NamedRun) -> dict[str, Array]:
