@@ -12,8 +12,8 @@ import numpy as np
 
 from msl_fem.actuator import load_actuator
 from msl_fem.magnetics.field_map import DecouplingMap, FieldMapSettings, decoupling_map
-from msl_fem.report.decoupling_figure import draw_decoupling
 from msl_fem.report.field_picture import save_picture
+from msl_fem.report.pictures import draw_decoupling
 
 SERVO = Path(__file__).parent.parent / "geometries" / "fast_tool_servo.toml"
 

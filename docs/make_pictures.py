@@ -34,11 +34,11 @@ from msl_fem.magnetics.kinds.e_core import solve_with_field  # noqa: E402
 from msl_fem.magnetics.kinds.plunger import solve_plunger  # noqa: E402
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep  # noqa: E402
 from msl_fem.record import load_record  # noqa: E402
-from msl_fem.report.decoupling_figure import draw_decoupling  # noqa: E402
 from msl_fem.report.field_picture import draw_field  # noqa: E402
+from msl_fem.report.figures import BLUE, GREY, ORANGE  # noqa: E402
 from msl_fem.report.page import write_page  # noqa: E402
+from msl_fem.report.pictures import draw_decoupling  # noqa: E402
 from msl_fem.report.study_page import study_page  # noqa: E402
-from msl_fem.report.style import BLUE, GREY, ORANGE  # noqa: E402
 from msl_fem.study import run_study  # noqa: E402
 
 SERVO = ROOT / "geometries" / "fast_tool_servo.toml"

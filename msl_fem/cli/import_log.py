@@ -15,7 +15,7 @@ from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target
 from msl_fem.record import Run, check_record_folder, load_record
 from msl_fem.record.log_import import ColumnSource, RunLabel, column_sources, describe, import_into, imported_run
-from msl_fem.report.run_picture import save_run_picture
+from msl_fem.report.pictures import save_run_picture
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 

@@ -13,7 +13,7 @@ from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
 from msl_fem.mechanics import SuspensionReport, assess_flexure
 from msl_fem.mechanics.gap_trade import TradeSettings, gap_trade
-from msl_fem.report.mechanics import flexure_page, gap_trade_page
+from msl_fem.report.design_pages import flexure_page, gap_trade_page
 from msl_fem.report.page import write_page
 
 

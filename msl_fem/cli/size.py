@@ -27,7 +27,7 @@ from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
 from msl_fem.losses import CLASS_130_RISE
 from msl_fem.report.field_picture import save_picture
-from msl_fem.report.pareto_picture import FrontPoints, draw_front
+from msl_fem.report.pictures import FrontPoints, draw_front
 
 FIELD_NAMES = {"mass": "mass_kg", "loss": "loss_W", "force": "force_N", "inductance": "inductance_H"}
 

@@ -15,8 +15,8 @@ from msl_fem.design.tolerances import NAMES, RowRun, ToleranceSettings, Toleranc
 from msl_fem.design.tolerances.manufactured import LENGTHS
 from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
+from msl_fem.report.design_pages import relative_limit, tolerance_page
 from msl_fem.report.page import write_page
-from msl_fem.report.tolerances import relative_limit, tolerance_page
 
 
 def command(

@@ -1,4 +1,4 @@
-"""What can be exported, and into which formats: a new one is a file with a function `write`, and an entry here."""
+"""What can be exported, and into which formats: a new one is a function that writes, and an entry here."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Format:
     what : what of it is exported
     needs : the record that the writer takes: ACTUATOR, TABLE, MAP, MODEL for a `ModelSource`, CONTROLLER for a
         `ControllerSource`
-    module : whose `write(record, target, *, name)` writes and returns the files
+    writer : "module:function"; `function(record, target, *, name)` writes and returns the files
     named : whether names in the file begin with one that can be chosen
     asked : whether it is written only where its part is asked for by name
     """
@@ -39,7 +39,7 @@ class Format:
     to: str
     what: str
     needs: str
-    module: str
+    writer: str
     named: bool = False
     asked: bool = False
 
@@ -47,18 +47,19 @@ class Format:
         """The files written. Raises InputError, for instance where the folder cannot be written."""
         if name is not None and not self.named:
             raise InputError(f"--name is the beginning of C names; --to {self.to} has none, leave it out")
-        writer: Callable[..., tuple[Path, ...]] = import_module(self.module).write
-        return writer(record, target, name=name)
+        module, _, function = self.writer.partition(":")
+        write: Callable[..., tuple[Path, ...]] = getattr(import_module(module), function)
+        return write(record, target, name=name)
 
 
 FORMATS = (
-    Format("c", "guard", MAP, "msl_fem.export.c_guard", named=True),
-    Format("c", "table", TABLE, "msl_fem.export.c_table", named=True),
-    Format("c", "controller", CONTROLLER, "msl_fem.export.c_controller", named=True, asked=True),
-    Format("csv", "table", TABLE, "msl_fem.export.csv_table"),
-    Format("mat", "table", TABLE, "msl_fem.export.mat_table"),
-    Format("modelica", "table", TABLE, "msl_fem.export.modelica_table"),
-    Format("fmu", "model", MODEL, "msl_fem.export.fmu", named=True),
+    Format("c", "guard", MAP, "msl_fem.export.c_guard:write", named=True),
+    Format("c", "table", TABLE, "msl_fem.export.c_table:write", named=True),
+    Format("c", "controller", CONTROLLER, "msl_fem.export.c_controller:write", named=True, asked=True),
+    Format("csv", "table", TABLE, "msl_fem.export.table_formats:write_csv"),
+    Format("mat", "table", TABLE, "msl_fem.export.table_formats:write_mat"),
+    Format("modelica", "table", TABLE, "msl_fem.export.table_formats:write_modelica"),
+    Format("fmu", "model", MODEL, "msl_fem.export.fmu:write", named=True),
 )
 _MADE_FROM = {
     ACTUATOR: (ACTUATOR,), MODEL: (ACTUATOR,), CONTROLLER: (ACTUATOR,), TABLE: (TABLE, ACTUATOR),

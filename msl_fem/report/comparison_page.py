@@ -15,8 +15,8 @@ from msl_fem.comparison.accuracy import LocatedResidual
 from msl_fem.files.quantity import format_quantity
 from msl_fem.prediction.hypothesis import UNITS
 from msl_fem.prediction.run_data import POSITION_COLUMN
+from msl_fem.report.figures import GREY, SERIES, dress, figure, line, logarithmic
 from msl_fem.report.page import Grid, Page, Stage
-from msl_fem.report.style import GREY, SERIES, dress, figure, line, logarithmic
 
 Array = NDArray[np.float64]
 MOST_POINTS = 3000

@@ -9,9 +9,20 @@ from plotly.subplots import make_subplots
 
 from msl_fem.control import KINDS, ClosedLoopRun, Examination, Replay
 from msl_fem.files.quantity import format_quantity
-from msl_fem.report.figures import Tracking, frequency_response, tracking
+from msl_fem.report.figures import (
+    BLUE,
+    GREY,
+    ORANGE,
+    SERIES,
+    Tracking,
+    dress,
+    figure,
+    frequency_response_figure,
+    line,
+    logarithmic,
+    tracking,
+)
 from msl_fem.report.page import Grid, Page, Stage
-from msl_fem.report.style import BLUE, GREY, ORANGE, SERIES, dress, figure, line, logarithmic
 
 _TITLES = {"sine": "Sine of 2 Hz (Fig. 6)", "step": "Step of 3 Hz (Fig. 8)", "ramp": "Ramp of 5 Hz (Fig. 9)"}
 _ENDING = {"refused": "refused before the run", "lost": "the plant is lost"}
@@ -158,7 +169,7 @@ def _response(found: Examination) -> Stage:
         "simulated loop": (np.abs(it.response), np.angle(it.response)),
         "linear prediction": (np.abs(it.predicted), np.angle(it.predicted)),
     }
-    plot = frequency_response(it.frequency, curves)
+    plot = frequency_response_figure(it.frequency, curves)
     return Stage("Closed-loop frequency response (Fig. 11)", sentence, numbers, plot=plot)
 
 

@@ -13,7 +13,7 @@ from msl_fem.diagnosis.fit import Estimate
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.result import Accuracy, ChannelResiduals
 from msl_fem.report.diagnosis_words import FAR, called, channel_name, floors
-from msl_fem.report.style import BLUE, GREY, ORANGE, SKY, dress, figure, line, logarithmic
+from msl_fem.report.figures import BLUE, GREY, ORANGE, SKY, dress, figure, line, logarithmic
 
 Array = NDArray[np.float64]
 BINS = 700  # of time, each drawn as the least and the largest residual in it

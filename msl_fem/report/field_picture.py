@@ -1,9 +1,12 @@
-"""The field as a picture: |B| in colour, flux lines as contours of A_z."""
+"""The field as a picture for people: |B| and flux lines on a cut, by matplotlib, and as a figure of a page."""
 
+import base64
+import io
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import plotly.graph_objects as go
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
@@ -15,6 +18,7 @@ from numpy.typing import NDArray
 from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.kinds.e_core import MagnetField
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
+from msl_fem.report.figures import figure
 
 Array = NDArray[np.float64]
 COLOURS = "viridis"
@@ -125,3 +129,63 @@ def _flux_density(x: np.ndarray, y: np.ndarray, potential: np.ndarray, triangles
     along_x = (a1 - a0) * (y2 - y0) - (a2 - a0) * (y1 - y0)
     along_y = (a2 - a0) * (x1 - x0) - (a1 - a0) * (x2 - x0)
     return 1e3 * np.hypot(along_x, along_y) / np.abs(twice_area)
+
+
+PICTURE_WIDTH = 1500  # pixels
+N_HOVER = 150  # points along the longer side whose |B| can be read
+
+
+def field_plot(field: MagnetField, solution: FieldSolution) -> go.Figure:
+    """|B| in T and flux lines of equal flux over the whole section; the pointer reads |B| at the nearest grid point."""
+    painted = painted_field(field, solution)
+    left, right, bottom, top = painted.area
+    made = figure(x="x in mm", y="y in mm", height=520)
+    made.add_layout_image(
+        source=f"data:image/png;base64,{_picture(painted)}", xref="x", yref="y", x=left, y=top,
+        sizex=right - left, sizey=top - bottom, sizing="stretch", layer="below",
+    )  # fmt: skip
+    x, y, b = flux_density_grid(painted)
+    made.add_trace(
+        go.Heatmap(
+            x=x.astype(np.float32), y=y.astype(np.float32), z=b.astype(np.float32), opacity=0.0, zmin=0, zmax=HIGHEST,
+            showscale=False, name="|B|",
+            hovertemplate="x %{x:.2f} mm, y %{y:.2f} mm<br>|B| = %{z:.3f} T<extra></extra>",
+        )
+    )  # fmt: skip
+    made.add_trace(_colour_bar())
+    made.update_xaxes(range=[left, right], showgrid=False, constrain="domain")
+    made.update_yaxes(range=[bottom, top], showgrid=False, scaleanchor="x", constrain="domain")
+    return made
+
+
+def flux_density_grid(painted: PaintedField) -> tuple[Array, Array, Array]:
+    """x (n_x,) and y (n_y,) in mm and |B| (n_y, n_x) in T on an even grid over the shown area; nan off the mesh."""
+    left, right, bottom, top = painted.area
+    step = max(right - left, top - bottom) / N_HOVER
+    x = np.linspace(left, right, max(2, round((right - left) / step)))
+    y = np.linspace(bottom, top, max(2, round((top - bottom) / step)))
+    joined = np.round(np.stack([painted.x, painted.y]), 9)  # refined triangles do not share their corners
+    corners, place = np.unique(joined, axis=1, return_inverse=True)
+    find = Triangulation(corners[0], corners[1], place[painted.triangles].T).get_trifinder()
+    found = np.asarray(find(*np.meshgrid(np.abs(x), y)), dtype=np.int64)
+    return x, y, np.where(found < 0, np.nan, painted.flux_density[found])
+
+
+def _picture(painted: PaintedField) -> str:
+    """The area alone, without axes, as PNG in base64."""
+    left, right, bottom, top = painted.area
+    made = Figure(figsize=(10.0, 10.0 * (top - bottom) / (right - left)))
+    FigureCanvasAgg(made)
+    axes = made.add_axes((0, 0, 1, 1))
+    axes.set_axis_off()
+    paint(axes, painted)
+    buffer = io.BytesIO()
+    made.savefig(buffer, format="png", dpi=PICTURE_WIDTH / 10)
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+def _colour_bar() -> go.Scatter:
+    """An empty trace that carries the picture's colours as a scale."""
+    bar = {"title": {"text": "|B| in T", "side": "right"}, "thickness": 14, "outlinewidth": 0}
+    marker = {"color": [0.0, HIGHEST], "cmin": 0, "cmax": HIGHEST, "colorscale": COLOURS.capitalize(), "colorbar": bar}
+    return go.Scatter(x=[None], y=[None], mode="markers", marker=marker, showlegend=False, hoverinfo="skip")

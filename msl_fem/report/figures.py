@@ -1,29 +1,88 @@
-"""The study's figures, counterparts of those in Gutierrez and Ro (1998); arrays in, plotly figures out."""
+"""Figures by plotly: their style, those that several pages show, and those of losses."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
+from msl_fem.errors import MaterialError
+from msl_fem.losses import IronLoss, ThermalCurve, sinusoidal_loss
+from msl_fem.losses.copper_loss import CopperLoss
 from msl_fem.maps import OperatingMap
-from msl_fem.report.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    RED,
-    REGION_FILL,
-    SERIES,
-    SKY,
-    dress,
-    figure,
-    line,
-    logarithmic,
-)
+from msl_fem.materials.core_loss_data import LossPoints, Sheet
 from msl_fem.table.magnetic_table import MagneticTable
+
+# Okabe and Ito (2008), a palette for all kinds of colour vision
+BLUE, ORANGE, GREEN, RED, SKY, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#6b7280"
+SERIES = (BLUE, ORANGE, GREEN, RED, SKY, "#CC79A7", "#000000")
+REGION_FILL = {
+    "preferred": "rgba(0,158,115,0.16)",
+    "discouraged": "rgba(230,159,0,0.20)",
+    "unacceptable": "rgba(213,94,0,0.18)",
+}
+HEIGHT = 420
+
+
+def figure(*, x: str, y: str, height: int = HEIGHT) -> go.Figure:
+    """An empty figure with labelled axes."""
+    made = go.Figure()
+    dress(made, height=height)
+    made.update_xaxes(title={"text": x})
+    made.update_yaxes(title={"text": y})
+    return made
+
+
+def dress(made: go.Figure, *, height: int = HEIGHT) -> None:
+    """Give a figure the look that all share."""
+    made.update_layout(
+        height=height,
+        margin={"l": 64, "r": 40, "t": 16, "b": 52},
+        paper_bgcolor="rgba(0,0,0,0)",
+        plot_bgcolor="rgba(0,0,0,0)",
+        font={"family": "system-ui, sans-serif", "size": 13},
+        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        modebar={"orientation": "v", "bgcolor": "rgba(0,0,0,0)", "color": GREY},
+        hovermode="closest",
+    )
+    axis: dict[str, Any] = {"showline": True, "linecolor": GREY, "ticks": "outside", "zeroline": False}
+    axis["hoverformat"] = ".5~g"
+    axis["gridcolor"] = "rgba(107,114,128,0.2)"
+    made.update_xaxes(axis)
+    made.update_yaxes(axis)
+
+
+def logarithmic(made: go.Figure, values: Any, *, along: str, row: int | None = None) -> None:
+    """Make an axis ('x' or 'y') of a figure logarithmic, with ticks at 1, 2, 5 that say their whole number.
+
+    Of more than three decades of `values` the powers of ten alone are ticks.
+    """
+    known = np.concatenate([np.ravel(np.asarray(v, dtype=float)) for v in values])
+    known = known[np.isfinite(known) & (known > 0)]
+    place = {} if row is None else {"row": row, "col": 1}
+    update = made.update_xaxes if along == "x" else made.update_yaxes
+    update(type="log", **place)
+    if not known.size:
+        return
+    low, high = (int(n) for n in (np.floor(np.log10(known.min())), np.ceil(np.log10(known.max()))))
+    steps = (1, 2, 5) if np.log10(known.max() / known.min()) <= 3 else (1,)
+    ticks = [step * 10.0**power for power in range(low, high + 1) for step in steps]
+    update(tickvals=ticks, ticktext=[f"{tick:g}" for tick in ticks], **place)
+
+
+def line(x: Any, y: Any, *, name: str, colour: str, **more: Any) -> go.Scatter:
+    """A line; arrays are stored with seven digits, hover values say five."""
+    x, y = _short(x), _short(y)
+    style = {"color": colour, "width": 1.8, **more.pop("line", {})}
+    return go.Scatter(x=x, y=y, name=name, mode=more.pop("mode", "lines"), line=style, **more)
+
+
+def _short(values: Any) -> Any:
+    return values.astype(np.float32) if isinstance(values, np.ndarray) and values.dtype == np.float64 else values
+
 
 Array = NDArray[np.float64]
 MOST_POINTS = 4000
@@ -96,7 +155,7 @@ def tracking(run: Tracking) -> go.Figure:
     return made
 
 
-def frequency_response(frequency: Array, curves: Mapping[str, tuple[Array, Array]]) -> go.Figure:
+def frequency_response_figure(frequency: Array, curves: Mapping[str, tuple[Array, Array]]) -> go.Figure:
     """Gain in dB and phase in degrees over frequency (the paper's Fig. 11); curves: name to (gain, phase in rad)."""
     made = _two_rows("gain in dB", "phase in °", x="frequency in Hz")
     for (name, (gain, phase)), colour in zip(curves.items(), SERIES, strict=False):
@@ -127,3 +186,65 @@ def _thinned(time: Array) -> tuple[Array, NDArray[np.int64]]:
     """Time and indices of at most MOST_POINTS samples, so that a report stays small."""
     keep = np.arange(0, time.size, max(1, -(-time.size // MOST_POINTS)))
     return time[keep], keep
+
+
+TERMS = (("hysteresis", BLUE), ("eddy", ORANGE), ("excess", GREEN))
+
+
+def losses_by_section(iron: IronLoss, copper: CopperLoss) -> go.Figure:
+    """Stacked bars: each section's hysteresis, eddy-current and excess loss, the coil's copper loss beside them.
+
+    A section whose loss is not known has no bar but the words "not known" in its place.
+    """
+    made = figure(x="", y="loss of one magnet in W")
+    names = [s.section.replace("_", " ") for s in iron.sections]
+    for term, colour in TERMS:
+        values = [getattr(s.density, term) for s in iron.sections]
+        watts = [None if v is None else v * s.volume for v, s in zip(values, iron.sections, strict=True)]
+        made.add_trace(go.Bar(x=names, y=watts, name=term, marker_color=colour))
+    made.add_trace(go.Bar(x=["coil"], y=[copper.loss], name="copper", marker_color=SKY))
+    for name, section in zip(names, iron.sections, strict=True):
+        if section.loss is None:
+            made.add_annotation(x=name, y=section.eddy_loss or 0.0, text="not known", showarrow=False, yshift=10)
+    made.update_layout(barmode="stack")
+    return made
+
+
+def add_thermal_limit(made: go.Figure, curve: ThermalCurve) -> go.Figure:
+    """The figure of the operating regions with the winding's limit as further lines (RMS over gap in mm)."""
+    gap, limit = curve.gap * 1e3, curve.copper_only.limit
+    what = f"continuous, {limit.temperature_rise:g} K"
+    made.add_trace(line(gap, curve.continuous, name=what, colour=GREY, line={"dash": "dash"}))
+    if limit.cycle.duty < 1:
+        name = f"for {limit.cycle.duty:.0%} of the time"
+        made.add_trace(line(gap, curve.on_phase, name=name, colour=GREY, line={"dash": "dot"}))
+    return made
+
+
+def measured_and_fitted_losses(points: LossPoints, sheet: Sheet) -> go.Figure:
+    """Measured specific losses of a sheet over flux density, a colour a frequency, and the fit as lines.
+
+    Raises
+    ------
+    MaterialError : the sheet has no coefficients
+    """
+    c = sheet.coefficients
+    if c is None:
+        raise MaterialError(sheet.reason)
+    made = figure(x="peak flux density in T", y="specific loss in W/kg")
+    used = [f for f in np.unique(points.frequency) if f <= c.frequency_max]
+    shown = used[:: max(1, -(-len(used) // len(SERIES)))]
+    b = np.geomspace(c.flux_density_min, c.flux_density_max, 60)
+    for f, colour in zip(shown, SERIES, strict=False):
+        row = points.frequency == f
+        fitted = sum(sinusoidal_loss(c, sheet, f, b)) / c.density
+        made.add_trace(line(b, fitted, name=f"{f:g} Hz", colour=colour))
+        made.add_trace(
+            line(
+                points.flux_density[row], points.loss[row], name=f"{f:g} Hz, measured", colour=colour, mode="markers",
+                showlegend=False,
+            )
+        )  # fmt: skip
+    logarithmic(made, [b], along="x")
+    logarithmic(made, [points.loss], along="y")
+    return made

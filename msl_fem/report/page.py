@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from plotly.offline import get_plotlyjs
 
 from msl_fem.files.whole_file import whole_file
-from msl_fem.report.style import HEIGHT
+from msl_fem.report.figures import HEIGHT
 
 _FOLDER = Path(__file__).parent
 _ENVIRONMENT = Environment(

@@ -11,11 +11,11 @@ from msl_fem.control import ClosedLoopRun
 from msl_fem.files.quantity import format_quantity
 from msl_fem.identification import sampled_run, simulate
 from msl_fem.report.explorer import explorer
-from msl_fem.report.field_plot import field_plot
+from msl_fem.report.field_picture import field_plot
 from msl_fem.report.figures import (
     Tracking,
     force_over_current,
-    frequency_response,
+    frequency_response_figure,
     predicted_position,
     tracking,
 )
@@ -298,7 +298,7 @@ def _response(study: Study) -> Stage:
         "simulated loop": (np.abs(response.response), np.angle(response.response)),
         "linear prediction": (np.abs(response.predicted), np.angle(response.predicted)),
     }
-    plot = frequency_response(response.frequency, curves)
+    plot = frequency_response_figure(response.frequency, curves)
     return Stage("Closed-loop frequency response (Fig. 11)", sentence, numbers, plot=plot)
 
 

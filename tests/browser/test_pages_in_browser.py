@@ -11,10 +11,10 @@ from msl_fem.actuator import load_actuator
 from msl_fem.maps import Guard, operating_map
 from msl_fem.mechanics import assess_flexure
 from msl_fem.mechanics.gap_trade import gap_trade
+from msl_fem.report.design_pages import flexure_page, gap_trade_page
 from msl_fem.report.explorer import explorer
-from msl_fem.report.mechanics import flexure_page, gap_trade_page
+from msl_fem.report.figures import figure, line, logarithmic
 from msl_fem.report.page import Grid, Page, Stage, write_page
-from msl_fem.report.style import figure, line, logarithmic
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 FLEXURE = load_actuator(ROOT / "geometries" / "fast_tool_servo_flexure.toml")

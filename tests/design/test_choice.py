@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from msl_fem.design.sizing import EvaluatedTrial, pareto_front
-from msl_fem.report.pareto_picture import FrontPoints, draw_front
+from msl_fem.report.pictures import FrontPoints, draw_front
 
 
 def trial(number: int, values: tuple[float, ...], *, feasible: bool = True) -> EvaluatedTrial:

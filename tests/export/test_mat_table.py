@@ -9,13 +9,13 @@ from conftest import saturating_reluctance
 from scipy.integrate import cumulative_simpson
 from scipy.io import loadmat
 
-from msl_fem.export import mat_table
+from msl_fem.export import table_formats
 
 
 @pytest.fixture(scope="module")
 def read(table, tmp_path_factory):
     target = tmp_path_factory.mktemp("mat") / "t.mat"
-    assert mat_table.write(table, target) == (target,)
+    assert table_formats.write_mat(table, target) == (target,)
     return loadmat(target)
 
 
@@ -77,7 +77,7 @@ def test_octave_reads_it(table, tmp_path):
     octave = shutil.which("octave-cli") or shutil.which("octave")
     if octave is None:
         pytest.skip("octave is not installed")
-    mat_table.write(table, tmp_path / "t.mat")
+    table_formats.write_mat(table, tmp_path / "t.mat")
     code = "load t.mat; printf('%.17g ', interp2(x, i', F, 0.5e-3, 5.0, 'linear'), size(Phi)); disp(rule)"
     done = subprocess.run(
         [octave, "--quiet", "--norc", "--eval", code], cwd=tmp_path, capture_output=True, text=True, check=True

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from conftest import closed_form_table
 
-from msl_fem.export import modelica_table
-from msl_fem.export.refined_grid import refined_grid
+from msl_fem.export import table_formats
+from msl_fem.export.table_formats import refined_grid
 from msl_fem.table.magnetic_table import MagneticTable
 
 NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
@@ -61,7 +61,7 @@ def bilinear(table: np.ndarray, u1: float, u2: float) -> float:
 @pytest.fixture(scope="module")
 def tables(table, tmp_path_factory):
     target = tmp_path_factory.mktemp("modelica") / "t.txt"
-    assert modelica_table.write(table, target) == (target,)
+    assert table_formats.write_modelica(table, target) == (target,)
     return read_tables(target.read_text(encoding="ascii"))
 
 
@@ -77,7 +77,7 @@ def test_the_reader_knows_the_documented_example():
 
 
 def test_the_nodes_come_back_with_the_current_first(tables, table):
-    assert list(tables) == list(modelica_table.MATRICES)
+    assert list(tables) == list(table_formats.MATRICES)
     for name in tables:
         found = tables[name]
         assert found.shape == (2 * 76 + 2, 78)
@@ -101,7 +101,7 @@ def test_negative_currents_follow_from_symmetry(tables, table):
 
 def test_the_stated_error_of_linear_interpolation_is_the_real_one(tables, table):
     """Random points err by no more than what the header says, and some by half of it."""
-    said = re.search(r"errs by up to (\S+) of the largest", modelica_table.modelica_text(table))
+    said = re.search(r"errs by up to (\S+) of the largest", table_formats.modelica_text(table))
     stated, rng = float(said[1]), np.random.default_rng(5)
     i, g = rng.uniform(0, 12, 20_000), rng.uniform(5e-5, 1.2e-3, 20_000)
     worst = 0.0
@@ -126,6 +126,6 @@ def test_foreign_texts_stay_comments(table):
         table.nodes,
         provenance={"actuator": "a\ndouble x(1,1)\n666", "actuator_sha256": "#é"},
     )
-    text = modelica_table.modelica_text(hostile)
+    text = table_formats.modelica_text(hostile)
     assert "\n666" not in text
     assert read_tables(text)["force"].shape == (154, 78)

@@ -10,7 +10,7 @@ from msl_fem.errors import InputError
 from msl_fem.magnetics.field_map import DecouplingMap, FieldMapSettings, decoupling_map
 from msl_fem.magnetics.kinds.e_core import solve
 from msl_fem.magnetics.kinds.two_sided import TwoSidedPosition, decoupling, solve_two_sided
-from msl_fem.report.decoupling_figure import draw_decoupling
+from msl_fem.report.pictures import draw_decoupling
 
 FAST = FieldMapSettings(accuracy="fast")
 

@@ -8,7 +8,7 @@ from msl_fem.report.figures import (
     MOST_POINTS,
     Tracking,
     force_over_current,
-    frequency_response,
+    frequency_response_figure,
     operating_regions,
     predicted_position,
     tracking,
@@ -43,7 +43,7 @@ def test_long_runs_are_thinned_and_rows_do_not_overlap() -> None:
 
 def test_gain_is_in_decibel() -> None:
     f = np.array([1.0, 10.0])
-    made = frequency_response(f, {"loop": (np.array([1.0, 0.1]), np.array([0.0, -np.pi / 2]))})
+    made = frequency_response_figure(f, {"loop": (np.array([1.0, 0.1]), np.array([0.0, -np.pi / 2]))})
     np.testing.assert_allclose(made.data[0].y, [0, -20])
     np.testing.assert_allclose(made.data[1].y, [0, -90])
     assert [(shape.y0, shape.y1) for shape in made.layout.shapes] == [(-1, 1)], "the band of 0 dB"

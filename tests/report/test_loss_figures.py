@@ -12,8 +12,7 @@ from msl_fem.losses.copper_loss import copper_loss
 from msl_fem.maps import operating_map
 from msl_fem.materials.core_loss_data import loss_sheets, read_loss_points, sheet_of
 from msl_fem.materials.material import LIBRARY
-from msl_fem.report.figures import operating_regions
-from msl_fem.report.loss_figures import add_thermal_limit, losses_by_section, measured_and_fitted_losses
+from msl_fem.report.figures import add_thermal_limit, losses_by_section, measured_and_fitted_losses, operating_regions
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 ROOT = Path(__file__).parents[2]

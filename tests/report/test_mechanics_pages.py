@@ -9,9 +9,17 @@ from msl_fem.actuator import load_actuator
 from msl_fem.design.tolerances import ToleranceSettings, ToleranceStudy, tolerance_study
 from msl_fem.mechanics import assess_flexure
 from msl_fem.mechanics.gap_trade import gap_trade
-from msl_fem.report.mechanics import flexure_force, flexure_page, gap_trade_figure, gap_trade_page, mode_chart
+from msl_fem.report.design_pages import (
+    flexure_force_figure,
+    flexure_page,
+    gap_trade_figure,
+    gap_trade_page,
+    map_band,
+    mode_chart,
+    tolerance_effects,
+    tolerance_page,
+)
 from msl_fem.report.page import write_page
-from msl_fem.report.tolerances import map_band, tolerance_effects, tolerance_page
 from msl_fem.table.magnetic_table import read_table
 
 ROOT = Path(__file__).parent.parent.parent
@@ -26,7 +34,7 @@ def study() -> ToleranceStudy:
 
 def test_the_flexures_page(tmp_path: Path) -> None:
     report = assess_flexure(FLEXURE, bandwidth=50.0)
-    force = flexure_force(report)
+    force = flexure_force_figure(report)
     lines = {trace.name: np.asarray(trace.y) for trace in force.data}
     assert lines["12 E I / L³"][-1] == pytest.approx(report.stiffness * 0.5e-3)
     assert lines["finite elements"][-1] == pytest.approx(lines["stretched beam, closed form"][-1], rel=1e-5)

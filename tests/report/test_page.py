@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from msl_fem.maps import operating_map
 from msl_fem.report.explorer import explorer
+from msl_fem.report.figures import figure, line
 from msl_fem.report.page import Grid, Page, Stage, script_text, write_page
-from msl_fem.report.style import figure, line
 from msl_fem.table.magnetic_table import MagneticTable
 
 

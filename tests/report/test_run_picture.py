@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from msl_fem.record import Run
-from msl_fem.report.run_picture import MOST_POINTS, draw_run
+from msl_fem.report.pictures import MOST_POINTS, draw_run
 
 
 def drawn(channels: dict[str, np.ndarray], n: int) -> dict[str, np.ndarray]:
