@@ -29,23 +29,23 @@ from marked_text import rewrite
 
 from msl_fem.control import (
     BiasOptions,
-    Choice,
     ClosedLoopRun,
     ControllerDesign,
+    DesignChoice,
     LqrOptions,
-    TruePlant,
+    PlantUnderTest,
     Wish,
     biased_design,
+    closed_loop_response,
     designed,
-    examine,
-    frequency_response,
+    examine_design,
     held_points,
     innovation_consistency,
     lqr_design,
     run_closed_loop,
     with_measured_gap,
 )
-from msl_fem.control.bias_design import bias_point, default_bias
+from msl_fem.control.baselines import bias_point, default_bias
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import EffectValues
 
@@ -72,7 +72,7 @@ def designs() -> str:
             followed.append("lost" if found is None else percent(found.tracking_rms / amplitude))
         jumped = run(made, step(0.2e-3))
         overshoot, settling = step_figures(jumped, 0.2e-3) if jumped else (np.nan, np.nan)
-        response = frequency_response(made, plant=TruePlant(SERVO, TABLE))
+        response = closed_loop_response(made, plant=PlantUnderTest(SERVO, TABLE))
         rows.append([
             name, *followed, percent(overshoot), f"{settling * 1e3:.1f} ms", f"{response.flat_band:.0f} Hz",
             f"{made.feedback_bandwidth:.0f} Hz", f"{made.peak_sensitivity:.2f}",
@@ -123,7 +123,7 @@ def positions() -> str:
         for x in places:
             p = frozen[round(x * 1e6)]
             cells.append(f"{p.peak_sensitivity:.2f} ({p.bound:.2f})" if np.isfinite(p.peak_sensitivity) else "unstable")
-        response = frequency_response(made, plant=TruePlant(actuator, TABLE))
+        response = closed_loop_response(made, plant=PlantUnderTest(actuator, TABLE))
         good = max((abs(p.position) for p in made.frozen if p.peak_sensitivity <= 2.0), default=0.0)
         rows.append([f"{rate:g} Hz", f"{delay}", f"{drive:g} Hz", *cells, f"{good * 1e3:.2f} mm",
                      f"{response.flat_band:.0f} Hz"])  # fmt: skip
@@ -250,7 +250,7 @@ def amplifier() -> str:
         cells = []
         for believed in (actuator, ideal):
             try:
-                made = designed(belief(believed), Choice("lqr"))
+                made = designed(belief(believed), DesignChoice("lqr"))
             except InputError:
                 cells += ["no design", "-"]
                 continue
@@ -267,7 +267,7 @@ def amplifier() -> str:
 
 def beyond() -> str:
     """Degradation with amplitude and frequency (the paper's Fig. 10, in numbers)."""
-    found = examine(design("lqr"), plant=TruePlant(SERVO, TABLE))
+    found = examine_design(design("lqr"), plant=PlantUnderTest(SERVO, TABLE))
     it, rows = found.degradation, []
     for a, errors, endings in zip(it.amplitude, it.error, it.ending, strict=True):
         cells = [percent(e) if np.isfinite(e) else ending for e, ending in zip(errors, endings, strict=True)]
@@ -288,7 +288,7 @@ def speed() -> str:
     made, track = design("lqr"), sine(0.3e-3, 5.0, 4.0)
     cells = []
     for values in (None, EffectValues({"force_offset": {"force": 0.1}})):
-        plant = TruePlant(SERVO, TABLE, values)
+        plant = PlantUnderTest(SERVO, TABLE, values)
         run_closed_loop(made, track, plant=plant)
         best = np.inf
         for _ in range(5):

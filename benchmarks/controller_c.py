@@ -23,9 +23,9 @@ from marked_text import rewrite
 
 from msl_fem.actuator import load_actuator
 from msl_fem.control import ControllerDesign, design_controller
-from msl_fem.control.belief import belief_of
+from msl_fem.control.design import Stepper
+from msl_fem.control.design_model import design_model_of
 from msl_fem.control.lqr_design import LqrOptions, lqr_design
-from msl_fem.control.stepper import Stepper
 from msl_fem.export.c_controller import ControllerSource, controller_header
 from msl_fem.maps import operating_map
 from msl_fem.plant.excitation import parse_excitation, reference
@@ -87,7 +87,7 @@ def tracking(design: ControllerDesign, table) -> np.ndarray:
     """(n, 4) references and readings of a loop that tracks."""
     spec = "sine:frequency=2 Hz,amplitude=0.4 mm,duration=1 s,loop=closed"
     wanted = reference(parse_excitation(spec), rate=2500.0)
-    run = simulate_closed(design.belief, table, wanted, Stepper(design), generator=np.random.default_rng(1))
+    run = simulate_closed(design.actuator, table, wanted, Stepper(design), generator=np.random.default_rng(1))
     return np.column_stack([wanted.position, wanted.velocity, wanted.acceleration, run.measured_position])
 
 
@@ -128,7 +128,7 @@ def main() -> None:
     table = read_table(ROOT / "lookup_tables" / "fast_tool_servo.nc")
     regions = operating_map(table)
     hard = design_controller(actuator, table, regions)
-    both = lqr_design(belief_of(actuator, table, regions), options=LqrOptions(overlap=OVERLAP))
+    both = lqr_design(design_model_of(actuator, table, regions), options=LqrOptions(overlap=OVERLAP))
     rows = ["| design | steps | compiled | median (ns) | worst step (ns) | largest single time (ns) |"]
     rows.append("| --- | --- | --- | ---: | ---: | ---: |")
     worst = 0.0

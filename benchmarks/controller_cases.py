@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.control import Belief, Choice, ClosedLoopRun, ControllerDesign, TruePlant, belief_of, designed
+from msl_fem.control import (
+    ClosedLoopRun,
+    ControllerDesign,
+    DesignChoice,
+    DesignModel,
+    PlantUnderTest,
+    design_model_of,
+    designed,
+)
 from msl_fem.control.closed_loop import run_closed_loop
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.maps import OperatingMap, operating_map
@@ -36,13 +44,13 @@ def servo(**changes: dict[str, object]) -> Actuator:
     return SERVO.model_copy(update={k: getattr(SERVO, k).model_copy(update=v) for k, v in changes.items()})
 
 
-def belief(actuator: Actuator = SERVO) -> Belief:
-    return belief_of(actuator, TABLE, regions())
+def belief(actuator: Actuator = SERVO) -> DesignModel:
+    return design_model_of(actuator, TABLE, regions())
 
 
 @cache
 def design(kind: str = "lqr", *, feedforward: bool = True) -> ControllerDesign:
-    return designed(belief(), Choice(kind, feedforward=feedforward))
+    return designed(belief(), DesignChoice(kind, feedforward=feedforward))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +83,7 @@ def run(
     effects: dict[str, dict[str, float]] | None = None, seed: int | None = SEED,
 ) -> ClosedLoopRun | None:  # fmt: skip
     """The run, None where the plant is not held."""
-    plant = TruePlant(actuator, TABLE, EffectValues(effects) if effects else None)
+    plant = PlantUnderTest(actuator, TABLE, EffectValues(effects) if effects else None)
     generator = None if seed is None else np.random.default_rng(seed)
     try:
         return run_closed_loop(made, track, plant=plant, generator=generator)

@@ -14,8 +14,7 @@ import numpy as np
 from marked_text import rewrite
 from scipy.ndimage import median_filter
 
-from msl_fem.identification import ArmaxOrders, fit_armax, sampled_run
-from msl_fem.identification.friction_drive import (
+from benchmarks.friction_drive import (
     CascadeLoop,
     FrictionDrive,
     closed_loop,
@@ -23,6 +22,7 @@ from msl_fem.identification.friction_drive import (
     inverse_dynamics,
     refined,
 )
+from msl_fem.identification import ArmaxOrders, fit_armax, sampled_run
 from msl_fem.record import load_record
 
 ROOT = Path(__file__).parent.parent

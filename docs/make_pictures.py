@@ -25,10 +25,10 @@ sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT / "tests"), str(ROOT)]
 
 from devtools import find_browser, started  # noqa: E402
 from emps import LOOP, pulses  # noqa: E402
+from friction_drive import closed_loop, inverse_dynamics, refined  # noqa: E402
 from published_magnets import INCH, ROTERS_CURRENT, SOLENOID_CURRENT, roters, solenoid  # noqa: E402
 
 from msl_fem.actuator import load_actuator  # noqa: E402
-from msl_fem.identification.friction_drive import closed_loop, inverse_dynamics, refined  # noqa: E402
 from msl_fem.magnetics.field_map import decoupling_map  # noqa: E402
 from msl_fem.magnetics.kinds.e_core import solve_with_field  # noqa: E402
 from msl_fem.magnetics.kinds.plunger import solve_plunger  # noqa: E402

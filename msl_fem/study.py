@@ -14,9 +14,9 @@ from msl_fem.control import (
     ClosedLoopRun,
     ControllerDesign,
     FrequencyResponse,
-    TruePlant,
+    PlantUnderTest,
+    closed_loop_response,
     design_controller,
-    frequency_response,
     run_closed_loop,
 )
 from msl_fem.errors import InputError
@@ -239,7 +239,7 @@ def _closed_loop(
         "ramp": ("ramp:frequency=5 Hz,duration=1 s", 0.4 * travel),
     }
     design = design_controller(actuator, table, made)
-    plant = TruePlant(actuator, table)
+    plant = PlantUnderTest(actuator, table)
     runs, specs, notes = {}, {}, []
     for n, (name, (spec, wish)) in enumerate(wishes.items()):
         part(n, len(wishes) + 1)
@@ -253,7 +253,7 @@ def _closed_loop(
         notes.append(note)
     part(len(wishes), len(wishes) + 1)
     response, note = _bearable(
-        lambda amplitude: frequency_response(design, plant=plant, amplitude=amplitude * 1e-6),
+        lambda amplitude: closed_loop_response(design, plant=plant, amplitude=amplitude * 1e-6),
         RESPONSE_AMPLITUDE * 1e6,
         "the frequency response's amplitude in µm",
     )

@@ -2,7 +2,7 @@
 
 from json import loads as parse_json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -12,29 +12,27 @@ from msl_fem.cli.options import Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.control import (
-    Belief,
-    Choice,
-    ClosedLoopRun,
-    ControllerDesign,
+    DesignChoice,
+    DesignModel,
     ForceTerm,
     IdentifiedPlant,
-    TruePlant,
-    belief_of,
-    belief_of_terms,
-    belief_with_effects,
-    check_stable,
+    PlantUnderTest,
+    check_stable_reach,
     closed_loop_record,
+    design_model_of,
+    design_model_of_terms,
+    design_model_with_effects,
     designed,
-    examine,
+    examine_design,
     run_closed_loop,
 )
-from msl_fem.control.stepper import stated
+from msl_fem.control.design import stated
 from msl_fem.errors import InputError
 from msl_fem.files.schema import reason, small_text
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target
-from msl_fem.identification import ArmaxModel, Believed, model_from_json, physical_parameters
-from msl_fem.identification.rational import rational_term
+from msl_fem.identification import ArmaxModel, KnownMass, model_from_json, physical_parameters
+from msl_fem.identification.data import rational_term
 from msl_fem.maps import OperatingMap, operating_map, read_map
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import load_excitations, reference
@@ -80,7 +78,7 @@ def command(
         raise InputError(f"--reference names {len(wanted)} references; give one")
     if lacking := plant.actuator.lacking("magnet", "controller"):
         raise InputError(f"{plant.actuator.name} has no {lacking}; control needs [magnet] and [controller]")
-    choice = Choice(
+    choice = DesignChoice(
         design,
         None if bandwidth is None else read_option("--bandwidth", bandwidth, "Hz"),
         peak_sensitivity,
@@ -99,25 +97,29 @@ def command(
         magnet_table = own if own is not None else table_for(plant.actuator, table)
         assert magnet_table is not None
         regions = given if given is not None else operating_map(magnet_table)
-        belief = _belief(plant.actuator, known, magnet_table, regions)
-        made = designed(belief, choice)
-        track = reference(wanted[0], rate=1 / made.law.plant.period)
-        check_stable(made, track)
+        known_model = _design_model(plant.actuator, known, magnet_table, regions)
+        controller = designed(known_model, choice)
+        track = reference(wanted[0], rate=1 / controller.law.plant.period)
+        check_stable_reach(controller, track)
         true = known if isinstance(known, ExtendedModel) else plant
-        acted_on = TruePlant(true.actuator, magnet_table, _effects(true))
-        run = run_closed_loop(made, track, plant=acted_on, generator=np.random.default_rng(seed))
+        acted_on = PlantUnderTest(true.actuator, magnet_table, _effects(true))
+        run = run_closed_loop(controller, track, plant=acted_on, generator=np.random.default_rng(seed))
         if output is not None:
             wishes = {name: text for name, text in (("bandwidth", bandwidth), ("bias", bias)) if text is not None}
-            section = stated(made, **wishes)
+            section = stated(controller, **wishes)
             record = closed_loop_record(true.actuator, run, excitation=wanted[0].spec, controller=section)
             write_record(record, output)
-        fields = control_fields(made, run) | {"effects": list(true.effects.present)}
+        fields = (
+            {"design": controller.kind} | run.to_json() | controller.to_json() | {"effects": list(true.effects.present)}
+        )
         if report is not None:
             with progress_bar("trials") as progress:
-                found = examine(made, plant=acted_on, seed=seed, progress=progress)
+                found = examine_design(controller, plant=acted_on, seed=seed, progress=progress)
             write_page(control_page(found), report)
             fields |= {"report": str(report)}
-    print_result(fields, as_json=json, title=f"{plant.actuator.name}: {made.kind} in closed loop on {wanted[0].spec}")
+    print_result(
+        fields, as_json=json, title=f"{plant.actuator.name}: {controller.kind} in closed loop on {wanted[0].spec}"
+    )
 
 
 def _known(file: Path) -> ExtendedModel | ArmaxModel:
@@ -143,14 +145,14 @@ def _effects(model: ExtendedModel) -> EffectValues | None:
     return model.effects if model.effects.stated else None
 
 
-def _belief(
+def _design_model(
     actuator: Actuator, known: ExtendedModel | ArmaxModel | None, table: MagneticTable, regions: OperatingMap
-) -> Belief:
+) -> DesignModel:
     if known is None:
-        return belief_of(actuator, table, regions)
+        return design_model_of(actuator, table, regions)
     if isinstance(known, ArmaxModel):
-        return belief_of_terms(actuator, identified_plant(known, actuator), regions)
-    return belief_with_effects(known.actuator, table, regions, known.effects)
+        return design_model_of_terms(actuator, identified_plant(known, actuator), regions)
+    return design_model_with_effects(known.actuator, table, regions, known.effects)
 
 
 def identified_plant(model: ArmaxModel, actuator: Actuator) -> IdentifiedPlant:
@@ -165,7 +167,7 @@ def identified_plant(model: ArmaxModel, actuator: Actuator) -> IdentifiedPlant:
         raise InputError("the identified model has no rational terms; identify a record with currents of the sides")
     if motion is None or motion.nominal_gap is None:
         raise InputError(f"{actuator.name} has no motion.nominal_gap; an identified model's terms need it")
-    found = physical_parameters(model, mass=Believed(motion.moving_mass))
+    found = physical_parameters(model, mass=KnownMass(motion.moving_mass))
     terms = []
     for text in map(str, rational.terms):
         term = rational_term(text)
@@ -173,24 +175,3 @@ def identified_plant(model: ArmaxModel, actuator: Actuator) -> IdentifiedPlant:
         terms.append(ForceTerm(term.side, term.current_power, term.gap_power, constant))
     offset = rational.nominal_gap - motion.nominal_gap
     return IdentifiedPlant(found["stiffness"].value, found["damping"].value, tuple(terms), rational.delta + offset)
-
-
-def control_fields(design: ControllerDesign, run: ClosedLoopRun) -> dict[str, Any]:
-    """The JSON fields of `control`."""
-    return {
-        "design": design.kind,
-        "tracking_rms_m": run.tracking_rms,
-        "peak_current_A": run.peak_current,
-        "copper_loss_W": run.copper_loss,
-        "guard_violations": run.guard_violations,
-        "guard_regions": run.region_counts,
-        "force_limited": run.force_limited,
-        "bandwidth_Hz": design.bandwidth,
-        "feedback_bandwidth_Hz": design.feedback_bandwidth,
-        "flat_band_Hz": design.flat_band,
-        "peak_sensitivity": design.peak_sensitivity,
-        "reach_m": list(design.reach),
-        "stable_reach_m": list(design.stable_reach),
-        "iso_14839_3_zone_reach_m": design.zone_reach,
-        "inverse_domain": dict(design.domain),
-    }

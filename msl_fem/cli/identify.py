@@ -1,7 +1,7 @@
 """The command `identify`: ARMAX with rational inputs from a record."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast, get_args
 
 import typer
 
@@ -9,7 +9,8 @@ from msl_fem.cli.options import Json
 from msl_fem.cli.output import print_result, say, write_json
 from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
-from msl_fem.identification import ArmaxOrders, ModelChoice, identify, model_to_json
+from msl_fem.identification import ArmaxOrders, ModelChoice, identify
+from msl_fem.identification.record_model import Structure
 from msl_fem.record import load_record
 
 
@@ -24,6 +25,9 @@ def command(
     prior: Annotated[
         bool, typer.Option("--prior", help="Count the believed mass, damping and stiffness with their tolerances.")
     ] = False,
+    structure: Annotated[
+        str, typer.Option(help="armax, output-error (white noise on the position) or box-jenkins.")
+    ] = "armax",
     json: Json = False,
 ) -> None:
     """ARMAX with rational inputs, fitted on the record's fit runs and judged on all."""
@@ -34,6 +38,8 @@ def command(
         say(f"note: {warning}")
     if criterion not in ("bic", "aicc"):
         raise InputError(f"--criterion {criterion!r}: give bic or aicc")
+    if structure not in get_args(Structure):
+        raise InputError(f"--structure {structure!r}: give {', '.join(get_args(Structure))}")
     listed, automatic = _terms(terms)
     choice = ModelChoice(
         orders=_orders(orders),
@@ -41,11 +47,16 @@ def command(
         select_terms=automatic,
         prior=prior,
         criterion="bic" if criterion == "bic" else "aicc",
+        structure=cast(Structure, structure),
     )
     found = identify(it, choice=choice)
     if output is not None:
-        write_json(model_to_json(found.model), output)
-    print_result(found.fields(), as_json=json, title=f"ARMAX of {record}")
+        write_json(found.model.to_json(), output)
+    print_result(
+        found.to_json(),
+        as_json=json,
+        title=f"{structure} of {record}" if structure != "armax" else f"ARMAX of {record}",
+    )
 
 
 def _terms(text: str) -> tuple[tuple[str, ...], bool]:

@@ -13,7 +13,6 @@ from msl_fem.computing.jobs import RowCache
 from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target
-from msl_fem.identification import model_to_json
 from msl_fem.maps import write_map
 from msl_fem.record import check_record_folder, write_record
 from msl_fem.report.page import write_page
@@ -57,7 +56,7 @@ def _study(it: Actuator, settings: StudySettings, *, output: Path, json: bool) -
         elif name == "record":
             write_record(result, output / "record")
         elif name == "model":
-            write_json(model_to_json(result.model), output / "armax.json")
+            write_json(result.model.to_json(), output / "armax.json")
 
     with stages_bar() as progress:
         done = run_study(it, settings=settings, progress=progress, keep=keep)

@@ -12,7 +12,7 @@ from scipy.signal import savgol_filter
 from msl_fem.comparison.models import ARMAX, CoupledModel
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
-from msl_fem.identification import ArmaxModel, predict, sampled_run, simulate
+from msl_fem.identification import ArmaxModel, predict, sampled_run, simulate_armax
 from msl_fem.prediction import (
     CallableLaw,
     RunData,
@@ -238,7 +238,7 @@ def armax_accuracy(
     modelled = {"one_step": predict(model, sampled), "ten_step": predict(model, sampled, HORIZON)}
     reasons = [f"closed_loop: {CURRENTS_IN}"] if data.law is not None or looped else []
     if stable:
-        free = simulate(model, sampled)
+        free = simulate_armax(model, sampled)
         if free.diverged_at is None:
             modelled["free_run"] = free.output
         else:

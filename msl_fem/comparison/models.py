@@ -19,10 +19,9 @@ from numpy.typing import ArrayLike
 
 from msl_fem.actuator import Actuator, ECore
 from msl_fem.computing.arrays import Array
-from msl_fem.control.belief import belief_of
-from msl_fem.control.design import ControllerDesign
-from msl_fem.control.designs import Choice, designed
-from msl_fem.control.stepper import Stepper
+from msl_fem.control.design import ControllerDesign, DesignChoice, Stepper
+from msl_fem.control.design_model import design_model_of
+from msl_fem.control.designs import designed
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.schema import In
 from msl_fem.identification import ArmaxModel, identify
@@ -232,7 +231,7 @@ def own_loop(record: Record, table: MagneticTable | None) -> OwnLoop | None:
     stated = record.controller or {}
     if "design" not in stated or table is None:
         return None
-    belief = belief_of(record.actuator, table, operating_map(table))
+    belief = design_model_of(record.actuator, table, operating_map(table))
     design = designed(belief, _choice(stated))
     gains = {"gain": design.law.gains.state, "filter_gain": design.law.estimator.gain}
     for name, value in gains.items():
@@ -244,7 +243,7 @@ def own_loop(record: Record, table: MagneticTable | None) -> OwnLoop | None:
     return OwnLoop(design)
 
 
-def _choice(stated: Mapping[str, Any]) -> Choice:
+def _choice(stated: Mapping[str, Any]) -> DesignChoice:
     """The wishes of `[controller]`; InputError for a wrong unit."""
     wishes: dict[str, float | None] = {"bandwidth": None, "overlap": 0.0, "bias": None}
     for name, unit in (("bandwidth", "Hz"), ("overlap", "N"), ("bias", "A")):
@@ -254,7 +253,7 @@ def _choice(stated: Mapping[str, Any]) -> Choice:
             except ValueError as err:
                 raise InputError(f"controller.{name}: {err}") from err
     sensitivity = stated.get("peak_sensitivity")
-    return Choice(
+    return DesignChoice(
         str(stated["design"]),
         wishes["bandwidth"],
         None if sensitivity is None else float(sensitivity),

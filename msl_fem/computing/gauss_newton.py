@@ -129,7 +129,8 @@ def descend(
 ) -> Descent[P, M]:
     """The descent from a start with a finite objective; `first` is the model there where it is known."""
     how, point, steps = settings, start, 0
-    model, mu = first or objective.model(start, None), settings.damping.first
+    model = first or objective.model(start, None)
+    mu = settings.damping.first
     for _ in range(how.most_trials):
         if model.promised < max(how.enough, how.enough_share * point.objective):
             if how.renewal is None or not model.stale:
@@ -144,7 +145,9 @@ def descend(
         if gain > 0.0:  # not of nan
             fruitful = how.renewal is None or gain >= how.renewal * promised
             model = objective.model(trial, model if fruitful else None)
-            point, mu, steps = trial, how.damping.after_success(mu), steps + 1
+            point = trial
+            mu = how.damping.after_success(mu)
+            steps = steps + 1
         elif how.renewal is not None and model.stale:
             model = objective.model(point, None)
         elif mu > how.damping.most:
@@ -260,7 +263,8 @@ class _Linearised:
     stale = False
 
     def __init__(self, jacobian: Array, at: _Simulated) -> None:
-        self.jacobian, self.gram = jacobian, jacobian.T @ jacobian
+        self.jacobian = jacobian
+        self.gram = jacobian.T @ jacobian
         self._slope = jacobian.T @ at.residual + at.z
         self.promised = self.step(-1.0)[1]
 
@@ -275,7 +279,9 @@ class _Posterior:
     """Minus the log posterior of a simulation's parameters; counts its runs."""
 
     def __init__(self, simulate: Simulator, step: float) -> None:
-        self._simulate, self._step, self.simulations = simulate, step, 0
+        self._simulate = simulate
+        self._step = step
+        self.simulations = 0
 
     def at(self, z: Array) -> _Simulated:
         residual = self._simulate(z[None])[0]

@@ -4,11 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import cont2discrete
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,5 +80,7 @@ class StateSpace:
             raise InputError(
                 f"the system is sampled already, with {self.sampling_period:g} s; start from continuous time"
             )
+        from scipy.signal import cont2discrete  # here, for its import costs a second
+
         a, b, c, d, _ = cont2discrete((self.A, self.B, self.C, self.D), period, method="zoh")
         return StateSpace(a, b, c, d, float(period), self.states, self.inputs, self.outputs)

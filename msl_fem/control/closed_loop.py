@@ -1,12 +1,13 @@
-"""The loop: controller at its rate around the coupled model, compiled as one."""
+"""The loop: controller at its rate around the coupled model, compiled as one; its run as a record."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.control.controller import (
     D_HAT,
@@ -39,17 +40,17 @@ from msl_fem.plant.layout import (
 )
 from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
 from msl_fem.plant.sampled_plant import SampledPlant, advance_sample, plant_at_rest, read_instruments, sampled_plant
+from msl_fem.record import Noise, Record, Run, Sampling
 from msl_fem.table.magnetic_table import MagneticTable
 
-Array = NDArray[np.float64]
-
-# Columns of the compiled loop's output
-(_POSITION, _MEASURED, _CURRENT_1, _CURRENT_2, _VOLTAGE_1, _VOLTAGE_2, _COMMAND_1, _COMMAND_2, _VELOCITY_HAT,
- _DISTURBANCE_HAT, _INNOVATION, _FORCE, _ACTING_1, _ACTING_2, _READ_1, _READ_2) = range(16)  # fmt: skip
 _N_OUT = 16
 _REGIONS = (("preferred", N_PREFERRED), ("discouraged", N_DISCOURAGED), ("unacceptable", N_VIOLATION))
 STEP_OF_FASTEST = 0.42  # of the plant's fastest time constant: within 20 nm of steps a tenth as long, in motion
 _NO_CURRENT = 1e-18  # A
+
+# Columns of the compiled loop's output
+(_POSITION, _MEASURED, _CURRENT_1, _CURRENT_2, _VOLTAGE_1, _VOLTAGE_2, _COMMAND_1, _COMMAND_2, _VELOCITY_HAT,
+ _DISTURBANCE_HAT, _INNOVATION, _FORCE, _ACTING_1, _ACTING_2, _READ_1, _READ_2) = range(16)  # fmt: skip
 
 
 class ReferenceArrays(Protocol):
@@ -66,7 +67,7 @@ class ReferenceArrays(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class TruePlant:
+class PlantUnderTest:
     """What the controller acts on: an actuator, its table and its effects, of which the controller knows nothing."""
 
     actuator: Actuator
@@ -123,9 +124,8 @@ class ClosedLoopRun:
             "peak_current_A": self.peak_current,
             "copper_loss_W": self.copper_loss,
             "guard_violations": self.guard_violations,
-            "region_counts": dict(self.region_counts),
+            "guard_regions": dict(self.region_counts),
             "force_limited": self.force_limited,
-            "seconds": float(self.time[-1] - self.time[0]),
         }
 
 
@@ -138,9 +138,13 @@ class _Inputs(NamedTuple):
 
 
 def run_closed_loop(
-    design: ControllerDesign, reference: ReferenceArrays, *, plant: TruePlant,
-    generator: np.random.Generator | None = None, disturbance: Array | None = None,
-) -> ClosedLoopRun:  # fmt: skip
+    design: ControllerDesign,
+    reference: ReferenceArrays,
+    *,
+    plant: PlantUnderTest,
+    generator: np.random.Generator | None = None,
+    disturbance: Array | None = None,
+) -> ClosedLoopRun:
     """The run of a controller on a plant that rests without currents when it begins.
 
     Parameters
@@ -155,22 +159,23 @@ def run_closed_loop(
         the plant has no current drive or cannot have one of its effects
     ComputationError : the plant left its table or its travel or was not finite; such a run is not returned
     """
-    wanted = checked_reference(design, reference)
-    n, period = wanted.shape[0], design.law.plant.period
+    samples = checked_reference(design, reference)
+    n, period = samples.shape[0], design.law.plant.period
     true = sampled_plant(
         plant.actuator, plant.table, rate=1 / period, effects=plant.effects, largest_step=STEP_OF_FASTEST
     )
     if true.parameters.drive != CURRENT_DRIVE:
         raise InputError(f'{plant.actuator.name}: the controller commands currents; use drive.kind = "current"')
     inputs = _Inputs(
-        reference=wanted,
+        reference=samples,
         noise=reading_noise(plant.actuator, n, generator=generator),
         disturbance=np.zeros(n) if disturbance is None else np.ascontiguousarray(disturbance, dtype=float),
     )
     if inputs.disturbance.shape != (n,):
         raise InputError(f"the disturbance has shape {inputs.disturbance.shape}; the reference has {n} samples")
     state, history = plant_at_rest(true)
-    memory, out = controller_state(design.parameters), np.zeros((n, _N_OUT))
+    memory = controller_state(design.parameters)
+    out = np.zeros((n, _N_OUT))
     status, done = loop(true, (state, history), design.parameters, memory, inputs, out)
     if status != OK:
         raise ComputationError(_why(status, done * period, state, plant))
@@ -179,13 +184,19 @@ def run_closed_loop(
 
 @compiled
 def loop(
-    plant: SampledPlant, plant_memory: tuple[Array, Array], parameters: ControllerParameters, memory: Array,
-    inputs: _Inputs, out: Array,
-) -> tuple[int, int]:  # fmt: skip
+    plant: SampledPlant,
+    plant_memory: tuple[Array, Array],
+    parameters: ControllerParameters,
+    memory: Array,
+    inputs: _Inputs,
+    out: Array,
+) -> tuple[int, int]:
     """(status, samples done); a row of `out` a sample. Plant (state, history) and controller are moved on."""
     state, history = plant_memory
     waiting = np.zeros((parameters.delay + 1, 2))
-    voltage, command, readings = np.zeros(2), np.zeros(2), np.zeros(N_READING)
+    voltage = np.zeros(2)
+    command = np.zeros(2)
+    readings = np.zeros(N_READING)
     for k in range(out.shape[0]):
         read_instruments(plant, state, history, k, inputs.noise[k], readings)
         controller_step(parameters, memory, inputs.reference[k], readings[0], command)
@@ -194,11 +205,15 @@ def loop(
         waiting[parameters.delay] = command
         row = out[k]
         row[_POSITION], row[_MEASURED] = state[X], readings[0]
-        row[_CURRENT_1], row[_CURRENT_2] = state[COIL_1], state[COIL_2]
+        row[_CURRENT_1] = state[COIL_1]
+        row[_CURRENT_2] = state[COIL_2]
         row[_COMMAND_1], row[_COMMAND_2] = command[0], command[1]
-        row[_ACTING_1], row[_ACTING_2] = waiting[0, 0], waiting[0, 1]
-        row[_VELOCITY_HAT], row[_DISTURBANCE_HAT] = memory[V_HAT], memory[D_HAT]
-        row[_INNOVATION], row[_FORCE] = memory[INNOVATION], memory[FORCE]
+        row[_ACTING_1] = waiting[0, 0]
+        row[_ACTING_2] = waiting[0, 1]
+        row[_VELOCITY_HAT] = memory[V_HAT]
+        row[_DISTURBANCE_HAT] = memory[D_HAT]
+        row[_INNOVATION] = memory[INNOVATION]
+        row[_FORCE] = memory[FORCE]
         row[_READ_1], row[_READ_2] = readings[1], readings[2]
         status = advance_sample(plant, state, waiting[0], inputs.disturbance[k], voltage)
         row[_VOLTAGE_1], row[_VOLTAGE_2] = voltage[0], voltage[1]
@@ -214,7 +229,8 @@ def loop(
 def checked_reference(design: ControllerDesign, reference: ReferenceArrays) -> Array:
     """(n_sample, 3) of the reference, which the believed plant can follow at rest and in motion."""
     r, v, a = (np.asarray(x, dtype=float) for x in (reference.position, reference.velocity, reference.acceleration))
-    time, plant = np.asarray(reference.time, dtype=float), design.law.plant
+    time = np.asarray(reference.time, dtype=float)
+    plant = design.law.plant
     if not (r.shape == v.shape == a.shape == time.shape and r.ndim == 1 and r.size >= 2):
         raise InputError("a reference needs time, position, velocity, acceleration of one length, at least 2 samples")
     if not all(np.isfinite(x).all() for x in (r, v, a)):
@@ -241,7 +257,7 @@ def checked_reference(design: ControllerDesign, reference: ReferenceArrays) -> A
     return np.ascontiguousarray(np.stack([r, v, a], axis=1))
 
 
-def check_stable(design: ControllerDesign, reference: ReferenceArrays) -> None:
+def check_stable_reach(design: ControllerDesign, reference: ReferenceArrays) -> None:
     """InputError where a reference goes to positions at which the loop, frozen there, is believed unstable.
 
     Moving through such a position may still do; a run tells.
@@ -261,7 +277,7 @@ def check_stable(design: ControllerDesign, reference: ReferenceArrays) -> None:
         )
 
 
-def _why(status: int, time: float, state: Array, plant: TruePlant) -> str:
+def _why(status: int, time: float, state: Array, plant: PlantUnderTest) -> str:
     reason = {NOT_FINITE: "is not finite", OUTSIDE_RANGE: "reached the end of its travel"}.get(
         status, f"left its table ({plant.table.rectangle})"
     )
@@ -274,10 +290,11 @@ def _why(status: int, time: float, state: Array, plant: TruePlant) -> str:
 
 def _result(reference: ReferenceArrays, plant: PlantParameters, memory: Array, out: Array) -> ClosedLoopRun:
     current = out[:, [_CURRENT_1, _CURRENT_2]]
-    position, wanted = out[:, _POSITION].copy(), np.array(reference.position, dtype=float)
+    position = out[:, _POSITION].copy()
+    target = np.array(reference.position, dtype=float)
     return ClosedLoopRun(
         time=np.array(reference.time, dtype=float),
-        reference=wanted,
+        reference=target,
         position=position,
         measured=out[:, _MEASURED].copy(),
         current=current,
@@ -291,7 +308,31 @@ def _result(reference: ReferenceArrays, plant: PlantParameters, memory: Array, o
         innovation=out[:, _INNOVATION].copy(),
         region_counts={name: int(memory[n]) for name, n in _REGIONS},
         force_limited=int(memory[N_FORCE_LIMITED]),
-        tracking_rms=float(np.sqrt(np.mean((position - wanted) ** 2))),
+        tracking_rms=float(np.sqrt(np.mean((position - target) ** 2))),
         peak_current=float(np.abs(current).max()),
         copper_loss=float(plant.resistance * np.mean(np.sum(current**2, axis=1))),
     )
+
+
+def closed_loop_record(
+    actuator: Actuator, run: ClosedLoopRun, *, excitation: str, controller: Mapping[str, Any] | None = None
+) -> Record:
+    """The record (origin "simulated", one run, role fit) at the loop's rate; commands are those that act.
+
+    `controller` is what rig.toml states of the law, see `stepper.stated`.
+
+    Raises
+    ------
+    InputError : the actuator has no controller or no sides
+    """
+    if actuator.controller is None or actuator.sides is None:
+        raise InputError(f"{actuator.name} has no [controller] or no [sides]; a closed-loop record needs both")
+    sides = range(actuator.sides.count)
+    columns = {"time_s": run.time, "reference_m": run.reference, "position_m": run.measured}
+    columns |= {f"command_{j + 1}_A": run.acting[:, j] for j in sides}
+    columns |= {f"voltage_{j + 1}_V": run.voltage[:, j] for j in sides}
+    columns |= {f"current_{j + 1}_A": run.current_read[:, j] for j in sides}
+    noise = Noise(position=actuator.position_sensor.noise, current=actuator.current_sensor.noise)
+    runs = (Run("closed_loop", excitation, "fit", columns),)
+    sampling = Sampling(rate=actuator.controller.rate)
+    return Record("simulated", actuator, sampling=sampling, noise=noise, runs=runs, controller=controller)

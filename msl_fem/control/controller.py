@@ -14,13 +14,10 @@ numbers; PID is the law without feedforward whose filter is a difference quotien
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.control.inverse import Inverse
-from msl_fem.control.output_stage import Stage, side_currents
-
-Array = NDArray[np.float64]
+from msl_fem.control.inverse import Inverse, OutputStage, commanded_currents
 
 # The state: the filter's prediction for the coming sample (m, m/s, N) and its last estimate, the integral (m, summed
 # over samples), the last innovation (m) and force (N); then counts of commands by the verdict of the output stage:
@@ -39,7 +36,7 @@ class ControllerParameters(NamedTuple):
     """All that `controller_step` knows: belief, gains, guard."""
 
     inverse: Inverse
-    stage: Stage
+    stage: OutputStage
     model_a: Array  # (n, n) of the believed plant
     model_b: Array  # (n,)
     gain: Array  # (n,)
@@ -81,7 +78,8 @@ def controller_step(
     """
     p = parameters
     n = p.model_a.shape[0]
-    known, model = state[N_FIXED : N_FIXED + n - 2], state[N_FIXED + n - 2 : N_FIXED + 2 * n - 2]
+    known = state[N_FIXED : N_FIXED + n - 2]
+    model = state[N_FIXED + n - 2 : N_FIXED + 2 * n - 2]
     queue = state[N_FIXED + 2 * n - 2 :]
     seen = np.isfinite(measured)
     if state[STARTED] == 0.0:
@@ -97,16 +95,16 @@ def controller_step(
         queue[:] = p.constant_force
     y = measured if seen else state[X_PREDICTED]
     _estimate(p, state, y)
-    wanted, error = _law(p, state, reference, y, model, known, queue)
+    force, error = _law(p, state, reference, y, model, known, queue)
     apart = p.cubic * y * y * y - p.constant_force  # forces that the linear plant has not
     positions = (y, y + p.gap_lead * state[V_HAT])
-    of_magnets, verdict = side_currents(p.stage, p.inverse, wanted + apart if seen else np.nan, positions, command)
+    of_magnets, verdict = commanded_currents(p.stage, p.inverse, force + apart if seen else np.nan, positions, command)
     state[N_PREFERRED + verdict] += 1.0
     given = of_magnets - apart
     state[FORCE] = given
     # Anti-windup: the integral stands while the force is cut and the error would push it further.
-    cut = wanted - given
-    if abs(cut) <= 1e-9 * (1.0 + abs(wanted)) or cut * p.integral_gain * error > 0:
+    cut = force - given
+    if abs(cut) <= 1e-9 * (1.0 + abs(force)) or cut * p.integral_gain * error > 0:
         state[INTEGRAL] += error
     _predict(p, state, y, given, known)
 

@@ -1,4 +1,4 @@
-"""A controller and what it promises on the plant that it believes in."""
+"""A controller, what it promises on the plant that it believes in, and its steps one by one."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -8,24 +8,21 @@ from typing import Any
 import numpy as np
 
 from msl_fem.actuator import Actuator
-from msl_fem.control.belief import Belief, reach_of
-from msl_fem.control.controller import ControllerParameters
-from msl_fem.control.linear_loop import AtPosition, LinearLaw, flat_band, grid, sensitivity_bound
+from msl_fem.computing.arrays import Array
+from msl_fem.control.controller import ControllerParameters, controller_state, controller_step
+from msl_fem.control.design_model import AtPosition, DesignModel, LinearPlant, reach_of
+from msl_fem.control.inverse import BIAS, HARD_HAND_OVER, OutputStage
+from msl_fem.control.linear_loop import LinearLaw, feedback_bandwidth, flat_band, grid, sensitivity_bound
 from msl_fem.control.linear_loop import bandwidth as _bandwidth
-from msl_fem.control.lqr import Weights
-from msl_fem.control.output_stage import HARD_HAND_OVER, Stage
-from msl_fem.control.weight_search import feedback_bandwidth
+from msl_fem.control.lqg import LqrWeights
+from msl_fem.errors import InputError
 
-KINDS = {
-    "lqr": "feedback linearization, LQR with integral, reduced-order Kalman filter",
-    "robust": "feedback linearization, LQR with integral and section against a family of plants, Kalman filter",
-    "biased": "Jacobian linearisation about a bias current, LQR with integral, reduced-order Kalman filter",
-    "pid": "feedback linearization, PID on the position with filtered derivative",
-}
-"""The designs, and what each is."""
-PlaceAt = Callable[[float], AtPosition]
 _ZONE_ENDS = (3.0, 4.0, 5.0)
 _N_FROZEN = 21
+_SLACK = 2e-3  # share of a wish that may be missed
+_SLOWEST = 1e-6  # of the highest bandwidth: a slower feedback is none
+
+PlaceAt = Callable[[float], AtPosition]
 
 
 @dataclass(frozen=True)
@@ -62,8 +59,8 @@ class ControllerDesign:
 
     Attributes
     ----------
-    kind : lqr, robust, biased or pid
-    belief : the actuator that it believes in
+    kind, summary : name of the design, and what it is
+    actuator : that it believes in
     law, weights : the linear part, and the weights that were found
     parameters : what the compiled controller takes
     feedback_bandwidth : Hz, -3 dB from reference to position by the integral alone
@@ -76,9 +73,10 @@ class ControllerDesign:
     """
 
     kind: str
-    belief: Actuator
+    summary: str
+    actuator: Actuator
     law: LinearLaw
-    weights: Weights
+    weights: LqrWeights
     parameters: ControllerParameters
     feedback_bandwidth: float
     bandwidth: float
@@ -92,7 +90,8 @@ class ControllerDesign:
     @property
     def stable_reach(self) -> tuple[float, float]:
         """Lowest and highest of the frozen positions, from the middle outwards, that are stable; nan, nan if none."""
-        x, stable = [p.position for p in self.frozen], [math.isfinite(p.peak_sensitivity) for p in self.frozen]
+        x = [p.position for p in self.frozen]
+        stable = [math.isfinite(p.peak_sensitivity) for p in self.frozen]
         low = high = int(np.argmin(np.abs(x)))
         if not stable[low]:
             return math.nan, math.nan
@@ -105,25 +104,31 @@ class ControllerDesign:
     @property
     def zone_reach(self) -> dict[str, float]:
         """m to either side up to which frozen positions are in a zone of ISO 14839-3 or a better one; 0 where none."""
-        found = {}
+        reaches = {}
         for zone in "ABC":
             beyond = [abs(p.position) for p in self.frozen if p.zone > zone]
             inside = [abs(p.position) for p in self.frozen if abs(p.position) < min(beyond, default=math.inf)]
-            found[zone] = max(inside, default=0.0)
-        return found
+            reaches[zone] = max(inside, default=0.0)
+        return reaches
 
     def to_json(self) -> dict[str, Any]:
-        """The JSON object: what was got, the reach, the frozen positions, and the law with its gains."""
+        """The JSON object: what was got and the reach."""
+        return {
+            "bandwidth_Hz": _number(self.bandwidth),
+            "feedback_bandwidth_Hz": _number(self.feedback_bandwidth),
+            "flat_band_Hz": self.flat_band,
+            "peak_sensitivity": _number(self.peak_sensitivity),
+            "reach_m": list(self.reach),
+            "stable_reach_m": [_number(x) for x in self.stable_reach],
+            "iso_14839_3_zone_reach_m": self.zone_reach,
+            "inverse_domain": dict(self.domain),
+        }
+
+    def law_to_json(self) -> dict[str, Any]:
+        """The JSON object of the law with its gains, and of the loop at the frozen positions."""
         stage = self.parameters.stage
         return {
             "design": self.kind,
-            "bandwidth_Hz": _number(self.bandwidth),
-            "flat_band_Hz": self.flat_band,
-            "feedback_bandwidth_Hz": _number(self.feedback_bandwidth),
-            "peak_sensitivity": self.peak_sensitivity,
-            "reach_m": list(self.reach),
-            "stable_reach_m": [_number(x) for x in self.stable_reach],
-            "inverse_domain": dict(self.domain),
             "frozen": [
                 {
                     "position_m": p.position,
@@ -134,7 +139,7 @@ class ControllerDesign:
                 for p in self.frozen
             ],
             "law": {
-                "kind": KINDS[self.kind],
+                "kind": self.summary,
                 "feedforward": self.law.feedforward,
                 "states": list(self.law.plant.sampled().states),
                 "gain": self.law.gains.state.tolist(),
@@ -156,38 +161,124 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+@dataclass(frozen=True)
+class Wish:
+    """What is wished of the feedback.
+
+    Attributes
+    ----------
+    bandwidth : Hz, -3 dB from reference to position by the integral alone
+    peak_sensitivity : bound on max |S| in the middle of the travel; None: none
+    """
+
+    bandwidth: float
+    peak_sensitivity: float | None
+
+    def __str__(self) -> str:
+        bound = "" if self.peak_sensitivity is None else f" and a peak sensitivity of {self.peak_sensitivity:g}"
+        return f"bandwidth of {self.bandwidth:g} Hz{bound}"
+
+    def kept_by(self, bandwidth: float, peak_sensitivity: float) -> bool:
+        """Whether a loop keeps it."""
+        too_high = self.peak_sensitivity is not None and not peak_sensitivity <= self.peak_sensitivity * (1 + _SLACK)
+        return not too_high and bandwidth >= self.bandwidth * (1 - _SLACK)
+
+    def missed_by(self, bandwidth: float, peak_sensitivity: float) -> float:
+        """By what shares of it a loop misses it, together; a little less than what is accepted counts already."""
+        missed = max(0.0, 1 + 0.5 * _SLACK - bandwidth / self.bandwidth)
+        if self.peak_sensitivity is not None:
+            missed += max(0.0, peak_sensitivity / self.peak_sensitivity - 1 + 0.5 * _SLACK)
+        return missed
+
+
+def check_wish(wish: Wish, plant: LinearPlant) -> None:
+    """InputError for what no loop at this rate can be asked for."""
+    highest = 0.1 / plant.period
+    lowest = _SLOWEST * highest
+    if not lowest <= wish.bandwidth <= highest:
+        raise InputError(
+            f"a bandwidth of {wish.bandwidth:g} Hz is out of range: {lowest:g} ... {highest:g} Hz, up to a tenth of "
+            "the loop rate; wish for one within, or raise controller.rate"
+        )
+    if wish.peak_sensitivity is not None and not wish.peak_sensitivity > 1:
+        raise InputError(
+            f"a peak sensitivity of {wish.peak_sensitivity:g} cannot be: it is above 1 for any loop; wish for 2"
+        )
+
+
+@dataclass(frozen=True)
+class DesignChoice:
+    """What a user asks for; what is None is the design's default.
+
+    Attributes
+    ----------
+    kind : a name of `designs.DESIGNS`
+    bandwidth, peak_sensitivity : Hz, and bound on max |S| in the middle
+    feedforward : of lqr and biased
+    overlap : N, of all but biased
+    bias : A, of biased
+    """
+
+    kind: str = "lqr"
+    bandwidth: float | None = None
+    peak_sensitivity: float | None = None
+    feedforward: bool = True
+    overlap: float = 0.0
+    bias: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
-class Made:
+class DesignKind:
+    """A way of designing.
+
+    Attributes
+    ----------
+    name, summary : as a user asks for it, and what it is
+    wish : its default
+    options : those of `DesignChoice` that it has, of feedforward, overlap and bias
+    build : the design for a model
+    """
+
+    name: str
+    summary: str
+    wish: Wish
+    options: frozenset[str]
+    build: Callable[[DesignModel, Wish, DesignChoice], "ControllerDesign"]
+
+
+@dataclass(frozen=True, eq=False)
+class LinearDesign:
     """What a way of designing comes to: the linear law, its weights, the output stage, the magnets at a position."""
 
-    kind: str
+    kind: DesignKind
     law: LinearLaw
-    weights: Weights
+    weights: LqrWeights
     place_at: PlaceAt
-    stage: Stage = HARD_HAND_OVER
+    stage: OutputStage = HARD_HAND_OVER
     reach: tuple[float, float] | None = None
 
 
-def completed(belief: Belief, made: Made) -> ControllerDesign:
+def completed(model: DesignModel, linear: LinearDesign) -> ControllerDesign:
     """The design with its figures on the believed plant; the reach is the belief's where none is stated."""
-    law, reach = made.law, made.reach or reach_of(belief)
+    law, reach = linear.law, linear.reach or reach_of(model)
     f = grid(law.plant.period)
     response = law.reference_response(f)
     positions = np.linspace(*reach, _N_FROZEN)
     return ControllerDesign(
-        kind=made.kind,
-        belief=belief.actuator,
+        kind=linear.kind.name,
+        summary=linear.kind.summary,
+        actuator=model.actuator,
         law=law,
-        weights=made.weights,
-        parameters=_parameters(belief, law, made.stage),
+        weights=linear.weights,
+        parameters=_parameters(model, law, linear.stage),
         feedback_bandwidth=feedback_bandwidth(law),
         bandwidth=_bandwidth(response, f),
         flat_band=flat_band(response, f),
-        peak_sensitivity=law.peak_sensitivity(made.place_at(0.0)),
-        frozen=tuple(_frozen(law, float(x), made.place_at(float(x))) for x in positions),
+        peak_sensitivity=law.peak_sensitivity(linear.place_at(0.0)),
+        frozen=tuple(_frozen(law, float(x), linear.place_at(float(x))) for x in positions),
         reach=reach,
-        suspension=belief.plant.stiffness,
-        domain=belief.domain(),
+        suspension=model.plant.stiffness,
+        domain=model.domain(),
     )
 
 
@@ -211,13 +302,14 @@ def _frozen(law: LinearLaw, position: float, at: AtPosition) -> FrozenPosition:
     )
 
 
-def _parameters(belief: Belief, law: LinearLaw, stage: Stage) -> ControllerParameters:
-    plant, model = law.plant, law.plant.sampled()
+def _parameters(model: DesignModel, law: LinearLaw, stage: OutputStage) -> ControllerParameters:
+    plant = law.plant
+    sampled = plant.sampled()
     return ControllerParameters(
-        inverse=belief.inverse,
+        inverse=model.inverse,
         stage=stage,
-        model_a=np.ascontiguousarray(model.A),
-        model_b=np.ascontiguousarray(model.B[:, 0]),
+        model_a=np.ascontiguousarray(sampled.A),
+        model_b=np.ascontiguousarray(sampled.B[:, 0]),
         gain=np.ascontiguousarray(law.gains.state),
         integral_gain=law.gains.integral,
         shape=np.array(law.shape),
@@ -228,10 +320,63 @@ def _parameters(belief: Belief, law: LinearLaw, stage: Stage) -> ControllerParam
         mass=plant.mass,
         stiffness=plant.stiffness,
         damping=plant.damping,
-        constant_force=belief.coupled.constant_force,
-        cubic=belief.cubic,
+        constant_force=model.coupled.constant_force,
+        cubic=model.cubic,
         delay=plant.delay,
         lead=plant.lead,
         gap_lead=law.gap_lead,
         feedforward=law.feedforward,
     )
+
+
+class Stepper:
+    """A design in a loop; whoever runs the loop keeps the command until it acts."""
+
+    def __init__(self, design: ControllerDesign) -> None:
+        self._parameters = design.parameters
+        self._plant = design.law.plant
+        self._state = controller_state(design.parameters)
+        self._command = np.zeros(2)
+
+    @property
+    def rate(self) -> float:
+        """Commands a second, Hz."""
+        return round(1.0 / self._plant.period, 9)
+
+    @property
+    def delay_samples(self) -> int:
+        """Periods from a command's computation until it acts."""
+        return self._plant.delay
+
+    def start(self) -> None:
+        """Forgets all runs before."""
+        self._state = controller_state(self._parameters)
+
+    def command(self, reference: Array, measured: float) -> Array:
+        """(n_side,) A for position, velocity, acceleration wanted now (3,) and the measured position in m."""
+        controller_step(self._parameters, self._state, reference, measured, self._command)
+        return self._command[: self._parameters.inverse.sides].copy()
+
+
+def stated(design: ControllerDesign, **wishes: Any) -> dict[str, Any]:
+    """The section [controller] of a record that this design drove.
+
+    `law` is for people; `design` and the wishes make the same controller again from the record's actuator and table;
+    by the gains it is recognised, and they stand there for who has another program.
+    """
+    law, stage = design.law, design.parameters.stage
+    if stage.kind == BIAS:
+        wishes = {"bias": f"{stage.bias!r} A", **wishes}
+    elif stage.overlap > 0.0:
+        wishes = {"overlap": f"{stage.overlap!r} N", **wishes}
+    return {
+        "rate": f"{round(1.0 / law.plant.period, 9):.12g} Hz",
+        "delay_samples": law.plant.delay,
+        "law": design.summary,
+        "design": design.kind,
+        **wishes,
+        "feedforward": law.feedforward,
+        "gain": law.gains.state.tolist(),
+        "integral_gain": law.gains.integral,
+        "filter_gain": law.estimator.gain.tolist(),
+    }

@@ -1,4 +1,15 @@
-"""A design put through the paper's trials: references, degradation beyond range and frequency, responses, margins."""
+"""A design put through the paper's trials: references, degradation beyond range and frequency, responses, margins.
+
+Margins of the loop; whether the Kalman filter meets what it expects: With S the variance that the filter states, nu^2/S
+has the mean 1 (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, sec. 5.4).
+The reduced-order filter's innovations are correlated by construction (the noise of a sample enters two of them), so the
+interval counts the effective number of samples.
+
+And the replay of recorded currents through the believed model (the paper's Fig. 10): a free run of the whole model from
+the currents alone would leave at once: with held currents the mover is unstable over most of the travel. So the force
+is the believed one of the recorded currents at the recorded position, and suspension and mass answer to it:  m x'' + c
+x' + k x + cubic x^3 = F_1(i_1, g_1(y)) - F_2(i_2, g_2(y)) + F_const.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -6,19 +17,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.control.closed_loop import ClosedLoopRun, TruePlant, run_closed_loop
-from msl_fem.control.consistency import Consistency, innovation_consistency
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.statespace import StateSpace
+from msl_fem.control.closed_loop import ClosedLoopRun, PlantUnderTest, run_closed_loop
 from msl_fem.control.design import ControllerDesign, FrozenPosition
-from msl_fem.control.frequency_response import FrequencyResponse, frequency_response
+from msl_fem.control.frequency_response import FrequencyResponse, closed_loop_response
+from msl_fem.control.inverse import believed_gap, magnet_force, side_surface
 from msl_fem.control.linear_loop import grid
-from msl_fem.control.margins import Margins, margins
-from msl_fem.control.replay import Replay, replay
+from msl_fem.control.lqg import FilterNoise, filter_of_gain
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.excitation import Reference, parse_excitation, reference
 
-Array = NDArray[np.float64]
-Progress = Callable[[int, int], None]
-
+_NORMAL_95 = 1.959964
+_LAGS = 50
+_FEWEST = 200
+_NEARLY_NOTHING = 1e-12  # N
 REFERENCES = {
     "sine": "sine:frequency=2 Hz,amplitude={:.4g} mm,duration=1.5 s",
     "step": "step:frequency=3 Hz,amplitude={:.4g} mm,duration=1 s",
@@ -32,6 +45,157 @@ AMPLITUDES = (0.04, 0.2, 0.4, 0.6, 0.8, 0.9, 0.98)
 """Shares of the reach over which tracking is tried."""
 _SETTLED = 0.5  # s
 _TRIAL = 1.0  # s
+
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Margins:
+    """How far a stable loop is from instability (Franklin, Powell, Emami-Naeini, Feedback Control, 7th ed., sec. 6.4).
+
+    Attributes
+    ----------
+    gain_up, gain_down : factors of the loop's gain, above and below 1; inf and 0 where there is none
+    phase : degrees that the phase may fall or rise; nan where the gain never is 1
+    """
+
+    gain_up: float
+    gain_down: float
+    phase: float
+
+
+def margins(transfer: Complex) -> Margins:
+    """The margins of L (n_frequency,) along increasing frequencies, interpolated between them; S = 1/(1 + L)."""
+    imag = transfer.imag
+    real = transfer.real
+    size = np.abs(transfer)
+    crossings = []
+    for n in np.flatnonzero(np.sign(imag[:-1]) * np.sign(imag[1:]) < 0):
+        t = imag[n] / (imag[n] - imag[n + 1])
+        at = real[n] + t * (real[n + 1] - real[n])
+        if at < 0:
+            crossings.append(-1.0 / at)
+    up = [c for c in crossings if c > 1]
+    down = [c for c in crossings if c <= 1]
+    angles = []
+    for n in np.flatnonzero((size[:-1] - 1) * (size[1:] - 1) < 0):
+        t = (size[n] - 1) / (size[n] - size[n + 1])
+        between = transfer[n] + t * (transfer[n + 1] - transfer[n])
+        angles.append(abs(np.degrees(np.angle(-between))))
+    return Margins(float(min(up, default=np.inf)), float(max(down, default=0.0)), float(min(angles, default=np.nan)))
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """Normalised innovations of a run.
+
+    Attributes
+    ----------
+    ratio : mean of nu^2 over the variance that the filter states; below 1 the filter expects more than there is
+    over_sensor : mean of nu^2 over the variance that the sensor's noise alone gives; nan without noise. The filter
+        allows for errors of the force, so this one grows first where the plant is not the believed one
+    interval : 95 % of either if what it is compared with were right, from the innovations' own correlation
+    mean : of nu over its stated standard deviation
+    correlation : of neighbouring innovations
+    """
+
+    ratio: float
+    over_sensor: float
+    interval: tuple[float, float]
+    mean: float
+    correlation: float
+
+    @property
+    def exceeded(self) -> bool:
+        """Whether there is more than the filter expects."""
+        return self.ratio > self.interval[1]
+
+    @property
+    def more_than_noise(self) -> bool:
+        """Whether there is more than the sensor's noise."""
+        return self.over_sensor > self.interval[1]
+
+
+def innovation_consistency(design: ControllerDesign, run: ClosedLoopRun, *, settled: float = 0.2) -> Consistency:
+    """The normalised innovations from `settled` seconds on.
+
+    Raises
+    ------
+    InputError : too few samples; a design without a Kalman filter
+    """
+    stated = design.law.estimator.innovation_variance
+    if not np.isfinite(stated):
+        raise InputError(f"the design {design.kind} has no Kalman filter; its innovations have no stated variance")
+    nu = run.innovation[run.time >= settled] / np.sqrt(stated)
+    if nu.size < _FEWEST:
+        raise InputError(f"{nu.size} samples after {settled:g} s are too few; at least {_FEWEST} are needed")
+    centred = nu - nu.mean()
+    power = float(np.mean(centred**2))
+    rho = np.array([np.mean(centred[lag:] * centred[:-lag]) for lag in range(1, _LAGS)]) / max(power, 1e-300)
+    effective = nu.size / (1 + 2 * float(np.sum(rho**2)))  # of squares of a Gaussian signal, Bartlett
+    half = _NORMAL_95 * np.sqrt(2 / effective)
+    ratio = float(np.mean(nu**2))
+    sensor = _variance_by_sensor(design) / stated
+    return Consistency(ratio, ratio / sensor, (1 - float(half), 1 + float(half)), float(nu.mean()), float(rho[0]))
+
+
+def _variance_by_sensor(design: ControllerDesign) -> float:
+    """m^2 of the innovations where the plant is as believed and the sensor's noise is all there is; nan without."""
+    sensor = design.actuator.position_sensor
+    estimator = design.law.estimator
+    sigma = float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12)))
+    if sigma == 0:
+        return float("nan")
+    alone = FilterNoise(position=sigma, force=_NEARLY_NOTHING, disturbance=_NEARLY_NOTHING)
+    return filter_of_gain(design.law.plant, estimator.gain, alone).innovation_variance
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """What the model makes of a run's currents.
+
+    Attributes
+    ----------
+    position : (n_sample,) m, the model's
+    force : (n_sample,) N of the believed magnets; nan outside their table
+    nrmse : RMS of position - measured over the standard deviation of measured
+    """
+
+    position: Array
+    force: Array
+    nrmse: float
+
+
+def replay(design: ControllerDesign, run: ClosedLoopRun) -> Replay:
+    """The model's answer to the currents as they were read, from the first sample on.
+
+    Between samples the force runs straight; what it does there is not in the record.
+    """
+    p, motion = design.parameters, design.actuator.motion
+    assert motion is not None
+    force = np.zeros(run.time.size)
+    for side in range(p.inverse.sides):
+        surface = side_surface(p.inverse, side)
+        toward = 1.0 - 2.0 * side
+        for k in range(run.time.size):
+            current = abs(run.current_read[k, side]) * p.inverse.current_share
+            gap = believed_gap(p.inverse, side, run.measured[k])
+            force[k] += toward * p.inverse.magnets * magnet_force(surface, current, gap)
+    push = force + p.constant_force - p.cubic * run.measured**3
+    a = np.array([[0.0, 1.0], [-design.suspension / p.mass, -p.damping / p.mass]])
+    held = StateSpace(a, np.array([[0.0], [1.0 / p.mass]]), np.eye(2), np.zeros((2, 1)))
+    moving = held.sampled(float(run.time[1] - run.time[0]))
+    state = np.array([run.measured[0], 0.0])
+    position = np.empty(run.time.size)
+    for k in range(run.time.size):
+        position[k] = state[0]
+        later = push[min(k + 1, run.time.size - 1)]
+        state = moving.A @ state + moving.B[:, 0] * 0.5 * (push[k] + later)
+    error = position - run.measured
+    return Replay(position, force, float(np.sqrt(np.mean(error**2)) / np.std(run.measured)))
+
+
+Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +246,8 @@ class Examination:
     consistency: Consistency | None
 
 
-def examine(
-    design: ControllerDesign, *, plant: TruePlant, seed: int = 1, progress: Progress | None = None
+def examine_design(
+    design: ControllerDesign, *, plant: PlantUnderTest, seed: int = 1, progress: Progress | None = None
 ) -> Examination:
     """All trials of a design on a plant.
 
@@ -92,7 +256,8 @@ def examine(
     InputError, ComputationError : the small sines of the frequency response are not held
     """
     tell = progress or (lambda *_: None)
-    rate, amplitude = 1 / design.law.plant.period, min(-design.stable_reach[0], design.stable_reach[1])
+    rate = 1 / design.law.plant.period
+    amplitude = min(-design.stable_reach[0], design.stable_reach[1])
     if not amplitude > 0:
         amplitude = design.stable_reach[1]  # one side pulls
     tell(0, 4)
@@ -104,10 +269,12 @@ def examine(
     tell(1, 4)
     degradation, beyond = _degradation(design, plant, seed)
     tell(2, 4)
-    response = frequency_response(design, plant=plant)
+    response = closed_loop_response(design, plant=plant)
     tell(3, 4)
     sine = runs["sine"]
-    f, dense, shown = grid(design.law.plant.period), grid(design.law.plant.period, 2000), _shown(design)
+    f = grid(design.law.plant.period)
+    dense = grid(design.law.plant.period, 2000)
+    shown = _shown(design)
     loops = {p.position: design.law.loop_transfer(f, p.at) for p in shown}
     consistent = isinstance(sine, ClosedLoopRun) and np.isfinite(design.law.estimator.innovation_variance)
     tell(4, 4)
@@ -131,14 +298,14 @@ def examine(
     )
 
 
-def _tried(design: ControllerDesign, track: Reference, plant: TruePlant, seed: int) -> ClosedLoopRun | str:
+def _tried(design: ControllerDesign, track: Reference, plant: PlantUnderTest, seed: int) -> ClosedLoopRun | str:
     try:
         return run_closed_loop(design, track, plant=plant, generator=np.random.default_rng(seed))
     except (InputError, ComputationError) as err:
         return str(err)
 
 
-def _integral_alone(design: ControllerDesign, spec: str, plant: TruePlant, seed: int) -> float | None:
+def _integral_alone(design: ControllerDesign, spec: str, plant: PlantUnderTest, seed: int) -> float | None:
     if not design.law.feedforward:
         return None
     parameters = design.parameters._replace(feedforward=False)
@@ -156,7 +323,7 @@ class _Trial:
     run: ClosedLoopRun | None = None
 
 
-def _trial(design: ControllerDesign, plant: TruePlant, spec: str, seed: int) -> _Trial:
+def _trial(design: ControllerDesign, plant: PlantUnderTest, spec: str, seed: int) -> _Trial:
     track = reference(parse_excitation(spec, unit="m"), rate=1 / design.law.plant.period)
     try:
         run = run_closed_loop(design, track, plant=plant, generator=np.random.default_rng(seed))
@@ -171,7 +338,7 @@ def _trial(design: ControllerDesign, plant: TruePlant, spec: str, seed: int) -> 
 
 
 def _degradation(
-    design: ControllerDesign, plant: TruePlant, seed: int
+    design: ControllerDesign, plant: PlantUnderTest, seed: int
 ) -> tuple[Degradation, tuple[ClosedLoopRun, float, float] | None]:
     """The degradation, and of the runs that came to their end the one with the largest error."""
     low, high = design.reach
@@ -184,17 +351,17 @@ def _degradation(
         ]
         for a in amplitudes
     ]
-    found = Degradation(
+    degradation = Degradation(
         amplitudes,
         frequencies,
         np.array([[trial.error for trial in row] for row in rows]) / amplitudes[:, None],
         tuple(tuple(trial.ending for trial in row) for row in rows),
     )
-    if np.isnan(found.error).all():
-        return found, None
-    m, n = np.unravel_index(np.nanargmax(found.error * amplitudes[:, None]), found.error.shape)
+    if np.isnan(degradation.error).all():
+        return degradation, None
+    m, n = np.unravel_index(np.nanargmax(degradation.error * amplitudes[:, None]), degradation.error.shape)
     run = rows[m][n].run
-    return found, None if run is None else (run, float(amplitudes[m]), float(frequencies[n]))
+    return degradation, None if run is None else (run, float(amplitudes[m]), float(frequencies[n]))
 
 
 def _shown(design: ControllerDesign) -> list[FrozenPosition]:

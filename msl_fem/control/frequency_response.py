@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.control.closed_loop import ClosedLoopRun, TruePlant, run_closed_loop
+from msl_fem.computing.arrays import Array
+from msl_fem.control.closed_loop import ClosedLoopRun, PlantUnderTest, run_closed_loop
 from msl_fem.control.design import ControllerDesign
 from msl_fem.control.inverse import force_limits
 from msl_fem.control.linear_loop import bandwidth, flat_band
 from msl_fem.errors import InputError
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 AMPLITUDE = 2e-5
@@ -66,17 +66,21 @@ class FrequencyResponse:
 
 
 @dataclass(frozen=True, eq=False)
-class _Sine:
+class _SmallSine:
     time: Array
     position: Array
     velocity: Array
     acceleration: Array
 
 
-def frequency_response(
-    design: ControllerDesign, *, plant: TruePlant, frequencies: Sequence[float] | None = None,
-    amplitude: float = AMPLITUDE, position: float = 0.0,
-) -> FrequencyResponse:  # fmt: skip
+def closed_loop_response(
+    design: ControllerDesign,
+    *,
+    plant: PlantUnderTest,
+    frequencies: Sequence[float] | None = None,
+    amplitude: float = AMPLITUDE,
+    position: float = 0.0,
+) -> FrequencyResponse:
     """The response from reference to position, one run a frequency, without sensor noise.
 
     Parameters
@@ -97,16 +101,17 @@ def frequency_response(
     f = usual if frequencies is None else np.asarray(frequencies, dtype=float)
     if f.ndim != 1 or f.size == 0 or not (np.diff(f) > 0).all() or not (f[0] > 0 and f[-1] < 0.5 / period):
         raise InputError(f"frequencies must increase between 0 and {0.5 / period:g} Hz, half the loop rate")
-    realised, found = np.empty(f.size), np.empty(f.size, dtype=complex)
-    for n, wanted in enumerate(f):
-        periods = max(_LEAST_PERIODS, math.floor(_LONGEST * wanted))
-        count = max(round(periods / (wanted * period)), 2 * periods + 1)
+    realised = np.empty(f.size)
+    response = np.empty(f.size, dtype=complex)
+    for n, frequency in enumerate(f):
+        periods = max(_LEAST_PERIODS, math.floor(_LONGEST * frequency))
+        count = max(round(periods / (frequency * period)), 2 * periods + 1)
         realised[n] = periods / (count * period)
-        settling = math.ceil(max(_SETTLING, 1 / wanted) / period)
+        settling = math.ceil(max(_SETTLING, 1 / frequency) / period)
         sine = _sine(realised[n], (settling + count, period), amplitude, position)
         run = run_closed_loop(design, sine, plant=plant)
-        found[n] = _correlation(run, realised[n], count)
-    return FrequencyResponse(realised, found, design.law.reference_response(realised), amplitude, position)
+        response[n] = _correlation(run, realised[n], count)
+    return FrequencyResponse(realised, response, design.law.reference_response(realised), amplitude, position)
 
 
 def _bearable(design: ControllerDesign, amplitude: float, position: float) -> float:
@@ -117,21 +122,24 @@ def _bearable(design: ControllerDesign, amplitude: float, position: float) -> fl
     return math.sqrt(acceleration / amplitude) / (2 * math.pi)
 
 
-def _sine(frequency: float, samples: tuple[int, float], amplitude: float, position: float) -> _Sine:
+def _sine(frequency: float, samples: tuple[int, float], amplitude: float, position: float) -> _SmallSine:
     """(n, period) samples of a sine about a position, with its derivatives.
 
     The position is approached along the path of least jerk (Flash and Hogan, J. Neuroscience 5, 1985).
     """
     n, period = samples
-    w, t = 2 * np.pi * frequency, np.arange(n, dtype=float) * period
+    w = 2 * np.pi * frequency
+    t = np.arange(n, dtype=float) * period
     s = np.minimum(t / _APPROACH, 1.0)
-    path = position * np.array([
-        10 * s**3 - 15 * s**4 + 6 * s**5,
-        (30 * s**2 - 60 * s**3 + 30 * s**4) / _APPROACH,
-        (60 * s - 180 * s**2 + 120 * s**3) / _APPROACH**2,
-    ])  # fmt: skip
+    path = position * np.array(
+        [
+            10 * s**3 - 15 * s**4 + 6 * s**5,
+            (30 * s**2 - 60 * s**3 + 30 * s**4) / _APPROACH,
+            (60 * s - 180 * s**2 + 120 * s**3) / _APPROACH**2,
+        ]
+    )
     swing = amplitude * np.array([np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t)])
-    return _Sine(t, *(path + swing))
+    return _SmallSine(t, *(path + swing))
 
 
 def _correlation(run: ClosedLoopRun, frequency: float, count: int) -> complex:

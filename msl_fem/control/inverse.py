@@ -1,4 +1,4 @@
-"""The exact input transformation: from a wanted force to coil currents, one side pulling at a time.
+"""The exact input transformation from a wanted force to coil currents, and the output stage under the guard.
 
 Gutierrez and Ro (IEEE Trans. Magnetics 34(5), 1998, eqs. 15 to 18): u = F_1(i_1, g_1) - F_2(i_2, g_2) is the new input,
 and i = f^-1(abs(u)/n, g) for the n magnets of the side that pulls; the other side carries no current, so there is no
@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
@@ -18,9 +18,9 @@ from msl_fem.maps.guard import Guard, GuardArrays, limit_at
 from msl_fem.plant.plant import PlantParameters, Surface
 from msl_fem.table.coenergy_surface import evaluate, evaluate_slopes
 
-Array = NDArray[np.float64]
 _GAP_SLOPE = 5  # row of an evaluation of the surface
 _ITERATIONS = 60
+INVERSE, BIAS = 0, 1
 
 
 class Inverse(NamedTuple):
@@ -37,14 +37,14 @@ class Inverse(NamedTuple):
     sides: int
 
 
-class SideBelief(NamedTuple):
+class SideModel(NamedTuple):
     """The surface of a side's magnet, and the side's gap (m) at x = 0."""
 
     surface: Surface
     gap: float
 
 
-def inverse_of(plant: PlantParameters, guard: Guard, *sides: SideBelief) -> Inverse:
+def inverse_of(plant: PlantParameters, guard: Guard, *sides: SideModel) -> Inverse:
     """The compiled inverse of a believed plant, whose sides are as stated; one that is stated serves both.
 
     Raises
@@ -55,9 +55,16 @@ def inverse_of(plant: PlantParameters, guard: Guard, *sides: SideBelief) -> Inve
     table_end = min(float(side.surface.current[-1]) for side in sides)
     end = min(plant.current_share * plant.current_limit, table_end)
     inverse = Inverse(
-        first.surface, second.surface, guard.arrays, first.gap, second.gap, plant.magnets, plant.current_share, end,
+        first.surface,
+        second.surface,
+        guard.arrays,
+        first.gap,
+        second.gap,
+        plant.magnets,
+        plant.current_share,
+        end,
         plant.sides,
-    )  # fmt: skip
+    )
     for side in sides:
         _check_growth(inverse, side.surface)
     return inverse
@@ -88,7 +95,7 @@ def side_surface(inverse: Inverse, side: int) -> Surface:
 
 
 @compiled
-def side_gap(inverse: Inverse, side: int, position: float) -> float:
+def believed_gap(inverse: Inverse, side: int, position: float) -> float:
     """The believed gap of a side in m with the mover at a position."""
     return inverse.gap_1 - position if side == 0 else inverse.gap_2 + position
 
@@ -121,8 +128,8 @@ def magnet_current(surface: Surface, force: float, gap: float, largest: float) -
     if force == 0.0:
         return 0.0
     low, high = 0.0, largest
-    wanted = np.sqrt(force)
-    current = largest * wanted / np.sqrt(most)
+    target = np.sqrt(force)
+    current = largest * target / np.sqrt(most)
     for _ in range(_ITERATIONS):
         _, given, _, slope = evaluate_slopes(surface.gap, surface.current, surface.coefficients, current, gap)
         if given > force:
@@ -130,7 +137,7 @@ def magnet_current(surface: Surface, force: float, gap: float, largest: float) -
         else:
             low = current
         root = np.sqrt(max(given, 0.0))
-        newton = current + (wanted - root) * 2.0 * root / slope if slope > 0 else np.inf
+        newton = current + (target - root) * 2.0 * root / slope if slope > 0 else np.inf
         if abs(newton - current) <= 1e-13 * largest:  # before the bracket: it ends at the current itself
             return float(min(max(newton, 0.0), largest))
         following = newton if low < newton < high else 0.5 * (low + high)
@@ -169,7 +176,7 @@ def _side_limit(inverse: Inverse, side: int, position: float) -> tuple[float, fl
     """(current A, force N) of a side at its limit; zeros for a missing side and outside the map."""
     if side >= inverse.sides:
         return 0.0, 0.0
-    gap = side_gap(inverse, side, position)
+    gap = believed_gap(inverse, side, position)
     limit = magnet_current_limit(inverse, gap)
     if not limit > 0.0:
         return 0.0, 0.0
@@ -201,9 +208,11 @@ def held_stiffness(inverse: Inverse, force: float, position: float, *, overlap: 
             f"{force:.4g} N at x = {position * 1e3:.4g} mm is outside the {domain.lowest:.4g} ... "
             f"{domain.highest:.4g} N that the magnets may give there; ask for a smaller travel"
         )
-    pulls, total = hand_over(force, overlap), 0.0
+    pulls = hand_over(force, overlap)
+    total = 0.0
     for side in range(inverse.sides):
-        gap, surface = side_gap(inverse, side, position), side_surface(inverse, side)
+        gap = believed_gap(inverse, side, position)
+        surface = side_surface(inverse, side)
         limit = magnet_current_limit(inverse, gap)
         if pulls[side] > 0.0 and limit > 0.0:
             current = magnet_current(surface, pulls[side] / inverse.magnets, gap, limit)
@@ -226,3 +235,102 @@ def hand_over(force: float, overlap: float) -> tuple[float, float]:
     larger = half + np.sqrt(half * half + overlap * overlap)
     smaller = overlap * overlap / larger if larger > 0.0 else 0.0
     return (larger, smaller) if force >= 0.0 else (smaller, larger)
+
+
+# What the guard and the limits say of a side's command; of a step counts the worst
+PREFERRED, DISCOURAGED, FORCE_LIMITED, VIOLATION = range(4)
+
+
+class OutputStage(NamedTuple):
+    """How a force becomes currents.
+
+    INVERSE: the exact input transformation at the gap to come; with an overlap both sides pull near zero force.
+    BIAS: i_1 = bias + d, i_2 = bias - d with d = force/force_per_current, the tangent of the plant at the bias.
+    """
+
+    kind: int
+    overlap: float  # N
+    bias: float  # A, of a side
+    force_per_current: float  # N/A
+
+
+HARD_HAND_OVER = OutputStage(INVERSE, 0.0, 0.0, 1.0)
+"""The source paper's: one side pulls at a time."""
+
+
+@compiled
+def commanded_currents(
+    stage: OutputStage, inverse: Inverse, force: float, positions: tuple[float, float], command: Array
+) -> tuple[float, int]:
+    """(force in N that the belief expects, the worst verdict); side currents in A into command (2,).
+
+    `positions` are the measured one and the one to come, m: currents are inverted at the one to come, and the stricter
+    limit of the two counts. A current that the guard's last level forbids is cut to it, VIOLATION; one beyond the drive
+    or the table is cut, FORCE_LIMITED. A force that is no number gives no current, and VIOLATION.
+    """
+    command[0] = command[1] = 0.0
+    if not np.isfinite(force):
+        return 0.0, VIOLATION
+    if stage.kind == BIAS:
+        return _about_bias(stage, inverse, force, positions[0], command)
+    pulls = hand_over(force, stage.overlap)
+    given, verdict = 0.0, PREFERRED
+    for side in range(2):
+        pull = pulls[0] if side == 0 else pulls[1]
+        if pull > 0.0:
+            if side >= inverse.sides:
+                verdict = max(verdict, FORCE_LIMITED)
+            else:
+                side_force, side_verdict = _pull(inverse, side, pull, positions, command)
+                given += side_force if side == 0 else -side_force
+                verdict = max(verdict, side_verdict)
+    return given, verdict
+
+
+@compiled
+def _pull(
+    inverse: Inverse, side: int, pull: float, positions: tuple[float, float], command: Array
+) -> tuple[float, int]:
+    """(force given, verdict) of a side that is to pull with a force in N."""
+    last = inverse.guard.limit.shape[0] - 1
+    now = believed_gap(inverse, side, positions[0])
+    gap = believed_gap(inverse, side, positions[1])
+    if not limit_at(inverse.guard, last, gap) >= 0:
+        gap = now  # what is to come cannot be judged: the measured gap can, or nothing
+    allowed = min(limit_at(inverse.guard, last, now), limit_at(inverse.guard, last, gap))
+    if not allowed >= 0:
+        return 0.0, VIOLATION
+    surface = side_surface(inverse, side)
+    largest = min(magnet_current_limit(inverse, gap), allowed)
+    most = inverse.magnets * magnet_force(surface, largest, gap)
+    if not pull <= most:
+        command[side] = largest / inverse.current_share
+        return most, VIOLATION if allowed <= inverse.current_limit else FORCE_LIMITED
+    current = magnet_current(surface, pull / inverse.magnets, gap, largest)
+    command[side] = current / inverse.current_share
+    mild = min(limit_at(inverse.guard, 0, now), limit_at(inverse.guard, 0, gap))
+    return pull, PREFERRED if current <= mild else DISCOURAGED
+
+
+@compiled
+def _about_bias(
+    stage: OutputStage, inverse: Inverse, force: float, position: float, command: Array
+) -> tuple[float, int]:
+    """(force by the tangent, the worst verdict): a side's current is cut at nothing and at its limits."""
+    last = inverse.guard.limit.shape[0] - 1
+    verdict = PREFERRED
+    difference = force / stage.force_per_current
+    for side in range(2):
+        current = (stage.bias + difference if side == 0 else stage.bias - difference) * inverse.current_share
+        gap = believed_gap(inverse, side, position)
+        allowed = limit_at(inverse.guard, last, gap)
+        if not allowed >= 0:
+            verdict = VIOLATION
+            continue
+        largest = min(allowed, inverse.current_limit)
+        if current > largest:
+            verdict = max(verdict, VIOLATION if allowed <= inverse.current_limit else FORCE_LIMITED)
+        elif current > limit_at(inverse.guard, 0, gap):
+            verdict = max(verdict, DISCOURAGED)
+        command[side] = min(max(current, 0.0), largest) / inverse.current_share
+    return 0.5 * stage.force_per_current * (command[0] - command[1]), verdict

@@ -13,39 +13,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.statespace import StateSpace
-from msl_fem.control.believed_plant import BelievedPlant
 from msl_fem.control.controller import NO_SHAPE
-from msl_fem.control.kalman import ReducedOrderFilter
-from msl_fem.control.lqr import LqrGains
+from msl_fem.control.design_model import MIDDLE, AtPosition, LinearPlant
+from msl_fem.control.lqg import LqrGains, ReducedOrderFilter
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-
-
-@dataclass(frozen=True)
-class AtPosition:
-    """What the magnets do near a frozen position.
-
-    Attributes
-    ----------
-    magnet_stiffness : N/m, dF/dx at held currents, against the suspension
-    cancelled : N/m, what of it the input transformation takes off again; None: all
-    gain : force that a commanded force gives, over what the design believes
-    """
-
-    magnet_stiffness: float = 0.0
-    cancelled: float | None = None
-    gain: float = 1.0
-
-    @property
-    def taken_off(self) -> float:
-        """N/m, `cancelled` as a number."""
-        return self.magnet_stiffness if self.cancelled is None else self.cancelled
-
-
-MIDDLE = AtPosition()
-"""Where no current is held."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +37,7 @@ class LinearLaw:
     reference_gain : (3,) of the reference's position, velocity and acceleration
     """
 
-    plant: BelievedPlant
+    plant: LinearPlant
     gains: LqrGains
     model_gains: LqrGains
     estimator: ReducedOrderFilter
@@ -81,15 +55,20 @@ class LinearLaw:
 
         Outputs: the law's force, and the position that the inverse uses.
         """
-        k, f, gain = self.gains.state, self.estimator.prediction, self.estimator.gain
-        model, (b0, b1, b2, a1, a2) = self.plant.sampled(), self.shape
+        k = self.gains.state
+        f = self.estimator.prediction
+        gain = self.estimator.gain
+        model = self.plant.sampled()
+        (b0, b1, b2, a1, a2) = self.shape
         known = k.size - 2
         # predicted position, velocity, disturbance; known states; integral; the section's memory; the inputs
         rows = np.eye(3 + known + 3 + 4)
-        rest, (integral, first, second) = rows[3 : 3 + known], rows[3 + known : 6 + known]
+        rest = rows[3 : 3 + known]
+        (integral, first, second) = rows[3 + known : 6 + known]
         y, before, behind, held = rows[-4:]
         innovation = y - rows[0]
-        velocity, disturbance = rows[1] + gain[0] * innovation, rows[2] + gain[1] * innovation
+        velocity = rows[1] + gain[0] * innovation
+        disturbance = rows[2] + gain[1] * innovation
         fed_back = before - self.gains.integral * integral - k[0] * y - k[1] * velocity - k[2:] @ rest
         shaped = b0 * fed_back + first
         force = shaped + behind
@@ -132,7 +111,8 @@ class LinearLaw:
     def reference_response(self, frequency: ArrayLike) -> Complex:
         """(n_frequency,) position over reference on the believed plant, for a sine with its derivatives."""
         f = np.atleast_1d(np.asarray(frequency, dtype=float))
-        z, jw = np.exp(2j * np.pi * f * self.plant.period), 2j * np.pi * f
+        z = np.exp(2j * np.pi * f * self.plant.period)
+        jw = 2j * np.pi * f
         plant = self.plant.sampled().response(f)[:, 0, 0]
         by_position, by_fed_back, by_force, by_held = self.controller().response(f)[:, 0].T
         if not self.feedforward:
@@ -146,7 +126,9 @@ class LinearLaw:
 
     def _feedforward(self, jw: Complex, z: Complex) -> Complex:
         """u_ff + K_model xi_ref for a reference of amplitude 1."""
-        p, k, lead = self.plant, self.model_gains.state, self.plant.lead
+        p = self.plant
+        k = self.model_gains.state
+        lead = self.plant.lead
         ahead = (
             p.stiffness * (1 + lead * jw + 0.5 * (lead * jw) ** 2) + p.damping * (jw + lead * jw**2) + p.mass * jw**2
         )
@@ -191,7 +173,13 @@ def flat_band(response: Complex, frequency: Array, *, decibel: float = 1.0) -> f
     return 0.0 if outside[0] == 0 else float(frequency[outside[0] - 1])
 
 
-def sensitivity_bound(plant: BelievedPlant, *, magnet_stiffness: float) -> float:
+def feedback_bandwidth(law: LinearLaw, n_grid: int = 400) -> float:
+    """-3 dB in Hz from reference to position by the integral alone, on the believed plant."""
+    f = grid(law.plant.period, n_grid)
+    return bandwidth(law.by_integral_alone().reference_response(f), f)
+
+
+def sensitivity_bound(plant: LinearPlant, *, magnet_stiffness: float) -> float:
     """The least peak sensitivity that any linear controller can reach: exp(p T (delay + 1)), or 1 without such a pole.
 
     p is the unstable pole of m x'' + c x' + (k - kappa) x. In powers of q = 1/z, S is analytic in the unit disc; it is
@@ -199,6 +187,8 @@ def sensitivity_bound(plant: BelievedPlant, *, magnet_stiffness: float) -> float
     it is 0 at q_p = exp(-p T). With gamma = max |S|, (S/gamma - 1/gamma)/(1 - S/gamma^2) maps the disc into itself and
     has a zero of order delay + 1 at 0, so Schwarz's lemma at q_p gives 1/gamma <= q_p^(delay + 1).
     """
-    k, c, m = plant.stiffness - magnet_stiffness, plant.damping, plant.mass
+    k = plant.stiffness - magnet_stiffness
+    c = plant.damping
+    m = plant.mass
     pole = float(np.max(np.roots([m, c, k]).real))
     return float(np.exp(pole * plant.period * (plant.delay + 1))) if k < 0 else 1.0

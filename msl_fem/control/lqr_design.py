@@ -1,31 +1,94 @@
 """LQR with integral and a reduced-order Kalman filter from physical wishes: the weights are searched."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from msl_fem.actuator import Actuator
-from msl_fem.control.belief import Belief, belief_of, reach_of
-from msl_fem.control.design import ControllerDesign, Made, completed
-from msl_fem.control.inverse import force_domain
-from msl_fem.control.kalman import FilterNoise, ReducedOrderFilter, reduced_order_filter
-from msl_fem.control.linear_loop import AtPosition, LinearLaw
-from msl_fem.control.lqr import LqrGains, Weights, lqr_gains
-from msl_fem.control.output_stage import HARD_HAND_OVER, INVERSE, Stage
-from msl_fem.control.weight_search import Wish, check_wish, search_weights
-from msl_fem.errors import InputError
+from msl_fem.computing.arrays import Array
+from msl_fem.control.design import ControllerDesign, DesignChoice, DesignKind, LinearDesign, Wish, check_wish, completed
+from msl_fem.control.design_model import AtPosition, DesignModel, design_model_of, reach_of
+from msl_fem.control.inverse import HARD_HAND_OVER, INVERSE, OutputStage, force_domain
+from msl_fem.control.linear_loop import LinearLaw, feedback_bandwidth, grid
+from msl_fem.control.lqg import FilterNoise, LqrGains, LqrWeights, ReducedOrderFilter, lqr_gains, reduced_order_filter
+from msl_fem.errors import ComputationError, InputError
 from msl_fem.maps.level_currents import OperatingMap
 from msl_fem.table.magnetic_table import MagneticTable
 
+_GRID = 120
+_OPTIONS = {"maxfev": 120, "xatol": 1e-2, "fatol": 3e-3}
+_STARTS = ((1.6, 1.5, 1.0), (0.8, 3.0, 8.0))  # frequency over the bandwidth, velocity and integral weights
+_MISSED = 100.0  # a wish missed by its whole counts like a peak sensitivity of this much more
+_HOPELESS = 30.0  # an unstable frozen position counts like a peak sensitivity of this, times its spectral radius
 BANDWIDTH = 60.0
 """Default wish in Hz: -3 dB from reference to position by the integral alone, without the feedforward."""
 PEAK_SENSITIVITY = 2.0
 """Default bound on max |S| of the believed plant in its middle (ISO 14839-3 zone A ends at 3, 2 leaves 29 deg)."""
-DEFAULT_WISH = Wish(BANDWIDTH, PEAK_SENSITIVITY)
 WORKING_SHARE = 0.8
 _FORCE_ERROR = 0.01  # of the largest force at the nominal gap: white error and change of disturbance a sample
 _LEAST_NOISE = 0.06  # of F T^2/m, what an error F of the force moves in a sample
 _MODEL_DAMPING = 1.6  # velocity weight of the model's regulator: steps without overshoot
+
+LawOf = Callable[[LqrWeights], LinearLaw]
+_SIMPLEX = np.vstack([np.zeros(3), 0.4 * np.eye(3)]) - 0.1
+
+
+def search_weights(law_of: LawOf, places: Sequence[AtPosition], wish: Wish) -> LqrWeights:
+    """The weights of least worst peak sensitivity over frozen positions (the first is the middle) that keep the wish.
+
+    Raises
+    ------
+    InputError : no weights were found that keep it; the message says what was got
+    """
+    ends = []
+    for ratio, velocity, integral in _STARTS:  # the bandwidth jumps where the response dips, so one start may be stuck
+        start = np.log([2 * np.pi * ratio * wish.bandwidth, velocity, integral])
+        ends.append(_descend(law_of, start, places, wish))
+    start = min(ends, key=lambda end: end[0])[1]
+    weights = _weights(_descend(law_of, start, places, wish)[1])  # a fresh simplex where the last one has shrunk
+    law = law_of(weights)
+    got = feedback_bandwidth(law)
+    peak = law.peak_sensitivity(places[0])
+    if not np.isfinite(peak) or not wish.kept_by(got, peak):
+        raise InputError(
+            f"no weights give a {wish}; the nearest got {got:.4g} Hz and "
+            f"{peak:.3g}: lower the bandwidth, allow more peak sensitivity, or raise the loop rate"
+        )
+    return weights
+
+
+def _descend(law_of: LawOf, start: Array, places: Sequence[AtPosition], wish: Wish) -> tuple[float, Array]:
+    """(badness, logarithms of the weights) downhill from a start."""
+    from scipy.optimize import minimize
+
+    options = {**_OPTIONS, "initial_simplex": start + _SIMPLEX}
+    end = minimize(lambda w: _badness(law_of, w, places, wish), start, method="Nelder-Mead", options=options)
+    return float(end.fun), np.asarray(end.x)
+
+
+def _weights(logarithms: Array) -> LqrWeights:
+    return LqrWeights(*(float(w) for w in np.exp(np.clip(logarithms, -20, 20))))
+
+
+def _badness(law_of: LawOf, logarithms: Array, places: Sequence[AtPosition], wish: Wish) -> float:
+    try:
+        law = law_of(_weights(logarithms))
+    except ComputationError:
+        return 1e6
+    f = grid(law.plant.period, _GRID)
+    peaks = [law.peak_sensitivity(place, frequency=f) for place in places]
+    if np.isinf(peaks[0]):
+        return 1e5
+    missed = wish.missed_by(feedback_bandwidth(law, _GRID), peaks[0])
+    worst = 0.0
+    for place, peak in zip(places, peaks, strict=True):
+        hopeless = _HOPELESS * law.spectral_radius(place) if np.isinf(peak) else 0.0
+        worst = max(worst, hopeless or min(peak, _HOPELESS))
+    return worst + _MISSED * missed
+
+
+DEFAULT_WISH = Wish(BANDWIDTH, PEAK_SENSITIVITY)
 
 
 @dataclass(frozen=True)
@@ -45,9 +108,14 @@ class LqrOptions:
 
 
 def design_controller(
-    actuator: Actuator, table: MagneticTable, operating_map: OperatingMap, *, bandwidth: float = BANDWIDTH,
-    peak_sensitivity: float | None = PEAK_SENSITIVITY, feedforward: bool = True,
-) -> ControllerDesign:  # fmt: skip
+    actuator: Actuator,
+    table: MagneticTable,
+    operating_map: OperatingMap,
+    *,
+    bandwidth: float = BANDWIDTH,
+    peak_sensitivity: float | None = PEAK_SENSITIVITY,
+    feedforward: bool = True,
+) -> ControllerDesign:
     """The LQR controller for an actuator that is believed to be as its file, table and map say.
 
     Parameters
@@ -62,74 +130,89 @@ def design_controller(
     InputError : wishes that no weights fulfil (the message says what was got), or that are not positive; a table and a
         map that do not belong together; nothing that the magnets can hold
     """
-    belief = belief_of(actuator, table, operating_map)
-    return lqr_design(belief, Wish(bandwidth, peak_sensitivity), options=LqrOptions(feedforward=feedforward))
+    model = design_model_of(actuator, table, operating_map)
+    return lqr_design(model, Wish(bandwidth, peak_sensitivity), options=LqrOptions(feedforward=feedforward))
 
 
-def lqr_design(belief: Belief, wish: Wish = DEFAULT_WISH, *, options: LqrOptions | None = None) -> ControllerDesign:
+def lqr_design(model: DesignModel, wish: Wish = DEFAULT_WISH, *, options: LqrOptions | None = None) -> ControllerDesign:
     """The LQR controller of a belief.
 
     The weights of the regulator are searched (Nelder and Mead) for the least peak sensitivity over the frozen positions
     of the inner 80 % of the reach that keeps the wishes. Raises as `design_controller`.
     """
     options = options or LqrOptions()
-    plant = belief.plant
+    plant = model.plant
     check_wish(wish, plant)
-    stage = stage_with_overlap(belief, options.overlap)
-    estimator, model_gains = usual_filter(belief), following_gains(belief, wish)
+    stage = stage_with_overlap(model, options.overlap)
+    estimator = usual_filter(model)
+    model_gains = following_gains(model, wish)
 
-    def law_of(weights: Weights) -> LinearLaw:
+    def law_of(weights: LqrWeights) -> LinearLaw:
         gains = lqr_gains(plant, weights)
         return LinearLaw(plant, gains, model_gains, estimator, plant.lead, options.feedforward)
 
-    places = working_places(belief, overlap=options.overlap, share=options.working_share)
+    places = working_places(model, overlap=options.overlap, share=options.working_share)
     weights = search_weights(law_of, places, wish)
     return completed(
-        belief, Made("lqr", law_of(weights), weights, lambda x: belief.place(x, overlap=options.overlap), stage)
+        model, LinearDesign(LQR, law_of(weights), weights, lambda x: model.place(x, overlap=options.overlap), stage)
     )
 
 
-def stage_with_overlap(belief: Belief, overlap: float) -> Stage:
+def _lqr(model: DesignModel, wish: Wish, choice: DesignChoice) -> ControllerDesign:
+    return lqr_design(model, wish, options=LqrOptions(choice.feedforward, choice.overlap))
+
+
+LQR = DesignKind(
+    "lqr",
+    "feedback linearization, LQR with integral, reduced-order Kalman filter",
+    DEFAULT_WISH,
+    frozenset({"feedforward", "overlap"}),
+    _lqr,
+)
+
+
+def stage_with_overlap(model: DesignModel, overlap: float) -> OutputStage:
     """The inverse with both sides pulling with `overlap` N at zero force; InputError where they cannot."""
     if overlap == 0.0:
         return HARD_HAND_OVER
-    domain = force_domain(belief.inverse, 0.0)
+    domain = force_domain(model.inverse, 0.0)
     most = min(domain.highest, -domain.lowest)
-    if belief.inverse.sides < 2 or not 0.0 <= overlap < most:
+    if model.inverse.sides < 2 or not 0.0 <= overlap < most:
         raise InputError(
             f"an overlap of {overlap:g} N is not possible; it must be 0 ... {most:.4g} N, what each of two sides can "
             "pull with in the middle"
         )
-    return Stage(INVERSE, overlap, 0.0, 1.0)
+    return OutputStage(INVERSE, overlap, 0.0, 1.0)
 
 
-def working_places(belief: Belief, *, overlap: float = 0.0, share: float = WORKING_SHARE) -> tuple[AtPosition, ...]:
+def working_places(model: DesignModel, *, overlap: float = 0.0, share: float = WORKING_SHARE) -> tuple[AtPosition, ...]:
     """The middle, then frozen positions at half and whole of a share of the reach."""
-    low, high = reach_of(belief)
+    low, high = reach_of(model)
     positions = (share * x for x in (low, low / 2, high / 2, high))
-    found = {belief.place(x, overlap=overlap) for x in positions}
-    middle = belief.place(0.0, overlap=overlap) if belief.coupled.constant_force == 0.0 else AtPosition()
-    return (middle, *sorted(found - {middle}, key=lambda place: place.magnet_stiffness))
+    places = {model.place(x, overlap=overlap) for x in positions}
+    middle = model.place(0.0, overlap=overlap) if model.coupled.constant_force == 0.0 else AtPosition()
+    return (middle, *sorted(places - {middle}, key=lambda place: place.magnet_stiffness))
 
 
-def following_gains(belief: Belief, wish: Wish) -> LqrGains:
+def following_gains(model: DesignModel, wish: Wish) -> LqrGains:
     """The state feedback of the model that the loop follows."""
-    return lqr_gains(belief.plant, Weights(2 * 2 * np.pi * wish.bandwidth, _MODEL_DAMPING, 0.0))
+    return lqr_gains(model.plant, LqrWeights(2 * 2 * np.pi * wish.bandwidth, _MODEL_DAMPING, 0.0))
 
 
-def usual_filter(belief: Belief) -> ReducedOrderFilter:
+def usual_filter(model: DesignModel) -> ReducedOrderFilter:
     """The Kalman filter for `usual_noise`."""
-    return reduced_order_filter(belief.plant, usual_noise(belief))
+    return reduced_order_filter(model.plant, usual_noise(model))
 
 
-def usual_noise(belief: Belief) -> FilterNoise:
+def usual_noise(model: DesignModel) -> FilterNoise:
     """Noise of the sensor with its resolution; errors of the force as a share of the largest at the nominal gap.
 
     A position noise far below what the force error moves in a sample would make the filter a bare difference quotient,
     which costs phase margin and gains nothing; it is raised to a share of that.
     """
-    sensor, domain = belief.actuator.position_sensor, force_domain(belief.inverse, 0.0)
+    sensor = model.actuator.position_sensor
+    domain = force_domain(model.inverse, 0.0)
     force = _FORCE_ERROR * max(domain.highest, -domain.lowest)
-    least = _LEAST_NOISE * force * belief.plant.period**2 / belief.plant.mass
+    least = _LEAST_NOISE * force * model.plant.period**2 / model.plant.mass
     position = max(float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))), least)
     return FilterNoise(position=position, force=force, disturbance=force)

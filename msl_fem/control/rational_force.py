@@ -9,12 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
-from msl_fem.control.belief import Belief
-from msl_fem.control.believed_plant import believed_plant
-from msl_fem.control.inverse import SideBelief, inverse_of
+from msl_fem.computing.arrays import Array
+from msl_fem.control.design_model import DesignModel, linear_plant
+from msl_fem.control.inverse import SideModel, inverse_of
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.maps.guard import Guard
@@ -22,7 +21,6 @@ from msl_fem.maps.level_currents import OperatingMap
 from msl_fem.plant.plant import PlantParameters, Surface, plant_parameters
 from msl_fem.table.coenergy_surface import fit_coenergy_surface
 
-Array = NDArray[np.float64]
 _N_GAP, _N_CURRENT, _N_CHECK = 41, 25, 400
 
 
@@ -52,7 +50,7 @@ class IdentifiedPlant:
     delta: float
 
 
-def belief_of_terms(actuator: Actuator, identified: IdentifiedPlant, operating_map: OperatingMap) -> Belief:
+def design_model_of_terms(actuator: Actuator, identified: IdentifiedPlant, operating_map: OperatingMap) -> DesignModel:
     """The belief in an actuator whose motion and forces are those that were identified.
 
     The inverse reaches as far as every side's force grows with its current, over all gaps of the map; that is the
@@ -65,16 +63,16 @@ def belief_of_terms(actuator: Actuator, identified: IdentifiedPlant, operating_m
         closes with delta
     """
     coupled = plant_parameters(actuator)
-    plant = replace(believed_plant(actuator), stiffness=identified.stiffness, damping=identified.damping)
+    plant = replace(linear_plant(actuator), stiffness=identified.stiffness, damping=identified.damping)
     gaps = np.asarray(Guard(operating_map).arrays.gap)
     ends = min(coupled.current_limit * coupled.current_share, operating_map.current_max)
     domain = min(_growing_up_to(identified, coupled, side, (gaps, ends)) for side in range(1, coupled.sides + 1))
     sides = [
-        SideBelief(_surface(identified, coupled, side, (gaps, domain)), coupled.nominal_gap)
+        SideModel(_surface(identified, coupled, side, (gaps, domain)), coupled.nominal_gap)
         for side in range(1, coupled.sides + 1)
     ]
     inverse = inverse_of(coupled, Guard(operating_map), *sides)
-    return Belief(actuator, plant, coupled, inverse, source="rational terms")
+    return DesignModel(actuator, plant, coupled, inverse, source="rational terms")
 
 
 def term_force(terms: Sequence[ForceTerm], delta: float, side: int, current: Array, gap: Array) -> Array:
@@ -137,5 +135,7 @@ def _surface(identified: IdentifiedPlant, coupled: PlantParameters, side: int, r
             nodes["force_gap_slope"] += -a * q * i**p / g ** (q + 1)
     gap = g[:, 0] - identified.delta
     gap[0], gap[-1] = gaps[0], gaps[-1]
-    made = fit_coenergy_surface(gap, i[0], nodes)
-    return Surface(*(np.array(a, dtype=np.float64, order="C") for a in (made.gap, made.current, made.coefficients)))
+    fitted = fit_coenergy_surface(gap, i[0], nodes)
+    return Surface(
+        *(np.array(a, dtype=np.float64, order="C") for a in (fitted.gap, fitted.current, fitted.coefficients))
+    )

@@ -6,34 +6,95 @@ and a second-order section are searched for the least worst peak sensitivity ove
 (multi-model design: Ackermann, Robust Control, 2nd ed., 2002, ch. 3).
 """
 
+import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.statespace import StateSpace
-from msl_fem.control.belief import Belief
-from msl_fem.control.believed_plant import BelievedPlant
-from msl_fem.control.design import ControllerDesign, Made, completed
-from msl_fem.control.kalman import FilterNoise, filter_of_gain
-from msl_fem.control.linear_loop import AtPosition, LinearLaw
-from msl_fem.control.lqr import LqrGains, Weights, lqr_gains
+from msl_fem.control.design import ControllerDesign, DesignChoice, DesignKind, LinearDesign, Wish, check_wish, completed
+from msl_fem.control.design_model import AtPosition, DesignModel, LinearPlant, with_delay
+from msl_fem.control.linear_loop import LinearLaw
+from msl_fem.control.lqg import FilterNoise, LqrGains, LqrWeights, filter_of_gain, lqr_gains
 from msl_fem.control.lqr_design import (
     DEFAULT_WISH,
+    feedback_bandwidth,
     following_gains,
     stage_with_overlap,
     usual_filter,
     usual_noise,
     working_places,
 )
-from msl_fem.control.plant_family import Deviation, deviating_plant
-from msl_fem.control.weight_search import Wish, check_wish, feedback_bandwidth
 from msl_fem.errors import ComputationError, InputError
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+_START = (0.9, 3.6, 7.0, 1.12, 1.3, 0.95, 0.32, 0.43, 1.0)
+"""Frequency over the bandwidth, velocity and integral weights; gains over the Kalman filter's; lead over the belief's;
+the section: its frequency over half the loop rate, damping of zeros and of poles."""
+_MISSED, _HOPELESS = 100.0, 30.0
+_N_GRID, _N_DENSE, _EVALUATIONS, _ROUNDS = 90, 90, 200, 2
 
+
+@dataclass(frozen=True)
+class Deviation:
+    """How a plant differs from the believed one.
+
+    Attributes
+    ----------
+    mass_share, frequency, damping_ratio : of the mass that hangs on a spring (structural_mode); Hz of the share alone
+    lag : s, time constant of a first-order lag between command and force (eddy currents, amplifier, delay)
+    gain : force that a command gives, over the believed one
+    """
+
+    mass_share: float = 0.0
+    frequency: float = 400.0
+    damping_ratio: float = 0.01
+    lag: float = 0.0
+    gain: float = 1.0
+
+
+@lru_cache(maxsize=512)
+def deviating_plant(plant: LinearPlant, deviation: Deviation, magnet_stiffness: float) -> StateSpace:
+    """Position over commanded force as `LinearPlant.sampled`, of a plant that deviates.
+
+    With q the second mass against the first, mu its share, w its frequency alone (Den Hartog, Mechanical Vibrations,
+    4th ed., ch. 3): (1 - mu) m x'' = f - c x' - (k - kappa) x + mu m (w^2 q + 2 zeta w q'), q'' = -x'' - w^2 q - ...
+    """
+    d = deviation
+    lags = [1.0 / tau for tau in (deviation.lag,) if tau > 0]
+    rates = lags + ([] if math.isinf(plant.lag) else [plant.lag])
+    n = 4 + len(rates)  # position, velocity, second mass against the first, its rate, then the chain of lags to a force
+    a = np.zeros((n, n))
+    b = np.zeros((n, 1))
+    w = 2 * math.pi * d.frequency
+    ratio = d.mass_share / (1 - d.mass_share)
+    a[0, 1] = a[2, 3] = 1.0
+    a[1, :4] = (
+        -(plant.stiffness - magnet_stiffness) / plant.mass / (1 - d.mass_share),
+        -plant.damping / plant.mass / (1 - d.mass_share),
+        ratio * w**2,
+        ratio * 2 * d.damping_ratio * w,
+    )
+    push = d.gain / plant.mass / (1 - d.mass_share)
+    if rates:
+        a[1, -1] = push
+    else:
+        b[1] = push
+    for k, rate in enumerate(rates):
+        a[4 + k, 4 + k] = -rate
+        if k:
+            a[4 + k, 3 + k] = rate
+        else:
+            b[4] = rate
+    a[3], b[3] = -a[1], -b[1]
+    a[3, 2:4] += -(w**2), -2 * d.damping_ratio * w
+    moving = StateSpace(a, b, np.eye(1, n), np.zeros((1, 1))).sampled(plant.period)
+    return with_delay(moving, plant.delay)
+
+
+Complex = NDArray[np.complex128]
 FAMILY = (
     Deviation(),
     *(Deviation(mass_share=0.08, frequency=f) for f in (330.0, 400.0, 500.0, 650.0)),
@@ -42,11 +103,6 @@ FAMILY = (
 """The usual family: a second mass of 8 % (3 % size on the reference actuator) at several frequencies, a lag more."""
 ROBUST_WISH = Wish(30.0, 2.0)
 """Default: a slower feedback than the LQR's, kept by the whole family in the middle."""
-_START = (0.9, 3.6, 7.0, 1.12, 1.3, 0.95, 0.32, 0.43, 1.0)
-"""Frequency over the bandwidth, velocity and integral weights; gains over the Kalman filter's; lead over the belief's;
-the section: its frequency over half the loop rate, damping of zeros and of poles."""
-_MISSED, _HOPELESS, _SLACK = 100.0, 30.0, 2e-3
-_N_GRID, _N_DENSE, _EVALUATIONS, _ROUNDS = 90, 90, 200, 2
 
 
 @dataclass(frozen=True)
@@ -64,7 +120,7 @@ class RobustOptions:
 
 
 def robust_design(
-    belief: Belief, wish: Wish = ROBUST_WISH, *, options: RobustOptions | None = None
+    model: DesignModel, wish: Wish = ROBUST_WISH, *, options: RobustOptions | None = None
 ) -> ControllerDesign:
     """The robust controller of a belief.
 
@@ -75,26 +131,40 @@ def robust_design(
     InputError : a wish that no law was found for; the message says what was got
     """
     options = options or RobustOptions()
-    check_wish(wish, belief.plant)
-    stage = stage_with_overlap(belief, options.overlap)
-    task = _task(belief, wish, options)
+    check_wish(wish, model.plant)
+    stage = stage_with_overlap(model, options.overlap)
+    task = _task(model, wish, options)
     law, weights = _law(task, _searched(task))
-    got, peak = feedback_bandwidth(law), _worst(task, law, 0)
-    too_high = wish.peak_sensitivity is not None and not peak <= wish.peak_sensitivity * (1 + _SLACK)
-    if too_high or not peak < _HOPELESS or not got >= wish.bandwidth * (1 - _SLACK):
-        bound = "" if wish.peak_sensitivity is None else f" and a peak sensitivity of {wish.peak_sensitivity:g}"
+    got = feedback_bandwidth(law)
+    peak = _worst(task, law, 0)
+    if not peak < _HOPELESS or not wish.kept_by(got, peak):
         raise InputError(
-            f"no law gives the whole family a bandwidth of {wish.bandwidth:g} Hz{bound}; the nearest got {got:.4g} Hz "
+            f"no law gives the whole family a {wish}; the nearest got {got:.4g} Hz "
             f"and {peak:.3g}: lower the bandwidth, allow more peak sensitivity, or raise the loop rate"
         )
-    return completed(belief, Made("robust", law, weights, lambda x: belief.place(x, overlap=options.overlap), stage))
+    return completed(
+        model, LinearDesign(ROBUST, law, weights, lambda x: model.place(x, overlap=options.overlap), stage)
+    )
+
+
+def _robust(model: DesignModel, wish: Wish, choice: DesignChoice) -> ControllerDesign:
+    return robust_design(model, wish, options=RobustOptions(overlap=choice.overlap))
+
+
+ROBUST = DesignKind(
+    "robust",
+    "feedback linearization, LQR with integral and section against a family of plants, Kalman filter",
+    ROBUST_WISH,
+    frozenset({"overlap"}),
+    _robust,
+)
 
 
 @dataclass(frozen=True, eq=False)
-class _Task:
+class _FamilyTask:
     """What is searched for, and the plants at each place with their responses over the frequencies."""
 
-    plant: BelievedPlant
+    plant: LinearPlant
     wish: Wish
     filter_gain: Array
     noise: FilterNoise
@@ -104,26 +174,29 @@ class _Task:
     plants: tuple[tuple[tuple[StateSpace, Complex], ...], ...]
 
 
-def _task(belief: Belief, wish: Wish, options: RobustOptions) -> _Task:
-    rate, modes = 1 / belief.plant.period, [d.frequency for d in options.family if d.mass_share]
+def _task(model: DesignModel, wish: Wish, options: RobustOptions) -> _FamilyTask:
+    rate = 1 / model.plant.period
+    modes = [d.frequency for d in options.family if d.mass_share]
     grids = [np.geomspace(2e-3 * rate, 0.499 * rate, _N_GRID)]
     if modes:
         grids.append(np.geomspace(0.75 * min(modes), min(1.25 * max(modes), 0.499 * rate), _N_DENSE))
     frequency = np.unique(np.concatenate(grids))
-    places = working_places(belief, overlap=options.overlap)
-    made = [[deviating_plant(belief.plant, d, p.magnet_stiffness) for d in options.family] for p in places]
-    plants = tuple(tuple((one, one.response(frequency)[:, 0, 0]) for one in row) for row in made)
-    gain = usual_filter(belief).gain
-    return _Task(
-        belief.plant, wish, gain, usual_noise(belief), following_gains(belief, DEFAULT_WISH), frequency, places, plants
+    places = working_places(model, overlap=options.overlap)
+    members = [[deviating_plant(model.plant, d, p.magnet_stiffness) for d in options.family] for p in places]
+    plants = tuple(tuple((member, member.response(frequency)[:, 0, 0]) for member in row) for row in members)
+    gain = usual_filter(model).gain
+    return _FamilyTask(
+        model.plant, wish, gain, usual_noise(model), following_gains(model, DEFAULT_WISH), frequency, places, plants
     )
 
 
-def _law(task: _Task, logarithms: Array) -> tuple[LinearLaw, Weights]:
-    plant, ratio = task.plant, np.exp(np.clip(logarithms, -12, 12))
-    weights = Weights(2 * np.pi * task.wish.bandwidth * float(ratio[0]), float(ratio[1]), float(ratio[2]))
+def _law(task: _FamilyTask, logarithms: Array) -> tuple[LinearLaw, LqrWeights]:
+    plant = task.plant
+    ratio = np.exp(np.clip(logarithms, -12, 12))
+    weights = LqrWeights(2 * np.pi * task.wish.bandwidth * float(ratio[0]), float(ratio[1]), float(ratio[2]))
     estimator = filter_of_gain(plant, task.filter_gain * ratio[3:5], task.noise)
-    section, lead = _section(ratio[6:9], plant.period), plant.lead * float(ratio[5])
+    section = _section(ratio[6:9], plant.period)
+    lead = plant.lead * float(ratio[5])
     return LinearLaw(plant, lqr_gains(plant, weights), task.model_gains, estimator, lead, shape=section), weights
 
 
@@ -132,7 +205,9 @@ def _section(ratio: Array, period: float) -> tuple[float, ...]:
 
     Franklin, Powell, Workman, Digital Control of Dynamic Systems, 3rd ed., sec. 6.1. Its gain at rest is 1.
     """
-    share, over, under = min(ratio[0], 0.95), ratio[1], ratio[2]
+    share = min(ratio[0], 0.95)
+    over = ratio[1]
+    under = ratio[2]
     t = np.tan(0.5 * np.pi * share)  # w in the transformed plane, share of half the loop rate
     end = 1 + 2 * under * t + t**2
     return tuple(
@@ -147,7 +222,7 @@ def _section(ratio: Array, period: float) -> tuple[float, ...]:
     )
 
 
-def _worst(task: _Task, law: LinearLaw, place: int) -> float:
+def _worst(task: _FamilyTask, law: LinearLaw, place: int) -> float:
     """The family's highest peak sensitivity at a place; from _HOPELESS up where a member is unstable."""
     at, worst = task.places[place], 0.0
     feedback = law.feedback(task.frequency, at)
@@ -158,7 +233,9 @@ def _worst(task: _Task, law: LinearLaw, place: int) -> float:
     return worst
 
 
-def _searched(task: _Task) -> Array:
+def _searched(task: _FamilyTask) -> Array:
+    from scipy.optimize import minimize
+
     point = np.log(_START)
     for _ in range(_ROUNDS):
         simplex = point + np.vstack([np.zeros(point.size), 0.3 * np.eye(point.size)])
@@ -167,7 +244,7 @@ def _searched(task: _Task) -> Array:
     return np.asarray(point)
 
 
-def _badness(task: _Task, logarithms: Array) -> float:
+def _badness(task: _FamilyTask, logarithms: Array) -> float:
     try:
         law, _ = _law(task, logarithms)
     except ComputationError:
@@ -175,7 +252,4 @@ def _badness(task: _Task, logarithms: Array) -> float:
     peaks = [_worst(task, law, n) for n in range(len(task.places))]
     if peaks[0] >= _HOPELESS:
         return 1e3 * peaks[0]
-    missed = max(0.0, 1 + 0.5 * _SLACK - feedback_bandwidth(law, _N_GRID) / task.wish.bandwidth)
-    if task.wish.peak_sensitivity is not None:
-        missed += max(0.0, peaks[0] / task.wish.peak_sensitivity - 1 + 0.5 * _SLACK)
-    return max(peaks) + _MISSED * missed
+    return max(peaks) + _MISSED * task.wish.missed_by(feedback_bandwidth(law, _N_GRID), peaks[0])

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.control.controller import controller_state, controller_step
-from msl_fem.control.design import KINDS, ControllerDesign
-from msl_fem.control.output_stage import BIAS
+from msl_fem.control.design import ControllerDesign
+from msl_fem.control.inverse import BIAS
 from msl_fem.export.c_guard import guard_header
 from msl_fem.export.c_text import c_header, c_prefix, write_header
 from msl_fem.maps import OperatingMap
@@ -36,7 +36,7 @@ def controller_header(source: ControllerSource, *, name: str | None = None) -> s
     ------
     InputError : a `name` that cannot begin C names
     """
-    design, belief = source.design, source.design.belief
+    design, belief = source.design, source.design.actuator
     parameters, plant = design.parameters, design.law.plant
     prefix = c_prefix(belief.name, name)
     inverse, biased = parameters.inverse, parameters.stage.kind == BIAS
@@ -50,7 +50,7 @@ def controller_header(source: ControllerSource, *, name: str | None = None) -> s
         {
             "actuator": belief.name,
             "digest": belief.digest,
-            "law": f"{design.kind}: {KINDS[design.kind]}",
+            "law": f"{design.kind}: {design.summary}",
             "rate": 1.0 / plant.period,
             "delay": int(parameters.delay),
             "reach": design.reach,
@@ -101,8 +101,8 @@ def _surface_text(surface: Surface, prefix: str, design: ControllerDesign) -> st
     )
     i, g = (values.ravel() for values in np.meshgrid(current, gap))
     content = {
-        "actuator": design.belief.name,
-        "digest": design.belief.digest,
+        "actuator": design.actuator.name,
+        "digest": design.actuator.digest,
         "interpolant": INTERPOLANT,
         "errors": {},
         "gap": surface.gap,

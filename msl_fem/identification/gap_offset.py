@@ -13,22 +13,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
+from msl_fem.computing.gauss_newton import HALVING, DescentSettings, descend, halved
 from msl_fem.errors import InputError
-from msl_fem.identification.armax import EXCERPT_SAMPLES, best_search, fit_armax, model_of
-from msl_fem.identification.armax_model import ArmaxModel
-from msl_fem.identification.data import FloatArray, SampledRun, check_runs
-from msl_fem.identification.gauss_newton import SearchResult, SearchSettings
-from msl_fem.identification.polynomials import ArmaxOrders, Polynomials
-from msl_fem.identification.prediction_error import jacobian_factors
-from msl_fem.identification.prior import OscillatorPrior, oscillator_belief
-from msl_fem.identification.problem import Belief, Problem
-from msl_fem.identification.rational import RationalInputs
+from msl_fem.identification.armax import EXCERPT_SAMPLES, ArmaxModel, best_search, estimated_model, fit_armax
+from msl_fem.identification.data import RationalInputs, SampledRun, check_runs
+from msl_fem.identification.likelihood import CoefficientPrior, EstimationProblem, covariance
+from msl_fem.identification.oscillator import OscillatorPrior, oscillator_belief
+from msl_fem.identification.prediction_error import ArmaxOrders, Polynomials, jacobian_factors
 from msl_fem.identification.regression import ScaledFactor, scaled_factor
-from msl_fem.identification.start import Start, excerpts
-from msl_fem.identification.uncertainty import covariance
+from msl_fem.identification.search import EstimationSettings, FirstGuess, LikelihoodFit, excerpts
 
 DELTA_NAME = "delta"
 OPEN_SHARE = 0.1  # of the smallest measured gap that the offset must leave open
@@ -76,7 +72,7 @@ def identify_rational(
     first = fit_armax(_evaluated(runs, rational), orders, prior=guess)
     profile = Profile(tuple(runs), orders, rational)
     delta, polynomials = _valley(profile, first.polynomials, bounds=bounds, coarse=search.coarse)
-    floor = _floor(profile, delta, polynomials, bounds=bounds, search=search)
+    floor, factor = _floor(profile, delta, polynomials, bounds=bounds, search=search)
     if prior is not None and prior.tolerance is not None:
         evaluation = floor.result.evaluation
         belief = oscillator_belief(
@@ -87,8 +83,8 @@ def identify_rational(
             noise_variance=evaluation.noise_variance,
         )
         profile = replace(profile, belief=belief)
-        floor = _floor(profile, floor.delta, evaluation.polynomials, bounds=bounds, search=search)
-    return _model(first, floor, profile=profile)
+        floor, factor = _floor(profile, floor.delta, evaluation.polynomials, bounds=bounds, search=search)
+    return _model(first, floor, factor, profile=profile)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,26 +94,26 @@ class Profile:
     runs: tuple[SampledRun, ...]
     orders: ArmaxOrders
     rational: RationalInputs
-    belief: Belief | None = None
+    belief: CoefficientPrior | None = None
 
-    def signals(self, delta: float) -> list[FloatArray]:
+    def signals(self, delta: float) -> list[Array]:
         """Output, inputs and ones of every run with the terms at this delta."""
         return [run.signals for run in _evaluated(self.runs, self.rational.with_delta(delta))]
 
-    def problem(self, delta: float) -> Problem:
+    def problem(self, delta: float) -> EstimationProblem:
         """What is minimised at this delta."""
-        return Problem(self.signals(delta), self.orders, self.belief)
+        return EstimationProblem(self.signals(delta), self.orders, self.belief)
 
-    def fitted(self, delta: float, start: Polynomials, *, excerpt: bool = False) -> SearchResult:
+    def fitted(self, delta: float, start: Polynomials, *, excerpt: bool = False) -> LikelihoodFit:
         """The search at this delta from the coefficients at a neighbouring one."""
         problem = self.problem(delta)
         if excerpt:
             problem = replace(
                 problem, runs=excerpts(problem.runs, EXCERPT_SAMPLES, longest_lag=self.orders.longest_lag)
             )
-        return best_search(problem, starts=[Start("delta search", start)], settings=SearchSettings())
+        return best_search(problem, starts=[FirstGuess("delta search", start)], settings=EstimationSettings())
 
-    def joint_factor(self, delta: float, result: SearchResult) -> ScaledFactor:
+    def joint_factor(self, delta: float, result: LikelihoodFit) -> ScaledFactor:
         """Decomposed Jacobian with a last column for delta, whose right side is the gradient along the profile."""
         evaluation = result.evaluation
         terms = self.rational.with_delta(delta)
@@ -136,27 +132,21 @@ class Profile:
         return scaled_factor(factor).with_gradient(gradient)
 
 
-@dataclass(frozen=True, eq=False)
-class Floor:
-    """The end of the delta search: the fit there, its joint Jacobian, and what is to be said about it."""
-
-    delta: float
-    result: SearchResult
-    factor: ScaledFactor
-    notes: tuple[str, ...]
-
-
 def _valley(
     profile: Profile, start: Polynomials, *, bounds: tuple[float, float], coarse: float
 ) -> tuple[float, Polynomials]:
     """delta near the minimum of the objective on an excerpt, and the coefficients there."""
-    best_delta, best = profile.rational.delta, profile.fitted(profile.rational.delta, start, excerpt=True)
+    from scipy.optimize import minimize_scalar
+
+    best_delta = profile.rational.delta
+    best = profile.fitted(profile.rational.delta, start, excerpt=True)
 
     def objective(delta: float) -> float:
         nonlocal best_delta, best
         result = profile.fitted(float(delta), best.evaluation.polynomials, excerpt=True)
         if result.evaluation.objective < best.evaluation.objective:
-            best_delta, best = float(delta), result
+            best_delta = float(delta)
+            best = result
         return result.evaluation.objective
 
     tolerance = coarse * (bounds[1] - bounds[0])
@@ -164,43 +154,77 @@ def _valley(
     return best_delta, best.evaluation.polynomials
 
 
+@dataclass(frozen=True, eq=False)
+class Floor:
+    """The fit at a gap offset; at the end of the search with what is to be said about it."""
+
+    delta: float
+    result: LikelihoodFit
+    notes: tuple[str, ...] = ()
+
+    @property
+    def objective(self) -> float:
+        """Of the fit."""
+        return self.result.evaluation.objective
+
+
+class _DeltaStep:
+    """Gauss-Newton's step of delta in m, by the joint Jacobian of delta and all coefficients."""
+
+    stale = False
+
+    def __init__(self, factor: ScaledFactor, noise_variance: float) -> None:
+        self.factor = factor
+        self.whole = -float(factor.solution()[-1])
+        error = float(np.sqrt(noise_variance * factor.inverse_gram()[-1, -1]))
+        self.promised = (self.whole / error) ** 2 / 2  # of half the objective over the noise's variance
+
+    def step(self, damping: float) -> tuple[Array, float]:
+        return halved(np.array([self.whole]), damping), self.promised
+
+
+class _BoundedProfile:
+    """The profile within the bounds of delta."""
+
+    def __init__(self, profile: Profile, bounds: tuple[float, float]) -> None:
+        self.profile, self.bounds = profile, bounds
+
+    def moved(self, point: Floor, move: Array) -> Floor:
+        delta = min(max(point.delta + float(move[0]), self.bounds[0]), self.bounds[1])
+        if delta == point.delta:
+            return point
+        return Floor(delta, self.profile.fitted(delta, point.result.evaluation.polynomials))
+
+    def model(self, point: Floor, neighbour: _DeltaStep | None) -> _DeltaStep:
+        factor = self.profile.joint_factor(point.delta, point.result)
+        return _DeltaStep(factor, point.result.evaluation.noise_variance)
+
+
 def _floor(
     profile: Profile, delta: float, start: Polynomials, *, bounds: tuple[float, float], search: DeltaSearch
-) -> Floor:
-    """delta at the minimum of the objective on all data, by steps of the joint Jacobian, halved until downhill."""
-    result = profile.fitted(delta, start)
+) -> tuple[Floor, ScaledFactor]:
+    """delta at the minimum of the objective on all data with its joint Jacobian, by steps halved until downhill."""
+    first = Floor(delta, profile.fitted(delta, start))
+    settings = DescentSettings(
+        replace(HALVING, most=64.0),
+        search.step_tolerance**2 / 2,
+        most_trials=10 * search.max_steps,
+        most_steps=search.max_steps,
+    )
+    end = descend(_BoundedProfile(profile, bounds), first, settings)
     notes: tuple[str, ...] = (f"the search for delta did not settle in {search.max_steps} steps",)
-    factor = profile.joint_factor(delta, result)
-    for _ in range(search.max_steps):
-        step, error = _delta_step(result, factor)
-        target = min(max(delta - step, bounds[0]), bounds[1])
-        if abs(step) < search.step_tolerance * error:
-            notes = ()
-            break
-        if target == delta:
-            notes = (f"delta ended at its bound {delta:.4g} m: widen the bounds if that is not physical",)
-            break
-        trial = profile.fitted(target, result.evaluation.polynomials)
-        while trial.evaluation.objective > result.evaluation.objective:
-            target = 0.5 * (target + delta)
-            if abs(target - delta) < search.step_tolerance * error:
-                break
-            trial = profile.fitted(target, result.evaluation.polynomials)
-        delta, result = target, trial
-        factor = profile.joint_factor(delta, result)
-    return Floor(delta, result, factor, notes)
+    at = end.point.delta
+    if end.ending == "converged":
+        notes = ()
+    elif at in bounds and (end.model.whole > 0.0) == (at == bounds[1]):
+        notes = (f"delta ended at its bound {at:.4g} m: widen the bounds if that is not physical",)
+    return replace(end.point, notes=notes), end.model.factor
 
 
-def _delta_step(result: SearchResult, factor: ScaledFactor) -> tuple[float, float]:
-    """Gauss-Newton step of delta (to be subtracted) and delta's standard error, both in m."""
-    variance = result.evaluation.noise_variance
-    return float(factor.solution()[-1]), float(np.sqrt(variance * factor.inverse_gram()[-1, -1]))
-
-
-def _model(first: ArmaxModel, floor: Floor, *, profile: Profile) -> ArmaxModel:
+def _model(first: ArmaxModel, floor: Floor, factor: ScaledFactor, *, profile: Profile) -> ArmaxModel:
     rational = profile.rational.with_delta(floor.delta)
     problem = profile.problem(floor.delta)
-    model = model_of(
+    model = estimated_model(
         problem,
         floor.result,
         names=rational.input_names,
@@ -212,8 +236,8 @@ def _model(first: ArmaxModel, floor: Floor, *, profile: Profile) -> ArmaxModel:
         rational=rational,
         input_slopes=rational.mean_slopes(profile.runs),
         parameter_names=(*model.parameter_names, DELTA_NAME),
-        covariance=covariance(problem, floor.result.evaluation, factor=floor.factor),
-        condition_number=floor.factor.condition_number,
+        covariance=covariance(problem, floor.result.evaluation, factor=factor),
+        condition_number=factor.condition_number,
         notes=(*model.notes, *floor.notes),
     )
 
@@ -222,7 +246,7 @@ def _evaluated(runs: Sequence[SampledRun], rational: RationalInputs) -> list[Sam
     return [rational.evaluated(run) for run in runs]
 
 
-def _equation_slope(input_slopes: FloatArray, polynomials: Polynomials, orders: ArmaxOrders) -> FloatArray:
+def _equation_slope(input_slopes: Array, polynomials: Polynomials, orders: ArmaxOrders) -> Array:
     """Derivative of A y - sum B_k u_k by delta, shape (n_samples,); input_slopes (n_inputs, n_samples)."""
     slope = np.zeros(input_slopes.shape[1])
     for row, lags, b in zip(input_slopes, orders.input_lags, polynomials.b, strict=True):

@@ -6,23 +6,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
+import numpy as np
+
 from msl_fem.errors import InputError
-from msl_fem.identification.armax import fit_armax
-from msl_fem.identification.armax_model import ArmaxModel
-from msl_fem.identification.criterion import Criterion, CriterionName
-from msl_fem.identification.data import SampledRun
-from msl_fem.identification.feedback import feedback_note, feedback_tests
-from msl_fem.identification.fit_figures import RunFit, fit_figures
+from msl_fem.identification.armax import ArmaxModel, fit_armax
+from msl_fem.identification.box_jenkins import BoxJenkinsOrders, fit_box_jenkins
+from msl_fem.identification.data import RationalInputs, RationalTerm, SampledRun, rational_term
 from msl_fem.identification.gap_offset import DeltaSearch, identify_rational
-from msl_fem.identification.order_selection import OrderLimits, select_orders
-from msl_fem.identification.physical import Believed, PhysicalParameter
-from msl_fem.identification.polynomials import ArmaxOrders
-from msl_fem.identification.prior import OscillatorPrior, OscillatorTolerance
-from msl_fem.identification.rational import RationalInputs, RationalTerm, rational_term
-from msl_fem.identification.residual_tests import CorrelationTest, residual_tests
-from msl_fem.identification.term_selection import TermSearch, candidate_terms, select_terms
+from msl_fem.identification.likelihood import CriterionName, InformationCriterion
+from msl_fem.identification.model import FitFigures, fit_figures
+from msl_fem.identification.oscillator import KnownMass, OscillatorPrior, OscillatorTolerance, PhysicalParameter
+from msl_fem.identification.prediction_error import ArmaxOrders
+from msl_fem.identification.residual_tests import CorrelationTest, feedback_note, feedback_tests, residual_tests
+from msl_fem.identification.selection import OrderLimits, TermSearch, candidate_terms, select_orders, select_terms
 from msl_fem.record import Record, Run
 
+Structure = Literal["armax", "output-error", "box-jenkins"]
 FORCE = "force"
 POSITION = "position"
 
@@ -41,6 +40,8 @@ class ModelChoice:
     delta : whether the gap offset of the terms is estimated
     prior : whether the believed mass, damping and stiffness count with the record's tolerances, not only as a start
     criterion : "bic" or "aicc"
+    structure : "armax", or with its inputs, orders and gap offset "output-error" (white noise on the position) or
+        "box-jenkins", whose noise has nc coefficients of C and as many of D; both need a stable plant
     """
 
     orders: ArmaxOrders | Literal["auto"] | None = None
@@ -49,6 +50,7 @@ class ModelChoice:
     delta: bool = True
     prior: bool = False
     criterion: CriterionName = "bic"
+    structure: Structure = "armax"
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +61,7 @@ class Selection:
     criterion: str
     tried: tuple[tuple[str, float], ...]
 
-    def fields(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """The JSON fields; a candidate that could not be identified has no value."""
         return {"of": self.of, "criterion": self.criterion, "tried": [{"name": n, "value": v} for n, v in self.tried]}
 
@@ -73,14 +75,14 @@ class Identification:
     """
 
     model: ArmaxModel
-    fits: tuple[RunFit, ...]
+    fits: tuple[FitFigures, ...]
     roles: tuple[str, ...]
     residual_tests: tuple[CorrelationTest, ...]
     physical: Mapping[str, PhysicalParameter] = field(default_factory=dict)
     selections: tuple[Selection, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def fields(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """The JSON fields of `identify`."""
         model = self.model
         values = zip(model.parameter_names, model.parameters, model.standard_errors, strict=True)
@@ -103,7 +105,7 @@ class Identification:
             "noise_standard_deviation": model.noise_variance**0.5,
             "input_condition_number": model.input_condition_number,
             "converged": model.convergence.converged,
-            "selection": [selection.fields() for selection in self.selections],
+            "selection": [selection.to_json() for selection in self.selections],
             "notes": list(self.notes),
         }
 
@@ -123,6 +125,8 @@ def identify(record: Record, *, choice: ModelChoice | None = None) -> Identifica
     data = [runs[run.name] for run in fitted]
     magnetic = record.actuator.magnet is not None
     model, selections = _magnetic(record, data, choice) if magnetic else _mechanical(record, data, choice)
+    if choice.structure != "armax":
+        model = _with_structure(model, data, choice)
     known = record.controller is not None or any("reference_m" in run.columns for run in fitted)
     feedback = feedback_note(feedback_tests(model, data[0], list(data[0].inputs)), known=known)
     physical, refusal = _physical(record, model)
@@ -167,9 +171,10 @@ def _magnetic(
     terms = tuple(map(rational_term, choice.terms)) or law
     plain = tuple(name for name in runs[0].inputs if name == FORCE)
     rational = RationalInputs(law if choice.select_terms else terms, motion.nominal_gap, plain=plain)
-    prior, selections = _prior(record, choice, {}), []
+    prior = _prior(record, choice, {})
+    selections = []
     search = DeltaSearch() if choice.delta else None
-    criterion = Criterion(choice.criterion)
+    criterion = InformationCriterion(choice.criterion)
     orders = choice.orders or ArmaxOrders(2, 2, 2, 1)
     if choice.select_terms:
         candidates = terms if choice.terms else candidate_terms(sides)
@@ -183,6 +188,22 @@ def _magnetic(
         orders, selection = _orders([rational.evaluated(run) for run in runs], choice, ArmaxOrders(2, 2, 2, 1), prior)
         selections.append(selection)
     return identify_rational(runs, orders, rational=rational, prior=prior, search=search), tuple(selections)
+
+
+def _with_structure(armax: ArmaxModel, runs: Sequence[SampledRun], choice: ModelChoice) -> ArmaxModel:
+    """The output-error or Box-Jenkins model with the inputs and orders of an ARMAX model, multiplied out."""
+    if choice.prior:
+        raise InputError(f"the prior counts in ARMAX only: leave --prior out, or --structure {choice.structure}")
+    largest = float(np.max(np.abs(np.roots(armax.polynomials.a)), initial=0.0))
+    if largest > 1.0:
+        raise InputError(
+            f"the ARMAX model has a pole of size {largest:.6g}: {choice.structure} needs a stable plant; use ARMAX"
+        )
+    orders, rational = armax.orders, armax.rational
+    noise = orders.nc if choice.structure == "box-jenkins" else 0
+    inputs = runs if rational is None else [rational.evaluated(run) for run in runs]
+    tied_orders = BoxJenkinsOrders(orders.na, orders.nb, noise, noise, orders.nk, orders.offset)
+    return replace(fit_box_jenkins(inputs, tied_orders).armax, rational=rational, input_slopes=armax.input_slopes)
 
 
 def _mechanical(
@@ -204,9 +225,11 @@ def _orders(
     """The orders by the criterion; with a prior that counts, na stays 2, where mass and stiffness have a meaning."""
     limits = OrderLimits(na=2) if choice.prior else OrderLimits()
     guess = None if prior is None else replace(prior, tolerance=None, force_gains={})
-    found = select_orders(runs, start=start, criterion=Criterion(choice.criterion), limits=limits, prior=guess)
-    named = tuple((f"na={o.na}, nb={o.nb}, nc={o.nc}, nk={o.nk}", value) for o, value in found.tried)
-    return found.orders, Selection("orders", found.criterion, named)
+    selection = select_orders(
+        runs, start=start, criterion=InformationCriterion(choice.criterion), limits=limits, prior=guess
+    )
+    named = tuple((f"na={o.na}, nb={o.nb}, nc={o.nc}, nk={o.nk}", value) for o, value in selection.tried)
+    return selection.orders, Selection("orders", selection.criterion, named)
 
 
 def _prior(record: Record, choice: ModelChoice, gains: Mapping[str, float]) -> OscillatorPrior | None:
@@ -234,7 +257,7 @@ def _physical(record: Record, model: ArmaxModel) -> tuple[dict[str, PhysicalPara
     """Physical parameters on the scale of a measured force, else of the believed mass; or why there are none."""
     motion = record.actuator.motion
     gains = {FORCE: 1.0} if FORCE in model.input_names else {}
-    mass = None if motion is None else Believed(motion.moving_mass, record.tolerance.moving_mass)
+    mass = None if motion is None else KnownMass(motion.moving_mass, record.tolerance.moving_mass)
     try:
         return model.physical_parameters(mass=mass, gains=gains), None
     except InputError as err:

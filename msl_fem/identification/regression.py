@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError
-from msl_fem.identification.data import FloatArray
 
 BLOCK_ROWS = 4096
 RANK_TOLERANCE = 1e-13  # of the largest singular value of the scaled matrix: below it is rounding
@@ -24,8 +24,8 @@ LaggedColumn = tuple[int, int]
 
 
 def lagged_blocks(
-    signals: FloatArray, columns: Sequence[LaggedColumn], *, first: int, last: int | None = None
-) -> Iterable[FloatArray]:
+    signals: Array, columns: Sequence[LaggedColumn], *, first: int, last: int | None = None
+) -> Iterable[Array]:
     """Blocks of the matrix whose column (row, lag) is signals[row, t - lag] for t = first ... last - 1.
 
     `signals` has shape (n_signals, n_samples); samples before the first one count as zero.
@@ -40,12 +40,12 @@ def lagged_blocks(
         yield block
 
 
-def r_factor(matrix: FloatArray) -> FloatArray:
+def r_factor(matrix: Array) -> Array:
     """The triangular factor of a matrix (n_rows, n_columns), shape (min(n_rows, n_columns), n_columns)."""
     return np.asarray(np.linalg.qr(matrix, mode="r"), dtype=float)
 
 
-def triangular_factor(blocks: Iterable[FloatArray], n_columns: int) -> FloatArray:
+def triangular_factor(blocks: Iterable[Array], n_columns: int) -> Array:
     """Upper triangular R (n_columns, n_columns) with R'R = M'M for the matrix M whose row blocks are given."""
     factor = np.zeros((0, n_columns))
     for block in blocks:
@@ -58,10 +58,10 @@ def triangular_factor(blocks: Iterable[FloatArray], n_columns: int) -> FloatArra
 class ScaledFactor:
     """Singular value decomposition of a triangular factor with columns scaled to unit norm, and its right side."""
 
-    scale: FloatArray
-    singular_values: FloatArray
-    right: FloatArray
-    target: FloatArray
+    scale: Array
+    singular_values: Array
+    right: Array
+    target: Array
 
     @property
     def condition_number(self) -> float:
@@ -70,7 +70,7 @@ class ScaledFactor:
         return float(self.singular_values[0]) / smallest if smallest > 0.0 else float("inf")
 
     @property
-    def kept(self) -> FloatArray:
+    def kept(self) -> Array:
         """1 for the directions above rounding, 0 for the others."""
         limit = RANK_TOLERANCE * self.singular_values[0]
         return np.where(self.singular_values > limit, 1.0, 0.0)
@@ -80,7 +80,7 @@ class ScaledFactor:
         """Sum of squares of the right side that the columns can explain."""
         return float(np.sum((self.kept * self.target) ** 2))
 
-    def solution(self, damping: float = 0.0) -> FloatArray:
+    def solution(self, damping: float = 0.0) -> Array:
         """Minimiser of |M x - r|^2 + damping s_1^2 |scaled x|^2; directions below rounding stay zero."""
         s = self.singular_values
         ridge = damping * s[0] ** 2
@@ -88,18 +88,18 @@ class ScaledFactor:
             gain = np.where(self.kept > 0.0, s / (s**2 + ridge), 0.0)
         return (self.right.T @ (gain * self.target)) / self.scale
 
-    def with_gradient(self, gradient: FloatArray) -> ScaledFactor:
+    def with_gradient(self, gradient: Array) -> ScaledFactor:
         """The same matrix with the right side whose M'r is `gradient`."""
         with np.errstate(divide="ignore"):
             inverse = np.where(self.kept > 0.0, 1.0 / self.singular_values, 0.0)
         return replace(self, target=inverse * (self.right @ (gradient / self.scale)))
 
-    def gram(self) -> FloatArray:
+    def gram(self) -> Array:
         """M'M with unscaled columns."""
         half = (self.singular_values[:, None] * self.right) * self.scale
         return half.T @ half
 
-    def inverse_gram(self) -> FloatArray:
+    def inverse_gram(self) -> Array:
         """(M'M)^-1 on the directions above rounding."""
         with np.errstate(divide="ignore"):
             inverse = np.where(self.kept > 0.0, 1.0 / self.singular_values, 0.0)
@@ -107,7 +107,7 @@ class ScaledFactor:
         return half @ half.T
 
 
-def scaled_factor(factor: FloatArray) -> ScaledFactor:
+def scaled_factor(factor: Array) -> ScaledFactor:
     """Decomposition of the triangular factor of [M, r]: the last column is the right side r."""
     matrix, target = factor[:-1, :-1], factor[:-1, -1]
     scale = np.linalg.norm(matrix, axis=0)

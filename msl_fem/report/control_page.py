@@ -7,7 +7,7 @@ from importlib.metadata import version
 import numpy as np
 from plotly.subplots import make_subplots
 
-from msl_fem.control import KINDS, ClosedLoopRun, Examination, Replay
+from msl_fem.control import ClosedLoopRun, Examination, Replay
 from msl_fem.files.quantity import format_quantity
 from msl_fem.report.figures import (
     BLUE,
@@ -53,9 +53,8 @@ def control_page(found: Examination) -> Page:
         _innovations(found),
     )
     return Page(
-        f"{design.belief.name}: the {design.kind} design in closed loop",
-        f"{KINDS[design.kind]}; figures are counterparts of those of Gutierrez and Ro, IEEE Trans. Magnetics 34(5), "
-        "1998.",
+        f"{design.actuator.name}: the {design.kind} design in closed loop",
+        f"{design.summary}; figures are counterparts of those of Gutierrez and Ro, IEEE Trans. Magnetics 34(5), 1998.",
         headline,
         stages,
         _provenance(found),
@@ -246,7 +245,7 @@ def _innovations(found: Examination) -> Stage:
 def _provenance(found: Examination) -> tuple[tuple[str, str], ...]:
     design = found.design
     return (
-        ("actuator", f"{design.belief.name}, SHA-256 {design.belief.digest[:16]}"),
+        ("actuator", f"{design.actuator.name}, SHA-256 {design.actuator.digest[:16]}"),
         ("input transformation", str(design.domain["source"])),
         ("loop rate, delay", f"{1 / design.law.plant.period:g} Hz, {design.law.plant.delay} samples"),
         ("references", "; ".join(found.specs.values())),

@@ -9,7 +9,7 @@ import numpy as np
 
 from msl_fem.control import ClosedLoopRun
 from msl_fem.files.quantity import format_quantity
-from msl_fem.identification import sampled_run, simulate
+from msl_fem.identification import sampled_run, simulate_armax
 from msl_fem.report.explorer import explorer
 from msl_fem.report.field_picture import field_plot
 from msl_fem.report.figures import (
@@ -190,7 +190,7 @@ def _missed(current: np.ndarray) -> list[tuple[int, int]]:
 def _model(study: Study) -> Stage:
     record, model = study.model.record, study.identification.model
     run = record.run("swept_sine")
-    free = simulate(model, sampled_run(record, run))
+    free = simulate_armax(model, sampled_run(record, run))
     fits = {f.run: f for f in study.identification.fits}
     held = fits["swept_sine"]
     noise = study.actuator.position_sensor.noise

@@ -1,9 +1,11 @@
-"""The MAP fit against problems whose posterior is known."""
+"""The MAP fit against problems whose posterior is known; the descent on a valley that it can overshoot."""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
-from msl_fem.computing.gauss_newton import FitSettings, fit_map
+from msl_fem.computing.gauss_newton import HALVING, DescentSettings, FitSettings, descend, fit_map, halved
 from msl_fem.errors import ComputationError
 
 
@@ -93,3 +95,68 @@ def test_failures_are_said() -> None:
     )
     assert not flat.converged
     assert "no end after 3 steps" in flat.reason
+
+
+@dataclass(frozen=True)
+class Height:
+    """A point on log cosh, whose whole Gauss-Newton step overshoots far out."""
+
+    x: float
+
+    @property
+    def objective(self) -> float:
+        return float(np.log(np.cosh(self.x))) if abs(self.x) < 50.0 else float("inf")
+
+
+class Valley:
+    """log cosh; `skew` is a factor of the slope of models that take it over from a neighbour."""
+
+    def __init__(self, skew: float = 1.0) -> None:
+        self.skew, self.models = skew, []
+
+    def moved(self, point: Height, move: np.ndarray) -> Height:
+        return Height(point.x + float(move[0]))
+
+    def model(self, point: Height, neighbour: "Tangent | None") -> "Tangent":
+        self.models.append(neighbour is not None)
+        return Tangent(point.x, 1.0 if neighbour is None else self.skew, stale=neighbour is not None)
+
+
+class Tangent:
+    def __init__(self, x: float, skew: float, *, stale: bool) -> None:
+        self.slope, self.curvature, self.stale = skew * np.tanh(x), 1.0 / np.cosh(x) ** 2, stale
+        self.promised = self.slope**2 / self.curvature / 2
+
+    def step(self, damping: float) -> tuple[np.ndarray, float]:
+        return halved(np.array([-self.slope / self.curvature]), damping), self.promised
+
+
+def test_steps_are_halved_until_they_lead_down() -> None:
+    end = descend(Valley(), Height(1.5), DescentSettings(HALVING, enough=1e-12))
+    assert end.ending == "converged"
+    assert end.point.x == pytest.approx(0.0, abs=1e-5)
+    assert end.steps < 10
+    stuck = descend(Valley(), Height(8.0), DescentSettings(HALVING, enough=1e-12))
+    assert stuck.ending == "no descent"
+    assert stuck.point == Height(8.0)
+    assert descend(Valley(), Height(1.5), DescentSettings(HALVING, enough=0.0, most_steps=2)).steps == 2
+
+
+def test_a_model_taken_over_is_renewed_before_it_is_believed() -> None:
+    """A slope of the wrong sign leads nowhere; with renewal it costs one more model each time it is asked."""
+    settings = DescentSettings(HALVING, enough=1e-12)
+    astray = descend(Valley(skew=-1.0), Height(1.0), settings)
+    assert astray.ending == "no descent"
+    valley = Valley(skew=-1.0)
+    end = descend(valley, Height(1.0), replace(settings, renewal=0.0))
+    assert end.ending == "converged"
+    assert not end.model.stale
+    assert end.point.x == pytest.approx(0.0, abs=1e-5)
+    assert valley.models.count(True) == end.steps
+
+
+def test_a_model_that_promises_nothing_is_renewed_before_the_search_ends() -> None:
+    valley = Valley(skew=0.0)
+    end = descend(valley, Height(1.0), DescentSettings(HALVING, enough=1e-12, renewal=0.0))
+    assert end.point.x == pytest.approx(0.0, abs=1e-5)
+    assert descend(Valley(skew=0.0), Height(1.0), DescentSettings(HALVING, enough=1e-12)).steps == 1

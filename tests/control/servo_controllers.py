@@ -8,7 +8,15 @@ import numpy as np
 from conftest import ROOT, closed_form_table
 
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.control import Belief, Choice, ControllerDesign, TruePlant, belief_of, design_controller, designed
+from msl_fem.control import (
+    ControllerDesign,
+    DesignChoice,
+    DesignModel,
+    PlantUnderTest,
+    design_controller,
+    design_model_of,
+    designed,
+)
 from msl_fem.maps import OperatingMap, operating_map
 
 RATE = 2500.0
@@ -31,14 +39,14 @@ def servo_design(*, feedforward: bool = True) -> ControllerDesign:
     return design_controller(servo(), TABLE, servo_map()) if feedforward else plain(servo_design())
 
 
-def servo_belief(**changes: dict[str, object]) -> Belief:
-    return belief_of(servo(**changes), TABLE, servo_map())
+def servo_belief(**changes: dict[str, object]) -> DesignModel:
+    return design_model_of(servo(**changes), TABLE, servo_map())
 
 
 @cache
 def rival(kind: str) -> ControllerDesign:
     """The reference actuator's controller of another design."""
-    return designed(servo_belief(), Choice(kind))
+    return designed(servo_belief(), DesignChoice(kind))
 
 
 def plain(design: ControllerDesign) -> ControllerDesign:
@@ -59,9 +67,9 @@ def delayed_design(delay: int, *, ideal_drive: bool = False) -> ControllerDesign
     return design_controller(actuator, TABLE, servo_map(), bandwidth=30.0)
 
 
-def believed() -> TruePlant:
+def believed() -> PlantUnderTest:
     """A plant that is what the controller believes."""
-    return TruePlant(servo(), TABLE)
+    return PlantUnderTest(servo(), TABLE)
 
 
 def reference(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> SimpleNamespace:

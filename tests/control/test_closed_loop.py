@@ -21,10 +21,10 @@ from servo_controllers import (
     step,
 )
 
-from msl_fem.control import TruePlant, closed_loop_record, design_controller, run_closed_loop, with_measured_gap
+from msl_fem.control import PlantUnderTest, closed_loop_record, design_controller, run_closed_loop, with_measured_gap
 from msl_fem.control.controller import controller_state, controller_step
+from msl_fem.control.design_model import AtPosition
 from msl_fem.control.inverse import force_domain
-from msl_fem.control.linear_loop import AtPosition
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.maps.guard import Guard
 from msl_fem.plant.excitation import parse_excitation
@@ -119,7 +119,7 @@ def test_matched_noise_gives_the_innovations_that_the_filter_states():
 def test_a_constant_force_that_is_believed_is_carried_from_the_start():
     hung = servo(motion={"constant_force": -15.0})
     design = design_controller(hung, TABLE, servo_map())
-    run = run_closed_loop(design, rest(0.3), plant=TruePlant(hung, TABLE))
+    run = run_closed_loop(design, rest(0.3), plant=PlantUnderTest(hung, TABLE))
     assert run.position[0] == pytest.approx(-15.0 / 1.4e5)
     assert abs(run.position[-1]) < 0.02e-6
     assert run.command[-1, 0] > 0.5
@@ -132,7 +132,7 @@ def test_coils_in_parallel_take_twice_the_current_for_the_same_motion():
     design = design_controller(parallel, TABLE, servo_map())
     wanted = sine(0.2e-3, 5.0, 0.4)
     one = run_closed_loop(servo_design(), wanted, plant=believed())
-    two = run_closed_loop(design, wanted, plant=TruePlant(parallel, TABLE))
+    two = run_closed_loop(design, wanted, plant=PlantUnderTest(parallel, TABLE))
     np.testing.assert_allclose(two.command, 2 * one.command, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(two.position, one.position, atol=1e-12)
     assert two.copper_loss == pytest.approx(one.copper_loss, rel=1e-6)
@@ -141,7 +141,7 @@ def test_coils_in_parallel_take_twice_the_current_for_the_same_motion():
 def test_a_single_side_with_a_spring_back():
     single = servo(sides={"count": 1})
     design = design_controller(single, TABLE, servo_map())
-    run = run_closed_loop(design, rest(0.4, 0.2e-3), plant=TruePlant(single, TABLE), generator=noise())
+    run = run_closed_loop(design, rest(0.4, 0.2e-3), plant=PlantUnderTest(single, TABLE), generator=noise())
     assert np.abs(run.position[-200:] - 0.2e-3).max() < 1e-6
     assert (run.current[:, 1] == 0).all()
 
@@ -166,7 +166,7 @@ def test_the_guard_cuts_counts_and_is_never_passed():
 def test_the_drive_limit_cuts_and_counts_apart():
     weak = servo(drive={"current_limit": 1.0})
     run = run_closed_loop(
-        design_controller(weak, TABLE, servo_map()), step(0.2e-3, 0.2), plant=TruePlant(weak, TABLE)
+        design_controller(weak, TABLE, servo_map()), step(0.2e-3, 0.2), plant=PlantUnderTest(weak, TABLE)
     )  # fmt: skip
     assert run.force_limited > 0
     assert run.guard_violations == 0
@@ -196,7 +196,7 @@ def test_the_compiled_loop_is_the_plain_one():
 @pytest.mark.parametrize("delay", [0, 2])
 @pytest.mark.parametrize("ideal_drive", [False, True])
 def test_other_delays_and_an_ideal_drive(delay, ideal_drive):
-    plant = TruePlant(delayed(delay, ideal_drive=ideal_drive), TABLE)
+    plant = PlantUnderTest(delayed(delay, ideal_drive=ideal_drive), TABLE)
     design = delayed_design(delay, ideal_drive=ideal_drive)
     run = run_closed_loop(design, sine(0.3e-3, 2.0, 0.6), plant=plant, generator=noise())
     assert run.tracking_rms < 0.008 * 0.3e-3
@@ -218,7 +218,7 @@ def test_figures_are_those_of_the_arrays():
 def test_a_record_holds_the_commands_that_act(delay):
     actuator = delayed(delay)
     design = servo_design() if delay == 1 else delayed_design(delay)
-    run = run_closed_loop(design, sine(0.2e-3, 10.0, 0.4), plant=TruePlant(actuator, TABLE), generator=noise())
+    run = run_closed_loop(design, sine(0.2e-3, 10.0, 0.4), plant=PlantUnderTest(actuator, TABLE), generator=noise())
     np.testing.assert_array_equal(run.acting[delay:], run.command[: run.time.size - delay])
     assert (run.acting[:delay] == 0).all()
     columns = closed_loop_record(actuator, run, excitation="sine").runs[0].columns
@@ -236,14 +236,14 @@ def test_the_same_seed_gives_the_same_run_and_another_does_not():
 
 
 def test_the_resolution_of_the_sensor_is_seen():
-    coarse = TruePlant(servo(position_sensor={"resolution": 1e-6}), TABLE)
+    coarse = PlantUnderTest(servo(position_sensor={"resolution": 1e-6}), TABLE)
     run = run_closed_loop(servo_design(), rest(0.3, 0.1e-3), plant=coarse)
     np.testing.assert_allclose(run.measured / 1e-6, np.round(run.measured / 1e-6), atol=1e-6)
 
 
 def test_the_plant_may_differ_from_the_belief():
     heavy = run_closed_loop(
-        servo_design(), sine(0.3e-3, 5.0, 0.4), plant=TruePlant(servo(motion={"moving_mass": 1.0}), TABLE)
+        servo_design(), sine(0.3e-3, 5.0, 0.4), plant=PlantUnderTest(servo(motion={"moving_mass": 1.0}), TABLE)
     )  # fmt: skip
     plain = run_closed_loop(servo_design(), sine(0.3e-3, 5.0, 0.4), plant=believed())
     assert plain.tracking_rms < heavy.tracking_rms < 0.01 * 0.3e-3
@@ -279,13 +279,13 @@ def test_a_disturbance_of_another_length_is_refused():
 
 def test_a_plant_with_another_drive_is_refused():
     with pytest.raises(InputError, match="commands currents"):
-        run_closed_loop(servo_design(), rest(0.2), plant=TruePlant(servo(drive={"kind": "voltage"}), TABLE))
+        run_closed_loop(servo_design(), rest(0.2), plant=PlantUnderTest(servo(drive={"kind": "voltage"}), TABLE))
 
 
 def test_a_run_that_leaves_the_table_is_no_result():
     narrow = closed_form_table(n_gap=8)
     inner = narrow.gap >= 0.4e-3
-    cut = TruePlant(
+    cut = PlantUnderTest(
         servo(),
         type(narrow)(
             narrow.gap[inner], narrow.current, {k: v[inner] for k, v in narrow.nodes.items()}

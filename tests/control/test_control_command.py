@@ -9,7 +9,7 @@ from conftest import ROOT
 
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.control import identified_plant
-from msl_fem.identification import identify, model_to_json
+from msl_fem.identification import identify
 from msl_fem.plant import NamedRun, bearable_run, simulation_record
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.record import load_record
@@ -74,7 +74,7 @@ def identified(tmp_path_factory) -> Path:
     )  # fmt: skip
     model = identify(simulation_record(servo, [NamedRun("noise", excitation.spec, "fit", done)])).model
     file = tmp_path_factory.mktemp("model") / "armax.json"
-    file.write_text(json.dumps(model_to_json(model)))
+    file.write_text(json.dumps(model.to_json()))
     found = identified_plant(model, servo)
     assert found.stiffness == pytest.approx(1.4e5, rel=0.05)
     assert sum(t.coefficient for t in found.terms) == pytest.approx(0.0, abs=0.05 * abs(found.terms[0].coefficient))

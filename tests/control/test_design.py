@@ -95,9 +95,11 @@ def test_the_measured_gap_is_the_same_law_without_the_lead():
 
 
 def test_the_json_is_json_and_names_the_law():
-    content = with_measured_gap(servo_design()).to_json()
+    plain = with_measured_gap(servo_design())
+    json.dumps(plain.to_json(), allow_nan=False)
+    assert plain.to_json()["peak_sensitivity"] == servo_design().peak_sensitivity
+    content = plain.law_to_json()
     json.dumps(content, allow_nan=False)
-    assert content["peak_sensitivity"] == servo_design().peak_sensitivity
     assert content["frozen"][-1]["peak_sensitivity"] is None
     assert content["law"]["states"] == ["position", "velocity", "force", "queue_1"]
     assert len(content["law"]["gain"]) == 4

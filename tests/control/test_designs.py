@@ -9,22 +9,22 @@ from servo_controllers import TABLE, believed, rest, rival, servo, servo_belief,
 from msl_fem.computing.statespace import StateSpace
 from msl_fem.control import (
     BiasOptions,
-    Choice,
+    DesignChoice,
     Deviation,
-    TruePlant,
+    PlantUnderTest,
     Wish,
     biased_design,
-    check_stable,
+    check_stable_reach,
     default_bias,
     designed,
     held_points,
     pid_design,
     run_closed_loop,
 )
-from msl_fem.control.bias_design import bias_point
+from msl_fem.control.baselines import bias_point
 from msl_fem.control.controller import FORCE, controller_state, controller_step
-from msl_fem.control.linear_loop import AtPosition
-from msl_fem.control.plant_family import deviating_plant
+from msl_fem.control.design_model import AtPosition
+from msl_fem.control.robust_design import deviating_plant
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.effects import EffectValues
 
@@ -49,7 +49,7 @@ def test_every_design_leaves_no_error_at_rest_and_keeps_its_wish(kind):
     assert made.peak_sensitivity <= 2.0 * 1.002
     run = run_closed_loop(made, rest(0.5, 0.2e-3), plant=believed())
     assert abs(run.position[-1] - 0.2e-3) < 0.2e-6
-    assert made.to_json()["design"] == kind
+    assert made.law_to_json()["design"] == kind
 
 
 def test_the_robust_design_bears_a_structural_mode_that_the_lqr_does_not():
@@ -154,13 +154,13 @@ def test_pid_is_pid():
 
 def test_a_reference_beyond_the_stable_positions_is_refused_before_the_run():
     with pytest.raises(InputError, match=r"the pid design is stable from -\d+ µm to \d+ µm"):
-        check_stable(rival("pid"), sine(0.49e-3, 2.0, 0.1))
-    check_stable(rival("pid"), sine(0.3e-3, 2.0, 0.1))
+        check_stable_reach(rival("pid"), sine(0.49e-3, 2.0, 0.1))
+    check_stable_reach(rival("pid"), sine(0.3e-3, 2.0, 0.1))
     dead = dataclasses.replace(
         rival("pid"), frozen=tuple(dataclasses.replace(p, peak_sensitivity=np.inf) for p in rival("pid").frozen)
     )
     with pytest.raises(InputError, match="unstable in the middle"):
-        check_stable(dead, sine(0.1e-3, 2.0, 0.1))
+        check_stable_reach(dead, sine(0.1e-3, 2.0, 0.1))
 
 
 def test_the_zones_are_those_of_the_standard():
@@ -184,17 +184,17 @@ def test_the_zones_are_those_of_the_standard():
 @pytest.mark.parametrize(
     ("choice", "said"),
     [
-        (Choice("fuzzy"), "'fuzzy' is no design; choose one of lqr, robust, biased, pid"),
-        (Choice("lqr", bias=1.0), "has no bias current"),
-        (Choice("biased", overlap=1.0), "no hand-over"),
-        (Choice("pid", feedforward=False), "comes in one form"),
-        (Choice("biased", bias=50.0), "a bias of 50 A is not possible"),
-        (Choice("biased", bias=0.0), "a bias of 0 A is not possible"),
+        (DesignChoice("fuzzy"), "'fuzzy' is no design; choose one of lqr, robust, biased, pid"),
+        (DesignChoice("lqr", bias=1.0), "has no bias current"),
+        (DesignChoice("biased", overlap=1.0), "no hand-over"),
+        (DesignChoice("pid", feedforward=False), "comes in one form"),
+        (DesignChoice("biased", bias=50.0), "a bias of 50 A is not possible"),
+        (DesignChoice("biased", bias=0.0), "a bias of 0 A is not possible"),
         (
-            Choice("robust", bandwidth=150.0, peak_sensitivity=1.2),
+            DesignChoice("robust", bandwidth=150.0, peak_sensitivity=1.2),
             "no law gives the whole family a bandwidth of 150 Hz",
         ),
-        (Choice("pid", bandwidth=400.0), "out of range"),
+        (DesignChoice("pid", bandwidth=400.0), "out of range"),
     ],
 )
 def test_what_cannot_be_designed_is_said(choice, said):
@@ -219,6 +219,6 @@ def test_a_weaker_bias_reaches_less_far():
 
 
 def test_the_step_of_the_robust_design():
-    run = run_closed_loop(rival("robust"), step(0.2e-3, 0.3), plant=TruePlant(servo(), TABLE), generator=noise())
+    run = run_closed_loop(rival("robust"), step(0.2e-3, 0.3), plant=PlantUnderTest(servo(), TABLE), generator=noise())
     assert run.position.max() < 1.08 * 0.2e-3
     assert np.abs(run.position[-100:] - 0.2e-3).max() < 1e-6

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from servo_controllers import TABLE, believed, rival, servo, servo_design, sine
 
-from msl_fem.control import Examination, TruePlant, examine, replay, run_closed_loop
+from msl_fem.control import Examination, PlantUnderTest, examine_design, replay, run_closed_loop
+from msl_fem.control.examination import margins
 from msl_fem.control.linear_loop import grid
-from msl_fem.control.margins import margins
 from msl_fem.plant.effects import EffectValues
 from msl_fem.report.control_page import control_page
 from msl_fem.report.page import write_page
@@ -18,7 +18,7 @@ from msl_fem.report.page import write_page
 
 @cache
 def examined() -> Examination:
-    return examine(servo_design(), plant=believed())
+    return examine_design(servo_design(), plant=believed())
 
 
 def test_the_margins_are_those_of_python_control():
@@ -63,7 +63,7 @@ def test_a_replay_of_the_believed_plant_is_the_plant():
 
 
 def test_a_replay_tells_a_plant_that_is_not_the_believed_one():
-    other = TruePlant(servo(), TABLE, EffectValues({"gap_offset": {"offset": 18e-6}}))
+    other = PlantUnderTest(servo(), TABLE, EffectValues({"gap_offset": {"offset": 18e-6}}))
     run = run_closed_loop(servo_design(), sine(0.3e-3, 5.0, 1.0), plant=other)
     assert replay(servo_design(), run).nrmse > 0.03
 
@@ -100,7 +100,7 @@ def test_a_page_of_a_design_that_loses_a_reference_says_so(tmp_path):
     short = dataclasses.replace(
         rival("pid"), reach=(-0.1e-3, 0.1e-3)
     )  # its trials ask for what the reach does not hold
-    found = examine(short, plant=believed())
+    found = examine_design(short, plant=believed())
     assert isinstance(found.runs["sine"], str)
     html = write_page(control_page(found), tmp_path / "page.html").read_text()
     assert "No run: the reference goes from" in html

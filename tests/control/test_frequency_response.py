@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from servo_controllers import TABLE, believed, delayed, delayed_design, servo, servo_design, servo_map
 
-from msl_fem.control import TruePlant, belief_of, frequency_response, lqr_design
+from msl_fem.control import PlantUnderTest, closed_loop_response, design_model_of, lqr_design
 from msl_fem.errors import InputError
 
 FREQUENCIES = (2.0, 5.0, 11.0, 23.0, 37.0, 50.0, 61.0, 80.0, 110.0)
@@ -12,7 +12,7 @@ FREQUENCIES = (2.0, 5.0, 11.0, 23.0, 37.0, 50.0, 61.0, 80.0, 110.0)
 
 @pytest.fixture(scope="module")
 def measured():
-    return frequency_response(servo_design(), plant=believed(), frequencies=FREQUENCIES)
+    return closed_loop_response(servo_design(), plant=believed(), frequencies=FREQUENCIES)
 
 
 def test_measured_and_predicted_agree(measured):
@@ -29,7 +29,7 @@ def test_the_0_db_band_reaches_60_hz(measured):
 
 def test_the_plain_law_agrees_with_its_prediction_too():
     """Smaller agreement than with feedforward: near zero force the side that takes over lags more than its drive."""
-    found = frequency_response(servo_design(feedforward=False), plant=believed(), frequencies=(2.0, 10.0, 30.0, 90.0))
+    found = closed_loop_response(servo_design(feedforward=False), plant=believed(), frequencies=(2.0, 10.0, 30.0, 90.0))
     ratio = found.response / found.predicted
     assert np.abs(20 * np.log10(np.abs(ratio))).max() < 0.5
     assert np.abs(np.degrees(np.angle(ratio))).max() < 5.0
@@ -39,19 +39,19 @@ def test_the_plain_law_agrees_with_its_prediction_too():
 
 @pytest.mark.parametrize("delay", [0, 2])
 def test_measured_and_predicted_agree_for_other_delays(delay):
-    plant = TruePlant(delayed(delay), TABLE)
-    found = frequency_response(delayed_design(delay), plant=plant, frequencies=(10.0, 50.0, 90.0))
+    plant = PlantUnderTest(delayed(delay), TABLE)
+    found = closed_loop_response(delayed_design(delay), plant=plant, frequencies=(10.0, 50.0, 90.0))
     assert np.abs(found.response / found.predicted - 1).max() < 0.03
 
 
 def test_about_another_position():
-    found = frequency_response(servo_design(), plant=believed(), frequencies=(5.0, 40.0), position=0.3e-3)
+    found = closed_loop_response(servo_design(), plant=believed(), frequencies=(5.0, 40.0), position=0.3e-3)
     ratio = found.response / found.predicted
     assert np.abs(np.abs(ratio) - 1).max() < 0.05
 
 
 def test_the_grid_by_default_spans_the_band_and_realises_whole_periods(measured):
-    found = frequency_response(servo_design(), plant=believed())
+    found = closed_loop_response(servo_design(), plant=believed())
     assert found.frequency[0] == pytest.approx(2.0, rel=0.01)
     assert found.frequency[-1] <= 505.0
     assert (np.diff(found.frequency) > 0).all()
@@ -62,7 +62,9 @@ def test_the_grid_by_default_spans_the_band_and_realises_whole_periods(measured)
 def test_the_grid_of_a_fast_loop_ends_where_the_magnets_could_not_follow():
     """At 10 kHz a fifth of the rate is 2 kHz, where 20 um take 2.8 kN."""
     fast = servo(controller={"rate": 10e3})
-    found = frequency_response(lqr_design(belief_of(fast, TABLE, servo_map())), plant=TruePlant(fast, TABLE))
+    found = closed_loop_response(
+        lqr_design(design_model_of(fast, TABLE, servo_map())), plant=PlantUnderTest(fast, TABLE)
+    )
     force = 0.9 * (2 * np.pi * found.frequency[-1]) ** 2 * found.amplitude
     assert 100.0 < force < 250.0
     assert found.flat_band > 60.0
@@ -71,9 +73,9 @@ def test_the_grid_of_a_fast_loop_ends_where_the_magnets_could_not_follow():
 @pytest.mark.parametrize("bad", [(), (5.0, 2.0), (0.0, 5.0), (5.0, 1250.0)])
 def test_frequencies_out_of_range_are_refused(bad):
     with pytest.raises(InputError, match="half the loop rate"):
-        frequency_response(servo_design(), plant=believed(), frequencies=bad)
+        closed_loop_response(servo_design(), plant=believed(), frequencies=bad)
 
 
 def test_sines_beyond_the_reach_are_refused():
     with pytest.raises(InputError, match="beyond the"):
-        frequency_response(servo_design(), plant=believed(), frequencies=(5.0,), position=0.49e-3)
+        closed_loop_response(servo_design(), plant=believed(), frequencies=(5.0,), position=0.49e-3)

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from servo_controllers import TABLE, servo, servo_map
 
 from msl_fem.control.inverse import (
-    SideBelief,
+    SideModel,
     force_domain,
     force_limits,
     held_stiffness,
@@ -26,7 +26,7 @@ SURFACE = surface_of(TABLE)
 
 
 def inverse(*, levels: tuple[float, ...] = (1.2, 1.6), **changes: dict[str, object]):
-    return inverse_of(plant_parameters(servo(**changes)), Guard(servo_map(levels)), SideBelief(SURFACE, 0.6e-3))
+    return inverse_of(plant_parameters(servo(**changes)), Guard(servo_map(levels)), SideModel(SURFACE, 0.6e-3))
 
 
 def test_the_current_gives_the_force_back():
@@ -113,7 +113,7 @@ def test_a_table_whose_force_does_not_grow_is_refused():
     slope[10, 4] *= -1
     bad = dataclasses.replace(TABLE, nodes={**TABLE.nodes, "force_current_slope": slope})
     with pytest.raises(InputError, match="does not grow with the current"):
-        inverse_of(plant_parameters(servo()), Guard(servo_map()), SideBelief(surface_of(bad), 0.6e-3))
+        inverse_of(plant_parameters(servo()), Guard(servo_map()), SideModel(surface_of(bad), 0.6e-3))
 
 
 def test_a_map_beyond_the_table_is_refused():
@@ -122,10 +122,8 @@ def test_a_map_beyond_the_table_is_refused():
         extras={k: v[2:] for k, v in TABLE.extras.items()},
     )  # fmt: skip
     with pytest.raises(InputError, match="reach beyond the table's"):
-        inverse_of(plant_parameters(servo()), Guard(servo_map()), SideBelief(surface_of(inner), 0.6e-3))
+        inverse_of(plant_parameters(servo()), Guard(servo_map()), SideModel(surface_of(inner), 0.6e-3))
     assert (
-        inverse_of(
-            plant_parameters(servo()), Guard(operating_map(inner)), SideBelief(surface_of(inner), 0.6e-3)
-        ).magnets
+        inverse_of(plant_parameters(servo()), Guard(operating_map(inner)), SideModel(surface_of(inner), 0.6e-3)).magnets
         == 2
     )

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from msl_fem.control.believed_plant import BelievedPlant
-from msl_fem.control.kalman import FilterNoise, reduced_order_filter
+from msl_fem.control.design_model import LinearPlant
+from msl_fem.control.lqg import FilterNoise, reduced_order_filter
 from msl_fem.errors import InputError
 
-PLANT = BelievedPlant(0.9, 1.4e5, 12.0, 2 * np.pi * 1e3, 4e-4, 1)
+PLANT = LinearPlant(0.9, 1.4e5, 12.0, 2 * np.pi * 1e3, 4e-4, 1)
 NOISE = FilterNoise(position=2e-7, force=0.5, disturbance=0.2)
 FILTER = reduced_order_filter(PLANT, NOISE)
 
@@ -16,7 +16,7 @@ FILTER = reduced_order_filter(PLANT, NOISE)
 def truth(seed: int, n: int) -> tuple[np.ndarray, np.ndarray]:
     """(states (n, 5): position, velocity, force, queue, disturbance; commands (n,)) of the plant with its noises."""
     rng, model = np.random.default_rng(seed), PLANT.sampled()
-    held = BelievedPlant(0.9, 1.4e5, 12.0, np.inf, 4e-4, 0).sampled().B[:, 0]
+    held = LinearPlant(0.9, 1.4e5, 12.0, np.inf, 4e-4, 0).sampled().B[:, 0]
     x, out, commands = np.zeros(5), np.empty((n, 5)), rng.normal(0, 10, n)
     for k in range(n):
         out[k] = x
@@ -63,7 +63,7 @@ def test_normalised_innovations_are_one_on_average(run):
 def error_covariance(gain: np.ndarray) -> np.ndarray:
     """By a slower route: errors and position noise as one state, no change of variables."""
     phi, column = FILTER.prediction[:, :3], gain[:, None]
-    held = np.array([*BelievedPlant(0.9, 1.4e5, 12.0, np.inf, 4e-4, 0).sampled().B[:, 0], 0.0])
+    held = np.array([*LinearPlant(0.9, 1.4e5, 12.0, np.inf, 4e-4, 0).sampled().B[:, 0], 0.0])
     process = NOISE.force**2 * np.outer(held, held) + np.diag([0, 0, NOISE.disturbance**2])
     a = np.zeros((3, 3))
     a[:2, :2] = phi[1:, 1:] - column @ phi[:1, 1:]
@@ -88,7 +88,7 @@ def test_no_other_gain_has_less_velocity_variance():
 
 def test_it_comes_near_the_full_order_filter_and_not_below_it():
     phi = FILTER.prediction[:, :3]
-    held = np.array([*BelievedPlant(0.9, 1.4e5, 12.0, np.inf, 4e-4, 0).sampled().B[:, 0], 0.0])
+    held = np.array([*LinearPlant(0.9, 1.4e5, 12.0, np.inf, 4e-4, 0).sampled().B[:, 0], 0.0])
     process = NOISE.force**2 * np.outer(held, held) + np.diag([0, 0, NOISE.disturbance**2])
     c, r = np.array([[1.0, 0.0, 0.0]]), np.array([[NOISE.position**2]])
     before = solve_discrete_are(phi.T, c.T, process, r)

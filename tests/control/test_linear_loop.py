@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from servo_controllers import servo_design
 
-from msl_fem.control.believed_plant import BelievedPlant
-from msl_fem.control.linear_loop import AtPosition, bandwidth, flat_band, grid, sensitivity_bound
-from msl_fem.control.lqr import Weights, lqr_gains
+from msl_fem.control.design_model import AtPosition, LinearPlant
+from msl_fem.control.linear_loop import bandwidth, flat_band, grid, sensitivity_bound
+from msl_fem.control.lqg import LqrWeights, lqr_gains
 
 LAW = servo_design().law
 KAPPA = (0.0, 1e5, 4e5)
@@ -83,7 +83,7 @@ def test_no_loop_falls_below_the_bound():
     assert bound == pytest.approx(np.exp(2 * 4e-4 * 612.6), rel=1e-3)
     peaks = []
     for frequency, velocity, integral in ((300, 3, 1), (500, 2, 0.1), (700, 1, 0.01), (450, 3, 0.01), (900, 0.5, 1)):
-        gains = lqr_gains(LAW.plant, Weights(frequency, velocity, integral))
+        gains = lqr_gains(LAW.plant, LqrWeights(frequency, velocity, integral))
         peaks.append(dataclasses.replace(LAW, gains=gains).peak_sensitivity(AtPosition(4.85e5)))
     assert min(peaks) > bound
     assert np.isfinite(peaks).sum() >= 3
@@ -110,7 +110,7 @@ def test_bandwidth_and_flat_band_of_a_first_order_lag():
 
 
 def test_the_lead_of_the_gap_is_what_keeps_the_end_of_the_range_stable():
-    plant = BelievedPlant(0.9, 1.4e5, 12.0, 2 * np.pi * 1e3, 4e-4, 1)
+    plant = LinearPlant(0.9, 1.4e5, 12.0, 2 * np.pi * 1e3, 4e-4, 1)
     assert plant == LAW.plant
     measured = dataclasses.replace(LAW, gap_lead=0.0)
     assert LAW.spectral_radius(AtPosition(7e5)) < 1 < measured.spectral_radius(AtPosition(7e5))

@@ -5,16 +5,16 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from msl_fem.control.believed_plant import BelievedPlant
-from msl_fem.control.lqr import Weights, lqr_gains, riccati
+from msl_fem.control.design_model import LinearPlant
+from msl_fem.control.lqg import LqrWeights, lqr_gains, riccati
 from msl_fem.errors import ComputationError
 
-PLANT = BelievedPlant(0.9, 1.4e5, 12.0, 2 * np.pi * 1e3, 4e-4, 1)
-WEIGHTS = Weights(frequency=400.0, velocity=1.5, integral=0.8)
+PLANT = LinearPlant(0.9, 1.4e5, 12.0, 2 * np.pi * 1e3, 4e-4, 1)
+WEIGHTS = LqrWeights(frequency=400.0, velocity=1.5, integral=0.8)
 
 
-def augmented(plant: BelievedPlant) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A, B, Q, R of the plant with the sum of the errors, with the cost as `Weights` states it."""
+def augmented(plant: LinearPlant) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A, B, Q, R of the plant with the sum of the errors, with the cost as `LqrWeights` states it."""
     model = plant.sampled()
     n = model.A.shape[0]
     a, b = np.zeros((n + 1, n + 1)), np.vstack([model.B, [[0.0]]])
@@ -26,7 +26,7 @@ def augmented(plant: BelievedPlant) -> tuple[np.ndarray, np.ndarray, np.ndarray,
 @pytest.mark.parametrize("delay", [0, 1, 2])
 @pytest.mark.parametrize("lag", [2 * np.pi * 1e3, np.inf])
 def test_gains_are_those_of_python_control(delay, lag):
-    plant = BelievedPlant(0.9, 1.4e5, 12.0, lag, 4e-4, delay)
+    plant = LinearPlant(0.9, 1.4e5, 12.0, lag, 4e-4, delay)
     a, b, q, r = augmented(plant)
     expected, _, _ = control.dlqr(a, b, q / r, np.eye(1))
     found = lqr_gains(plant, WEIGHTS)
@@ -52,7 +52,7 @@ def test_any_other_gain_costs_more():
 
 
 def test_without_integral_weight_there_is_no_integral():
-    found = lqr_gains(PLANT, Weights(400.0, 1.5, 0.0))
+    found = lqr_gains(PLANT, LqrWeights(400.0, 1.5, 0.0))
     model = PLANT.sampled()
     expected, _, _ = control.dlqr(
         model.A, model.B, np.diag([1.0, (1.5 / 400.0) ** 2, 0.0, 0.0]) * (0.9 * 400.0**2) ** 2, np.eye(1)
@@ -76,4 +76,4 @@ def test_a_riccati_equation_without_stabilising_solution_has_none():
 
 def test_no_stabilising_solution_is_an_error_with_the_weights():
     with pytest.raises(ComputationError, match="frequency=nan"):
-        lqr_gains(PLANT, Weights(np.nan, 1.0, 1.0))
+        lqr_gains(PLANT, LqrWeights(np.nan, 1.0, 1.0))

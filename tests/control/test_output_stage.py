@@ -5,8 +5,7 @@ import pytest
 from servo_controllers import TABLE, believed, rest, servo_belief, servo_design
 
 from msl_fem.control import LqrOptions, lqr_design, run_closed_loop
-from msl_fem.control.inverse import force_domain, hand_over, held_stiffness, magnet_force
-from msl_fem.control.output_stage import (
+from msl_fem.control.inverse import (
     BIAS,
     DISCOURAGED,
     FORCE_LIMITED,
@@ -14,17 +13,21 @@ from msl_fem.control.output_stage import (
     INVERSE,
     PREFERRED,
     VIOLATION,
-    Stage,
-    side_currents,
+    OutputStage,
+    commanded_currents,
+    force_domain,
+    hand_over,
+    held_stiffness,
+    magnet_force,
 )
 from msl_fem.errors import InputError
 
 HELD = servo_design().parameters.inverse
 
 
-def currents(stage: Stage, force: float, *, position: float = 0.0, inverse=HELD):
+def currents(stage: OutputStage, force: float, *, position: float = 0.0, inverse=HELD):
     command = np.full(2, 7.0)
-    given, verdict = side_currents(stage, inverse, force, (position, position), command)
+    given, verdict = commanded_currents(stage, inverse, force, (position, position), command)
     return given, verdict, command
 
 
@@ -38,7 +41,7 @@ def pull_of(command: np.ndarray, position: float = 0.0) -> float:
 @pytest.mark.parametrize("position", [-0.3e-3, 0.0, 0.1e-3])
 def test_the_currents_give_the_force_with_and_without_an_overlap(overlap, position):
     for force in (-80.0, -3.0, -1e-3, 0.0, 1e-6, 0.4, 25.0):
-        given, verdict, command = currents(Stage(INVERSE, overlap, 0.0, 1.0), force, position=position)
+        given, verdict, command = currents(OutputStage(INVERSE, overlap, 0.0, 1.0), force, position=position)
         assert verdict == PREFERRED
         assert given == pytest.approx(force, abs=1e-12)
         assert pull_of(command, position) == pytest.approx(force, rel=1e-9, abs=1e-9)
@@ -60,14 +63,14 @@ def test_an_overlap_bounds_the_slope_of_the_current():
     """Without one, a force a thousand times smaller takes a current only 32 times smaller."""
     hard = [currents(HARD_HAND_OVER, f)[2][0] for f in (1e-3, 1.0)]
     assert hard[1] / hard[0] == pytest.approx(np.sqrt(1e3), rel=1e-3)
-    soft = [currents(Stage(INVERSE, 1.0, 0.0, 1.0), f)[2][0] for f in (0.0, 1e-3, 1e-2)]
+    soft = [currents(OutputStage(INVERSE, 1.0, 0.0, 1.0), f)[2][0] for f in (0.0, 1e-3, 1e-2)]
     assert (soft[2] - soft[0]) / (soft[1] - soft[0]) == pytest.approx(10.0, rel=0.01)
 
 
 def test_an_overlap_adds_the_other_sides_stiffness():
     x, force, h = 0.2e-3, 28.0, 1e-8
     pulls = hand_over(force, 4.0)
-    _, _, command = currents(Stage(INVERSE, 4.0, 0.0, 1.0), force, position=x)
+    _, _, command = currents(OutputStage(INVERSE, 4.0, 0.0, 1.0), force, position=x)
     slope = (pull_of(command, x + h) - pull_of(command, x - h)) / (2 * h)
     assert held_stiffness(HELD, force, x, overlap=4.0) == pytest.approx(slope, rel=1e-4)
     assert held_stiffness(HELD, force, x, overlap=4.0) > held_stiffness(HELD, force, x)
@@ -111,7 +114,7 @@ def test_the_verdict_is_the_worst_of_the_sides():
 
 
 def test_about_a_bias_the_difference_of_the_currents_is_the_force():
-    stage = Stage(BIAS, 0.0, 1.2, 70.0)
+    stage = OutputStage(BIAS, 0.0, 1.2, 70.0)
     given, verdict, command = currents(stage, 7.0)
     np.testing.assert_allclose(command, [1.3, 1.1])
     assert (given, verdict) == (pytest.approx(7.0), PREFERRED)
@@ -126,5 +129,5 @@ def test_about_a_bias_the_difference_of_the_currents_is_the_force():
 
 def test_parallel_coils_share_the_bias():
     belief = servo_belief(sides={"connection": "parallel"}, drive={"current_limit": 24.0, "voltage_limit": 40.0})
-    _, _, command = currents(Stage(BIAS, 0.0, 2.4, 35.0), 7.0, inverse=belief.inverse)
+    _, _, command = currents(OutputStage(BIAS, 0.0, 2.4, 35.0), 7.0, inverse=belief.inverse)
     np.testing.assert_allclose(command, [2.6, 2.2])

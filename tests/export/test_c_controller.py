@@ -10,9 +10,8 @@ from c_programs import VARIANTS, assert_same_bits, compile_c
 from servo_controllers import TABLE, delayed_design, servo, servo_design, servo_map
 
 from msl_fem.control.controller import N_PREFERRED, N_VIOLATION, controller_state, controller_step
-from msl_fem.control.design import ControllerDesign
-from msl_fem.control.output_stage import BIAS, INVERSE, Stage
-from msl_fem.control.stepper import Stepper
+from msl_fem.control.design import ControllerDesign, Stepper
+from msl_fem.control.inverse import BIAS, INVERSE, OutputStage
 from msl_fem.errors import InputError
 from msl_fem.export.c_controller import ControllerSource, controller_header, write
 from msl_fem.plant.excitation import parse_excitation, reference
@@ -95,8 +94,8 @@ def designs() -> dict[str, ControllerDesign]:
             plain, feedforward=False, shape=shape, reference_gain=np.array([1e4, -30.0, 0.4]), cubic=2e11
         ),
         "gravity, negative gain": changed(plain, constant_force=-9.0, integral_gain=-500.0, shape=shape),
-        "overlap": changed(plain, stage=Stage(INVERSE, 8.0, 0.0, 1.0)),
-        "about a bias": changed(plain, stage=Stage(BIAS, 0.0, 0.7, 75.0)),
+        "overlap": changed(plain, stage=OutputStage(INVERSE, 8.0, 0.0, 1.0)),
+        "about a bias": changed(plain, stage=OutputStage(BIAS, 0.0, 0.7, 75.0)),
         "one side": changed(plain, inverse=inverse._replace(sides=1)),
         "two surfaces": changed(plain, inverse=inverse._replace(surface_2=weaker, gap_2=6.1e-4)),
     }

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from armax_plants import CASES, Case, efficiency, fisher_information, mode_polynomial
 
-from msl_fem.identification import ArmaxOrders, OscillatorPrior, SampledRun, SearchSettings, armax, fit_armax
-from msl_fem.identification.polynomials import polynomials_of
-from msl_fem.identification.problem import Problem
-from msl_fem.identification.start import Start, excerpts
+from msl_fem.identification import ArmaxOrders, EstimationSettings, OscillatorPrior, SampledRun, armax, fit_armax
+from msl_fem.identification.likelihood import EstimationProblem
+from msl_fem.identification.prediction_error import polynomials_of
+from msl_fem.identification.search import FirstGuess, excerpts
 
 SENSOR_NOISE = replace(CASES[3], name="oversampled, white sensor noise", c=CASES[3].a)
 
@@ -65,10 +65,10 @@ def test_of_several_ends_the_lowest_is_taken():
     orders = case.orders.for_inputs(4)
     good = polynomials_of(case.theta * (1 + 1e-5), orders)
     poor = replace(good, a=np.array([1.0, -1.5, 0.6]))
-    starts = [Start("poor", poor), Start("good", good)]
-    settings = SearchSettings(max_iterations=0)
+    starts = [FirstGuess("poor", poor), FirstGuess("good", good)]
+    settings = EstimationSettings(max_iterations=0)
     for order in (starts, starts[::-1]):
-        found = armax.best_search(Problem([run.signals], orders), starts=order, settings=settings)
+        found = armax.best_search(EstimationProblem([run.signals], orders), starts=order, settings=settings)
         assert not found.convergence.converged
         assert found.convergence.start == "good"
 
@@ -193,7 +193,7 @@ def test_prior_mass_and_stiffness_win_on_a_short_noisy_record():
 
 def test_a_search_that_is_cut_short_says_so():
     run, _ = CASES[3].run(5_000, np.random.default_rng(0))
-    model = fit_armax([run], CASES[3].orders, settings=SearchSettings(max_iterations=1))
+    model = fit_armax([run], CASES[3].orders, settings=EstimationSettings(max_iterations=1))
     assert not model.convergence.converged
     assert "1 steps were taken" in model.convergence.reason
     assert any("did not converge" in note for note in model.notes)

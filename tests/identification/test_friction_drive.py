@@ -1,12 +1,18 @@
 """A drive with friction: found again from its own closed loop, and the real one near its published parameters."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from msl_fem.errors import InputError
-from msl_fem.identification.friction_drive import (
+from msl_fem.record import load_record
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "benchmarks"))
+
+from friction_drive import (  # noqa: E402
     CascadeLoop,
     FrictionDrive,
     LowPass,
@@ -15,9 +21,8 @@ from msl_fem.identification.friction_drive import (
     inverse_dynamics,
     refined,
 )
-from msl_fem.record import load_record
 
-EMPS = Path(__file__).parents[2] / "measurements" / "emps"
+EMPS = ROOT / "measurements" / "emps"
 PUBLISHED = FrictionDrive(95.1089, 203.5034, 20.3935, -3.1648)
 LOOP = CascadeLoop(160.18, 243.45, 35.15065)
 PERIOD = 1e-3

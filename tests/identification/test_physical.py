@@ -12,8 +12,8 @@ from scipy.signal import lfilter
 from msl_fem.errors import InputError
 from msl_fem.identification import (
     ArmaxOrders,
-    Believed,
     DeltaSearch,
+    KnownMass,
     OscillatorPrior,
     OscillatorTolerance,
     RationalInputs,
@@ -64,8 +64,8 @@ def test_no_spring_is_no_special_case():
 
 def test_a_believed_mass_brings_its_tolerance():
     model = fit_armax([driven(OscillatorPrior(2.0, 30.0, 8e3), 5_000, 1)], ORDERS)
-    loose = model.physical_parameters(mass=Believed(2.0, 0.01))["stiffness"]
-    exact = model.physical_parameters(mass=Believed(2.0))["stiffness"]
+    loose = model.physical_parameters(mass=KnownMass(2.0, 0.01))["stiffness"]
+    exact = model.physical_parameters(mass=KnownMass(2.0))["stiffness"]
     assert loose.standard_error**2 == pytest.approx(exact.standard_error**2 + (0.01 * exact.value) ** 2, rel=1e-3)
 
 
@@ -74,12 +74,12 @@ def test_the_held_gap_does_not_count_as_damping():
     run = magnet_run(20_000, np.random.default_rng(11))
     rational = RationalInputs((rational_term("i1^2/g1^2"), rational_term("i2^2/g2^2")), NOMINAL_GAP)
     model = identify_rational([run], ORDERS, rational=rational, search=DeltaSearch())
-    found = model.physical_parameters(mass=Believed(MASS))
+    found = model.physical_parameters(mass=KnownMass(MASS))
     assert found["damping"].value == pytest.approx(DAMPING, rel=0.01)
     assert found["stiffness"].value == pytest.approx(STIFFNESS, rel=1e-3)
     assert found["force_constant[i1^2/g1^2]"].value == pytest.approx(STRENGTH[0], rel=0.005)
     assert found["force_constant[i2^2/g2^2]"].unit == "N m^2/A^2"
-    without = replace(model, input_slopes=()).physical_parameters(mass=Believed(MASS))
+    without = replace(model, input_slopes=()).physical_parameters(mass=KnownMass(MASS))
     assert without["damping"].value < 0.92 * DAMPING
 
 

@@ -7,10 +7,20 @@ import pytest
 from armax_plants import CASES
 
 from msl_fem.identification import ArmaxOrders, regression
-from msl_fem.identification.evaluation import evaluate, evaluated, objective_gradient
-from msl_fem.identification.polynomials import Polynomials, polynomials_of, reflected
-from msl_fem.identification.prediction_error import jacobian_factors, prediction_errors
-from msl_fem.identification.problem import Belief, Problem
+from msl_fem.identification.likelihood import (
+    CoefficientPrior,
+    EstimationProblem,
+    evaluated,
+    evaluated_reflected,
+    objective_gradient,
+)
+from msl_fem.identification.prediction_error import (
+    Polynomials,
+    jacobian_factors,
+    polynomials_of,
+    prediction_errors,
+    reflected,
+)
 
 
 @pytest.fixture
@@ -26,7 +36,7 @@ def problem():
 
 def objective_at(runs, orders, vector, belief=None):
     """Minus the log of the restricted likelihood, and of the likelihood."""
-    found = evaluated(Problem(runs, orders, belief), polynomials_of(vector, orders))
+    found = evaluated(EstimationProblem(runs, orders, belief), polynomials_of(vector, orders))
     restricted = 0.5 * found.degrees_of_freedom * np.log(found.objective)
     return restricted, 0.5 * found.n_equations * np.log(found.likelihood_cost), found
 
@@ -50,9 +60,9 @@ def test_errors_satisfy_the_model_sample_by_sample(problem):
 def test_gradient_passes_a_taylor_test(problem, believed):
     """The remainder of the first-order expansion of the log restricted likelihood is of second order."""
     runs, orders, vector = problem
-    belief = Belief(3.0 * np.eye(2, vector.size), np.array([-3.5, 1.4])) if believed else None
+    belief = CoefficientPrior(3.0 * np.eye(2, vector.size), np.array([-3.5, 1.4])) if believed else None
     value, _, evaluation = objective_at(runs, orders, vector, belief)
-    gradient = objective_gradient(Problem(runs, orders, belief), evaluation)
+    gradient = objective_gradient(EstimationProblem(runs, orders, belief), evaluation)
     gradient = gradient * evaluation.degrees_of_freedom / evaluation.cost  # of the log likelihood
     direction = np.random.default_rng(1).standard_normal(vector.size)
     steps = 1e-3 * 0.5 ** np.arange(5)
@@ -121,9 +131,11 @@ def test_a_column_that_depends_on_the_others_carries_no_determinant(problem):
     runs, orders, vector = problem
     orders = replace(orders, nb=(2, 2), nk=(1, 1)).for_inputs(2)
     twins = [np.vstack([signals[:2], signals[1], signals[3]]) for signals in runs]
-    found = evaluate(Problem(twins, orders), polynomials_of(vector[[0, 1, 2, 3, 5, 6, 7, 8, 9]], orders))
+    found = evaluated_reflected(
+        EstimationProblem(twins, orders), polynomials_of(vector[[0, 1, 2, 3, 5, 6, 7, 8, 9]], orders)
+    )
     assert np.isfinite(found.objective)
-    assert np.isfinite(objective_gradient(Problem(twins, orders), found)).all()
+    assert np.isfinite(objective_gradient(EstimationProblem(twins, orders), found)).all()
 
 
 def test_mirrored_zeros_of_c_do_not_change_the_objective(problem):
@@ -152,7 +164,7 @@ def test_unstable_zeros_of_c_are_reflected_and_stable_ones_untouched(problem):
     vector[-2:] = np.poly([2.0, 0.3])[1:]
     unstable_a = np.poly([1.1, 0.5])
     vector[:2] = unstable_a[1:]
-    evaluation = evaluate(Problem(runs, orders), polynomials_of(vector, orders))
+    evaluation = evaluated_reflected(EstimationProblem(runs, orders), polynomials_of(vector, orders))
     np.testing.assert_allclose(evaluation.polynomials.c, np.poly([0.5, 0.3]), rtol=1e-12)
     np.testing.assert_allclose(evaluation.polynomials.a, unstable_a)
 

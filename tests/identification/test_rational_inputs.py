@@ -19,7 +19,7 @@ from msl_fem.identification import (
     predict,
     rational_term,
 )
-from msl_fem.identification.start import prior_starts
+from msl_fem.identification.search import prior_starts
 
 TERMS = (rational_term("i1^2/g1^2"), rational_term("i2^2/g2^2"))
 ORDERS = ArmaxOrders(2, 2, 2, 1)

@@ -35,7 +35,7 @@ def test_the_default_choice_predicts_the_held_out_run(record: Record) -> None:
     assert fits["sweep"].free_run is not None
     assert fits["sweep"].free_run > 95
     assert found.roles == ("fit", "held-out")
-    fields = found.fields()
+    fields = found.to_json()
     assert fields["fit_percent"]["noise"]["role"] == "fit"
     assert fields["parameters"]["delta"]["standard_error"] > 0
     assert fields["noise_standard_deviation"] == pytest.approx(50e-9, rel=0.3)
@@ -72,7 +72,7 @@ def test_a_record_without_a_fit_run_or_an_input_is_refused(record: Record) -> No
 def test_physical_parameters_are_those_of_the_actuator(record: Record, servo: Actuator) -> None:
     """The stiffness within a few per cent (currents' iron is not quite i^2/g^2), in JSON with an interval."""
     assert servo.motion is not None
-    found = identify(record).fields()["physical_parameters"]["stiffness"]
+    found = identify(record).to_json()["physical_parameters"]["stiffness"]
     assert found["value"] == pytest.approx(servo.motion.stiffness, rel=0.03)
     assert found["ci95"][0] < found["value"] < found["ci95"][1]
     assert found["unit"] == "N/m"
@@ -94,7 +94,7 @@ def test_orders_and_terms_are_searched_for(record: Record) -> None:
     terms = ("i1^2/g1^2", "i2^2/g2^2", "i1^2/g1", "i2^2/g2")
     found = identify(record, choice=ModelChoice("auto", terms, select_terms=True))
     assert set(found.model.input_names) >= {"i1^2/g1^2", "i2^2/g2^2"}
-    fields = found.fields()
+    fields = found.to_json()
     assert [selection["of"] for selection in fields["selection"]] == ["terms", "orders"]
     assert fields["selection"][0]["criterion"] == "bic"
     assert len(fields["selection"][1]["tried"]) > 5
@@ -104,3 +104,23 @@ def test_the_record_of_a_loop_says_so(record: Record) -> None:
     looped = replace(record, controller={"law": "pid"})
     assert any("recorded under feedback" in note for note in identify(looped).notes)
     assert not any("recorded under feedback" in note for note in identify(record).notes)
+
+
+def test_output_error_ties_the_noise_to_the_plant(record: Record, servo: Actuator) -> None:
+    """White sensor noise is what it assumes: C = A, a white residual, and the stiffness not wider than by ARMAX."""
+    assert servo.motion is not None
+    armax, tied = (identify(record, choice=ModelChoice(structure=s)) for s in ("armax", "output-error"))
+    np.testing.assert_allclose(tied.model.polynomials.c, tied.model.polynomials.a)
+    assert tied.model.rational == armax.model.rational
+    assert tied.residual_tests[0].inside_band
+    stiffness = tied.physical["stiffness"]
+    assert stiffness.value == pytest.approx(servo.motion.stiffness, rel=0.03)
+    assert stiffness.standard_error < 1.05 * armax.physical["stiffness"].standard_error
+
+
+def test_box_jenkins_has_a_noise_of_its_own(record: Record) -> None:
+    model = identify(record, choice=ModelChoice(ArmaxOrders(2, 2, 1), structure="box-jenkins", delta=False)).model
+    assert model.orders.na == 3  # F and D
+    assert model.orders.nc == 3  # F and C
+    with pytest.raises(InputError, match="the prior counts in ARMAX only"):
+        identify(record, choice=ModelChoice(structure="box-jenkins", prior=True))

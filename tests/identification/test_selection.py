@@ -8,8 +8,8 @@ from magnet_rig import NOMINAL_GAP, magnet_run
 from msl_fem.errors import InputError
 from msl_fem.identification import (
     ArmaxOrders,
-    Criterion,
     DeltaSearch,
+    InformationCriterion,
     RationalInputs,
     TermSearch,
     candidate_terms,
@@ -33,17 +33,19 @@ def test_the_walk_reaches_the_orders_from_elsewhere():
 
 
 def test_penalties_are_those_of_the_papers():
-    assert Criterion("bic").penalty(6, 1_000) == pytest.approx(6 * np.log(1_000))
-    assert Criterion("aicc").penalty(6, 1_000) == pytest.approx(2 * 6 + 2 * 6 * 7 / (1_000 - 7))
+    assert InformationCriterion("bic").penalty(6, 1_000) == pytest.approx(6 * np.log(1_000))
+    assert InformationCriterion("aicc").penalty(6, 1_000) == pytest.approx(2 * 6 + 2 * 6 * 7 / (1_000 - 7))
     with pytest.raises(InputError, match="bic or aicc"):
-        Criterion("aic")
+        InformationCriterion("aic")
 
 
 def test_the_law_of_the_magnets_is_found_among_others():
     """Of six candidate laws the true one, i^2/g^2 a side, and nothing more."""
     run = magnet_run(8_000, np.random.default_rng(11))
     texts = [f"i{s}{p}/g{s}{q}" for s in (1, 2) for p, q in (("", "^2"), ("^2", "^2"), ("^2", "^3"))]
-    search = TermSearch((), ArmaxOrders(2, 2, 2, 1), Criterion(), DeltaSearch(), None, tuple(map(rational_term, texts)))
+    search = TermSearch(
+        (), ArmaxOrders(2, 2, 2, 1), InformationCriterion(), DeltaSearch(), None, tuple(map(rational_term, texts))
+    )
     found = select_terms([run], search, rational=RationalInputs((rational_term("i1"),), NOMINAL_GAP))
     assert set(map(str, found.rational.terms)) == {"i1^2/g1^2", "i2^2/g2^2"}
     assert found.rational.delta == pytest.approx(40e-6, abs=3e-6)

@@ -17,13 +17,12 @@ from msl_fem.identification import (
     fit_percent,
     identify_rational,
     model_from_json,
-    model_to_json,
     predict,
+    prediction_residuals,
     rational_term,
-    residuals,
-    simulate,
+    simulate_armax,
 )
-from msl_fem.identification.polynomials import Polynomials
+from msl_fem.identification.prediction_error import Polynomials
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +49,7 @@ def test_linear_free_run_is_the_recursion(oversampled):
     for t in range(2, 500):
         y[t] = -a[1] * y[t - 1] - a[2] * y[t - 2]
         y[t] += sum(b[k][0] * u[k][t - 1] + b[k][1] * u[k][t - 2] for k in range(4))
-    free = simulate(model, run, initial="measured")
+    free = simulate_armax(model, run, initial="measured")
     assert free.first == 2
     np.testing.assert_allclose(free.output[:500], y, rtol=1e-9, atol=1e-12 * np.abs(y).max())
 
@@ -67,7 +66,7 @@ def test_rational_free_run_uses_its_own_position(magnet):
             x[t] = model.polynomials.offset - a[1] * x[t - 1] - a[2] * x[t - 2]
             x[t] += sum(b[k][0] * u[k, t - 1] + b[k][1] * u[k, t - 2] for k in range(2))
         u[:, t] = (i1[t] / (g - x[t])) ** 2, (i2[t] / (g + x[t])) ** 2
-    free = simulate(model, run, initial="measured")
+    free = simulate_armax(model, run, initial="measured")
     np.testing.assert_allclose(free.output[:400], x, rtol=1e-9, atol=1e-15)
 
 
@@ -81,7 +80,7 @@ def test_estimated_start_beats_noisy_samples():
         part = slice(first, first + 4_000)
         later = replace(run, output=run.output[part], inputs={k: u[part] for k, u in run.inputs.items()})
         for initial, values in fits.items():
-            values.append(fit_percent(later.output, simulate(model, later, initial=initial).output))
+            values.append(fit_percent(later.output, simulate_armax(model, later, initial=initial).output))
     assert min(fits["estimated"]) > 85.0
     assert np.mean(fits["measured"]) < 78.0, fits
 
@@ -89,7 +88,7 @@ def test_estimated_start_beats_noisy_samples():
 def test_inputs_are_left_alone(magnet):
     run, model = magnet
     before = [run.output.copy(), *(channel.copy() for channel in run.inputs.values())]
-    simulate(model, run)
+    simulate_armax(model, run)
     for old, new in zip(before, [run.output, *run.inputs.values()], strict=True):
         np.testing.assert_array_equal(old, new)
 
@@ -97,7 +96,7 @@ def test_inputs_are_left_alone(magnet):
 def test_an_unstable_free_run_says_where_it_left():
     run, _ = CASES[2].run(5_000, np.random.default_rng(0))
     model = fit_armax([run], CASES[2].orders)
-    free = simulate(model, run)
+    free = simulate_armax(model, run)
     assert 20 < free.diverged_at < 2_000
     assert "span" in free.reason
     assert np.isfinite(free.output[: free.diverged_at]).all()
@@ -112,7 +111,7 @@ def test_a_closed_gap_says_where(magnet):
     """With ten times the magnets' strength the armature is pulled onto a pole face."""
     run, model = magnet
     strong = replace(model.polynomials, b=tuple(10.0 * b for b in model.polynomials.b))
-    free = simulate(replace(model, polynomials=strong), run)
+    free = simulate_armax(replace(model, polynomials=strong), run)
     assert free.reason == "a gap closed"
     assert np.isnan(free.output[free.diverged_at :]).all()
     assert np.isfinite(free.output[: free.diverged_at]).all()
@@ -125,7 +124,7 @@ def test_prediction_is_the_recursion_with_future_errors_zero(case, horizon):
     model = fit_armax([run], case.orders)
     a, b, c = model.polynomials.a, model.polynomials.b, model.polynomials.c
     predicted = predict(model, run, horizon)
-    e, u, y = residuals(model, run), list(run.inputs.values()), run.output
+    e, u, y = prediction_residuals(model, run), list(run.inputs.values()), run.output
     assert np.isnan(predicted[: 2 + horizon - 1]).all()
     assert np.isfinite(predicted[2 + horizon - 1 :]).all()
     for origin in (50, 400):  # the last known sample; 50 lets the first errors fade
@@ -148,13 +147,13 @@ def test_fit_percent():
 def test_a_run_that_does_not_fit_the_model(oversampled):
     run, model = oversampled
     with pytest.raises(InputError, match="lacks the model's input"):
-        simulate(model, replace(run, inputs={"u1": run.inputs["u1"]}))
+        simulate_armax(model, replace(run, inputs={"u1": run.inputs["u1"]}))
     with pytest.raises(InputError, match="sampled every"):
         predict(model, replace(run, sampling_period=1e-3))
     with pytest.raises(InputError, match="horizon 0"):
         predict(model, run, 0)
     with pytest.raises(InputError, match="initial"):
-        simulate(model, run, initial="guessed")
+        simulate_armax(model, run, initial="guessed")
 
 
 def test_extra_channels_and_another_order_do_not_matter(oversampled):
@@ -165,20 +164,20 @@ def test_extra_channels_and_another_order_do_not_matter(oversampled):
 
 def test_a_model_survives_json(magnet, oversampled):
     for run, model in (magnet, oversampled):
-        document = json.loads(json.dumps(model_to_json(model), allow_nan=False))
+        document = json.loads(json.dumps(model.to_json(), allow_nan=False))
         again = model_from_json(document)
         np.testing.assert_array_equal(again.parameters, model.parameters)
         np.testing.assert_array_equal(again.covariance, model.covariance)
         assert again.convergence == model.convergence
         assert again.rational == model.rational
         assert again.orders == model.orders
-        np.testing.assert_array_equal(simulate(again, run).output, simulate(model, run).output)
+        np.testing.assert_array_equal(simulate_armax(again, run).output, simulate_armax(model, run).output)
         first = document["parameters"]["a1"]
         assert first == {"value": model.polynomials.a[1], "standard_error": model.standard_errors[0]}
 
 
 def test_a_document_that_is_no_model(oversampled):
-    document = model_to_json(oversampled[1])
+    document = oversampled[1].to_json()
     with pytest.raises(InputError, match="kind 'arx'"):
         model_from_json({**document, "kind": "arx"})
     with pytest.raises(InputError, match="'covariance'"):

@@ -15,7 +15,7 @@ from coupled_twin import changed
 from effect_sets import rig
 
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.control import belief_with_effects
+from msl_fem.control import design_model_with_effects
 from msl_fem.diagnosis.carriages import offered
 from msl_fem.diagnosis.inverse_force import ZeroPhaseLowPass, missing_force
 from msl_fem.diagnosis.static_maps import prepared_map
@@ -85,7 +85,7 @@ def at_rest(values: EffectValues) -> tuple[np.ndarray, ...]:
 
 def in_the_design(values: EffectValues) -> tuple[object, ...]:
     """What a controller believes."""
-    belief = belief_with_effects(SERVO, TABLE, operating_map(TABLE, levels=(1.2, 1.6)), values)
+    belief = design_model_with_effects(SERVO, TABLE, operating_map(TABLE, levels=(1.2, 1.6)), values)
     inverse = belief.inverse
     return (
         np.array([belief.cubic, belief.coupled.constant_force, inverse.gap_1, inverse.gap_2]),

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import butter, sosfiltfilt
 
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
-from msl_fem.identification.data import FloatArray
 
 CREEP = 1e-4  # m/s, width of the smooth step that stands for sign(velocity) in simulation
 SUBSTEPS = 10
@@ -32,7 +32,7 @@ class FrictionDrive:
     offset: float
 
     @property
-    def vector(self) -> FloatArray:
+    def vector(self) -> Array:
         """The four values in the order mass, viscous, coulomb, offset."""
         return np.array([self.mass, self.viscous, self.coulomb, self.offset])
 
@@ -45,7 +45,7 @@ class LowPass:
     equation: float = 20.0
     order: int = 4
 
-    def apply(self, signal: FloatArray, cutoff: float, sampling_period: float) -> FloatArray:
+    def apply(self, signal: Array, cutoff: float, sampling_period: float) -> Array:
         """The signal, low-passed forwards and backwards."""
         if not 0.0 < cutoff < 0.5 / sampling_period:
             raise InputError(f"low-pass at {cutoff:g} Hz: give one below half the sampling rate")
@@ -63,8 +63,8 @@ class CascadeLoop:
 
 
 def inverse_dynamics(
-    position: FloatArray, force: FloatArray, sampling_period: float, *, low_pass: LowPass | None = None
-) -> tuple[FrictionDrive, FloatArray]:
+    position: Array, force: Array, sampling_period: float, *, low_pass: LowPass | None = None
+) -> tuple[FrictionDrive, Array]:
     """Drive by least squares of the filtered equation, and one standard deviation of each parameter (4,).
 
     One row a correlation time of the filter is kept for the deviations, or filtered noise would count many times.
@@ -80,8 +80,8 @@ def inverse_dynamics(
 
 
 def filtered_equation(
-    position: FloatArray, force: FloatArray, sampling_period: float, *, low_pass: LowPass | None = None
-) -> tuple[FloatArray, FloatArray]:
+    position: Array, force: Array, sampling_period: float, *, low_pass: LowPass | None = None
+) -> tuple[Array, Array]:
     """Columns (n_rows, 4) of acceleration, velocity, its sign, one; and the force (n_rows,); all low-passed.
 
     Half a second at either end is left out. InputError if nothing remains.
@@ -102,12 +102,12 @@ def filtered_equation(
 def closed_loop(
     drive: FrictionDrive,
     loop: CascadeLoop,
-    reference: FloatArray,
+    reference: Array,
     *,
     sampling_period: float,
     start: float,
-    added: FloatArray | None = None,
-) -> tuple[FloatArray, FloatArray]:
+    added: Array | None = None,
+) -> tuple[Array, Array]:
     """Position (m) and force (N) of the loop from rest at `start`; `added` is a voltage behind the controller (V)."""
     extra = np.zeros(reference.size) if added is None else np.asarray(added, dtype=float)
     gains = np.array([loop.kp, loop.kv, loop.force_constant])
@@ -116,12 +116,12 @@ def closed_loop(
 
 
 def refined(
-    drive: FrictionDrive, loop: CascadeLoop, reference: FloatArray, position: FloatArray, *, sampling_period: float
+    drive: FrictionDrive, loop: CascadeLoop, reference: Array, position: Array, *, sampling_period: float
 ) -> FrictionDrive:
     """The drive whose simulated closed loop is nearest to the measured position: closed-loop output error."""
     scale = drive.vector
 
-    def misses(share: FloatArray) -> FloatArray:
+    def misses(share: Array) -> Array:
         simulated, _ = closed_loop(
             FrictionDrive(*(share * scale)), loop, reference, sampling_period=sampling_period, start=position[0]
         )

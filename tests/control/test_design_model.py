@@ -7,20 +7,19 @@ import pytest
 from servo_controllers import TABLE, believed, rest, servo, servo_belief, servo_design, servo_map, sine
 
 from msl_fem.control import (
-    Choice,
+    DesignChoice,
     ForceTerm,
     IdentifiedPlant,
-    TruePlant,
-    belief_of_terms,
-    belief_with_effects,
+    PlantUnderTest,
+    design_model_of_terms,
+    design_model_with_effects,
     designed,
     innovation_consistency,
     lqr_design,
     reach_of,
     run_closed_loop,
 )
-from msl_fem.control.believed_effects import left_to_feedback, plant_with_effects, surface_with_effects
-from msl_fem.control.believed_plant import believed_plant
+from msl_fem.control.design_model import left_to_feedback, linear_plant, plant_with_effects, surface_with_effects
 from msl_fem.control.inverse import magnet_force
 from msl_fem.control.rational_force import term_force
 from msl_fem.errors import InputError
@@ -38,7 +37,7 @@ KNOWN = EffectValues(
         "time_delay": {"command": 3e-4},
     }
 )
-HIDDEN = TruePlant(servo(), TABLE, KNOWN)
+HIDDEN = PlantUnderTest(servo(), TABLE, KNOWN)
 
 
 def noise() -> np.random.Generator:
@@ -61,7 +60,7 @@ def test_without_effects_the_surface_is_the_tables_own():
 
 
 def test_knowing_the_effects_brings_the_tracking_back():
-    told = lqr_design(belief_with_effects(servo(), TABLE, servo_map(), KNOWN))
+    told = lqr_design(design_model_with_effects(servo(), TABLE, servo_map(), KNOWN))
     track = sine(0.35e-3, 5.0, 1.0)
     knows, guesses = (run_closed_loop(d, track, plant=HIDDEN, generator=noise()) for d in (told, servo_design()))
     assert knows.tracking_rms < 0.002 * 0.35e-3
@@ -81,7 +80,7 @@ def test_innovations_tell_a_plant_that_is_not_the_believed_one():
 
 
 def test_lags_and_delays_go_into_the_linear_plant():
-    plain = believed_plant(servo())
+    plain = linear_plant(servo())
     slow = plant_with_effects(
         plain,
         EffectValues(
@@ -101,8 +100,8 @@ def test_lags_and_delays_go_into_the_linear_plant():
 def test_a_plant_of_one_side_has_one_film():
     film = EffectValues({"squeeze_film": {"damping": 3.0}})
     one, two = servo(sides={"count": 1}), servo()
-    assert belief_with_effects(one, TABLE, servo_map(), film).plant.damping == 12.0 + 3.0
-    assert belief_with_effects(two, TABLE, servo_map(), film).plant.damping == 12.0 + 6.0
+    assert design_model_with_effects(one, TABLE, servo_map(), film).plant.damping == 12.0 + 3.0
+    assert design_model_with_effects(two, TABLE, servo_map(), film).plant.damping == 12.0 + 6.0
 
 
 def test_what_no_design_can_use_is_named():
@@ -113,21 +112,23 @@ def test_what_no_design_can_use_is_named():
         }
     )  # fmt: skip
     assert left_to_feedback(effects) == ("sensor_drift.rate", "structural_mode.mass_share")
-    belief = belief_with_effects(servo(), TABLE, servo_map(), effects)
+    belief = design_model_with_effects(servo(), TABLE, servo_map(), effects)
     assert belief.domain()["known_but_left_to_feedback"] == ["sensor_drift.rate", "structural_mode.mass_share"]
 
 
 def test_a_believed_centring_shifts_what_each_side_is_inverted_at():
-    belief = belief_with_effects(servo(), TABLE, servo_map(), EffectValues({"gap_offset": {"centring": 2e-5}}))
+    belief = design_model_with_effects(servo(), TABLE, servo_map(), EffectValues({"gap_offset": {"centring": 2e-5}}))
     assert (belief.inverse.gap_1, belief.inverse.gap_2) == (pytest.approx(0.62e-3), pytest.approx(0.58e-3))
 
 
 def test_a_believed_force_moves_the_middle_that_is_held():
-    belief = belief_with_effects(servo(), TABLE, servo_map(), EffectValues({"force_offset": {"force": 10.0}}))
+    belief = design_model_with_effects(servo(), TABLE, servo_map(), EffectValues({"force_offset": {"force": 10.0}}))
     assert belief.holding_force(0.0) == -10.0
     run = run_closed_loop(
-        lqr_design(belief), rest(0.4), plant=TruePlant(servo(), TABLE, EffectValues({"force_offset": {"force": 10.0}}))
-    )  # fmt: skip
+        lqr_design(belief),
+        rest(0.4),
+        plant=PlantUnderTest(servo(), TABLE, EffectValues({"force_offset": {"force": 10.0}})),
+    )
     assert abs(run.position[-1]) < 0.05e-6
 
 
@@ -145,7 +146,7 @@ def test_the_surface_of_terms_is_the_terms():
         ForceTerm(1, 2, 0, 0.05),
         ForceTerm(2, 4, 3, -1e-12),
     )
-    belief = belief_of_terms(servo(), dataclasses.replace(IDENTIFIED, terms=terms), servo_map())
+    belief = design_model_of_terms(servo(), dataclasses.replace(IDENTIFIED, terms=terms), servo_map())
     for side, surface in ((1, belief.inverse.surface_1), (2, belief.inverse.surface_2)):
         for gap in (0.06e-3, 0.3e-3, 1.1e-3):
             for current in (0.3, 1.0, 5.0):
@@ -155,14 +156,14 @@ def test_the_surface_of_terms_is_the_terms():
 
 def test_the_sides_of_identified_terms_may_differ():
     uneven = (ForceTerm(1, 2, 2, CONSTANT), ForceTerm(2, 2, 2, -2 * CONSTANT))
-    inverse = belief_of_terms(servo(), dataclasses.replace(IDENTIFIED, terms=uneven), servo_map()).inverse
+    inverse = design_model_of_terms(servo(), dataclasses.replace(IDENTIFIED, terms=uneven), servo_map()).inverse
     one, two = (magnet_force(s, 1.0, 0.5e-3) for s in (inverse.surface_1, inverse.surface_2))
     assert two == pytest.approx(2 * one, rel=1e-9)
 
 
 def test_terms_for_parallel_coils_are_those_of_the_sides_current():
     parallel = servo(sides={"connection": "parallel"}, drive={"current_limit": 24.0, "voltage_limit": 40.0})
-    inverse = belief_of_terms(parallel, IDENTIFIED, servo_map()).inverse
+    inverse = design_model_of_terms(parallel, IDENTIFIED, servo_map()).inverse
     side = float(term_force(SQUARES, 1e-5, 1, np.array(1.0), np.array(0.5e-3)))
     assert 2 * magnet_force(inverse.surface_1, 0.5, 0.5e-3) == pytest.approx(side, rel=1e-6)
 
@@ -172,13 +173,13 @@ def test_the_inverse_of_terms_ends_where_their_force_stops_growing():
     bent = tuple(
         ForceTerm(t.side, p, 2, c) for t in SQUARES for p, c in ((2, t.coefficient), (4, -t.coefficient / 18.0))
     )
-    belief = belief_of_terms(servo(), dataclasses.replace(IDENTIFIED, terms=bent), servo_map())
+    belief = design_model_of_terms(servo(), dataclasses.replace(IDENTIFIED, terms=bent), servo_map())
     assert belief.domain()["magnet_current_A"][1] == pytest.approx(3.0, abs=0.05)
     assert belief.domain()["source"] == "rational terms"
 
 
 def test_the_loop_runs_on_identified_terms():
-    made = designed(belief_of_terms(servo(), IDENTIFIED, servo_map()), Choice("lqr"))
+    made = designed(design_model_of_terms(servo(), IDENTIFIED, servo_map()), DesignChoice("lqr"))
     run = run_closed_loop(made, sine(0.3e-3, 2.0, 1.0), plant=believed(), generator=noise())
     assert run.tracking_rms < 0.02 * 0.3e-3
     assert run.guard_violations == 0
@@ -194,13 +195,13 @@ def test_the_loop_runs_on_identified_terms():
 )
 def test_terms_without_an_inverse_are_refused(changes, said):
     with pytest.raises(InputError, match=said):
-        belief_of_terms(servo(), dataclasses.replace(IDENTIFIED, **changes), servo_map())
+        design_model_of_terms(servo(), dataclasses.replace(IDENTIFIED, **changes), servo_map())
 
 
 def test_the_reach_counts_the_believed_suspension():
     soft = dataclasses.replace(IDENTIFIED, stiffness=1e4)
     weak = servo(drive={"current_limit": 0.5})
-    ends = [reach_of(belief_of_terms(weak, it, servo_map()))[1] for it in (soft, IDENTIFIED)]
+    ends = [reach_of(design_model_of_terms(weak, it, servo_map()))[1] for it in (soft, IDENTIFIED)]
     assert ends[0] > ends[1]
     assert reach_of(servo_belief())[1] == 0.5e-3
 

@@ -5,17 +5,17 @@ import pytest
 from scipy.integrate import solve_ivp
 from servo_controllers import servo
 
-from msl_fem.control.believed_plant import BelievedPlant, believed_plant
+from msl_fem.control.design_model import LinearPlant, linear_plant
 from msl_fem.errors import ActuatorError, InputError
 
-PLANT = BelievedPlant(mass=0.9, stiffness=1.4e5, damping=12.0, lag=2 * np.pi * 1e3, period=4e-4, delay=1)
+PLANT = LinearPlant(mass=0.9, stiffness=1.4e5, damping=12.0, lag=2 * np.pi * 1e3, period=4e-4, delay=1)
 
 
 @pytest.mark.parametrize("delay", [0, 1, 3])
 @pytest.mark.parametrize("lag", [2 * np.pi * 1e3, np.inf])
 @pytest.mark.parametrize("magnet_stiffness", [0.0, 5e5])
 def test_samples_lie_on_the_solution_of_the_differential_equation(delay, lag, magnet_stiffness):
-    plant = BelievedPlant(0.9, 1.4e5, 12.0, lag, 4e-4, delay)
+    plant = LinearPlant(0.9, 1.4e5, 12.0, lag, 4e-4, delay)
     command = np.random.default_rng(0).normal(0, 20, 12)
 
     def rate(_t: float, y: np.ndarray, u: float) -> list[float]:
@@ -34,7 +34,7 @@ def test_samples_lie_on_the_solution_of_the_differential_equation(delay, lag, ma
 
 
 def test_the_queue_holds_the_commands_under_way():
-    model = BelievedPlant(0.9, 1.4e5, 12.0, np.inf, 4e-4, 2).sampled()
+    model = LinearPlant(0.9, 1.4e5, 12.0, np.inf, 4e-4, 2).sampled()
     assert model.states == ("position", "velocity", "queue_1", "queue_2")
     state = np.zeros(4)
     for command in (1.0, 2.0, 3.0):
@@ -44,22 +44,22 @@ def test_the_queue_holds_the_commands_under_way():
 
 def test_lead_is_delay_half_the_hold_and_the_lag():
     assert PLANT.lead == pytest.approx(4e-4 + 2e-4 + 1 / (2 * np.pi * 1e3))
-    assert BelievedPlant(1, 1, 1, np.inf, 1e-3, 0).lead == pytest.approx(5e-4)
+    assert LinearPlant(1, 1, 1, np.inf, 1e-3, 0).lead == pytest.approx(5e-4)
 
 
 def test_the_reference_actuator():
-    assert believed_plant(servo()) == PLANT
-    assert believed_plant(servo(drive={"bandwidth": None})).lag == np.inf
+    assert linear_plant(servo()) == PLANT
+    assert linear_plant(servo(drive={"bandwidth": None})).lag == np.inf
 
 
 @pytest.mark.parametrize("section", ["motion", "drive", "controller", "sides"])
 def test_a_missing_section_is_named(section):
     with pytest.raises(ActuatorError, match=rf"\[{section}\]"):
-        believed_plant(servo().model_copy(update={section: None}))
+        linear_plant(servo().model_copy(update={section: None}))
 
 
 def test_other_drives_and_slow_loops_are_refused():
     with pytest.raises(ActuatorError, match="voltage"):
-        believed_plant(servo(drive={"kind": "voltage"}))
+        linear_plant(servo(drive={"kind": "voltage"}))
     with pytest.raises(InputError, match="four samples"):
-        believed_plant(servo(controller={"rate": 200.0}))
+        linear_plant(servo(controller={"rate": 200.0}))

@@ -1,0 +1,333 @@
+"""What a controller is designed for: linear plant, magnets, guard, reach.
+
+After feedback linearization (Gutierrez and Ro, IEEE Trans. Magnetics 34(5), 1998, eqs. 15 to 18) the plant is m x'' + c
+x' + k x = f, where f follows the commanded force u through the drive's lag, f' = w (u - f), and u acts `delay` samples
+after the measurement that it answers.
+
+Effects that a controller knows go into its inverse, its linear plant and its constant force:
+
+| effect | goes into |
+| --- | --- |
+| gap_offset | the gaps at which currents are inverted |
+| early_saturation, fringing | the surface: W'(i, g) -> depth(g) W'(t i, g), as in the coupled model |
+| stiffness_nonlinearity | the cubic force is carried by the magnets at the measured position |
+| force_offset | the constant force |
+| squeeze_film | the damping, as the films of all sides make it in the middle |
+| amplifier_bandwidth, eddy_currents | the lag of the linear plant: the sum of the time constants |
+| time_delay.command | whole samples into the delay, what is left into the lag |
+
+Everything else is left to the feedback, and named.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.statespace import StateSpace
+from msl_fem.control.inverse import Inverse, SideModel, force_domain, held_stiffness, inverse_of
+from msl_fem.errors import ActuatorError, InputError
+from msl_fem.maps.guard import Guard
+from msl_fem.maps.level_currents import OperatingMap
+from msl_fem.plant.effects import CATALOGUE, EffectValues, design_change
+from msl_fem.plant.plant import PlantParameters, Surface, plant_parameters, surface_of
+from msl_fem.table.coenergy_surface import fit_coenergy_surface
+from msl_fem.table.magnetic_table import MagneticTable
+
+_N_REACH = 101
+
+
+@dataclass(frozen=True)
+class LinearPlant:
+    """A mass on a suspension, moved by a commanded force.
+
+    Attributes
+    ----------
+    mass, stiffness, damping : kg, N/m, N s/m
+    lag : bandwidth of the drive in rad/s; inf where it is ideal
+    period : s, of the loop
+    delay : samples from a measurement to the command that answers it
+    """
+
+    mass: float
+    stiffness: float
+    damping: float
+    lag: float
+    period: float
+    delay: int
+
+    @property
+    def lead(self) -> float:
+        """Time in s from a measurement to the middle of its command's action: delay, half the hold, and the lag."""
+        return (self.delay + 0.5) * self.period + 1.0 / self.lag
+
+    def sampled(self, *, magnet_stiffness: float = 0.0) -> StateSpace:
+        """Position over commanded force through a zero-order hold.
+
+        States: position, velocity, force where the drive lags, then the queue of commands, the next to act first.
+        `magnet_stiffness` in N/m is the slope dF/dx of a held current's force, which acts against the suspension.
+        """
+        return _sampled(self, magnet_stiffness)
+
+    def motion(self, magnet_stiffness: float = 0.0) -> tuple[Array, Array]:
+        """A and B of the continuous motion, states (position, velocity[, force])."""
+        k = self.stiffness - magnet_stiffness
+        c = self.damping
+        m = self.mass
+        a = np.array([[0.0, 1.0], [-k / m, -c / m]])
+        b = np.array([[0.0], [1.0 / m]])
+        if math.isinf(self.lag):
+            return a, b
+        return np.block([[a, b], [np.zeros((1, 2)), -np.eye(1) * self.lag]]), np.array([[0.0], [0.0], [self.lag]])
+
+
+@lru_cache(maxsize=256)
+def _sampled(plant: LinearPlant, magnet_stiffness: float) -> StateSpace:
+    a, b = plant.motion(magnet_stiffness)
+    moving = StateSpace(a, b, np.eye(1, a.shape[0]), np.zeros((1, 1))).sampled(plant.period)
+    names = ("position", "velocity", "force")[: a.shape[0]] + tuple(f"queue_{j + 1}" for j in range(plant.delay))
+    late = with_delay(moving, plant.delay)
+    return replace(late, states=names, inputs=("force_command",), outputs=("position",))
+
+
+def with_delay(moving: StateSpace, delay: int) -> StateSpace:
+    """A sampled motion whose input acts `delay` samples later: further states are the queue, the next to act first."""
+    n = moving.A.shape[0]
+    a = np.zeros((n + delay, n + delay))
+    b = np.zeros((n + delay, 1))
+    a[:n, :n] = moving.A
+    if delay:
+        a[:n, n : n + 1] = moving.B
+        a[n : n + delay - 1, n + 1 :] = np.eye(delay - 1)
+        b[-1] = 1.0
+    else:
+        b[:] = moving.B
+    return StateSpace(a, b, np.eye(1, n + delay), np.zeros((1, 1)), moving.sampling_period)
+
+
+def linear_plant(actuator: Actuator) -> LinearPlant:
+    """The linear plant that an actuator file describes.
+
+    Raises
+    ------
+    ActuatorError : [motion], [drive], [controller] or [sides] is missing, or the drive is no current drive
+    InputError : the loop is slower than the drive's lag or the suspension, so that no sample would see them
+    """
+    motion = actuator.motion
+    drive = actuator.drive
+    controller = actuator.controller
+    for name, section in (("motion", motion), ("drive", drive), ("controller", controller), ("sides", actuator.sides)):
+        if section is None:
+            raise ActuatorError(f"{actuator.name}: section [{name}] is missing; a controller's design needs it")
+    assert motion is not None
+    assert drive is not None
+    assert controller is not None
+    if drive.kind != "current":
+        raise ActuatorError(
+            f"{actuator.name}: drive.kind is '{drive.kind}'; feedback linearization commands currents, "
+            'use kind = "current"'
+        )
+    natural = math.sqrt(motion.stiffness / motion.moving_mass) / (2 * math.pi)
+    if natural > controller.rate / 4:
+        raise InputError(
+            f"{actuator.name}: the suspension's {natural:.4g} Hz is too fast for a loop at {controller.rate:g} Hz; "
+            "at least four samples a period are needed: raise controller.rate or lower motion.stiffness"
+        )
+    return LinearPlant(
+        mass=motion.moving_mass,
+        stiffness=motion.stiffness,
+        damping=motion.damping,
+        lag=math.inf if drive.bandwidth is None else 2 * math.pi * drive.bandwidth,
+        period=1.0 / controller.rate,
+        delay=controller.delay_samples,
+    )
+
+
+@dataclass(frozen=True)
+class AtPosition:
+    """What the magnets do near a frozen position.
+
+    Attributes
+    ----------
+    magnet_stiffness : N/m, dF/dx at held currents, against the suspension
+    cancelled : N/m, what of it the input transformation takes off again; None: all
+    gain : force that a commanded force gives, over what the design believes
+    """
+
+    magnet_stiffness: float = 0.0
+    cancelled: float | None = None
+    gain: float = 1.0
+
+    @property
+    def taken_off(self) -> float:
+        """N/m, `cancelled` as a number."""
+        return self.magnet_stiffness if self.cancelled is None else self.cancelled
+
+
+MIDDLE = AtPosition()
+"""Where no current is held."""
+
+
+@dataclass(frozen=True, eq=False)
+class DesignModel:
+    """What a controller is designed for.
+
+    Attributes
+    ----------
+    actuator : the file that is believed
+    plant : motion, drive and delay, linear and sampled
+    coupled : the numbers of the coupled model
+    inverse : from forces to currents, with the guard
+    cubic : N/m^3, of the suspension
+    source : what the input transformation comes from, in words
+    left_out : known parameters of effects that the design has no place for, left to the feedback
+    """
+
+    actuator: Actuator
+    plant: LinearPlant
+    coupled: PlantParameters
+    inverse: Inverse
+    cubic: float = 0.0
+    source: str = "table"
+    left_out: tuple[str, ...] = ()
+
+    def holding_force(self, position: float) -> float:
+        """N of the magnets that hold the mover at a position in m."""
+        return float((self.plant.stiffness + self.cubic * position**2) * position - self.coupled.constant_force)
+
+    def domain(self) -> dict[str, Any]:
+        """The JSON object of where the input transformation has an inverse."""
+        guard = self.inverse.guard
+        middle = force_domain(self.inverse, 0.0)
+        return {
+            "source": self.source,
+            "gap_m": [float(guard.gap[0]), float(guard.gap[-1])],
+            "magnet_current_A": [0.0, self.inverse.current_limit],
+            "force_in_the_middle_N": [middle.lowest, middle.highest],
+            "known_but_left_to_feedback": list(self.left_out),
+        }
+
+    def place(self, position: float, *, overlap: float = 0.0) -> AtPosition:
+        """The magnets near a position in m that they hold through the inverse; raises as `held_stiffness`."""
+        held = held_stiffness(self.inverse, self.holding_force(position), position, overlap=overlap)
+        return AtPosition(held - 3 * self.cubic * position**2)
+
+
+def design_model_of(actuator: Actuator, table: MagneticTable, operating_map: OperatingMap) -> DesignModel:
+    """The belief that the actuator is as its file, table and map say.
+
+    Raises
+    ------
+    ActuatorError : a section that a design needs is missing
+    InputError : a table and a map that do not belong together
+    """
+    plant = linear_plant(actuator)
+    coupled = plant_parameters(actuator)
+    side = SideModel(surface_of(table), coupled.nominal_gap)
+    return DesignModel(actuator, plant, coupled, inverse_of(coupled, Guard(operating_map), side))
+
+
+def reach_of(model: DesignModel) -> tuple[float, float]:
+    """Lowest and highest position in m that the magnets can hold within guard, drive, table and travel.
+
+    Raises
+    ------
+    InputError : not even the middle
+    """
+    inverse, ends = model.inverse, []
+    for sign in (-1.0, 1.0):
+        last = None
+        for x in sign * np.linspace(0, min(model.coupled.travel, inverse.gap_1, inverse.gap_2), _N_REACH):
+            domain = force_domain(inverse, float(x))
+            judged = domain.highest > 0 and (inverse.sides == 1 or domain.lowest < 0)
+            if not (judged and domain.lowest <= model.holding_force(float(x)) <= domain.highest):
+                break
+            last = float(x)
+        if last is None:
+            raise InputError(
+                "the magnets cannot hold the middle of the travel within the guard, the drive and the table; "
+                "look at the operating map at the nominal gap"
+            )
+        ends.append(last)
+    return ends[0], ends[1]
+
+
+def design_model_with_effects(
+    actuator: Actuator, table: MagneticTable, operating_map: OperatingMap, effects: EffectValues
+) -> DesignModel:
+    """The belief in an actuator with effects. The guard stays that of the map.
+
+    Raises
+    ------
+    ActuatorError : a section that a design needs is missing
+    InputError : a table and a map that do not belong together
+    """
+    coupled = plant_parameters(actuator)
+    change = design_change(effects, sides=coupled.sides)
+    coupled = coupled._replace(constant_force=coupled.constant_force + change.constant_force)
+    surface = surface_with_effects(table, effects)
+    sides = [SideModel(surface, coupled.nominal_gap + wider) for wider in (change.gap_1, change.gap_2)]
+    return DesignModel(
+        actuator,
+        plant_with_effects(linear_plant(actuator), effects, sides=coupled.sides),
+        coupled,
+        inverse_of(coupled, Guard(operating_map), *sides),
+        cubic=change.cubic,
+        source="extended model",
+        left_out=left_to_feedback(effects),
+    )
+
+
+def left_to_feedback(effects: EffectValues) -> tuple[str, ...]:
+    """The stated parameters, as effect.parameter, that are neither neutral nor used by a belief."""
+    return tuple(
+        f"{effect}.{name}"
+        for effect in effects.present
+        for name, value in effects.stated[effect].items()
+        if name in CATALOGUE[effect].amounts
+        and name not in CATALOGUE[effect].design.parameters
+        and value != CATALOGUE[effect].parameter(name).neutral
+    )
+
+
+def surface_with_effects(table: MagneticTable, effects: EffectValues) -> Surface:
+    """The surface of a magnet with early saturation and fringing: the coenergy depth(g) W'(t i, g).
+
+    Nodes at the currents i/t take the table's own values, so nothing is interpolated twice.
+    """
+    change = design_change(effects, sides=1)
+    t, growth = change.current_scale, change.growth
+    depth = (change.depth + growth * table.gap)[:, None]
+    w = table.nodes
+    nodes = {
+        "coenergy": depth * w["coenergy"],
+        "flux_linkage": t * depth * w["flux_linkage"],
+        "force": depth * w["force"] - growth * w["coenergy"],
+        "incremental_inductance": t**2 * depth * w["incremental_inductance"],
+        "force_current_slope": t * (depth * w["force_current_slope"] - growth * w["flux_linkage"]),
+        "force_gap_slope": depth * w["force_gap_slope"] + 2 * growth * w["force"],
+    }
+    made = fit_coenergy_surface(np.asarray(table.gap), np.asarray(table.current) / t, nodes)
+    return Surface(*(np.array(a, dtype=np.float64, order="C") for a in (made.gap, made.current, made.coefficients)))
+
+
+def plant_with_effects(plant: LinearPlant, effects: EffectValues, *, sides: int) -> LinearPlant:
+    """The linear plant with its lags and delay, and the air films of its sides.
+
+    A chain of lags is taken as one whose time constant is their sum: alike up to the second order in frequency.
+    """
+    change = design_change(effects, sides=sides)
+    late = change.delay / plant.period
+    whole = math.floor(late + 1e-9)
+    time = 1.0 / (plant.lag * change.bandwidth) + change.lag
+    time += max(late - whole, 0.0) * plant.period
+    return replace(
+        plant,
+        damping=plant.damping + change.damping,
+        lag=1.0 / time if time > 0 else math.inf,
+        delay=plant.delay + whole,
+    )
