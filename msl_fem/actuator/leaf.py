@@ -10,8 +10,6 @@ Sevincer, J. Mech. Design 129 (2007) 625: the coefficients 12, 6/5 and 3/5).
 import math
 from dataclasses import dataclass
 
-from scipy.optimize import brentq
-
 from msl_fem.errors import InputError, MaterialError
 from msl_fem.files.quantity import format_quantity
 
@@ -219,6 +217,8 @@ class Leaf:
         ------
         InputError : a displacement beyond a tenth of the length, where slopes are not small
         """
+        from scipy.optimize import brentq  # here, for its import takes longer than all the rest of an actuator
+
         self.check_displacement(displacement)
         if displacement == 0.0:
             return 0.0
