@@ -109,17 +109,15 @@ def command(
             section = stated(controller, **wishes)
             record = closed_loop_record(true.actuator, run, excitation=wanted[0].spec, controller=section)
             write_record(record, output)
-        fields = (
-            {"design": controller.kind} | run.to_json() | controller.to_json() | {"effects": list(true.effects.present)}
-        )
+        fields = {"design": controller.kind} | run.to_json() | controller.to_json()
+        fields |= {"effects": list(true.effects.present)}
         if report is not None:
             with progress_bar("trials") as progress:
-                found = examine_design(controller, plant=acted_on, seed=seed, progress=progress)
-            write_page(control_page(found), report)
+                trials = examine_design(controller, plant=acted_on, seed=seed, progress=progress)
+            write_page(control_page(trials), report)
             fields |= {"report": str(report)}
-    print_result(
-        fields, as_json=json, title=f"{plant.actuator.name}: {controller.kind} in closed loop on {wanted[0].spec}"
-    )
+    title = f"{plant.actuator.name}: {controller.kind} in closed loop on {wanted[0].spec}"
+    print_result(fields, as_json=json, title=title)
 
 
 def _known(file: Path) -> ExtendedModel | ArmaxModel:

@@ -33,13 +33,13 @@ def command(
     """ARMAX with rational inputs, fitted on the record's fit runs and judged on all."""
     if output is not None:
         check_target(output)
-    it = load_record(record)
-    for warning in it.warnings:
-        say(f"note: {warning}")
     if criterion not in ("bic", "aicc"):
         raise InputError(f"--criterion {criterion!r}: give bic or aicc")
     if structure not in get_args(Structure):
         raise InputError(f"--structure {structure!r}: give {', '.join(get_args(Structure))}")
+    measured = load_record(record)
+    for warning in measured.warnings:
+        say(f"note: {warning}")
     listed, automatic = _terms(terms)
     choice = ModelChoice(
         orders=_orders(orders),
@@ -49,14 +49,11 @@ def command(
         criterion="bic" if criterion == "bic" else "aicc",
         structure=cast(Structure, structure),
     )
-    found = identify(it, choice=choice)
+    identified = identify(measured, choice=choice)
     if output is not None:
-        write_json(found.model.to_json(), output)
-    print_result(
-        found.to_json(),
-        as_json=json,
-        title=f"{structure} of {record}" if structure != "armax" else f"ARMAX of {record}",
-    )
+        write_json(identified.model.to_json(), output)
+    title = f"{structure.replace('armax', 'ARMAX')} of {record}"
+    print_result(identified.to_json(), as_json=json, title=title)
 
 
 def _terms(text: str) -> tuple[tuple[str, ...], bool]:

@@ -1,8 +1,10 @@
 """What the command's options stand for."""
 
+from pathlib import Path
+
 import pytest
 
-from msl_fem.cli.identify import _orders, _terms
+from msl_fem.cli.identify import _orders, _terms, command
 from msl_fem.errors import InputError
 from msl_fem.identification import ArmaxOrders
 
@@ -31,3 +33,8 @@ def test_orders():
 def test_what_is_not_understood(read, text):
     with pytest.raises(InputError, match="auto"):
         read(text)
+
+
+def test_a_structure_that_is_none():
+    with pytest.raises(InputError, match="--structure 'arx': give armax, output-error, box-jenkins"):
+        command(Path("nowhere"), structure="arx")
