@@ -30,8 +30,8 @@ from marked_text import rewrite
 from msl_fem.control import (
     BiasOptions,
     ClosedLoopRun,
+    ControllerChoice,
     ControllerDesign,
-    DesignChoice,
     LqrOptions,
     PlantUnderTest,
     Wish,
@@ -250,7 +250,7 @@ def amplifier() -> str:
         cells = []
         for believed in (actuator, ideal):
             try:
-                made = designed(belief(believed), DesignChoice("lqr"))
+                made = designed(belief(believed), ControllerChoice("lqr"))
             except InputError:
                 cells += ["no design", "-"]
                 continue

@@ -9,7 +9,7 @@ from controller_effects import sized_effects
 
 from msl_fem.actuator import Actuator
 from msl_fem.cli.control import identified_plant
-from msl_fem.control import ControllerDesign, DesignChoice, DesignModel, design_model_of_terms, designed
+from msl_fem.control import ControllerChoice, ControllerDesign, DesignModel, design_model_of_terms, designed
 from msl_fem.errors import InputError
 from msl_fem.identification import ModelChoice, identify
 from msl_fem.plant import NamedRun, bearable_run, simulation_record
@@ -109,8 +109,8 @@ def _terms(rate: float, delay: int, drive: float) -> DesignModel:
 
 def _made(setting: Setting) -> ControllerDesign:
     if setting.terms:
-        return designed(_terms(setting.rate, setting.delay, setting.drive), DesignChoice("lqr"))
-    return designed(belief(setting.known()), DesignChoice("lqr"))
+        return designed(_terms(setting.rate, setting.delay, setting.drive), ControllerChoice("lqr"))
+    return designed(belief(setting.known()), ControllerChoice("lqr"))
 
 
 def _error(setting: Setting, track: Track, amplitude: float) -> float:
@@ -155,7 +155,7 @@ def inverses() -> str:
     ]
     identified = _terms(2500.0, 1, 1000.0)
     for name, it in (("table", belief()), ("rational terms", identified)):
-        made = designed(it, DesignChoice("lqr"))
+        made = designed(it, ControllerChoice("lqr"))
         cells = []
         for amplitude in (0.1e-3, 0.2e-3, 0.3e-3, 0.4e-3):
             found = run(made, sine(amplitude, 2.0, 1.5))

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.control import (
     ClosedLoopRun,
+    ControllerChoice,
     ControllerDesign,
-    DesignChoice,
     DesignModel,
     PlantUnderTest,
     design_model_of,
@@ -50,7 +50,7 @@ def belief(actuator: Actuator = SERVO) -> DesignModel:
 
 @cache
 def design(kind: str = "lqr", *, feedforward: bool = True) -> ControllerDesign:
-    return designed(belief(), DesignChoice(kind, feedforward=feedforward))
+    return designed(belief(), ControllerChoice(kind, feedforward=feedforward))
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from msl_fem.cli.options import Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.control import (
-    DesignChoice,
+    ControllerChoice,
     DesignModel,
     ForceTerm,
     IdentifiedPlant,
@@ -78,7 +78,7 @@ def command(
         raise InputError(f"--reference names {len(wanted)} references; give one")
     if lacking := plant.actuator.lacking("magnet", "controller"):
         raise InputError(f"{plant.actuator.name} has no {lacking}; control needs [magnet] and [controller]")
-    choice = DesignChoice(
+    choice = ControllerChoice(
         design,
         None if bandwidth is None else read_option("--bandwidth", bandwidth, "Hz"),
         peak_sensitivity,

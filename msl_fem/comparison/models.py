@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from msl_fem.actuator import Actuator, ECore
 from msl_fem.computing.arrays import Array
-from msl_fem.control.design import ControllerDesign, DesignChoice, Stepper
+from msl_fem.control.design import ControllerChoice, ControllerDesign, Stepper
 from msl_fem.control.design_model import design_model_of
 from msl_fem.control.designs import designed
 from msl_fem.errors import ComputationError, InputError
@@ -243,7 +243,7 @@ def own_loop(record: Record, table: MagneticTable | None) -> OwnLoop | None:
     return OwnLoop(design)
 
 
-def _choice(stated: Mapping[str, Any]) -> DesignChoice:
+def _choice(stated: Mapping[str, Any]) -> ControllerChoice:
     """The wishes of `[controller]`; InputError for a wrong unit."""
     wishes: dict[str, float | None] = {"bandwidth": None, "overlap": 0.0, "bias": None}
     for name, unit in (("bandwidth", "Hz"), ("overlap", "N"), ("bias", "A")):
@@ -253,7 +253,7 @@ def _choice(stated: Mapping[str, Any]) -> DesignChoice:
             except ValueError as err:
                 raise InputError(f"controller.{name}: {err}") from err
     sensitivity = stated.get("peak_sensitivity")
-    return DesignChoice(
+    return ControllerChoice(
         str(stated["design"]),
         wishes["bandwidth"],
         None if sensitivity is None else float(sensitivity),

@@ -18,7 +18,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError
 
 
-class Point(Protocol):
+class DescentPoint(Protocol):
     """Where a descent is."""
 
     @property
@@ -43,7 +43,7 @@ class QuadraticModel(Protocol):
         ...
 
 
-P = TypeVar("P", bound=Point)
+P = TypeVar("P", bound=DescentPoint)
 M = TypeVar("M", bound=QuadraticModel)
 
 

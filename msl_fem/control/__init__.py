@@ -13,7 +13,7 @@ from msl_fem.control.closed_loop import (
     closed_loop_record,
     run_closed_loop,
 )
-from msl_fem.control.design import ControllerDesign, DesignChoice, FrozenPosition, Wish, with_measured_gap
+from msl_fem.control.design import ControllerChoice, ControllerDesign, FrozenPosition, Wish, with_measured_gap
 from msl_fem.control.design_model import (
     DesignModel,
     LinearPlant,
@@ -35,8 +35,8 @@ __all__ = [
     "BiasPoint",
     "ClosedLoopRun",
     "Consistency",
+    "ControllerChoice",
     "ControllerDesign",
-    "DesignChoice",
     "DesignModel",
     "Deviation",
     "Examination",

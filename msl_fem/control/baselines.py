@@ -17,7 +17,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from msl_fem.control.design import ControllerDesign, DesignChoice, DesignKind, LinearDesign, Wish, check_wish, completed
+from msl_fem.control.design import (
+    ControllerChoice,
+    ControllerDesign,
+    DesignKind,
+    LinearDesign,
+    Wish,
+    check_wish,
+    completed,
+)
 from msl_fem.control.design_model import AtPosition, DesignModel, LinearPlant, reach_of
 from msl_fem.control.inverse import BIAS, OutputStage, believed_gap, magnet_current_limit, side_surface
 from msl_fem.control.linear_loop import LinearLaw
@@ -114,7 +122,7 @@ def biased_design(
     return completed(model, LinearDesign(BIASED, law, weights, place_at, stage, ends))
 
 
-def _biased(model: DesignModel, wish: Wish, choice: DesignChoice) -> ControllerDesign:
+def _biased(model: DesignModel, wish: Wish, choice: ControllerChoice) -> ControllerDesign:
     return biased_design(model, wish, options=BiasOptions(choice.bias, choice.feedforward))
 
 
@@ -234,7 +242,7 @@ def pid_design(model: DesignModel, wish: Wish = DEFAULT_WISH, *, overlap: float 
     )
 
 
-def _pid(model: DesignModel, wish: Wish, choice: DesignChoice) -> ControllerDesign:
+def _pid(model: DesignModel, wish: Wish, choice: ControllerChoice) -> ControllerDesign:
     return pid_design(model, wish, overlap=choice.overlap)
 
 

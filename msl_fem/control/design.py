@@ -207,7 +207,7 @@ def check_wish(wish: Wish, plant: LinearPlant) -> None:
 
 
 @dataclass(frozen=True)
-class DesignChoice:
+class ControllerChoice:
     """What a user asks for; what is None is the design's default.
 
     Attributes
@@ -235,7 +235,7 @@ class DesignKind:
     ----------
     name, summary : as a user asks for it, and what it is
     wish : its default
-    options : those of `DesignChoice` that it has, of feedforward, overlap and bias
+    options : those of `ControllerChoice` that it has, of feedforward, overlap and bias
     build : the design for a model
     """
 
@@ -243,7 +243,7 @@ class DesignKind:
     summary: str
     wish: Wish
     options: frozenset[str]
-    build: Callable[[DesignModel, Wish, DesignChoice], "ControllerDesign"]
+    build: Callable[[DesignModel, Wish, ControllerChoice], "ControllerDesign"]
 
 
 @dataclass(frozen=True, eq=False)

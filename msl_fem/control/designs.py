@@ -4,7 +4,7 @@ A further design is one file with a `DesignKind`, and its name in `DESIGNS`.
 """
 
 from msl_fem.control.baselines import BIASED, PID
-from msl_fem.control.design import ControllerDesign, DesignChoice, DesignKind, Wish
+from msl_fem.control.design import ControllerChoice, ControllerDesign, DesignKind, Wish
 from msl_fem.control.design_model import DesignModel
 from msl_fem.control.lqr_design import LQR
 from msl_fem.control.robust_design import ROBUST
@@ -13,7 +13,7 @@ from msl_fem.errors import InputError
 DESIGNS: dict[str, DesignKind] = {kind.name: kind for kind in (LQR, ROBUST, BIASED, PID)}
 
 
-def designed(model: DesignModel, choice: DesignChoice) -> ControllerDesign:
+def designed(model: DesignModel, choice: ControllerChoice) -> ControllerDesign:
     """The controller for a design model by name and wishes.
 
     Raises

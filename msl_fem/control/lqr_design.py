@@ -7,7 +7,15 @@ import numpy as np
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
-from msl_fem.control.design import ControllerDesign, DesignChoice, DesignKind, LinearDesign, Wish, check_wish, completed
+from msl_fem.control.design import (
+    ControllerChoice,
+    ControllerDesign,
+    DesignKind,
+    LinearDesign,
+    Wish,
+    check_wish,
+    completed,
+)
 from msl_fem.control.design_model import AtPosition, DesignModel, design_model_of, reach_of
 from msl_fem.control.inverse import HARD_HAND_OVER, INVERSE, OutputStage, force_domain
 from msl_fem.control.linear_loop import LinearLaw, feedback_bandwidth, grid
@@ -158,7 +166,7 @@ def lqr_design(model: DesignModel, wish: Wish = DEFAULT_WISH, *, options: LqrOpt
     )
 
 
-def _lqr(model: DesignModel, wish: Wish, choice: DesignChoice) -> ControllerDesign:
+def _lqr(model: DesignModel, wish: Wish, choice: ControllerChoice) -> ControllerDesign:
     return lqr_design(model, wish, options=LqrOptions(choice.feedforward, choice.overlap))
 
 

@@ -15,7 +15,15 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.statespace import StateSpace
-from msl_fem.control.design import ControllerDesign, DesignChoice, DesignKind, LinearDesign, Wish, check_wish, completed
+from msl_fem.control.design import (
+    ControllerChoice,
+    ControllerDesign,
+    DesignKind,
+    LinearDesign,
+    Wish,
+    check_wish,
+    completed,
+)
 from msl_fem.control.design_model import AtPosition, DesignModel, LinearPlant, with_delay
 from msl_fem.control.linear_loop import LinearLaw
 from msl_fem.control.lqg import FilterNoise, LqrGains, LqrWeights, filter_of_gain, lqr_gains
@@ -147,7 +155,7 @@ def robust_design(
     )
 
 
-def _robust(model: DesignModel, wish: Wish, choice: DesignChoice) -> ControllerDesign:
+def _robust(model: DesignModel, wish: Wish, choice: ControllerChoice) -> ControllerDesign:
     return robust_design(model, wish, options=RobustOptions(overlap=choice.overlap))
 
 

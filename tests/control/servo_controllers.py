@@ -9,8 +9,8 @@ from conftest import ROOT, closed_form_table
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.control import (
+    ControllerChoice,
     ControllerDesign,
-    DesignChoice,
     DesignModel,
     PlantUnderTest,
     design_controller,
@@ -46,7 +46,7 @@ def servo_belief(**changes: dict[str, object]) -> DesignModel:
 @cache
 def rival(kind: str) -> ControllerDesign:
     """The reference actuator's controller of another design."""
-    return designed(servo_belief(), DesignChoice(kind))
+    return designed(servo_belief(), ControllerChoice(kind))
 
 
 def plain(design: ControllerDesign) -> ControllerDesign:

@@ -7,7 +7,7 @@ import pytest
 from servo_controllers import TABLE, believed, rest, servo, servo_belief, servo_design, servo_map, sine
 
 from msl_fem.control import (
-    DesignChoice,
+    ControllerChoice,
     ForceTerm,
     IdentifiedPlant,
     PlantUnderTest,
@@ -179,7 +179,7 @@ def test_the_inverse_of_terms_ends_where_their_force_stops_growing():
 
 
 def test_the_loop_runs_on_identified_terms():
-    made = designed(design_model_of_terms(servo(), IDENTIFIED, servo_map()), DesignChoice("lqr"))
+    made = designed(design_model_of_terms(servo(), IDENTIFIED, servo_map()), ControllerChoice("lqr"))
     run = run_closed_loop(made, sine(0.3e-3, 2.0, 1.0), plant=believed(), generator=noise())
     assert run.tracking_rms < 0.02 * 0.3e-3
     assert run.guard_violations == 0

@@ -9,7 +9,7 @@ from servo_controllers import TABLE, believed, rest, rival, servo, servo_belief,
 from msl_fem.computing.statespace import StateSpace
 from msl_fem.control import (
     BiasOptions,
-    DesignChoice,
+    ControllerChoice,
     Deviation,
     PlantUnderTest,
     Wish,
@@ -184,17 +184,17 @@ def test_the_zones_are_those_of_the_standard():
 @pytest.mark.parametrize(
     ("choice", "said"),
     [
-        (DesignChoice("fuzzy"), "'fuzzy' is no design; choose one of lqr, robust, biased, pid"),
-        (DesignChoice("lqr", bias=1.0), "has no bias current"),
-        (DesignChoice("biased", overlap=1.0), "no hand-over"),
-        (DesignChoice("pid", feedforward=False), "comes in one form"),
-        (DesignChoice("biased", bias=50.0), "a bias of 50 A is not possible"),
-        (DesignChoice("biased", bias=0.0), "a bias of 0 A is not possible"),
+        (ControllerChoice("fuzzy"), "'fuzzy' is no design; choose one of lqr, robust, biased, pid"),
+        (ControllerChoice("lqr", bias=1.0), "has no bias current"),
+        (ControllerChoice("biased", overlap=1.0), "no hand-over"),
+        (ControllerChoice("pid", feedforward=False), "comes in one form"),
+        (ControllerChoice("biased", bias=50.0), "a bias of 50 A is not possible"),
+        (ControllerChoice("biased", bias=0.0), "a bias of 0 A is not possible"),
         (
-            DesignChoice("robust", bandwidth=150.0, peak_sensitivity=1.2),
+            ControllerChoice("robust", bandwidth=150.0, peak_sensitivity=1.2),
             "no law gives the whole family a bandwidth of 150 Hz",
         ),
-        (DesignChoice("pid", bandwidth=400.0), "out of range"),
+        (ControllerChoice("pid", bandwidth=400.0), "out of range"),
     ],
 )
 def test_what_cannot_be_designed_is_said(choice, said):
