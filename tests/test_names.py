@@ -20,10 +20,9 @@ STILL_DOUBLE = {
     "SearchSettings",
     "Stage",
     "Start",
+    "Variable",
     "check_points",
     "evaluate",
-    "examine",
-    "frequency_response",
     "side_gap",
     "simulate",
 }
