@@ -20,8 +20,6 @@ STILL_DOUBLE = {
     "SearchSettings",
     "Stage",
     "Start",
-    "Variable",
-    "check_points",
     "evaluate",
     "side_gap",
     "simulate",

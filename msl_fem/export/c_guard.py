@@ -22,7 +22,7 @@ def guard_header(operating_map: OperatingMap, *, name: str | None = None) -> str
     InputError : a `name` that cannot begin C names, or a map that no guard can be made of
     """
     m, guard = operating_map, Guard(operating_map)
-    current, gap = check_points(guard)
+    current, gap = guard_check_points(guard)
     check = {
         "current": current,
         "gap": gap,
@@ -46,7 +46,7 @@ def write(operating_map: OperatingMap, target: Path, *, name: str | None = None)
     return write_header(guard_header(operating_map, name=name), target)
 
 
-def check_points(guard: Guard) -> tuple[Array, Array]:
+def guard_check_points(guard: Guard) -> tuple[Array, Array]:
     """(current, gap) (n,) where an implementation goes wrong first.
 
     On the nodes, next to them, between them; on the limits and next to them; beyond the map by the last bit and by far;

@@ -20,7 +20,7 @@ def table_header(table: MagneticTable, *, name: str | None = None) -> str:
     InputError : a `name` that cannot begin C names
     """
     surface, provenance = table.surface, dict(table.provenance)
-    current, gap = check_points(table)
+    current, gap = table_check_points(table)
     content = {
         "actuator": provenance.get("actuator") or "not known",
         "digest": provenance.get("actuator_sha256") or "not known",
@@ -43,7 +43,7 @@ def write(table: MagneticTable, target: Path, *, name: str | None = None) -> tup
     return write_header(table_header(table, name=name), target)
 
 
-def check_points(table: MagneticTable) -> tuple[Array, Array]:
+def table_check_points(table: MagneticTable) -> tuple[Array, Array]:
     """(current, gap) (n,) on nodes, between them, at the edges of the rectangle, just outside, and no numbers."""
     found = []
     for nodes in (table.current, table.gap):

@@ -38,7 +38,7 @@ def read_netcdf(path: Path, *, most_values: int) -> "xr.Dataset":
         raise ValueError(str(err) or type(err).__name__) from err
 
 
-class Variable(NamedTuple):
+class NetcdfVariable(NamedTuple):
     """A variable of a NetCDF file: the names of its dimensions, its values and its attributes."""
 
     dims: tuple[str, ...]
@@ -46,7 +46,7 @@ class Variable(NamedTuple):
     attributes: dict[str, Any]
 
 
-def read_variables(path: Path, *, most_values: int) -> tuple[dict[str, Variable], dict[str, Any]]:
+def read_variables(path: Path, *, most_values: int) -> tuple[dict[str, NetcdfVariable], dict[str, Any]]:
     """The variables and the attributes of a file; raises as `read_netcdf`.
 
     A file of plain doubles, as ours are, is read by h5py alone; packed or masked values and their like by xarray, which
@@ -61,7 +61,9 @@ def read_variables(path: Path, *, most_values: int) -> tuple[dict[str, Variable]
     if content is not None:
         return content
     data = read_netcdf(path, most_values=most_values)
-    variables = {str(k): Variable(tuple(map(str, v.dims)), v.values, dict(v.attrs)) for k, v in data.variables.items()}
+    variables = {
+        str(k): NetcdfVariable(tuple(map(str, v.dims)), v.values, dict(v.attrs)) for k, v in data.variables.items()
+    }
     return variables, dict(data.attrs)
 
 
@@ -69,11 +71,11 @@ _PLAIN = {"units", "long_name"}
 _OF_NETCDF = {"_FillValue", "CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_Netcdf4Dimid", "_Netcdf4Coordinates"}
 
 
-def _plain_content(path: Path) -> tuple[dict[str, Variable], dict[str, Any]] | None:
+def _plain_content(path: Path) -> tuple[dict[str, NetcdfVariable], dict[str, Any]] | None:
     """Variables and attributes of a file of plain doubles over coordinates of their own; None of any other."""
     import h5py
 
-    variables: dict[str, Variable] = {}
+    variables: dict[str, NetcdfVariable] = {}
     with h5py.File(path, "r") as file:
         for name, item in file.items():
             if not isinstance(item, h5py.Dataset) or item.dtype != np.float64 or item.ndim == 0:
@@ -85,7 +87,7 @@ def _plain_content(path: Path) -> tuple[dict[str, Variable], dict[str, Any]] | N
             if any(len(scale) != 1 for scale in scales) or not all(isinstance(v, str) for v in attributes.values()):
                 return None
             dims = tuple(str(scale[0].name).removeprefix("/") for scale in scales)
-            variables[name] = Variable(dims, item[...], attributes)
+            variables[name] = NetcdfVariable(dims, item[...], attributes)
         given = {key: np.ravel(value) for key, value in file.attrs.items()}
     if any(value.size != 1 for value in given.values()):
         return None

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import OutOfTable, TableError
-from msl_fem.files.netcdf_file import Variable, read_variables, write_netcdf
+from msl_fem.files.netcdf_file import NetcdfVariable, read_variables, write_netcdf
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import whole_file
 from msl_fem.table.coenergy_surface import CoenergySurface, fit_coenergy_surface
@@ -201,7 +201,7 @@ def write_table(table: MagneticTable, path: str | Path) -> Path:
     return target
 
 
-def _check_units(variables: Mapping[str, Variable], attributes: Mapping[str, Any]) -> None:
+def _check_units(variables: Mapping[str, NetcdfVariable], attributes: Mapping[str, Any]) -> None:
     """TableError where a schema or a unit is stated and is not ours; a foreign table may state none."""
     if int(attributes.get("schema", SCHEMA)) != SCHEMA:
         raise TableError(f"schema {attributes['schema']} is not {SCHEMA}, the one this version reads")
@@ -213,7 +213,7 @@ def _check_units(variables: Mapping[str, Variable], attributes: Mapping[str, Any
             raise TableError(f"variable '{name}' is in '{stated}', expected '{unit}'")
 
 
-def _nodes_and_extras(variables: Mapping[str, Variable]) -> dict[str, Array]:
+def _nodes_and_extras(variables: Mapping[str, NetcdfVariable]) -> dict[str, Array]:
     """(n_gap, n_current) the variables that are a table's; TableError where one has other dimensions."""
     arrays = {}
     for name, variable in variables.items():
@@ -226,7 +226,7 @@ def _nodes_and_extras(variables: Mapping[str, Variable]) -> dict[str, Array]:
     return arrays
 
 
-def _real(name: str, variables: Mapping[str, Variable]) -> Array:
+def _real(name: str, variables: Mapping[str, NetcdfVariable]) -> Array:
     """The values; TableError where they are not there or are no real numbers."""
     if name not in variables:
         raise TableError(f"No variable named '{name}'")

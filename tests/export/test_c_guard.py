@@ -11,7 +11,7 @@ import pytest
 from c_programs import READ_AND_WRITE, VARIANTS, any_doubles, assert_same_bits, compile_c, compiler, run_pairs
 
 from msl_fem.errors import InputError
-from msl_fem.export.c_guard import check_points, guard_header, write
+from msl_fem.export.c_guard import guard_check_points, guard_header, write
 from msl_fem.export.c_text import c_number
 from msl_fem.maps import Guard, OperatingMap, operating_map
 
@@ -68,7 +68,7 @@ def hard_points(guard: Guard, n: int) -> tuple[np.ndarray, np.ndarray]:
         on_line, rng.choice([0.0, np.inf], on_line.size)
     )
     current[::10], gap[5::20] = any_doubles(rng, current[::10].size), any_doubles(rng, gap[5::20].size)
-    fixed = check_points(guard)
+    fixed = guard_check_points(guard)
     current[: fixed[0].size], gap[: fixed[1].size] = fixed
     return current, gap
 

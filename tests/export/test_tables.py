@@ -11,7 +11,7 @@ from conftest import closed_form_table
 
 from msl_fem.errors import InputError
 from msl_fem.export import table_formats
-from msl_fem.export.c_table import check_points, table_header
+from msl_fem.export.c_table import table_check_points, table_header
 from msl_fem.export.formats import FORMATS, find_format
 from msl_fem.maps import operating_map
 from msl_fem.table.coenergy_surface import evaluate_slopes
@@ -42,7 +42,7 @@ def test_c_evaluates_the_surface_as_python_does(table, tmp_path, variant):
         rng.choice(table.gap, gap[::8].size),
     )
     current[::50], gap[::60] = any_doubles(rng, current[::50].size), any_doubles(rng, gap[::60].size)
-    fixed = check_points(table)
+    fixed = table_check_points(table)
     current[: fixed[0].size], gap[: fixed[1].size] = fixed
     found, wanted = run_pairs(program, current, gap, 12), table.surface(current, gap).T
     assert 0.02 < np.isnan(wanted[:, 0]).mean() < 0.1
