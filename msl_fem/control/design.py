@@ -16,6 +16,7 @@ from msl_fem.control.linear_loop import LinearLaw, feedback_bandwidth, flat_band
 from msl_fem.control.linear_loop import bandwidth as _bandwidth
 from msl_fem.control.lqg import LqrWeights
 from msl_fem.errors import InputError
+from msl_fem.files.numbers import json_value
 
 _ZONE_ENDS = (3.0, 4.0, 5.0)
 _N_FROZEN = 21
@@ -114,12 +115,12 @@ class ControllerDesign:
     def to_json(self) -> dict[str, Any]:
         """The JSON object: what was got and the reach."""
         return {
-            "bandwidth_Hz": _number(self.bandwidth),
-            "feedback_bandwidth_Hz": _number(self.feedback_bandwidth),
+            "bandwidth_Hz": json_value(self.bandwidth),
+            "feedback_bandwidth_Hz": json_value(self.feedback_bandwidth),
             "flat_band_Hz": self.flat_band,
-            "peak_sensitivity": _number(self.peak_sensitivity),
+            "peak_sensitivity": json_value(self.peak_sensitivity),
             "reach_m": list(self.reach),
-            "stable_reach_m": [_number(x) for x in self.stable_reach],
+            "stable_reach_m": [json_value(x) for x in self.stable_reach],
             "iso_14839_3_zone_reach_m": self.zone_reach,
             "inverse_domain": dict(self.domain),
         }
@@ -132,7 +133,7 @@ class ControllerDesign:
             "frozen": [
                 {
                     "position_m": p.position,
-                    "peak_sensitivity": _number(p.peak_sensitivity),
+                    "peak_sensitivity": json_value(p.peak_sensitivity),
                     "lower_bound": p.bound,
                     "iso_14839_3_zone": p.zone,
                 }
@@ -154,11 +155,6 @@ class ControllerDesign:
                 "delay_samples": self.law.plant.delay,
             },
         }
-
-
-def _number(value: float) -> float | None:
-    """For JSON, which has no nan or infinity."""
-    return value if math.isfinite(value) else None
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
+from msl_fem.files.numbers import json_value
 from msl_fem.files.schema import small_text
 from msl_fem.files.whole_file import whole_file
 from msl_fem.maps.level_currents import OperatingMap, parse_criterion
@@ -29,14 +30,14 @@ def map_to_json(operating_map: OperatingMap) -> dict[str, Any]:
         "schema": SCHEMA,
         "levels_T": m.levels.tolist(),
         "gap_m": m.gap.tolist(),
-        "current_A": _rows(m.current),
+        "current_A": json_value(m.current),
         "criterion": m.criterion,
         "criterion_meaning": criterion.meaning,
         "corner_radius_m": None if math.isnan(criterion.radius) else criterion.radius,
         "section": [list(row) for row in m.section],
-        "current_error_A": _rows(m.error),
-        **{name: _rows(getattr(m, field)) for name, field in _OPTIONAL.items()},
-        "guard_allowance_A": _rows(m.allowance),
+        "current_error_A": json_value(m.error),
+        **{name: json_value(getattr(m, field)) for name, field in _OPTIONAL.items()},
+        "guard_allowance_A": json_value(m.allowance),
         "current_max_A": m.current_max,
         "rests_on_tail": [list(row) for row in m.on_tail],
         "not_reached": list(m.not_reached()),
@@ -46,12 +47,6 @@ def map_to_json(operating_map: OperatingMap) -> dict[str, Any]:
         "provenance": None if m.provenance is None else dict(m.provenance),
     }
     return content | ({} if m.decoupling is None else {"decoupling": dict(m.decoupling)})
-
-
-def _rows(values: Array | None) -> list[list[float | None]] | None:
-    if values is None:
-        return None
-    return [[value if math.isfinite(value) else None for value in row] for row in values.tolist()]
 
 
 def write_map(operating_map: OperatingMap, path: str | Path) -> Path:
