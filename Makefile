@@ -9,10 +9,10 @@ WORKERS ?= 2
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-SHORT := tests/test_package.py tests/test_actuator.py tests/test_quantity.py tests/test_table.py tests/test_material.py \
-  tests/test_mesh.py tests/test_magnet_field.py tests/test_sweep.py tests/test_toml_text.py tests/cli/test_commands.py \
-  tests/coupled_model/test_kernel.py tests/record tests/operating_map/test_operating_map.py tests/export \
-  tests/control/test_design.py tests/identification/test_armax_fit.py tests/report/test_page.py tests/robustness
+SHORT := tests/test_architecture.py tests/test_package.py tests/test_names.py tests/actuator/test_actuator.py tests/files tests/table \
+  tests/materials tests/magnetics/test_mesh.py tests/magnetics/test_magnet_field.py tests/magnetics/test_sweep.py \
+  tests/cli/test_commands.py tests/computing tests/plant/test_kernel.py tests/record tests/maps/test_operating_map.py \
+  tests/export tests/control/test_design.py tests/identification/test_armax_fit.py tests/report/test_page.py tests/robustness
 
 .PHONY: study test short coverage newest bench lint docs clean diagnosis-study
 .DELETE_ON_ERROR:
