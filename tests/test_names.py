@@ -11,20 +11,6 @@ ONE_MEANING = {
     "operating_map": "the verb of the package, which hands over to the function of maps",
 }
 """Names that several modules define, each in the one sense that stands here."""
-STILL_DOUBLE = {
-    "Belief",
-    "Criterion",
-    "FreeRun",
-    "QuadraticModel",
-    "SearchResult",
-    "SearchSettings",
-    "Stage",
-    "Start",
-    "evaluate",
-    "side_gap",
-    "simulate",
-}
-"""Names that still mean two things; none may be added."""
 
 
 def names_of(text: str) -> set[str]:
@@ -44,7 +30,7 @@ def names_in_two_modules(package: Path) -> dict[str, list[str]]:
 
 def test_no_name_stands_for_two_things() -> None:
     shared = names_in_two_modules(PACKAGE)
-    unknown = {name: paths for name, paths in shared.items() if name not in ONE_MEANING and name not in STILL_DOUBLE}
+    unknown = {name: paths for name, paths in shared.items() if name not in ONE_MEANING}
     assert not unknown, "rename one of each: the noun that says which"
 
 

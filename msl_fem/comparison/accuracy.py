@@ -65,6 +65,7 @@ class Spread:
     count: NDArray[np.intp]
 
     def to_json(self) -> dict[str, Any]:
+        """An entry of `over`."""
         return {"edges": self.edges, "rms": self.rms, "mean": self.mean, "count": self.count}
 
 
@@ -110,6 +111,7 @@ class Bands:
             return self.residual / self.measured
 
     def to_json(self) -> dict[str, Any]:
+        """An entry of `bands`."""
         return {"edges_Hz": self.edges, "measured": self.measured, "residual": self.residual, "nrmse": self.nrmse}
 
 
@@ -279,6 +281,7 @@ class LocatedResidual:
     bands: Bands
 
     def to_json(self) -> dict[str, Any]:
+        """An entry of `residuals`."""
         return {
             "name": self.accuracy.model,
             "run": self.accuracy.run,

@@ -49,6 +49,10 @@ from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable
 
 
+def _untold(text: str) -> None:
+    """No progress is told."""
+
+
 @dataclass(frozen=True, eq=False)
 class DiagnosisSettings:
     """What a diagnosis takes beside the record: the table of its magnets, the rule, threads, a progress report."""
@@ -56,7 +60,7 @@ class DiagnosisSettings:
     table: MagneticTable | None = None
     rule: Rule = field(default_factory=Rule)
     threads: int = 1
-    progress: Callable[[str], None] = lambda text: None
+    progress: Callable[[str], None] = _untold
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from msl_fem.identification.gap_offset import DeltaSearch, identify_rational
 from msl_fem.identification.likelihood import InformationCriterion
 from msl_fem.identification.model import (
     ArmaxFreeRun,
+    Convergence,
     FitFigures,
     fit_figures,
     fit_percent,
