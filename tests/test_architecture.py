@@ -147,3 +147,29 @@ def test_the_model_half_needs_no_finite_elements() -> None:
                 reached.add(imported)
                 todo.append(imported)
     assert not [name for name in reached if within(name, ["msl_fem.magnetics"])]
+
+
+STATION = re.compile(r"`((?:[a-z_0-9]+/)*[a-z_0-9]+\.py):([A-Za-z_]\w*)`")
+
+
+@pytest.mark.parametrize(("path", "name"), sorted(set(STATION.findall(DOCUMENT.read_text()))))
+def test_every_station_that_the_document_names_is_there(path: str, name: str) -> None:
+    tree = ast.parse((PACKAGE / path).read_text())
+    assert name in {n.name for n in ast.walk(tree) if isinstance(n, ast.FunctionDef | ast.ClassDef)}
+
+
+def test_a_walk_has_at_most_ten_stations() -> None:
+    walks = DOCUMENT.read_text().split("\n## Walks\n")[1].split("\n## ")[0].split("\n**")[1:]
+    assert len(walks) >= 4
+    assert all(1 <= len(re.findall(r"^\d+\. ", walk, flags=re.MULTILINE)) <= 10 for walk in walks)
+
+
+def test_the_picture_shows_every_room() -> None:
+    picture = (DOCUMENT.parent / "pictures" / "architecture.svg").read_text()
+    shown = {word for text in re.findall(r">([^<>]+)</text>", picture) for word in text.split(", ")}
+    assert {room.rsplit(".", 1)[-1] for room in ORDER} <= shown
+
+
+def test_the_house_has_few_rooms() -> None:
+    """At most 24 entries beside data: a new idea is a file of a room, not a room."""
+    assert len({path.relative_to(PACKAGE).parts[0] for path in PACKAGE.rglob("*.py")}) <= 24

@@ -1,11 +1,11 @@
 """Operating points: where the mover rests at constant currents, the linear model there, how far it is stable."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
@@ -116,12 +116,12 @@ def equilibria(actuator: Actuator, table: MagneticTable | None, *, currents: Cur
 
     x = np.linspace(low, high, _POINTS)
     slope = net_force(plant, table, currents=currents, position=x)[1]
-    turns = [brentq(stiffness, x[n], x[n + 1]) for n in np.flatnonzero(slope[:-1] * slope[1:] < 0)]
+    turns = [_root(stiffness, x[n], x[n + 1]) for n in np.flatnonzero(slope[:-1] * slope[1:] < 0)]
     x = np.sort(np.r_[x, turns])
     f = net_force(plant, table, currents=currents, position=x)[0]
     if np.abs(f).max() <= _rounding(plant, table):
         raise InputError(f"{actuator.name}: no force acts at these currents, every position is an equilibrium")
-    roots = [brentq(force, x[n], x[n + 1], xtol=1e-15) for n in np.flatnonzero(f[:-1] * f[1:] < 0)]
+    roots = [_root(force, x[n], x[n + 1], xtol=1e-15) for n in np.flatnonzero(f[:-1] * f[1:] < 0)]
     roots = sorted([*roots, *x[f == 0]])
     apart = [r for n, r in enumerate(roots) if n == 0 or r - roots[n - 1] > 1e-9 * (high - low)]
     return tuple(Equilibrium(currents, float(r), stiffness(r)) for r in apart)
@@ -306,7 +306,14 @@ def stability_limit(actuator: Actuator, table: MagneticTable) -> float:
     current = np.linspace(0.0, largest, _CURRENTS_TRIED)
     values = np.array([stiffness(i) for i in current])
     below = np.flatnonzero(values <= 0)
-    return float(brentq(stiffness, current[below[0] - 1], current[below[0]])) if below.size else math.inf
+    return _root(stiffness, current[below[0] - 1], current[below[0]]) if below.size else math.inf
+
+
+def _root(function: Callable[[float], float], low: float, high: float, **accuracy: float) -> float:
+    """Where a function that changes its sign between two points is zero (Brent 1973)."""
+    from scipy.optimize import brentq  # here, for its import takes longer than all the rest of a plant
+
+    return float(brentq(function, low, high, **accuracy))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
@@ -209,6 +208,8 @@ def write_columns(path: Path, columns: Mapping[str, Column]) -> None:
     float64 as it is. The unit attribute of NetCDF is the name's last part.
     """
     if path.suffix == ".nc":
+        import xarray as xr  # here, for its import takes longer than all the rest of a record
+
         dataset = xr.Dataset({name: ("time", values) for name, values in columns.items()})
         for name in columns:
             dataset[name].attrs["units"] = name.rpartition("_")[2]

@@ -78,6 +78,13 @@ def test_a_judgement_loads_nothing_heavy(tmp_path: Path) -> None:
     assert not loaded(*words) & (HEAVY | {"h5py", "h5netcdf"})
 
 
+def test_the_model_half_loads_nothing_heavy() -> None:
+    """A control engineer who imports `msl_fem.control` waits for none of them."""
+    code = "import sys, msl_fem.control; print(*{name.partition('.')[0] for name in sys.modules})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not set(done.stdout.split()) & HEAVY
+
+
 def test_few_points_by_python_are_those_of_the_machine_code(table: MagneticTable) -> None:
     """To the last bit, inside, on the edges, outside and for what is not a number."""
     surface, guard = table.surface, Guard(operating_map(table)).arrays
