@@ -6,15 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import BPoly, CubicSpline, PchipInterpolator, PPoly
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import MaterialError
 from msl_fem.files.schema import small_text
 from msl_fem.materials.constants import MU_0
+
+if TYPE_CHECKING:  # imported where curves are made: it takes longer than all the rest of a control engineer's import
+    from scipy.interpolate import BPoly, PPoly
 
 LIBRARY = Path(__file__).parent
 MIN_POINTS = 5
@@ -51,7 +54,9 @@ class Iron:
         return float(self.flux_density[-1])
 
     @cached_property
-    def _curve(self) -> PPoly:
+    def _curve(self) -> "PPoly":
+        from scipy.interpolate import CubicSpline, PPoly
+
         b, h = self.flux_density, self.field_strength
         spline = CubicSpline(b, h, bc_type=((2, 0.0), "not-a-knot"))
         slope = spline.derivative()
@@ -62,7 +67,7 @@ class Iron:
         return PPoly.from_bernstein_basis(_monotone(b, h))
 
     @cached_property
-    def _energy(self) -> PPoly:
+    def _energy(self) -> "PPoly":
         return self._curve.antiderivative()
 
     @cached_property
@@ -114,12 +119,14 @@ def _flux_density_in_sheets(iron: "Iron | AnalyticIron", b: Array) -> Array:
     return b if s == 1.0 else (b - (1 - s) * MU_0 * iron.magnetise(b)[0]) / s
 
 
-def _monotone(b: Array, h: Array) -> BPoly:
+def _monotone(b: Array, h: Array) -> "BPoly":
     """The cubic on which H and B/mu_0 - H are both monotone, so that 0 <= dH/dB <= 1/mu_0.
 
     A cubic is monotone where both its slopes are at most three times the secant's (Fritsch and Carlson 1980). The slope
     at B = 0 is that of the odd curve, and none vanishes: an iron of infinite permeability has no field solution.
     """
+    from scipy.interpolate import BPoly, PchipInterpolator
+
     secant = np.diff(h) / np.diff(b)
     slack = np.maximum(1 / MU_0 - secant, 0.0)
     least = 1 / MU_0 - 3 * np.minimum(np.r_[slack, slack[-1]], np.r_[slack[0], slack])
@@ -277,8 +284,10 @@ def e1_iron() -> AnalyticIron:
     return AnalyticIron(name="analytic:e1", law=law, energy_law=energy_law, source="verification problem E1")
 
 
-def _quintic(x: Array, value: Array, slope: Array, bend: Array) -> PPoly:
+def _quintic(x: Array, value: Array, slope: Array, bend: Array) -> "PPoly":
     """The piecewise quintic with these values and first and second derivatives at x (Hermite)."""
+    from scipy.interpolate import PPoly
+
     h = np.diff(x)
     off = (np.diff(value) - slope[:-1] * h - bend[:-1] * h**2 / 2) / h**3
     off_slope = (np.diff(slope) - bend[:-1] * h) / h**2
