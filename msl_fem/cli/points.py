@@ -9,8 +9,6 @@ import typer
 from msl_fem.cli.options import Current, Gap, Json, read_option
 from msl_fem.cli.output import print_columns, print_result
 from msl_fem.errors import InputError
-from msl_fem.maps import REGIONS, Guard, read_map
-from msl_fem.table.magnetic_table import read_table
 
 
 def lookup(
@@ -20,6 +18,8 @@ def lookup(
     json: Json = False,
 ) -> None:
     """Force, flux linkage and inductance from a table; outside it is an error."""
+    from msl_fem.table.magnetic_table import read_table  # not for a guard, which reads no NetCDF
+
     values = read_table(table).evaluate(read_option("--current", current, "A"), read_option("--gap", gap, "m"))
     fields = {
         "force_N": float(values["force"]),
@@ -45,6 +45,8 @@ def guard(
 
     Several commands at once: give --current and --gap as often, or one of them once for all of the other.
     """
+    from msl_fem.maps import Guard, read_map  # not for a look-up
+
     judge = Guard(read_map(map_file)).judge
     pairs = _pairs([_number("--current", c, "A") for c in current], [_number("--gap", g, "m") for g in gap])
     judged = [judge(i, g).to_json() for i, g in pairs]
@@ -66,6 +68,8 @@ def guard(
 
 
 def _counts(judged: list[dict[str, Any]]) -> dict[str, int]:
+    from msl_fem.maps import REGIONS
+
     return {name: sum(found["region"] == name for found in judged) for name in REGIONS}
 
 
