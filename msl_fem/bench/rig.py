@@ -149,7 +149,7 @@ class Truth:
     magnetic_scale: float = 1.0
     table: Array | None = None
 
-    def report(self, actuator: Actuator) -> dict[str, Any]:
+    def to_json(self, actuator: Actuator) -> dict[str, Any]:
         """The true values in SI units, and how far each lies from the believed one."""
         ratios = {name: value for name, value in asdict(self).items() if name != "table"}
         believed: dict[str, float] = {"position_gain": 1.0, "magnetic_scale": 1.0}

@@ -334,8 +334,8 @@ def _answer(
 ) -> dict[str, Any]:
     """What was hidden; `changes_together` are the record's changes by all effects at once."""
     return {
-        "effects": [item.report() for item in hidden],
-        "true_parameters": setting.truth.report(setting.actuator),
+        "effects": [item.to_json() for item in hidden],
+        "true_parameters": setting.truth.to_json(setting.actuator),
         "seed": setting.seed,
         "drive": setting.drive,
         "excitations": [excitation.spec for excitation in excitations],

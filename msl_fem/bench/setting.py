@@ -169,7 +169,7 @@ class EffectAtSize:
     channels: dict[str, float]
     parameters: dict[str, float]
 
-    def report(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """What the answer file says of it."""
         return {
             "effect": self.effect.name,

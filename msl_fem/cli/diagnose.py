@@ -57,7 +57,7 @@ def _diagnose(record: Record, output: Path | None, *, table: Path | None, json: 
     magnet_table = table_for(record.actuator, table)
     with tried_line() as tell:
         found = diagnose(record, DiagnosisSettings(table=magnet_table, threads=os.cpu_count() or 1, progress=tell))
-    fields = found.fields()
+    fields = found.to_json()
     if output is not None:
         write_diagnosis(record, found, output, table=magnet_table)
         fields |= {"files": [str(output / name) for name in FILES if (output / name).is_file()]}

@@ -109,8 +109,8 @@ def command(
     iron = None if operation is None else _iron(it, table, operation, thickness)
     notes += iron.notes if iron else ("direct current, which has no iron loss; --frequency makes it a sine",)
     fields: dict[str, Any] = {"current_rms_A": rms, "frequency_Hz": operation.frequency if operation else None}
-    fields |= {**copper_fields(copper), **iron_fields(iron), "wire": wire_fields(choice, it, warmth)}
-    fields["thermal"] = thermal_fields_of(it, limit, rms, iron=iron, notes=notes)
+    fields |= {**copper_to_json(copper), **iron_to_json(iron), "wire": wire_to_json(choice, it, warmth)}
+    fields["thermal"] = thermal_limit_to_json(it, limit, rms, iron=iron, notes=notes)
     for note in notes:
         say(f"note: {note}")
     if json:
@@ -223,7 +223,7 @@ def chosen_wire(actuator: Actuator, options: WireOptions, notes: list[str]) -> W
     return choice
 
 
-def wire_fields(choice: WireChoice | None, actuator: Actuator, temperature: float) -> dict[str, Any] | None:
+def wire_to_json(choice: WireChoice | None, actuator: Actuator, temperature: float) -> dict[str, Any] | None:
     """The wire, its layers, fill factor and resistance by two routes, and from where alternating current matters."""
     if choice is None:
         return None
@@ -251,7 +251,7 @@ def wire_fields(choice: WireChoice | None, actuator: Actuator, temperature: floa
     }
 
 
-def copper_fields(copper: CopperLoss) -> dict[str, Any]:
+def copper_to_json(copper: CopperLoss) -> dict[str, Any]:
     """Resistance and copper loss at the winding's temperature."""
     return {
         "temperature_K": copper.temperature,
@@ -261,7 +261,7 @@ def copper_fields(copper: CopperLoss) -> dict[str, Any]:
     }
 
 
-def iron_fields(iron: IronLoss | None) -> dict[str, Any]:
+def iron_to_json(iron: IronLoss | None) -> dict[str, Any]:
     """The iron loss of all sections and of the core, and each section's terms; none with direct current."""
     if iron is None:
         return {"iron_loss_W": 0.0, "core_iron_loss_W": 0.0, "sections": []}
@@ -284,7 +284,7 @@ def iron_fields(iron: IronLoss | None) -> dict[str, Any]:
     return {"iron_loss_W": iron.loss, "core_iron_loss_W": iron.core_loss, "sections": sections}
 
 
-def thermal_fields_of(
+def thermal_limit_to_json(
     actuator: Actuator, limit: ThermalLimit, current_rms: float, *, iron: IronLoss | None, notes: list[str]
 ) -> dict[str, Any] | None:
     """The currents that the winding bears, and how warm it gets with this one for ever; null where not known."""

@@ -99,7 +99,7 @@ def command(
         settings = _settings(options, checked_accuracy(accuracy), output)
         table = _default_table(actuator, settings) if request.frequency is not None else None
         made = _from_fields(actuator, wanted, criterion, options, settings)
-    thermal = thermal_fields(source, made.gap, request, table=table)
+    thermal = thermal_to_json(source, made.gap, request, table=table)
     if output is not None:
         write_json(map_to_json(made) | thermal, output)
         RowCache(_cache(output)).clear()
@@ -216,7 +216,7 @@ def thermal_request(texts: ThermalTexts) -> ThermalRequest:
     return ThermalRequest(thermal_limit(texts), frequency)
 
 
-def thermal_fields(
+def thermal_to_json(
     source: Path, gap: ArrayLike, request: ThermalRequest, *, table: MagneticTable | None
 ) -> dict[str, Any]:
     """The map's fields `continuous_current_A` and `duty_current_A`, a value a gap, and `thermal`; none for a table.

@@ -33,7 +33,7 @@ def flexure(
         write_page(flexure_page(it, report), output)
     for note in report.notes:
         say(f"note: {note}")
-    fields = flexure_fields(report) | ({"report": str(output)} if output else {})
+    fields = flexure_to_json(report) | ({"report": str(output)} if output else {})
     if json:
         print_result(fields, as_json=True, title="")
         return
@@ -47,7 +47,7 @@ def flexure(
         print_columns(columns, title=f"the mover's modes, the same leaves in {found['sets']} set(s)")
 
 
-def flexure_fields(report: SuspensionReport) -> dict[str, Any]:
+def flexure_to_json(report: SuspensionReport) -> dict[str, Any]:
     """The fields of the JSON."""
     leaf, full = report.flexure.leaf, report.full_range
     fields: dict[str, Any] = {

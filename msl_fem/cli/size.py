@@ -74,7 +74,7 @@ def command(
     _say_warm(choice, wanted)
     if found.failed:
         say(f"note: {found.failed} designs had no field solution and were left out")
-    result = size_fields(choice, found, wanted) | {
+    result = sizing_to_json(choice, found, wanted) | {
         "geometry": str(target), "picture": str(drawn), "storage": storage, "rule": RULE,
     }  # fmt: skip
     if json:
@@ -102,7 +102,7 @@ def _check_files(requirement: Path, target: Path, drawn: Path) -> None:
             raise InputError(f"{path} is the requirement itself; give another output with -o")
 
 
-def size_fields(choice: DesignChoice, found: SearchResult, requirement: Requirement) -> dict[str, Any]:
+def sizing_to_json(choice: DesignChoice, found: SearchResult, requirement: Requirement) -> dict[str, Any]:
     """The JSON fields of `size` that do not name files."""
     best = figures(choice.evaluation)
     fields: dict[str, Any] = {name: best[name] for name in ("force_N", "mass_kg", "loss_W")}
@@ -110,7 +110,7 @@ def size_fields(choice: DesignChoice, found: SearchResult, requirement: Requirem
     fields |= {
         "gap_m": requirement.force.gap,
         "objectives": list(requirement.objectives),
-        "constraints": [c.fields() for c in choice.evaluation.constraints],
+        "constraints": [c.to_json() for c in choice.evaluation.constraints],
         "trial": choice.trial.number,
         "trials": len(found.trials) + found.failed,
         "trials_reused": found.reused,

@@ -57,7 +57,7 @@ def command(
         position, currents = _position(metres, gap_2, tilt), (amperes, _current_2(current_2))
         found = solve_two_sided(it, currents, position, accuracy=level)
         _say_notes(found.notes)
-        print_result(two_sided_fields(found), as_json=json, title=f"{it.name}: both magnets")
+        print_result(two_sided_to_json(found), as_json=json, title=f"{it.name}: both magnets")
         return
     if from_mesh:
         result = solve_mesh_magnet(it, amperes, metres, accuracy=level)
@@ -74,7 +74,7 @@ def command(
             if reason:
                 say(f"note: {reason}")
     _say_notes(result.notes)
-    print_result(solve_fields(result), as_json=json, title=title)
+    print_result(point_to_json(result), as_json=json, title=title)
 
 
 def _read_gap(name: str, text: str | None) -> float | None:
@@ -100,7 +100,7 @@ def _say_notes(notes: tuple[str, ...]) -> None:
         say(f"note: {note}")
 
 
-def two_sided_fields(result: TwoSidedResult) -> dict[str, Any]:
+def two_sided_to_json(result: TwoSidedResult) -> dict[str, Any]:
     """The JSON fields of `solve` with both magnets; the force's error estimate is in N here."""
     q, (current_1, current_2), position = result.quantities, result.currents, result.position
     return {
@@ -123,7 +123,7 @@ def two_sided_fields(result: TwoSidedResult) -> dict[str, Any]:
     }
 
 
-def solve_fields(result: PointResult) -> dict[str, Any]:
+def point_to_json(result: PointResult) -> dict[str, Any]:
     """The JSON fields of `solve`."""
     q = result.quantities
     return {

@@ -72,7 +72,7 @@ def command(
         write_page(tolerance_page(it, study), output)
     if cache is not None:
         cache.clear()
-    fields = tolerance_fields(study) | ({"report": str(output)} if output else {})
+    fields = tolerances_to_json(study) | ({"report": str(output)} if output else {})
     if json:
         print_result(fields, as_json=True, title="")
         return
@@ -86,7 +86,7 @@ def _limit(text: str) -> tuple[str, float]:
     return name, read_option(f"--tolerance {name}", value, "m" if name == "gap" or name in LENGTHS else "")
 
 
-def tolerance_fields(study: ToleranceStudy) -> dict[str, Any]:
+def tolerances_to_json(study: ToleranceStudy) -> dict[str, Any]:
     """The fields of the JSON."""
     band = study.band
     return {

@@ -38,7 +38,7 @@ class Cause:
     rivals: tuple[str, ...] = ()
     next_experiment: str = ""
 
-    def fields(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """The cause in diagnosis.json."""
         parameters = {}
         for name, estimate in self.parameters.items():
@@ -84,7 +84,7 @@ class Accuracy:
     extended: PredictionError
     prediction: str = "free-run"
 
-    def fields(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """The entry in diagnosis.json."""
         return {
             "run": self.nominal.run,
@@ -194,7 +194,7 @@ class Diagnosis:
     def names(self) -> tuple[str, ...]:
         return tuple(cause.effect for cause in self.causes)
 
-    def fields(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """The content of diagnosis.json."""
         parameters = {}
         for name, estimate in self.parameters.items():
@@ -208,14 +208,14 @@ class Diagnosis:
             "schema": 1,
             "verdict": self.verdict,
             "reason": self.reason,
-            "causes": [cause.fields() for cause in self.causes],
+            "causes": [cause.to_json() for cause in self.causes],
             "unexplained": {
                 "share_of_residual_power": self.unexplained.share,
                 "depends_on": list(self.unexplained.depends_on),
                 "equation": self.unexplained.equation,
                 "next_experiment": self.unexplained.next_experiment,
             },
-            "accuracy": [entry.fields() for entry in self.accuracy],
+            "accuracy": [entry.to_json() for entry in self.accuracy],
             "parameters": parameters,
             "threshold": json_value(self.threshold),
             "false_alarms": None if self.false_alarms is None else list(self.false_alarms),

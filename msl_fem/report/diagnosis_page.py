@@ -93,7 +93,7 @@ def _write_all(record: Record, found: Diagnosis, folder: Path, *, table: Magneti
             write_table(found.extended.table, folder / TABLE)
         write_extended_model(model, folder / MODEL)
     write_page(diagnosis_page(record, found), folder / REPORT)
-    text = json.dumps(json_value(found.fields()), indent=1, allow_nan=False)
+    text = json.dumps(json_value(found.to_json()), indent=1, allow_nan=False)
     (folder / DIAGNOSIS).write_text(f"{text}\n", encoding="utf-8")
 
 

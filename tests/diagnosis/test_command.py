@@ -195,4 +195,4 @@ def test_it_is_a_verb_of_the_package(desk: Path) -> None:
     alone = replace(record, runs=record.runs[:1])
     found = package.diagnose(alone, DiagnosisSettings(table=read_table(desk / "table.nc")))
     assert found.verdict == "undecidable"
-    assert found.fields()["schema"] == 1
+    assert found.to_json()["schema"] == 1

@@ -91,7 +91,7 @@ def test_the_gain_is_told_beside_that_of_fitting_alone() -> None:
     x = next(a for a in held_out(found) if a.nominal.channel == "position_m")
     assert x.nominal.rms > x.refitted.rms > 2 * x.extended.rms
     assert found.causes[0].gain > 100
-    fields = json.loads(json.dumps(found.fields()))
+    fields = json.loads(json.dumps(found.to_json()))
     assert fields["schema"] == 1
     assert fields["causes"][0]["evidence"]["held_out_log_likelihood_gain"] == pytest.approx(found.causes[0].gain)
     assert fields["causes"][0]["parameters"]["command"]["unit"] == "s"

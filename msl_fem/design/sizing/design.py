@@ -60,7 +60,7 @@ class Constraint:
     def kept(self) -> bool:
         return self.violation <= 0
 
-    def fields(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """As JSON states it."""
         return {
             "name": self.name, "value": self.value, "limit": self.limit, "margin": self.margin, "unit": self.unit,
