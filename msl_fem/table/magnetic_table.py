@@ -16,6 +16,7 @@ from msl_fem.files.netcdf_file import NetcdfVariable, read_variables, write_netc
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import whole_file
 from msl_fem.table.coenergy_surface import CoenergySurface, fit_coenergy_surface
+from msl_fem.table.consistency import check_consistency
 
 SCHEMA = 1
 INTERPOLANT = "C3 quintic Hermite coenergy spline"
@@ -29,7 +30,8 @@ NODES = {
 }
 EXTRAS = {"force_stress_tensor": ("N", "force by the Maxwell stress tensor in mid-gap")}
 SECTION = "flux_density_"
-SMALLEST_GAP, LARGEST_GAP, LARGEST_VALUE = 1e-9, 100.0, 1e20  # m, m, SI: beyond are mistakes of units and damaged files
+SMALLEST_GAP, LARGEST_GAP = 1e-9, 100.0  # m
+LARGEST_CURRENT, LARGEST_VALUE = 1e6, 1e20  # A, SI: beyond are mistakes of units and damaged files
 MOST_VALUES = 20_000_000  # of a file
 AT_REST = 1e-9  # of the largest value: what a quantity that vanishes without current may have there
 
@@ -154,6 +156,11 @@ def _check(table: MagneticTable) -> None:
                 f"variable '{name}' reaches {at_rest:g} at i = 0; it must vanish there: a table is of a "
                 "magnet without remanence and without permanent magnets"
             )
+    check_consistency(table.gap, table.current, table.nodes)
+    for name in ("mesh_error", "interpolation_error", "reciprocity_error"):
+        error = getattr(table, name)
+        if not (np.isnan(error) or 0 <= error <= 1):
+            raise TableError(f"{name} is {error:g}; it is a share of the largest value, 0 to 1, or nan where not known")
 
 
 def _check_grid(table: MagneticTable) -> None:
@@ -164,6 +171,10 @@ def _check_grid(table: MagneticTable) -> None:
         )
     if not (np.diff(gap) > 0).all() or not (np.diff(current) > 0).all() or gap[0] <= 0:
         raise TableError("gaps must be positive and increasing, currents increasing")
+    if current[-1] > LARGEST_CURRENT:
+        raise TableError(
+            f"currents up to {current[-1]:g} A are not a magnet's, allowed are {LARGEST_CURRENT:g} A; look at the unit"
+        )
     if current[0] != 0:
         raise TableError(f"the first current must be 0, it is {current[0]:g} A")
 
