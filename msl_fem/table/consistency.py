@@ -26,8 +26,8 @@ def check_consistency(gap: Array, current: Array, nodes: Mapping[str, Array]) ->
     """TableError where a sign is no magnet's, or where an array and its derivative contradict each other.
 
     Between two nodes an array changes by the mean of its derivative, which lies between the derivative's values at the
-    nodes if that is monotone there; what `OF_THE_SLOPE` and the constants below it say is allowed beyond. Wrong units and signs are
-    far outside; an error of a few per cent is not seen here but in the table's stated reciprocity error.
+    nodes if that is monotone there; what `OF_THE_SLOPE` and the constants below it say is allowed beyond. Wrong units
+    and signs are far outside; an error of a few per cent is not seen here but in the stated reciprocity error.
     """
     _check_signs(gap, current, nodes)
     for name, axis, slope, sign in SLOPES:
