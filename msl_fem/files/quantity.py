@@ -44,6 +44,7 @@ def _factor_by_pint(unit_text: str, unit: str) -> float:
         quantity = registry.Quantity(1.0, registry.parse_units(unit_text.replace("·", "*")))
         if not quantity._is_multiplicative:
             raise QuantityError(f"unit '{unit_text}' has an offset; use '{unit}'")
+        _check_counted(registry, quantity, unit_text, unit)
         return float(quantity.to(unit or "dimensionless").magnitude)
     except QuantityError:
         raise
@@ -52,6 +53,23 @@ def _factor_by_pint(unit_text: str, unit: str) -> float:
         raise QuantityError(f"unit '{unit_text}' has the wrong dimension; expected {expected}") from err
     except Exception as err:  # pint raises errors of many kinds on a text that is no unit
         raise QuantityError(f"'{unit_text}' is not a unit; expected one like '{unit}'") from err
+
+
+def _check_counted(registry: Any, quantity: Any, unit_text: str, unit: str) -> None:
+    """QuantityError for angles, turns and counts where none are meant: 1 rpm is 2 pi/60 rad/s, and 1/60 Hz."""
+    expected = _counted(registry, registry.Quantity(1.0, unit or "dimensionless"))
+    extra = _counted(registry, quantity) - expected
+    if not extra:
+        return
+    way_out = 'give turns a second in "Hz"' if unit == "Hz" else f"use '{unit}'" if unit else "give a pure number"
+    raise QuantityError(f"unit '{unit_text}' counts {' and '.join(sorted(extra))}; {way_out}")
+
+
+def _counted(registry: Any, quantity: Any) -> set[str]:
+    """What a unit counts without a dimension: "radian", "count", "bit", "pi"."""
+    base = [str(name) for name, _ in quantity.to_base_units().unit_items()]
+    counted = {name for name in base if registry.Quantity(1.0, name).dimensionless}
+    return counted | {"pi" for name, _ in quantity.unit_items() if name == "pi"}
 
 
 def parse_quantity(text: str, unit: str) -> float:
