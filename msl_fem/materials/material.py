@@ -21,6 +21,8 @@ if TYPE_CHECKING:  # imported where curves are made: it takes longer than all th
 
 LIBRARY = Path(__file__).parent
 MIN_POINTS = 5
+LARGEST_POLARISATION, DOUBTFUL_POLARISATION = 2.6, 2.45  # T; iron-cobalt, the highest of all, saturates at 2.43 T
+LARGEST_PERMEABILITY, DOUBTFUL_PERMEABILITY = 1e6, 3e5  # relative, differential; supermalloy reaches 1e6
 SLOPE_TOLERANCE = 1e-4  # of mu_0: what rounding in printed curves amounts to
 
 
@@ -143,7 +145,8 @@ def iron_from_points(flux_density: ArrayLike, field_strength: ArrayLike, *, name
 
     Raises
     ------
-    MaterialError : values not finite or negative, or fewer than 5 points left after the cut
+    MaterialError : values not finite or negative, fewer than 5 points left after the cut, or more polarisation or
+        permeability than any iron has
     """
     b = np.asarray(flux_density, dtype=float)
     h = np.asarray(field_strength, dtype=float)
@@ -170,7 +173,23 @@ def iron_from_points(flux_density: ArrayLike, field_strength: ArrayLike, *, name
             f"{name}: {keep} usable points of {b.size}, at least {MIN_POINTS} are needed (0, 0 counts); "
             f"{note or 'give more'}"
         )
-    return Iron(name=name, flux_density=b[:keep], field_strength=h[:keep], source=source, note=note)
+    doubt = _doubt(b[:keep], h[:keep], name)
+    return Iron(name, b[:keep], h[:keep], source=source, note="; ".join(text for text in (note, doubt) if text))
+
+
+def _doubt(b: Array, h: Array, name: str) -> str:
+    """What an iron seldom has, as a note; MaterialError for what none has: mistakes of units and of columns."""
+    polarisation = float((b - MU_0 * h).max())
+    permeability = float((np.diff(b) / np.diff(h)).max() / MU_0)
+    has = f"{name}: a polarisation of {polarisation:.4g} T and a relative permeability of {permeability:.4g}"
+    if polarisation > LARGEST_POLARISATION or permeability > LARGEST_PERMEABILITY:
+        raise MaterialError(
+            f"{has} are more than any iron's, at most {LARGEST_POLARISATION:g} T and {LARGEST_PERMEABILITY:g}; look at "
+            "the units (B in T, not gauss or mT; H in A/m, not oersted or kA/m) and at the order of the columns"
+        )
+    if polarisation > DOUBTFUL_POLARISATION or permeability > DOUBTFUL_PERMEABILITY:
+        return f"{has} are seldom met; look at the units (B in T, H in A/m)"
+    return ""
 
 
 def laminated(iron: "Iron | AnalyticIron", stacking_factor: float) -> "Iron | AnalyticIron":

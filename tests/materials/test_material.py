@@ -240,3 +240,24 @@ def test_coarse_points_leave_a_finite_initial_permeability():
     _, slope = iron.magnetise(np.array([0.0, 1e-3]))
     assert (slope > 50).all()
     assert (slope < 200).all()
+
+
+@pytest.mark.parametrize(
+    ("of_b", "of_h"), [(1e4, 1.0), (1e3, 1.0), (1.0, 1e-3), (1.0, 1 / 79.577), (20.0, 1.0)], ids=str
+)
+def test_units_that_make_no_iron_are_refused(of_b, of_h):
+    m19 = load_iron("m19")
+    with pytest.raises(MaterialError, match="look at the units"):
+        iron_from_points(of_b * m19.flux_density, of_h * m19.field_strength, name="mine", source="test")
+
+
+def test_columns_exchanged_are_refused():
+    m19 = load_iron("m19")
+    with pytest.raises(MaterialError, match="order of the columns"):
+        iron_from_points(m19.field_strength, m19.flux_density, name="mine", source="test")
+
+
+def test_what_is_seldom_met_is_noted():
+    m19 = load_iron("m19")
+    assert "seldom met" in iron_from_points(1.25 * m19.flux_density, m19.field_strength, name="mine", source="").note
+    assert not iron_from_points(m19.flux_density, m19.field_strength, name="mine", source="").note
