@@ -41,5 +41,9 @@ class ComputationError(RuntimeError):
     """A computation failed; the message says where, why and what to try."""
 
 
+class CostWarning(UserWarning):
+    """What was asked for is possible and costs far more than usual; the message names the key and what to write."""
+
+
 class NotConverged(ComputationError):  # noqa: N818
     """An iteration did not reach its tolerance; the trail of residuals is in the message."""

@@ -5,6 +5,7 @@ import json
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from msl_fem.errors import ComputationError, InputError
+from msl_fem.errors import ComputationError, CostWarning, InputError
 from msl_fem.files.numbers import json_value
 from msl_fem.files.whole_file import whole_file
 
@@ -139,7 +140,7 @@ def run_guarded(app: Callable[[], None]) -> int:
     SIGTERM, by which systems and batch queues end jobs, interrupts as Ctrl-C does.
     """
     try:
-        with _terminated_as_interrupted():
+        with _terminated_as_interrupted(), _warnings_in_a_line():
             app()
     except InputError as err:
         say(f"error: {_one_line(err)}")
@@ -166,6 +167,22 @@ def run_guarded(app: Callable[[], None]) -> int:
             say(INTERRUPTED_LINE)
         return leaving.code if isinstance(leaving.code, int) else (INPUT_WRONG if leaving.code else 0)
     return 0
+
+
+@contextlib.contextmanager
+def _warnings_in_a_line() -> Iterator[None]:
+    """Warnings of cost as a line of news each."""
+    with warnings.catch_warnings():
+        usual = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
+            if issubclass(category, CostWarning):
+                say(f"warning: {message}")
+            else:
+                usual(message, category, *where)
+
+        warnings.showwarning = show
+        yield
 
 
 @contextlib.contextmanager

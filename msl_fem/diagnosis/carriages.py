@@ -108,7 +108,7 @@ def one_band(samples: Sequence[int], low_pass: ZeroPhaseLowPass) -> NoiseBands:
 def smoothed(data: RunData, low_pass: ZeroPhaseLowPass) -> RunData:
     """A run with position and commands low-passed alike, so that the filter bends no side against the other."""
     commands = np.zeros_like(data.commands)
-    commands[:, 0] = low_pass.smooth(data.commands[:, 0])
+    commands[:, 0] = low_pass.smooth(data.held[:, 0])
     position = low_pass.smooth(data.measured[POSITION_COLUMN])
     return replace(data, commands=commands, measured={POSITION_COLUMN: position})
 
@@ -121,7 +121,7 @@ def force_sigma(plant: PlantParameters, data: RunData, low_pass: ZeroPhaseLowPas
     omega = 2 * np.pi * np.linspace(0, low_pass.equation, 201)
     passes = (plant.mass * omega**2) ** 2 + (plant.damping * omega) ** 2
     by_position = data.noise[POSITION_COLUMN].sigma ** 2 * float(passes.mean())
-    return float(np.sqrt(by_position + highest_band_sigma(data.commands[:, 0]) ** 2))
+    return float(np.sqrt(by_position + highest_band_sigma(data.held[:, 0]) ** 2))
 
 
 def attenuation(data: RunData, low_pass: ZeroPhaseLowPass) -> dict[str, float]:
@@ -187,7 +187,7 @@ class Carriage(Kind):
             smooth = smoothed(run, self._low_pass)
             missing = missing_force(plant.parameters, smooth, plant.readings, gain=plant.gain, low_pass=self._low_pass)
             missed = self._low_pass.both_sides(missing)[kept]
-            force = self._low_pass.both_sides(run.commands[:, 0])[kept]
+            force = self._low_pass.both_sides(run.held[:, 0])[kept]
             band = 2 * self._low_pass.equation / run.rate
             floor = force_sigma(plant.parameters, run, self._low_pass) * float(np.sqrt(band))
             samples = round(band * missed.size)

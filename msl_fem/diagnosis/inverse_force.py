@@ -68,7 +68,7 @@ def usual_low_pass(runs: Sequence[RunData]) -> ZeroPhaseLowPass:
     """The lowest of 1, 2, 5, 10 ... Hz below which the commands have `POWER` of their power."""
     highest, rate = 0.0, runs[0].rate
     for run in runs:
-        force = run.commands[:, 0]
+        force = run.held[:, 0]
         power = np.cumsum(np.abs(np.fft.rfft((force - force.mean()) * np.hanning(force.size))) ** 2)
         if power[-1] > 0:
             highest = max(highest, float(np.searchsorted(power, POWER * power[-1])) * rate / force.size)
@@ -100,7 +100,7 @@ def applied_force(data: RunData, v: dict[tuple[str, str], float]) -> Array:
 
     A command is held from its sample to the next, so at a sample it is the mean of both sides.
     """
-    command = data.commands[:, 0]
+    command = data.held[:, 0]
     force = command.copy()
     force[1:] = (command[1:] + command[:-1]) / 2
     lag, delay = pole_and_delay(v, "amplifier_bandwidth")

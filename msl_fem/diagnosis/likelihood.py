@@ -172,7 +172,7 @@ def simulated_residuals(problem: FitProblem, points: Points, *, substeps: int) -
 def _of_run(problem: FitProblem, points: Points, run: int, substeps: int) -> list[Array]:
     data, p = problem.runs[run], problem.plant.parameters
     columns = max(p.sides, 1)
-    inputs = Inputs(data.commands[:, :columns], data.rate)
+    inputs = Inputs(data.commands[:, :columns], data.rate, hold=data.hold)
     try:
         found = lanes(problem, points, run, inputs=inputs, substeps=substeps)
     except InputError:  # an effect beyond what the kernel takes, like a delay of more samples than it keeps

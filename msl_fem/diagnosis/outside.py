@@ -115,9 +115,7 @@ class _Trajectory:
         force = np.zeros(n) if push is None else push
         plant = self.plant
         state = kernel_state(plant, self.start)
-        done = kernel.run(
-            plant.surface, plant.parameters, plant.effects, state, commands, force, plant.step, plant.substeps, out
-        )[1]
+        done = kernel.run(*plant.model, state, commands, force, *plant.timing, out, self.run.hold == "linear")[1]
         out[done:] = np.nan
         return out
 

@@ -23,7 +23,7 @@ from msl_fem.export.fmu_variables import UNITS, Variable, channel_count, variabl
 from msl_fem.export.formats import ModelSource
 from msl_fem.files.whole_file import whole_file
 from msl_fem.plant import plant_parameters
-from msl_fem.plant.preparation import STEP_OF_FASTEST, fastest_rate
+from msl_fem.plant.step_count import STEP_OF_FASTEST, fastest_rate
 
 COMPILED = ("fmu_api.c", "fmu_plant.c")
 _SHIPPED = (*COMPILED, "fmu_plant.h", "fmi2/fmi2TypesPlatform.h", "fmi2/fmi2FunctionTypes.h", "fmi2/fmi2Functions.h")

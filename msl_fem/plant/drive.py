@@ -34,8 +34,8 @@ from msl_fem.plant.layout import (
     AT_VOLTAGE_LIMIT_1,
     COIL_1,
     COMMAND_1,
-    DRIVE_HALF,
-    DRIVE_WHOLE,
+    DRIVE_FALL,
+    DRIVE_RAMP,
     ENERGY_ELECTRICAL,
     FORMER_1,
     I1,
@@ -45,6 +45,7 @@ from msl_fem.plant.layout import (
     LAG_1,
     LAG_END_1,
     OUTPUT_1,
+    OUTPUT_END_1,
     OUTPUT_OF_1,
     PHASE_COSINE,
     PHASE_COSINE_END,
@@ -53,6 +54,8 @@ from msl_fem.plant.layout import (
     PUSH,
     QUEUE_1,
     QUEUE_2,
+    RAMP_1,
+    RISE_1,
     SENSOR_WEIGHTS,
     SLEW_1,
     SLEW_END_1,
@@ -61,6 +64,7 @@ from msl_fem.plant.layout import (
     X,
 )
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE, PlantParameters
+from msl_fem.plant.poles import fall_rows, lag_weights
 from msl_fem.plant.side import Cells, side_flux, side_gap
 
 Three = tuple[Value, Value, Value]
@@ -71,63 +75,35 @@ _FEW = 0.01  # below it series of a few terms are exact
 @compiled
 def set_timing(p: PlantParameters, e: Rows, step: float, work: Rows) -> None:
     """Weights of the sensor's and the drive's lag over a step into the workspace, lane by lane."""
-    work[DRIVE_WHOLE] = p.bandwidth if e is None else e[electrical.BANDWIDTH]
+    work[DRIVE_FALL] = p.bandwidth if e is None else e[electrical.BANDWIDTH]
     work[SENSOR_WEIGHTS] = p.sensor_bandwidth if e is None else e[sensing.SENSOR_BANDWIDTH]
     for lane in range(width(work)):
-        drive, sensor = lane_of(work, DRIVE_WHOLE, lane), lane_of(work, SENSOR_WEIGHTS, lane)
+        drive, sensor = lane_of(work, DRIVE_FALL, lane), lane_of(work, SENSOR_WEIGHTS, lane)
         lag_weights(sensor, step, work, SENSOR_WEIGHTS, lane)
-        set_lane(work, DRIVE_HALF, lane, np.exp(-0.5 * drive * step))
-        set_lane(work, DRIVE_WHOLE, lane, np.exp(-drive * step))
-
-
-@compiled
-def lag_weights(bandwidth: float, step: float, rows: Rows, start: int, lane: int) -> None:
-    """Puts the weights of (y0, x0, x0', x1, x1') in y1 of a lane into five rows from `start`.
-
-    y' = w (x - y), x a cubic between: exact in time, so no bandwidth, however high, limits the integrator's step.
-    With z = w step and I_k = z int_0^1 exp(-z (1 - s)) s^k ds: y1 = exp(-z) y0 + sum over Hermite's basis, whose
-    powers of s give I_0 ... I_3. I_0 = 1 - exp(-z); by parts I_k = 1 - k I_(k-1)/z, run upwards for z > 1 and
-    downwards from I_20 = 0 below, where the upward recursion cancels. An infinite bandwidth gives y1 = x1.
-    """
-    z = bandwidth * step
-    decay = np.exp(-z)
-    if z > 1.0:
-        i_0 = 1.0 - decay
-        i_1 = 1.0 - i_0 / z
-        i_2 = 1.0 - 2.0 * i_1 / z
-        i_3 = 1.0 - 3.0 * i_2 / z
-    else:
-        i_k = 0.0
-        for k in range(20, 3, -1):
-            i_k = z / k * (1.0 - i_k)
-        i_3 = i_k
-        i_2 = z / 3.0 * (1.0 - i_3)
-        i_1 = z / 2.0 * (1.0 - i_2)
-        i_0 = z * (1.0 - i_1)
-    set_lane(rows, start, lane, decay)
-    set_lane(rows, start + 1, lane, i_0 - 3.0 * i_2 + 2.0 * i_3)
-    set_lane(rows, start + 2, lane, step * (i_1 - 2.0 * i_2 + i_3))
-    set_lane(rows, start + 3, lane, 3.0 * i_2 - 2.0 * i_3)
-    set_lane(rows, start + 4, lane, step * (i_3 - i_2))
+        fall_rows(drive, step, work, DRIVE_FALL, lane)
+        late = 1.0 / (drive * step)
+        for k in range(4):
+            behind = (0.5 + late) * lane_of(work, DRIVE_FALL + k, lane)
+            set_lane(work, DRIVE_RAMP + k, lane, min(0.5 * k, 1.0) - 0.5 - late + behind)
 
 
 @compiled
 def terminal_voltage(
-    p: PlantParameters, current: Value, drop: Value, inductance: Value, target: Value, output: Value
+    p: PlantParameters, current: Value, drop: Value, inductance: Value, target: Value, output: Value, ramp: Value
 ) -> tuple[Value, Value, Flag]:
     """(voltage V, di/dt A/s, whether the voltage limit acts) of a side.
 
     `drop` is R i + lambda_g dg/dt, what is left of the voltage where the current stands still. A voltage drive gives
     its `output`. A current drive's inner loop of bandwidth w knows the coil: v = drop + L_inc w (target - i) makes the
     current a first-order lag of its target, -3 dB at w, until v meets the voltage limit (Krishnan, Electric Motor
-    Drives, 2001, ch. 3: current control with decoupling of the back-EMF). Without a bandwidth the current stands at its
-    target and v = drop.
+    Drives, 2001, ch. 3: current control with decoupling of the back-EMF). Without a bandwidth the current is its
+    target, which rises by `ramp` A/s.
     """
     never = inductance < 0.0
     if p.drive != CURRENT_DRIVE:
         return output, (output - drop) / inductance, never
     if np.isinf(first(p.bandwidth)):
-        return drop, drop - drop, never
+        return drop + inductance * ramp, ramp, never
     slope = p.bandwidth * (target - current)
     voltage = drop + inductance * slope
     over = size(voltage) > p.voltage_limit
@@ -136,8 +112,9 @@ def terminal_voltage(
 
 
 @compiled
-def take_command(p: PlantParameters, state: Rows, work: Rows, wanted: Array) -> Flag:
-    """Puts what was `wanted` (2,), clipped at the drive's limit and counted there, into the call's command.
+def take_command(p: PlantParameters, state: Rows, work: Rows, wanted: Array, ahead: Array) -> Flag:
+    """Puts what was `wanted` (2,), clipped at the drive's limit and counted there, into the call's command, and by what
+    it rises until what is wanted `ahead`, a sample later.
 
     False where it is not a number. A voltage drive does not limit its current; calls that begin beyond the current
     limit are counted.
@@ -145,15 +122,17 @@ def take_command(p: PlantParameters, state: Rows, work: Rows, wanted: Array) -> 
     good = state[X] == state[X]
     for j in range(1 if p.drive == FORCE_DRIVE else p.sides):
         command = choose(good, wanted[j], wanted[j])  # the same in all lanes
-        good = good & (command - command == 0.0)
+        later = choose(good, ahead[j], ahead[j])
+        good = good & (command - command == 0.0) & (later - later == 0.0)
         if p.drive == CURRENT_DRIVE:
             count(state, AT_CURRENT_LIMIT_1 + j, size(command) > p.current_limit)
-            command = within(command, p.current_limit)
+            command, later = within(command, p.current_limit), within(later, p.current_limit)
         elif p.drive == VOLTAGE_DRIVE:
             count(state, AT_VOLTAGE_LIMIT_1 + j, size(command) > p.voltage_limit)
             count(state, AT_CURRENT_LIMIT_1 + j, size(state[COIL_1 + j]) > p.current_limit)
-            command = within(command, p.voltage_limit)
+            command, later = within(command, p.voltage_limit), within(later, p.voltage_limit)
         work[COMMAND_1 + j] = command
+        work[RISE_1 + j] = later - command
     return good
 
 
@@ -199,8 +178,8 @@ def _jump_of_side(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: 
 
 
 @compiled
-def queue_command(e: Rows, state: Rows, work: Rows) -> None:
-    """Puts the call's command last in the queues, and takes out those that act now."""
+def queue_command(e: Rows, state: Rows, work: Rows, linear: bool) -> None:
+    """Puts the call's command last in the queues, and takes out those that act now; `linear`: with their rise."""
     for j in range(2):
         queue = QUEUE_1 if j == 0 else QUEUE_2
         for k in range(queue + N_QUEUE, queue, -1):
@@ -208,56 +187,86 @@ def queue_command(e: Rows, state: Rows, work: Rows) -> None:
         state[queue] = work[COMMAND_1 + j]
         for lane in range(width(state)):
             acts = queue + int(lane_of(e, electrical.DELAY_SAMPLES, lane))
-            set_lane(work, COMMAND_1 + j, lane, lane_of(state, acts, lane))
-            set_lane(work, FORMER_1 + j, lane, lane_of(state, acts + 1, lane))
+            command, former = lane_of(state, acts, lane), lane_of(state, acts + 1, lane)
+            if linear and acts > queue:
+                set_lane(work, RISE_1 + j, lane, lane_of(state, acts - 1, lane) - command)
+            set_lane(work, COMMAND_1 + j, lane, command)
+            set_lane(work, FORMER_1 + j, lane, former)
 
 
 @compiled
-def set_inputs(p: PlantParameters, state: Rows, work: Rows, push: Value) -> None:
-    """The inputs of one step of the plain model: commands and forces held, outputs on their way to the commands."""
-    half, whole = work[DRIVE_HALF], work[DRIVE_WHOLE]
+def set_inputs(p: PlantParameters, state: Rows, work: Rows, push: Value, begin: float, part: float) -> None:
+    """The inputs of one step of the plain model, from a share `begin` of the sample on, `part` of it: commands held or
+    rising, outputs on their way to the commands, forces held."""
     for j in range(1 if p.drive == FORCE_DRIVE else p.sides):
-        target, output = work[COMMAND_1 + j], state[OUTPUT_1 + j]
-        _put(work, TARGET_1 + j, (target, target, target))
+        mean, rise = _straight(work, j, begin + 0.0 * push, part)
+        target = mean - 0.5 * rise, mean + 0.0 * rise, mean + 0.5 * rise
+        _put(work, TARGET_1 + j, target)
         if p.drive != CURRENT_DRIVE:
-            away = output - target
-            _put(work, OUTPUT_OF_1 + j, (output, fma(half, away, target), fma(whole, away, target)))
+            _put(work, OUTPUT_OF_1 + j, _output(state, work, j, target, np.isinf(first(p.bandwidth))))
     _put(work, PUSH, (push, push, push))
 
 
 @compiled
+def _output(state: Rows, work: Rows, j: int, target: Three, ideal: bool) -> Three:
+    """What the drive of side j gives in a step, and behind it: its lag's answer to a target that is nearly straight."""
+    begin, middle, end = target
+    if ideal:
+        work[OUTPUT_END_1 + j] = end
+        return begin, middle, end
+    slope, mean = end - begin, middle + (begin - 2.0 * middle + end) / 6.0
+    away = state[OUTPUT_1 + j] - mean
+    work[OUTPUT_END_1 + j] = fma(work[DRIVE_FALL + 3], away, mean) + slope * work[DRIVE_RAMP + 3]
+    return (
+        fma(work[DRIVE_FALL], away, mean) + slope * work[DRIVE_RAMP],
+        fma(work[DRIVE_FALL + 1], away, mean) + slope * work[DRIVE_RAMP + 1],
+        fma(work[DRIVE_FALL + 2], away, mean) + slope * work[DRIVE_RAMP + 2],
+    )
+
+
+@compiled
+def set_ramps(p: PlantParameters, e: Rows, work: Rows, duration: float) -> None:
+    """What the currents of an ideal drive rise by, A/s, over a sample of `duration` s; nought of other drives."""
+    ideal = p.drive == CURRENT_DRIVE and np.isinf(first(p.bandwidth))
+    for j in range(2):
+        ramp = work[RISE_1 + j] / duration
+        if e is not None:
+            ramp = ramp + e[magnetic.SHARE] * (work[RISE_1 + 1 - j] / duration)
+        if not ideal:
+            ramp = ramp - ramp
+        _put(work, RAMP_1 + j, (ramp, ramp, ramp))
+
+
+@compiled
 def set_inputs_with_effects(
-    p: PlantParameters, e: Rows, state: Rows, work: Rows, push: Value, n: int, step: float
+    p: PlantParameters, e: Rows, state: Rows, work: Rows, push: Value, n: int, part: float, step: float, linear: bool
 ) -> None:  # fmt: skip
-    """The inputs of step n of a sample with time_delay, amplifier_bandwidth, force_offset and periodic_disturbance.
+    """The inputs of step n of a sample, `part` of it, with time_delay, amplifier_bandwidth, force_offset and
+    periodic_disturbance.
 
     The command that acts changes from the former to the present one in step JUMP_STEP, after its share JUMP_SHARE;
     then it passes the lag with its slew limit, and the drive's own bandwidth.
     """
     for j in range(1 if p.drive == FORCE_DRIVE else p.sides):
-        begin, middle, end = _amplifier(e, state, work, j, n, step)
-        _put(work, TARGET_1 + j, (begin, middle, end))
+        target = _amplifier(e, state, work, j, n, part, step, linear)
+        _put(work, TARGET_1 + j, target)
         if p.drive != CURRENT_DRIVE:
-            if np.isinf(first(e[electrical.BANDWIDTH])):
-                _put(work, OUTPUT_OF_1 + j, (begin, middle, end))
-            else:
-                output, slope = state[OUTPUT_1 + j], end - begin
-                mean = middle + (begin - 2.0 * middle + end) / 6.0
-                away = output - mean
-                later = fma(work[DRIVE_HALF], away, mean) + slope * e[electrical.RAMP_MIDDLE]
-                last = fma(work[DRIVE_WHOLE], away, mean) + slope * e[electrical.RAMP_END]
-                _put(work, OUTPUT_OF_1 + j, (output, later, last))
+            _put(work, OUTPUT_OF_1 + j, _output(state, work, j, target, np.isinf(first(e[electrical.BANDWIDTH]))))
     _put(work, PUSH, _outer_forces(e, state, work, push))
 
 
 @compiled
-def _amplifier(e: Rows, state: Rows, work: Rows, j: int, n: int, step: float) -> Three:
+def _amplifier(e: Rows, state: Rows, work: Rows, j: int, n: int, part: float, step: float, linear: bool) -> Three:
     """The command of side j behind delay, slew limit and lag, at begin, middle and end of step n.
 
     The slew limit is that of the lag, y' = S tanh((s - y)/(S lag)); where there is no lag, of the command. What stands
     for a fast fall between begin, middle and end (`fall_stages`) is `kept` as far as the limit leaves the fall fast.
     """
     before, after = work[FORMER_1 + j], work[COMMAND_1 + j]
+    rise = after - after
+    if linear:
+        after, rise = _rising(e, work, j, n, part)
+        before = after
     jumps, late = e[electrical.JUMP_STEP] == n, e[electrical.JUMP_STEP] > n
     old, new = choose(late, before, choose(jumps, before, after)), choose(late, before, after)
     share = choose(jumps, e[electrical.JUMP_SHARE], 0.0)
@@ -271,6 +280,10 @@ def _amplifier(e: Rows, state: Rows, work: Rows, j: int, n: int, step: float) ->
         _lagged(e, 0, new, away, jump, offset, jumps), _lagged(e, 1, new, away, jump, offset, jumps),
         _lagged(e, 2, new, away, jump, offset, jumps), _lagged(e, 3, new, away, jump, offset, jumps),
     )  # fmt: skip
+    if linear:
+        ramp = electrical.LAG_RAMP
+        begin, middle = begin + rise * e[ramp], middle + rise * e[ramp + 1]
+        end, last = end + rise * e[ramp + 2], last + rise * e[ramp + 3]
     if some(e[electrical.SOFT] > 0.0):
         far = larger(size(away), size(away + jump)) * e[electrical.SOFT]
         kept = 1.0 / (1.0 + far * far * (far * far))
@@ -286,6 +299,27 @@ def _amplifier(e: Rows, state: Rows, work: Rows, j: int, n: int, step: float) ->
         end, last = choose(limited, fma(kept, end - linear, value), end), choose(limited, value, last)
     work[LAG_END_1 + j] = last
     return begin, middle, end
+
+
+@compiled
+def _rising(e: Rows, work: Rows, j: int, n: int, part: float) -> tuple[Value, Value]:
+    """(mean, rise) over step n, `part` of a sample, of a command that runs straight between its samples."""
+    return _straight(work, j, part * (n - e[electrical.JUMP_STEP] - e[electrical.JUMP_SHARE]), part)
+
+
+@compiled
+def _straight(work: Rows, j: int, behind: Value, part: float) -> tuple[Value, Value]:
+    """(mean, rise) of the command of side j from `behind` samples after the one that acts on, `part` of a sample."""
+    begin, end = _between_samples(work, j, behind), _between_samples(work, j, behind + part)
+    middle = _between_samples(work, j, behind + 0.5 * part)
+    return middle + (begin - 2.0 * middle + end) / 6.0, end - begin
+
+
+@compiled
+def _between_samples(work: Rows, j: int, behind: Value) -> Value:
+    """The command of side j some samples `behind` the one that acts; before it, from the former one."""
+    command, before = work[COMMAND_1 + j], work[COMMAND_1 + j] - work[FORMER_1 + j]
+    return command + behind * choose(behind < 0.0, before, work[RISE_1 + j])
 
 
 @compiled

@@ -65,14 +65,19 @@ from msl_fem.plant.layout import (
     HEAT_1,
     I1,
     INDUCTANCE,
+    KNOWN_1,
+    KNOWN_SLOPE,
     LIMITED_1,
     MMF,
     MODE,
     MODE_LOSS,
     MODE_RATE,
     N_CIRCUIT,
+    N_KNOWN,
     OUTPUT_OF_1,
+    PULL_POWER,
     PUSH,
+    RAMP_1,
     RESISTANCE,
     SLOPE,
     STOPS_1,
@@ -109,7 +114,9 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
         )
         _put_circuits(work, a_1, a_2, v_1, v_2)
     elif np.isinf(first(e[electrical.BANDWIDTH])):
-        _put_circuits(work, i_1 - i_1, i_2 - i_2, drop_1 + share * e_2, drop_2 + share * e_1)
+        a_1, a_2 = work[inputs + RAMP_1], work[inputs + RAMP_1 + 1]
+        v_1, v_2 = drop_1 + l_1 * a_1 + share * (e_2 + l_2 * a_2), drop_2 + l_2 * a_2 + share * (e_1 + l_1 * a_1)
+        _put_circuits(work, a_1, a_2, v_1, v_2)
     else:
         w = e[electrical.BANDWIDTH]
         b_1, b_2 = w * (t_1 - i_1) - share * e_2 / l_1, w * (t_2 - i_2) - share * e_1 / l_2
@@ -154,8 +161,10 @@ def _current_slopes(
 
 @compiled
 def _put_circuits(work: Rows, a_1: Value, a_2: Value, v_1: Value, v_2: Value) -> None:
-    work[CIRCUIT_1 + SLOPE] = a_1
-    work[CIRCUIT_2 + SLOPE] = a_2
+    """Slopes and voltages into their rows; the slope of a current that is known is that of the stage."""
+    work[CIRCUIT_1 + SLOPE] = choose(work[KNOWN_1] > 0.0, work[KNOWN_1 + KNOWN_SLOPE], a_1)
+    second = KNOWN_1 + N_KNOWN
+    work[CIRCUIT_2 + SLOPE] = choose(work[second] > 0.0, work[second + KNOWN_SLOPE], a_2)
     work[CIRCUIT_1 + VOLTAGE] = v_1
     work[CIRCUIT_2 + VOLTAGE] = v_2
 
@@ -178,11 +187,14 @@ def rates(cells: Cells, p: PlantParameters, work: Rows, inputs: int, dy: int) ->
         inside = inside & found
         drop = p.resistance * current - flux_slope * toward * velocity
         voltage, slope, over = terminal_voltage(
-            p, current, drop, inductance, work[inputs + TARGET_1 + j], work[inputs + OUTPUT_OF_1 + j]
-        )
+            p, current, drop, inductance, work[inputs + TARGET_1 + j], work[inputs + OUTPUT_OF_1 + j],
+            work[inputs + RAMP_1 + j],
+        )  # fmt: skip
         work[LIMITED_1 + j] = choose(over, 1.0, work[LIMITED_1 + j])
         force = force + toward * pull
-        power = power + voltage * current
+        known = work[KNOWN_1 + j * N_KNOWN] > 0.0
+        voltage = choose(known, p.resistance * current, voltage)
+        power = power + (voltage * current + choose(known, toward * pull * velocity, 0.0))
         copper = copper + p.resistance * current * current
         work[dy + I1 + j] = slope
         work[dy + VOLT_SECONDS_1 + j] = voltage
@@ -221,9 +233,10 @@ def rates_with_effects(
         film = film + closeness * closeness * closeness
         circuit = CIRCUIT_1 + j * N_CIRCUIT
         emf = 0.0 - flux_slope * toward * gap_speed
-        memory = _hysteresis(e, state, j, flux, settle) + series_iron(e, flux)
+        memory = hysteresis(e, state, j, flux, settle) + series_iron(e, flux)
         work[circuit + INDUCTANCE] = inductance
         work[circuit + EMF] = emf
+        work[circuit + PULL_POWER] = toward * pull * gap_speed
         eddies = _eddy_modes(e, state, work, j, flux, dy)
         work[circuit + MMF] = work[Y + I1 + j] + memory + eddies + e[magnetic.EDDY] * emf
         work[circuit + RESISTANCE] = p.resistance * (1.0 + work[Y + HEAT_1 + j])
@@ -242,7 +255,7 @@ def rates_with_effects(
 
 
 @compiled
-def _hysteresis(e: Rows, state: Rows, j: int, flux: Value, settle: bool) -> Value:
+def hysteresis(e: Rows, state: Rows, j: int, flux: Value, settle: bool) -> Value:
     """The part of a side's current that its iron's memory takes, h = s sum_k e_k of the flux linkage, in A."""
     if not some(e[magnetic.HYSTERESIS_SLOPE] > 0.0):
         return flux - flux
@@ -295,9 +308,12 @@ def _electrical_rates(p: PlantParameters, e: Rows, work: Rows, dy: int) -> None:
         current, voltage = work[circuit + COIL_CURRENT], work[circuit + VOLTAGE]
         loss = work[circuit + RESISTANCE] * current * current
         change = work[circuit + INDUCTANCE] * work[circuit + SLOPE] + work[circuit + EMF]
-        power = power + voltage * current
+        lost = e[magnetic.EDDY] * change * change + work[circuit + MODE_LOSS]
+        known = work[KNOWN_1 + j * N_KNOWN] > 0.0
+        voltage = choose(known, work[circuit + RESISTANCE] * current, voltage)
+        power = power + (voltage * current + choose(known, work[circuit + PULL_POWER] + lost, 0.0))
         copper = copper + loss
-        eddy = eddy + e[magnetic.EDDY] * change * change + work[circuit + MODE_LOSS]
+        eddy = eddy + lost
         work[dy + I1 + j] = work[circuit + SLOPE]
         work[dy + VOLT_SECONDS_1 + j] = voltage
         above = work[Y + HEAT_1 + j] - work[Y + CORE_1 + j]

@@ -3,7 +3,7 @@
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -194,18 +194,21 @@ DRIVE_UNIT: dict[str, Unit] = {"current": "A", "voltage": "V", "force": "N"}
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """Commands to the drive and the disturbance, each held for one sample (zero-order hold).
+    """Commands to the drive and the disturbance, which is held for one sample.
 
     Attributes
     ----------
     commands : (n_sample, n_side) in A, V or N by the drive's kind; a force drive has one column
     rate : samples a second, Hz
     disturbance : (n_sample,) N on the mass, or one number for all samples
+    hold : commands are held over their samples ("zero-order"), or run straight from one to the next ("linear"; the
+        last one is held)
     """
 
     commands: Array
     rate: float
     disturbance: ArrayLike = 0.0
+    hold: Literal["zero-order", "linear"] = "zero-order"
 
     def __post_init__(self) -> None:
         commands = np.asarray(self.commands, dtype=float)

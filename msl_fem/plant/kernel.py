@@ -16,6 +16,7 @@ from msl_fem.plant.drive import (
     queue_command,
     set_inputs,
     set_inputs_with_effects,
+    set_ramps,
     set_timing,
     take_command,
 )
@@ -92,7 +93,7 @@ def advance(
     e, rows, work = rows_of(effects), rows_of(state), rows_of(memory)
     set_timing(parameters, e, step, work)
     cells = cells_of(surface)
-    status = _hold(cells, parameters, e, rows, work, np.inf, command, disturbance, step, n_step)
+    status = _hold(cells, parameters, e, rows, work, np.inf, command, command, disturbance, step, n_step, False)
     for j in range(2):
         voltage_mean[j] = work[MEAN_VOLTAGE_1 + j]
     keep(memory)
@@ -113,7 +114,7 @@ def rates_at(
     for n in range(N_INPUT):
         work[INPUTS_BEGIN + n] = inputs[n]
     look_at(e, rows, work)
-    inside = slopes(cells_of(surface), parameters, e, rows, work, 0, 0)
+    inside = slopes(cells_of(surface), parameters, e, rows, work, 0, 0, True)
     for n in range(N_INTEGRATED):
         dy[n] = work[SLOPES + n]
     keep(memory)
@@ -123,17 +124,18 @@ def rates_at(
 @compiled
 def run(
     surface: Surface, parameters: PlantParameters, effects: Rows, state: Array, commands: Array, disturbance: Array,
-    step: float, n_sub: int, out: Array,
+    step: float, n_sub: int, out: Array, linear: bool = False,
 ) -> tuple[int, int]:  # fmt: skip
     """(status, whole samples done) of an open-loop run of n samples of n_sub steps each.
 
-    commands (n, 2) and disturbance (n,) are held over their samples; out (n, N_OUT) receives a row a sample (the
+    commands (n, 2) and disturbance (n,) are held over their samples, with `linear` the commands run straight from one
+    to the next, the last one is held; out (n, N_OUT) receives a row a sample (the
     OUT_ columns), taken before the sample's command acts. The state ends where the last good step ended.
     """
     memory = workspace()
     e, rows, work, cells = rows_of(effects), rows_of(state), rows_of(memory), cells_of(surface)
     table = rows_of(out.ravel())
-    ended = run_rows(cells, parameters, e, rows, work, np.inf, commands, disturbance, step, n_sub, table)
+    ended = run_rows(cells, parameters, e, rows, work, np.inf, commands, disturbance, step, n_sub, table, linear)
     keep(memory)
     keep(out)
     return ended
@@ -142,7 +144,7 @@ def run(
 @compiled
 def run_rows(
     cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float, commands: Array,
-    disturbance: Array, step: float, n_sub: int, table: Rows,
+    disturbance: Array, step: float, n_sub: int, table: Rows, linear: bool,
 ) -> tuple[int, int]:  # fmt: skip
     """The time loop of `run`, for one run or for lanes, n_sample * N_OUT rows; beyond `reach` (m) a lane ends."""
     set_timing(p, e, step, work)
@@ -155,7 +157,9 @@ def run_rows(
         else:
             for n in range(4):
                 table[row + OUT_AT_CURRENT_LIMIT_1 + n] = 0.0 - state[AT_CURRENT_LIMIT_1 + n]
-            status = _hold(cells, p, e, state, work, reach, commands[done], disturbance[done], step, n_sub)
+            ahead = commands[done + 1 if linear and done + 1 < commands.shape[0] else done]
+            push = disturbance[done]
+            status = _hold(cells, p, e, state, work, reach, commands[done], ahead, push, step, n_sub, linear)
             for n in range(4):
                 limit = row + OUT_AT_CURRENT_LIMIT_1 + n
                 table[limit] = table[limit] + state[AT_CURRENT_LIMIT_1 + n]
@@ -170,30 +174,32 @@ def run_rows(
 @compiled
 def _hold(
     cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float, command: Array,
-    disturbance: float, step: float, n_step: int,
+    ahead: Array, disturbance: float, step: float, n_step: int, linear: bool,
 ) -> int:  # fmt: skip
-    """One command and disturbance held over n_step steps: `advance`, for one run or for lanes."""
+    """A disturbance held over n_step steps and a command that is held, or `linear` on its way to the one `ahead`:
+    `advance`, for one run or for lanes."""
     alone = width(state) == 1
     state[VOLT_SECONDS_1] = 0.0
     state[VOLT_SECONDS_2] = 0.0
     work[LIMITED_1] = 0.0
     work[LIMITED_2] = 0.0
-    good = take_command(p, state, work, command)
+    good = take_command(p, state, work, command, ahead)
     status = NOT_FINITE if alone and not every(good) else OK
     ideal = np.isinf(first(p.bandwidth if e is None else e[electrical.BANDWIDTH]))
     if status == OK and e is not None:
-        queue_command(e, state, work)
+        queue_command(e, state, work, linear)
     if status == OK and ideal and (e is None or p.drive == CURRENT_DRIVE):
         look_at(e, state, work)
         inside = jump(cells, p, e, state, work)
         status = OUTSIDE_TABLE if alone and not every(inside) else OK
-    push = disturbance + p.constant_force
+    push, part = disturbance + p.constant_force, 1.0 / n_step
+    set_ramps(p, e, work, n_step * step)
     done = 0
     while done < n_step and status == OK:
         if e is None:
-            set_inputs(p, state, work, push)
+            set_inputs(p, state, work, push, done * part, part)
         else:
-            set_inputs_with_effects(p, e, state, work, push, done, step)
+            set_inputs_with_effects(p, e, state, work, push, done, part, step, linear)
         status = _step(p.end_stop, cells, p, e, state, work, reach, step)
         if status == OK:
             if e is not None and done == 0:
@@ -251,7 +257,7 @@ def _outcome(p: PlantParameters, work: Rows, reach: float, inside: Flag) -> int:
 def settle(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
     """Moves the memory of iron and friction to the state, and finds the coils' currents there."""
     look_at(e, state, work)
-    slopes(cells, p, e, state, work, 0, 2)
+    slopes(cells, p, e, state, work, 0, 2, True)
     for j in range(p.sides):
         state[COIL_1 + j] = work[CIRCUIT_1 + j * N_CIRCUIT + COIL_CURRENT]
         state[COIL_SLOPE_1 + j] = work[SLOPES + I1 + j]

@@ -169,7 +169,7 @@ def run_lanes(
         lanes = [min(begin + k, n_lane - 1) for k in range(LANES)]  # the last one fills up
         block = _block(surface, [plants[lane] for lane in lanes], settings, np.array(lanes), step, substeps)
         out = np.empty((n_sample * N_OUT, LANES))
-        _run_block(surface, block, commands, push, step, substeps, out)
+        _run_block(surface, block, commands, push, step, substeps, out, inputs.hold == "linear")
         return out.reshape(n_sample, N_OUT, LANES)
 
     begins = range(0, n_lane, LANES)
@@ -286,15 +286,17 @@ def _alone(
     state, effects = _begun(surface, plant, settings, lane, step, substeps)
     commands = inputs.for_sides(max(plant.sides, 1))
     out = np.full((commands.shape[0], N_OUT), np.nan)
-    done = kernel.run(own, plant, effects, state, commands, np.asarray(inputs.disturbance), step, substeps, out)[1]
+    push, linear = np.asarray(inputs.disturbance), inputs.hold == "linear"
+    done = kernel.run(own, plant, effects, state, commands, push, step, substeps, out, linear)[1]
     out[done:] = np.nan
     return out
 
 
 @compiled
 def _run_block(
-    surface: Surface, block: _Block, commands: Array, disturbance: Array, step: float, n_sub: int, out: Array
-) -> None:
+    surface: Surface, block: _Block, commands: Array, disturbance: Array, step: float, n_sub: int, out: Array,
+    linear: bool,
+) -> None:  # fmt: skip
     """`kernel.run` for eight lanes: rows n_sample * N_OUT of lanes; a lane that cannot go on is nan from there."""
     e, state, work, cells = rows_of(block.effects), rows_of(block.state), rows_of(block.work), cells_of(surface)
     own = rows_of(block.numbers)
@@ -316,7 +318,7 @@ def _run_block(
         own[_ROW.sensor_bandwidth],
         None,
     )
-    kernel.run_rows(cells, p, e, state, work, block.reach, commands, disturbance, step, n_sub, rows_of(out))
+    kernel.run_rows(cells, p, e, state, work, block.reach, commands, disturbance, step, n_sub, rows_of(out), linear)
     keep(block.numbers)
     keep(block.work)
     keep(block.effects)

@@ -62,13 +62,15 @@ N_BLOCK = _BLOCK.size
 _INPUT = RowLayout()
 # What acts on the plant: what a current loop aims at (A), what a voltage or force drive gives (V, N), outer forces (N)
 TARGET_1, TARGET_2, OUTPUT_OF_1, OUTPUT_OF_2, PUSH = _INPUT.rows(5)
+# What an ideal current drive's currents move by in a second (A/s): other than 0 where inputs are linear between samples
+RAMP_1, RAMP_2 = _INPUT.rows(2)
 N_INPUT = _INPUT.size
 
 _CIRCUIT = RowLayout()
 # A side's circuit: incremental inductance (H), back-EMF (V), magnetising current with memory and eddy part (A),
 # resistance (ohm); then what `solve_circuits` finds: du/dt (A/s), voltage (V), current of the coil (A); loss of the
-# modes of the eddy currents (W)
-INDUCTANCE, EMF, MMF, RESISTANCE, SLOPE, VOLTAGE, COIL_CURRENT, MODE_LOSS = _CIRCUIT.rows(8)
+# modes of the eddy currents (W); power of the magnets' force (W)
+INDUCTANCE, EMF, MMF, RESISTANCE, SLOPE, VOLTAGE, COIL_CURRENT, MODE_LOSS, PULL_POWER = _CIRCUIT.rows(9)
 N_CIRCUIT = _CIRCUIT.size
 
 _WORK = RowLayout()
@@ -76,14 +78,23 @@ BLOCK_1, BLOCK_2 = _WORK.rows(2, N_BLOCK)  # the cells of both sides
 SLOPES, SLOPES_2, SLOPES_3, SLOPES_4 = _WORK.rows(4, N_INTEGRATED)  # of the stages of Runge-Kutta
 Y = _WORK.row(N_INTEGRATED)  # the integrated states at which slopes are taken
 INPUTS_BEGIN, INPUTS_MIDDLE, INPUTS_END = _WORK.rows(3, N_INPUT)  # of a step
-# Whether a side met its voltage limit (0 or 1); commands of the call, clipped, and those before them; where amplifier
-# and periodic disturbance stand at the end of a step; the mean voltages of a call (N in force drive)
+# Whether a side met its voltage limit (0 or 1); commands of the call, clipped, and those before them; what they rise by
+# over a sample (0 where they are held), those before them too; where amplifier, drive and periodic disturbance stand
+# at the end of a step; the mean voltages of a call (N in force drive)
 LIMITED_1, LIMITED_2, COMMAND_1, COMMAND_2, FORMER_1, FORMER_2 = _WORK.rows(6)
+RISE_1, RISE_2, OUTPUT_END_1, OUTPUT_END_2 = _WORK.rows(4)
 SLEW_END_1, SLEW_END_2, LAG_END_1, LAG_END_2, PHASE_COSINE_END, PHASE_SINE_END = _WORK.rows(6)
 MEAN_VOLTAGE_1, MEAN_VOLTAGE_2 = _WORK.rows(2)
-# Weights of the position sensor's lag over a step (`lag_weights`), what is left of the drive's after half and a whole
+# Weights of the position sensor's lag over a step (`lag_weights`); of the drive's lag what stands for its fall at
+# begin, middle and end, and what is left (`fall_rows`), its answers to an input that rises by 1 in a step
 SENSOR_WEIGHTS = _WORK.row(5)
-DRIVE_HALF, DRIVE_WHOLE = _WORK.rows(2)
+DRIVE_FALL, DRIVE_RAMP = _WORK.rows(2, 4)
+# Currents of a loop that is fast against the step (`fast_loop.py`), side 1, then side 2: whether they are known (0 or
+# 1), then their values at begin, middle and end of a step and behind it, what stands for their slopes (A/s), the one
+# of the stage; flux linkage (Wb) and field energy (J) at the step's begin, whether the limit had been met before
+N_KNOWN = 12
+KNOWN_1, KNOWN_2 = _WORK.rows(2, N_KNOWN)
+KNOWN_VALUE, KNOWN_LAST, KNOWN_SLOPES, KNOWN_SLOPE, KNOWN_FLUX, KNOWN_FIELD, KNOWN_LIMITED = 1, 4, 5, 8, 9, 10, 11
 CIRCUIT_1, CIRCUIT_2 = _WORK.rows(2, N_CIRCUIT)
 TILTED = _WORK.row(4 * N_BLOCK)  # cells at either end of a tilted face: side 1's lower and upper gap, then side 2's
 N_WORK = _WORK.size

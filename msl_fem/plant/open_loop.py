@@ -14,8 +14,8 @@ from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.plant.layout import OK, OUT_I1, OUT_I2, initial_state
 from msl_fem.plant.operating_point import resting_point, stability_limit
 from msl_fem.plant.plant import PlantParameters, plant_parameters, surface_of
-from msl_fem.plant.preparation import default_substeps
 from msl_fem.plant.simulate import Simulation, integrate, simulate
+from msl_fem.plant.step_count import default_substeps
 from msl_fem.table.magnetic_table import MagneticTable
 
 
@@ -58,7 +58,7 @@ def _locked_currents(actuator: Actuator, plant: PlantParameters, table: Magnetic
     """The currents (n_sample, 2) that the drive makes while the mover is held at x = 0."""
     locked = plant._replace(mass=math.inf)
     state = initial_state(locked, 0.0, 0.0, 0.0, 0.0)
-    substeps = default_substeps(plant, table, rate=inputs.rate)
+    substeps = default_substeps(plant, table, rate=inputs.rate, commands=inputs.commands)
     status, rows = integrate(surface_of(table), locked, inputs, state=state, substeps=substeps)
     if status != OK:
         raise InputError(

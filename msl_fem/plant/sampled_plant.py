@@ -52,15 +52,9 @@ from msl_fem.plant.layout import (
     initial_state,
 )
 from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters, Surface, plant_parameters, surface_of
-from msl_fem.plant.preparation import (
-    STEP_OF_FASTEST,
-    effect_coefficients,
-    fastest_rate,
-    fastest_rate_of_effects,
-    start_effects,
-    steps_a_sample,
-)
+from msl_fem.plant.preparation import effect_coefficients, start_effects
 from msl_fem.plant.simulate import STATUS, Simulation
+from msl_fem.plant.step_count import STEP_OF_FASTEST, default_substeps
 from msl_fem.table.magnetic_table import MagneticTable
 
 # What is kept of a sample: commands, readings, voltages, true currents, position, velocity
@@ -95,10 +89,7 @@ def sampled_plant(
     if parameters.sides and table is None:
         raise InputError(f"{actuator.name} has magnets and there is no table; make one with 'msl-fem table'")
     surface = surface_of(table if parameters.sides else None)
-    fastest = fastest_rate(parameters, table)
-    if effects is not None:
-        fastest = max(fastest, fastest_rate_of_effects(parameters, effects))
-    n_step = steps_a_sample(fastest, rate=rate, largest_step=largest_step)
+    n_step = default_substeps(parameters, table, rate=rate, effects=effects, largest_step=largest_step)
     step = 1.0 / (rate * n_step)
     coefficients = None
     if effects is not None:

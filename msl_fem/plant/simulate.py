@@ -37,7 +37,8 @@ from msl_fem.plant.layout import (
 )
 from msl_fem.plant.operating_point import stability_limit
 from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters, Surface, plant_parameters, surface_of
-from msl_fem.plant.preparation import default_substeps, effect_coefficients, start_effects
+from msl_fem.plant.preparation import effect_coefficients, start_effects
+from msl_fem.plant.step_count import default_substeps
 from msl_fem.record import Noise, Record, Role, Run, Sampling
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -138,7 +139,9 @@ def simulate(
     plant = plant_parameters(actuator)
     _check_start(actuator, plant, table, options)
     surface = surface_of(table if plant.sides else None)
-    substeps = options.substeps or default_substeps(plant, table, rate=inputs.rate, effects=effects)
+    substeps = options.substeps or default_substeps(
+        plant, table, rate=inputs.rate, effects=effects, commands=inputs.commands
+    )
     state = initial_state(plant, *map(float, (*options.currents, options.position, options.velocity)))
     e = None
     if effects is not None:
@@ -207,7 +210,8 @@ def integrate(
     out = np.empty((commands.shape[0], layout.N_OUT))
     step = 1.0 / (inputs.rate * substeps)
     push = np.asarray(inputs.disturbance)
-    status, done = kernel.run(surface, plant, effects, state, commands, push, step, substeps, out)
+    linear = inputs.hold == "linear"
+    status, done = kernel.run(surface, plant, effects, state, commands, push, step, substeps, out, linear)
     return int(status), out[:done]
 
 

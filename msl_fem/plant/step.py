@@ -16,22 +16,27 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Flag, Rows, Value, first, fma, some
-from msl_fem.plant.drive import lag_weights
 from msl_fem.plant.effects import magnetic, mechanical
 from msl_fem.plant.equations import rates, rates_with_effects
+from msl_fem.plant.fast_loop import (
+    end_known_currents,
+    is_fast,
+    put_known_currents,
+    set_aside_limits,
+    set_known_currents,
+)
 from msl_fem.plant.layout import (
     EDDY_FLUX_1,
     ENERGY_IMPACT,
     HELD,
     INPUTS_BEGIN,
-    INPUTS_END,
     MODE,
     MODE_RATE,
     N_INPUT,
     N_INTEGRATED,
     N_PLAIN,
     OUTPUT_1,
-    OUTPUT_OF_1,
+    OUTPUT_END_1,
     PHASE_COSINE,
     PHASE_COSINE_END,
     SENSOR,
@@ -47,22 +52,25 @@ from msl_fem.plant.layout import (
     Y,
 )
 from msl_fem.plant.plant import EndStop, PlantParameters
+from msl_fem.plant.poles import lag_weights
 from msl_fem.plant.side import Cells
 
 MOST_IMPACTS = 50  # in one step; the last one ends at rest
 
 
 @compiled
-def slopes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, stage: int, instant: int) -> Flag:
+def slopes(
+    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, stage: int, instant: int, settle: bool
+) -> Flag:  # fmt: skip
     """The slopes of `stage` (0 to 3) at Y, under the inputs of begin, middle or end (0, 1, 2); False outside the table.
 
-    A mover that lies on an end stop does not move.
+    With `settle` the memory of iron and friction is moved to Y. A mover that lies on an end stop does not move.
     """
     dy, inputs = SLOPES + stage * N_INTEGRATED, INPUTS_BEGIN + instant * N_INPUT
     if e is None:
         inside = rates(cells, p, work, inputs, dy)
     else:
-        inside = rates_with_effects(cells, p, e, state, work, inputs, dy, stage == 0)
+        inside = rates_with_effects(cells, p, e, state, work, inputs, dy, settle)
     if first(state[HELD]) != 0.0:
         work[dy + MODE_RATE] = work[dy + MODE_RATE] + work[dy + V]
         work[dy + X] = 0.0
@@ -92,17 +100,26 @@ def try_step(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows,
     n_integrated = integrated(e)
     look_at(e, state, work)
     inside = state[X] == state[X]
+    fast = is_fast(p, e, step)
+    if fast:
+        set_aside_limits(work)
+        inside = inside & slopes(cells, p, e, state, work, 0, 0, True)
+        set_known_currents(cells, p, e, state, work, step)
     for stage in range(4):
         if stage > 0:
             share = step if stage == 3 else 0.5 * step
             before = SLOPES + (stage - 1) * N_INTEGRATED
             for n in range(n_integrated):
                 work[Y + n] = fma(share, work[before + n], state[n])
-        inside = inside & slopes(cells, p, e, state, work, stage, (stage + 1) // 2)
+        if fast:
+            put_known_currents(p, work, (stage + 1) // 2)
+        inside = inside & slopes(cells, p, e, state, work, stage, (stage + 1) // 2, stage == 0 and not fast)
     for n in range(n_integrated):
         middle = work[SLOPES_2 + n] + work[SLOPES_3 + n]
         together = work[SLOPES + n] + 2.0 * middle + work[SLOPES_4 + n]
         work[Y + n] = fma(step / 6.0, together, state[n])
+    if fast:
+        inside = inside & end_known_currents(cells, p, e, work)
     return inside
 
 
@@ -117,7 +134,7 @@ def keep_step(p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
     for n in range(integrated(e)):
         state[n] = work[Y + n]
     for j in range(2):
-        state[OUTPUT_1 + j] = work[INPUTS_END + OUTPUT_OF_1 + j]
+        state[OUTPUT_1 + j] = work[OUTPUT_END_1 + j]
     if e is not None:
         for j in range(4):
             state[SLEW_1 + j] = work[SLEW_END_1 + j]
@@ -219,7 +236,7 @@ def _bounce(
     before, mass = state[V], p.mass
     after = -stop.restitution * before
     look_at(e, state, work)
-    slopes(cells, p, e, state, work, 0, 2)
+    slopes(cells, p, e, state, work, 0, 2, True)
     outward = work[SLOPES + V] * np.sign(state[X])
     if last or (outward > 0.0 and 2.0 * abs(after) < outward * step):
         after = 0.0
@@ -238,6 +255,6 @@ def _release(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows)
         side = state[HELD]
         state[HELD] = 0.0
         look_at(e, state, work)
-        slopes(cells, p, e, state, work, 0, 0)
+        slopes(cells, p, e, state, work, 0, 0, True)
         if work[SLOPES + V] * side > 0.0:
             state[HELD] = side

@@ -113,7 +113,8 @@ def free_run(plant: KernelPlant, data: RunData, start: Start) -> FreeRun:
     n = len(data.commands)
     out = np.full((n, layout.N_OUT), np.nan)
     state = kernel_state(plant, start)
-    status, done = kernel.run(*plant.model, state, data.commands, np.zeros(n), *plant.timing, out)
+    linear = data.hold == "linear"
+    status, done = kernel.run(*plant.model, state, data.commands, np.zeros(n), *plant.timing, out, linear)
     out[done:] = np.nan
     return _ended(readings_of(plant, data, out), status, done)
 
@@ -254,11 +255,11 @@ def closed_run(plant: KernelPlant, data: RunData, start: Start, law: CallableLaw
     state = kernel_state(plant, start)
     out = np.full((len(data.commands), _N_OUT), np.nan)
     if law is not None:
-        status, done = _run_callable(looped, law, state, history, data.commands, out)
+        status, done = _run_callable(looped, law, state, history, data.held, out)
     else:
         assert data.law is not None
         assert data.read is not None
-        status, done = _run_linear(looped, data.law, state, history, data.commands, data.read, out)
+        status, done = _run_linear(looped, data.law, state, history, data.held, data.read, out)
     out[done:] = np.nan
     return _ended(_by_channel(data, out[:, 0], out[:, 1:3], out[:, _VOLTAGES]), status, done)
 

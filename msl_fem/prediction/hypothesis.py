@@ -9,13 +9,8 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.plant import PlantParameters, Surface, plant_parameters, surface_of
 from msl_fem.plant.effects import EffectValues, kernel_coefficients, neutral_vector
-from msl_fem.plant.preparation import (
-    check_effects,
-    fastest_rate,
-    fastest_rate_of_effects,
-    small_signal_inductance,
-    steps_a_sample,
-)
+from msl_fem.plant.preparation import check_effects, small_signal_inductance
+from msl_fem.plant.step_count import default_substeps
 from msl_fem.record import Tolerance
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -125,12 +120,13 @@ def with_factors(p: PlantParameters, factors: Mapping[str, float]) -> PlantParam
 
 
 def kernel_plant(
-    belief: ModelHypothesis, *, rate: float, factors: Mapping[str, float] | None = None, ideal_current: bool = False
-) -> KernelPlant:
+    belief: ModelHypothesis, *, rate: float, factors: Mapping[str, float] | None = None, ideal_current: bool = False,
+    commands: Array | None = None,
+) -> KernelPlant:  # fmt: skip
     """The plant of a belief whose parameters are further `factors` times the believed ones.
 
-    With `ideal_current` the drive of a current-driven plant makes its commands without a lag: for records that hold
-    currents and no commands.
+    `commands` (n_sample, n_side) of a voltage drive count in the number of steps. With `ideal_current` the drive of a
+    current-driven plant makes its commands without a lag: for records that hold currents and no commands.
 
     Raises
     ------
@@ -139,16 +135,16 @@ def kernel_plant(
     further = factors or {}
     f = {name: belief.factors.get(name, 1.0) * further.get(name, 1.0) for name in BELIEVED}
     p = plant_parameters(belief.actuator)
-    fastest = fastest_rate(p, belief.table)  # as believed: steps that changed with the factors would be jumps of a fit
-    p = with_factors(p, f)
     if ideal_current:
         p = p._replace(bandwidth=np.inf)
+    substeps = default_substeps(  # as believed: steps that changed with the factors would be jumps of a fit
+        p, belief.table, rate=rate, effects=belief.effects, commands=commands, largest_step=STEP_OF_FASTEST
+    )
+    p = with_factors(p, f)
     vector = neutral_vector()
     if belief.effects is not None:
         check_effects(p, belief.effects)
-        fastest = max(fastest, fastest_rate_of_effects(p, belief.effects))
         vector = belief.effects.vector()
-    substeps = steps_a_sample(fastest, rate=rate, largest_step=STEP_OF_FASTEST)
     surface = surface_of(belief.table if p.sides else None)
     if f["magnetic_scale"] != 1.0:
         surface = surface._replace(coefficients=surface.coefficients * f["magnetic_scale"])

@@ -91,7 +91,7 @@ def kalman_filter(
     setting = _setting(plant, data, names, noise)
     state = kernel_state(plant, start or guessed_start(plant, data))
     rows = predicted, states, whitened, voltages
-    done, log_likelihood = filter_run(*plant.model, plant.timing, setting, state, data.commands, sensed, *rows)
+    done, log_likelihood = filter_run(*plant.model, plant.timing, setting, state, data.held, sensed, *rows)
     predicted[0] = np.nan
     ended = None if done == n else int(done)
     return KalmanFilterRun(
@@ -113,7 +113,7 @@ def k_step(plant: KernelPlant, data: RunData, filtered: KalmanFilterRun, horizon
     voltages = np.full((n, 2), np.nan)
     which, delay = _setting(plant, data, names, ProcessNoise(0.0, 0.0))[:2]
     timing, readings = plant.timing, (which, delay)
-    ahead(*plant.model, timing, readings, filtered.states, data.commands, horizon, predicted, voltages)
+    ahead(*plant.model, timing, readings, filtered.states, data.held, horizon, predicted, voltages)
     return _by_channel(plant, data, predicted, voltages)
 
 

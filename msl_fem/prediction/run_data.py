@@ -51,7 +51,8 @@ class RunData:
 
     Attributes
     ----------
-    commands : (n_sample, 2) A, V or N by the drive's kind, each held over its sample
+    commands : (n_sample, 2) A, V or N by the drive's kind
+    hold : whether commands are held over their samples, or run straight from one to the next
     measured : channel (its column's name) to (n_sample,): what the model reads; currents of the sides, position,
         in current drive the voltages that its amplifier gives
     noise : of these channels
@@ -69,6 +70,16 @@ class RunData:
     ideal_current: bool = False
     law: LoopLaw | None = None
     read: Array | None = None
+    hold: Literal["zero-order", "linear"] = "zero-order"
+
+    @property
+    def held(self) -> Array:
+        """(n_sample, 2) commands as means over their samples, for what takes them one by one."""
+        if self.hold == "zero-order":
+            return self.commands
+        held = self.commands.copy()
+        held[:-1] = (self.commands[:-1] + self.commands[1:]) / 2
+        return held
 
     @property
     def channels(self) -> dict[str, Channel]:
@@ -89,8 +100,6 @@ class RunData:
 def run_data(record: Record, run: Run) -> RunData:
     """A run's inputs and outputs by the actuator's drive.
 
-    Inputs held linearly between samples are taken as their mean over each sample.
-
     Raises
     ------
     InputError : a column that the drive needs is missing
@@ -100,8 +109,6 @@ def run_data(record: Record, run: Run) -> RunData:
     commands = np.zeros((run.time.size, 2))
     for j, name in enumerate(inputs):
         commands[:, j] = run[name]
-    if record.sampling is not None and record.sampling.hold == "linear":
-        commands[:-1] = (commands[:-1] + commands[1:]) / 2
     law, read = _law(record, run, inputs)
     return RunData(
         name=run.name,
@@ -113,6 +120,7 @@ def run_data(record: Record, run: Run) -> RunData:
         ideal_current=any(Channel.of(name).quantity == "current" for name in inputs),
         law=law,
         read=read,
+        hold=record.sampling.hold if record.sampling is not None else "zero-order",
     )
 
 

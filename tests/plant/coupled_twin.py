@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from msl_fem.actuator import Actuator
+from msl_fem.actuator import Actuator, parse_actuator
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.plant import plant_parameters
 from msl_fem.table.magnetic_table import MagneticTable
@@ -18,6 +18,14 @@ def changed(actuator: Actuator, **sections: dict[str, object]) -> Actuator:
 def locked(actuator: Actuator) -> Actuator:
     """The actuator with a mover that nothing moves."""
     return changed(actuator, motion={"moving_mass": 1e16})
+
+
+def mass_and_spring(**drive: str) -> Actuator:
+    """A mass on a spring that a force drives."""
+    return parse_actuator({
+        "schema": 1, "name": "rig", "drive": {"kind": "force", **drive},
+        "motion": {"moving_mass": "0.5 kg", "stiffness": "2000 N/m", "damping": "8 N s/m"},
+    })  # fmt: skip
 
 
 def linear_table() -> MagneticTable:

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from coupled_twin import changed, linear_table, locked
+from coupled_twin import changed, linear_table, locked, mass_and_spring
 
-from msl_fem.actuator import Actuator, parse_actuator
+from msl_fem.actuator import Actuator
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.operating_point import resting_point
 from msl_fem.plant.plant import plant_parameters
@@ -33,13 +33,6 @@ def test_a_voltage_drive_lags_its_command(servo: Actuator) -> None:
     w, period = 2 * np.pi * 100.0, 1e-4
     lag = np.exp(-w * run.time) * (1 - np.exp(-w * period)) / (w * period)
     assert run.voltage[:, 0] == pytest.approx(10.0 * (1 - lag), rel=1e-8)
-
-
-def mass_and_spring(**drive: str) -> Actuator:
-    return parse_actuator({
-        "schema": 1, "name": "rig", "drive": {"kind": "force", **drive},
-        "motion": {"moving_mass": "0.5 kg", "stiffness": "2000 N/m", "damping": "8 N s/m"},
-    })  # fmt: skip
 
 
 def test_a_mass_on_a_spring_answers_a_step_of_force() -> None:

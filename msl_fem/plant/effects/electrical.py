@@ -29,7 +29,8 @@ BANDWIDTH = LAYOUT.row()  # of the drive, rad/s
 DELAY_SAMPLES, JUMP_STEP, JUMP_SHARE = LAYOUT.rows(3)
 # What is left of the lag at begin, middle and end of a step, and behind it; the same of a jump within the step
 FALL, JUMP = LAYOUT.rows(2, 4)
-SLEW_TIME, RAMP_MIDDLE, RAMP_END = LAYOUT.rows(3)
+SLEW_TIME = LAYOUT.row()
+LAG_RAMP = LAYOUT.row(4)  # the lag's answers to a command that rises by 1 in a step
 # Slew limit of the lag: one over what it moves by in a time constant at most (1/A, 1/V, 1/N); a step over the time
 # constant; of the step with the jump, time before it until middle and end, over the time constant
 SOFT, DECAY, PAST_MIDDLE, PAST_END = LAYOUT.rows(4)
@@ -70,10 +71,8 @@ def command_path(e: Array, v: Values, setting: KernelSetting) -> None:
         e[PAST_MIDDLE], e[PAST_END] = min(0.5, e[JUMP_SHARE]) * decay, e[JUMP_SHARE] * decay
     else:
         e[SLEW_TIME] = v["amplifier_bandwidth", "slew_time"]
-    z = e[BANDWIDTH] * step
-    if math.isfinite(z):
-        e[RAMP_MIDDLE] = -1.0 / z + (0.5 + 1.0 / z) * math.exp(-0.5 * z)
-        e[RAMP_END] = 0.5 - 1.0 / z + (0.5 + 1.0 / z) * math.exp(-z)
+    for k, s in enumerate((0.0, 0.5, 1.0, 1.0)):
+        e[LAG_RAMP + k] = s - 0.5 - 1.0 / decay + (0.5 + 1.0 / decay) * e[FALL + k]
 
 
 def believed_command_path(change: DesignChange, v: Values) -> None:

@@ -1,0 +1,188 @@
+"""Currents of a current loop that is fast against the step: known in closed form instead of integrated (`poles.py`).
+
+Within its voltage limit the loop makes di/dt = w (target - i), whatever circuit and motion do. With effects the same
+holds of what the loop sees: the magnetising currents u go to where the coils' currents are their targets, at the rate
+w/(1 + w L G) that eddy currents leave of w. The voltage limit acts in a straight line first, at the slope that it
+allows when the step begins: an error of the step's second order, once for each such event.
+
+Volt-seconds and electrical energy of a step are those of resistance and motion, and the changes of flux linkage and
+field energy, as in an ideal drive whose current jumps.
+"""
+
+import numpy as np
+
+from msl_fem.computing.compiled import compiled
+from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, fma, some
+from msl_fem.plant.effects import electrical, magnetic
+from msl_fem.plant.equations import hysteresis, series_iron
+from msl_fem.plant.layout import (
+    CIRCUIT_1,
+    CIRCUIT_2,
+    ENERGY_ELECTRICAL,
+    I1,
+    INDUCTANCE,
+    INPUTS_BEGIN,
+    INPUTS_END,
+    INPUTS_MIDDLE,
+    KNOWN_1,
+    KNOWN_FIELD,
+    KNOWN_FLUX,
+    KNOWN_LAST,
+    KNOWN_LIMITED,
+    KNOWN_SLOPE,
+    KNOWN_SLOPES,
+    KNOWN_VALUE,
+    LIMITED_1,
+    MMF,
+    N_CIRCUIT,
+    N_KNOWN,
+    SLOPES,
+    TARGET_1,
+    VOLT_SECONDS_1,
+    Y,
+)
+from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
+from msl_fem.plant.poles import FAST, fall_for_squares, fall_moments, limited_line, slopes_of_fall
+from msl_fem.plant.side import Cells, side_flux, side_gap
+
+_ITERATIONS = 5
+
+
+@compiled
+def is_fast(p: PlantParameters, e: Rows, step: float) -> bool:
+    """Whether a current loop is fast against the step, in one lane at least."""
+    if p.drive != CURRENT_DRIVE:
+        return False
+    if e is None:
+        return not np.isinf(first(p.bandwidth)) and some(p.bandwidth * step > FAST)
+    else:
+        w = e[electrical.BANDWIDTH]
+        return not np.isinf(first(w)) and some(w * step > FAST)
+
+
+@compiled
+def set_aside_limits(work: Rows) -> None:
+    """Keeps whether the sides have met their voltage limits in the sample, and clears that."""
+    for j in range(2):
+        work[KNOWN_1 + j * N_KNOWN + KNOWN_LIMITED] = work[LIMITED_1 + j]
+        work[LIMITED_1 + j] = 0.0
+
+
+@compiled
+def set_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float) -> None:
+    """Currents of a step into the rows of each side, from Y = `state` with its slopes in the first stage's rows and
+    whether the voltage limit acts there."""
+    for j in range(p.sides):
+        above = _missing(p, e, work, j)
+        if e is not None:
+            above = above + e[magnetic.SHARE] * _missing(p, e, work, 1 - j)
+            above = _with_memory(cells, p, e, state, work, j, above)
+        _set_side(p, e, state, work, j, above, step)
+        row = KNOWN_1 + j * N_KNOWN
+        _, flux, stored = side_flux(cells, p, e, work, j, state[I1 + j], side_gap(p, e, work, j))
+        work[row + KNOWN_FLUX] = flux
+        work[row + KNOWN_FIELD] = stored
+
+
+@compiled
+def _target(work: Rows, j: int) -> tuple[Value, Value]:
+    """(mean, rise) over a step of what the loop of side j aims at."""
+    begin, middle = work[INPUTS_BEGIN + TARGET_1 + j], work[INPUTS_MIDDLE + TARGET_1 + j]
+    end = work[INPUTS_END + TARGET_1 + j]
+    return middle + (begin - 2.0 * middle + end) / 6.0, end - begin
+
+
+@compiled
+def _rate(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
+    """The rate in 1/s at which the current of side j goes to its target."""
+    if e is None:
+        return p.bandwidth + (work[Y] - work[Y])
+    else:
+        inductance = work[CIRCUIT_1 + j * N_CIRCUIT + INDUCTANCE]
+        w, loop = e[electrical.BANDWIDTH], e[magnetic.UNMIX] * e[magnetic.EDDY]
+        return w / (1.0 + w * inductance * loop)
+
+
+@compiled
+def _missing(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
+    """What the coil's current of side j is above the mean target of the step, in A."""
+    current = work[Y + I1 + j]
+    if e is not None:
+        share = e[magnetic.SHARE]
+        own, other = work[CIRCUIT_1 + j * N_CIRCUIT + MMF], work[CIRCUIT_2 - j * N_CIRCUIT + MMF]
+        current = e[magnetic.UNMIX] * (own - share * other)
+    return current - _target(work, j)[0]
+
+
+@compiled
+def _with_memory(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, above: Value) -> Value:
+    """What the magnetising current of side j is above where it goes: there, memory and iron in series take another
+    part of the coil's current than here. Fixed-point iteration; that part is a small share of the current."""
+    if not (some(e[magnetic.HYSTERESIS_SLOPE] > 0.0) or some(e[magnetic.IRON_LOW] + e[magnetic.IRON_KNEE] > 0.0)):
+        return above
+    u, gap, moved = work[Y + I1 + j], side_gap(p, e, work, j), above
+    taken = above - above
+    for n in range(_ITERATIONS):
+        inside, flux, _ = side_flux(cells, p, e, work, j, u if n == 0 else u - moved, gap)
+        part = hysteresis(e, state, j, flux, False) + series_iron(e, flux)
+        if n == 0:
+            taken = part
+        else:
+            moved = choose(inside, above + (part - taken), moved)
+    return moved
+
+
+@compiled
+def _set_side(p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, above: Value, step: float) -> None:
+    """The rows of side j, whose current is `above` the mean target."""
+    row, rate = KNOWN_1 + j * N_KNOWN, _rate(p, e, work, j)
+    z, rise, slope = rate * step, _target(work, j)[1], work[SLOPES + I1 + j]
+    away = above + rise * (0.5 + 1.0 / z)
+    limited = work[LIMITED_1 + j] > 0.0
+    line, corner = limited_line(away, slope * step, z)
+    line, corner = choose(limited, line, 0.0), choose(limited, corner, 1.0)
+    known = (z > FAST) & (line < 1.0)
+    work[LIMITED_1 + j] = work[row + KNOWN_LIMITED]
+    m_0, square, m_s, last = fall_moments(z, line, corner)
+    begin, middle, end = fall_for_squares(m_0, square, m_s)
+    b, m, n = slopes_of_fall(m_0, m_s, last)
+    goal = state[I1 + j] - away
+    work[row] = choose(known, 1.0, 0.0)
+    work[row + KNOWN_VALUE] = fma(begin, away, goal)
+    work[row + KNOWN_VALUE + 1] = fma(middle, away, goal) + 0.5 * rise
+    work[row + KNOWN_VALUE + 2] = fma(end, away, goal) + rise
+    work[row + KNOWN_LAST] = fma(last, away, goal) + rise
+    work[row + KNOWN_SLOPES] = (rise - away * b) / step
+    work[row + KNOWN_SLOPES + 1] = (rise - away * m) / step
+    work[row + KNOWN_SLOPES + 2] = (rise - away * n) / step
+
+
+@compiled
+def put_known_currents(p: PlantParameters, work: Rows, instant: int) -> None:
+    """The currents of begin, middle or end (0, 1, 2) of a step into Y, where they are known."""
+    for j in range(p.sides):
+        row = KNOWN_1 + j * N_KNOWN
+        work[Y + I1 + j] = choose(work[row] > 0.0, work[row + KNOWN_VALUE + instant], work[Y + I1 + j])
+        work[row + KNOWN_SLOPE] = work[row + KNOWN_SLOPES + instant]
+
+
+@compiled
+def end_known_currents(cells: Cells, p: PlantParameters, e: Rows, work: Rows) -> Flag:
+    """Puts the known currents of the step's end into Y, and what they add to volt-seconds and energy."""
+    inside = work[Y] == work[Y]
+    for j in range(p.sides):
+        row = KNOWN_1 + j * N_KNOWN
+        known = work[row] > 0.0
+        work[Y + I1 + j] = choose(known, work[row + KNOWN_LAST], work[Y + I1 + j])
+        found, flux, stored = side_flux(cells, p, e, work, j, work[Y + I1 + j], side_gap(p, e, work, j))
+        inside = inside & found
+        change = choose(known, flux - work[row + KNOWN_FLUX], 0.0)
+        work[Y + VOLT_SECONDS_1 + j] = work[Y + VOLT_SECONDS_1 + j] + change
+        if e is not None and p.sides == 2:
+            other = Y + VOLT_SECONDS_1 + 1 - j
+            work[other] = work[other] + e[magnetic.SHARE] * change
+        energy = choose(known, stored - work[row + KNOWN_FIELD], 0.0)
+        work[Y + ENERGY_ELECTRICAL] = work[Y + ENERGY_ELECTRICAL] + energy
+        work[LIMITED_1 + j] = choose(known, work[row + KNOWN_LIMITED], work[LIMITED_1 + j])
+        work[row] = 0.0
+    return inside

@@ -1,0 +1,114 @@
+"""First-order poles solved exactly inside a step, whatever their bandwidth: sensor, drive, and the current loop.
+
+y' = w (x - y) falls by exp(-w h) in a step h. Runge-Kutta, that sees three values of a signal in a step, would miss a
+fall that is faster than the step; the values here stand for it: their sums are the signal's exact moments.
+
+A current loop within its voltage limit makes the current a first-order lag of its target. Where the loop is fast
+against the step (w h > `FAST`), the current is not integrated but known: u(s) = u_end(s) + f(s) (u(0) - u_end(0)), with
+f(s) = exp(-z s), z = w h, or first a straight line where the limit acts, from which it goes over into the exponential.
+Forces are nearly quadratic in the current. So the three values (b, m, e) of f have its integral, the integral of its
+square, and that of (1 - s) f, which Runge-Kutta takes as (b + 4 m + e)/6, (b^2 + 4 m^2 + e^2)/6 and (b + 2 m)/6.
+"""
+
+import numpy as np
+
+from msl_fem.computing.compiled import compiled
+from msl_fem.computing.lanes import Rows, Value, choose, exponential, larger, set_lane, square_root
+
+FAST = 0.5
+"""A step times a current loop's bandwidth above which its current is known and not integrated."""
+_SMALL = 0.1  # below it moments by parts cancel, and a signal's values have them
+Four = tuple[Value, Value, Value, Value]
+
+
+@compiled
+def fall_rows(bandwidth: float, step: float, rows: Rows, start: int, lane: int) -> None:
+    """Puts (begin, middle, end, last) of a fall exp(-w t) from 1 over a step into four rows from `start`.
+
+    The first three have its integrals over 1, (1 - s) and (1 - s)^2 (`fall_stages`), of a slow fall they are its
+    values; the last is what is left behind the step.
+    """
+    z = bandwidth * step
+    last = np.exp(-z)
+    begin, middle, end = 1.0, np.exp(-0.5 * z), last
+    if z > _SMALL:
+        m_0 = (1.0 - last) / z
+        m_1 = (m_0 - last) / z
+        m_2 = (2.0 * m_1 - last) / z
+        begin, middle, end = 6.0 * (m_0 - 3.0 * m_1 + 2.0 * m_2), 6.0 * (m_1 - m_2), 6.0 * (2.0 * m_2 - m_1)
+    set_lane(rows, start, lane, begin)
+    set_lane(rows, start + 1, lane, middle)
+    set_lane(rows, start + 2, lane, end)
+    set_lane(rows, start + 3, lane, last)
+
+
+@compiled
+def lag_weights(bandwidth: float, step: float, rows: Rows, start: int, lane: int) -> None:
+    """Puts the weights of (y0, x0, x0', x1, x1') in y1 of a lane into five rows from `start`.
+
+    y' = w (x - y), x a cubic between: exact in time, so no bandwidth, however high, limits the integrator's step.
+    With z = w step and I_k = z int_0^1 exp(-z (1 - s)) s^k ds: y1 = exp(-z) y0 + sum over Hermite's basis, whose
+    powers of s give I_0 ... I_3. I_0 = 1 - exp(-z); by parts I_k = 1 - k I_(k-1)/z, run upwards for z > 1 and
+    downwards from I_20 = 0 below, where the upward recursion cancels. An infinite bandwidth gives y1 = x1.
+    """
+    z = bandwidth * step
+    decay = np.exp(-z)
+    if z > 1.0:
+        i_0 = 1.0 - decay
+        i_1 = 1.0 - i_0 / z
+        i_2 = 1.0 - 2.0 * i_1 / z
+        i_3 = 1.0 - 3.0 * i_2 / z
+    else:
+        i_k = 0.0
+        for k in range(20, 3, -1):
+            i_k = z / k * (1.0 - i_k)
+        i_3 = i_k
+        i_2 = z / 3.0 * (1.0 - i_3)
+        i_1 = z / 2.0 * (1.0 - i_2)
+        i_0 = z * (1.0 - i_1)
+    set_lane(rows, start, lane, decay)
+    set_lane(rows, start + 1, lane, i_0 - 3.0 * i_2 + 2.0 * i_3)
+    set_lane(rows, start + 2, lane, step * (i_1 - 2.0 * i_2 + i_3))
+    set_lane(rows, start + 3, lane, 3.0 * i_2 - 2.0 * i_3)
+    set_lane(rows, start + 4, lane, step * (i_3 - i_2))
+
+
+@compiled
+def fall_moments(z: Value, line: Value, corner: Value) -> Four:
+    """(integral of f, of f^2, of s f over a step, f behind it) of a fall that is straight until s = `line`, where
+    f = `corner`, and exponential from there; `line` 0 and `corner` 1 without a limit."""
+    rest = 1.0 - line
+    kept = exponential(0.0 - z * rest)
+    m_0 = 0.5 * line * (1.0 + corner) + corner * (1.0 - kept) / z
+    square = line * (1.0 + corner + corner * corner) / 3.0 + corner * corner * (1.0 - kept * kept) / (2.0 * z)
+    straight = line * line * (1.0 + 2.0 * corner) / 6.0
+    tail = line * (1.0 - kept) / z + (1.0 - kept * (1.0 + z * rest)) / (z * z)
+    return m_0, square, straight + corner * tail, corner * kept
+
+
+@compiled
+def fall_for_squares(m_0: Value, square: Value, m_s: Value) -> tuple[Value, Value, Value]:
+    """(b, m, e) with the integrals of f, f^2 and (1 - s) f: m solves 12 m^2 - 24 m_0 m + ... = 0."""
+    early = m_0 - m_s
+    spread = m_0 * m_0 - 3.0 * (early * early + m_s * m_s) + 0.5 * square
+    middle = m_0 - square_root(larger(spread, 0.0))
+    return 6.0 * early - 2.0 * middle, middle, 6.0 * m_s - 2.0 * middle
+
+
+@compiled
+def slopes_of_fall(m_0: Value, m_s: Value, last: Value) -> tuple[Value, Value, Value]:
+    """(b, m, e) that stand for -f' over a step: its integrals over 1, (1 - s) and (1 - s)^2, by parts."""
+    early = m_0 - m_s
+    begin, middle = 6.0 + 6.0 * m_0 - 24.0 * early, 12.0 * early - 6.0 * m_0
+    return begin, middle, 6.0 * (1.0 - last) - begin - 4.0 * middle
+
+
+@compiled
+def limited_line(way: Value, moved: Value, z: Value) -> tuple[Value, Value]:
+    """(share of the step in which the limit acts, what is left of `way` at its end) where a limited slope moves by
+    `moved` in a whole step; 2 where the limit acts all along, or drives the other way."""
+    toward = 0.0 - moved / way  # share of the way in a whole step
+    corner = toward / z
+    line = (1.0 - corner) / toward
+    ends = (toward > 0.0) & (line < 1.0)
+    return choose(ends, larger(line, 0.0), 2.0), choose(ends & (corner < 1.0), corner, 1.0)
