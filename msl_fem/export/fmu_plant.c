@@ -16,6 +16,7 @@ typedef struct {
     double slope[4][N_INTEGRATED];
     double y[N_INTEGRATED];
     double weight[5];
+    double output_end[2];
     int limited[2];
 } Work;
 
@@ -212,7 +213,7 @@ static void keep_step(PlantState *state, const Work *w)
     for (n = 0; n < N_INTEGRATED; ++n)
         state->y[n] = w->y[n];
     for (n = 0; n < 2; ++n)
-        state->output[n] = w->input[2][OUTPUT_1 + n];
+        state->output[n] = w->output_end[n];
 }
 
 /* A trial over `part` of the step after `done` of it; inputs are those of the whole step, a parabola each. */
@@ -389,38 +390,50 @@ static int jump(const Plant *p, PlantState *state, const double command[2])
     return 1;
 }
 
+/* What stands for a fall exp(-z s) at begin, middle and end of a step, and what is left behind it (fall_rows). */
+static void fall_values(double z, double fall[4])
+{
+    const double last = exp(-z), m_0 = (1.0 - last) / z, m_1 = (m_0 - last) / z, m_2 = (2.0 * m_1 - last) / z;
+    const int slow = !(z > 0.1);
+    fall[0] = slow ? 1.0 : 6.0 * (m_0 - 3.0 * m_1 + 2.0 * m_2);
+    fall[1] = slow ? exp(-0.5 * z) : 6.0 * (m_1 - m_2);
+    fall[2] = slow ? last : 6.0 * (2.0 * m_2 - m_1);
+    fall[3] = last;
+}
+
 /* Inputs of one step: commands and forces held, outputs of a voltage or force drive on their way to the commands. */
-static void act(const PlantState *state, Work *w, const double command[2], double push, double half, double whole)
+static void act(const PlantState *state, Work *w, const double command[2], double push, const double fall[4])
 {
     int j, k;
-    for (k = 0; k < 3; ++k) {
-        for (j = 0; j < 2; ++j) {
-            const double left = k == 0 ? 1.0 : k == 1 ? half : whole;
+    for (j = 0; j < 2; ++j) {
+        const int lags = DRIVE != CURRENT_DRIVE && j < CHANNELS;
+        const double away = state->output[j] - command[j];
+        for (k = 0; k < 3; ++k) {
             w->input[k][TARGET_1 + j] = command[j];
-            w->input[k][OUTPUT_1 + j] = DRIVE == CURRENT_DRIVE || j >= CHANNELS
-                ? state->output[j]
-                : command[j] + left * (state->output[j] - command[j]);
+            w->input[k][OUTPUT_1 + j] = lags ? command[j] + fall[k] * away : state->output[j];
         }
-        w->input[k][PUSH] = push;
+        w->output_end[j] = lags ? command[j] + fall[3] * away : state->output[j];
     }
+    for (k = 0; k < 3; ++k)
+        w->input[k][PUSH] = push;
 }
 
 int plant_advance(const Plant *p, PlantState *state, const double command[2], double disturbance, double step, long n_step)
 {
     static const Work nothing;
     Work w = nothing;
-    const double half = exp(-0.5 * p->bandwidth * step), whole = exp(-p->bandwidth * step);
     const int ideal = isinf(p->bandwidth) != 0;
-    double taken[2] = {0.0, 0.0};
+    double taken[2] = {0.0, 0.0}, fall[4];
     long done = 0;
     int j, status;
     state->y[VOLT_SECONDS_1] = state->y[VOLT_SECONDS_2] = 0.0;
     lag_weights(p->sensor_bandwidth, step, w.weight);
+    fall_values(p->bandwidth * step, fall);
     status = take_command(p, state, command, taken) && isfinite(disturbance) ? OK : NOT_FINITE;
     if (status == OK && ideal)
         status = jump(p, state, taken) ? OK : OUTSIDE_TABLE;
     while (done < n_step && status == OK) {
-        act(state, &w, taken, disturbance + p->constant_force, half, whole);
+        act(state, &w, taken, disturbance + p->constant_force, fall);
         status = take_step(p, state, &w, step);
         done += status == OK;
     }
