@@ -99,8 +99,9 @@ def rates_of_effects(plant: PlantParameters, effects: EffectValues) -> dict[str,
 
 
 def fastest_rate(plant: PlantParameters, table: MagneticTable | None) -> float:
-    """The fastest rate in rad/s of the plain model, its drive's bandwidth among them, for other tools' integrators."""
-    drive = plant.bandwidth if math.isfinite(plant.bandwidth) else 0.0
+    """The fastest rate in rad/s of the plain model, its current loop's among them, for integrators of other tools."""
+    loop = plant.drive == CURRENT_DRIVE and math.isfinite(plant.bandwidth)
+    drive = plant.bandwidth if loop else 0.0
     return max(drive, *plant_rates(plant, table).values())
 
 

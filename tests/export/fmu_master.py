@@ -13,7 +13,8 @@ from fmpy.fmi2 import FMU2Slave
 from msl_fem.actuator import Actuator
 from msl_fem.export import fmu
 from msl_fem.export.formats import ModelSource
-from msl_fem.plant import Inputs, Options, Simulation, simulate
+from msl_fem.plant import Inputs, Options, Simulation, plant_parameters, simulate
+from msl_fem.plant.step_count import STEP_OF_FASTEST, fastest_rate
 from msl_fem.table.magnetic_table import MagneticTable
 
 RATE = 1e4
@@ -126,7 +127,11 @@ def steps(levels: list[float], *, n: int = 500) -> np.ndarray:
 def run_in_python(
     actuator: Actuator, table: MagneticTable, commands: np.ndarray, options: Options | None = None
 ) -> Simulation:
-    return simulate(actuator, table if actuator.magnet else None, Inputs(commands, RATE, 3.0), options=options)
+    """The run in as many steps as the unit takes, which does not know its excitation beforehand."""
+    magnets = table if actuator.magnet else None
+    largest = STEP_OF_FASTEST / fastest_rate(plant_parameters(actuator), magnets)
+    options = options or Options(substeps=max(1, int(np.ceil(1 / RATE / largest - 1e-9))))
+    return simulate(actuator, magnets, Inputs(commands, RATE, 3.0), options=options)
 
 
 def assert_equal_runs(found: dict[str, np.ndarray], wanted: Simulation, *, within: float) -> None:
