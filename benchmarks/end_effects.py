@@ -11,8 +11,7 @@ import numpy as np
 from marked_text import rewrite
 
 from msl_fem.actuator import ECore, load_actuator
-from msl_fem.magnetics.kinds.e_core import MagnetField, magnet_mesh
-from msl_fem.magnetics.kinds.end_effects import (
+from msl_fem.magnetics.field.end_effects import (
     EndSection,
     EndTurns,
     FlushEdges,
@@ -20,6 +19,7 @@ from msl_fem.magnetics.kinds.end_effects import (
     gap_edges,
     window_factor,
 )
+from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.solver.magnetostatics import AirDepth
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
 from msl_fem.table.magnetic_table import MagneticTable

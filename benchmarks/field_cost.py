@@ -13,7 +13,7 @@ import numpy as np
 
 from msl_fem.actuator import load_actuator
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.magnetics.kinds.e_core import e_core_section
+from msl_fem.magnetics.field.magnet_field import e_core_section
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
 from msl_fem.magnetics.solver.tangent import SparseTangent
 from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow

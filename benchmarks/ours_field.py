@@ -8,8 +8,8 @@ from pathlib import Path
 
 from msl_fem.actuator import load_actuator
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.magnetics.kinds.accuracy import LEVELS
-from msl_fem.magnetics.kinds.e_core import magnet_mesh
+from msl_fem.magnetics.field.accuracy import LEVELS
+from msl_fem.magnetics.field.magnet_field import magnet_mesh
 from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
 
 ROOT = Path(__file__).parent.parent

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from marked_text import rewrite
 
-from msl_fem.magnetics.kinds.plunger import PlungerMagnet, PlungerResult, plunger_field, solve_plunger
-from msl_fem.magnetics.solver.section import Region
+from msl_fem.magnetics.field.plunger import PlungerMagnet, PlungerResult, plunger_field, solve_plunger
+from msl_fem.magnetics.section import Region
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import Iron, iron_from_points
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from published_magnets import REFERENCE, solenoid
 
 from msl_fem.actuator import parse_actuator
-from msl_fem.magnetics.kinds.plunger import PlungerMagnet, plunger_table, solve_plunger
+from msl_fem.magnetics.field.plunger import PlungerMagnet, plunger_table, solve_plunger
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import iron_from_points
 from msl_fem.plant import Inputs, Options, simulate

@@ -29,9 +29,9 @@ from friction_drive import closed_loop, inverse_dynamics, refined  # noqa: E402
 from published_magnets import INCH, ROTERS_CURRENT, SOLENOID_CURRENT, roters, solenoid  # noqa: E402
 
 from msl_fem.actuator import load_actuator  # noqa: E402
+from msl_fem.magnetics.field.magnet_field import solve_with_field  # noqa: E402
+from msl_fem.magnetics.field.plunger import solve_plunger  # noqa: E402
 from msl_fem.magnetics.field_map import decoupling_map  # noqa: E402
-from msl_fem.magnetics.kinds.e_core import solve_with_field  # noqa: E402
-from msl_fem.magnetics.kinds.plunger import solve_plunger  # noqa: E402
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep  # noqa: E402
 from msl_fem.record import load_record  # noqa: E402
 from msl_fem.report.field_picture import draw_field  # noqa: E402

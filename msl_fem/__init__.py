@@ -9,7 +9,7 @@ from typing import Any
 
 _VERBS = {
     "load_actuator": "msl_fem.actuator",
-    "solve": "msl_fem.magnetics.kinds.e_core",
+    "solve": "msl_fem.magnetics.field.magnet_field",
     "sweep": "msl_fem.magnetics.sweep.table_sweep",
     "read_table": "msl_fem.table.magnetic_table",
     "write_table": "msl_fem.table.magnetic_table",

@@ -21,8 +21,8 @@ from msl_fem.control import (
 )
 from msl_fem.errors import InputError
 from msl_fem.identification import Identification, identify
-from msl_fem.magnetics.kinds.accuracy import Accuracy, PointResult
-from msl_fem.magnetics.kinds.e_core import MagnetField, solve_with_field
+from msl_fem.magnetics.field.accuracy import Accuracy, PointResult
+from msl_fem.magnetics.field.magnet_field import MagnetField, solve_with_field
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, default_grid, sweep
 from msl_fem.maps import OperatingMap, operating_map

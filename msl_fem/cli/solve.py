@@ -12,10 +12,10 @@ from msl_fem.cli.sweeping import checked_accuracy
 from msl_fem.errors import InputError
 from msl_fem.export.vtu import write_vtu
 from msl_fem.files.whole_file import check_target
-from msl_fem.magnetics.kinds.accuracy import PointResult
-from msl_fem.magnetics.kinds.e_core import solve_with_field
-from msl_fem.magnetics.kinds.foreign_mesh import solve_mesh_magnet
-from msl_fem.magnetics.kinds.two_sided import TwoSidedPosition, TwoSidedResult, solve_two_sided
+from msl_fem.magnetics.field.accuracy import PointResult
+from msl_fem.magnetics.field.foreign_mesh import solve_mesh_magnet
+from msl_fem.magnetics.field.magnet_field import solve_with_field
+from msl_fem.magnetics.field.two_sided import TwoSidedPosition, TwoSidedResult, solve_two_sided
 from msl_fem.report.field_picture import draw_field, save_picture
 from msl_fem.report.scene import render_scene
 

@@ -7,7 +7,7 @@ from typing import cast
 from msl_fem.actuator import Actuator, TableMagnet
 from msl_fem.cli.output import progress_bar, say
 from msl_fem.errors import InputError
-from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy
+from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, default_grid, sweep
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 

@@ -13,7 +13,7 @@ from msl_fem.cli.sweeping import checked_accuracy, default_workers
 from msl_fem.computing.jobs import RowCache
 from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
-from msl_fem.magnetics.kinds.e_core import check_grid
+from msl_fem.magnetics.field.magnet_field import check_grid
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, default_grid, sweep
 from msl_fem.record import load_record
 from msl_fem.record.measured_table import table_from_measurements

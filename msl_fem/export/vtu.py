@@ -6,7 +6,7 @@ import meshio
 import numpy as np
 
 from msl_fem.files.whole_file import whole_file
-from msl_fem.magnetics.kinds.e_core import MagnetField
+from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.magnetics.solver.postprocess import triangle_flux_density
 

@@ -16,7 +16,7 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from msl_fem.files.whole_file import whole_file
-from msl_fem.magnetics.kinds.e_core import MagnetField
+from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.report.figures import figure
 

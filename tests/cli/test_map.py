@@ -9,7 +9,7 @@ import pytest
 from cli_paths import E1, SERVO, TABLE
 
 from msl_fem.actuator import load_actuator
-from msl_fem.magnetics.kinds.e_core import solve
+from msl_fem.magnetics.field.magnet_field import solve
 from msl_fem.maps import parse_criterion, read_map
 from msl_fem.table.magnetic_table import read_table
 

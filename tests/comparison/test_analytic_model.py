@@ -6,7 +6,7 @@ from conftest import ROOT
 
 from msl_fem.actuator import load_actuator
 from msl_fem.comparison.models import LinearCircuit, circuit_fitted, circuit_of, reluctance_table
-from msl_fem.magnetics.kinds.e_core import solve
+from msl_fem.magnetics.field.magnet_field import solve
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import laminated, linear_iron, load_iron
 from msl_fem.table.magnetic_table import read_table

@@ -7,8 +7,8 @@ from pathlib import Path
 from msl_fem.actuator import Actuator, parse_actuator
 from msl_fem.computing.jobs import Executor
 from msl_fem.design.tolerances.sensitivity import ManufacturingJob, Questions, RowRun
-from msl_fem.magnetics.kinds.accuracy import LEVELS
-from msl_fem.magnetics.kinds.e_core import magnet_mesh
+from msl_fem.magnetics.field.accuracy import LEVELS
+from msl_fem.magnetics.field.magnet_field import magnet_mesh
 from msl_fem.magnetics.sweep.rows import FieldJob
 
 ROOT = Path(__file__).parent.parent.parent

@@ -11,7 +11,7 @@ from msl_fem.design.sizing import Design, DesignEvaluator
 from msl_fem.design.sizing import evaluation as evaluation_module
 from msl_fem.design.sizing.design import PlanePoint, masses, wound
 from msl_fem.design.sizing.evaluation import NOT_BUILT, SOLVED
-from msl_fem.magnetics.kinds.e_core import solve
+from msl_fem.magnetics.field.magnet_field import solve
 
 GOOD = Design(14e-3, 7e-3, 7e-3, 7e-3, 16e-3, 28e-3, 1.2, 150.0)
 

@@ -15,7 +15,7 @@ from msl_fem.design.tolerances.manufactured import (
     scaled_iron,
 )
 from msl_fem.errors import ComputationError
-from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section, magnet_mesh
+from msl_fem.magnetics.field.magnet_field import MagnetField, e_core_section, magnet_mesh
 from msl_fem.magnetics.sweep.rows import FieldJob
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, e1_iron, linear_iron, load_iron

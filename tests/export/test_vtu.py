@@ -8,7 +8,7 @@ import pytest
 
 from msl_fem.actuator import load_actuator
 from msl_fem.export.vtu import write_vtu
-from msl_fem.magnetics.kinds.e_core import field_of
+from msl_fem.magnetics.field.magnet_field import field_of
 
 ROOT = Path(__file__).parent.parent.parent
 

@@ -8,7 +8,7 @@ from wound_coils import servo
 
 from msl_fem.errors import InputError
 from msl_fem.losses import SlotRows, choose_wire, negligible_below, resistance_factor, skin_depth, slot_rows
-from msl_fem.magnetics.kinds.e_core import MagnetField, magnet_mesh
+from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.solver.postprocess import triangle_flux_density
 from msl_fem.materials.constants import MU_0, resistivity
 

@@ -15,7 +15,7 @@ from msl_fem.losses import (
     sine_operation,
     sinusoidal_loss,
 )
-from msl_fem.magnetics.kinds.e_core import MagnetField, magnet_mesh
+from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.postprocess import triangle_flux_density
 from msl_fem.materials.material import load_iron

@@ -6,9 +6,9 @@ import numpy as np
 from conftest import ROOT
 
 from msl_fem.actuator import Actuator, ECore, load_actuator
+from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.field_map.gap_levels import CurrentContinuation, LevelJob, level_mesh, level_order, level_safety
 from msl_fem.magnetics.field_map.readings import reader_of
-from msl_fem.magnetics.kinds.e_core import MagnetField
 from msl_fem.maps import parse_criterion
 
 E1 = load_actuator(ROOT / "geometries" / "e1.toml")

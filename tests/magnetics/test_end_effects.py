@@ -8,8 +8,7 @@ from conftest import ROOT
 from random_cores import random_core
 
 from msl_fem.actuator import Actuator, ECore, load_actuator
-from msl_fem.magnetics.kinds.e_core import MagnetField, magnet_mesh
-from msl_fem.magnetics.kinds.end_effects import (
+from msl_fem.magnetics.field.end_effects import (
     EndSection,
     FlushEdges,
     corner_excess,
@@ -17,6 +16,7 @@ from msl_fem.magnetics.kinds.end_effects import (
     gap_edges,
     window_factor,
 )
+from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.solver.postprocess import FieldQuantities
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
 

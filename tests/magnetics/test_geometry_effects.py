@@ -5,7 +5,7 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.actuator import ECore, load_actuator
-from msl_fem.magnetics.kinds.e_core import MagnetField, magnet_mesh
+from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.solver.postprocess import FieldQuantities
 from msl_fem.materials.constants import MU_0
 

@@ -11,9 +11,9 @@ from level_jobs import E1, SERVO, currents_at, field_at, job_of, with_iron
 
 import msl_fem
 from msl_fem.errors import ComputationError, InputError, NotConverged
+from msl_fem.magnetics.field.magnet_field import MagnetField, e_core_section, field_of
 from msl_fem.magnetics.field_map import FieldMapSettings, default_gaps, field_map
 from msl_fem.magnetics.field_map.gap_levels import GapRow
-from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section, field_of
 from msl_fem.maps import Guard, OperatingMap, map_from_json, map_to_json
 from msl_fem.materials.material import load_iron
 

@@ -10,8 +10,8 @@ from random_cores import random_core
 
 from msl_fem.actuator import Actuator, Air, ECore, load_actuator
 from msl_fem.errors import ActuatorError, InputError
-from msl_fem.magnetics.kinds.accuracy import LEVELS, force_error_estimate
-from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section, field_of, magnet_mesh, solve
+from msl_fem.magnetics.field.accuracy import LEVELS, force_error_estimate
+from msl_fem.magnetics.field.magnet_field import MagnetField, e_core_section, field_of, magnet_mesh, solve
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
 from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
 

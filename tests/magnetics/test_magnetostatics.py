@@ -9,7 +9,8 @@ from skfem import Basis, ElementTriP2, ElementTriP3
 
 from msl_fem.actuator import load_actuator
 from msl_fem.errors import NotConverged
-from msl_fem.magnetics.kinds.e_core import MagnetField, field_of, magnet_mesh
+from msl_fem.magnetics.field.magnet_field import MagnetField, field_of, magnet_mesh
+from msl_fem.magnetics.section import Section
 from msl_fem.magnetics.solver.magnetostatics import (
     FieldModel,
     FieldSolution,
@@ -19,7 +20,6 @@ from msl_fem.magnetics.solver.magnetostatics import (
 )
 from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.postprocess import Probes, evaluate_field
-from msl_fem.magnetics.solver.section import Section
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, linear_iron, load_iron
 

@@ -9,10 +9,10 @@ from random_cores import random_core
 import msl_fem.magnetics.solver.mesh
 from msl_fem.actuator import ECore, load_actuator
 from msl_fem.errors import ComputationError
-from msl_fem.magnetics.kinds.accuracy import LEVELS
-from msl_fem.magnetics.kinds.e_core import e_core_section, magnet_mesh
+from msl_fem.magnetics.field.accuracy import LEVELS
+from msl_fem.magnetics.field.magnet_field import e_core_section, magnet_mesh
+from msl_fem.magnetics.section import Section
 from msl_fem.magnetics.solver.mesh import GROWTH_CHANGES, MeshSize, TriangleMesh, triangulate
-from msl_fem.magnetics.solver.section import Section
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from conftest import ROOT
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.errors import ActuatorError, InputError
-from msl_fem.magnetics.kinds.foreign_mesh import MeshField, read_mesh, solve_mesh_magnet
+from msl_fem.magnetics.field.foreign_mesh import MeshField, read_mesh, solve_mesh_magnet
 from msl_fem.magnetics.solver.magnetostatics import solve_field
 from msl_fem.magnetics.solver.mesh import MeshSize, TriangleMesh, triangulate
 from msl_fem.materials.constants import MU_0

@@ -6,7 +6,7 @@ import solenoid_pull_in as study
 from published_magnets import solenoid
 
 from msl_fem.errors import InputError
-from msl_fem.magnetics.kinds.plunger import plunger_table, solve_plunger
+from msl_fem.magnetics.field.plunger import plunger_table, solve_plunger
 
 GAPS = np.r_[0.2, 0.25, 0.3, 0.4, 0.55, 0.75, 1, 1.5, 2, 3, 4, 5, 5.1] * 1e-3
 CURRENTS = np.r_[0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.7, 0.9, 1.1, 1.25]

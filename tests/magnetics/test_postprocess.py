@@ -6,10 +6,10 @@ from conftest import ROOT
 from field_problems import structured_mesh
 
 from msl_fem.actuator import load_actuator
-from msl_fem.magnetics.kinds.e_core import MagnetField, field_of, magnet_mesh
+from msl_fem.magnetics.field.magnet_field import MagnetField, field_of, magnet_mesh
+from msl_fem.magnetics.section import Line, Section
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution
 from msl_fem.magnetics.solver.postprocess import Probes
-from msl_fem.magnetics.solver.section import Line, Section
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import laminated, linear_iron, load_iron
 

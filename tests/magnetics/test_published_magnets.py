@@ -7,7 +7,7 @@ import pytest
 from field_problems import REFERENCE
 from published_magnets import INCH, ROTERS_CURRENT, SOLENOID_CURRENT, roters, solenoid
 
-from msl_fem.magnetics.kinds.plunger import solve_plunger
+from msl_fem.magnetics.field.plunger import solve_plunger
 
 SOLENOID = np.genfromtxt(REFERENCE / "solenoid" / "fea_quasistatic_12V.csv", delimiter=",")
 ROTERS = np.genfromtxt(REFERENCE / "roters" / "measured_force.csv", delimiter=",")

@@ -6,8 +6,8 @@ from conftest import ROOT
 from random_cores import random_core
 
 from msl_fem.actuator import ECore, load_actuator
-from msl_fem.magnetics.kinds.e_core import e_core_section
-from msl_fem.magnetics.solver.section import Section
+from msl_fem.magnetics.field.magnet_field import e_core_section
+from msl_fem.magnetics.section import Section
 
 
 @pytest.fixture(scope="module")

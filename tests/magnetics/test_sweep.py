@@ -13,7 +13,7 @@ import msl_fem.magnetics.sweep.rows
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.computing.jobs import RowCache, content_key
 from msl_fem.errors import ComputationError, InputError, NotConverged
-from msl_fem.magnetics.kinds.e_core import MagnetField, magnet_mesh
+from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, default_grid, sweep
 from msl_fem.table.magnetic_table import MagneticTable
 

@@ -19,7 +19,7 @@ from msl_fem.cli.app import app
 from msl_fem.cli.output import run_guarded
 from msl_fem.computing.jobs import RowCache
 from msl_fem.errors import NotConverged
-from msl_fem.magnetics.kinds.e_core import MagnetField
+from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 

@@ -7,8 +7,8 @@ from field_problems import reference
 
 from msl_fem.actuator import load_actuator
 from msl_fem.errors import ActuatorError, InputError
-from msl_fem.magnetics.kinds.e_core import solve
-from msl_fem.magnetics.kinds.two_sided import (
+from msl_fem.magnetics.field.magnet_field import solve
+from msl_fem.magnetics.field.two_sided import (
     TwoSidedField,
     TwoSidedPosition,
     decoupling,

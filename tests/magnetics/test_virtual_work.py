@@ -8,8 +8,8 @@ from conftest import ROOT
 
 from msl_fem.actuator import load_actuator
 from msl_fem.errors import InputError
-from msl_fem.magnetics.kinds.e_core import field_of
-from msl_fem.magnetics.kinds.two_sided import TwoSidedField, TwoSidedPosition
+from msl_fem.magnetics.field.magnet_field import field_of
+from msl_fem.magnetics.field.two_sided import TwoSidedField, TwoSidedPosition
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, solve_field
 from msl_fem.magnetics.solver.virtual_work import MovingBody, boundary_points, displacement_share, hat_gradients
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from msl_fem.actuator import load_actuator
-from msl_fem.magnetics.kinds.e_core import solve_with_field
+from msl_fem.magnetics.field.magnet_field import solve_with_field
 from msl_fem.report.field_picture import field_plot, flux_density_grid, painted_field
 
 ROOT = Path(__file__).parents[2]

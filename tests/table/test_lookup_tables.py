@@ -5,8 +5,8 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.actuator import load_actuator
-from msl_fem.magnetics.kinds.accuracy import LEVELS
-from msl_fem.magnetics.kinds.e_core import magnet_mesh, solve
+from msl_fem.magnetics.field.accuracy import LEVELS
+from msl_fem.magnetics.field.magnet_field import magnet_mesh, solve
 from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
 from msl_fem.table.magnetic_table import read_table
 

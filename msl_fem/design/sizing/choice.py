@@ -21,7 +21,7 @@ from msl_fem.files.quantity import format_quantity
 from msl_fem.files.schema import document
 from msl_fem.files.toml_text import toml_text
 from msl_fem.files.whole_file import whole_file
-from msl_fem.magnetics.kinds.accuracy import Accuracy
+from msl_fem.magnetics.field.accuracy import Accuracy
 
 RULE = "the best in the first objective of all designs that meet all constraints, verified at fine accuracy"
 VERIFIED: Accuracy = "fine"

@@ -27,7 +27,7 @@ import numpy as np
 
 from msl_fem.actuator import ECore
 from msl_fem.design.sizing.design import PlanePoint
-from msl_fem.magnetics.kinds.end_effects import corner_excess
+from msl_fem.magnetics.field.end_effects import corner_excess
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron
 

@@ -14,10 +14,10 @@ from msl_fem.actuator import Actuator, ECore
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section
+from msl_fem.magnetics.field.magnet_field import MagnetField, e_core_section
+from msl_fem.magnetics.section import Section
 from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.postprocess import Probes
-from msl_fem.magnetics.solver.section import Section
 from msl_fem.magnetics.sweep.rows import FieldJob
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron

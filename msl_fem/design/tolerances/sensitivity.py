@@ -16,9 +16,9 @@ from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, run_jobs
 from msl_fem.design.tolerances.manufactured import NAMES, FieldJob, ManufacturingTolerance, manufactured_field
 from msl_fem.errors import ComputationError, NotConverged
+from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.field_map.gap_levels import CurrentContinuation
 from msl_fem.magnetics.field_map.readings import reader_of
-from msl_fem.magnetics.kinds.e_core import MagnetField
 from msl_fem.magnetics.sweep.rows import field_key
 from msl_fem.maps.level_currents import Criterion
 

@@ -20,10 +20,10 @@ from msl_fem.design.tolerances.sensitivity import (
 )
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
+from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
+from msl_fem.magnetics.field.magnet_field import LARGEST_CURRENT_DENSITY, MagnetField, check_point, magnet_mesh
 from msl_fem.magnetics.field_map.gap_levels import CurrentContinuation
 from msl_fem.magnetics.field_map.readings import reader_of
-from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy
-from msl_fem.magnetics.kinds.e_core import LARGEST_CURRENT_DENSITY, MagnetField, check_point, magnet_mesh
 from msl_fem.maps import LEVELS as FLUX_DENSITIES
 from msl_fem.maps.level_currents import Criterion
 

@@ -13,10 +13,10 @@ from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.jobs import Arrays, Executor, Progress, failures, run_jobs
 from msl_fem.errors import ComputationError, InputError, NotConverged
 from msl_fem.files.quantity import format_quantity
+from msl_fem.magnetics.field.accuracy import Accuracy
+from msl_fem.magnetics.field.magnet_field import MagnetField, field_of
+from msl_fem.magnetics.field.two_sided import TwoSidedField, TwoSidedPosition
 from msl_fem.magnetics.field_map.level_map import FieldMapSettings, field_map
-from msl_fem.magnetics.kinds.accuracy import Accuracy
-from msl_fem.magnetics.kinds.e_core import MagnetField, field_of
-from msl_fem.magnetics.kinds.two_sided import TwoSidedField, TwoSidedPosition
 from msl_fem.maps import LEVELS
 from msl_fem.maps.level_currents import checked_levels
 

@@ -18,9 +18,9 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.jobs import Arrays
 from msl_fem.errors import NotConverged
+from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
+from msl_fem.magnetics.field.magnet_field import MagnetField, e_core_section
 from msl_fem.magnetics.field_map.readings import LevelReading, Potentials, Reader, reader_of
-from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy
-from msl_fem.magnetics.kinds.e_core import MagnetField, e_core_section
 from msl_fem.magnetics.solver.magnetostatics import (
     FieldModel,
     FieldSolution,

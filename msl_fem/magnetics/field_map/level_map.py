@@ -13,9 +13,9 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, failures, run_jobs
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
+from msl_fem.magnetics.field.accuracy import Accuracy, iron_notes, level_of
+from msl_fem.magnetics.field.magnet_field import MagnetField, check_grid, check_point
 from msl_fem.magnetics.field_map.gap_levels import GapRow, GapSolver, LevelJob, level_mesh, level_order, level_safety
-from msl_fem.magnetics.kinds.accuracy import Accuracy, iron_notes, level_of
-from msl_fem.magnetics.kinds.e_core import MagnetField, check_grid, check_point
 from msl_fem.magnetics.sweep.rows import field_key, field_provenance
 from msl_fem.magnetics.sweep.table_sweep import drive_limit
 from msl_fem.maps import LEVELS, MEAN, OperatingMap, parse_criterion

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.kinds.e_core import MagnetField
+from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.solver.magnetostatics import FieldModel
 from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.postprocess import gradient_maps

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError
-from msl_fem.magnetics.solver.section import Section
+from msl_fem.magnetics.section import Section
 
 TOLERANCE = 1e-9  # of the box: two vertices closer than this are one
 LAYER_RATIO = 1.4  # of a far-field layer's outer to its inner outline

@@ -14,8 +14,8 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.jobs import Arrays, content_key
 from msl_fem.errors import NotConverged
-from msl_fem.magnetics.kinds.e_core import Accuracy, MagnetField
-from msl_fem.magnetics.kinds.end_effects import METHOD as END_EFFECTS_METHOD
+from msl_fem.magnetics.field.end_effects import METHOD as END_EFFECTS_METHOD
+from msl_fem.magnetics.field.magnet_field import Accuracy, MagnetField
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION

@@ -11,8 +11,8 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, run_jobs
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy, iron_notes
-from msl_fem.magnetics.kinds.e_core import MagnetField, check_grid, check_point, magnet_mesh
+from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, iron_notes
+from msl_fem.magnetics.field.magnet_field import MagnetField, check_grid, check_point, magnet_mesh
 from msl_fem.magnetics.sweep.rows import SweepJob, SweepRow, field_key, field_provenance
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION, MagneticTable
 

@@ -26,9 +26,9 @@ import numpy as np
 
 from msl_fem.actuator import ECore
 from msl_fem.computing.arrays import Array
+from msl_fem.magnetics.section import Section, rectangle
 from msl_fem.magnetics.solver.magnetostatics import AirDepth, FieldModel, solve_field
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
-from msl_fem.magnetics.solver.section import Section, rectangle
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import linear_iron
 

@@ -10,9 +10,9 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
+from msl_fem.magnetics.section import Region, Section
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, field_response, solve_field
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
-from msl_fem.magnetics.solver.section import Region, Section
 from msl_fem.magnetics.solver.virtual_work import StressContour, displacement_share, hat_gradients
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron

@@ -11,11 +11,11 @@ from msl_fem.actuator import Actuator, ECore
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.kinds.accuracy import Accuracy, iron_notes, irons_of, level_of
-from msl_fem.magnetics.kinds.e_core import check_point, e_core_section
+from msl_fem.magnetics.field.accuracy import Accuracy, iron_notes, irons_of, level_of
+from msl_fem.magnetics.field.magnet_field import check_point, e_core_section
+from msl_fem.magnetics.section import Region, Section, rectangle
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, solve_field
 from msl_fem.magnetics.solver.mesh import triangulate
-from msl_fem.magnetics.solver.section import Region, Section, rectangle
 from msl_fem.magnetics.solver.virtual_work import MovingBody
 
 SMALLEST_GAP = 0.02  # of the mean gap: what a tilt must leave at the armature's edge

@@ -10,8 +10,9 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.kinds.accuracy import LEVELS, Accuracy, PointResult, irons_of, level_of, solve_with_estimate
-from msl_fem.magnetics.kinds.end_effects import deeper_air
+from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, PointResult, irons_of, level_of, solve_with_estimate
+from msl_fem.magnetics.field.end_effects import deeper_air
+from msl_fem.magnetics.section import Line, Region, Section, rectangle
 from msl_fem.magnetics.solver.magnetostatics import (
     FieldModel,
     FieldSolution,
@@ -21,7 +22,6 @@ from msl_fem.magnetics.solver.magnetostatics import (
 )
 from msl_fem.magnetics.solver.mesh import TriangleMesh, triangulate
 from msl_fem.magnetics.solver.postprocess import FieldQuantities, Probes, evaluate_field
-from msl_fem.magnetics.solver.section import Line, Region, Section, rectangle
 
 SMALLEST_GAP = 1e-4  # of the core's half width: a thinner strip of air cannot be meshed
 LARGEST_CURRENT_DENSITY = 1e10  # A/m2 in the copper; adiabatic, rho J^2 / (c d) is 5e5 K/s there

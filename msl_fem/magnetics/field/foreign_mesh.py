@@ -13,7 +13,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.kinds.accuracy import Accuracy, PointResult, irons_of, level_of, solve_with_estimate
+from msl_fem.magnetics.field.accuracy import Accuracy, PointResult, irons_of, level_of, solve_with_estimate
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, field_response, solve_field
 from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.postprocess import FieldQuantities, SectionFluxDensity, irons_on_tail
