@@ -219,6 +219,7 @@ def bench_static_map(
         role=np.where(sequence % 3 == 1, "held-out", "fit"),
         direction=np.tile(direction, _GAPS),
         sequence=sequence,
+        gap_zero="mover",
     )
 
 

@@ -36,7 +36,12 @@ class Factor:
 
 
 def multiplied(table: MagneticTable, factor: Factor) -> MagneticTable:
-    """The table whose coenergy is the factor times the given one's, by the product rule at every node."""
+    """The table whose coenergy is the factor times the given one's."""
+    return MagneticTable(table.gap, table.current, multiplied_nodes(table, factor))
+
+
+def multiplied_nodes(table: MagneticTable, factor: Factor) -> dict[str, Array]:
+    """The nodes of a coenergy that is the factor times the table's, by the product rule at every node."""
     w = table.nodes["coenergy"]
     w_i = table.nodes["flux_linkage"]
     w_g = -table.nodes["force"]
@@ -46,7 +51,7 @@ def multiplied(table: MagneticTable, factor: Factor) -> MagneticTable:
     p = factor.value
     p_i = factor.over_current
     p_g = factor.over_gap
-    nodes = {
+    return {
         "coenergy": w * p,
         "flux_linkage": w_i * p + w * p_i,
         "force": -(w_g * p + w * p_g),
@@ -54,7 +59,6 @@ def multiplied(table: MagneticTable, factor: Factor) -> MagneticTable:
         "force_current_slope": -(w_ig * p + w_i * p_g + w_g * p_i + w * factor.over_both),
         "force_gap_slope": -(w_gg * p + 2 * w_g * p_g + w * factor.over_gap_twice),
     }
-    return MagneticTable(table.gap, table.current, nodes)
 
 
 def averaged(table: MagneticTable, shifts: Sequence[float], weights: Sequence[float]) -> MagneticTable:
@@ -122,7 +126,7 @@ def term_errors(table: MagneticTable) -> tuple[Array, Array]:
     for n in range(len(ERROR_TERMS)):
         unit = np.zeros(len(ERROR_TERMS))
         unit[n] = 1.0
-        changed = multiplied(table, error_factor(table, unit)).nodes
+        changed = multiplied_nodes(table, error_factor(table, unit))
         for name, found in (("force", force), ("flux_linkage", flux)):
             relative = changed[name][inside] / table.nodes[name][inside] - 1
             found.append(float(np.mean(relative**2)))
@@ -175,7 +179,8 @@ def draw_truth(tolerance: Tolerance, table: MagneticTable | None, generator: np.
     RMS error over the table, of force or flux linkage, whichever is larger, is the tolerance.
     """
     drawn = {}
-    for name, sigma in tolerance.model_dump().items():
+    for name in Tolerance.OF_THE_RIG:
+        sigma = getattr(tolerance, name)
         if name != "table":
             drawn[name] = 1 + sigma * _cut_normal(generator)
     spread = np.array([1.0 / (1 + a + b) ** 2 for a, b in ERROR_TERMS])

@@ -15,7 +15,7 @@ from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.variants import RecordFeatures, possible, variants
 from msl_fem.plant.effects import CATALOGUE
 from msl_fem.plant.plant import CURRENT_DRIVE, VOLTAGE_DRIVE, PlantParameters
-from msl_fem.prediction import RunData
+from msl_fem.prediction import BELIEVED, RunData
 from msl_fem.record import Record
 
 DRIVES = {CURRENT_DRIVE: "current", VOLTAGE_DRIVE: "voltage"}
@@ -55,7 +55,7 @@ class Conditions:
 def conditions_of(record: Record, plant: PlantParameters, rule: Rule) -> Conditions:
     """The conditions under which a record is diagnosed."""
     actuator = record.actuator.model_dump(mode="json", include={"magnet", "sides", "motion", "drive"})
-    rig = [actuator, record.tolerance.model_dump(mode="json")]
+    rig = [actuator, record.tolerance.model_dump(mode="json", include={*BELIEVED, "table"})]
     constants = [sorted(value) if isinstance(value, set) else value for value in map(vars(decision).get, OF_RULE)]
     return Conditions(
         _digest(rig),

@@ -22,6 +22,7 @@ from msl_fem.errors import ComputationError
 from msl_fem.plant.effects import PARAMETER_INDEX, EffectValues, find_parameter, from_vector
 from msl_fem.prediction import ModelHypothesis
 from msl_fem.prediction.hypothesis import believed_value
+from msl_fem.prediction.nuisances import ADDITIVE, NUISANCES, together
 
 STALE = 0.6
 """Share of the predicted decrease that a step has to bring for the nuisances' columns to be kept."""
@@ -221,7 +222,9 @@ def extended_belief(belief: ModelHypothesis, problem: FitProblem, found: Fit) ->
     vector[place] = gain * (1.0 + vector[place]) - 1.0
     for key in _READ:
         vector[PARAMETER_INDEX[key]] *= gain
-    return ModelHypothesis(fitted_actuator(belief.actuator, factors), table, effects_present(vector))
+    instruments = together(belief.factors, {name: v for name, v in factors.items() if name in NUISANCES})
+    kept = {name: value for name, value in instruments.items() if name in NUISANCES}
+    return ModelHypothesis(fitted_actuator(belief.actuator, factors), table, effects_present(vector), kept)
 
 
 def effects_present(vector: Array) -> EffectValues | None:
@@ -256,7 +259,8 @@ def believed_estimates(belief: ModelHypothesis, found: Fit) -> dict[str, Estimat
     made = {}
     for n, (name, sigma) in enumerate(found.unknowns.believed):
         z, value = float(found.z[n]), believed_value(belief, name)
-        low, middle, high = (float(value * factor(sigma, z + k * INTERVAL * error[n])) for k in (-1, 0, 1))
+        at = [z + k * INTERVAL * error[n] for k in (-1, 0, 1)]
+        low, middle, high = (value + sigma * a if name in ADDITIVE else value * factor(sigma, a) for a in at)
         made[name] = Estimate(middle, low, high, believed=value, tolerances=z)
     return made
 

@@ -86,7 +86,9 @@ def prepared_runs(
     """The likelihood of runs under a belief, and what it does not know without any effect."""
     plant = kernel_plant(belief, rate=runs[0].rate, ideal_current=runs[0].ideal_current)
     guesses = tuple(measured_start(plant, run) for run in runs)
-    sigmas = tuple(START * start_sigmas(plant, run) for run in runs)  # the guess is the belief's, which may be off
+    sigmas = tuple(
+        START * start_sigmas(plant, run, tolerance=tolerance) for run in runs
+    )  # the guess is the belief's, which may be off
     error = None
     if belief.table is not None and plant.parameters.sides and tolerance.table:
         error = table_error(belief.table, Visited.by_runs(plant, runs), tolerance=tolerance.table)
@@ -95,7 +97,7 @@ def prepared_runs(
     for run, guess in zip(runs, guesses, strict=True):
         highest = max(highest, highest_line(run, free_run(plant, run, guess).readings))
     bands = make_bands([len(run.commands) for run in runs], runs[0].rate, highest=highest)
-    believed = tuple(free_parameters(belief, tolerance).items())
+    believed = tuple(free_parameters(belief, tolerance, runs=runs).items())
     n_table = 0 if error is None else len(error.modes)
     unknowns = Unknowns(believed, n_table, tuple(sigma.size for sigma in sigmas))
     return Likelihood(problem, bands, plant.substeps), unknowns

@@ -29,6 +29,7 @@ from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
 from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.free_run import counted
 from msl_fem.prediction.hypothesis import with_factors
+from msl_fem.prediction.nuisances import line_of, together
 from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record.columns import Channel
 
@@ -182,13 +183,20 @@ def _of_run(problem: FitProblem, points: Points, run: int, substeps: int) -> lis
         return [np.concatenate(channel) for channel in zip(*parts, strict=True)]
     factors = [points.unknowns.factors(z) for z in points.rows]
     gains = np.array([f.get("position_gain", 1.0) for f in factors]) * problem.plant.gain
-    return [data.measured[name] - reading(found, name, gains) for name in problem.channels(run)]
+    residuals = []
+    for name in problem.channels(run):
+        lines = np.array([line_of(name, together(problem.plant.instruments, f)) for f in factors])
+        if name == POSITION_COLUMN:
+            lines[:, 0] = gains
+        residuals.append(data.measured[name] - (lines[:, :1] * reading(found, name) + lines[:, 1:]))
+    return residuals
 
 
 def lanes(problem: FitProblem, points: Points, run: int, *, inputs: Inputs, substeps: int) -> LaneRun:
     """The runs of all rows under some inputs, from the starts that the rows say."""
     unknowns, rows = points.unknowns, points.rows
-    plants = [with_factors(problem.plant.parameters, unknowns.factors(z)) for z in rows]
+    ideal = problem.runs[run].ideal_current
+    plants = [with_factors(problem.plant.parameters, unknowns.factors(z), ideal_current=ideal) for z in rows]
     settings = LaneSettings(
         effects=points.effects,
         starts=np.array([_start(problem, unknowns, z, run) for z in rows]),
@@ -199,10 +207,10 @@ def lanes(problem: FitProblem, points: Points, run: int, *, inputs: Inputs, subs
     return run_lanes(surface, plants, inputs, substeps=substeps, settings=settings)
 
 
-def reading(found: LaneRun, channel: str, gains: Array) -> Array:
-    """(n_row, n_sample) of a channel by its column's name."""
+def reading(found: LaneRun, channel: str) -> Array:
+    """(n_row, n_sample) of a channel by its column's name, before gain and zero of its instrument."""
     if channel == POSITION_COLUMN:
-        return gains[:, None] * found.position
+        return found.position
     measured = Channel.of(channel)
     values = found.voltage if measured.quantity == "voltage" else found.current
     return values[:, :, measured.index]

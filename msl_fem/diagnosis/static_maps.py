@@ -25,8 +25,10 @@ from msl_fem.errors import InputError, OutOfTable
 from msl_fem.plant import PlantParameters, plant_parameters, surface_of
 from msl_fem.plant.effects import CATALOGUE, PARAMETER_INDEX, from_vector, neutral_vector
 from msl_fem.plant.plant import VOLTAGE_DRIVE
+from msl_fem.plant.preparation import small_signal_inductance
 from msl_fem.plant.static_map import static_map
 from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData
+from msl_fem.prediction.nuisances import line_of, nuisances_of_map
 from msl_fem.record import Record, StaticMap
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -44,13 +46,13 @@ class MeasuredMap:
     Attributes
     ----------
     channels : name to (n_row,) measured; nan where a row lacks it
-    sigmas : name to one sigma
+    sigmas : name to (n_row,) one sigma: of the channel, and of what the current's noise makes there
     counted : (n_row,) rows of the role `fit` that lie inside the table
     """
 
     rows: StaticMap
     channels: dict[str, Array]
-    sigmas: dict[str, float]
+    sigmas: dict[str, Array]
     counted: NDArray[np.bool_]
 
     @property
@@ -73,8 +75,8 @@ class StaticLikelihood(Likelihood):
         rows = []
         for z, effects in points.each():
             missed = self.missed(points.unknowns, z, effects)
-            channels = [missed[n][self.measured.counts(n)] / s for n, s in self.measured.sigmas.items()]
-            rows.append(np.concatenate(channels))
+            counts = {name: self.measured.counts(name) for name in missed}
+            rows.append(np.concatenate([missed[n][counts[n]] / s[counts[n]] for n, s in self.measured.sigmas.items()]))
         return np.array(rows)
 
     def missed(self, unknowns: Unknowns, z: Array, effects: Array) -> dict[str, Array]:
@@ -87,16 +89,22 @@ class StaticLikelihood(Likelihood):
         factors = unknowns.factors(z)
         surface = self.problem.surface(factors.get("magnetic_scale", 1.0), z[unknowns.table_rows])
         wider = p.nominal_gap * (factors.get("nominal_gap", 1.0) - 1.0)
+        if rows.gap_zero == "gauge":
+            wider = -factors.get("static_gap_zero", 0.0)
+        own_gain, own_zero = line_of("current_1_A", factors)
+        force_gain, force_zero = line_of(FORCE, factors)
         gain = effects[PARAMETER_INDEX["current_sensor_error", "gain_1"]]
         offset = effects[PARAMETER_INDEX["current_sensor_error", "offset_1"]]
-        current = (rows.current - offset) / (1.0 + gain)
+        current = ((rows.current - own_zero) / own_gain - offset) / (1.0 + gain)
+        linked = p.inductance / (p.magnets * p.current_share**2) * factors.get("leakage_inductance_1", 0.0)
         try:
             force, flux = static_map(
                 surface, p, from_vector(effects), gap=rows.gap + wider, current=current, sequence=rows.sequence
             )
         except (OutOfTable, InputError):
             force = flux = np.full(rows.gap.size, np.nan)
-        return {FORCE: force + effects[PARAMETER_INDEX["force_offset", "force"]], FLUX: flux}
+        force = force + effects[PARAMETER_INDEX["force_offset", "force"]]
+        return {FORCE: force_gain * force + force_zero, FLUX: flux + linked * current}
 
     @property
     def labels(self) -> NDArray[np.intp]:
@@ -147,7 +155,7 @@ def measured_map(record: Record, table: MagneticTable) -> MeasuredMap:
     stated = {FORCE: record.noise.force, FLUX: record.noise.flux_linkage}
     readings = {FORCE: static.force, FLUX: static.flux_linkage}
     channels = {name: values for name, values in readings.items() if values is not None}
-    sigmas = {name: float(stated[name] or _roughness(static, values)) for name, values in channels.items()}
+    single = {name: float(stated[name] or _roughness(static, values)) for name, values in channels.items()}
     motion = record.actuator.motion
     nominal_gap = float((motion.nominal_gap if motion else None) or 0.0)
     margin = MARGIN * record.tolerance.nominal_gap * nominal_gap
@@ -157,7 +165,12 @@ def measured_map(record: Record, table: MagneticTable) -> MeasuredMap:
     if not counted.any():
         raise InputError("no row of static.csv lies inside the table; extend the sweep")
     kept = {name: values[inside] for name, values in channels.items()}
-    return MeasuredMap(_inside(static, inside), kept, sigmas, counted[inside])
+    rows = _inside(static, inside)
+    magnet = table.evaluate(rows.current, rows.gap)
+    slopes = {FORCE: magnet["force_current_slope"], FLUX: magnet["incremental_inductance"]}
+    by_current = {name: slopes[name] * (record.noise.current or 0.0) if stated[name] else 0.0 for name in channels}
+    sigmas = {name: np.hypot(single[name], by_current[name] * np.ones(rows.gap.size)) for name in channels}
+    return MeasuredMap(rows, kept, sigmas, counted[inside])
 
 
 def _inside(static: StaticMap, kept: NDArray[np.bool_]) -> StaticMap:
@@ -205,7 +218,9 @@ def static_plant(actuator: Actuator, table: MagneticTable, gap: Array) -> Kernel
             sensor_bandwidth=np.inf,
             end_stop=None,
         )
-    return KernelPlant(surface_of(table), p._replace(sides=1), None, neutral_vector(), 1.0, 1.0, 1)
+    surface = surface_of(table)
+    p = p._replace(sides=1, inductance=small_signal_inductance(p._replace(sides=1), surface))
+    return KernelPlant(surface, p, None, neutral_vector(), 1.0, 1.0, 1)
 
 
 def prepared_map(record: Record, table: MagneticTable) -> tuple[StaticLikelihood, Unknowns]:
@@ -215,8 +230,11 @@ def prepared_map(record: Record, table: MagneticTable) -> tuple[StaticLikelihood
     plant = static_plant(record.actuator, table, measured.rows.gap)
     problem = FitProblem(plant, (), (), (), error)
     bands = NoiseBands(np.array([0.0, 1.0]), (), ())
-    stated = (("nominal_gap", tolerance.nominal_gap), ("magnetic_scale", tolerance.magnetic_scale))
-    believed = tuple((name, sigma) for name, sigma in stated if sigma)
+    stated = {"nominal_gap": tolerance.nominal_gap, "magnetic_scale": tolerance.magnetic_scale}
+    if measured.rows.gap_zero == "gauge":
+        del stated["nominal_gap"]  # it is the gauges' zero that the map is off by
+    stated |= nuisances_of_map(tolerance, gap=measured.rows.gap_zero)
+    believed = tuple((name, sigma) for name, sigma in stated.items() if sigma)
     unknowns = Unknowns(believed, 0 if error is None else len(error.modes), ())
     return StaticLikelihood(problem, bands, 1, measured), unknowns
 
@@ -253,7 +271,7 @@ class MapAlone(Kind):
                 at = np.flatnonzero((measured.rows.role == role) & np.isfinite(readings))
                 if at.size:
                     spread = float(readings[at].std()) or float(np.abs(readings[at]).mean())
-                    sigma = measured.sigmas[name]
+                    sigma = float(np.sqrt(np.mean(measured.sigmas[name][at] ** 2)))
                     signals.append(ErrorSignal("static", role, name, values[at], spread, sigma, rate=float("nan")))
         return signals
 
@@ -346,7 +364,9 @@ def joined(
     error = common_error(record, belief, runs.plant, runs.runs, static)
     static = replace(static, problem=replace(static.problem, table_error=error))
     both = JointLikelihood(replace(runs, table_error=error), likelihood.bands, likelihood.substeps, static)
-    return both, replace(unknowns, n_table=0 if error is None else len(error.modes))
+    own = nuisances_of_map(record.tolerance, gap=static.measured.rows.gap_zero)
+    believed = tuple((dict(unknowns.believed) | own).items())
+    return both, replace(unknowns, believed=believed, n_table=0 if error is None else len(error.modes))
 
 
 def common_error(

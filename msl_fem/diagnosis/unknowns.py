@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.plant.effects import CATALOGUE, PARAMETER_INDEX, neutral_vector
+from msl_fem.prediction.nuisances import ADDITIVE
 
 WIDE = 10.0
 LINEAR = 0.1  # relative tolerance up to which a parameter is linear in z
@@ -111,8 +112,11 @@ class Unknowns:
         return slice(first, first + self.starts[run])
 
     def factors(self, z: Array) -> dict[str, float]:
-        """Believed parameters over their believed values."""
-        return {name: float(factor(sigma, z[n])) for n, (name, sigma) in enumerate(self.believed)}
+        """Believed parameters over their believed values; of zeros and shares what is added to them."""
+        return {
+            name: float(sigma * z[n]) if name in ADDITIVE else factor(sigma, z[n])
+            for n, (name, sigma) in enumerate(self.believed)
+        }
 
     def effect_vector(self, z: Array) -> Array:
         """All parameters of the catalogue (N_PARAMETER,)."""

@@ -113,16 +113,19 @@ def terminal_voltage(
 
 @compiled
 def take_command(p: PlantParameters, state: Rows, work: Rows, wanted: Array, ahead: Array) -> Flag:
-    """Puts what was `wanted` (2,), clipped at the drive's limit and counted there, into the call's command, and by what
-    it rises until what is wanted `ahead`, a sample later.
+    """Puts what was `wanted` (2,), by the gain and zero of the input, clipped at the drive's limit and counted there,
+    into the call's command, and by what it rises until what is wanted `ahead`, a sample later.
 
     False where it is not a number. A voltage drive does not limit its current; calls that begin beyond the current
     limit are counted.
     """
     good = state[X] == state[X]
     for j in range(1 if p.drive == FORCE_DRIVE else p.sides):
-        command = choose(good, wanted[j], wanted[j])  # the same in all lanes
-        later = choose(good, ahead[j], ahead[j])
+        gain, zero = p.input_gain_1, p.input_zero_1
+        if j == 1:
+            gain, zero = p.input_gain_2, p.input_zero_2
+        command = choose(good, gain * wanted[j] + zero, wanted[j])
+        later = choose(good, gain * ahead[j] + zero, ahead[j])
         good = good & (command - command == 0.0) & (later - later == 0.0)
         if p.drive == CURRENT_DRIVE:
             count(state, AT_CURRENT_LIMIT_1 + j, size(command) > p.current_limit)
@@ -168,11 +171,16 @@ def _jump_of_side(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: 
     inside = inside & was_inside
     if some(inside):
         change = choose(inside, flux - flux_before, np.nan)
+        other, mutual = VOLT_SECONDS_1 + 1 - j, current - current
+        if p.sides == 2:
+            mutual = p.mutual * (current - state[I1 + j])
         state[VOLT_SECONDS_1 + j] = state[VOLT_SECONDS_1 + j] + change
+        state[other] = state[other] + mutual
         if e is not None:
-            other = VOLT_SECONDS_1 + 1 - j
             state[other] = state[other] + e[magnetic.SHARE] * change
-        state[ENERGY_ELECTRICAL] = state[ENERGY_ELECTRICAL] + (stored - stored_before)
+            state[VOLT_SECONDS_1 + j] = state[VOLT_SECONDS_1 + j] + e[magnetic.SHARE] * mutual
+        energy = stored - stored_before + mutual * state[I1 + 1 - j]
+        state[ENERGY_ELECTRICAL] = state[ENERGY_ELECTRICAL] + energy
         state[I1 + j] = choose(inside, current, np.nan)
     return inside
 

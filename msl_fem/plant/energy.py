@@ -142,6 +142,8 @@ def _field(surface: Surface, p: PlantParameters, effects: Array | None, state: A
     for j in range(p.sides):
         _, flux, stored = side_flux(cells, p, e, work, j, rows[I1 + j], side_gap(p, e, work, j))
         energy += stored
+        if p.sides == 2:
+            flux += p.mutual * rows[I1 + 1 - j]
         if effects is not None:
             y, width = abs(e[magnetic.IRON_SCALE] * flux), e[magnetic.IRON_WIDTH]
             iron = e[magnetic.IRON_LOW] * (y - width * np.log(1.0 + y / width)) + e[magnetic.IRON_KNEE] * y**4 / 4
@@ -149,5 +151,7 @@ def _field(surface: Surface, p: PlantParameters, effects: Array | None, state: A
         if effects is not None and not settled:
             for k in range(N_EDDY):
                 energy += 0.5 * e[magnetic.EDDY_MODE + k] * (flux - rows[EDDY_FLUX_1 + j * N_EDDY + k]) ** 2
+    if p.sides == 2:
+        energy += p.mutual * rows[I1] * rows[I1 + 1]
     keep(memory)
     return energy

@@ -19,7 +19,7 @@ The coils' circuits with hysteresis, eddy currents and coupled sides.
 Magnetising currents u, coil currents i, flux linkages Lambda of the magnetic circuits and lambda of the coils:
 
     u_1 + h_1 + G dLambda_1/dt = i_1 + kappa i_2,   lambda_1 = Lambda_1 + kappa Lambda_2   (and 1 for 2)
-    v_j = R_j i_j + d lambda_j/dt,   d Lambda_j/dt = L_j du_j/dt + Lambda_g dg_j/dt = L_j a_j + e_j
+    v_j = R_j i_j + d lambda_j/dt,   d Lambda_j/dt = L_j du_j/dt + M du_o/dt + Lambda_g dg_j/dt = L_j a_j + M a_o + e_j
 
 G is the conductance of a shorted winding (eddy_currents), h the memory of the iron (magnetic_hysteresis), kappa the
 share of the other side's current (cross_coupling). The power sum v_j i_j is R i^2 + sum (u + h + G dLambda/dt)
@@ -28,7 +28,9 @@ q = 1/(1 - kappa^2), the currents i0 of a = 0, and
 
     voltage given:  rho_j = R_j,    b_j = (v_j - R_j i0_j - e_j - kappa e_o) / L_j
     current loop:   rho_j = L_j w,  b_j = w (target_j - i0_j) - kappa e_o / L_j
-    (1 + rho_j q G) a_j + kappa L_o/L_j (1 - rho_j q G) a_o = b_j
+    (1 + kappa m + rho_j q G (1 - kappa m)) a_j + (m + kappa L_o/L_j + rho_j q G (m - kappa L_o/L_j)) a_o = b_j
+
+with m = M/L_j,
 
 where the loop applies v_j = R_j i_j + e_j + L_j w (target_j - i_j), as in the plain model: it knows its own coil.
 """
@@ -110,21 +112,31 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
     v_1, v_2 = work[inputs + OUTPUT_OF_1], work[inputs + OUTPUT_OF_1 + 1]
     if p.drive != CURRENT_DRIVE:
         a_1, a_2 = _current_slopes(
-            e, l_1, l_2, r_1, r_2, (v_1 - drop_1) / l_1 - share * e_2 / l_1, (v_2 - drop_2) / l_2 - share * e_1 / l_2
+            p,
+            e,
+            work,
+            l_1,
+            l_2,
+            r_1,
+            r_2,
+            (v_1 - drop_1) / l_1 - share * e_2 / l_1,
+            (v_2 - drop_2) / l_2 - share * e_1 / l_2,
         )
         _put_circuits(work, a_1, a_2, v_1, v_2)
     elif np.isinf(first(e[electrical.BANDWIDTH])):
         a_1, a_2 = work[inputs + RAMP_1], work[inputs + RAMP_1 + 1]
-        v_1, v_2 = drop_1 + l_1 * a_1 + share * (e_2 + l_2 * a_2), drop_2 + l_2 * a_2 + share * (e_1 + l_1 * a_1)
+        d_1, d_2 = l_1 * a_1 + p.mutual * a_2, l_2 * a_2 + p.mutual * a_1
+        v_1, v_2 = drop_1 + d_1 + share * (e_2 + d_2), drop_2 + d_2 + share * (e_1 + d_1)
         _put_circuits(work, a_1, a_2, v_1, v_2)
     else:
         w = e[electrical.BANDWIDTH]
         b_1, b_2 = w * (t_1 - i_1) - share * e_2 / l_1, w * (t_2 - i_2) - share * e_1 / l_2
-        a_1, a_2 = _current_slopes(e, l_1, l_2, w * l_1, w * l_2, b_1, b_2)
-        c_1 = i_1 + unmix * (eddy * l_1 * a_1 - share * eddy * l_2 * a_2)
-        c_2 = i_2 + unmix * (eddy * l_2 * a_2 - share * eddy * l_1 * a_1)
-        v_1 = r_1 * c_1 + e_1 + l_1 * a_1 + share * (e_2 + l_2 * a_2)
-        v_2 = r_2 * c_2 + e_2 + l_2 * a_2 + share * (e_1 + l_1 * a_1)
+        a_1, a_2 = _current_slopes(p, e, work, l_1, l_2, w * l_1, w * l_2, b_1, b_2)
+        d_1, d_2 = l_1 * a_1 + p.mutual * a_2, l_2 * a_2 + p.mutual * a_1
+        c_1 = i_1 + unmix * (eddy * d_1 - share * eddy * d_2)
+        c_2 = i_2 + unmix * (eddy * d_2 - share * eddy * d_1)
+        v_1 = r_1 * c_1 + e_1 + d_1 + share * (e_2 + d_2)
+        v_2 = r_2 * c_2 + e_2 + d_2 + share * (e_1 + d_1)
         over_1, over_2 = size(v_1) > p.voltage_limit, size(v_2) > p.voltage_limit
         if some(over_1) or some(over_2):
             v_1 = choose(over_1, choose(v_1 < 0.0, 0.0 - p.voltage_limit, p.voltage_limit), v_1)
@@ -132,31 +144,48 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
             b_1 = choose(over_1, (v_1 - drop_1) / l_1 - share * e_2 / l_1, b_1)
             b_2 = choose(over_2, (v_2 - drop_2) / l_2 - share * e_1 / l_2, b_2)
             a_1, a_2 = _current_slopes(
-                e, l_1, l_2, choose(over_1, r_1, w * l_1), choose(over_2, r_2, w * l_2), b_1, b_2
+                p, e, work, l_1, l_2, choose(over_1, r_1, w * l_1), choose(over_2, r_2, w * l_2), b_1, b_2
             )
             work[LIMITED_1] = choose(over_1, 1.0, work[LIMITED_1])
             work[LIMITED_1 + 1] = choose(over_2, 1.0, work[LIMITED_1 + 1])
-            c_1 = i_1 + unmix * (eddy * l_1 * a_1 - share * eddy * l_2 * a_2)
-            c_2 = i_2 + unmix * (eddy * l_2 * a_2 - share * eddy * l_1 * a_1)
-            v_1 = choose(over_1, v_1, r_1 * c_1 + e_1 + l_1 * a_1 + share * (e_2 + l_2 * a_2))
-            v_2 = choose(over_2, v_2, r_2 * c_2 + e_2 + l_2 * a_2 + share * (e_1 + l_1 * a_1))
+            d_1, d_2 = l_1 * a_1 + p.mutual * a_2, l_2 * a_2 + p.mutual * a_1
+            c_1 = i_1 + unmix * (eddy * d_1 - share * eddy * d_2)
+            c_2 = i_2 + unmix * (eddy * d_2 - share * eddy * d_1)
+            v_1 = choose(over_1, v_1, r_1 * c_1 + e_1 + d_1 + share * (e_2 + d_2))
+            v_2 = choose(over_2, v_2, r_2 * c_2 + e_2 + d_2 + share * (e_1 + d_1))
         _put_circuits(work, a_1, a_2, v_1, v_2)
     a_1, a_2 = work[CIRCUIT_1 + SLOPE], work[CIRCUIT_2 + SLOPE]
-    work[CIRCUIT_1 + COIL_CURRENT] = i_1 + unmix * (eddy * l_1 * a_1 - share * eddy * l_2 * a_2)
-    work[CIRCUIT_2 + COIL_CURRENT] = i_2 + unmix * (eddy * l_2 * a_2 - share * eddy * l_1 * a_1)
+    d_1, d_2 = l_1 * a_1 + p.mutual * a_2, l_2 * a_2 + p.mutual * a_1
+    work[CIRCUIT_1 + COIL_CURRENT] = i_1 + unmix * (eddy * d_1 - share * eddy * d_2)
+    work[CIRCUIT_2 + COIL_CURRENT] = i_2 + unmix * (eddy * d_2 - share * eddy * d_1)
 
 
 @compiled
 def _current_slopes(
-    e: Rows, l_1: Value, l_2: Value, rho_1: Value, rho_2: Value, b_1: Value, b_2: Value
+    p: PlantParameters, e: Rows, work: Rows, l_1: Value, l_2: Value, rho_1: Value, rho_2: Value, b_1: Value, b_2: Value
 ) -> tuple[Value, Value]:
     """(a_1, a_2) of the two rows, by Cramer's rule."""
     share, loop = e[magnetic.SHARE], e[magnetic.UNMIX] * e[magnetic.EDDY]
-    own_1, own_2 = 1.0 + rho_1 * loop, 1.0 + rho_2 * loop
-    other_1 = share * (l_2 / l_1) * (1.0 - rho_1 * loop)
-    other_2 = share * (l_1 / l_2) * (1.0 - rho_2 * loop)
+    m_1, m_2 = p.mutual / l_1, p.mutual / l_2
+    loop_1, loop_2 = rho_1 * loop, rho_2 * loop
+    own_1, own_2 = 1.0 + share * m_1 + loop_1 * (1.0 - share * m_1), 1.0 + share * m_2 + loop_2 * (1.0 - share * m_2)
+    from_2, from_1 = share * (l_2 / l_1), share * (l_1 / l_2)
+    other_1, other_2 = m_1 + from_2 + loop_1 * (m_1 - from_2), m_2 + from_1 + loop_2 * (m_2 - from_1)
+    return _both_slopes(work, b_1, b_2, (own_1, other_1), (own_2, other_2))
+
+
+@compiled
+def _both_slopes(
+    work: Rows, b_1: Value, b_2: Value, row_1: tuple[Value, Value], row_2: tuple[Value, Value]
+) -> tuple[Value, Value]:
+    """(a_1, a_2) of two rows (own, other); where one is known, the other one follows from its own row."""
+    (own_1, other_1), (own_2, other_2) = row_1, row_2
+    second = KNOWN_1 + N_KNOWN
     determinant = own_1 * own_2 - other_1 * other_2
-    return (b_1 * own_2 - other_1 * b_2) / determinant, (own_1 * b_2 - b_1 * other_2) / determinant
+    from_2, from_1 = b_1 - other_1 * work[second + KNOWN_SLOPE], b_2 - other_2 * work[KNOWN_1 + KNOWN_SLOPE]
+    a_1 = choose(work[second] > 0.0, from_2 / own_1, (b_1 * own_2 - other_1 * b_2) / determinant)
+    a_2 = choose(work[KNOWN_1] > 0.0, from_1 / own_2, (own_1 * b_2 - b_1 * other_2) / determinant)
+    return a_1, a_2
 
 
 @compiled
@@ -198,6 +227,9 @@ def rates(cells: Cells, p: PlantParameters, work: Rows, inputs: int, dy: int) ->
         copper = copper + p.resistance * current * current
         work[dy + I1 + j] = slope
         work[dy + VOLT_SECONDS_1 + j] = voltage
+        work[CIRCUIT_1 + j * N_CIRCUIT + INDUCTANCE] = inductance
+    if p.sides == 2 and some(size(p.mutual) > 0.0):
+        power = power + _mutual_rates(p, work, inputs, dy)
     work[dy + X] = velocity
     work[dy + V] = (force - p.damping * velocity - p.stiffness * position) / p.mass
     work[dy + ENERGY_ELECTRICAL] = power
@@ -205,6 +237,22 @@ def rates(cells: Cells, p: PlantParameters, work: Rows, inputs: int, dy: int) ->
     work[dy + ENERGY_DAMPING] = p.damping * velocity * velocity
     work[dy + ENERGY_EXTERNAL] = external * velocity
     return inside
+
+
+@compiled
+def _mutual_rates(p: PlantParameters, work: Rows, inputs: int, dy: int) -> Value:
+    """Puts what mutual flux changes into the currents' slopes, L_j a_j + M a_o = what the drive leaves for it; of an
+    ideal current drive into the voltages, whose power it returns."""
+    l_1, l_2 = work[CIRCUIT_1 + INDUCTANCE], work[CIRCUIT_2 + INDUCTANCE]
+    a_1, a_2 = work[dy + I1], work[dy + I1 + 1]
+    if p.drive == CURRENT_DRIVE and np.isinf(first(p.bandwidth)):
+        work[dy + VOLT_SECONDS_1] = work[dy + VOLT_SECONDS_1] + p.mutual * a_2
+        work[dy + VOLT_SECONDS_1 + 1] = work[dy + VOLT_SECONDS_1 + 1] + p.mutual * a_1
+        return p.mutual * (a_2 * work[Y + I1] + a_1 * work[Y + I1 + 1])
+    m_1, m_2 = p.mutual / l_1, p.mutual / l_2
+    a_1, a_2 = _both_slopes(work, a_1, a_2, (1.0 + 0.0 * m_1, m_1), (1.0 + 0.0 * m_2, m_2))
+    work[dy + I1], work[dy + I1 + 1] = a_1, a_2
+    return a_1 - a_1
 
 
 @compiled
@@ -233,6 +281,8 @@ def rates_with_effects(
         film = film + closeness * closeness * closeness
         circuit = CIRCUIT_1 + j * N_CIRCUIT
         emf = 0.0 - flux_slope * toward * gap_speed
+        if p.sides == 2:
+            flux = flux + p.mutual * work[Y + I1 + 1 - j]
         memory = hysteresis(e, state, j, flux, settle) + series_iron(e, flux)
         work[circuit + INDUCTANCE] = inductance
         work[circuit + EMF] = emf
@@ -307,7 +357,8 @@ def _electrical_rates(p: PlantParameters, e: Rows, work: Rows, dy: int) -> None:
         circuit = CIRCUIT_1 + j * N_CIRCUIT
         current, voltage = work[circuit + COIL_CURRENT], work[circuit + VOLTAGE]
         loss = work[circuit + RESISTANCE] * current * current
-        change = work[circuit + INDUCTANCE] * work[circuit + SLOPE] + work[circuit + EMF]
+        mutual = p.mutual * work[CIRCUIT_2 - j * N_CIRCUIT + SLOPE]
+        change = work[circuit + INDUCTANCE] * work[circuit + SLOPE] + mutual + work[circuit + EMF]
         lost = e[magnetic.EDDY] * change * change + work[circuit + MODE_LOSS]
         known = work[KNOWN_1 + j * N_KNOWN] > 0.0
         voltage = choose(known, work[circuit + RESISTANCE] * current, voltage)

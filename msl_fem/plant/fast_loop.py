@@ -80,6 +80,8 @@ def set_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, w
         _set_side(p, e, state, work, j, above, step)
         row = KNOWN_1 + j * N_KNOWN
         _, flux, stored = side_flux(cells, p, e, work, j, state[I1 + j], side_gap(p, e, work, j))
+        if p.sides == 2:
+            flux = flux + p.mutual * work[Y + I1 + 1 - j]
         work[row + KNOWN_FLUX] = flux
         work[row + KNOWN_FIELD] = stored
 
@@ -167,21 +169,29 @@ def put_known_currents(p: PlantParameters, work: Rows, instant: int) -> None:
 
 
 @compiled
-def end_known_currents(cells: Cells, p: PlantParameters, e: Rows, work: Rows) -> Flag:
+def end_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> Flag:
     """Puts the known currents of the step's end into Y, and what they add to volt-seconds and energy."""
     inside = work[Y] == work[Y]
     for j in range(p.sides):
         row = KNOWN_1 + j * N_KNOWN
+        work[Y + I1 + j] = choose(work[row] > 0.0, work[row + KNOWN_LAST], work[Y + I1 + j])
+    for j in range(p.sides):
+        row = KNOWN_1 + j * N_KNOWN
         known = work[row] > 0.0
-        work[Y + I1 + j] = choose(known, work[row + KNOWN_LAST], work[Y + I1 + j])
+        mutual = work[Y] - work[Y]
+        if p.sides == 2:
+            moved = work[Y + I1 + 1 - j] - state[I1 + 1 - j]
+            mutual = 0.5 * p.mutual * moved * (work[Y + I1 + j] + state[I1 + j])
         found, flux, stored = side_flux(cells, p, e, work, j, work[Y + I1 + j], side_gap(p, e, work, j))
         inside = inside & found
+        if p.sides == 2:
+            flux = flux + p.mutual * work[Y + I1 + 1 - j]
         change = choose(known, flux - work[row + KNOWN_FLUX], 0.0)
         work[Y + VOLT_SECONDS_1 + j] = work[Y + VOLT_SECONDS_1 + j] + change
         if e is not None and p.sides == 2:
             other = Y + VOLT_SECONDS_1 + 1 - j
             work[other] = work[other] + e[magnetic.SHARE] * change
-        energy = choose(known, stored - work[row + KNOWN_FIELD], 0.0)
+        energy = choose(known, stored - work[row + KNOWN_FIELD] + mutual, 0.0)
         work[Y + ENERGY_ELECTRICAL] = work[Y + ENERGY_ELECTRICAL] + energy
         work[LIMITED_1 + j] = choose(known, work[row + KNOWN_LIMITED], work[LIMITED_1 + j])
         work[row] = 0.0

@@ -278,6 +278,8 @@ def write_row(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows
     for j in range(p.sides):
         found, flux, _ = side_flux(cells, p, e, work, j, state[I1 + j], side_gap(p, e, work, j))
         inside = inside & found
+        if p.sides == 2:
+            flux = flux + p.mutual * state[I1 + 1 - j]
         row[start + OUT_FLUX_1 + j] = row[start + OUT_FLUX_1 + j] + flux
         if e is not None:
             row[start + OUT_FLUX_1 + 1 - j] = row[start + OUT_FLUX_1 + 1 - j] + e[magnetic.SHARE] * flux

@@ -317,6 +317,14 @@ def _run_block(
         own[_ROW.current_limit],
         own[_ROW.sensor_bandwidth],
         None,
+        own[_ROW.leakage_1],
+        own[_ROW.leakage_2],
+        own[_ROW.mutual],
+        own[_ROW.input_gain_1],
+        own[_ROW.input_gain_2],
+        own[_ROW.input_zero_1],
+        own[_ROW.input_zero_2],
+        own[_ROW.inductance],
     )
     kernel.run_rows(cells, p, e, state, work, block.reach, commands, disturbance, step, n_sub, rows_of(out), linear)
     keep(block.numbers)

@@ -56,6 +56,14 @@ class PlantParameters(NamedTuple):
     current_limit: float  # A, of a side
     sensor_bandwidth: float  # rad/s, of the position sensor
     end_stop: EndStop | None  # None: the run ends where the travel does
+    leakage_1: float = 0.0  # H, of side 1: flux linkage without force, beside the table's
+    leakage_2: float = 0.0
+    mutual: float = 0.0  # H, of both sides: flux linkage of each for the other's current, without force
+    input_gain_1: float = 1.0  # what drives side 1, over the command or column that states it
+    input_gain_2: float = 1.0
+    input_zero_1: float = 0.0  # what drives side 1 (A, V, N) where that is 0
+    input_zero_2: float = 0.0
+    inductance: float = 1.0  # H, of a side at the nominal gap without current; leakage and mutual are stated over it
 
 
 def plant_parameters(actuator: Actuator) -> PlantParameters:

@@ -5,7 +5,8 @@ their own, one a lane; an evaluation first looks whether all lanes are still ins
 
 With effects the side's coenergy is n A(g) <W'>(c share i, g), A = depth + growth g (early_saturation, fringing), <>
 the mean over a face that is not parallel (armature_tilt); gap_offset lies in g. Force, flux and their slopes are
-derivatives of this one function, so dF/di = -dlambda/dg holds with any of them.
+derivatives of this one function, so dF/di = -dlambda/dg holds with any of them. Leakage adds l u^2/2, which does not
+depend on the gap: flux linkage without force. Mutual flux of both sides adds M u_1 u_2 (`equations.py`).
 """
 
 from typing import NamedTuple
@@ -196,7 +197,13 @@ def side_slopes(
     inside = enter_cell(cells, work, BLOCK_1 + j * N_BLOCK, size(i), gap)
     w_g, w_ii, w_ig = cell_slopes(work, BLOCK_1 + j * N_BLOCK, size(i), gap)
     flux_slope = choose(i < 0.0, 0.0 - w_ig, w_ig)
-    return inside, p.magnets * (0.0 - w_g), linkages * p.current_share * w_ii, linkages * flux_slope
+    return inside, p.magnets * (0.0 - w_g), linkages * p.current_share * w_ii + leakage(p, j), linkages * flux_slope
+
+
+@compiled
+def leakage(p: PlantParameters, j: int) -> Value:
+    """The leakage inductance of side j in H."""
+    return p.leakage_1 if j == 0 else p.leakage_2
 
 
 @compiled
@@ -216,12 +223,14 @@ def side_with_effects(
         w, w_g, w_i, w_ii, w_ig = mean
     depth, growth = e[magnetic.DEPTH] + e[magnetic.GROWTH] * gap, e[magnetic.GROWTH]
     pull = p.magnets * (depth * (0.0 - w_g) - growth * w)
-    inductance = linkages * per_magnet * (depth * w_ii)
+    leak = leakage(p, j)
+    inductance = linkages * per_magnet * (depth * w_ii) + leak
     flux_slope = depth * w_ig + growth * w_i
     flux = depth * w_i
     negative = i < 0.0
     flux_slope, flux = choose(negative, 0.0 - flux_slope, flux_slope), choose(negative, 0.0 - flux, flux)
-    return inside, pull, inductance, linkages * flux_slope, linkages * flux, p.magnets * (depth * w)
+    coenergy = p.magnets * (depth * w) + 0.5 * leak * current * current
+    return inside, pull, inductance, linkages * flux_slope, linkages * flux + leak * current, coenergy
 
 
 @compiled
@@ -254,8 +263,9 @@ def side_flux(
         i = p.current_share * current
         inside = enter_cell(cells, work, BLOCK_1 + j * N_BLOCK, size(i), gap)
         w, _, w_i, _, _ = cell_values(work, BLOCK_1 + j * N_BLOCK, size(i), gap)
-        flux = p.magnets * p.current_share * choose(i < 0.0, 0.0 - w_i, w_i)
-        return inside, flux, flux * current - p.magnets * w
+        leak = leakage(p, j)
+        flux = p.magnets * p.current_share * choose(i < 0.0, 0.0 - w_i, w_i) + leak * current
+        return inside, flux, flux * current - (p.magnets * w + 0.5 * leak * current * current)
     else:
         inside, _, _, _, flux, coenergy = side_with_effects(cells, p, e, work, j, current, gap)
         return inside, flux, flux * current - coenergy

@@ -119,7 +119,7 @@ def try_step(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows,
         together = work[SLOPES + n] + 2.0 * middle + work[SLOPES_4 + n]
         work[Y + n] = fma(step / 6.0, together, state[n])
     if fast:
-        inside = inside & end_known_currents(cells, p, e, work)
+        inside = inside & end_known_currents(cells, p, e, state, work)
     return inside
 
 

@@ -18,8 +18,16 @@ from msl_fem.prediction.free_run import (
     start_sigmas,
     weighted,
 )
-from msl_fem.prediction.hypothesis import KernelPlant, ModelHypothesis, believed_value, free_parameters, kernel_plant
+from msl_fem.prediction.hypothesis import (
+    KernelPlant,
+    ModelHypothesis,
+    believed_value,
+    fitted_factor,
+    free_parameters,
+    kernel_plant,
+)
 from msl_fem.prediction.kalman import kalman_filter, tuned_process_noise
+from msl_fem.prediction.nuisances import ADDITIVE, together
 from msl_fem.prediction.run_data import RunData
 from msl_fem.record import Tolerance
 
@@ -78,13 +86,13 @@ def fit_record(belief: ModelHypothesis, runs: Sequence[RunData], tolerance: Tole
     InputError : no runs, or nothing to fit
     ComputationError : the model cannot follow the runs at all
     """
-    sigmas = free_parameters(belief, tolerance)
+    sigmas = free_parameters(belief, tolerance, runs=runs)
     if not runs or not sigmas:
         raise InputError("there is no run to fit, or no parameter with a tolerance")
     heads = [run.first(MOST_SAMPLES) for run in runs]
     if all(open_loop_stable(belief, run) for run in heads):
         try:
-            return _fit(belief, heads, sigmas, _FreeRuns(belief, heads, sigmas), by="free run")
+            return _fit(belief, heads, sigmas, _FreeRuns(belief, heads, sigmas, tolerance), by="free run")
         except ComputationError:
             pass
     return _fit(belief, heads, sigmas, _Innovations(belief, heads, sigmas), by="one-step predictions")
@@ -93,13 +101,15 @@ def fit_record(belief: ModelHypothesis, runs: Sequence[RunData], tolerance: Tole
 class _FreeRuns:
     """Residuals of free runs; z holds parameters, then the starts of the runs."""
 
-    def __init__(self, belief: ModelHypothesis, runs: Sequence[RunData], sigmas: Mapping[str, float]) -> None:
+    def __init__(
+        self, belief: ModelHypothesis, runs: Sequence[RunData], sigmas: Mapping[str, float], tolerance: Tolerance
+    ) -> None:
         self.belief = belief
         self.runs = runs
         self.sigmas = sigmas
         plants = [_plant(belief, run, sigmas, np.zeros(len(sigmas))) for run in runs]
         self.guesses = [measured_start(plant, run) for plant, run in zip(plants, runs, strict=True)]
-        self.starts = [start_sigmas(plant, run) for plant, run in zip(plants, runs, strict=True)]
+        self.starts = [start_sigmas(p, run, tolerance=tolerance) for p, run in zip(plants, runs, strict=True)]
         self.nuisances = sum(sigma.size for sigma in self.starts)
 
     def __call__(self, z: Array, scale: Mapping[str, float]) -> Array:
@@ -185,14 +195,15 @@ def _outcome(
     for n, (name, sigma) in enumerate(sigmas.items()):
         believed = believed_value(belief, name)
         z = float(fit.parameters[n])
-        low, value, high = (believed * np.exp(sigma * (z + k * 1.96 * error[n])) for k in (-1, 0, 1))
+        three = [fitted_factor(name, sigma, z + k * 1.96 * error[n]) for k in (-1, 0, 1)]
+        low, value, high = (believed + b if name in ADDITIVE else believed * b for b in three)
         parameters[name] = FittedParameter(believed, float(value), float(low), float(high), z)
-        factors[name] = belief.factors.get(name, 1.0) * float(np.exp(sigma * z))
+        factors |= together({name: belief.factors[name]} if name in belief.factors else {}, {name: three[1]})
     return RecordFit(replace(belief, factors=factors), parameters, by, excess, fit)
 
 
 def _plant(belief: ModelHypothesis, run: RunData, sigmas: Mapping[str, float], z: Array) -> KernelPlant:
-    factors = {name: float(np.exp(sigma * z[n])) for n, (name, sigma) in enumerate(sigmas.items())}
+    factors = {name: fitted_factor(name, sigma, z[n]) for n, (name, sigma) in enumerate(sigmas.items())}
     return kernel_plant(belief, rate=run.rate, factors=factors, ideal_current=run.ideal_current)
 
 

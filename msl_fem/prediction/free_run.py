@@ -27,7 +27,9 @@ from msl_fem.plant.preparation import start_effects
 from msl_fem.plant.sampled_plant import SampledPlant, advance_sample, plant_at_rest, read_instruments
 from msl_fem.plant.simulate import STATUS
 from msl_fem.prediction.hypothesis import KernelPlant, ModelHypothesis
+from msl_fem.prediction.nuisances import line_of
 from msl_fem.prediction.run_data import POSITION_COLUMN, LoopLaw, RunData
+from msl_fem.record import Tolerance
 from msl_fem.record.columns import Channel, side_columns
 
 GROWTH = 20.0  # of an error in one stretch of a run, beyond which a free run says nothing
@@ -136,22 +138,37 @@ def kernel_state(plant: KernelPlant, start: Start) -> Array:
 def guessed_start(plant: KernelPlant, data: RunData) -> Start:
     """Position and velocity of the straight line through the first samples, currents as read or commanded."""
     time = np.arange(FIRST_LOOK) / data.rate
-    slope, position = np.polyfit(time, data.measured[POSITION_COLUMN][:FIRST_LOOK] / plant.gain, 1)
+    zero = line_of(POSITION_COLUMN, plant.instruments)[1]
+    slope, position = np.polyfit(time, (data.measured[POSITION_COLUMN][:FIRST_LOOK] - zero) / plant.gain, 1)
     currents = [0.0, 0.0]
     if plant.parameters.drive != FORCE_DRIVE:
         for j in range(plant.parameters.sides):
-            currents[j] = float(_side_current(data, j)[0])
+            currents[j] = _first_current(plant, data, j)
     return Start((currents[0], currents[1]), float(position), float(slope))
 
 
-def start_sigmas(plant: KernelPlant, data: RunData) -> Array:
-    """One sigma of the first guess: position, velocity, and the currents that cannot jump."""
-    position = data.noise[POSITION_COLUMN].sigma
+def _first_current(plant: KernelPlant, data: RunData, j: int) -> float:
+    """The current with which side j begins, as read or commanded."""
+    column = Channel("current", j + 1).column
+    if column in data.measured:
+        gain, zero = line_of(column, plant.instruments)
+        return float((data.measured[column][0] - zero) / gain)
+    p = plant.parameters
+    gain, zero = (p.input_gain_1, p.input_zero_1) if j == 0 else (p.input_gain_2, p.input_zero_2)
+    return float(gain * data.commands[0, j] + zero)
+
+
+def start_sigmas(plant: KernelPlant, data: RunData, *, tolerance: Tolerance | None = None) -> Array:
+    """One sigma of the first guess: position, velocity, and the currents that cannot jump; with a `tolerance` also of
+    the instruments' zeros, by which the guess is off."""
+    noise = data.noise[POSITION_COLUMN].sigma
+    zero = (0.0, 0.0) if tolerance is None else (tolerance.position_zero, tolerance.current_zero)
+    position = float(np.hypot(noise, zero[0]))
     lagging = []
     if drive_lags(plant.parameters):
         columns = side_columns("current", plant.parameters.sides)
-        lagging = [data.noise[name].sigma for name in columns if name in data.measured]
-    return np.array([position, position * data.rate, *lagging])
+        lagging = [float(np.hypot(data.noise[name].sigma, zero[1])) for name in columns if name in data.measured]
+    return np.array([position, noise * data.rate, *lagging])
 
 
 def moved_start(guess: Start, by: Array) -> Start:
@@ -214,10 +231,12 @@ def readings_of(plant: KernelPlant, data: RunData, out: Array) -> dict[str, Arra
     if plant.parameters.sides:
         currents = currents_before_noise(channels, plant.readings, rate=data.rate)
     voltages = out[:, layout.OUT_VOLTAGE_1 : layout.OUT_VOLTAGE_1 + 2]
-    return _by_channel(data, position, currents, voltages)
+    return _by_channel(plant, data, position, currents, voltages)
 
 
-def _by_channel(data: RunData, position: Array, currents: Array, voltages: Array) -> dict[str, Array]:
+def _by_channel(
+    plant: KernelPlant, data: RunData, position: Array, currents: Array, voltages: Array
+) -> dict[str, Array]:
     """Channel to (n_sample,) of what is measured: position (n_sample,), currents and voltages (n_sample, n_side)."""
     readings = {}
     for name, channel in data.channels.items():
@@ -226,6 +245,9 @@ def _by_channel(data: RunData, position: Array, currents: Array, voltages: Array
         else:
             both = voltages if channel.quantity == "voltage" else currents
             readings[name] = both[:, channel.index]
+        gain, zero = line_of(name, plant.instruments)
+        if gain != 1.0 or zero != 0.0:
+            readings[name] = gain * readings[name] + zero
     return readings
 
 
@@ -261,7 +283,7 @@ def closed_run(plant: KernelPlant, data: RunData, start: Start, law: CallableLaw
         assert data.read is not None
         status, done = _run_linear(looped, data.law, state, history, data.held, data.read, out)
     out[done:] = np.nan
-    return _ended(_by_channel(data, out[:, 0], out[:, 1:3], out[:, _VOLTAGES]), status, done)
+    return _ended(_by_channel(plant, data, out[:, 0], out[:, 1:3], out[:, _VOLTAGES]), status, done)
 
 
 def _in_loop(plant: KernelPlant) -> SampledPlant:

@@ -1,6 +1,6 @@
 """What is believed of a plant, and the plant that follows when some of it is a little different."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +11,8 @@ from msl_fem.plant import PlantParameters, Surface, plant_parameters, surface_of
 from msl_fem.plant.effects import EffectValues, kernel_coefficients, neutral_vector
 from msl_fem.plant.preparation import check_effects, small_signal_inductance
 from msl_fem.plant.step_count import default_substeps
+from msl_fem.prediction.nuisances import ADDITIVE, NUISANCES, nuisances_of, together, with_nuisances
+from msl_fem.prediction.run_data import RunData
 from msl_fem.record import Tolerance
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -27,7 +29,9 @@ BELIEVED = (
 )
 """Parameters known within a tolerance. `position_gain` is reading over position, `magnetic_scale` coenergy over the
 table's (both are 1 as believed)."""
-UNITS = {"moving_mass": "kg", "stiffness": "N/m", "damping": "N s/m", "coil_resistance": "ohm", "nominal_gap": "m"}
+UNITS = {"moving_mass": "kg", "stiffness": "N/m", "damping": "N s/m", "coil_resistance": "ohm", "nominal_gap": "m"} | {
+    name: nuisance.unit for name, nuisance in NUISANCES.items()
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +42,8 @@ class ModelHypothesis:
     ----------
     actuator, table : as in the record; no table for a rig that a force drives
     effects : of an extended model; None for the plain one
-    factors : parameter of `BELIEVED` to value over believed value; what is not stated is 1
+    factors : parameter of `BELIEVED` to value over believed value, gain of `NUISANCES` to its value (not stated: 1),
+        zero or share of an inductance to its value (not stated: 0)
     """
 
     actuator: Actuator
@@ -56,6 +61,7 @@ class KernelPlant:
     effects : (N_COEFFICIENT,) of the kernel, None for the plain model
     readings : (N_PARAMETER,) of the catalogue, for what the instruments do
     gain : position reading over position
+    instruments : factors of gains and zeros of the other readings
     substeps, step : Runge-Kutta steps a sample, and their size in s
     """
 
@@ -66,6 +72,7 @@ class KernelPlant:
     gain: float
     rate: float
     substeps: int
+    instruments: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def step(self) -> float:
@@ -81,8 +88,9 @@ class KernelPlant:
         return self.step, self.substeps
 
 
-def free_parameters(belief: ModelHypothesis, tolerance: Tolerance) -> dict[str, float]:
-    """Parameters that the plant has and that are not known exactly, with one sigma relative."""
+def free_parameters(belief: ModelHypothesis, tolerance: Tolerance, *, runs: Sequence[RunData] = ()) -> dict[str, float]:
+    """Parameters that the plant has and that are not known exactly, with one sigma relative; of `runs` also those of
+    their instruments, with one sigma relative or in SI units (`NUISANCES`)."""
     p = plant_parameters(belief.actuator)
     absent = set()
     if not p.sides:
@@ -92,11 +100,22 @@ def free_parameters(belief: ModelHypothesis, tolerance: Tolerance) -> dict[str, 
     if not p.damping:
         absent.add("damping")
     sigmas = {name: float(getattr(tolerance, name)) for name in BELIEVED if name not in absent}
-    return {name: sigma for name, sigma in sigmas.items() if sigma > 0}
+    known = {name: sigma for name, sigma in sigmas.items() if sigma > 0}
+    for run in runs:
+        channels = tuple(run.measured)
+        known |= nuisances_of(p, tolerance, channels=channels, ideal_current=run.ideal_current)
+    return known
+
+
+def fitted_factor(name: str, sigma: float, z: float) -> float:
+    """The factor of a parameter at z of its prior's sigmas: exp(sigma z), of a zero or a share sigma z."""
+    return float(sigma * z if name in ADDITIVE else np.exp(sigma * z))
 
 
 def believed_value(belief: ModelHypothesis, name: str) -> float:
-    """A parameter of `BELIEVED` in SI units, the belief's factor in it."""
+    """A parameter of `BELIEVED` or `NUISANCES` in SI units, the belief's factor in it."""
+    if name in ADDITIVE:
+        return belief.factors.get(name, 0.0)
     p = plant_parameters(belief.actuator)
     values = {
         "moving_mass": p.mass,
@@ -108,8 +127,10 @@ def believed_value(belief: ModelHypothesis, name: str) -> float:
     return values.get(name, 1.0) * belief.factors.get(name, 1.0)
 
 
-def with_factors(p: PlantParameters, factors: Mapping[str, float]) -> PlantParameters:
-    """Parameters of `BELIEVED` that a plant states itself, each times its factor; 1 where none is stated."""
+def with_factors(p: PlantParameters, factors: Mapping[str, float], *, ideal_current: bool = False) -> PlantParameters:
+    """Parameters of `BELIEVED` that a plant states itself, each times its factor, and what instruments do to its
+    inputs; neutral where none is stated. `ideal_current`: measured currents drive it."""
+    p = with_nuisances(p, factors, ideal_current=ideal_current)
     return p._replace(
         mass=p.mass * factors.get("moving_mass", 1.0),
         stiffness=p.stiffness * factors.get("stiffness", 1.0),
@@ -133,19 +154,20 @@ def kernel_plant(
     InputError : the actuator lacks a section, or cannot have an effect
     """
     further = factors or {}
-    f = {name: belief.factors.get(name, 1.0) * further.get(name, 1.0) for name in BELIEVED}
+    f = dict.fromkeys(BELIEVED, 1.0) | together(belief.factors, further)
     p = plant_parameters(belief.actuator)
     if ideal_current:
         p = p._replace(bandwidth=np.inf)
     substeps = default_substeps(  # as believed: steps that changed with the factors would be jumps of a fit
         p, belief.table, rate=rate, effects=belief.effects, commands=commands, largest_step=STEP_OF_FASTEST
     )
-    p = with_factors(p, f)
+    surface = surface_of(belief.table if p.sides else None)
+    p = p._replace(inductance=small_signal_inductance(p, surface))
+    p = with_factors(p, f, ideal_current=ideal_current)
     vector = neutral_vector()
     if belief.effects is not None:
         check_effects(p, belief.effects)
         vector = belief.effects.vector()
-    surface = surface_of(belief.table if p.sides else None)
     if f["magnetic_scale"] != 1.0:
         surface = surface._replace(coefficients=surface.coefficients * f["magnetic_scale"])
     effects = None
@@ -153,4 +175,5 @@ def kernel_plant(
         inductance = small_signal_inductance(p, surface)
         step = 1.0 / (rate * substeps)
         effects = kernel_coefficients(p, vector, inductance=inductance, step=step, n_step=substeps)
-    return KernelPlant(surface, p, effects, vector, f["position_gain"], rate, substeps)
+    instruments = {name: value for name, value in f.items() if name in NUISANCES}
+    return KernelPlant(surface, p, effects, vector, f["position_gain"], rate, substeps, instruments)

@@ -2,6 +2,7 @@
 column, and warnings."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from msl_fem.record.rig_file import (
     Role,
     RunEntry,
     Sampling,
+    StaticEntry,
     linear_laws,
     read_rig,
     rig_actuator,
@@ -88,7 +90,8 @@ def _read_static(rig: RigFile, path: Path) -> StaticMap | None:
     table = read_columns(path)
     if rig.static is None and "role" not in table:
         raise RecordError(f"{path.parent / RIG_FILE}: static: {STATIC_FILE} is there; state its role in [static]")
-    return read_static_map(table, role=rig.static.role if rig.static else None, file=path)
+    entry = rig.static or StaticEntry()
+    return replace(read_static_map(table, role=entry.role, file=path), gap_zero=entry.gap)
 
 
 def _warnings(runs: tuple[Run, ...], static: StaticMap | None, actuator: Actuator) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
-from msl_fem.record.rig_file import Noise, Origin, Role, Sampling, StatedLaw, Tolerance, law_of, linear_laws
+from msl_fem.record.rig_file import GapZero, Noise, Origin, Role, Sampling, StatedLaw, Tolerance, law_of, linear_laws
 
 
 def read_only(values: ArrayLike) -> Array:
@@ -99,6 +99,7 @@ class StaticMap:
     role : "fit" or "held-out", a row
     direction : "up" or "down", a row; None where not stated
     sequence : number of the loop that a row belongs to; None where there is one
+    gap_zero : whether the gaps are those of gauges, with a zero of their own, or of the mover of the runs
     extra : columns that the format does not know
     """
 
@@ -110,6 +111,7 @@ class StaticMap:
     direction: NDArray[np.str_] | None = None
     sequence: Array | None = None
     extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    gap_zero: GapZero = "gauge"
 
     def rows(self, role: Role) -> NDArray[np.intp]:
         """Indices of the rows with this role, in order."""

@@ -1,11 +1,13 @@
 """rig.toml: what the experimenter states about the bench, and the actuator and the control laws that follow from it."""
 
+import contextlib
 from collections.abc import Mapping
 from pathlib import Path, PureWindowsPath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, GetCoreSchemaHandler, ValidationError, model_validator
+from pydantic_core import CoreSchema, core_schema
 
 from msl_fem.actuator import PURE_NUMBERS, Actuator, CurrentNoise, Frequency, PositionNoise, load_actuator
 from msl_fem.computing.arrays import Array
@@ -15,6 +17,7 @@ from msl_fem.record.columns import CHANNELS
 
 Role = Literal["fit", "held-out"]
 Origin = Literal["measured", "simulated"]
+GapZero = Literal["gauge", "mover"]
 Tolerated = Annotated[float, In(""), Field(ge=0, lt=1)]
 Matrix = tuple[tuple[float, ...], ...]
 RIG_FILE = "rig.toml"
@@ -45,9 +48,28 @@ class Noise(FrozenModel):
     flux_linkage: Annotated[float, In("Wb"), Field(ge=0)] | None = None
 
 
-class Tolerance(FrozenModel):
-    """One sigma, relative, of how well the believed parameters are known."""
+class OfDrive:
+    """Annotation of a float: a text with the unit of what a drive takes, A, V or N, or an SI number."""
 
+    def read(self, given: object) -> float:
+        """The SI value; ValueError where the text is no quantity in A, V or N."""
+        for unit in ("V", "N"):
+            with contextlib.suppress(ValueError):
+                return In(unit).read(given)
+        return In("A").read(given)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+
+class Tolerance(FrozenModel):
+    """One sigma, relative where no unit is given, of how well parameters of rig and instruments are known."""
+
+    OF_THE_RIG: ClassVar = (
+        "moving_mass", "stiffness", "damping", "coil_resistance", "nominal_gap", "position_gain", "magnetic_scale",
+        "table",
+    )  # fmt: skip
+    """Of the rig and its table; the others are of instruments, of leakage and mutual flux."""
     moving_mass: Tolerated = 0.005
     stiffness: Tolerated = 0.02
     damping: Tolerated = 0.2
@@ -56,6 +78,17 @@ class Tolerance(FrozenModel):
     position_gain: Tolerated = 0.002
     magnetic_scale: Tolerated = 0.002
     table: Tolerated = 0.001
+    position_zero: Annotated[float, In("m"), Field(ge=0)] = 1e-6
+    current_zero: Annotated[float, In("A"), Field(ge=0)] = 5e-3
+    force_zero: Annotated[float, In("N"), Field(ge=0)] = 0.05
+    command_zero: Annotated[float, OfDrive(), Field(ge=0)] = 5e-3
+    voltage_gain: Tolerated = 0.005
+    command_gain: Tolerated = 0.005
+    current_gain: Tolerated = 0.005
+    force_gain: Tolerated = 0.005
+    static_gap_zero: Annotated[float, In("m"), Field(ge=0)] = 2e-6
+    leakage_inductance: Tolerated = 0.01
+    mutual_inductance: Tolerated = 0.01
 
 
 class RunEntry(FrozenModel):
@@ -74,9 +107,13 @@ class RunEntry(FrozenModel):
 
 
 class StaticEntry(FrozenModel):
-    """The `[static]` of rig.toml; without a role, static.csv has a column of it."""
+    """The `[static]` of rig.toml; without a role, static.csv has a column of it.
+
+    `gap` says whether its gaps were set by gauges, with a zero of their own, or by the mover of the runs.
+    """
 
     role: Role | None = None
+    gap: GapZero = "gauge"
 
 
 class RigFile(FrozenModel):

@@ -140,13 +140,13 @@ def _rig_text(record: Record, folder: Path) -> str:
     if record.sampling is not None:
         content["sampling"] = document(record.sampling)
     content["noise"] = document(record.noise)
-    content["tolerance"] = record.tolerance.model_dump()
+    content["tolerance"] = document(record.tolerance)
     if record.controller is not None:
         content["controller"] = dict(record.controller)
     if record.runs:
         content["run"] = [run_entry(run) for run in record.runs]
     if record.static is not None:
-        content["static"] = {}
+        content["static"] = {"gap": record.static.gap_zero}
     try:
         RigFile.model_validate(content)
         return toml_text(content)

@@ -53,7 +53,8 @@ def test_an_error_of_the_table_is_no_cause_unless_it_is_denied() -> None:
     options = BenchOptions(seed=11, excitations=excitations, tolerance=tolerance)
     record = sealed_record(VOLTAGE_SERVO, TABLE, (), options).record
     assert diagnose(record, DiagnosisSettings(table=TABLE)).verdict == "nothing-found"
-    exact = dataclasses.replace(record, tolerance=Tolerance(table=0.0))
+    instruments = dict.fromkeys(Tolerance.model_fields.keys() - {*Tolerance.OF_THE_RIG}, 0.0)
+    exact = dataclasses.replace(record, tolerance=Tolerance(table=0.0, **instruments))
     assert diagnose(exact, DiagnosisSettings(table=TABLE)).causes
 
 

@@ -74,7 +74,8 @@ def test_a_clean_map_names_nothing(made, table, seed):
 def test_tolerances_that_are_ignored_name_a_clean_map(made, table):
     """The same clean map under a belief without tolerances: something is named, which is what they guard against."""
     record, _ = made(None, 6)
-    exact = Tolerance(nominal_gap=1e-6, magnetic_scale=1e-6, table=1e-6)
+    instruments = ("current_gain", "current_zero", "force_gain", "force_zero", "leakage_inductance")
+    exact = Tolerance(nominal_gap=1e-6, magnetic_scale=1e-6, table=1e-6, **dict.fromkeys(instruments, 0.0))
     found = diagnose(replace(record, tolerance=exact), DiagnosisSettings(table=table))
     assert found.verdict != "nothing-found"
 

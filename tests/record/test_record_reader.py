@@ -8,6 +8,7 @@ from small_record import RIG, columns, make, write_csv
 
 from msl_fem.errors import ActuatorError, InputError, RecordError
 from msl_fem.record.reader import load_record
+from msl_fem.record.writer import write_record
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -69,7 +70,32 @@ def test_tolerances_left_out_have_the_formats_values(tmp_path: Path) -> None:
         "position_gain": 0.002,
         "magnetic_scale": 0.002,
         "table": 0.001,
+        "position_zero": 1e-6,
+        "current_zero": 5e-3,
+        "force_zero": 0.05,
+        "command_zero": 5e-3,
+        "voltage_gain": 0.005,
+        "command_gain": 0.005,
+        "current_gain": 0.005,
+        "force_gain": 0.005,
+        "static_gap_zero": 2e-6,
+        "leakage_inductance": 0.01,
+        "mutual_inductance": 0.01,
     }
+
+
+def test_tolerances_of_instruments_have_units_and_are_written_so(tmp_path: Path) -> None:
+    stated = '[tolerance]\nposition_zero = "2 um"\ncurrent_gain = "1 %"\ncommand_zero = "3 mV"\n[[run]]'
+    record = load_record(make(tmp_path / "r", rig=RIG.replace("[[run]]", stated, 1)))
+    assert record.tolerance.position_zero == 2e-6
+    assert (record.tolerance.current_gain, record.tolerance.command_zero) == (0.01, 3e-3)
+    write_record(record, tmp_path / "again")
+    assert 'position_zero = "2 um"' in (tmp_path / "again" / "rig.toml").read_text().replace("µ", "u")
+    assert load_record(tmp_path / "again").tolerance == record.tolerance
+    with pytest.raises(RecordError, match=r"tolerance\.position_zero"):
+        load_record(make(tmp_path / "s", rig=RIG.replace("[[run]]", '[tolerance]\nposition_zero = "2 A"\n[[run]]', 1)))
+    with pytest.raises(RecordError, match=r"tolerance\.command_zero"):
+        load_record(make(tmp_path / "t", rig=RIG.replace("[[run]]", '[tolerance]\ncommand_zero = "2 m"\n[[run]]', 1)))
 
 
 def test_what_rig_toml_states_overrides_the_actuator(tmp_path: Path) -> None:
