@@ -5,6 +5,7 @@ tests alone. Of the coupled model it uses the excitations and nothing else.
 """
 
 from msl_fem.bench.catalogue import INSIDE, OUTSIDE_BY_NAME, parse_requests
+from msl_fem.bench.nuisances import parse_nuisances
 from msl_fem.bench.sealed import BenchOptions, ClosedLoop, SealedRecord, sealed_record, usual_excitations, usual_unit
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "BenchOptions",
     "ClosedLoop",
     "SealedRecord",
+    "parse_nuisances",
     "parse_requests",
     "sealed_record",
     "usual_excitations",

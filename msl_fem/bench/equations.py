@@ -6,6 +6,7 @@ the eddy currents. v = R i + dL/dt. The states are i_m and those of hysteresis a
 
 The believed current amplifier knows the coil: v = R i + dL/dg dg/dt + L_inc w (target - i) within its voltage limit,
 which makes a plain coil's current a first-order lag of its target (Krishnan, Electric Motor Drives, 2001, ch. 3).
+Stray flux of coil and of both sides links the magnetising currents, without force.
 
 Friction is LuGre's, by bristles (Canudas de Wit, Olsson, Astrom and Lischinsky, IEEE Trans. Autom. Control 40, 1995):
 
@@ -146,19 +147,36 @@ def drive_sides(bench: Bench, y: Array, target: Array, gap_rate: Array, dy: Arra
         row = bench.sides[j]
         drop = side_resistance(plant, y, j) * row[CURRENT]
         motional = row[GAP_SLOPE] * gap_rate[j]
+        stray = plant.stray.leakage_1 if j == 0 else plant.stray.leakage_2
         voltage = target[j]
         if plant.circuit.drive == CURRENT_DRIVE:
-            voltage = drop + motional + row[INDUCTANCE] * plant.circuit.bandwidth * (target[j] - row[CURRENT])
+            own = row[INDUCTANCE] + stray
+            voltage = drop + motional + own * plant.circuit.bandwidth * (target[j] - row[CURRENT])
             if abs(voltage) > plant.circuit.voltage_limit:
                 voltage = np.copysign(plant.circuit.voltage_limit, voltage)
         if plant.amplifier.crossover != 0.0:
             voltage = crossover(plant.amplifier, voltage)
         row[VOLTAGE] = voltage
-        dy[IM1 + j] = (voltage - drop - motional) / row[INDUCTANCE]
-        if plant.ladder.stages > 0:
+        dy[IM1 + j] = (voltage - drop - motional) / (row[INDUCTANCE] + stray)
+    if plant.stray.mutual != 0.0 and plant.magnets.sides == 2:
+        _share_mutual_flux(bench, dy)
+    if plant.ladder.stages > 0:
+        for j in range(plant.magnets.sides):
             at = plant.layout.ladder + j * plant.ladder.stages
             end = at + plant.ladder.stages
-            ladder_rates(plant.ladder, y[at:end], voltage - drop, dy[at:end])
+            change = bench.sides[j, INDUCTANCE] * dy[IM1 + j] + bench.sides[j, GAP_SLOPE] * gap_rate[j]
+            ladder_rates(plant.ladder, y[at:end], change, dy[at:end])
+
+
+@compiled
+def _share_mutual_flux(bench: Bench, dy: Array) -> None:
+    """Rates of both i_m that mutual flux ties together, from those without it; by Gauss' elimination."""
+    stray = bench.plant.stray
+    first, second = bench.sides[0, INDUCTANCE] + stray.leakage_1, bench.sides[1, INDUCTANCE] + stray.leakage_2
+    factor = stray.mutual / first
+    volts = first * dy[IM1]
+    dy[IM1 + 1] = (second * dy[IM1 + 1] - factor * volts) / (second - factor * stray.mutual)
+    dy[IM1] = (volts - stray.mutual * dy[IM1 + 1]) / first
 
 
 @compiled

@@ -80,6 +80,17 @@ class SeriesIron(NamedTuple):
     slope: Array  # (IRON_NODES,) A/Wb
 
 
+class Stray(NamedTuple):
+    """Flux that links the coils and pulls nothing: of a side for its own current, of both for each other's, in H.
+
+    What the field of both sides shows of their mutual flux hardly depends on the position (docs/decoupling.md).
+    """
+
+    leakage_1: float = 0.0
+    leakage_2: float = 0.0
+    mutual: float = 0.0
+
+
 class Thermal(NamedTuple):
     """Coil and core of a side as two nodes; 0 K/W: none."""
 
@@ -198,6 +209,7 @@ class BenchPlant(NamedTuple):
     disturbance: Disturbance
     reading: SensorElectronics
     layout: StateLayout
+    stray: Stray = Stray()
 
 
 class Bench(NamedTuple):

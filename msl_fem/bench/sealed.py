@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -18,6 +18,14 @@ from msl_fem.bench.instruments import (
     noise_of_instruments,
     run_columns,
     with_noise,
+)
+from msl_fem.bench.nuisances import (
+    Nuisances,
+    draw_nuisances,
+    nuisances_report,
+    spoilt_columns,
+    spoilt_map,
+    with_stray_flux,
 )
 from msl_fem.bench.plant import Array
 from msl_fem.bench.rig import Rig, draw_truth, true_rig
@@ -144,6 +152,10 @@ class BenchOptions:
     noise : "coloured", "white" or "none"
     tolerance : within which the true parameters are drawn
     loop : for excitations with loop=closed
+    nuisances : names and sizes in tolerances of what the instruments do beside (`parse_nuisances`)
+    stated_noise : the noise that rig.toml states over the true one
+    stated_hold : how rig.toml says that commands run between samples; they are held
+    stated_bandwidth : of the drive, Hz, in rig.toml; None: the true one
     """
 
     seed: int
@@ -154,6 +166,10 @@ class BenchOptions:
     noise: str = "coloured"
     tolerance: Tolerance = field(default_factory=Tolerance)
     loop: ClosedLoop | None = None
+    nuisances: tuple[tuple[str, float], ...] = ()
+    stated_noise: float = 1.0
+    stated_hold: Literal["zero-order", "linear"] = "zero-order"
+    stated_bandwidth: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +217,7 @@ def sealed_record(
         if any(isinstance(command, Following) for command in setting.commands):
             silent = runs_of(rig, setting.commands, setting.leads, rate=options.rate)
         together = changes(channels(rig, silent), channels(setting.rig, setting.responses))
-    return SealedRecord(record, _answer(setting, hidden, together, excitations))
+    return SealedRecord(record, _answer(setting, hidden, together, excitations, options))
 
 
 def prepared_setting(
@@ -220,7 +236,7 @@ def prepared_setting(
                 f"{excitation.name}: amplitude is in {excitation.unit}, the drive of {actuator.name} takes {unit}"
             )
     truth = draw_truth(options.tolerance, table, np.random.default_rng([options.seed, 1]))
-    rig = true_rig(actuator, table, truth)
+    rig = with_stray_flux(true_rig(actuator, table, truth), actuator, table, _nuisances(options))
     commands = tuple(_asked(actuator, excitation, options) for excitation in excitations)
     leads = tuple(excitation.bias for excitation in excitations)
     try:
@@ -243,6 +259,10 @@ def prepared_setting(
         seed=options.seed,
         scales=scales_of(responses[0], rig),
     )
+
+
+def _nuisances(options: BenchOptions) -> Nuisances:
+    return draw_nuisances(options.nuisances, options.tolerance, seed=options.seed)
 
 
 def _asked(actuator: Actuator, excitation: Excitation, options: BenchOptions) -> Array | Following:
@@ -301,14 +321,15 @@ def _record(
     how = noise_of_instruments(actuator, coloured=options.noise == "coloured")
     runs = []
     for n, (excitation, response) in enumerate(zip(excitations, responses, strict=True)):
-        table = run_columns(rig, response, run=n)
+        table = spoilt_columns(run_columns(rig, response, run=n), _nuisances(options))
         generator = np.random.default_rng([options.seed, 2, n])
         if options.noise != "none":
             table = with_noise(table, how, rate=options.rate, generator=generator)
         asked = setting.commands[n]
         if isinstance(asked, Following):
             assert response.measured is not None
-            table |= {"position_m": response.measured, "reference_m": asked.reference[:, 0]}
+            zero = _nuisances(options).zero("position_zero")
+            table |= {"position_m": response.measured + zero, "reference_m": asked.reference[:, 0]}
         name = excitation.name.replace("-", "_") + (f"_{n + 1}" if len(excitations) > 1 else "")
         runs.append(Run(name, excitation.spec, excitation.role, table))
     noise = believed_noise(actuator)
@@ -317,11 +338,14 @@ def _record(
         generator = np.random.default_rng([options.seed, 4])
         static = bench_static_map(actuator, setting.table, rig, generator=generator, noisy=options.noise != "none")
         noise = noise.model_copy(update={"force": FORCE_NOISE, "flux_linkage": FLUX_NOISE})
+        nominal = actuator.motion.nominal_gap if actuator.motion is not None else None
+        shift = float(nominal or 0.0) * (setting.truth.nominal_gap - 1.0)
+        static = spoilt_map(static, _nuisances(options), rig, gauge_shift=shift)
     return Record(
         "simulated",
-        actuator,
-        sampling=Sampling(rate=options.rate),
-        noise=noise,
+        _stated(actuator, options),
+        sampling=Sampling(rate=options.rate, hold=options.stated_hold),
+        noise=noise.model_copy(update={k: v * options.stated_noise for k, v in noise if v is not None}),
         tolerance=options.tolerance,
         controller=None if options.loop is None else options.loop.section,
         runs=tuple(runs),
@@ -329,8 +353,24 @@ def _record(
     )
 
 
+def _stated(actuator: Actuator, options: BenchOptions) -> Actuator:
+    """The actuator as the record states it: its sensors' noise and the drive's bandwidth."""
+    update: dict[str, Any] = {}
+    if options.stated_noise != 1.0:
+        for name in ("position_sensor", "current_sensor"):
+            sensor = getattr(actuator, name)
+            update[name] = sensor.model_copy(update={"noise": sensor.noise * options.stated_noise})
+    if options.stated_bandwidth is not None and actuator.drive is not None:
+        update["drive"] = actuator.drive.model_copy(update={"bandwidth": options.stated_bandwidth})
+    return actuator.model_copy(update=update)
+
+
 def _answer(
-    setting: BenchSetting, hidden: Sequence[EffectAtSize], together: dict[str, float], excitations: Sequence[Excitation]
+    setting: BenchSetting,
+    hidden: Sequence[EffectAtSize],
+    together: dict[str, float],
+    excitations: Sequence[Excitation],
+    options: BenchOptions,
 ) -> dict[str, Any]:
     """What was hidden; `changes_together` are the record's changes by all effects at once."""
     return {
@@ -340,4 +380,10 @@ def _answer(
         "drive": setting.drive,
         "excitations": [excitation.spec for excitation in excitations],
         "changes_together": together,
+        "nuisances": nuisances_report(_nuisances(options)),
+        "stated": {
+            "noise": options.stated_noise,
+            "hold": options.stated_hold,
+            "bandwidth_Hz": options.stated_bandwidth,
+        },
     }

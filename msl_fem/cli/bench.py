@@ -1,12 +1,12 @@
 """The command `bench`: a simulated record with something hidden in it, and the answer apart from it."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.bench import BenchOptions, ClosedLoop, parse_requests, sealed_record, usual_unit
+from msl_fem.bench import BenchOptions, ClosedLoop, parse_nuisances, parse_requests, sealed_record, usual_unit
 from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar, write_json
 from msl_fem.cli.simulate import usual_loop
@@ -45,6 +45,17 @@ def command(
         typer.Option("--exact-size", help="Sizes as asked, even below six tolerances of a believed parameter."),
     ] = False,
     noise: Annotated[str, typer.Option(help="coloured, white or none.")] = "coloured",
+    nuisance: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=SIZE", help="Repeatable: what instruments do, in tolerances, like all=1."),
+    ] = None,
+    stated_noise: Annotated[float, typer.Option(help="Noise that rig.toml states, over the true one.")] = 1.0,
+    stated_hold: Annotated[str, typer.Option(help="How rig.toml says that inputs run: zero-order or linear.")] = (
+        "zero-order"
+    ),
+    stated_bandwidth: Annotated[
+        str | None, typer.Option(help="Of the drive, in rig.toml; without, the true one.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """The virtual bench: a record of a rig with true parameters of its own, and an effect hidden in it.
@@ -60,6 +71,17 @@ def command(
     if not sampling > 0:
         raise InputError(f'--rate {rate} is not allowed; it must be above 0 Hz, like "10 kHz"')
     excitations = _excitations(it, excitation or [])
+    nuisances = parse_nuisances(nuisance or [])
+    if not 0.1 <= stated_noise <= 10:
+        raise InputError(f"--stated-noise {stated_noise:g} is not allowed; it must be 0.1 ... 10")
+    if stated_hold not in ("zero-order", "linear"):
+        raise InputError(f"--stated-hold '{stated_hold}' is unknown; choose zero-order or linear")
+    hold: Literal["zero-order", "linear"] = "linear" if stated_hold == "linear" else "zero-order"
+    bandwidth = None
+    if stated_bandwidth is not None:
+        bandwidth = read_option("--stated-bandwidth", stated_bandwidth, "Hz")
+        if not bandwidth > 0:
+            raise InputError(f'--stated-bandwidth {stated_bandwidth} is not allowed; above 0 Hz, like "10 MHz"')
     with sole_run(output):
         sealed = _answer_file(output, answer)
         magnet_table = table_for(it, table)
@@ -71,6 +93,10 @@ def command(
             exact=exact_size,
             noise=noise,
             loop=_loop(it, magnet_table, excitations, rate=sampling),
+            nuisances=nuisances,
+            stated_noise=stated_noise,
+            stated_hold=hold,
+            stated_bandwidth=bandwidth,
         )
         with progress_bar("bench") as progress:
             made = sealed_record(it, magnet_table, requests, options, progress=progress)

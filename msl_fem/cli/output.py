@@ -175,11 +175,11 @@ def _warnings_in_a_line() -> Iterator[None]:
     with warnings.catch_warnings():
         usual = warnings.showwarning
 
-        def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
+        def show(message: Warning | str, category: type[Warning], *where: Any, **further: Any) -> None:
             if issubclass(category, CostWarning):
                 say(f"warning: {message}")
             else:
-                usual(message, category, *where)
+                usual(message, category, *where, **further)
 
         warnings.showwarning = show
         yield
