@@ -22,8 +22,8 @@ from msl_fem.bench import BenchOptions, sealed_record
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.decision import COINCIDING, TOLERANCES
 from msl_fem.diagnosis.fit import fit
-from msl_fem.diagnosis.free_runs import prepared_runs
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.runs import prepared_runs
 from msl_fem.diagnosis.search import Score, scores
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.diagnosis.variants import possible, record_features, variants
@@ -118,7 +118,7 @@ def of_drive(drive: str) -> dict[str, LeastSize]:
     base = fit(likelihood, unknowns, np.zeros(unknowns.size))
     plant = likelihood.problem.plant.parameters
     tried = [v for e in possible(plant) for v in variants(e, record_features(likelihood, base), plant)]
-    return {one.effect: one for one in least_sizes(likelihood, base, scores(likelihood, base, tried))}
+    return {one.effect: one for one in least_sizes(likelihood, base, scores(base, tried))}
 
 
 def table_of(found: dict[str, dict[str, LeastSize]]) -> str:

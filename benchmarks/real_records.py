@@ -15,7 +15,7 @@ from marked_text import rewrite
 
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.driver import diagnosis_of
-from msl_fem.diagnosis.loops import StaticEquilibria, map_with_equilibria, static_equilibria
+from msl_fem.diagnosis.equilibria import StaticEquilibria, map_with_equilibria, static_equilibria
 from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import load_record
 from msl_fem.table.magnetic_table import read_table

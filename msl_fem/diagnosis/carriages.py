@@ -20,7 +20,9 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.inverse_force import ZeroPhaseLowPass, missing_force, usual_low_pass
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, without_those_of
-from msl_fem.diagnosis.likelihood import Fit, FitProblem, Likelihood, NoiseBands, Points, transformed
+from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.noise import NoiseBands, transformed
+from msl_fem.diagnosis.problem import FitProblem, Points
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import RecordFeatures, Variant, every_variant, record_features, variables_of
 from msl_fem.plant import PlantParameters
@@ -221,4 +223,4 @@ def carriage(record: Record, belief: ModelHypothesis, runs: Sequence[RunData]) -
         f"inverse dynamics in the band up to {likelihood.low_pass.equation:g} Hz; noise of the position makes "
         f"regressors larger by {100 * share:.2g} % of their power at most, so no instruments were needed"
     )
-    return Carriage(belief, likelihood, unknowns, (note,), tuple(runs))
+    return Carriage(belief, likelihood, unknowns, (note,), runs=tuple(runs))

@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from msl_fem.diagnosis.fit import effect_estimates
-from msl_fem.diagnosis.likelihood import Fit, FitProblem
+from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.problem import FitProblem
 from msl_fem.diagnosis.search import Refit, SearchStage
 from msl_fem.diagnosis.unknowns import EffectUnknown
-from msl_fem.prediction import ModelHypothesis, RunData, open_loop_stable
+from msl_fem.prediction import RunData
 from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record import Record
 
@@ -202,8 +203,3 @@ def undecidable_because(record: Record, data: Sequence[RunData]) -> str:
     if moved < RESPONSE:
         return f"the position moves by {moved:.3g} times its noise; at least {RESPONSE:g} times are needed, excite more"
     return ""
-
-
-def unstable_run(belief: ModelHypothesis, data: Sequence[RunData]) -> str:
-    """The first run of an open loop that is not stable, in which a free run says nothing; empty where none is."""
-    return next((run.name for run in data if not open_loop_stable(belief, run)), "")

@@ -21,14 +21,12 @@ from msl_fem.diagnosis.decision import (
     share_left,
     too_much_left,
     undecidable_because,
-    unstable_run,
     white,
 )
+from msl_fem.diagnosis.equilibria import told_by_equilibria
 from msl_fem.diagnosis.fit import FitPlan, believed_estimates, effect_estimates, fit
-from msl_fem.diagnosis.free_runs import free_runs
 from msl_fem.diagnosis.kind import Kind, PredictionError, held_out_gains
 from msl_fem.diagnosis.likelihood import Fit
-from msl_fem.diagnosis.loops import equilibria_or_loops
 from msl_fem.diagnosis.outside import WORTH_NAMING, Dependence, named_dependence
 from msl_fem.diagnosis.result import (
     Accuracy,
@@ -40,6 +38,7 @@ from msl_fem.diagnosis.result import (
     channel_residuals,
     tried_variants,
 )
+from msl_fem.diagnosis.runs import dynamic_runs
 from msl_fem.diagnosis.search import ROUGH, SearchStage, search_stage, statistics_of
 from msl_fem.diagnosis.static_maps import map_alone, why_no_map
 from msl_fem.errors import InputError
@@ -114,18 +113,18 @@ def kind_of(record: Record, how: DiagnosisSettings) -> Kind | str:
         assert record.static is not None
         return why_no_map(record.static) or map_alone(record, belief)
     mechanical = is_carriage(plant_parameters(record.actuator))
-    free = not mechanical and not unstable_run(belief, runs)  # the commands make a free run, whatever made them
     reason = undecidable_because(record, runs)
     if reason:
         return reason
     how.progress("the model within its tolerances")
-    if free:
-        return free_runs(record, belief, runs, threads=how.threads)
-    return carriage(record, belief, runs) if mechanical else equilibria_or_loops(record, belief, runs)
+    if mechanical:
+        return carriage(record, belief, runs)
+    return told_by_equilibria(record, belief) or dynamic_runs(record, belief, runs, threads=how.threads)
 
 
 def diagnosis_of(kind: Kind, how: DiagnosisSettings) -> Diagnosis:
     """The diagnosis of a record that was made ready."""
+    kind = kind.settled()
     result = search_effects(kind, how)
     how.progress("held-out runs")
     return conclude(kind, result, how)
@@ -133,23 +132,24 @@ def diagnosis_of(kind: Kind, how: DiagnosisSettings) -> Diagnosis:
 
 def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
     """Effects added one after the other as long as each brings more than the rule asks."""
-    likelihood, rule = kind.likelihood, kind.rule(how.rule)
-    fits = [fit(likelihood, kind.unknowns, np.zeros(kind.unknowns.size), plan=FitPlan(enough=ROUGH))]
+    rule = kind.rule(how.rule)
+    begin = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
+    fits = [fit(kind.likelihood, kind.unknowns, begin, plan=FitPlan(enough=ROUGH))]
     stages: list[SearchStage] = []
     excesses = []
     for n in range(rule.most):
-        stage = search_stage(likelihood, fits[n], kind.candidates(fits[n]), tell=how.progress, threads=how.threads)
-        stage = beyond_tolerances(likelihood.problem, stage)
+        stage = search_stage(fits[n], kind.candidates(fits[n]), tell=how.progress, threads=how.threads)
+        stage = beyond_tolerances(kind.likelihood.problem, stage)
         fits[n] = stage.base
         stages.append(stage)
-        excesses.append(likelihood.excess(stage.base))
+        excesses.append(stage.base.excess)
         if stage.best is None or not rule.enough(stages, n):
             break
         fits.append(stage.best.fit)
-        if not rule.goes_on(stages, n, excesses[n], likelihood.excess(stage.best.fit)):
+        if not rule.goes_on(stages, n, excesses[n], stage.best.fit.excess):
             break
     if len(fits) > len(excesses):
-        excesses.append(likelihood.excess(fits[-1]))
+        excesses.append(fits[-1].excess)
     return EffectSearch(tuple(fits), tuple(stages), tuple(excesses), n_accepted(stages, excesses, rule))
 
 

@@ -7,7 +7,7 @@ in the prior's metric (`computing.gauss_newton`). The log evidence is Laplace's,
 curvature.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.gauss_newton import Damping, DescentSettings, descend, log_evidence
-from msl_fem.diagnosis.likelihood import CONVERGED, Fit, FitProblem, Likelihood, NoiseWeights, Points, weights_of
+from msl_fem.diagnosis.likelihood import CONVERGED, Fit, Likelihood
+from msl_fem.diagnosis.noise import NoiseWeights
+from msl_fem.diagnosis.problem import FitProblem, Points
 from msl_fem.diagnosis.table_error import corrected, scaled
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns, factor
 from msl_fem.errors import ComputationError
@@ -26,6 +28,9 @@ from msl_fem.prediction.nuisances import ADDITIVE, NUISANCES, together
 
 STALE = 0.6
 """Share of the predicted decrease that a step has to bring for the nuisances' columns to be kept."""
+STEPS_A_ROUND = 4
+RESTARTED = 0.2
+"""Nats by which moving the starts of stretches may change a fit that has converged."""
 INTERVAL = 1.96
 _READ = (
     ("position_sensor_nonlinearity", "quadratic"),
@@ -93,14 +98,27 @@ def fit(
     ComputationError : the simulation fails at the start
     """
     how = plan or FitPlan()
-    posterior = _FitPosterior(likelihood, unknowns)
-    first = posterior.at(unknowns.allowed(start))
-    if not np.isfinite(first.residual).all():
-        raise ComputationError("the simulation fails at the start of the fit")
     damping = Damping(first=how.damping, least=1e-4, rise=1e-2, most=1e8)
-    settings = DescentSettings(damping, how.enough, most_trials=how.most_steps, renewal=STALE if how.renew else None)
-    end = descend(posterior, first, settings, first=posterior.linearised(first, nuisance_columns))
-    point, model = end.point, end.model
+    simulations, z = 0, unknowns.allowed(start)
+    for trials in _trials(likelihood, how.most_steps):
+        posterior = _FitPosterior(likelihood, unknowns)
+        first = posterior.at(z)
+        if not np.isfinite(first.residual).all():
+            raise ComputationError("the simulation fails at the start of the fit")
+        settings = DescentSettings(damping, how.enough, most_trials=trials, renewal=STALE if how.renew else None)
+        end = descend(posterior, first, settings, first=posterior.linearised(first, nuisance_columns))
+        point, model = end.point, end.model
+        simulations += posterior.simulations
+        if not likelihood.is_cut:
+            break
+        nearer = likelihood.followed(unknowns, point.z)
+        again = nearer.objective(unknowns, point.z)
+        if end.ending == "converged" and abs(again - point.objective) < max(RESTARTED, how.enough):
+            break
+        if not np.isfinite(again):
+            break
+        likelihood, z, nuisance_columns = nearer, point.z, None
+        damping = replace(damping, first=1e-2)
     return Fit(
         unknowns,
         point.z,
@@ -110,8 +128,16 @@ def fit(
         point.objective,
         log_evidence(point.objective, model.gram + np.diag(model.curvature)),
         model.promised,
-        posterior.simulations,
+        simulations,
+        likelihood,
     )
+
+
+def _trials(likelihood: Likelihood, most: int) -> list[int]:
+    """Steps of each round of a fit; between rounds the starts of stretches are moved to where the fit is."""
+    if not likelihood.is_cut:
+        return [most]
+    return [STEPS_A_ROUND] * max(1, most // STEPS_A_ROUND)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,14 +178,13 @@ class _FitPosterior:
 
     def __init__(self, likelihood: Likelihood, unknowns: Unknowns) -> None:
         self.likelihood, self.unknowns = likelihood, unknowns
-        self.labels, self.ceilings = likelihood.labels, likelihood.ceilings
         self.simulations = 0
 
     def at(self, z: Array) -> _FitPoint:
         """A point that holds the bounds; its S is inf where the simulation fails."""
         residual = self.likelihood.spectra(Points.of(self.unknowns, z[None]))[0]
         self.simulations += 1
-        weights = weights_of(residual, self.labels, self.ceilings)
+        weights = self.likelihood.weights(residual)
         objective = weights.nats + self.unknowns.prior(z)[0] if np.isfinite(residual).all() else np.inf
         return _FitPoint(z, residual, weights, float(objective))
 

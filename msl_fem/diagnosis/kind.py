@@ -123,6 +123,7 @@ class Kind(ABC):
     belief : as in the record
     likelihood, unknowns : of the data with the role fit, without any effect
     notes : what the reader must know beside the verdict
+    begin : (unknowns.size,) where the fit without effects begins; None: as believed
     prediction : how models are judged, the word of the accuracy's entries
     faithful : how many times their error on the fit data effects may err on held-out data, to be named
     advice : what would show more of what is left unexplained
@@ -132,6 +133,7 @@ class Kind(ABC):
     likelihood: Likelihood
     unknowns: Unknowns
     notes: tuple[str, ...] = ()
+    begin: Array | None = None
 
     prediction: ClassVar[str]
     faithful: ClassVar[float] = float("inf")
@@ -141,6 +143,10 @@ class Kind(ABC):
     def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:
         """What a model misses on every channel of all data, those held out too; `fit` is where it comes from, None of
         the believed model."""
+
+    def settled(self) -> "Kind":
+        """As it is after the model without effects has been looked at."""
+        return self
 
     def rule(self, rule: Rule) -> Rule:
         """The rule by which this kind is decided. What an equation leaves out was measured on free runs alone."""

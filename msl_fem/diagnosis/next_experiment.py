@@ -11,7 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msl_fem.diagnosis.likelihood import START, FitProblem, Likelihood, make_bands
+from msl_fem.diagnosis.likelihood import Likelihood
+from msl_fem.diagnosis.noise import make_bands
+from msl_fem.diagnosis.problem import START, FitProblem
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.separation import Hypothesis, Measure, PlannedRecord, beside_a_run
 from msl_fem.diagnosis.unknowns import Unknowns

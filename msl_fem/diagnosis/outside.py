@@ -21,10 +21,13 @@ from scipy.signal import lfilter
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
-from msl_fem.plant import kernel, layout
+from msl_fem.diagnosis.stretches import Stretches
+from msl_fem.plant import layout
+from msl_fem.plant.excitation import Inputs
+from msl_fem.plant.lane_run import LaneSettings, run_lanes
 from msl_fem.plant.plant import FORCE_DRIVE
-from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, Start, kernel_plant, measured_start
-from msl_fem.prediction.free_run import kernel_state, readings_of
+from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, kernel_plant, measured_start
+from msl_fem.prediction.free_run import readings_of
 from msl_fem.record.columns import Channel
 
 N_SPLINE = 14
@@ -79,7 +82,8 @@ def dependences(
     """
     run = likelihood.problem.runs[0]
     plant = kernel_plant(belief, rate=run.rate, ideal_current=run.ideal_current)
-    trajectory = _Trajectory(plant, run, measured_start(plant, run))
+    cut = likelihood.problem.cut(0) or Stretches.whole(measured_start(plant, run))
+    trajectory = _Trajectory(plant, run, cut)
     if not np.isfinite(trajectory.out).all():
         return []
     judge = _FreeFunctions(likelihood, fit, trajectory)
@@ -102,22 +106,20 @@ def named_dependence(ranked: Sequence[Dependence]) -> tuple[str, tuple[str, ...]
 class _Trajectory:
     """The first run of a record as the fitted model makes it, from its measured start."""
 
-    def __init__(self, plant: KernelPlant, run: RunData, start: Start) -> None:
-        self.plant, self.run, self.start = plant, run, start
+    def __init__(self, plant: KernelPlant, run: RunData, cut: Stretches) -> None:
+        self.plant, self.run, self.cut = plant, run, cut
         self.out = self.simulated()
 
     def simulated(self, push: Array | None = None, more: Array | None = None) -> Array:
         """The kernel's outputs (n_sample, N_OUT) with a force beside the magnets' and additions to the commands; nan
         behind an early end."""
-        n = len(self.run.commands)
-        out = np.full((n, layout.N_OUT), np.nan)
+        plant, columns = self.plant, max(self.plant.parameters.sides, 1)
         commands = self.run.commands if more is None else self.run.commands + more
-        force = np.zeros(n) if push is None else push
-        plant = self.plant
-        state = kernel_state(plant, self.start)
-        done = kernel.run(*plant.model, state, commands, force, *plant.timing, out, self.run.hold == "linear")[1]
-        out[done:] = np.nan
-        return out
+        inputs = Inputs(commands[:, :columns], self.run.rate, 0.0 if push is None else push, self.run.hold)
+        effects = None if plant.effects is None else plant.readings[None]
+        settings = LaneSettings(effects=effects, starts=self.cut.starts[None], begins=self.cut.begins)
+        found = run_lanes(plant.surface, [plant.parameters], inputs, substeps=plant.substeps, settings=settings)
+        return found.blocks[0][:, :, 0]
 
     @cached_property
     def variables(self) -> dict[str, Array]:
@@ -142,7 +144,7 @@ def _tried(trajectory: _Trajectory) -> Mapping[str, list[str]]:
     plant = trajectory.plant.parameters
     motion = [name for name in trajectory.variables if not name.startswith(electrical)]
     sides = [name for name in trajectory.variables if name not in motion and name != "current product"]
-    tried = {"force": [*motion, *(["current product", *sides] if plant.sides else [])]}
+    tried = {"force": [*motion, *(["current product"] if plant.sides == 2 else []), *(sides if plant.sides else [])]}
     if plant.drive != FORCE_DRIVE:
         tried["voltage"] = [*sides, "velocity", "time"]
         tried["current reading"] = [*sides, "time"]

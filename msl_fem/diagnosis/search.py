@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import FitPlan, fit
-from msl_fem.diagnosis.likelihood import CONVERGED, Fit, Likelihood, Points
+from msl_fem.diagnosis.likelihood import CONVERGED, Fit
+from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.unknowns import CAUCHY, STEP_OF_AMOUNTS, EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
 from msl_fem.errors import ComputationError
@@ -41,6 +42,7 @@ REFINEMENT_STEPS = 25
 LAST_STEPS = 20
 NEAR = 15.0  # nats behind the best within which refits are converged
 FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the best
+ROUNDING = 1e-12  # of a diagonal: amounts that act alike
 ROUGH = 5.0  # nats that a fit may still gain when it is scored, where the best score is far above
 FAR_ABOVE = 40.0
 STRAINED = 4.0  # tolerances by which a believed parameter of a fit has moved, where something else bends it
@@ -105,7 +107,8 @@ def _held(g: Array, b: Array, one_sided: NDArray[np.bool_]) -> Array:
         guess = np.zeros(b.size)
         if not kept.any():
             return guess
-        guess[kept] = np.linalg.solve(g[np.ix_(kept, kept)], b[kept])
+        own = g[np.ix_(kept, kept)]
+        guess[kept] = np.linalg.solve(own + ROUNDING * np.diag(np.diag(own)), b[kept])
         bad = one_sided & (guess < 0)
         if not bad.any():
             break
@@ -113,13 +116,13 @@ def _held(g: Array, b: Array, one_sided: NDArray[np.bool_]) -> Array:
     return guess
 
 
-def scores(likelihood: Likelihood, found: Fit, tried: Sequence[Variant]) -> list[Score]:
+def scores(found: Fit, tried: Sequence[Variant]) -> list[Score]:
     """All variants at a fit that can be seen there, best first."""
     if not tried:
         return []
     amounts = list(dict.fromkeys((amount, variant.shapes) for variant in tried for amount in variant.amounts))
     starts = range(0, len(amounts), _AT_ONCE)
-    raw = np.concatenate([_signatures(likelihood, found, amounts[at : at + _AT_ONCE]) for at in starts], axis=1)
+    raw = np.concatenate([_signatures(found, amounts[at : at + _AT_ONCE]) for at in starts], axis=1)
     seen = np.isfinite(raw).all(axis=0) & (np.abs(np.nan_to_num(raw)).max(axis=0) > 0)
     background = Background(found, np.where(seen, raw, 0.0))
     place = {amount: n for n, amount in enumerate(amounts)}
@@ -131,7 +134,7 @@ def scores(likelihood: Likelihood, found: Fit, tried: Sequence[Variant]) -> list
     return sorted(made, key=lambda s: -s.gain)
 
 
-def _signatures(likelihood: Likelihood, found: Fit, amounts: Sequence[tuple[EffectUnknown, Shapes]]) -> Array:
+def _signatures(found: Fit, amounts: Sequence[tuple[EffectUnknown, Shapes]]) -> Array:
     """(n_number, n_amount) slopes of the residual over each amount at nothing, around its shapes; nan where there is
     none. With all amounts at nothing shapes change nothing."""
     effects = np.tile(found.unknowns.effect_vector(found.z), (len(amounts), 1))
@@ -140,7 +143,7 @@ def _signatures(likelihood: Likelihood, found: Fit, amounts: Sequence[tuple[Effe
             row[shape.place] = shape.centre
         row[one.place] = one.value(np.array(STEP_OF_AMOUNTS))
     rows = np.tile(found.z, (len(amounts), 1))
-    moved = likelihood.spectra(Points(found.unknowns, rows, effects))
+    moved = found.likelihood.spectra(Points(found.unknowns, rows, effects))
     return np.asarray(((moved - found.residual) / STEP_OF_AMOUNTS).T)
 
 
@@ -175,21 +178,19 @@ class SearchStage:
         return list(found.values())
 
 
-def search_stage(
-    likelihood: Likelihood, start: Fit, tried: Sequence[Variant], *, tell: Callable[[str], None], threads: int = 1
-) -> SearchStage:
+def search_stage(start: Fit, tried: Sequence[Variant], *, tell: Callable[[str], None], threads: int = 1) -> SearchStage:
     """What one of these variants more would bring to a fit, which is converged as far as that asks for."""
     tell("all effects")
-    base, every = start, scores(likelihood, start, tried)
+    base, every = start, scores(start, tried)
     if not base.converged and not (every and every[0].gain > FAR_ABOVE + 10 * base.predicted):
         columns = base.jacobian[:, : base.unknowns.n_nuisance]
-        base = fit(likelihood, base.unknowns, base.z, nuisance_columns=columns)
-        every = scores(likelihood, base, tried)
+        base = fit(base.likelihood, base.unknowns, base.z, nuisance_columns=columns)
+        every = scores(base, tried)
     candidates = ranked(every)
     if strained(base):
         missing = set(COMPENSATED) - {score.variant.effect for score in candidates}
         candidates += [score for score in _best_of(every).values() if score.variant.effect in missing]
-    refits = _Refinement(likelihood, base, tell).best_first(candidates, threads=threads)
+    refits = _Refinement(base, tell).best_first(candidates, threads=threads)
     return SearchStage(base, tuple(every), tuple(refits))
 
 
@@ -217,7 +218,7 @@ def extended(base: Unknowns, variant: Variant) -> Unknowns:
     return replace(base, effects=(*base.effects, *variant.unknowns))
 
 
-def started(likelihood: Likelihood, base: Fit, score: Score) -> Array:
+def started(base: Fit, score: Score) -> Array:
     """Where the refit of a scored variant begins: of some points on the way to the linear model's best, the one of the
     highest density. All else moves along, since it makes up for what is alike."""
     shapes = np.zeros(len(score.variant.shapes))
@@ -225,11 +226,11 @@ def started(likelihood: Likelihood, base: Fit, score: Score) -> Array:
     rows += [np.concatenate([base.z, part * score.guess, shapes]) for part in SHARES]
     unknowns = extended(base.unknowns, score.variant)
     points = np.array([unknowns.allowed(row) for row in rows])
-    residuals = likelihood.spectra(Points.of(unknowns, points))
+    residuals = base.likelihood.spectra(Points.of(unknowns, points))
     costs = np.full(len(points), np.inf)
     for n, residual in enumerate(residuals):
         if np.isfinite(residual).all():
-            costs[n] = likelihood.weights(residual).nats + unknowns.prior(points[n])[0]
+            costs[n] = base.likelihood.weights(residual).nats + unknowns.prior(points[n])[0]
     return np.asarray(points[int(np.argmin(costs))])
 
 
@@ -256,8 +257,8 @@ class _Refinement:
     and those in front go on until nothing more is to be gained. The outcome does not depend on the number of threads.
     """
 
-    def __init__(self, likelihood: Likelihood, base: Fit, tell: Callable[[str], None]) -> None:
-        self.likelihood, self.base, self.tell = likelihood, base, tell
+    def __init__(self, base: Fit, tell: Callable[[str], None]) -> None:
+        self.base, self.tell = base, tell
         self.nuisance_columns = base.jacobian[:, : base.unknowns.n_nuisance]
 
     def best_first(self, candidates: Sequence[Score], *, threads: int) -> list[Refit]:
@@ -281,25 +282,29 @@ class _Refinement:
         self.tell(score.variant.name)
         plan = FitPlan(most_steps=SCREENING_STEPS, renew=False)
         try:
-            return self._refit(score.variant, started(self.likelihood, self.base, score), plan, self.nuisance_columns)
+            return self._refit(self.base, score.variant, started(self.base, score), plan, self.nuisance_columns)
         except ComputationError:
             return None
 
     def refined(self, refit: Refit) -> Refit:
         """A candidate that was kept, with all columns of its own."""
         enough = max(ROUGH, FRACTION * max(refit.gain, 0.0))
-        return self._refit(refit.variant, refit.fit.z, FitPlan(most_steps=REFINEMENT_STEPS, enough=enough), None)
+        return self._refit(
+            refit.fit, refit.variant, refit.fit.z, FitPlan(most_steps=REFINEMENT_STEPS, enough=enough), None
+        )
 
     def converged(self, refit: Refit, enough: float) -> Refit:
         """A candidate of which a further step would gain no more than enough."""
         if refit.fit.predicted <= enough:
             return refit
         columns = refit.fit.jacobian[:, : self.base.unknowns.n_nuisance]
-        return self._refit(refit.variant, refit.fit.z, FitPlan(most_steps=LAST_STEPS, enough=enough), columns)
+        return self._refit(
+            refit.fit, refit.variant, refit.fit.z, FitPlan(most_steps=LAST_STEPS, enough=enough), columns
+        )
 
-    def _refit(self, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
+    def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
         unknowns = extended(self.base.unknowns, variant)
-        found = fit(self.likelihood, unknowns, z, plan=plan, nuisance_columns=columns)
+        found = fit(near.likelihood, unknowns, z, plan=plan, nuisance_columns=columns)
         return Refit(variant, found, found.log_evidence - self.base.log_evidence)
 
 

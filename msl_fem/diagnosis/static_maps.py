@@ -17,7 +17,9 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import effects_present
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, without_those_of
-from msl_fem.diagnosis.likelihood import Fit, FitProblem, Likelihood, NoiseBands, NoiseWeights, Points
+from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.noise import NoiseBands, NoiseWeights
+from msl_fem.diagnosis.problem import FitProblem, Points
 from msl_fem.diagnosis.table_error import TableErrorModes, Visited, corrected, table_error
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import RecordFeatures, Variant, variants
@@ -350,7 +352,7 @@ class JointLikelihood(Likelihood):
     @property
     def _of_runs(self) -> int:
         """How many numbers the runs have."""
-        return 2 * sum(n * len(self.problem.channels(run)) for run, n in enumerate(self.bands.lines))
+        return self._labels_of_runs.size
 
 
 def joined(

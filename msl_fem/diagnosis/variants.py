@@ -23,6 +23,7 @@ MOST_LINES = 3  # of a residual's spectrum that are tried as frequencies of a di
 MAINS = (50.0, 60.0)
 LOUD = 12.0  # times the mean power of the lines around: what noise does once in e^12 lines
 APART = 4  # lines between two that are taken
+FEWEST_LINES = 62  # of a stretch: two widths of the mean around
 SLOWEST = 3  # periods of a run below which a line is a drift
 SMOOTH_SECONDS = 0.5e-3  # over which a velocity is taken, at least three samples
 SMOOTH = 20  # samples over which a velocity is taken
@@ -143,12 +144,14 @@ def loud_lines(likelihood: Likelihood, found: Fit) -> tuple[float, ...]:
     """Frequencies in Hz at which single lines of the weighted residual stand out, the loudest first."""
     weighted = found.residual * found.weights.root
     at, candidates = 0, []
-    for run, data in enumerate(likelihood.problem.runs):
-        n = likelihood.bands.lines[run]
-        spacing = data.rate / len(data.commands)
+    for piece, (run, part) in enumerate(likelihood.problem.pieces):
+        n = likelihood.bands.lines[piece]
+        spacing = likelihood.problem.runs[run].rate / (part.stop - part.start)
         for _ in likelihood.problem.channels(run):
             power = weighted[at : at + n] ** 2 + weighted[at + n : at + 2 * n] ** 2
             at += 2 * n
+            if n < FEWEST_LINES:
+                continue
             around = np.convolve(power, np.ones(31) / 31, "same")
             loud = np.flatnonzero(power > LOUD * np.maximum(around - power / 31, 2.0 / 3))
             loud = loud[loud >= SLOWEST]

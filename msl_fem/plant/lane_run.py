@@ -28,6 +28,7 @@ from msl_fem.plant.layout import (
     BLOCK_2,
     N_BLOCK,
     N_OUT,
+    OK,
     OUT_FLUX_1,
     OUT_I1,
     OUT_SENSOR,
@@ -38,11 +39,13 @@ from msl_fem.plant.layout import (
     OUT_X,
     SURFACE_START,
     TILTED,
+    X,
     initial_state,
     lane_workspace,
 )
 from msl_fem.plant.plant import PlantParameters, Surface
 from msl_fem.plant.preparation import small_signal_inductance, start_effects
+from msl_fem.plant.restart import restarted
 from msl_fem.plant.side import cells_of
 
 
@@ -53,7 +56,10 @@ class LaneSettings:
     Attributes
     ----------
     effects : (n_lane, N_PARAMETER) of the catalogue, or None: plain models
-    starts : (n_lane, 4) or (4,) currents of the sides (A), position (m), velocity (m/s)
+    starts : (n_lane, 4) or (4,) currents of the sides (A), position (m), velocity (m/s); of several stretches
+        (n_lane, n_stretch, 4)
+    begins : (n_stretch,) samples at which the runs are put to starts of their own, the first is 0; what else a state
+        holds (heat, memory of iron and friction, what waits in a delay) goes on. None: one stretch
     surface_index : (n_lane,) which surface, where their coefficients have an axis more in front; None: the first
     threads : that advance blocks of eight lanes at the same time
     """
@@ -62,6 +68,20 @@ class LaneSettings:
     starts: Array = field(default_factory=lambda: np.zeros(4))
     surface_index: NDArray[np.int64] | None = None
     threads: int = 1
+    begins: NDArray[np.int64] | None = None
+
+    def start(self, lane: int, stretch: int = 0) -> Array:
+        """(4,) where a lane begins a stretch."""
+        starts = self.starts if self.starts.ndim == 1 else self.starts[lane]
+        return starts if starts.ndim == 1 else np.asarray(starts[stretch])
+
+    def stretches(self, n_sample: int, *, linear: bool = False) -> list[slice]:
+        """The samples of each stretch; where commands run straight from one sample to the next, and the first sample
+        behind it, which the next stretch writes anew."""
+        if self.begins is None:
+            return [slice(0, n_sample)]
+        ends = [*(self.begins[1:] + linear), n_sample]
+        return [slice(int(begin), int(end)) for begin, end in zip(self.begins, ends, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +180,7 @@ def run_lanes(
     _check(surface, plants, settings)
     sides, n_lane = plants[0].sides, len(plants)
     commands, push = inputs.for_sides(max(sides, 1)), np.asarray(inputs.disturbance)
-    step = 1.0 / (inputs.rate * substeps)
+    step, linear = 1.0 / (inputs.rate * substeps), inputs.hold == "linear"
     n_sample = commands.shape[0]
 
     def block_of(begin: int) -> Array:
@@ -168,9 +188,15 @@ def run_lanes(
             return _alone(surface, plants[begin], settings, begin, inputs, substeps)[:, :, None]
         lanes = [min(begin + k, n_lane - 1) for k in range(LANES)]  # the last one fills up
         block = _block(surface, [plants[lane] for lane in lanes], settings, np.array(lanes), step, substeps)
-        out = np.empty((n_sample * N_OUT, LANES))
-        _run_block(surface, block, commands, push, step, substeps, out, inputs.hold == "linear")
-        return out.reshape(n_sample, N_OUT, LANES)
+        out = np.empty((n_sample, N_OUT, LANES))
+        kept = block.state.copy()
+        for n, part in enumerate(settings.stretches(n_sample, linear=linear)):
+            if n:
+                restarted(block.state, kept, np.array([settings.start(lane, n) for lane in lanes]).T)
+                kept[:] = block.state
+            rows = out[part].reshape(-1, LANES)
+            _run_block(surface, block, commands[part], push[part], step, substeps, rows, linear)
+        return out
 
     begins = range(0, n_lane, LANES)
     if settings.threads > 1 and len(begins) > 1:
@@ -180,7 +206,7 @@ def run_lanes(
         blocks = [block_of(begin) for begin in begins]
     for lane, plant in enumerate(plants):
         rows = blocks[lane // LANES][:, :, lane % LANES]
-        if plant.end_stop is not None and np.isnan(rows[-1]).any():
+        if plant.end_stop is not None and np.isnan(rows[:, OUT_X]).any():
             rows[:] = _alone(surface, plant, settings, lane, inputs, substeps)
     effects = neutral_vector() if settings.effects is None else settings.effects
     return LaneRun(tuple(blocks), effects, n_lane, sides, inputs.rate)
@@ -239,8 +265,7 @@ def _begun(
     surface: Surface, plant: PlantParameters, settings: LaneSettings, lane: int, step: float, substeps: int
 ) -> tuple[Array, Array | None]:  # fmt: skip
     """(state, coefficients of the effects) with which a lane begins; None without effects."""
-    starts = settings.starts if settings.starts.ndim == 1 else settings.starts[lane]
-    state = initial_state(plant, *map(float, starts))
+    state = initial_state(plant, *map(float, settings.start(lane)))
     if settings.effects is None:
         return state, None
     own = _own_surface(surface, settings, lane)
@@ -268,7 +293,7 @@ def _check(surface: Surface, plants: Sequence[PlantParameters], settings: LaneSe
     shapes = {
         "effects": (settings.effects, (len(plants), N_PARAMETER)),
         "surface_index": (settings.surface_index, (len(plants),)),
-        "starts": (settings.starts if settings.starts.ndim > 1 else None, (len(plants), 4)),
+        "starts": (settings.starts if settings.starts.ndim > 1 else None, _shape_of_starts(len(plants), settings)),
     }
     for name, (given, shape) in shapes.items():
         if given is not None and given.shape != shape:
@@ -276,6 +301,10 @@ def _check(surface: Surface, plants: Sequence[PlantParameters], settings: LaneSe
     index = settings.surface_index
     if index is not None and (index.min() < 0 or index.max() >= n_surface):
         raise InputError(f"surface_index goes from {index.min()} to {index.max()}; there are {n_surface} surfaces")
+
+
+def _shape_of_starts(n_lane: int, settings: LaneSettings) -> tuple[int, ...]:
+    return (n_lane, 4) if settings.begins is None else (n_lane, settings.begins.size, 4)
 
 
 def _alone(
@@ -287,8 +316,17 @@ def _alone(
     commands = inputs.for_sides(max(plant.sides, 1))
     out = np.full((commands.shape[0], N_OUT), np.nan)
     push, linear = np.asarray(inputs.disturbance), inputs.hold == "linear"
-    done = kernel.run(own, plant, effects, state, commands, push, step, substeps, out, linear)[1]
-    out[done:] = np.nan
+    kept = state.copy()
+    for n, part in enumerate(settings.stretches(len(out), linear=linear)):
+        if n:
+            restarted(state, kept, settings.start(lane, n))
+            kept[:] = state
+        rows = out[part]
+        now = commands[part], push[part]
+        status, done = kernel.run(own, plant, effects, state, *now, step, substeps, rows, linear)
+        if status != OK:
+            rows[done:] = np.nan
+            state[X] = np.nan
     return out
 
 

@@ -143,19 +143,19 @@ def guessed_start(plant: KernelPlant, data: RunData) -> Start:
     currents = [0.0, 0.0]
     if plant.parameters.drive != FORCE_DRIVE:
         for j in range(plant.parameters.sides):
-            currents[j] = _first_current(plant, data, j)
+            currents[j] = float(read_current(plant, data, j)[0])
     return Start((currents[0], currents[1]), float(position), float(slope))
 
 
-def _first_current(plant: KernelPlant, data: RunData, j: int) -> float:
-    """The current with which side j begins, as read or commanded."""
+def read_current(plant: KernelPlant, data: RunData, j: int) -> Array:
+    """(n_sample,) current of side j, as read or commanded."""
     column = Channel("current", j + 1).column
     if column in data.measured:
         gain, zero = line_of(column, plant.instruments)
-        return float((data.measured[column][0] - zero) / gain)
+        return np.asarray((data.measured[column] - zero) / gain)
     p = plant.parameters
     gain, zero = (p.input_gain_1, p.input_zero_1) if j == 0 else (p.input_gain_2, p.input_zero_2)
-    return float(gain * data.commands[0, j] + zero)
+    return np.asarray(gain * data.commands[:, j] + zero)
 
 
 def start_sigmas(plant: KernelPlant, data: RunData, *, tolerance: Tolerance | None = None) -> Array:

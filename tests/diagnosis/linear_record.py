@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.diagnosis.likelihood import NoiseWeights, Points, weights_of
+from msl_fem.diagnosis.noise import NoiseWeights, weights_of
+from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 
 Array = NDArray[np.float64]
@@ -20,6 +21,7 @@ class LinearRecord:
     data: Array
     nuisances: Array
     of_effect: dict[str, Array]
+    is_cut = False
 
     @property
     def labels(self) -> NDArray[np.intp]:

@@ -8,8 +8,10 @@ import numpy as np
 
 from msl_fem.diagnosis.driver import DiagnosisSettings, diagnosis_of
 from msl_fem.diagnosis.kind import ErrorSignal, Kind
-from msl_fem.diagnosis.likelihood import Fit, NoiseWeights, Points, weights_of
+from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.noise import NoiseWeights, weights_of
 from msl_fem.diagnosis.outside import Dependence
+from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
 
@@ -18,6 +20,8 @@ N = 2000
 
 class LinearRecord:
     """White noise, and an effect of known size in its readings; two further columns are unknown."""
+
+    is_cut = False
 
     def __init__(self, unknown: EffectUnknown) -> None:
         chance = np.random.default_rng(3)

@@ -5,7 +5,7 @@ import pytest
 from linear_record import CUBIC, OFFSET, record, with_effect
 
 from msl_fem.diagnosis.fit import fit
-from msl_fem.diagnosis.likelihood import PRIOR, make_bands, transformed, weights_of
+from msl_fem.diagnosis.noise import PRIOR, make_bands, transformed, weights_of
 from msl_fem.diagnosis.search import ranked, scores, search_stage
 from msl_fem.diagnosis.unknowns import CAUCHY, EffectUnknown, Unknowns, factor
 from msl_fem.diagnosis.variants import Variant
@@ -81,7 +81,7 @@ def test_the_score_of_an_effect_is_what_its_refit_brings() -> None:
         it, unknowns = record(seed=6, size=size)
         base = fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
         variant = Variant("force_offset", (OFFSET,))
-        score = scores(it, base, [variant])[0]  # type: ignore[arg-type]
+        score = scores(base, [variant])[0]
         full = fit(it, with_effect(unknowns, OFFSET), np.zeros(4))  # type: ignore[arg-type]
         gain = full.log_evidence - base.log_evidence
         assert score.gain == pytest.approx(gain, abs=0.03 * abs(gain) + 0.1)
@@ -93,7 +93,7 @@ def test_of_two_effects_the_one_that_is_there_wins_and_nothing_costs_evidence() 
     it, unknowns = record(seed=7, size=0.15, of="stiffness_nonlinearity")
     base = fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
     variants = [Variant(one.effect, (one,)) for one in (OFFSET, CUBIC)]
-    found = search_stage(it, base, variants, tell=lambda said: None)  # type: ignore[arg-type]
+    found = search_stage(base, variants, tell=lambda said: None)
     assert found.best is not None
     assert found.best.variant.effect == "stiffness_nonlinearity"
     assert found.refits[1].gain < -2

@@ -9,8 +9,8 @@ from diagnosed import RUNS, TABLE, VOLTAGE_SERVO
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.fit import FitPlan, fit
-from msl_fem.diagnosis.free_runs import prepared_runs
-from msl_fem.diagnosis.likelihood import Points
+from msl_fem.diagnosis.problem import Points
+from msl_fem.diagnosis.runs import prepared_runs
 from msl_fem.diagnosis.static_maps import MAP_BESIDE, JointLikelihood, joined
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.prediction import ModelHypothesis, run_data

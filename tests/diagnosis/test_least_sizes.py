@@ -8,7 +8,7 @@ from conftest import ROOT
 from diagnosed import TABLE, VOLTAGE_SERVO, bench_record
 
 from msl_fem.diagnosis.fit import fit
-from msl_fem.diagnosis.free_runs import prepared_runs
+from msl_fem.diagnosis.runs import prepared_runs
 from msl_fem.diagnosis.search import scores
 from msl_fem.diagnosis.variants import record_features, variants
 from msl_fem.plant.effects import EffectValues
@@ -28,7 +28,7 @@ def found():
     base = fit(likelihood, unknowns, np.zeros(unknowns.size))
     plant = likelihood.problem.plant.parameters
     tried = [v for name in TRIED for v in variants(name, record_features(likelihood, base), plant)]
-    return {one.effect: one for one in least_sizes(likelihood, base, scores(likelihood, base, tried))}, run
+    return {one.effect: one for one in least_sizes(likelihood, base, scores(base, tried))}, run
 
 
 def test_a_size_is_what_free_runs_with_and_without_the_effect_differ_by(found) -> None:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from msl_fem.actuator import Actuator
-from msl_fem.diagnosis.free_runs import prepared_runs
 from msl_fem.diagnosis.next_experiment import DECIDES, Entry, Question, menu, next_experiment, planned
+from msl_fem.diagnosis.runs import prepared_runs
 from msl_fem.diagnosis.separation import Hypothesis
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.plant import NamedRun, bearable_run, simulation_record

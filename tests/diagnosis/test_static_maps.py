@@ -9,7 +9,7 @@ import pytest
 from msl_fem.actuator import load_actuator
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
-from msl_fem.diagnosis.likelihood import Points
+from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.static_maps import map_alone, prepared_map
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import parse_excitation

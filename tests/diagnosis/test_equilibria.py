@@ -1,4 +1,4 @@
-"""Plants that no free run can follow: the force at rest beside the flux linkage; innovations beside a map."""
+"""Movers held at rest: the force at rest beside the flux linkage."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,9 +9,8 @@ from scipy.optimize import brentq
 
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.driver import diagnosis_of
-from msl_fem.diagnosis.likelihood import Points
-from msl_fem.diagnosis.loops import StaticEquilibria, loops, map_with_equilibria, prepared_loops, static_equilibria
-from msl_fem.prediction import ModelHypothesis, run_data
+from msl_fem.diagnosis.equilibria import StaticEquilibria, map_with_equilibria, static_equilibria
+from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import load_record
 from msl_fem.table.magnetic_table import read_table
 
@@ -81,35 +80,3 @@ def test_a_force_that_is_there_is_named_and_none_that_is_not(record, table, hidd
         assert force.low < hidden < force.high
     else:
         assert found.verdict == "nothing-found"
-
-
-def test_runs_are_fitted_by_the_prediction_that_judges_them(record, table):
-    """In closed loop where all laws are stated, by innovations where one is missing, and the note says which."""
-    alone = replace(record, static=None)
-    belief = ModelHypothesis(record.actuator, table, None, {"nominal_gap": 0.886, "magnetic_scale": 1.026})
-    data = [run_data(alone, run).first(1200) for run in record.runs]
-    kind = loops(alone, belief, data)
-    likelihood, unknowns = kind.likelihood, kind.unknowns
-    assert likelihood.way == kind.prediction == "closed-loop"
-    assert kind.notes == ()
-    found = likelihood.spectra(Points.of(unknowns, np.zeros((1, unknowns.size))))
-    assert np.isfinite(found).all()
-    kind = loops(alone, belief, [replace(data[0], law=None), *data[1:]])
-    assert kind.likelihood.way == kind.prediction == "one-step"
-    assert f"the law that drove {data[0].name} is not stated" in kind.notes[0]
-
-
-@pytest.mark.parametrize("way", ["one-step", "closed-loop"])
-def test_runs_and_map_stand_side_by_side(record, table, way):
-    """As many labels as numbers; the map's part is that of the map alone; what the flux says moves with the scale."""
-    data = [run_data(record, record.runs[0]).first(1200)]
-    likelihood, unknowns = prepared_loops(record, ModelHypothesis(record.actuator, table), data, way=way)
-    z = np.zeros((2, unknowns.size))
-    z[1, [name for name, _ in unknowns.believed].index("magnetic_scale")] = 0.5
-    points = Points.of(unknowns, z)
-    found = likelihood.spectra(points)
-    assert found.shape == (2, likelihood.labels.size)
-    assert np.isfinite(found).all()
-    n = likelihood.static.labels.size
-    assert np.array_equal(found[:, -n:], likelihood.static.spectra(points))
-    assert np.all(np.abs(found[0] - found[1]).reshape(-1)[-n:] > 0)

@@ -1,0 +1,120 @@
+"""The colour of the noise, estimated with a fit: spectral densities of each channel in bands.
+
+The discrete Fourier transform of a residual holds, at every frequency, numbers that are nearly independent with the
+variance of the noise's spectrum (Whittle, Ark. Mat. 2, 1953, 423-434). In a band the density is taken as constant, with
+a weak prior at the white noise of the instrument's sigma (an inverse gamma distribution of `PRIOR` degrees of freedom).
+Integrating it out leaves, for a band of n real numbers with the sum of squares Q over the white density,
+
+    (n + PRIOR)/2 log((Q + PRIOR)/(n + PRIOR)).
+
+No instrument's noise is ten times its stated sigma at the lowest frequencies, so in the lowest band the density ends
+at a ceiling (`SLOW_CEILING`): what is above it, an offset or a drift, counts by its square.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.computing.arrays import Array
+from msl_fem.prediction import RunData
+from msl_fem.prediction.free_run import counted
+
+SLOW_CEILING = 100.0
+HEARD = 0.02  # of the noise's density: lines where the model's readings stay below it tell nothing
+WINDOWED = 1.3  # a margin above the highest line that is heard
+PRIOR = 4.0
+OCTAVE = 2.0
+FEWEST = 8  # lines of the longest run that a band holds at least
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseBands:
+    """Which lines of which piece of a run belong to which band; a run of one stretch is one piece.
+
+    Attributes
+    ----------
+    edges : (n_band + 1,) Hz; the last is the highest frequency that a fit looks at
+    lines : number of lines kept of each piece
+    band_of : of each piece, (n_line,) the band of a line
+    """
+
+    edges: Array
+    lines: tuple[int, ...]
+    band_of: tuple[NDArray[np.intp], ...]
+
+    @property
+    def n_band(self) -> int:
+        return self.edges.size - 1
+
+
+def make_bands(samples: Sequence[int], rate: float, *, highest: float) -> NoiseBands:
+    """Octaves below the highest frequency, the lowest one from 0."""
+    longest = max(samples) / rate
+    edges = [min(highest, rate / 2)]
+    while edges[-1] / OCTAVE > FEWEST / longest:
+        edges.append(edges[-1] / OCTAVE)
+    grid = np.array([0.0, *edges[-1::-1]])
+    lines, band_of = [], []
+    for n in samples:
+        f = np.fft.rfftfreq(n, 1 / rate)
+        kept = int(np.searchsorted(f, grid[-1], side="right"))
+        lines.append(kept)
+        band_of.append(np.clip(np.searchsorted(grid, f[:kept], side="right") - 1, 0, grid.size - 2))
+    return NoiseBands(grid, tuple(lines), tuple(band_of))
+
+
+def transformed(values: Array, n_line: int) -> Array:
+    """Real and imaginary parts of the first lines, (..., 2 n_line); of white noise each has its variance."""
+    found = np.fft.rfft(values, axis=-1)[..., :n_line]
+    n = values.shape[-1]
+    parts = np.concatenate([found.real, found.imag], axis=-1) * np.sqrt(2.0 / n)
+    parts[..., 0] /= np.sqrt(2.0)  # the mean has no imaginary part
+    if n_line == n // 2 + 1 and n % 2 == 0:
+        parts[..., n_line - 1] /= np.sqrt(2.0)
+    return parts
+
+
+def highest_line(run: RunData, readings: Mapping[str, Array]) -> float:
+    """The highest frequency in Hz at which the model's readings stand out of the noise."""
+    found = 0.0
+    for name in counted(run):
+        signal = readings[name]
+        signal = signal[np.isfinite(signal)]
+        if signal.size < 64:
+            signal = run.measured[name]
+        window = np.hanning(signal.size)
+        power = np.abs(np.fft.rfft((signal - signal.mean()) * window)) ** 2 / np.sum(window**2)
+        width = max(1, power.size // 400)
+        smooth = np.convolve(power, np.full(width, 1 / width), mode="same")
+        loud = np.flatnonzero(smooth > HEARD * run.noise[name].sigma ** 2)
+        if loud.size:
+            found = max(found, loud[-1] * run.rate / signal.size)
+    return min(max(WINDOWED * found, 20 * run.rate / len(run.commands)), run.rate / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseWeights:
+    """The noise's densities over the white one by band label, how many numbers each has, and the objective's data part.
+
+    Attributes
+    ----------
+    density : (n_label,)
+    root : (n_number,) one over the square root of each number's density
+    nats : the data's part of S
+    """
+
+    density: Array
+    root: Array
+    nats: float
+
+
+def weights_of(residual: Array, labels: NDArray[np.intp], ceilings: Array, spent: Array | float = 0.0) -> NoiseWeights:
+    """The most probable densities given a residual (n_number,), none above its ceiling (n_label,); of a band's numbers
+    so many (n_label,) are `spent` on starts that were eliminated."""
+    count = np.bincount(labels) + PRIOR - spent
+    power = np.bincount(labels, weights=residual**2) + PRIOR
+    density = np.minimum(power / count, ceilings)
+    nats = np.sum(count * (np.log(density) - 1) + power / density) / 2
+    return NoiseWeights(density, 1 / np.sqrt(density)[labels], float(nats))

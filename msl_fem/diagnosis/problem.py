@@ -1,0 +1,180 @@
+"""The runs of a record simulated for many values of the unknowns at once: what is measured less what is simulated."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.stretches import Stretches
+from msl_fem.diagnosis.table_error import TableErrorModes
+from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.errors import InputError
+from msl_fem.plant import Surface
+from msl_fem.plant.effects import neutral_vector
+from msl_fem.plant.excitation import Inputs
+from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
+from msl_fem.prediction import KernelPlant, RunData, Start
+from msl_fem.prediction.free_run import counted
+from msl_fem.prediction.hypothesis import with_factors
+from msl_fem.prediction.nuisances import line_of, together
+from msl_fem.prediction.run_data import POSITION_COLUMN
+from msl_fem.record import Tolerance
+from msl_fem.record.columns import Channel
+
+START = 10.0  # times the instruments' sigma: how far a run's start may lie from its first guess
+
+
+@dataclass(frozen=True, eq=False)
+class FitProblem:
+    """What stays the same in all fits of a record.
+
+    Attributes
+    ----------
+    plant : as believed, at the runs' rate
+    runs, guesses, start_sigmas : each run, the first guess of its start and its sigmas (position, velocity, currents)
+    table_error : None for a rig without magnets
+    threads : for the simulations of many rows
+    stretches : of each run; None of a run that is followed from its start to its end. Empty: all are
+    tolerance : of the instruments' zeros, by which starts may be off beside the noise
+    """
+
+    plant: KernelPlant
+    runs: tuple[RunData, ...]
+    guesses: tuple[Start, ...]
+    start_sigmas: tuple[Array, ...]
+    table_error: TableErrorModes | None
+    threads: int = 1
+    stretches: tuple[Stretches | None, ...] = ()
+    tolerance: Tolerance | None = None
+
+    def cut(self, run: int) -> Stretches | None:
+        """The stretches of a run, None of one that is followed as a whole."""
+        return self.stretches[run] if self.stretches else None
+
+    @property
+    def pieces(self) -> list[tuple[int, slice]]:
+        """(run, its samples) of all stretches of all runs."""
+        found = []
+        for run, data in enumerate(self.runs):
+            cut, n = self.cut(run), len(data.commands)
+            parts = [slice(0, n)] if cut is None else cut.parts(n)
+            found += [(run, part) for part in parts]
+        return found
+
+    def surface(self, scale: float, numbers: Array) -> Surface:
+        """The magnets' coenergy surface at a scale and numbers (n_mode,) of the table's error."""
+        surface = self.plant.surface
+        change = 0.0 if self.table_error is None else np.tensordot(numbers, self.table_error.modes, axes=1)
+        return surface._replace(coefficients=scale * (surface.coefficients + change))
+
+    def channels(self, run: int) -> list[str]:
+        """The channels of a run that are compared."""
+        return counted(self.runs[run])
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Values of the unknowns, (n_row, unknowns.size), and the effects that go with them, (n_row, N_PARAMETER)."""
+
+    unknowns: Unknowns
+    rows: Array
+    effects: Array | None
+
+    @classmethod
+    def of(cls, unknowns: Unknowns, rows: Array) -> "Points":
+        """With the effects that the rows say."""
+        effects = None if unknowns.plain else np.array([unknowns.effect_vector(z) for z in rows])
+        return cls(unknowns, rows, effects)
+
+    def each(self) -> Iterator[tuple[Array, Array]]:
+        """Row by row, the unknowns and the effects."""
+        neutral = neutral_vector()
+        for n, z in enumerate(self.rows):
+            yield z, neutral if self.effects is None else self.effects[n]
+
+    def only(self, rows: slice) -> "Points":
+        return Points(self.unknowns, self.rows[rows], None if self.effects is None else self.effects[rows])
+
+
+def simulated_residuals(problem: FitProblem, points: Points, *, substeps: int) -> list[list[Array]]:
+    """Measured less simulated of every run and channel, (n_row, n_sample) in SI units; nan where a run ended early."""
+    return [_of_run(problem, points, run, substeps) for run in range(len(problem.runs))]
+
+
+def _of_run(problem: FitProblem, points: Points, run: int, substeps: int) -> list[Array]:
+    data, p = problem.runs[run], problem.plant.parameters
+    columns = max(p.sides, 1)
+    inputs = Inputs(data.commands[:, :columns], data.rate, hold=data.hold)
+    try:
+        found = lanes(problem, points, run, inputs=inputs, substeps=substeps)
+    except InputError:  # an effect beyond what the kernel takes, like a delay of more samples than it keeps
+        if len(points.rows) == 1:
+            return [np.full((1, len(data.commands)), np.nan) for _ in problem.channels(run)]
+        parts = [_of_run(problem, points.only(slice(n, n + 1)), run, substeps) for n in range(len(points.rows))]
+        return [np.concatenate(channel) for channel in zip(*parts, strict=True)]
+    return missed(problem, points, run, found)
+
+
+def missed(problem: FitProblem, points: Points, run: int, found: LaneRun) -> list[Array]:
+    """Measured less simulated of a run's channels, (n_row, n_sample) in SI units."""
+    factors = [points.unknowns.factors(z) for z in points.rows]
+    gains = np.array([f.get("position_gain", 1.0) for f in factors]) * problem.plant.gain
+    data, residuals = problem.runs[run], []
+    for name in problem.channels(run):
+        lines = np.array([line_of(name, together(problem.plant.instruments, f)) for f in factors])
+        if name == POSITION_COLUMN:
+            lines[:, 0] = gains
+        residuals.append(data.measured[name] - (lines[:, :1] * reading(found, name) + lines[:, 1:]))
+    return residuals
+
+
+def lanes(
+    problem: FitProblem, points: Points, run: int, *, inputs: Inputs, substeps: int, own: Stretches | None = None
+) -> LaneRun:
+    """The runs of all rows under some inputs, from the starts that the rows say, or of stretches; `own` are stretches
+    in place of the problem's, with starts (n_row, n_stretch, 4)."""
+    unknowns, rows = points.unknowns, points.rows
+    ideal = problem.runs[run].ideal_current
+    plants = [with_factors(problem.plant.parameters, unknowns.factors(z), ideal_current=ideal) for z in rows]
+    cut = own or problem.cut(run)
+    if cut is None:
+        starts = np.array([_start(problem, unknowns, z, run) for z in rows])
+    else:
+        starts = np.broadcast_to(cut.starts, (len(rows), cut.begins.size, 4))
+    settings = LaneSettings(
+        effects=points.effects,
+        starts=starts,
+        surface_index=np.arange(len(rows)) if problem.table_error is not None else None,
+        threads=problem.threads,
+        begins=None if cut is None else cut.begins,
+    )
+    surface = _surfaces(problem, unknowns, rows)
+    return run_lanes(surface, plants, inputs, substeps=substeps, settings=settings)
+
+
+def reading(found: LaneRun, channel: str) -> Array:
+    """(n_row, n_sample) of a channel by its column's name, before gain and zero of its instrument."""
+    if channel == POSITION_COLUMN:
+        return found.position
+    measured = Channel.of(channel)
+    values = found.voltage if measured.quantity == "voltage" else found.current
+    return values[:, :, measured.index]
+
+
+def _start(problem: FitProblem, unknowns: Unknowns, z: Array, run: int) -> Array:
+    guess = problem.guesses[run]
+    start = np.array([*guess.currents, guess.position, guess.velocity])
+    moved = z[unknowns.start_rows(run)] * problem.start_sigmas[run]
+    start[2:] += moved[:2]
+    start[: moved.size - 2] += moved[2:]
+    return start
+
+
+def _surfaces(problem: FitProblem, unknowns: Unknowns, rows: Array) -> Surface:
+    surface = problem.plant.surface
+    if problem.table_error is None:
+        return surface
+    scale = np.array([unknowns.factors(z).get("magnetic_scale", 1.0) for z in rows])
+    change = np.tensordot(rows[:, unknowns.table_rows], problem.table_error.modes, axes=1)
+    return surface._replace(coefficients=scale[:, None, None, None, None] * (surface.coefficients + change))

@@ -1,0 +1,252 @@
+"""Records whose runs the recorded inputs make: simulated from their starts, as a whole or over stretches."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.calibration import Calibration, calibration_of
+from msl_fem.diagnosis.decision import Rule
+from msl_fem.diagnosis.fit import FitPlan, fit
+from msl_fem.diagnosis.kind import ErrorSignal, Kind, Size
+from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.next_experiment import Question, farther, separating
+from msl_fem.diagnosis.noise import highest_line, make_bands
+from msl_fem.diagnosis.outside import Dependence, dependences
+from msl_fem.diagnosis.problem import START, FitProblem, Points, simulated_residuals
+from msl_fem.diagnosis.search import ROUGH, SearchStage
+from msl_fem.diagnosis.shooting import ModelSpread, Shooting
+from msl_fem.diagnosis.static_maps import MAP_BESIDE, JointLikelihood, joined
+from msl_fem.diagnosis.stretches import Stretches
+from msl_fem.diagnosis.table_error import Visited, table_error
+from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.diagnosis.variants import variables_of
+from msl_fem.plant.effects import EffectValues
+from msl_fem.prediction import ModelHypothesis, RunData, Start, free_parameters, free_run, kernel_plant, measured_start
+from msl_fem.prediction.free_run import counted, start_sigmas
+from msl_fem.record import Record, Tolerance
+
+ROUNDS = 3
+"""How often stretches are chosen anew at a better model."""
+Cuts = tuple[Stretches | None, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Runs(Kind):
+    """Runs, and the rows of a static map beside them; `runs` are all with their `cuts`, those held out too."""
+
+    record: Record | None = None
+    runs: tuple[RunData, ...] = ()
+    cuts: Cuts = ()
+    threads: int = 1
+
+    @property
+    def prediction(self) -> str:  # type: ignore[override]
+        return "free-run" if self.whole else "multiple-shooting"
+
+    @property
+    def tolerance(self) -> Tolerance | None:
+        return None if self.record is None else self.record.tolerance
+
+    @property
+    def whole(self) -> bool:
+        """Whether every run is followed from its start to its end."""
+        return all(cut is None for cut in self.cuts)
+
+    def settled(self) -> "Runs":
+        """With stretches chosen anew at the model without effects, which bears longer ones than the belief."""
+        kind = self
+        for _ in range(ROUNDS):
+            if kind.whole:
+                break
+            start = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
+            found = fit(kind.likelihood, kind.unknowns, start, plan=FitPlan(enough=ROUGH))
+            renewed = kind.renewed(found)
+            done = _lengths(renewed.cuts) == _lengths(kind.cuts)
+            kind = renewed
+            if done:
+                break
+        return kind
+
+    def renewed(self, found: Fit) -> "Runs":
+        """With stretches chosen, and their starts, at a fit."""
+        assert self.record is not None
+        n = len(self.unknowns.believed) + self.unknowns.n_table
+        covariance = np.linalg.inv(found.precision)[:n, :n]
+        values, vectors = np.linalg.eigh(covariance)
+        moves = np.zeros((n, found.z.size))
+        moves[:, :n] = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+        return _made(self.record, self.belief, self.runs, found.z[:n], moves[:, :n], threads=self.threads)
+
+    def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:
+        signals = []
+        for run, cut in zip(self.runs, self.cuts, strict=True):
+            values = _missed(belief, run, cut, self.tolerance)
+            signals += [ErrorSignal.of_run(run, name, values[name]) for name in counted(run)]
+        return signals
+
+    def rule(self, rule: Rule) -> Rule:
+        return rule
+
+    def calibration(self, rule: Rule) -> tuple[Calibration | None, str]:
+        assert self.record is not None
+        problem = self.likelihood.problem
+        return calibration_of(self.record, problem.plant.parameters, problem.runs, rule)
+
+    def dependences(
+        self, fit: Fit, belief: ModelHypothesis, *, few: bool = False, threads: int = 1
+    ) -> list[Dependence]:
+        return dependences(*fit.likelihood.runs_part(fit), belief, few=few, threads=threads)
+
+    def separating(self, stage: SearchStage, rivals: Sequence[str]) -> str:
+        return separating(self._question, stage, rivals) if self.whole else super().separating(stage, rivals)
+
+    def look_further(self, variables: Sequence[str]) -> str:
+        return farther(self._question, variables) if self.whole else ""
+
+    def variables(self) -> dict[str, Mapping[str, Array]]:
+        return {run.name: variables_of(run) for run in self.runs}
+
+    def sizes(self, belief: ModelHypothesis, effects: Sequence[str]) -> list[Size]:
+        sizes = [self._size(belief, effect) for effect in effects]
+        return [size for size in sizes if size is not None]
+
+    @property
+    def _question(self) -> Question:
+        return Question(self.belief, self.likelihood.problem, self.unknowns.believed)
+
+    def _size(self, extended: ModelHypothesis, effect: str) -> Size | None:
+        """The largest size of an effect over the runs; None where the model does not bear its absence."""
+        assert extended.effects is not None
+        rest = {name: dict(values) for name, values in extended.effects.stated.items() if name != effect}
+        without = replace(extended, effects=EffectValues(rest) if rest else None)
+        sizes = []
+        for run, cut in zip(self.runs, self.cuts, strict=True):
+            present, absent = _missed(extended, run, cut, self.tolerance), _missed(without, run, cut, self.tolerance)
+            for name in counted(run):
+                change = float(np.sqrt(np.mean((present[name] - absent[name]) ** 2)))
+                share = change / float(np.sqrt(np.mean((run.measured[name] - absent[name]) ** 2)))
+                sizes.append(Size(effect, run.name, name, share, change))
+        finite = (size for size in sizes if np.isfinite(size.share))
+        return max(finite, key=lambda size: size.share, default=None)
+
+
+def dynamic_runs(record: Record, belief: ModelHypothesis, runs: Sequence[RunData], *, threads: int = 1) -> Runs:
+    """A record of runs, made ready; a static map that a fit can use stands beside them."""
+    return _made(record, belief, runs, None, None, threads=threads)
+
+
+def _made(
+    record: Record,
+    belief: ModelHypothesis,
+    runs: Sequence[RunData],
+    at: Array | None,
+    moves: Array | None,
+    *,
+    threads: int,
+) -> Runs:
+    """The kind, its stretches chosen at numbers `at` of believed parameters and table, and `moves` of one sigma of
+    them; at the belief and its tolerances without."""
+    problem, unknowns = _problem(belief, runs, record.tolerance, threads=threads)
+    spread = ModelSpread.of_tolerances(unknowns)
+    if at is not None and moves is not None:
+        rest = unknowns.size - at.size
+        spread = ModelSpread(unknowns, np.pad(at, (0, rest)), np.pad(moves, ((0, 0), (0, rest))))
+    substeps = problem.plant.substeps
+    cuts: Cuts = tuple(Shooting(problem, n, spread, substeps=substeps).chosen() for n in range(len(runs)))
+    kept = [n for n, run in enumerate(runs) if run.role == "fit"]
+    fitted = _cut_problem(problem, cuts, kept)
+    likelihood, unknowns = _likelihood(fitted, unknowns)
+    likelihood, unknowns = joined(record, belief, likelihood, unknowns)
+    notes = [MAP_BESIDE] if isinstance(likelihood, JointLikelihood) else []
+    notes += _told(runs, cuts)
+    begin = None
+    if at is not None:
+        begin = np.pad(at, (0, unknowns.size - at.size))
+    return Runs(belief, likelihood, unknowns, tuple(notes), begin, record, tuple(runs), cuts, threads)
+
+
+def prepared_runs(
+    belief: ModelHypothesis, runs: Sequence[RunData], tolerance: Tolerance, *, threads: int = 1
+) -> tuple[Likelihood, Unknowns]:
+    """The likelihood of runs that are followed from start to end, and what it does not know without any effect."""
+    problem, unknowns = _problem(belief, runs, tolerance, threads=threads)
+    every = range(len(runs))
+    return _likelihood(_cut_problem(problem, (None,) * len(runs), every), unknowns)
+
+
+def _problem(
+    belief: ModelHypothesis, runs: Sequence[RunData], tolerance: Tolerance, *, threads: int
+) -> tuple[FitProblem, Unknowns]:
+    """All runs as a problem, followed as a whole, and what is unknown in it beside their starts."""
+    plant = kernel_plant(belief, rate=runs[0].rate, ideal_current=runs[0].ideal_current)
+    error = None
+    if belief.table is not None and plant.parameters.sides and tolerance.table:
+        fitted = [run for run in runs if run.role == "fit"]
+        error = table_error(belief.table, Visited.by_runs(plant, fitted or runs), tolerance=tolerance.table)
+    problem = FitProblem(plant, tuple(runs), (), (), error, threads, tolerance=tolerance)
+    believed = tuple(free_parameters(belief, tolerance, runs=runs).items())
+    return problem, Unknowns(believed, 0 if error is None else len(error.modes), ())
+
+
+def _cut_problem(problem: FitProblem, cuts: Cuts, kept: Sequence[int]) -> FitProblem:
+    """The runs that are kept, with their stretches, or first guesses of their starts."""
+    runs = tuple(problem.runs[n] for n in kept)
+    guesses, sigmas = [], []
+    for n, run in zip(kept, runs, strict=True):
+        whole = cuts[n] is None
+        guesses.append(measured_start(problem.plant, run) if whole else Start((0.0, 0.0), 0.0, 0.0))
+        sigmas.append(START * start_sigmas(problem.plant, run, tolerance=problem.tolerance) if whole else np.zeros(0))
+    stretches = tuple(cuts[n] for n in kept)
+    return replace(problem, runs=runs, guesses=tuple(guesses), start_sigmas=tuple(sigmas), stretches=stretches)
+
+
+def _likelihood(problem: FitProblem, unknowns: Unknowns) -> tuple[Likelihood, Unknowns]:
+    """Of runs that are cut, and its unknowns with the starts of those that are not."""
+    unknowns = replace(unknowns, starts=tuple(sigma.size for sigma in problem.start_sigmas))
+    points = Points.of(unknowns, np.zeros((1, unknowns.size)))
+    found = simulated_residuals(problem, points, substeps=problem.plant.substeps)
+    highest = 0.0
+    for n, run in enumerate(problem.runs):
+        readings = {
+            name: run.measured[name] - left[0] for name, left in zip(problem.channels(n), found[n], strict=True)
+        }
+        highest = max(highest, highest_line(run, readings))
+    lengths = [part.stop - part.start for _, part in problem.pieces]
+    bands = make_bands(lengths, problem.plant.rate, highest=highest)
+    return Likelihood(problem, bands, problem.plant.substeps), unknowns
+
+
+def _missed(
+    model: ModelHypothesis, run: RunData, cut: Stretches | None, tolerance: Tolerance | None
+) -> Mapping[str, Array]:
+    """Channel to (n_sample,) measured less simulated: from a measured start, or over stretches with starts that suit
+    the model."""
+    plant = kernel_plant(model, rate=run.rate, ideal_current=run.ideal_current)
+    if cut is None:
+        readings = free_run(plant, run, measured_start(plant, run)).readings
+        return {name: run.measured[name] - readings[name] for name in run.measured}
+    problem = FitProblem(plant, (run,), (), (), None, tolerance=tolerance)
+    shot = Shooting(
+        problem, 0, ModelSpread(Unknowns((), 0, ()), np.zeros(0), np.zeros((0, 0))), substeps=plant.substeps
+    )
+    return shot.followed(cut)
+
+
+def _lengths(cuts: Cuts) -> list[list[int]]:
+    return [[] if cut is None else cut.begins.tolist() for cut in cuts]
+
+
+def _told(runs: Sequence[RunData], cuts: Cuts) -> list[str]:
+    """How runs are cut, in words."""
+    told = []
+    for run, cut in zip(runs, cuts, strict=True):
+        if cut is not None:
+            lengths = np.diff([*cut.begins, len(run.commands)]) / run.rate
+            span = f"{1e3 * lengths.min():.3g} to {1e3 * lengths.max():.3g} ms"
+            told.append(
+                f"{run.name} is followed over {cut.begins.size} stretches of {span} with free starts, since errors "
+                "grow in it: what acts more slowly than a stretch is seen less"
+            )
+    return told

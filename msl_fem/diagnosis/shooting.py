@@ -1,0 +1,250 @@
+"""Where runs are cut into stretches: tried with the model as it is known, short ones first, then longer ones.
+
+A run is followed as a whole where the model bears it and an error of the start does not grow towards its end. Else it
+begins with the shortest stretches; neighbours are joined as long as the model, and what it may be off by, stay near
+the record from a start that suits both of them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.problem import START, FitProblem, Points, lanes, missed
+from msl_fem.diagnosis.stretches import Stretches
+from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.plant.excitation import Inputs
+from msl_fem.prediction import KernelPlant, RunData
+from msl_fem.prediction.free_run import read_current, start_sigmas
+from msl_fem.prediction.nuisances import line_of
+from msl_fem.prediction.run_data import POSITION_COLUMN
+
+SHORTEST = 16  # samples of a stretch
+GENTLE = 3.0  # times that a start's error may grow from the first quarter to the last, and be no growth
+MOST_GROWTH = 50.0
+REACH = 0.05  # of the nominal gap: how far from the record a model that lets errors grow is still linear
+CURRENT_REACH = 0.3  # of the RMS current
+STEP = 1e-4  # of the starts, in units of their prior
+REFINED = 6  # Gauss-Newton steps of the starts, at most
+LONG = 15  # of them, where a model is judged that is not fitted
+LOST = 1e6  # times the noise, that stand for a stretch that left table or range
+SETTLED = 1e-3  # moves of the starts, in units of their prior, that are none
+LOOKED_AT = 9  # samples of the parabola that gives the first guess of a start
+
+
+@dataclass(frozen=True, eq=False)
+class ModelSpread:
+    """A model and what it may be off by: a point of the unknowns, and moves of one sigma, (n_move, unknowns.size)."""
+
+    unknowns: Unknowns
+    z: Array
+    moves: Array
+
+    @classmethod
+    def of_tolerances(cls, unknowns: Unknowns) -> "ModelSpread":
+        """As believed."""
+        n = len(unknowns.believed) + unknowns.n_table
+        return cls(unknowns, np.zeros(unknowns.size), np.eye(unknowns.size)[:n])
+
+    @property
+    def rows(self) -> Array:
+        return self.z + self.moves
+
+
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """A run over stretches: residuals over the noise as they are, (n_sample,), and by one sigma, beside the starts."""
+
+    cut: Stretches
+    left: list[Array]
+    by_moves: list[Array]
+
+
+class Shooting:
+    """The cutting of one run of a problem at a model."""
+
+    def __init__(self, problem: FitProblem, run: int, spread: ModelSpread, *, substeps: int) -> None:
+        self.problem, self.run, self.spread, self.substeps = problem, run, spread, substeps
+        self.data, self.plant = problem.runs[run], problem.plant
+        self.sigmas = START * start_sigmas(self.plant, self.data, tolerance=problem.tolerance)
+        self.names = problem.channels(run)
+
+    def chosen(self) -> Stretches | None:
+        """The stretches; None where the run is followed as a whole."""
+        whole = self.refined(guessed(self.plant, self.data, np.zeros(1, dtype=np.intp), self.sigmas.size))
+        if self._borne(whole)[0]:
+            return None
+        n = len(self.data.commands)
+        begins = np.arange(0, max(n - SHORTEST // 2, 1), SHORTEST)
+        cut = self.refined(guessed(self.plant, self.data, begins, self.sigmas.size))
+        open_ = np.ones(begins.size, dtype=bool)
+        while (pairs := _pairs(open_)).size:
+            behind = pairs + 1
+            keep = np.delete(np.arange(cut.begins.size), behind)
+            joined = self.refined(replace(cut, begins=cut.begins[keep], starts=cut.starts[keep]))
+            borne = self._borne(joined)[np.searchsorted(keep, pairs)]
+            cut, open_ = _after(cut, joined, keep, pairs[borne])
+        return self.refined(cut)
+
+    def refined(self, cut: Stretches, steps: int = REFINED) -> Stretches:
+        """The stretches with starts that leave least, and the slopes there; where a stretch fails it stays.
+
+        A stretch whose step does not lead down goes back and takes half of it.
+        """
+        best, least, part = cut, np.full(cut.begins.size, np.inf), np.ones(cut.begins.size)
+        for n in range(steps + 1):
+            base, slopes = self._simulated(cut)
+            cost = np.add.reduceat(sum(np.nan_to_num(values, nan=LOST) ** 2 for values in base), cut.begins)
+            better = cost < least
+            part = np.where(better, 1.0, part / 2)
+            least = np.where(better, cost, least)
+            starts = np.where(better[:, None], cut.starts, best.starts)
+            lengths = np.diff([*cut.begins, base[0].size])
+            if n == 0:
+                kept, best_slopes = [np.nan_to_num(values) for values in base], slopes
+            else:
+                now = np.repeat(better, lengths)
+                kept = [np.where(now, np.nan_to_num(new), old) for new, old in zip(base, kept, strict=True)]
+                best_slopes = np.where(now, slopes, best_slopes)
+            best = replace(cut, starts=starts, slopes=best_slopes)
+            moves = part[:, None] * np.nan_to_num(best.moves([values[None] for values in kept])[0])
+            if n == steps or np.abs(moves).max() < SETTLED:
+                break
+            cut = replace(best, starts=moved(best.starts, moves * self.sigmas))
+        return best
+
+    def followed(self, cut: Stretches) -> dict[str, Array]:
+        """Channel to (n_sample,) measured less simulated, SI units, from starts that suit the model: the better ones
+        of those reached from the stretches' own and from what was measured; nan where none is borne."""
+        anew = guessed(self.plant, self.data, cut.begins, self.sigmas.size)
+        tried = [self.missed(self.refined(each, steps=LONG)) for each in (cut, anew)]
+        lengths = np.diff([*cut.begins, len(self.data.commands)])
+        costs = [self._cost(left, cut) for left in tried]
+        second = np.repeat(costs[1] < costs[0], lengths)
+        return {name: np.where(second, tried[1][name], tried[0][name]) for name in tried[0]}
+
+    def _cost(self, left: Mapping[str, Array], cut: Stretches) -> Array:
+        over = [np.nan_to_num(left[n] / self.data.noise[n].sigma, nan=LOST) ** 2 for n in self.names]
+        return np.asarray(np.add.reduceat(sum(over), cut.begins))
+
+    def _simulated(self, cut: Stretches) -> tuple[list[Array], Array]:
+        """(residuals over the noise, slopes of the starts, nothing where there are none)."""
+        n = self.sigmas.size
+        moves = np.concatenate([np.zeros((1, n)), STEP * np.eye(n)])
+        starts = np.array([moved(cut.starts, move * self.sigmas) for move in moves])
+        rows = np.tile(self.spread.z, (n + 1, 1))
+        over = self._residuals(rows, replace(cut, starts=starts))
+        slopes = np.array([(values[1:] - values[0]) / STEP for values in over])
+        return [values[0] for values in over], np.nan_to_num(slopes)
+
+    def _residuals(self, rows: Array, own: Stretches) -> list[Array]:
+        """Residuals of the channels over the noise, (n_row, n_sample) each."""
+        points = Points.of(self.spread.unknowns, rows)
+        if self.plant.effects is not None and points.effects is None:  # those of an extended model
+            points = replace(points, effects=np.tile(self.plant.readings, (len(rows), 1)))
+        columns = max(self.plant.parameters.sides, 1)
+        inputs = Inputs(self.data.commands[:, :columns], self.data.rate, hold=self.data.hold)
+        found = lanes(self.problem, points, self.run, inputs=inputs, substeps=self.substeps, own=own)
+        channels = missed(self.problem, points, self.run, found)
+        return [v / self.data.noise[name].sigma for name, v in zip(self.names, channels, strict=True)]
+
+    def missed(self, cut: Stretches) -> dict[str, Array]:
+        """Channel to (n_sample,) measured less simulated, SI units; nan where a stretch left table or range."""
+        over = self._residuals(self.spread.z[None], replace(cut, starts=cut.starts[None]))
+        return {n: v[0] * self.data.noise[n].sigma for n, v in zip(self.names, over, strict=True)}
+
+    def _borne(self, cut: Stretches) -> NDArray[np.bool_]:
+        """(n_stretch,) whether the model and its moves stay near the record over each."""
+        base, slopes = self._simulated(cut)
+        finite = _all(np.isfinite(sum(base)), cut)
+        growth = _growth(slopes[self.names.index(POSITION_COLUMN)], cut, base[0].size)
+        gentle = growth <= GENTLE
+        if np.all(gentle | ~finite):
+            return finite
+        whole = replace(cut, slopes=slopes)
+        left = whole.without_starts([np.nan_to_num(values)[None] for values in base])
+        near = _all(self._near([values[0] for values in left]), cut)
+        spread = [np.zeros_like(values) for values in base]
+        for at in range(0, len(self.spread.rows), 8):
+            rows = self.spread.rows[at : at + 8]
+            over = self._residuals(rows, replace(cut, starts=cut.starts))
+            finite &= _all(np.isfinite(sum(values.sum(axis=0) for values in over)), cut)
+            changes = whole.without_starts([np.nan_to_num(v - b) for v, b in zip(over, base, strict=True)])
+            spread = [s + np.sum(c**2, axis=0) for s, c in zip(spread, changes, strict=True)]
+        near &= _all(self._near([np.sqrt(values) for values in spread]), cut)
+        return finite & (gentle | (near & (growth <= MOST_GROWTH)))
+
+    def _near(self, over: list[Array]) -> NDArray[np.bool_]:
+        """(n_sample,) whether differences over the noise are small enough for a linear model."""
+        p = self.plant.parameters
+        near = np.ones(over[0].size, dtype=bool)
+        for name, values in zip(self.names, over, strict=True):
+            size = np.abs(values) * self.data.noise[name].sigma
+            if name == POSITION_COLUMN and p.sides:
+                near &= size <= REACH * p.nominal_gap
+            elif self.data.channels[name].quantity == "current":
+                near &= size <= CURRENT_REACH * float(np.sqrt(np.mean(self.data.measured[name] ** 2)))
+        return near
+
+
+def guessed(plant: KernelPlant, data: RunData, begins: NDArray[np.intp], n_start: int) -> Stretches:
+    """Stretches with starts by a parabola through the positions around, and currents as read or commanded."""
+    half = LOOKED_AT // 2
+    x = (data.measured[POSITION_COLUMN] - line_of(POSITION_COLUMN, plant.instruments)[1]) / plant.gain
+    starts = np.zeros((begins.size, 4))
+    for n, begin in enumerate(begins):
+        first = int(np.clip(begin - half, 0, x.size - LOOKED_AT))
+        time = (np.arange(first, first + LOOKED_AT) - begin) / data.rate
+        _, starts[n, 3], starts[n, 2] = np.polyfit(time, x[first : first + LOOKED_AT], 2)
+    for side in range(plant.parameters.sides):
+        starts[:, side] = read_current(plant, data, side)[begins]
+    return Stretches(begins, starts, np.zeros((len(data.measured), n_start, x.size)))
+
+
+def moved(starts: Array, by: Array) -> Array:
+    """Starts (n_stretch, 4) moved by positions, velocities and currents (n_stretch, n_start)."""
+    by = np.broadcast_to(by, (len(starts), by.shape[-1]))
+    made = starts.copy()
+    made[:, 2:] += by[:, :2]
+    made[:, : by.shape[1] - 2] += by[:, 2:]
+    return made
+
+
+def _all(samples: NDArray[np.bool_], cut: Stretches) -> NDArray[np.bool_]:
+    return np.asarray(np.logical_and.reduceat(samples, cut.begins))
+
+
+def _growth(slopes: Array, cut: Stretches, n_sample: int) -> Array:
+    """(n_stretch,) by which the position's answer (n_start, n_sample) to a start's position grows, RMS of the last
+    quarter over that of the first."""
+    found = np.ones(cut.begins.size)
+    for n, part in enumerate(cut.parts(n_sample)):
+        own = slopes[0, part]
+        quarter = max(1, own.size // 4)
+        first, last = np.mean(own[:quarter] ** 2), np.mean(own[-quarter:] ** 2)
+        found[n] = np.sqrt(last / first) if first > 0 else np.inf
+    return found
+
+
+def _pairs(open_: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """First ones of the neighbours that may be joined, each in one pair."""
+    found, n = [], 0
+    while n + 1 < open_.size:
+        joins = bool(open_[n] and open_[n + 1])
+        if joins:
+            found.append(n)
+        n += 2 if joins else 1
+    return np.array(found, dtype=np.intp)
+
+
+def _after(
+    cut: Stretches, joined: Stretches, keep: NDArray[np.intp], firsts: NDArray[np.intp]
+) -> tuple[Stretches, NDArray[np.bool_]]:
+    """The stretches with the joins that were borne, and which may be joined further: these alone."""
+    stay = np.setdiff1d(np.arange(cut.begins.size), firsts + 1)
+    starts = cut.starts.copy()
+    starts[firsts] = joined.starts[np.searchsorted(keep, firsts)]
+    open_ = np.isin(stay, firsts)
+    return replace(cut, begins=cut.begins[stay], starts=starts[stay]), open_

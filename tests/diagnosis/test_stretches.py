@@ -1,0 +1,167 @@
+"""Multiple shooting: starts eliminated as if they were fitted, stretches as long as the plant allows, causes found."""
+
+from dataclasses import replace
+
+import levitator
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from msl_fem.actuator import load_actuator
+from msl_fem.diagnosis import DiagnosisSettings, diagnose
+from msl_fem.diagnosis.noise import transformed
+from msl_fem.diagnosis.problem import FitProblem, Points, lanes
+from msl_fem.diagnosis.runs import dynamic_runs
+from msl_fem.diagnosis.shooting import ModelSpread, Shooting, guessed
+from msl_fem.diagnosis.stretches import Stretches
+from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.plant.excitation import Inputs
+from msl_fem.prediction import ModelHypothesis, kernel_plant, run_data
+
+TRUTH = levitator.Truth(mass=1.004, resistance=0.99, inductance=1.001)
+
+
+@pytest.fixture(scope="module")
+def base():
+    return load_actuator(ROOT / "measurements" / "levitation_rig" / "actuator.toml")
+
+
+@pytest.fixture(scope="module")
+def table():
+    return levitator.table()
+
+
+@pytest.fixture(scope="module")
+def short(base):
+    """Half a second, nothing hidden, all as believed."""
+    return levitator.record(base, levitator.Truth(), seconds=0.5)
+
+
+def shooting(record, table, begins) -> tuple[Shooting, Stretches]:
+    data = run_data(record, record.runs[0])
+    plant = kernel_plant(ModelHypothesis(record.actuator, table), rate=data.rate)
+    spread = ModelSpread(Unknowns((), 0, ()), np.zeros(0), np.zeros((0, 0)))
+    shot = Shooting(FitProblem(plant, (data,), (), (), None), 0, spread, substeps=plant.substeps)
+    return shot, guessed(plant, data, np.array(begins), 3)
+
+
+def random_stretches(chance: np.random.Generator) -> Stretches:
+    slopes = chance.standard_normal((2, 3, 90))
+    return Stretches(np.array([0, 20, 50]), np.zeros((3, 4)), slopes)
+
+
+def test_eliminated_starts_leave_what_a_fit_of_them_leaves() -> None:
+    """By the normal equations of all starts of a stretch with their prior, one stretch after the other."""
+    chance = np.random.default_rng(1)
+    cut, over = random_stretches(chance), [chance.standard_normal((2, 90)) for _ in range(2)]
+    left = cut.without_starts(over)
+    for part in cut.parts(90):
+        s = np.concatenate([slopes[:, part] for slopes in cut.slopes], axis=1).T
+        for row in range(2):
+            r = np.concatenate([values[row, part] for values in over])
+            fitted = np.linalg.lstsq(np.vstack([s, np.eye(3)]), np.concatenate([-r, np.zeros(3)]), rcond=None)[0]
+            expected = r + s @ fitted
+            assert np.allclose(np.concatenate([values[row, part] for values in left]), expected, atol=1e-12)
+
+
+def test_the_numbers_spent_on_starts_are_the_trace_of_what_eliminates_them() -> None:
+    chance = np.random.default_rng(2)
+    cut = random_stretches(chance)
+    spent = 0.0
+    for n in range(2):
+        for part in cut.parts(90):
+            length = part.stop - part.start
+            spent += float(np.sum(transformed(cut.orthonormal(n, part), length // 2 + 1) ** 2))
+    white = [np.eye(180)[:, :90], np.eye(180)[:, 90:]]
+    kept = cut.without_starts(white)
+    trace = sum(np.trace(values[n * 90 : (n + 1) * 90]) for n, values in enumerate(kept))
+    assert spent == pytest.approx(180 - trace, rel=1e-9)
+
+
+def test_a_run_over_stretches_begins_each_at_its_start_and_is_whole_where_there_is_one(short, table) -> None:
+    """From starts on its own way a run in stretches is the whole run; the last stretch does not know the first."""
+    shot, one = shooting(short, table, [0])
+    data = shot.data
+    inputs, points = Inputs(data.commands[:60, :1], data.rate), Points(Unknowns((), 0, ()), np.zeros((1, 0)), None)
+
+    def rows(cut: Stretches) -> np.ndarray:
+        found = lanes(shot.problem, points, 0, inputs=inputs, substeps=shot.substeps, own=cut)
+        return found.blocks[0][:, :, 0]
+
+    whole = rows(replace(one, starts=one.starts[None]))
+    starts = np.concatenate([one.starts, [[whole[40, 0], 0.0, whole[40, 2], whole[40, 3]]]])
+    two = Stretches(np.array([0, 40]), starts, one.slopes)
+    assert np.allclose(rows(replace(two, starts=starts[None]))[:, :5], whole[:, :5], rtol=1e-9, atol=1e-12)
+    starts[0, 2] += 1e-4
+    moved = rows(replace(two, starts=starts[None]))
+    assert np.abs(moved[:40, 2] - whole[:40, 2]).min() > 5e-5
+    assert np.allclose(moved[40:, :4], whole[40:, :4], rtol=1e-9, atol=1e-12)
+
+
+def test_lanes_over_stretches_are_single_runs_over_stretches(short, table) -> None:
+    shot, cut = shooting(short, table, np.arange(0, 960, 32))
+    data = shot.data
+    cut = shot.refined(cut)
+    inputs = Inputs(data.commands[:, :1], data.rate)
+
+    def rows(count: int) -> list[np.ndarray]:
+        points = Points(Unknowns((), 0, ()), np.zeros((count, 0)), None)
+        own = replace(cut, starts=np.tile(cut.starts, (count, 1, 1)))
+        return list(lanes(shot.problem, points, 0, inputs=inputs, substeps=shot.substeps, own=own).position)
+
+    alone, together = rows(1)[0], rows(3)
+    assert np.isfinite(alone).all()
+    assert all(np.array_equal(lane, alone) for lane in together)
+
+
+def test_an_unstable_plant_is_cut_and_left_noise_by_the_true_model(short, table) -> None:
+    """The growth of a stretch is that of the unstable pole: cosh of it over the stretch."""
+    shot, whole = shooting(short, table, [0])
+    assert not shot._borne(shot.refined(whole))[0]
+    cut = shot.chosen()
+    assert cut is not None
+    lengths = np.diff([*cut.begins, len(shot.data.commands)])
+    assert lengths.max() <= 256
+    assert lengths.max() >= 32
+    left = shot.missed(cut)["position_m"]
+    assert np.sqrt(np.mean(left**2)) == pytest.approx(levitator.POSITION_NOISE, rel=0.1)
+
+
+def test_a_stable_plant_is_followed_as_a_whole(short, table) -> None:
+    """A spring stiffer than the magnet's pull falls holds the ball: no growth, one stretch."""
+    motion = short.actuator.motion.model_copy(update={"stiffness": 400.0, "damping": 1.0})
+    held = replace(short, actuator=short.actuator.model_copy(update={"motion": motion}))
+    shot, _ = shooting(held, table, [0])
+    assert shot.chosen() is None
+
+
+@pytest.fixture(scope="module")
+def clean(base, table):
+    return diagnose(levitator.record(base, TRUTH, seconds=2.0), DiagnosisSettings(table=table))
+
+
+def test_nothing_is_named_on_a_clean_levitator(clean) -> None:
+    assert clean.verdict == "nothing-found"
+    assert all(accuracy.prediction == "multiple-shooting" for accuracy in clean.accuracy)
+    for accuracy in clean.accuracy:
+        assert accuracy.refitted.rms < 1.05 * accuracy.refitted.floor
+    mass = clean.parameters["moving_mass"]
+    assert mass.low < TRUTH.mass * levitator.MASS < mass.high
+    assert any("stretches" in note for note in clean.notes)
+
+
+def test_friction_is_named_on_an_unstable_levitator(base, table) -> None:
+    """One per cent of the weight; the friction's own form is another than the catalogue's."""
+    hidden = replace(TRUTH, friction=0.01 * levitator.WEIGHT)
+    found = diagnose(levitator.record(base, hidden, seconds=2.0), DiagnosisSettings(table=table, threads=2))
+    assert found.names[:1] == ("coulomb_friction",)
+    assert found.causes[0].parameters["force"].value == pytest.approx(hidden.friction, rel=0.1)
+
+
+def test_stretches_grow_as_the_model_improves(base, table) -> None:
+    """Where the coil pulls a fifth less than believed, the belief bears shorter stretches than the fitted model."""
+    record = levitator.record(base, levitator.Truth(inductance=0.8), seconds=0.5)
+    runs = [run_data(record, run) for run in record.runs]
+    believed = dynamic_runs(record, ModelHypothesis(record.actuator, table), runs)
+    fitted = believed.settled()
+    assert believed.cuts[0].begins.size > fitted.cuts[0].begins.size
