@@ -37,12 +37,14 @@ class EffectUnknown:
     ----------
     centre : of a shape, its value at z = 0
     width : of a shape, one sigma of its logarithm; 0 for a parameter that is no shape
+    size : of an amount, the plant's scale over that of the catalogue (`plant.own_scales`)
     """
 
     effect: str
     name: str
     centre: float = 0.0
     width: float = 0.0
+    size: float = 1.0
 
     @property
     def place(self) -> int:
@@ -65,15 +67,16 @@ class EffectUnknown:
     def value(self, z: Array) -> Array:
         """SI values at z, within the bounds."""
         parameter = CATALOGUE[self.effect].parameter(self.name)
-        wide = parameter.neutral + WIDE * parameter.scale * z
-        found = self.centre * np.exp(self.width * z) if self.width else wide
-        return np.clip(found, *parameter.bounds)
+        if self.width:
+            return np.clip(self.centre * np.exp(self.width * z), *parameter.bounds)
+        low, high = (self.size * bound for bound in parameter.bounds)
+        return np.clip(parameter.neutral + WIDE * self.size * parameter.scale * z, low, high)
 
     def z_of(self, value: float) -> float:
         parameter = CATALOGUE[self.effect].parameter(self.name)
         if self.width:
             return float(np.log(value / self.centre) / self.width)
-        return (value - parameter.neutral) / (WIDE * parameter.scale)
+        return (value - parameter.neutral) / (WIDE * self.size * parameter.scale)
 
 
 @dataclass(frozen=True)

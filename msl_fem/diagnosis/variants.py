@@ -15,6 +15,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.plant.effects import CATALOGUE, LAGGING, Parameter
+from msl_fem.plant.own_scales import over_reference, own_quantities
 from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters, drive_lags
 from msl_fem.prediction import RunData
 from msl_fem.prediction.run_data import POSITION_COLUMN
@@ -57,6 +58,7 @@ class RecordFeatures:
     position, current, velocity : RMS of what varies, m, A, m/s
     own_frequency : Hz, of the mover on its spring, or where its spectrum is highest
     lines : Hz, the highest lines of the residual
+    rate : samples a second, Hz; None without runs
     """
 
     position: float
@@ -64,6 +66,7 @@ class RecordFeatures:
     velocity: float
     own_frequency: float
     lines: tuple[float, ...] = ()
+    rate: float | None = None
 
 
 def possible(plant: PlantParameters) -> tuple[str, ...]:
@@ -84,16 +87,18 @@ def variants(effect: str, features: RecordFeatures, plant: PlantParameters) -> l
     entry = CATALOGUE[effect]
     sets = [names for names in entry.sets or (entry.amounts,) if _there(effect, names, plant)]
     shapes = [parameter for parameter in entry.parameters if parameter.shape]
+    own = own_quantities(plant, rate=features.rate)
+    sizes = {parameter.name: over_reference(parameter, own) for parameter in entry.parameters}
     found = []
     for names in sets:
-        amounts = tuple(EffectUnknown(effect, name) for name in names)
-        own = [shape for shape in shapes if not shape.belongs_to or shape.belongs_to in names]
-        for centres in product(*(_centres(shape, features) for shape in own)):
-            around = zip(own, centres, strict=True)
+        amounts = tuple(EffectUnknown(effect, name, size=sizes[name]) for name in names)
+        about = [shape for shape in shapes if not shape.belongs_to or shape.belongs_to in names]
+        for centres in product(*(_centres(shape, features) for shape in about)):
+            around = zip(about, centres, strict=True)
             unknown = tuple(EffectUnknown(effect, shape.name, centre, shape.width) for shape, centre in around)
             found.append(Variant(effect, amounts, unknown))
     alone = [parameter.name for parameter in entry.parameters if parameter.alone]
-    return found + [Variant(effect, (EffectUnknown(effect, name),)) for name in alone]
+    return found + [Variant(effect, (EffectUnknown(effect, name, size=sizes[name]),)) for name in alone]
 
 
 def _there(effect: str, names: Sequence[str], plant: PlantParameters) -> bool:
@@ -128,6 +133,7 @@ def record_features(likelihood: Likelihood, found: Fit) -> RecordFeatures:
         velocity=_rms([_velocity(run) for run in problem.runs]),
         own_frequency=float(own) or 20.0,
         lines=loud_lines(likelihood, found),
+        rate=problem.runs[0].rate if problem.runs else None,
     )
 
 

@@ -117,7 +117,7 @@ def _text(parameter: Parameter, value: float) -> str | float:
     if not parameter.unit:
         return value
     text = quantity_text(value, parameter.unit)
-    low, high = parameter.bounds
+    low, high = parameter.allowed
     return text if low <= parse_quantity(text, parameter.unit) <= high else f"{value!r} {parameter.unit}"
 
 

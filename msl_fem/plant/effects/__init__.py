@@ -147,7 +147,7 @@ def from_vector(vector: Array) -> EffectValues:
 
 def _check(effect: str, name: str, value: float) -> None:
     parameter = find_parameter(effect, name)
-    low, high = parameter.bounds
+    low, high = parameter.allowed
     if not (math.isfinite(value) and low <= value <= high):
         unit = f" {parameter.unit}" if parameter.unit else ""
         raise InputError(f"{effect}.{name}: {value:g}{unit} is not allowed; it must be {low:g} ... {high:g}{unit}")

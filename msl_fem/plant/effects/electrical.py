@@ -151,8 +151,18 @@ ELECTRICAL = (
         ),
         source="Schweitzer, Maslen (ed.), Magnetic Bearings, 2009, ch. 3 (power amplifiers)",
         parameters=(
-            Parameter("lag", "s", 0.0, (0.0, 0.05), 1e-5, "time constant of a pole more", alone=True),
-            Parameter("slew_time", "s", 0.0, (0.0, 1.0), 1e-5, "that the drive takes for 1 A (1 V, 1 N) at least"),
+            Parameter(
+                "lag", "s", 0.0, (0.0, 0.05), 1e-5, "time constant of a pole more", alone=True, of=(("period", 1),)
+            ),
+            Parameter(
+                "slew_time",
+                "s",
+                0.0,
+                (0.0, 1.0),
+                1e-5,
+                "that the drive takes for 1 A (1 V, 1 N) at least",
+                of=(("period", 1),),
+            ),
             Parameter("bandwidth_error", "", 0.0, (-0.9, 2.0), 0.05, "relative, of the drive's stated bandwidth"),
             Parameter(
                 "delay_share",
@@ -188,8 +198,8 @@ ELECTRICAL = (
         parameters=(
             Parameter("gain_1", "", 0.0, (-0.3, 0.3), 0.005, "relative error of side 1's reading"),
             Parameter("gain_2", "", 0.0, (-0.3, 0.3), 0.005, "relative error of side 2's reading"),
-            Parameter("offset_1", "A", 0.0, (-2.0, 2.0), 0.005, "of side 1's reading"),
-            Parameter("offset_2", "A", 0.0, (-2.0, 2.0), 0.005, "of side 2's reading"),
+            Parameter("offset_1", "A", 0.0, (-2.0, 2.0), 0.005, "of side 1's reading", of=(("current", 1),)),
+            Parameter("offset_2", "A", 0.0, (-2.0, 2.0), 0.005, "of side 2's reading", of=(("current", 1),)),
         ),
         needs=("magnets",),
         design=Part(

@@ -10,6 +10,9 @@ from msl_fem.plant.plant import PlantParameters
 Group = Literal["magnetic", "electrical", "mechanical", "sensing and timing"]
 Need = Literal["magnets", "two sides", "drive lag"]
 Scale = Literal["", "own_frequency", "position", "velocity", "current", "lines"]
+Quantity = Literal["gap", "travel", "mass", "force", "current", "period"]
+OF_ANY_PLANT = 100.0
+"""How much larger than on the reference servo an amount may be that goes with the plant's size."""
 
 
 Values = Mapping[tuple[str, str], float]
@@ -92,6 +95,8 @@ class Parameter:
     belongs_to : of a shape, the one amount that it is about; "": all of them
     alone : an amount that is tried without its effect's shapes too
     lagging : it needs a drive whose current cannot jump, though its effect does not
+    of : the plant's own quantities and their powers that `scale` and `bounds` go with; stated are those of the
+        reference servo (`plant.own_scales`)
     """
 
     name: str
@@ -107,6 +112,15 @@ class Parameter:
     belongs_to: str = ""
     alone: bool = False
     lagging: bool = False
+    of: tuple[tuple[Quantity, float], ...] = ()
+
+    @property
+    def allowed(self) -> tuple[float, float]:
+        """Lowest and highest value that any plant may have."""
+        low, high = self.bounds
+        of_size = self.of and ("period", 1) not in self.of
+        wide = OF_ANY_PLANT if of_size else 1.0
+        return low * wide, high * wide
 
 
 @dataclass(frozen=True)

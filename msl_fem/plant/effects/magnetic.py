@@ -107,8 +107,16 @@ MAGNETIC = (
         equation="g_1 = g_0 + offset + centring - x,  g_2 = g_0 + offset - centring + x",
         source="Roters, Electromagnetic Devices, 1941, ch. 5 (joints in series with the working gap)",
         parameters=(
-            Parameter("offset", "m", 0.0, (-3e-4, 3e-4), 5e-6, "both gaps are wider by this"),
-            Parameter("centring", "m", 0.0, (-3e-4, 3e-4), 5e-6, "side 1's gap is wider, side 2's narrower by this"),
+            Parameter("offset", "m", 0.0, (-5.4e-4, 5.4e-4), 5e-6, "both gaps are wider by this", of=(("gap", 1),)),
+            Parameter(
+                "centring",
+                "m",
+                0.0,
+                (-5.4e-4, 5.4e-4),
+                5e-6,
+                "side 1's gap is wider, side 2's narrower by this",
+                of=(("gap", 1),),
+            ),
         ),
         needs=("magnets",),
         coefficients=_gaps,
@@ -139,6 +147,7 @@ MAGNETIC = (
                 0.01,
                 "that the iron takes in excess where its curve begins",
                 lagging=True,
+                of=(("current", 1),),
             ),
             Parameter(
                 "knee_excess",
@@ -148,6 +157,7 @@ MAGNETIC = (
                 0.01,
                 "current in excess over the cube of lambda/L_0",
                 lagging=True,
+                of=(("current", -2),),
             ),
             Parameter(
                 "low_field_width",
@@ -178,7 +188,15 @@ MAGNETIC = (
         equation="W'(i, g) -> (1 + depth_error + growth g) W'((1 + turns_error) i, g)",
         source="Balakrishnan, Joines, Wilson, IEEE Trans. Power Electronics 12(4), 1997, 654-663",
         parameters=(
-            Parameter("growth", "m^-1", 0.0, (-500.0, 1000.0), 20.0, "relative growth of the depth over the gap"),
+            Parameter(
+                "growth",
+                "m^-1",
+                0.0,
+                (-500.0, 1000.0),
+                20.0,
+                "relative growth of the depth over the gap",
+                of=(("gap", -1),),
+            ),
             Parameter("depth_error", "", 0.0, (-0.2, 0.2), 0.002, "relative error of the stack depth"),
             Parameter("turns_error", "", 0.0, (-0.2, 0.2), 0.002, "relative error of the number of turns"),
         ),
@@ -203,7 +221,13 @@ MAGNETIC = (
         source="Bergqvist, Physica B 233, 1997, 342-347; Brokate, Sprekels, Hysteresis and Phase Transitions, 1996",
         parameters=(
             Parameter(
-                "coercive_current", "A", 0.0, (0.0, 2.0), 0.02, "half the width of the major loop over the current"
+                "coercive_current",
+                "A",
+                0.0,
+                (0.0, 2.0),
+                0.02,
+                "half the width of the major loop over the current",
+                of=(("current", 1),),
             ),
             Parameter(
                 "reversal_current",
@@ -236,7 +260,14 @@ MAGNETIC = (
         source="Zhu, Knospe, Maslen, IEEE Trans. Magnetics 41(4), 2005, 1248-1258; Woodson, Melcher, 1968, ch. 2",
         parameters=(
             Parameter(
-                "time_constant", "s", 0.0, (0.0, 0.05), 1e-4, "of the flux at constant current, nominal gap", alone=True
+                "time_constant",
+                "s",
+                0.0,
+                (0.0, 0.05),
+                1e-4,
+                "of the flux at constant current, nominal gap",
+                alone=True,
+                of=(("period", 1),),
             ),
             Parameter(
                 "diffusion_time",
@@ -283,7 +314,15 @@ MAGNETIC = (
         ),
         source="mean of parallel flux tubes, Roters, 1941, ch. 5; gap_variance = angle^2 <y^2>, width^2/12 of a face",
         parameters=(
-            Parameter("gap_variance", "m^2", 0.0, (0.0, 1e-8), 4e-10, "mean square deviation of the gap over the face"),
+            Parameter(
+                "gap_variance",
+                "m^2",
+                0.0,
+                (0.0, 1e-8),
+                4e-10,
+                "mean square deviation of the gap over the face",
+                of=(("gap", 2),),
+            ),
         ),
         needs=("magnets",),
         coefficients=_tilt,

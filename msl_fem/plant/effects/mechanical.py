@@ -137,8 +137,30 @@ MECHANICAL = (
         equation="m x'' + c x' + k x + quadratic x^2 + cubic x^3 = ...",
         source="Smith, Flexures, 2000, ch. 4; Duffing's equation",
         parameters=(
-            Parameter("cubic", "N/m^3", 0.0, (-1e14, 1e14), 5e9, "of the flexure's force"),
-            Parameter("quadratic", "N/m^2", 0.0, (-1e10, 1e10), 3e6, "of the flexure's force"),
+            Parameter(
+                "cubic",
+                "N/m^3",
+                0.0,
+                (-1e14, 1e14),
+                5e9,
+                "of the flexure's force",
+                of=(
+                    ("force", 1),
+                    ("travel", -3),
+                ),
+            ),
+            Parameter(
+                "quadratic",
+                "N/m^2",
+                0.0,
+                (-1e10, 1e10),
+                3e6,
+                "of the flexure's force",
+                of=(
+                    ("force", 1),
+                    ("travel", -2),
+                ),
+            ),
         ),
         coefficients=_spring,
         believe=_believed_spring,
@@ -162,7 +184,7 @@ MECHANICAL = (
             "Hess, Soom, J. Tribology 112, 1990, 147-152 (the fall over velocity)"
         ),
         parameters=(
-            Parameter("force", "N", 0.0, (0.0, 1e3), 0.1, "in full sliding"),
+            Parameter("force", "N", 0.0, (0.0, 1e3), 0.1, "in full sliding", of=(("force", 1),)),
             Parameter(
                 "presliding",
                 "m",
@@ -209,7 +231,17 @@ MECHANICAL = (
         sentence="air damping that grows as the gap closes",
         equation="force -damping ((g_0/g_1)^3 + (g_0/g_2)^3) dx/dt",
         source="Blech, J. Lubrication Tech. 105, 1983, 615-620; Bao, Yang, Sensors and Actuators A 136, 2007, 3-27",
-        parameters=(Parameter("damping", "N s/m", 0.0, (0.0, 1e4), 1.0, "of one side's film at the nominal gap"),),
+        parameters=(
+            Parameter(
+                "damping",
+                "N s/m",
+                0.0,
+                (0.0, 1e4),
+                1.0,
+                "of one side's film at the nominal gap",
+                of=(("mass", 0.5), ("force", 0.5), ("travel", -0.5)),
+            ),
+        ),
         needs=("magnets",),
         coefficients=_film,
         believe=_believed_film,
@@ -284,7 +316,7 @@ MECHANICAL = (
         sentence="a constant force that is not believed (drive offset, gravity, cable)",
         equation="m x'' + ... = ... + force",
         source="Newton's second law",
-        parameters=(Parameter("force", "N", 0.0, (-1e4, 1e4), 0.1, "along +x"),),
+        parameters=(Parameter("force", "N", 0.0, (-1e4, 1e4), 0.1, "along +x", of=(("force", 1),)),),
         coefficients=_constant_force,
         believe=_believed_force,
         needed_force=_balancing_force,
@@ -303,7 +335,18 @@ MECHANICAL = (
         ),
         source="Rivin, Stiffness and Damping in Mechanical Design, 1999, ch. 5",
         parameters=(
-            Parameter("compliance", "m/N", 0.0, (0.0, 1e-5), 1e-8, "of the base, static"),
+            Parameter(
+                "compliance",
+                "m/N",
+                0.0,
+                (0.0, 1e-5),
+                1e-8,
+                "of the base, static",
+                of=(
+                    ("travel", 1),
+                    ("force", -1),
+                ),
+            ),
             Parameter(
                 "frequency",
                 "Hz",
