@@ -5,10 +5,19 @@ import pytest
 from bench_rigs import SERVO_TABLE
 from scipy.special import eval_legendre
 
-from msl_fem.bench.rig import ERROR_TERMS, Factor, averaged, draw_truth, error_factor, multiplied, true_table
+from msl_fem.bench.rig import (
+    ERROR_TERMS,
+    Factor,
+    averaged,
+    draw_truth,
+    error_factor,
+    multiplied,
+    multiplied_nodes,
+    true_table,
+)
 from msl_fem.record import Tolerance
 
-NAMES = [name for name in Tolerance.model_fields if name != "table"]
+NAMES = [name for name in Tolerance.OF_THE_RIG if name != "table"]
 TOLERANCE = Tolerance()
 
 
@@ -89,7 +98,7 @@ def coenergy_with_error(i: np.ndarray, g: np.ndarray, coefficients: np.ndarray) 
 def test_nodes_are_the_derivatives_of_the_product() -> None:
     """All six nodes' values of a table with large errors, by differences of the formula at inner nodes."""
     coefficients = 0.1 * np.random.default_rng(2).standard_normal(len(ERROR_TERMS))
-    made = multiplied(SERVO_TABLE, error_factor(SERVO_TABLE, coefficients))
+    made = multiplied_nodes(SERVO_TABLE, error_factor(SERVO_TABLE, coefficients))
     g, i = np.meshgrid(SERVO_TABLE.gap[2:-2], SERVO_TABLE.current[6:-4], indexing="ij")
     di, dg = 2e-3 * i, 2e-3 * g
 
@@ -105,7 +114,7 @@ def test_nodes_are_the_derivatives_of_the_product() -> None:
         "force_gap_slope": -(w(0, 1) - 2 * w(0, 0) + w(0, -1)) / dg**2,
     }
     for name, values in wanted.items():
-        found = made.nodes[name][2:-2, 6:-4]
+        found = made[name][2:-2, 6:-4]
         assert np.abs(found - values).max() <= 4e-3 * np.abs(values).max(), name
 
 
