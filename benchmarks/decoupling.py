@@ -27,7 +27,7 @@ def main() -> None:
     settings = FieldMapSettings(accuracy=given.accuracy)
     actuator = load_actuator(SERVO)
     if given.armature is not None:
-        magnet = actuator.e_core().model_copy(update={"armature_thickness": given.armature * 1e-3})
+        magnet = actuator.magnet.model_copy(update={"armature_thickness": given.armature * 1e-3})
         actuator = actuator.model_copy(update={"magnet": magnet})
     found = decoupling_map(actuator, settings=settings)
     print_shares(found)

@@ -54,14 +54,14 @@ def end_turns(magnet: ECore, gap: float) -> EndTurns:
 
 def sections(magnet: ECore) -> list[str]:
     """delta/g of the gap: closed form, and solved sections through the centre leg with its end turns and without."""
-    reach = gap_edges(magnet).reach
+    reach = gap_edges(magnet.stack_ends).reach
     rows = []
     for gap in SECTION_GAPS:
         turns = end_turns(magnet, gap)
         blocks = [EndSection(gap, magnet.height, magnet.armature_thickness, t).excess() for t in (turns, None)]
         closed = corner_excess(2 * reach / gap)[0] / 2
         roters = 0.26 + math.log1p(2 * reach / gap) / math.pi
-        k, slope, _ = gap_edges(magnet).factor(gap)
+        k, slope, _ = gap_edges(magnet.stack_ends).factor(gap)
         rows.append(
             [
                 f"{gap * 1e3:.1f}",
@@ -122,7 +122,7 @@ def reach_of(delta: float, gap: float) -> float:
 
 def main() -> None:
     actuator = load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")
-    magnet = actuator.e_core()
+    magnet = actuator.magnet
     plain, corrected = (
         sweep(actuator, GAPS, CURRENTS, settings=SweepSettings(end_effects=on))[0] for on in (False, True)
     )
@@ -135,7 +135,8 @@ def main() -> None:
     for name, lines in parts.items():
         print(name, *lines, sep="\n")
     rewrite(DOCUMENT, {name: "\n".join(lines) for name, lines in parts.items()})
-    print(f"window factor {window_factor(magnet):.3f}, height that counts {gap_edges(magnet).reach * 1e3:.2f} mm")
+    ends = magnet.stack_ends
+    print(f"window factor {window_factor(ends):.3f}, height that counts {gap_edges(ends).reach * 1e3:.2f} mm")
 
 
 if __name__ == "__main__":

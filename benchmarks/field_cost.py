@@ -13,7 +13,6 @@ import numpy as np
 
 from msl_fem.actuator import load_actuator
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.magnetics.field.magnet_field import e_core_section
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
 from msl_fem.magnetics.solver.tangent import SparseTangent
 from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
@@ -44,12 +43,12 @@ class _Stopwatch:
 @one_blas_thread
 def main() -> None:
     actuator = load_actuator(ROOT / "geometries" / "e1.toml")
-    magnet = actuator.e_core()
+    magnet = actuator.magnet
     watch = _Stopwatch()
     SparseTangent.factor = lambda tangent, data: watch.factor(tangent, data)  # type: ignore[method-assign]
     print("| unknowns | CPU ms a point | factorisation | Newton steps a point |\n| --- | --- | --- | --- |")
     for size, order in SIZES:
-        mesh = triangulate(e_core_section(magnet, 3e-4), size)
+        mesh = triangulate(magnet.section(3e-4), size)
         solver = RowSolver(SweepJob(magnet, mesh, actuator.folder, order))
         solver.solve(SweepRow(5e-4, CURRENTS[:1]))  # ordering and memory
         watch.seconds, started = 0.0, time.process_time()

@@ -21,8 +21,8 @@ CURRENTS = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 def table(accuracy: str) -> dict[str, list[float]]:
     """All that a table stores at all points: forces by both routes, flux, coenergy, slopes, section flux densities."""
     actuator = load_actuator(ROOT / "geometries" / "e1.toml")
-    mesh = magnet_mesh(actuator.e_core(), (GAPS[0] * GAPS[-1]) ** 0.5 * 1e-3, accuracy)
-    solver = RowSolver(SweepJob(actuator.e_core(), mesh, actuator.folder, LEVELS[accuracy].order))
+    mesh = magnet_mesh(actuator.magnet, (GAPS[0] * GAPS[-1]) ** 0.5 * 1e-3, accuracy)
+    solver = RowSolver(SweepJob(actuator.magnet, mesh, actuator.folder, LEVELS[accuracy].order))
     rows = [solver.solve(SweepRow(gap * 1e-3, CURRENTS)) for gap in GAPS]
     return {name: [float(v) for row in rows for v in row[name]] for name in ("force", "flux_linkage", "coenergy")}
 

@@ -20,11 +20,9 @@ from msl_fem.actuator.leaf import (
     flexure_material,
     placed,
 )
-from msl_fem.actuator.magnet import Air, Coil, ECore, IronSpec, MeshMagnet, TableMagnet, Tolerances
 from msl_fem.actuator.motion import Flexure, Motion, Sides
-from msl_fem.actuator.quantities import (
-    LARGEST_MAGNET,
-    THINNEST,
+from msl_fem.actuator.tolerances import Tolerances
+from msl_fem.files.dimensions import (
     Clearance,
     Current,
     CurrentNoise,
@@ -36,6 +34,9 @@ from msl_fem.actuator.quantities import (
     Stiffness,
     Voltage,
 )
+from msl_fem.magnetics.kinds import ECore, Magnet, MagnetKind, MeshMagnet, TableMagnet
+from msl_fem.magnetics.kinds.parts import Air, Coil, IronSpec
+from msl_fem.magnetics.kinds.proportions import LARGEST_MAGNET, THINNEST
 
 __all__ = [
     "FLEXURE_MATERIALS",
@@ -62,6 +63,8 @@ __all__ = [
     "IronSpec",
     "Leaf",
     "Length",
+    "Magnet",
+    "MagnetKind",
     "MeshMagnet",
     "Motion",
     "Placement",

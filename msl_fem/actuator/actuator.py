@@ -6,11 +6,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from msl_fem.actuator.magnet import ECore, MeshMagnet, TableMagnet, Tolerances
 from msl_fem.actuator.motion import Motion, Sides
-from msl_fem.actuator.quantities import Current, CurrentNoise, Frequency, PositionNoise, Resistance, Voltage
+from msl_fem.actuator.tolerances import Tolerances
 from msl_fem.errors import ActuatorError
+from msl_fem.files.dimensions import Current, CurrentNoise, Frequency, PositionNoise, Resistance, Voltage
 from msl_fem.files.schema import FrozenModel, bare_number, first_complaint, has_unknown_key, read_toml
+from msl_fem.magnetics.kinds import Magnet, MagnetKind, MeshMagnet
 
 PURE_NUMBERS = frozenset({
     "schema", "turns", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor",
@@ -50,14 +51,14 @@ class Actuator(FrozenModel):
 
     schema_version: Literal[1] = Field(alias="schema")
     name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9_. -]+$")]
-    magnet: Annotated[ECore | TableMagnet | MeshMagnet, Field(discriminator="kind")] | None = None
+    magnet: Annotated[Magnet, Field(discriminator="kind")] | None = None
     sides: Sides | None = None
     motion: Motion | None = None
     drive: Drive | None = None
     position_sensor: PositionSensor = PositionSensor()
     current_sensor: CurrentSensor = CurrentSensor()
     controller: Controller | None = None
-    tolerances: Tolerances | None = None
+    tolerances: Tolerances | None = None  # type: ignore[valid-type]
     sources: dict[str, str] = Field(default_factory=dict)
     file: Path | None = Field(default=None, exclude=True)
 
@@ -83,27 +84,27 @@ class Actuator(FrozenModel):
         """Those of the sections that the file does not have, like "[magnet], [controller]"; "" where it has all."""
         return ", ".join(f"[{name}]" for name in sections if getattr(self, name) is None)
 
-    def e_core(self) -> ECore:
-        """The magnet, where it is an E-core; ActuatorError otherwise."""
-        if isinstance(self.magnet, ECore):
+    def magnet_kind(self, what: str = "the field solution") -> MagnetKind:
+        """The magnet, where its dimensions are known; else ActuatorError, which says what needs them."""
+        if isinstance(self.magnet, MagnetKind):
             return self.magnet
-        raise self._other_kind("the field solution", "e-core")
+        raise self._other_kind(what, 'a kind with dimensions, like "e-core"')
 
     def mesh_magnet(self) -> MeshMagnet:
         """The magnet, where it is a mesh; ActuatorError otherwise."""
         if isinstance(self.magnet, MeshMagnet):
             return self.magnet
-        raise self._other_kind("this", "mesh")
+        raise self._other_kind("this", 'kind = "mesh"')
 
     def _other_kind(self, what: str, kind: str) -> ActuatorError:
         there = self.magnet.kind if self.magnet else "none"
-        return ActuatorError(f"{self.name}: {what} needs [magnet] kind = \"{kind}\", this one is '{there}'")
+        return ActuatorError(f"{self.name}: {what} needs [magnet] of {kind}; this one is '{there}'")
 
     def coil_resistance(self) -> float:
         """Resistance of one magnet's coil in ohm: as stated in [drive], else from the winding."""
         if self.drive is not None and self.drive.coil_resistance is not None:
             return self.drive.coil_resistance
-        return self.e_core().winding_resistance
+        return self.magnet_kind("the coil's resistance, where [drive] does not state it,").winding_resistance
 
 
 def load_actuator(path: str | Path) -> Actuator:

@@ -12,8 +12,8 @@ from pydantic import (
 )
 
 from msl_fem.actuator.leaf import Leaf, Placement, flexure_material, placed
-from msl_fem.actuator.quantities import Clearance, Damping, Force, Inertia, Length, Mass, Stiffness
 from msl_fem.errors import ActuatorError, MaterialError
+from msl_fem.files.dimensions import Clearance, Damping, Force, Inertia, Length, Mass, Stiffness
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.schema import FrozenModel
 

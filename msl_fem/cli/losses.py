@@ -5,7 +5,7 @@ from typing import Annotated, Any, NamedTuple, cast
 
 import typer
 
-from msl_fem.actuator import Actuator, ECore, load_actuator
+from msl_fem.actuator import Actuator, MagnetKind, load_actuator
 from msl_fem.cli.options import (
     DEFAULT_AMBIENT,
     DEFAULT_RISE,
@@ -186,10 +186,10 @@ def _copper(
 def _iron(
     actuator: Actuator, table: Path | None, operation: PeriodicOperation, thickness: float | None
 ) -> IronLoss | None:
-    """The iron loss; a rig without an E-core has its own complaint."""
-    actuator.e_core()
+    """The iron loss; a rig without dimensions has its own complaint."""
+    actuator.magnet_kind("the iron loss")
     magnet_table = table_for(actuator, table)
-    assert magnet_table is not None  # an E-core has one
+    assert magnet_table is not None  # a magnet by its dimensions has one
     return iron_loss(magnet_table, actuator, operation=operation, thickness=thickness)
 
 
@@ -197,9 +197,9 @@ WireOptions = tuple[Series, Grade, Packing]
 
 
 def chosen_wire(actuator: Actuator, options: WireOptions, notes: list[str]) -> WireChoice | None:
-    """The thickest wire that fits, or None with a note: no E-core, or no wire that fits."""
-    if not isinstance(actuator.magnet, ECore):
-        notes.append(f"{actuator.name}: no wire is chosen; that needs the window of an E-core")
+    """The thickest wire that fits, or None with a note: no dimensions, or no wire that fits."""
+    if not isinstance(actuator.magnet, MagnetKind):
+        notes.append(f"{actuator.name}: no wire is chosen; that needs the window of a magnet by its dimensions")
         return None
     series, grade, packing = options
     try:
@@ -228,7 +228,7 @@ def wire_to_json(choice: WireChoice | None, actuator: Actuator, temperature: flo
     if choice is None:
         return None
     w = choice.winding
-    rows = slot_rows(w, actuator.e_core())
+    rows = slot_rows(w, actuator.magnet_kind())
     drive = actuator.drive
     bandwidth = None if drive is None else drive.bandwidth
     at_bandwidth = None if bandwidth is None else float(resistance_factor(rows, bandwidth, temperature=temperature))

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from msl_fem.actuator import Actuator, ECore, load_actuator
+from msl_fem.actuator import Actuator, MagnetKind, load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json, read_options
 from msl_fem.cli.output import print_result, progress_bar, say
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
@@ -63,7 +63,7 @@ def command(
     else:
         default = default_grid(it)
         grid = default[0].tolist(), default[1].tolist()
-    if isinstance(it.magnet, ECore):
+    if isinstance(it.magnet, MagnetKind):
         check_grid(it, *grid)
     cache = RowCache(output.with_name(f".{output.name}.rows"))
     settings = SweepSettings(

@@ -37,7 +37,7 @@ def copper_loss(actuator: Actuator, current_rms: float, *, temperature: float = 
     Raises
     ------
     InputError : a negative current or one that is no number, a temperature outside copper's range
-    ActuatorError : no coil resistance is stated and the magnet is no E-core
+    ActuatorError : no coil resistance is stated and the magnet's dimensions are not known
     """
     if not (np.isfinite(current_rms) and current_rms >= 0):
         raise InputError(f"an RMS current of {current_rms:g} A is not allowed; it must be 0 or more")
@@ -73,7 +73,7 @@ def copper_loss_of_period(
     power[0] /= 2
     if i.size % 2 == 0:
         power[-1] /= 2
-    rows = slot_rows(winding, actuator.e_core())
+    rows = slot_rows(winding, actuator.magnet_kind("skin and proximity effect"))
     factor = resistance_factor(rows, frequency * np.arange(power.size), temperature=temperature)
     loss = direct.resistance * float(np.sum(power * factor))
     share = 1 - direct.loss / loss if loss > 0 else 0.0

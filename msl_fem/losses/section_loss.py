@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import RectBivariateSpline
 
-from msl_fem.actuator import Actuator, ECore
+from msl_fem.actuator import Actuator, MagnetKind
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError, TableError
 from msl_fem.files.quantity import format_quantity
@@ -19,26 +19,18 @@ from msl_fem.table.magnetic_table import SECTION, MagneticTable
 SAMPLES = 256  # of a sine's period: the two routes to <(dB/dt)^2> are 5e-5 apart
 
 
-def iron_volumes(magnet: ECore) -> dict[str, float]:
-    """Section to the volume in m3 of the iron it stands for, sheets only: area of the part, stack depth, stacking.
-
-    Legs reach from the pole faces to the yoke, outer_leg counts both, the yoke has the corners, the armature its
-    overhang. The sum is the whole magnet.
-    """
-    chamfer = magnet.pole_chamfer**2
-    core = magnet.stack_depth * magnet.iron.core_stacking
-    armature = magnet.stack_depth * magnet.iron.armature_stacking
-    return {
-        "centre_leg": core * (magnet.centre_leg_width * magnet.window_height - chamfer),
-        "yoke": core * 2 * magnet.half_width * magnet.yoke_thickness,
-        "outer_leg": core * 2 * (magnet.outer_leg_width * magnet.window_height - chamfer),
-        "armature": armature * 2 * magnet.armature_half_width * magnet.armature_thickness,
-    }
+REFERENCE_GAP = 0.1  # of the half width: parts do not depend on the gap
 
 
-def iron_names(magnet: ECore) -> dict[str, str]:
-    """Section to the name of its iron."""
-    return {name: magnet.iron.armature if name == "armature" else magnet.iron.core for name in iron_volumes(magnet)}
+def iron_volumes(magnet: MagnetKind) -> dict[str, float]:
+    """Part to the volume in m3 of the iron it stands for, sheets only; the sum is the whole magnet."""
+    return magnet.section(REFERENCE_GAP * magnet.half_width).iron_volumes
+
+
+def iron_names(magnet: MagnetKind) -> dict[str, str]:
+    """Part to the name of its iron."""
+    section = magnet.section(REFERENCE_GAP * magnet.half_width)
+    return {part.name: section.iron[part.region][0] for part in section.parts}
 
 
 class SectionFlux:
@@ -227,11 +219,12 @@ class IronLossModel:
 
     Each section's flux density stands for the whole part of the iron (`iron_volumes`), and follows current and gap
     without delay. `thickness` in m takes the place of the sheet's that the iron's data state.
-    Raises ActuatorError where the magnet is no E-core, TableError where the table has no section flux densities.
+    Raises ActuatorError where the magnet's dimensions are not known, TableError where the table has no section flux
+    densities.
     """
 
     def __init__(self, table: MagneticTable, actuator: Actuator, *, thickness: float | None = None) -> None:
-        magnet = actuator.e_core()
+        magnet = actuator.magnet_kind("the iron loss")
         self.volumes = iron_volumes(magnet)
         self.flux = {name: SectionFlux(table, name) for name in self.volumes}
         self.sheets = {name: sheet_of(iron, thickness=thickness) for name, iron in iron_names(magnet).items()}
@@ -255,7 +248,7 @@ def iron_loss(
 
     Raises
     ------
-    ActuatorError : the magnet is no E-core
+    ActuatorError : the magnet's dimensions are not known
     OutOfTable, TableError : the operation leaves the table, or the table has no section flux densities
     InputError : a waveform that is not periodic or not resolved, or beyond the measured losses
     """

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
-from msl_fem.actuator import Actuator, ECore
+from msl_fem.actuator import Actuator, MagnetKind
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.materials.constants import (
@@ -95,10 +95,10 @@ class ThermalNetwork:
 def thermal_network(actuator: Actuator, cooling: Cooling) -> ThermalNetwork:
     """The network of one magnet.
 
-    With a stated resistance: one node with the heat capacity of the copper alone (of a coil that is no E-core's: not
-    known), so that a peak within a cycle is not taken too low. Else two nodes:
+    With a stated resistance: one node with the heat capacity of the copper alone (not known
+    where the coil is not), so that a peak within a cycle is not taken too low. Else two nodes:
 
-    - winding to core: conduction through the clearance to the centre leg, filled with insulation, and from the coil's
+    - winding to core: conduction through the clearance to the leg, filled with insulation, and from the coil's
       mean temperature to that face, width/(3 k A), the coil's heat being even over its section. Its conductivity
       across the wires is k_i ((1 + f) k_cu + (1 - f) k_i)/((1 - f) k_cu + (1 + f) k_i) at the fill factor f
       (Hashin and Shtrikman, J. Appl. Phys. 33, 1962);
@@ -108,29 +108,30 @@ def thermal_network(actuator: Actuator, cooling: Cooling) -> ThermalNetwork:
 
     Raises
     ------
-    InputError : the magnet is no E-core and no thermal resistance is stated
+    InputError : the magnet's surfaces are not known and no thermal resistance is stated
     """
     magnet = actuator.magnet
     if cooling.thermal_resistance is not None:
-        capacity = winding_capacity(magnet) if isinstance(magnet, ECore) else math.nan
+        capacity = winding_capacity(magnet) if isinstance(magnet, MagnetKind) else math.nan
         note = f"stated thermal resistance of {cooling.thermal_resistance:g} K/W, winding to ambient"
         return ThermalNetwork(("winding",), np.array([capacity]), np.array([[1 / cooling.thermal_resistance]]), (note,))
-    if not isinstance(magnet, ECore):
+    if not isinstance(magnet, MagnetKind) or magnet.core_surface is None:
         raise InputError(
-            f"{actuator.name}: the cooling of a magnet that is no E-core is not known; state it, like "
+            f"{actuator.name}: the cooling of this magnet is not known, as its surfaces are not; state it, like "
             '--thermal-resistance "2 K/W"'
         )
     h = cooling.heat_transfer_coefficient
     between = 1 / winding_to_core_resistance(magnet, cooling)
     ends = h * end_turn_surface(magnet)
-    surface = h * core_surface(magnet)
+    surface = h * magnet.core_surface
+    turns = f"end turns to ambient {1 / ends:.3g} K/W" if ends else "no turns outside the core"
     return ThermalNetwork(
         ("winding", "core"),
         np.array([winding_capacity(magnet), core_capacity(magnet)]),
         np.array([[between + ends, -between], [-between, between + surface]]),
         (
             f"two nodes: winding to core {1 / between:.3g} K/W through insulation of "
-            f"{cooling.insulation_conductivity:g} W/(m K), end turns to ambient {1 / ends:.3g} K/W and core to ambient "
+            f"{cooling.insulation_conductivity:g} W/(m K), {turns} and core to ambient "
             f"{1 / surface:.3g} K/W at {h:g} W/(m2 K); no heat goes into what the core is mounted on",
         ),
     )
@@ -142,38 +143,30 @@ def winding_conductivity(fill_factor: float, insulation: float) -> float:
     return i * ((1 + f) * k + (1 - f) * i) / ((1 - f) * k + (1 + f) * i)
 
 
-def winding_to_core_resistance(magnet: ECore, cooling: Cooling) -> float:
-    """K/W from the winding's mean temperature to the centre leg, around all four sides of it."""
-    coil = magnet.coil
-    area = 2 * (magnet.stack_depth + magnet.centre_leg_width) * coil.height
-    across = winding_conductivity(coil.fill_factor, cooling.insulation_conductivity)
-    return (coil.leg_clearance / cooling.insulation_conductivity + coil.width / (3 * across)) / area
+def winding_to_core_resistance(magnet: MagnetKind, cooling: Cooling) -> float:
+    """K/W from the winding's mean temperature to the legs that it encloses, all around them."""
+    space = magnet.winding_space
+    area = space.coils * space.perimeter * space.height
+    across = winding_conductivity(magnet.coil.fill_factor, cooling.insulation_conductivity)
+    return (space.clearance / cooling.insulation_conductivity + space.width / (3 * across)) / area
 
 
-def end_turn_surface(magnet: ECore) -> float:
-    """m2 of the coil outside the window: its outer face and both edges, along the turns beyond the stack."""
-    coil = magnet.coil
-    return (magnet.mean_turn_length - 2 * magnet.stack_depth) * (coil.height + 2 * coil.width)
+def end_turn_surface(magnet: MagnetKind) -> float:
+    """m2 of the coils outside the window: their outer face and both edges, along the turns there."""
+    space = magnet.winding_space
+    return space.coils * space.exposed * (space.height + 2 * space.width)
 
 
-def core_surface(magnet: ECore) -> float:
-    """m2 of the core outside the window, without its pole faces: both ends of the stack, back and sides."""
-    return 2 * _core_section(magnet) + (2 * magnet.half_width + 2 * magnet.height) * magnet.stack_depth
-
-
-def winding_capacity(magnet: ECore) -> float:
+def winding_capacity(magnet: MagnetKind) -> float:
     """J/K of the copper."""
-    volume = magnet.coil.fill_factor * magnet.coil_section * magnet.mean_turn_length
-    return COPPER_DENSITY * COPPER_SPECIFIC_HEAT * volume
+    return COPPER_DENSITY * COPPER_SPECIFIC_HEAT * magnet.copper_volume
 
 
-def _core_section(magnet: ECore) -> float:
-    return 2 * magnet.half_width * magnet.height - 2 * magnet.window_width * magnet.window_height
-
-
-def core_capacity(magnet: ECore) -> float:
+def core_capacity(magnet: MagnetKind) -> float:
     """J/K of the core's iron."""
-    return IRON_DENSITY * IRON_SPECIFIC_HEAT * _core_section(magnet) * magnet.stack_depth * magnet.iron.core_stacking
+    section = magnet.section(0.1 * magnet.half_width)
+    core = sum(section.part_volume(part) for part in section.parts if part.region != "armature")
+    return IRON_DENSITY * IRON_SPECIFIC_HEAT * core
 
 
 class ThermalRunaway(ComputationError):  # noqa: N818 - reads as the sentence it stands for
@@ -271,7 +264,7 @@ def peak_rise(network: ThermalNetwork, heating: Heating, current: float, *, cycl
     if not np.isfinite(network.capacity).all():
         raise InputError(
             "the winding's heat capacity is not known, so a period cannot be judged; leave --period out, or describe "
-            "the magnet as an E-core"
+            "the magnet by its dimensions"
         )
     on = _transition(network, *_matrix_and_source(network, heating, current), cycle.duty * cycle.period)
     if on is None:

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from msl_fem.actuator import Actuator, ECore
+from msl_fem.actuator import Actuator, MagnetKind
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
@@ -161,15 +161,16 @@ def fitting_layers(outer_diameter: float, *, width: float, height: float, packin
 
 @dataclass(frozen=True)
 class Winding:
-    """A coil wound with a wire, turn by turn.
+    """Equal coils in series, wound with a wire turn by turn.
 
     Attributes
     ----------
-    layers : turns a layer, from the leg outwards; the last may be part full
-    capacity : turns that would fit
+    layers : of one coil: turns a layer, from the leg outwards; the last may be part full
+    capacity : turns of one coil that would fit
     turn_length : of each layer's turns in m
     window : width and height of the coil's window in m
     mean_turn_length : of the window's middle in m, what the fill factor's formula takes
+    coils : in series
     """
 
     wire: RoundWire
@@ -179,20 +180,22 @@ class Winding:
     turn_length: tuple[float, ...]
     window: tuple[float, float]
     mean_turn_length: float
+    coils: int = 1
 
     @property
     def turns(self) -> int:
-        return sum(self.layers)
+        """Of all coils."""
+        return self.coils * sum(self.layers)
 
     @property
     def fill_factor(self) -> float:
         """Copper over the window's section."""
-        return self.turns * self.wire.section / (self.window[0] * self.window[1])
+        return self.turns * self.wire.section / (self.coils * self.window[0] * self.window[1])
 
     @property
     def length(self) -> float:
         """Of the wire in m, without leads."""
-        return sum(n * length for n, length in zip(self.layers, self.turn_length, strict=True))
+        return self.coils * sum(n * length for n, length in zip(self.layers, self.turn_length, strict=True))
 
     def resistance(self, temperature: float = REFERENCE_TEMPERATURE) -> float:
         """ohm at a temperature in K, from the wire's length and section."""
@@ -204,42 +207,43 @@ class Winding:
         It takes the window's middle turn for all turns, hence a little more than `resistance` where the outer part of
         the window stays empty.
         """
-        area = self.window[0] * self.window[1]
+        area = self.coils * self.window[0] * self.window[1]
         return resistivity(temperature) * self.turns**2 * self.mean_turn_length / (self.fill_factor * area)
 
 
-def wind(magnet: ECore, wire: RoundWire, *, packing: Packing = "square") -> Winding:
-    """The coil of an E-core wound with a wire, layer on layer from the leg outwards.
+def wind(magnet: MagnetKind, wire: RoundWire, *, packing: Packing = "square") -> Winding:
+    """One of a magnet's coils wound with a wire, layer on layer from the leg outwards.
 
     Raises
     ------
     InputError : the turns do not fit; the message says how many do
     """
-    coil = magnet.coil
+    coil, space = magnet.coil, magnet.winding_space
+    turns = coil.turns // space.coils
     fitting = fitting_layers(wire.outer_diameter, width=coil.width, height=coil.height, packing=packing)
-    if fitting.capacity < coil.turns:
+    if fitting.capacity < turns:
         raise InputError(
-            f"{coil.turns} turns of {wire.name} (over all {format_quantity(wire.outer_diameter, 'm')}) do not fit the "
+            f"{turns} turns of {wire.name} (over all {format_quantity(wire.outer_diameter, 'm')}) do not fit the "
             f"coil's {coil.width * 1e3:g} mm by {coil.height * 1e3:g} mm, {fitting.capacity} do; "
             "take a thinner wire, fewer turns or a larger window"
         )
     layers: list[int] = []
-    left = coil.turns
+    left = turns
     for capacity in fitting.turns:
         layers.append(min(capacity, left))
         left -= layers[-1]
         if left == 0:
             break
-    straight = 2 * (magnet.stack_depth + magnet.centre_leg_width)
-    radii = (coil.leg_clearance + wire.outer_diameter / 2 + n * fitting.pitch for n in range(len(layers)))
+    distances = (space.clearance + wire.outer_diameter / 2 + n * fitting.pitch for n in range(len(layers)))
     return Winding(
         wire=wire,
         packing=packing,
         layers=tuple(layers),
         capacity=fitting.capacity,
-        turn_length=tuple(straight + 2 * math.pi * r for r in radii),
+        turn_length=tuple(space.turn_length(distance) for distance in distances),
         window=(coil.width, coil.height),
         mean_turn_length=magnet.mean_turn_length,
+        coils=space.coils,
     )
 
 
@@ -259,22 +263,23 @@ class WireChoice:
 def choose_wire(
     actuator: Actuator, *, series: Series = "metric", grade: Grade = 1, packing: Packing = "square"
 ) -> WireChoice:
-    """The thickest wire of a series whose turns fit the coil of an actuator's E-core.
+    """The thickest wire of a series whose turns fit the coils of an actuator's magnet.
 
     Raises
     ------
-    ActuatorError : the magnet is no E-core
+    ActuatorError : the magnet's dimensions are not known
     InputError : not even the thinnest wire fits; an unknown series, grade or packing
     """
-    magnet = actuator.e_core()
+    magnet = actuator.magnet_kind("the choice of a wire")
     coil = magnet.coil
+    turns = coil.turns // magnet.winding_space.coils
     candidates = wires(series, grade=grade)
     for wire in reversed(candidates):
         room = fitting_layers(wire.outer_diameter, width=coil.width, height=coil.height, packing=packing)
-        if room.capacity >= coil.turns:
+        if room.capacity >= turns:
             return WireChoice(wind(magnet, wire, packing=packing), coil.fill_factor)
     raise InputError(
-        f"{coil.turns} turns do not fit the coil's {coil.width * 1e3:g} mm by {coil.height * 1e3:g} mm even with "
+        f"{turns} turns do not fit the coil's {coil.width * 1e3:g} mm by {coil.height * 1e3:g} mm even with "
         f"{candidates[0].name}; take fewer turns or a larger window"
     )
 
@@ -290,15 +295,15 @@ class SlotRows:
     diameter: float
 
 
-def slot_rows(winding: Winding, magnet: ECore) -> SlotRows:
-    """The rows of a winding in an E-core's window.
+def slot_rows(winding: Winding, magnet: MagnetKind) -> SlotRows:
+    """The rows of a winding in the window of a magnet.
 
     The window is a slot between two legs that opens at the pole faces. Its leakage field runs across, from leg to leg,
     and grows from nothing at the yoke to N i / w at the last row (Field 1905; Emde 1908): what Dowell calls a layer
     is here one row of wires across the window, and there are as many rows as turns in a layer along the leg.
     """
     rows = max(winding.layers)
-    return SlotRows(rows, winding.turns / rows, magnet.window_width, winding.wire.diameter)
+    return SlotRows(rows, winding.turns / rows, magnet.winding_space.slot_width, winding.wire.diameter)
 
 
 def skin_depth(frequency: ArrayLike, temperature: float = REFERENCE_TEMPERATURE) -> Array:

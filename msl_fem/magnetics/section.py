@@ -1,6 +1,11 @@
-"""A plane section as painted polygons: which region lies where, where the field is singular, where it is read."""
+"""A section as painted polygons: which region lies where, where the field is singular, where it is read."""
 
 from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+Symmetry = Literal["flux line", "equipotential", "axis"]
 
 
 @dataclass(frozen=True)
@@ -21,8 +26,17 @@ class Line:
 
 
 @dataclass(frozen=True)
+class IronPart:
+    """A part of the iron for which the cut of the same name stands: the polygon that it fills in one of the regions."""
+
+    name: str
+    region: str
+    vertices: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
 class Section:
-    """A half section x >= 0 (A = 0 on x = 0 and on the box), in metres, at the gap `gap`.
+    """A half section x >= 0 (A = 0 on the box), in metres, at the gap `gap`.
 
     The strip 0 <= y <= gap crosses the whole box: another gap stretches it and shifts what lies above.
 
@@ -33,9 +47,12 @@ class Section:
     cuts : lines on which flux density is read, none of them in the strip
     iron : region name to (iron name, stacking factor)
     turns_density : region name to turns per area (1/m2), signed
-    depth : stack depth in m
+    depth : stack depth in m; 1 with an axis
     gap : the gap of these coordinates in m
     far : the air box is this many times as large as painted; between the two the mesh is stretched radially
+    parts : of the iron, by the names of the cuts
+    symmetry : x = 0 is a flux line (A = 0, currents change their sign), an equipotential of the field (currents keep
+        their sign) or the axis of a body of revolution, x being r and y being z
     """
 
     regions: tuple[Region, ...]
@@ -46,6 +63,48 @@ class Section:
     depth: float
     gap: float
     far: float = 1.0
+    parts: tuple[IronPart, ...] = ()
+    symmetry: Symmetry = "flux line"
+
+    @property
+    def axisymmetric(self) -> bool:
+        return self.symmetry == "axis"
+
+    @property
+    def scale(self) -> float:
+        """What the solved half's energy per unit depth, or that of a body of revolution, is multiplied by."""
+        return 1.0 if self.axisymmetric else 2 * self.depth
+
+    @property
+    def thinnest_iron(self) -> float:
+        """m: the shortest cut, one that begins on a plane of symmetry counted twice."""
+        lengths = []
+        for cut in self.cuts:
+            mirrored = not self.axisymmetric and cut.start[0] == 0.0 != cut.end[0]
+            lengths.append(float(np.hypot(*np.subtract(cut.end, cut.start))) * (2 if mirrored else 1))
+        return min(lengths)
+
+    def part_volume(self, part: IronPart) -> float:
+        """m3 of a part of the whole magnet, sheets only: its area times depth, or turned about the axis (Pappus)."""
+        x, y = np.array(part.vertices).T
+        following = np.roll(x, -1), np.roll(y, -1)
+        cross = x * following[1] - following[0] * y
+        stacking = self.iron[part.region][1]
+        if self.axisymmetric:
+            return stacking * 2 * np.pi * abs(float(np.sum((x + following[0]) * cross))) / 6
+        return stacking * self.scale * abs(float(cross.sum())) / 2
+
+    @property
+    def iron_volumes(self) -> dict[str, float]:
+        """Part to its volume in m3, as `part_volume`."""
+        return {part.name: self.part_volume(part) for part in self.parts}
+
+    @property
+    def body(self) -> tuple[float, float, float, float]:
+        """(smallest x, largest x, smallest y, largest y) in m of the solved half's iron and coils."""
+        solid = [r.vertices for r in self.regions if r.name in self.iron or r.name in self.turns_density]
+        x, y = np.concatenate([np.array(vertices) for vertices in solid]).T
+        return float(x.min()), float(x.max()), float(y.min()), float(y.max())
 
 
 def rectangle(name: str, x0: float, y0: float, x1: float, y1: float) -> Region:

@@ -64,10 +64,10 @@ def painted_field(field: MagnetField, solution: FieldSolution) -> PaintedField:
     region = np.array([mesh.names.index("air") if n in AIR else k for k, n in enumerate(mesh.names)])[mesh.region]
     corner_x, corner_y = mesh.at_gap(solution.gap) * 1e3
     outlines = _region_edges(corner_x, corner_y, mesh.triangles, region)
-    magnet = field.magnet
-    half, margin = max(magnet.half_width, magnet.armature_half_width) * 1e3, 0.2 * magnet.half_width * 1e3
-    low, high = -magnet.armature_thickness * 1e3 - margin, (solution.gap + magnet.height) * 1e3 + margin
-    area = (-half - margin, half + margin, low, high)
+    _, right, low, high = field.section.body
+    margin = 0.2 * field.magnet.half_width * 1e3
+    right, low = right * 1e3 + margin, low * 1e3 - margin
+    area = (-right, right, low, (high - mesh.gap + solution.gap) * 1e3 + margin)
     b = _flux_density(x, y, potential, fine.t)
     return PaintedField(x, y, potential, fine.t, b, outlines, area)
 

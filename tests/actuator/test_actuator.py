@@ -139,7 +139,11 @@ def put(content: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
         ("magnet.coil.turns", True, "true is not"),
         ("magnet.coil.fill_factor", 1.0, "less than 1"),
         ("magnet.iron.stacking_factor", 1.01, "less than or equal to 1"),
-        ("magnet.kind", "c-core", "magnet: kind 'c-core' is unknown; choose one of 'e-core', 'table', 'mesh'"),
+        (
+            "magnet.kind",
+            "c-core",
+            "magnet: kind 'c-core' is unknown; choose one of 'e-core', 'u-core', 'table', 'mesh'",
+        ),
         ("magnet.kind", None, "magnet: kind is missing"),
         ("drive.kind", "pneumatic", "'current', 'voltage' or 'force'"),
         ("sides.count", 3, "1 or 2"),
@@ -218,8 +222,8 @@ def test_without_a_magnet_only_a_force_can_drive(content: dict[str, Any]) -> Non
     actuator = parse_actuator(rig)
     assert actuator.motion is not None
     assert (actuator.motion.moving_mass, actuator.motion.nominal_gap) == (95.1, None)
-    with pytest.raises(ActuatorError, match='needs \\[magnet\\] kind = "e-core"'):
-        actuator.e_core()
+    with pytest.raises(ActuatorError, match="needs \\[magnet\\] of a kind with dimensions"):
+        actuator.magnet_kind()
 
 
 @pytest.mark.parametrize(
@@ -237,11 +241,11 @@ def test_a_file_that_is_none_is_named(tmp_path: Path, text: str | None, said: st
 
 def test_records_are_frozen(servo: Actuator) -> None:
     with pytest.raises(ValueError, match="frozen"):
-        servo.e_core().stack_depth = 1.0  # type: ignore[misc]
+        servo.magnet.stack_depth = 1.0  # type: ignore[misc]
 
 
 def test_lengths_that_follow_from_the_dimensions(servo: Actuator) -> None:
-    core = servo.e_core()
+    core = servo.magnet
     assert core.half_width == pytest.approx(20e-3)
     assert core.height == pytest.approx(26e-3)
     # two straight sides of 20 mm and two of 10 mm, corners about a middle turn 5 mm off the leg
@@ -253,11 +257,11 @@ def test_lengths_that_follow_from_the_dimensions(servo: Actuator) -> None:
 def test_a_stated_resistance_goes_before_the_winding(content: dict[str, Any]) -> None:
     assert parse_actuator(content).coil_resistance() == 1.0
     unstated = parse_actuator(put(content, "drive.coil_resistance", None))
-    assert unstated.coil_resistance() == unstated.e_core().winding_resistance
+    assert unstated.coil_resistance() == unstated.magnet.winding_resistance
 
 
 def test_stacking_factors_of_core_and_armature_go_before_the_common_one(content: dict[str, Any]) -> None:
-    iron = parse_actuator(put(content, "magnet.iron.core_stacking_factor", 0.9)).e_core().iron
+    iron = parse_actuator(put(content, "magnet.iron.core_stacking_factor", 0.9)).magnet.iron
     assert (iron.core_stacking, iron.armature_stacking) == (0.9, 0.96)
 
 

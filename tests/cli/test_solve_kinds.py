@@ -49,7 +49,7 @@ def test_a_mesh_has_its_own_gap(msl_fem: Run) -> None:
         ((E1, *BOTH, "--tilt", "1 mm"), "--tilt: unit 'mm' has the wrong dimension"),
         ((E1, *BOTH, "--picture", "a.png"), "--picture and --vtu"),
         ((U_CORE, "--current", "1 A", "--gap", "1 mm"), "gap 1 mm is not that of the mesh"),
-        ((U_CORE, *BOTH), "needs [magnet] kind"),
+        ((U_CORE, *BOTH), "needs [magnet] of a kind"),
     ],
 )
 def test_what_does_not_belong_together_is_refused(msl_fem: Run, arguments: tuple[str, ...], said: str) -> None:

@@ -16,7 +16,7 @@ GAP, CURRENT = np.geomspace(0.1e-3, 1e-3, 25), np.linspace(0, 5, 6)
 
 @pytest.fixture(scope="module")
 def magnet():
-    return load_actuator(ROOT / "geometries" / "e1.toml").e_core()
+    return load_actuator(ROOT / "geometries" / "e1.toml").magnet
 
 
 def test_with_ideal_iron_it_is_maxwells_pull(magnet) -> None:
@@ -64,7 +64,7 @@ def test_a_field_solution_is_above_it_by_fringe_and_leakage(magnet) -> None:
 
 def test_the_reference_actuators_table_is_near_its_circuit_at_small_currents() -> None:
     actuator = load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")
-    magnet, table = actuator.e_core(), read_table(ROOT / "lookup_tables" / "fast_tool_servo.nc")
+    magnet, table = actuator.magnet, read_table(ROOT / "lookup_tables" / "fast_tool_servo.nc")
     core = laminated(load_iron(magnet.iron.core), magnet.iron.core_stacking)
     small, gap = 0.5, 0.3e-3
     for circuit, off in ((circuit_of(magnet, core, core), 0.25), (circuit_fitted(table), 0.1)):

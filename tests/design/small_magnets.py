@@ -28,7 +28,7 @@ def nominal_of(actuator_name: str, gap: float) -> FieldJob:
 
 
 def nominal(actuator: Actuator, gap: float) -> FieldJob:
-    magnet = actuator.e_core()
+    magnet = actuator.magnet
     return FieldJob(magnet, magnet_mesh(magnet, gap, "fast"), actuator.folder, LEVELS["fast"].order)
 
 

@@ -101,8 +101,8 @@ def test_a_stated_wire_fixes_the_turns() -> None:
     assert found is not None
     coil = found.magnet.coil
     copper = coil.turns * 3.14159265 / 4 * 0.5e-3**2
-    assert copper <= 0.5 * found.magnet.coil_section < copper + 2e-7
-    assert coil.fill_factor == pytest.approx(copper / found.magnet.coil_section)
+    assert copper <= 0.5 * found.magnet.winding_space.area < copper + 2e-7
+    assert coil.fill_factor == pytest.approx(copper / found.magnet.winding_space.area)
     assert [c.name for c in evaluation.constraints if not c.kept] == ["current"]
 
 

@@ -15,7 +15,7 @@ from msl_fem.design.tolerances.manufactured import (
     scaled_iron,
 )
 from msl_fem.errors import ComputationError
-from msl_fem.magnetics.field.magnet_field import MagnetField, e_core_section, magnet_mesh
+from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.sweep.rows import FieldJob
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, e1_iron, linear_iron, load_iron
@@ -37,13 +37,13 @@ def test_the_moved_mesh_fills_the_made_section(name: str, chamfer: float) -> Non
     nominal_magnet = nominal_of(name, GAP).magnet.model_copy(update={"pole_chamfer": chamfer, "air": None})
     mesh = magnet_mesh(nominal_magnet, GAP, "fast")
     made = manufactured_magnet(nominal_magnet, OFF)
-    moved = moved_mesh(mesh, e_core_section(nominal_magnet, GAP), e_core_section(made, GAP))
+    moved = moved_mesh(mesh, nominal_magnet.section(GAP), made.section(GAP))
     half = made.centre_leg_width / 2 + made.window_width + made.outer_leg_width
     windows = made.window_width * made.window_height
     core = half * (made.window_height + made.yoke_thickness) - windows - 3 * chamfer**2 / 2
     assert area(moved, "core") == pytest.approx(core, rel=1e-9)
     assert area(moved, "armature") == pytest.approx(made.armature_thickness * half, rel=1e-9)
-    assert area(moved, "coil") == pytest.approx(made.coil_section, rel=1e-9)
+    assert area(moved, "coil") == pytest.approx(made.winding_space.area, rel=1e-9)
     box = made.air_box
     assert moved.points[0].max() == pytest.approx(half + box.side, rel=1e-9)
     assert moved.points[1].max() == pytest.approx(GAP + made.height + box.top, rel=1e-9)
@@ -63,11 +63,11 @@ def test_a_moved_mesh_gives_what_a_new_one_does() -> None:
 
 def test_lines_that_part_or_cross_are_refused() -> None:
     nominal_job = nominal_of("fast_tool_servo", GAP)
-    section = e_core_section(nominal_job.magnet, GAP)
+    section = nominal_job.magnet.section(GAP)
     shrunk = replace(section, regions=section.regions[:-1])
     with pytest.raises(ComputationError, match="other vertices"):
         moved_mesh(nominal_job.mesh, section, shrunk)
-    overhang = e_core_section(nominal_job.magnet.model_copy(update={"armature_overhang": 1e-3}), GAP)
+    overhang = nominal_job.magnet.model_copy(update={"armature_overhang": 1e-3}).section(GAP)
     with pytest.raises(ComputationError, match="parts lines"):
         moved_mesh(nominal_job.mesh, section, overhang)
 
@@ -101,7 +101,7 @@ def test_bh_deviations_reach_the_field() -> None:
     """The made field of a linear iron is that of the magnet with the other permeability."""
     nominal_job = nominal(wide_open("linear:200"), GAP)
     made = manufactured_field(nominal_job, {"bh_field_strength": 0.25, "bh_polarisation": 0.0})
-    other = FieldJob(wide_open(f"linear:{1 + 199 / 1.25!r}").e_core(), nominal_job.mesh, Path(), nominal_job.order)
+    other = FieldJob(wide_open(f"linear:{1 + 199 / 1.25!r}").magnet, nominal_job.mesh, Path(), nominal_job.order)
     plain = manufactured_field(other, {})
     found, wanted = (field.quantities(field.solve(2.0, GAP)) for field in (made, plain))
     assert found.force == pytest.approx(wanted.force, rel=1e-6)

@@ -62,7 +62,7 @@ def test_proximity_loss_by_the_field_at_the_wires() -> None:
 def test_the_slots_field_is_that_of_the_field_solution() -> None:
     """The mean of B^2 over the coil, from finite elements: the field runs across the window and grows to the poles."""
     actuator = servo()
-    magnet, current, gap = actuator.e_core(), 1.0, 0.6e-3
+    magnet, current, gap = actuator.magnet, 1.0, 0.6e-3
     field = MagnetField(magnet, magnet_mesh(magnet, gap, "fast"), folder=actuator.folder, order=2)
     b = triangle_flux_density(field.model, field.solve(current, gap))
     mesh = field.model.mesh
@@ -78,7 +78,7 @@ def test_the_slots_field_is_that_of_the_field_solution() -> None:
 def test_negligible_below() -> None:
     """For the reference coil the extra resistance passes 1 % at about 260 Hz: not negligible at its 1 kHz."""
     actuator = servo()
-    rows = slot_rows(choose_wire(actuator).winding, actuator.e_core())
+    rows = slot_rows(choose_wire(actuator).winding, actuator.magnet)
     limit = negligible_below(rows)
     assert limit == pytest.approx(263, rel=0.02)
     assert float(resistance_factor(rows, limit)) - 1 == pytest.approx(0.01, rel=1e-6)

@@ -27,7 +27,7 @@ def test_each_harmonic_has_its_own_resistance(servo: Actuator) -> None:
     t = np.arange(200) / 200
     current = 1.0 + 0.8 * np.sin(2 * np.pi * t) + 0.3 * np.cos(2 * np.pi * 10 * t)
     found = copper_loss_of_period(servo, current, frequency=100.0, winding=winding)
-    factor = resistance_factor(slot_rows(winding, servo.e_core()), [100.0, 1000.0])
+    factor = resistance_factor(slot_rows(winding, servo.magnet), [100.0, 1000.0])
     expected = 1.0 + 0.8**2 / 2 * factor[0] + 0.3**2 / 2 * factor[1]
     assert found.loss == pytest.approx(expected, rel=1e-12)
     assert found.alternating_share == pytest.approx(1 - (1 + 0.32 + 0.045) / expected, rel=1e-9)

@@ -35,10 +35,10 @@ def areas(mesh: TriangleMesh, region: str) -> np.ndarray:
 
 
 def chamfered() -> ECore:
-    return servo().e_core().model_copy(update={"pole_chamfer": 0.8e-3, "armature_overhang": 3e-3})
+    return servo().magnet.model_copy(update={"pole_chamfer": 0.8e-3, "armature_overhang": 3e-3})
 
 
-@pytest.mark.parametrize("magnet", [servo().e_core(), chamfered()], ids=["plain", "chamfered"])
+@pytest.mark.parametrize("magnet", [servo().magnet, chamfered()], ids=["plain", "chamfered"])
 def test_the_volumes_are_those_of_the_mesh(magnet: ECore) -> None:
     """Sheets only: the triangles' area times depth times stacking factor."""
     mesh = magnet_mesh(magnet, 0.6e-3, "fast")
@@ -86,7 +86,7 @@ def test_sections_add_up_and_scale(table: MagneticTable) -> None:
 def test_sections_against_the_field_solution(table: MagneticTable) -> None:
     """The integral of B^2 over the iron by finite elements: sections say 4 to 9 % more, 15 to 35 % in the armature."""
     actuator = servo()
-    magnet, i, g = actuator.e_core(), 2.0, 0.6e-3
+    magnet, i, g = actuator.magnet, 2.0, 0.6e-3
     field = MagnetField(magnet, magnet_mesh(magnet, g, "fast"), folder=actuator.folder, order=2)
     b = np.hypot(*triangle_flux_density(field.model, field.solve(i, g))) / 0.96
     for region, low, high in (("core", 1.03, 1.12), ("armature", 1.1, 1.4)):
@@ -100,7 +100,7 @@ def test_sections_against_the_field_solution(table: MagneticTable) -> None:
 def test_unknown_losses_stay_unknown(table: MagneticTable) -> None:
     """A core of M-19 under an armature of M-27: the sum is not known, the core's is, and the note says why."""
     actuator = servo()
-    magnet = actuator.e_core()
+    magnet = actuator.magnet
     iron = magnet.iron.model_copy(update={"armature": "m27"})
     other = actuator.model_copy(update={"magnet": magnet.model_copy(update={"iron": iron})})
     found = iron_loss(table, other, operation=sine_operation(1.0, 0.6e-3, frequency=50.0, amplitude=0.5))

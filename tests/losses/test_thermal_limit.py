@@ -14,7 +14,6 @@ from msl_fem.losses import (
     Heating,
     ThermalLimit,
     continuous_current,
-    core_surface,
     end_turn_surface,
     iron_loss,
     peak_rise,
@@ -75,8 +74,8 @@ def test_what_helps_and_what_costs() -> None:
 
 def test_the_networks_surfaces_and_capacities() -> None:
     """The reference actuator by hand: 40 mm by 26 mm E with two 10 mm by 20 mm windows, 20 mm deep."""
-    magnet = servo().e_core()
-    assert core_surface(magnet) == pytest.approx(2 * (40 * 26 - 400) * 1e-6 + (40 + 2 * 26) * 20e-6, rel=1e-12)
+    magnet = servo().magnet
+    assert magnet.core_surface == pytest.approx(2 * (40 * 26 - 400) * 1e-6 + (40 + 2 * 26) * 20e-6, rel=1e-12)
     turn = 2 * (20 + 10) + 2 * math.pi * 5
     assert end_turn_surface(magnet) == pytest.approx((turn - 40) * 1e-3 * 32e-3, rel=1e-12)
     network = thermal_network(servo(), Cooling())
@@ -151,7 +150,7 @@ def test_where_the_iron_loss_ends_the_curve_is_not_known(table: MagneticTable) -
 
 def test_the_curve_with_iron_needs_the_irons_losses(table: MagneticTable) -> None:
     actuator = servo()
-    magnet = actuator.e_core()
+    magnet = actuator.magnet
     iron = magnet.iron.model_copy(update={"core": "m27"})
     other = actuator.model_copy(update={"magnet": magnet.model_copy(update={"iron": iron})})
     with pytest.raises(MaterialError, match="no loss data with a source for iron 'm27'"):

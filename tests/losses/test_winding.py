@@ -71,7 +71,7 @@ def test_the_next_thicker_wire_does_not_fit(series: str, grade: int, packing: st
     chosen = choose_wire(actuator, **options, packing=packing).winding  # type: ignore[arg-type]
     thicker = [w for w in wires(**options) if w.diameter > chosen.wire.diameter]  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"200 turns of .* do not fit"):
-        wind(actuator.e_core(), thicker[0], packing=packing)  # type: ignore[arg-type]
+        wind(actuator.magnet, thicker[0], packing=packing)  # type: ignore[arg-type]
     assert chosen.turns == 200
 
 

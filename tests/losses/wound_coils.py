@@ -13,6 +13,6 @@ def servo() -> Actuator:
 
 def coil_of(width: float, height: float, turns: int) -> ECore:
     """The reference actuator's magnet with another coil in a larger window; m."""
-    magnet = servo().e_core()
+    magnet = servo().magnet
     coil = magnet.coil.model_copy(update={"width": width, "height": height, "turns": turns})
     return magnet.model_copy(update={"coil": coil, "window_width": 2 * width, "window_height": 2 * height})

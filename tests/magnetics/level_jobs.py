@@ -17,7 +17,7 @@ SERVO = load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")
 
 def with_iron(actuator: Actuator, name: str, **more: float) -> Actuator:
     """The actuator with both irons exchanged."""
-    magnet = actuator.e_core()
+    magnet = actuator.magnet
     iron = magnet.iron.model_copy(update={"core": name, "armature": name, **more})
     return actuator.model_copy(update={"magnet": magnet.model_copy(update={"iron": iron})})
 
@@ -30,7 +30,7 @@ def linear_field(relative_permeability: int) -> MagnetField:
 
 def job_of(actuator: Actuator, gap: float, accuracy: str = "fast", criterion: str = "mean") -> LevelJob:
     """What a process gets for a map, meshed at the gap."""
-    magnet: ECore = actuator.e_core()
+    magnet: ECore = actuator.magnet
     where = parse_criterion(criterion)
     mesh = level_mesh(magnet, gap, accuracy, where)
     order, safety = level_order(accuracy, where), level_safety(accuracy, where)

@@ -30,7 +30,7 @@ def e1() -> Actuator:
 
 @pytest.fixture(scope="module")
 def field(e1) -> MagnetField:
-    magnet = e1.e_core()
+    magnet = e1.magnet
     return MagnetField(magnet, magnet_mesh(magnet, 4e-4, "fast"), folder=ROOT, order=2, end_effects=True)
 
 
@@ -79,19 +79,19 @@ def test_derivatives_of_the_factor(gap):
 
 def test_height_that_counts(e1):
     """The geometric mean of the heights at which the force is lost, by quadrature; at most the armature's thickness."""
-    magnet = e1.e_core()
+    magnet = e1.magnet
     coil, low = magnet.coil, magnet.coil.face_clearance
     share = magnet.outer_leg_width / (magnet.centre_leg_width / 2 + magnet.outer_leg_width)
     heights = low + (np.arange(4000) + 0.5) / 4000 * share * coil.height
-    assert gap_edges(magnet).reach == pytest.approx(np.exp(np.log(heights).mean()), rel=1e-5)
+    assert gap_edges(magnet.stack_ends).reach == pytest.approx(np.exp(np.log(heights).mean()), rel=1e-5)
     thin = magnet.model_copy(update={"armature_thickness": 1e-3})
-    assert gap_edges(thin).reach == 1e-3
+    assert gap_edges(thin.stack_ends).reach == 1e-3
     bare = magnet.model_copy(update={"coil": coil.model_copy(update={"face_clearance": 0.0})})
-    assert gap_edges(bare).reach == pytest.approx(share * coil.height / math.e)
+    assert gap_edges(bare.stack_ends).reach == pytest.approx(share * coil.height / math.e)
 
 
 def test_deep_stack_needs_no_correction(e1):
-    air = deeper_air(e1.e_core().model_copy(update={"stack_depth": 1e3}), 5e-4)
+    air = deeper_air(e1.magnet.model_copy(update={"stack_depth": 1e3}).stack_ends, 5e-4)
     k, slope, bend = air.strip(5e-4)
     assert k == pytest.approx(1, abs=1e-5)
     assert abs(slope) * 5e-4 < 1e-5
@@ -105,7 +105,7 @@ def test_window_of_other_magnets_has_a_plausible_factor(seed):
     magnet = random_core(np.random.default_rng(seed), largest=12e-3)
     window, smaller = magnet.window_width, min(magnet.centre_leg_width / 2, magnet.outer_leg_width)
     low, high = (1 + window * corner_excess(2 * n * smaller / window)[0] / magnet.stack_depth for n in (1, 10))
-    assert low < window_factor(magnet) < high
+    assert low < window_factor(magnet.stack_ends) < high
 
 
 @pytest.mark.parametrize(("current", "gap"), [(1.0, 6e-4), (10.0, 2e-4), (12.0, 9e-4)])
@@ -134,7 +134,7 @@ def test_refined_field_is_corrected_too(field):
 
 def test_small_correction_is_the_first_order_change_of_the_coenergy(e1):
     """dW' = -dW at fixed A, so the force changes by d/dg of what the correction takes off the plane field's energy."""
-    magnet = with_linear_iron(e1.e_core(), stack_depth=20.0)
+    magnet = with_linear_iron(e1.magnet, stack_depth=20.0)
     off, on = both(magnet)
     gap, current, step = 6e-4, 1.0, 6e-6
 
@@ -149,11 +149,11 @@ def test_small_correction_is_the_first_order_change_of_the_coenergy(e1):
 
 def test_unsaturated_force_and_flux_grow_with_gap_over_depth(e1):
     """At a given magnetomotive force F goes with k - g k' = 1 + 2 h/(D q), about 1 + 2 g/(pi D); flux with k."""
-    magnet = with_linear_iron(e1.e_core())
+    magnet = with_linear_iron(e1.magnet)
     off, on = both(magnet)
     for gap in (3e-4, 9e-4):
         plain, corrected = at(off, 1.0, gap), at(on, 1.0, gap)
-        k, slope, _ = gap_edges(magnet).factor(gap)
+        k, slope, _ = gap_edges(magnet.stack_ends).factor(gap)
         assert k - gap * slope == pytest.approx(1 + 2 * gap / (math.pi * magnet.stack_depth), rel=0.02)
         gain = (corrected.force / plain.force - 1) / (k - gap * slope - 1)
         assert 0.65 < gain < 1  # below 1 by what the plane section has of fringe itself
@@ -161,7 +161,7 @@ def test_unsaturated_force_and_flux_grow_with_gap_over_depth(e1):
 
 
 def test_without_correction_the_stiffness_is_that_of_the_plane_to_the_bit(e1):
-    magnet = e1.e_core()
+    magnet = e1.magnet
     model = MagnetField(magnet, magnet_mesh(magnet, 4e-4, "fast"), folder=ROOT, order=2).model
     a = np.random.default_rng(0).normal(size=model.n_dof)
     x, y, rest = model._full
@@ -186,7 +186,7 @@ def test_sweep_states_the_correction_and_keeps_its_rows_apart(e1, tmp_path):
 
 def test_saturated_iron_takes_no_more_flux(field, e1):
     """The extra flux goes through the same iron: in saturation flux linkage grows by less than the gap's permeance."""
-    magnet = e1.e_core()
+    magnet = e1.magnet
     off = MagnetField(magnet, field.model.mesh, folder=ROOT, order=2)
     gap = 2e-4
     small, large = (at(field, i, gap).flux_linkage / at(off, i, gap).flux_linkage - 1 for i in (0.5, 12.0))

@@ -9,7 +9,7 @@ from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.solver.postprocess import FieldQuantities
 from msl_fem.materials.constants import MU_0
 
-E1 = load_actuator(ROOT / "geometries" / "e1.toml").e_core()
+E1 = load_actuator(ROOT / "geometries" / "e1.toml").magnet
 STIFF = "linear:100000"  # iron without a drop worth naming
 
 

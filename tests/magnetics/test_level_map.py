@@ -11,7 +11,7 @@ from level_jobs import E1, SERVO, currents_at, field_at, job_of, with_iron
 
 import msl_fem
 from msl_fem.errors import ComputationError, InputError, NotConverged
-from msl_fem.magnetics.field.magnet_field import MagnetField, e_core_section, field_of
+from msl_fem.magnetics.field.magnet_field import MagnetField, field_of
 from msl_fem.magnetics.field_map import FieldMapSettings, default_gaps, field_map
 from msl_fem.magnetics.field_map.gap_levels import GapRow
 from msl_fem.maps import Guard, OperatingMap, map_from_json, map_to_json
@@ -243,4 +243,4 @@ def test_a_job_s_mesh_serves_all_its_gaps():
     """The same currents from a mesh made at the gap and from one stretched to it."""
     near, far = (job_of(E1, gap, "normal").solver().solve(GapRow(3e-4, (1.2, 1.6), 20.0)) for gap in (3e-4, 8e-4))
     np.testing.assert_allclose(near["current"], far["current"], rtol=1.5e-3)
-    assert e_core_section(E1.e_core(), 3e-4).gap == 3e-4
+    assert E1.magnet.section(3e-4).gap == 3e-4

@@ -11,7 +11,7 @@ from random_cores import random_core
 from msl_fem.actuator import Actuator, Air, ECore, load_actuator
 from msl_fem.errors import ActuatorError, InputError
 from msl_fem.magnetics.field.accuracy import LEVELS, force_error_estimate
-from msl_fem.magnetics.field.magnet_field import MagnetField, e_core_section, field_of, magnet_mesh, solve
+from msl_fem.magnetics.field.magnet_field import MagnetField, field_of, magnet_mesh, solve
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
 from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
 
@@ -64,8 +64,8 @@ def test_estimates_are_honest_and_close_over_the_whole_reference(e1, accuracy, t
     level, net, stated, true = LEVELS[accuracy], [], [], []
     for gap in np.unique(POINTS["gap_mm"]):
         rows = np.sort(POINTS[POINTS["gap_mm"] == gap], order="current_A")
-        mesh = magnet_mesh(e1.e_core(), gap * 1e-3, accuracy)
-        solver = RowSolver(SweepJob(e1.e_core(), mesh, e1.folder, level.order))
+        mesh = magnet_mesh(e1.magnet, gap * 1e-3, accuracy)
+        solver = RowSolver(SweepJob(e1.magnet, mesh, e1.folder, level.order))
         both = [solver.solve(SweepRow(gap * 1e-3, tuple(rows["current_A"]), refine)) for refine in (False, True)]
         points = [
             [SimpleNamespace(force=f, coenergy=w) for f, w in zip(a["force"], a["coenergy"], strict=True)] for a in both
@@ -86,7 +86,7 @@ def test_stated_error_covers_the_true_one_on_other_magnets(seed):
     rng = np.random.default_rng(seed)
     magnet, gap = random_core(rng, largest=12e-3), float(rng.uniform(2e-4, 1e-3))
     converged = MagnetField(
-        magnet, triangulate(e_core_section(magnet, gap), MeshSize(0.001, 2.0, 0.5, 0.5)), folder=ROOT, order=3
+        magnet, triangulate(magnet.section(gap), MeshSize(0.001, 2.0, 0.5, 0.5)), folder=ROOT, order=3
     )
     actuator = Actuator.model_validate({"schema": 1, "name": "random", "magnet": magnet.model_dump()})
     saturating = 1.6 * 2 * gap / (4e-7 * np.pi * magnet.coil.turns)
@@ -98,7 +98,7 @@ def test_stated_error_covers_the_true_one_on_other_magnets(seed):
 
 
 def test_linear_iron_against_its_reference(e1):
-    magnet = with_iron(e1.e_core(), "linear:1000")
+    magnet = with_iron(e1.magnet, "linear:1000")
     for gap in np.unique(LINEAR["gap_mm"])[::2]:
         field = MagnetField(magnet, magnet_mesh(magnet, gap * 1e-3), folder=e1.folder, order=2)
         for row in LINEAR[LINEAR["gap_mm"] == gap]:
@@ -135,14 +135,11 @@ def test_moved_mesh_agrees_with_a_mesh_made_at_that_gap(e1):
 def test_default_air_box_cuts_off_less_than_1e_4_of_the_force(e1):
     """Against a box twice as large, saturated and not; E1's own box would move the force by up to 2e-3."""
     size = MeshSize(0.005, 2.0, 0.5, 0.5)
-    magnet = e1.e_core().model_copy(update={"air": None})
+    magnet = e1.magnet.model_copy(update={"air": None})
     box = magnet.air_box
     twice = magnet.model_copy(update={"air": Air(side=2 * box.side, bottom=2 * box.bottom, top=2 * box.top)})
     for gap in (1e-4, 1e-3):
-        fields = [
-            MagnetField(m, triangulate(e_core_section(m, gap), size), folder=e1.folder, order=3)
-            for m in (magnet, twice)
-        ]
+        fields = [MagnetField(m, triangulate(m.section(gap), size), folder=e1.folder, order=3) for m in (magnet, twice)]
         for current in (1.0, 12.0):
             default, larger = (f.quantities(f.solve(current, gap)) for f in fields)
             assert default.force == pytest.approx(larger.force, rel=1e-4)
@@ -151,7 +148,7 @@ def test_default_air_box_cuts_off_less_than_1e_4_of_the_force(e1):
 
 def test_chamfer_and_overhang_change_the_force_the_right_way(e1):
     """Chamfered poles pull less at a small gap; a wider armature catches a little more fringing flux."""
-    magnet = e1.e_core()
+    magnet = e1.magnet
 
     def force(**change: float) -> float:
         m = magnet.model_copy(update=change)
@@ -164,11 +161,11 @@ def test_chamfer_and_overhang_change_the_force_the_right_way(e1):
 
 
 def test_notes_carry_cut_curves_and_tails(servo):
-    magnet = with_iron(servo.e_core(), "hiperco_50")
+    magnet = with_iron(servo.magnet, "hiperco_50")
     point = solve(servo.model_copy(update={"magnet": magnet}), 1.0, 5e-4, accuracy="fast")
     assert len(point.notes) == 1
     assert "hiperco_50: the curve is cut after B = 2.3126 T" in point.notes[0]
-    short = servo.model_copy(update={"magnet": with_iron(servo.e_core(), "m270_35a_pyleecan")})
+    short = servo.model_copy(update={"magnet": with_iron(servo.magnet, "m270_35a_pyleecan")})
     assert "saturation tail" in solve(short, 40.0, 2e-4, accuracy="fast").notes[0]
 
 

@@ -227,7 +227,7 @@ def test_strip_products_are_derivatives_of_the_linear_product(e1_field):
 @pytest.mark.parametrize("order", [2, 3])
 def test_stretched_strip_equals_a_mesh_with_moved_nodes(order):
     """Scaling the strip's two stiffness parts is the same as assembling on moved nodes."""
-    magnet = load_actuator(ROOT / "geometries" / "e1.toml").e_core()
+    magnet = load_actuator(ROOT / "geometries" / "e1.toml").magnet
     mesh = magnet_mesh(magnet, 5e-4, "fast")
     moved = TriangleMesh(mesh.at_gap(2e-4), mesh.triangles, mesh.region, mesh.names, 2e-4)
     by_stretch, by_nodes = (MagnetField(magnet, m, folder=ROOT, order=order) for m in (mesh, moved))
@@ -320,7 +320,7 @@ def test_newton_finds_the_one_solution_from_far_away(e1_field, current):
 
 @pytest.mark.parametrize("iron", ["m19", "m45", "steel_1010", "vanadium_permendur"])
 def test_newton_converges_on_measured_curves(iron, servo):
-    magnet = servo.e_core()
+    magnet = servo.magnet
     magnet = magnet.model_copy(update={"iron": magnet.iron.model_copy(update={"core": iron, "armature": iron})})
     field = MagnetField(magnet, magnet_mesh(magnet, 2e-4, "fast"), folder=ROOT, order=2)
     for current in (0.3, 60.0):

@@ -10,14 +10,14 @@ import msl_fem.magnetics.solver.mesh
 from msl_fem.actuator import ECore, load_actuator
 from msl_fem.errors import ComputationError
 from msl_fem.magnetics.field.accuracy import LEVELS
-from msl_fem.magnetics.field.magnet_field import e_core_section, magnet_mesh
+from msl_fem.magnetics.field.magnet_field import magnet_mesh
 from msl_fem.magnetics.section import Section
 from msl_fem.magnetics.solver.mesh import GROWTH_CHANGES, MeshSize, TriangleMesh, triangulate
 
 
 @pytest.fixture(scope="module")
 def e1() -> ECore:
-    return load_actuator(ROOT / "geometries" / "e1.toml").e_core()
+    return load_actuator(ROOT / "geometries" / "e1.toml").magnet
 
 
 def areas(mesh: TriangleMesh) -> np.ndarray:
@@ -36,8 +36,8 @@ def painted_areas(magnet: ECore, gap: float) -> dict[str, float]:
     out = {
         "core": core - 3 * magnet.pole_chamfer**2 / 2,
         "armature": magnet.armature_half_width * magnet.armature_thickness,
-        "coil": magnet.coil_section,
-        "window": magnet.window_width * magnet.window_height - magnet.coil_section,
+        "coil": magnet.winding_space.area,
+        "window": magnet.window_width * magnet.window_height - magnet.winding_space.area,
         "strip": width * gap,
     }
     return out | {"air": width * height - sum(out.values())}
@@ -76,7 +76,7 @@ def test_every_gap_corner_is_graded_at_every_gap(e1, level):
     """The mesher samples edges for their sizes; left to itself it steps over a corner's at some gaps."""
     size = LEVELS[level].size
     for gap in np.geomspace(5e-5, 1.2e-3, 9):
-        section = e_core_section(e1, gap)
+        section = e1.section(gap)
         facing = np.array([strength >= 0.7 for _, _, strength in section.corners])
         asked = size.corner * gap / np.array([strength for _, _, strength in section.corners]) ** 1.5
         ratio = (corner_elements(triangulate(section, size), section) / asked)[facing]
@@ -85,7 +85,7 @@ def test_every_gap_corner_is_graded_at_every_gap(e1, level):
 
 def test_faces_opposite_corners_are_as_fine_as_asked(e1):
     """`across` limits what lies opposite a corner; smaller gaps stretch that out, and `growth` alone makes it large."""
-    section = e_core_section(e1, 3e-4)
+    section = e1.section(3e-4)
     reach = {}
     for across in (None, 0.2):
         mesh = triangulate(section, MeshSize(corner=0.004, gap=3.0, iron=0.6, growth=0.75, across=across))
@@ -112,15 +112,15 @@ def test_another_gap_stretches_the_strip_and_shifts_what_lies_above(e1):
 
 
 def test_finer_sizes_make_more_triangles(e1):
-    section = e_core_section(e1, 5e-4)
+    section = e1.section(5e-4)
     coarse, fine = (triangulate(section, MeshSize(corner=c)).triangles.shape[1] for c in (0.1, 0.01))
     assert fine > 1.2 * coarse
 
 
 def test_far_field_layers_widen_the_box_without_a_seam(servo):
     """The default box is several times what is meshed freely; the rest are layers, conforming and as straight."""
-    magnet = servo.e_core().model_copy(update={"air": None})
-    section = e_core_section(magnet, 5e-4)
+    magnet = servo.magnet.model_copy(update={"air": None})
+    section = magnet.section(5e-4)
     assert section.far > 4
     mesh = triangulate(section, LEVELS["fast"].size)
     check_whole(mesh, magnet, 5e-4)

@@ -78,7 +78,7 @@ def test_flux_density_is_continuous_along_a_magnetic_path(e1_field):
 
 def test_results_say_when_an_iron_rests_on_its_tail(servo):
     """m270_35a ends at 1.8 T: its core goes there at 40 A, and the armature of a longer curve does not."""
-    magnet = servo.e_core()
+    magnet = servo.magnet
     iron = magnet.iron.model_copy(update={"core": "m270_35a_pyleecan", "armature": "pure_iron"})
     magnet = magnet.model_copy(update={"iron": iron})
     field = MagnetField(magnet, magnet_mesh(magnet, 3e-4, "fast"), folder=ROOT, order=2)
@@ -88,7 +88,7 @@ def test_results_say_when_an_iron_rests_on_its_tail(servo):
 
 def test_section_flux_density_is_in_the_iron_not_the_average(servo):
     """The sheets of a stack at 0.8 carry 1/0.8 of the average, less a little in the insulation."""
-    magnet = servo.e_core()
+    magnet = servo.magnet
     magnet = magnet.model_copy(update={"iron": magnet.iron.model_copy(update={"stacking_factor": 0.8})})
     field = MagnetField(magnet, magnet_mesh(magnet, 3e-4, "fast"), folder=ROOT, order=2)
     solution = field.solve(6.0, 3e-4)

@@ -65,7 +65,7 @@ def test_stated_mesh_error_covers_the_true_one(e1_sweep):
 def test_stated_interpolation_error_covers_fresh_solutions(e1, e1_sweep):
     """Field solutions at random points off the nodes, on the sweep's own mesh; 10 currents are few, and it says so."""
     table, _ = e1_sweep
-    magnet = e1.e_core()
+    magnet = e1.magnet
     mesh = magnet_mesh(magnet, float(np.sqrt(GAPS[0] * GAPS[-1])))
     field = MagnetField(magnet, mesh, folder=e1.folder, order=2)
     rng = np.random.default_rng(8)
@@ -179,7 +179,7 @@ def test_rows_of_another_magnet_iron_or_accuracy_are_not_reused(e1, tmp_path):
         points = np.array([[0, 0], [100, 1.0], [300, 1.3], [1000, 1.5], [5000, 1.7], [h_end, 2.0]])
         lines = [f"{h:g},{b:g}" for h, b in points]
         (tmp_path / "own.csv").write_text("H_A_per_m,B_T\n" + "\n".join(lines))
-        magnet = e1.e_core()
+        magnet = e1.magnet
         magnet = magnet.model_copy(
             update={"iron": magnet.iron.model_copy(update={"core": "own.csv", "armature": "own.csv"})}
         )
@@ -189,7 +189,7 @@ def test_rows_of_another_magnet_iron_or_accuracy_are_not_reused(e1, tmp_path):
     sweep(first, *grid, settings=settings)
     assert sweep(first, *grid, settings=settings)[1].reused_rows == 5
     assert sweep(of_iron(61000.0), *grid, settings=settings)[1].reused_rows == 0, "the same name, another curve"
-    deeper = e1.model_copy(update={"magnet": e1.e_core().model_copy(update={"stack_depth": 0.021})})
+    deeper = e1.model_copy(update={"magnet": e1.magnet.model_copy(update={"stack_depth": 0.021})})
     for other, changed in (
         (e1, settings),
         (deeper, settings),

@@ -48,7 +48,7 @@ def test_stated_error_covers_the_true_one(accuracy):
 
 def test_each_gap_is_graded_by_its_own_size():
     """Corner sizes are fractions of the section's gap over strength^1.5."""
-    section = two_sided_section(E1.e_core(), TwoSidedPosition(2e-4, 8e-4)).section
+    section = two_sided_section(E1.magnet, TwoSidedPosition(2e-4, 8e-4)).section
     assert section.gap == pytest.approx(2e-4)
     faces = pytest.approx(2e-4), pytest.approx(-6.8e-3)
     sizes = {round(y, 9): section.gap / strength**1.5 for _, y, strength in section.corners if y in faces}
@@ -106,7 +106,7 @@ def test_decoupling_against_the_converged_values():
 
 def test_chamfers_overhang_and_the_default_box_against_one_magnet_alone():
     """With coil 2 dead and far the net force is almost that of one magnet."""
-    magnet = E1.e_core().model_copy(update={"air": None, "pole_chamfer": 1e-3, "armature_overhang": 2e-3})
+    magnet = E1.magnet.model_copy(update={"air": None, "pole_chamfer": 1e-3, "armature_overhang": 2e-3})
     other = E1.model_copy(update={"magnet": magnet})
     alone = solve(other, 2.0, 4e-4).quantities
     got = TwoSidedField(other, TwoSidedPosition(4e-4, 15e-4)).solve(2.0, 0.0)[0]

@@ -46,7 +46,7 @@ def test_both_routes_agree_with_the_strip(current, gap):
     field = field_of(E1, gap)
     solution = field.solve(current, gap)
     body = MovingBody(field.model, ("armature",), air=AIR, symmetry="x=0")
-    depth = 2 * E1.e_core().stack_depth
+    depth = 2 * E1.magnet.stack_depth
     want = field.quantities(solution).force
     assert depth * body.force(solution.potential).y == pytest.approx(want, rel=3e-4)
     assert depth * body.force_stress_tensor(solution.potential).y == pytest.approx(want, rel=1e-3)

@@ -97,12 +97,12 @@ def test_files_that_the_actuator_names_come_along(record: Record, tmp_path: Path
     (source / "curves").mkdir(parents=True)
     curve = "H_A_per_m,B_T\n0,0\n100,1\n300,1.3\n1000,1.5\n5000,1.7\n"
     (source / "curves" / "mine.csv").write_text(curve)
-    core = record.actuator.e_core()
+    core = record.actuator.magnet
     magnet = core.model_copy(update={"iron": core.iron.model_copy(update={"core": "curves/mine.csv"})})
     moved = record.actuator.model_copy(update={"magnet": magnet, "file": source / "a.toml"})
     write_record(dataclasses.replace(record, actuator=moved), tmp_path / "r")
     again = load_record(tmp_path / "r").actuator
-    assert (again.e_core().iron.core, again.e_core().iron.armature) == ("mine.csv", "m19")
+    assert (again.magnet.iron.core, again.magnet.iron.armature) == ("mine.csv", "m19")
     assert (again.folder / "mine.csv").read_text() == curve
 
 
@@ -234,7 +234,7 @@ REFUSED = {
 
 def record_of(servo: Actuator, kind: str, name: str, folder: Path) -> Record:
     """A record whose actuator, a file in this folder, names a file."""
-    core = servo.e_core()
+    core = servo.magnet
     magnets: dict[str, Any] = {
         "table": TableMagnet(kind="table", table=name),
         "mesh": MeshMagnet(kind="mesh", mesh=name, stack_depth=0.02, gap=5e-4, turns=300, iron=core.iron),

@@ -34,7 +34,7 @@ def test_a_table_is_that_of_its_actuator(path) -> None:
 def test_between_the_nodes_a_table_is_what_fields_say(path) -> None:
     """On the table's own mesh, midway between nodes: 0.1 % of full scale, and 0.5 % of every force above 1 N."""
     table, actuator = read_table(path), load_actuator(ROOT / "geometries" / f"{path.stem}.toml")
-    magnet, scale = actuator.e_core(), np.abs(table.nodes["force"]).max()
+    magnet, scale = actuator.magnet, np.abs(table.nodes["force"]).max()
     mesh = magnet_mesh(magnet, float(np.sqrt(table.gap[0] * table.gap[-1])))
     solver = RowSolver(SweepJob(magnet, mesh, actuator.folder, LEVELS["normal"].order))
     middle = (table.current[1:] + table.current[:-1]) / 2

@@ -224,7 +224,7 @@ def masses(magnet: ECore, densities: Densities) -> Masses:
     envelope = 2 * magnet.half_width * magnet.height
     core = (envelope - 2 * magnet.window_width * magnet.window_height) * magnet.stack_depth * iron.core_stacking
     armature = 2 * magnet.armature_half_width * magnet.armature_thickness * magnet.stack_depth * iron.armature_stacking
-    copper = magnet.coil.fill_factor * magnet.coil_section * magnet.mean_turn_length
+    copper = magnet.copper_volume
     return Masses(
         core=core * (densities.core or iron_density(iron.core)),
         armature=armature * (densities.armature or iron_density(iron.armature)),
@@ -306,8 +306,8 @@ def wound(design: Design, point: PlanePoint, requirement: Requirement, *, depth:
         turns = max(1, math.ceil(point.ampere_turns / requirement.coil_current * (1 - 1e-12)))
     else:
         wire = math.pi / 4 * requirement.winding.wire_diameter**2
-        turns = max(1, math.floor(requirement.winding.fill_factor * plain.coil_section / wire))
-        fill = min(turns * wire / plain.coil_section, 1 - 1e-9)
+        turns = max(1, math.floor(requirement.winding.fill_factor * plain.winding_space.area / wire))
+        fill = min(turns * wire / plain.winding_space.area, 1 - 1e-9)
     magnet = magnet_of(design, requirement, depth=depth, turns=turns, fill=fill)
     current = point.ampere_turns / turns
     resistance = magnet.winding_resistance
@@ -324,7 +324,7 @@ def wound(design: Design, point: PlanePoint, requirement: Requirement, *, depth:
         resistance=resistance,
         loss=loss,
         inductance=inductance,
-        current_density=point.ampere_turns / (magnet.coil.fill_factor * magnet.coil_section),
+        current_density=point.ampere_turns / magnet.copper_area,
         slew_rate=point.force_slope * depth * turns * headroom / inductance,
         temperature_rise=_temperature_rise(magnet, current, requirement.heat),
     )

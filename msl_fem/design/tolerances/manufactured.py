@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from msl_fem.actuator import Actuator, ECore
+from msl_fem.actuator import Actuator, MagnetKind
+from msl_fem.actuator.tolerances import LENGTHS
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.field.magnet_field import MagnetField, e_core_section
+from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.section import Section
 from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.postprocess import Probes
@@ -22,7 +23,6 @@ from msl_fem.magnetics.sweep.rows import FieldJob
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
 
-LENGTHS = ("centre_leg_width", "outer_leg_width", "yoke_thickness", "armature_thickness", "stack_depth")
 NAMES = ("gap", *LENGTHS, "stacking_factor", "bh_polarisation", "bh_field_strength")
 RELATIVE = ("bh_polarisation", "bh_field_strength")
 ISO_2768_FINE = ((3e-3, 0.05e-3), (6e-3, 0.05e-3), (30e-3, 0.1e-3), (120e-3, 0.15e-3), (400e-3, 0.2e-3), (1.0, 0.3e-3))
@@ -30,7 +30,7 @@ ISO_2768_FINE = ((3e-3, 0.05e-3), (6e-3, 0.05e-3), (30e-3, 0.1e-3), (120e-3, 0.1
 GAP_LIMIT, SHEET, STACKING_LIMIT, POLARISATION_LIMIT, FIELD_LIMIT = 20e-6, 0.36e-3, 0.01, 0.02, 0.1
 SOURCES = {
     "gap": "faces ground and set by shims: one grade IT7 of ISO 286-1 at 18 ... 30 mm, 21 um, rounded",
-    **dict.fromkeys(LENGTHS[:-1], "ISO 2768-1, class f, by the length"),
+    **dict.fromkeys(LENGTHS, "ISO 2768-1, class f, by the length"),
     "stack_depth": "one sheet more or less, 0.36 mm (29 gauge, 0.014 in)",
     "stacking_factor": "chosen: 0.95 ... 0.97 is what coated sheets of 0.35 mm reach; 0 for solid iron",
     "bh_polarisation": "chosen: typical polarisations of producers lie about 2 % above the minima of EN 10106",
@@ -55,20 +55,24 @@ class ManufacturingTolerance:
 def tolerances_of(
     actuator: Actuator, *, stated: Mapping[str, float] | None = None
 ) -> tuple[ManufacturingTolerance, ...]:
-    """The tolerances of an actuator's E-core: those given, else those of its [tolerances], else defaults.
+    """The tolerances of an actuator's magnet: those given, else those of its [tolerances], else defaults.
 
     Raises
     ------
     InputError : an unknown name, or a limit beyond half of the nominal value
     """
-    magnet = actuator.e_core()
+    magnet = actuator.magnet_kind("a tolerance study")
     given = dict(stated or {})
-    unknown = [name for name in given if name not in NAMES]
+    names = tuple(name for name in NAMES if name not in LENGTHS or name in magnet.TOLERANCED)
+    in_files: dict[str, float] = (
+        actuator.tolerances.model_dump(exclude_none=True) if actuator.tolerances is not None else {}
+    )
+    unknown = [name for name in (*given, *in_files) if name not in names]
     if unknown:
-        raise InputError(f"tolerance '{unknown[0]}' is unknown; choose from {', '.join(NAMES)}")
+        raise InputError(f"tolerance '{unknown[0]}' is unknown; choose from {', '.join(names)}")
     found = []
-    for name in NAMES:
-        in_file = getattr(actuator.tolerances, name) if actuator.tolerances is not None else None
+    for name in names:
+        in_file = in_files.get(name)
         default = _default(magnet, name)
         source = SOURCES[name]
         if name in given:
@@ -86,7 +90,7 @@ def tolerances_of(
     return tuple(found)
 
 
-def _default(magnet: ECore, name: str) -> float:
+def _default(magnet: MagnetKind, name: str) -> float:
     if name == "gap":
         return GAP_LIMIT
     if name == "stack_depth":
@@ -99,7 +103,7 @@ def _default(magnet: ECore, name: str) -> float:
     return POLARISATION_LIMIT if name == "bh_polarisation" else FIELD_LIMIT
 
 
-def _nominal(magnet: ECore, name: str) -> float | None:
+def _nominal(magnet: MagnetKind, name: str) -> float | None:
     if name in LENGTHS:
         return float(getattr(magnet, name))
     if name == "stacking_factor":
@@ -126,8 +130,8 @@ def manufactured_field(nominal: FieldJob, deviation: Mapping[str, float]) -> Mag
     ActuatorError, ValueError : dimensions that make no magnet
     """
     magnet = manufactured_magnet(nominal.magnet, deviation)
-    nominal_section = e_core_section(nominal.magnet, nominal.mesh.gap)
-    deviating = e_core_section(magnet, nominal.mesh.gap)
+    nominal_section = nominal.magnet.section(nominal.mesh.gap)
+    deviating = magnet.section(nominal.mesh.gap)
     mesh = moved_mesh(nominal.mesh, nominal_section, deviating)
     field = MagnetField(magnet, mesh, folder=nominal.folder, order=nominal.order)
     polarisation, strength = (deviation.get(name, 0.0) for name in ("bh_polarisation", "bh_field_strength"))
@@ -144,10 +148,10 @@ def manufactured_field(nominal: FieldJob, deviation: Mapping[str, float]) -> Mag
     return field
 
 
-def manufactured_magnet(magnet: ECore, deviation: Mapping[str, float]) -> ECore:
+def manufactured_magnet(magnet: MagnetKind, deviation: Mapping[str, float]) -> MagnetKind:
     """The magnet with deviating dimensions and stacking factors; windows and coil keep theirs."""
     content = magnet.model_dump()
-    for name in LENGTHS:
+    for name in magnet.TOLERANCED:
         content[name] += deviation.get(name, 0.0)
     off = deviation.get("stacking_factor", 0.0)
     if off:
@@ -156,7 +160,7 @@ def manufactured_magnet(magnet: ECore, deviation: Mapping[str, float]) -> ECore:
             "core_stacking_factor": min(iron.core_stacking + off, 1.0),
             "armature_stacking_factor": min(iron.armature_stacking + off, 1.0),
         }
-    return ECore.model_validate(content)
+    return type(magnet).model_validate(content)
 
 
 def moved_mesh(mesh: TriangleMesh, nominal_section: Section, deviating: Section) -> TriangleMesh:

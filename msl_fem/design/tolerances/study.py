@@ -190,7 +190,7 @@ class ToleranceStudy:
 def tolerance_study(
     actuator: Actuator, *, settings: ToleranceSettings | None = None, running: RowRun | None = None
 ) -> ToleranceStudy:
-    """The tolerance study of an actuator's E-core.
+    """The tolerance study of an actuator's magnet.
 
     Raises
     ------
@@ -202,7 +202,7 @@ def tolerance_study(
     tolerances = tolerances_of(actuator, stated=settings.tolerances)
     _check(settings)
     gaps = _gaps(actuator, settings.gaps, tolerances)
-    magnet = actuator.e_core()
+    magnet = actuator.magnet_kind("a tolerance study")
     mesh = magnet_mesh(magnet, float(np.sqrt(gaps[0] * gaps[-1])), settings.accuracy)
     nominal = FieldJob(magnet, mesh, actuator.folder, LEVELS[settings.accuracy].order)
     most = _most(actuator)
@@ -261,8 +261,8 @@ def _most(actuator: Actuator) -> float:
     """The current of a magnet in A up to which a level is looked for."""
     if actuator.drive is not None and actuator.drive.current_limit is not None:
         return BEYOND_DRIVE * actuator.drive.current_limit
-    coil = actuator.e_core().coil
-    return LARGEST_CURRENT_DENSITY * coil.fill_factor * actuator.e_core().coil_section / coil.turns
+    magnet = actuator.magnet_kind("a tolerance study")
+    return LARGEST_CURRENT_DENSITY * magnet.copper_area / magnet.turns
 
 
 def _point(

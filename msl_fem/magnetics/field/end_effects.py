@@ -24,8 +24,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msl_fem.actuator import ECore
 from msl_fem.computing.arrays import Array
+from msl_fem.magnetics.kinds.kind import StackEnds
 from msl_fem.magnetics.section import Section, rectangle
 from msl_fem.magnetics.solver.magnetostatics import AirDepth, FieldModel, solve_field
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
@@ -159,25 +159,18 @@ def corner_excess(ratio: float) -> tuple[float, float, float]:
     return excess, 1 / q, -math.pi / 2 * (1 + q**2) / q**4
 
 
-def gap_edges(magnet: ECore) -> FlushEdges:
+def gap_edges(ends: StackEnds) -> FlushEdges:
     """The edges of pole and armature at the stack's ends."""
-    coil = magnet.coil
-    centre = magnet.centre_leg_width / 2
-    outer = magnet.outer_leg_width
-    share = outer / (centre + outer)  # of the coil's magnetomotive force in the centre leg's gap: as the reluctances
-    begin = coil.face_clearance
-    end = coil.face_clearance + share * coil.height
-    mean_log = math.log(end) - 1 + begin / (end - begin) * (math.log(end / begin) if begin else 0.0)
-    return FlushEdges(magnet.stack_depth, min(math.exp(mean_log), magnet.armature_thickness))
+    return FlushEdges(ends.depth, ends.reach)
 
 
-def window_factor(magnet: ECore) -> float:
+def window_factor(ends: StackEnds) -> float:
     """(depth + 2 delta)/depth of the window; raises ComputationError where the mesher fails."""
-    legs = EndSection(magnet.window_width, magnet.outer_leg_width, magnet.centre_leg_width / 2, mirror=True)
-    return 1 + 2 * magnet.window_width * legs.excess() / magnet.stack_depth
+    legs = EndSection(ends.window_width, *ends.legs, mirror=ends.mirror)
+    return 1 + 2 * ends.window_width * legs.excess() / ends.depth
 
 
-def deeper_air(magnet: ECore, mesh_gap: float) -> AirDepth:
+def deeper_air(ends: StackEnds, mesh_gap: float) -> AirDepth:
     """The depth of the air of a magnet's section over that of its stack, for a mesh made at a gap.
 
     In the strip it is the factor of the gap. In the window, at the height y above the pole faces, it is that of the
@@ -188,11 +181,11 @@ def deeper_air(magnet: ECore, mesh_gap: float) -> AirDepth:
     ------
     ComputationError : the mesher failed
     """
-    beyond = window_factor(magnet) - 1
-    width = magnet.window_width
+    beyond = window_factor(ends) - 1
+    width = ends.window_width
 
     def window(points: Array) -> Array:
         height = np.maximum(points[1] - mesh_gap, 0.0)
         return 1 + beyond * np.minimum(math.pi / 2 * height / width, 1.0)
 
-    return AirDepth(gap_edges(magnet).factor, {"window": window, "coil": window})
+    return AirDepth(gap_edges(ends).factor, dict.fromkeys(ends.regions, window))

@@ -1,18 +1,19 @@
-"""An E-core magnet: its plane section, its field at a stated accuracy, and which points may be solved."""
+"""The field of a magnet of any kind at a stated accuracy, and which points may be solved."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from msl_fem.actuator import Actuator, ECore
+from msl_fem.actuator import Actuator, MagnetKind
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, PointResult, irons_of, level_of, solve_with_estimate
 from msl_fem.magnetics.field.end_effects import deeper_air
-from msl_fem.magnetics.section import Line, Region, Section, rectangle
+from msl_fem.magnetics.kinds.kind import StackEnds
+from msl_fem.magnetics.section import Section
 from msl_fem.magnetics.solver.magnetostatics import (
     FieldModel,
     FieldSolution,
@@ -28,60 +29,6 @@ LARGEST_CURRENT_DENSITY = 1e10  # A/m2 in the copper; adiabatic, rho J^2 / (c d)
 
 MOST_NODES = 1000  # gaps or currents of a table
 CLOSEST = 1e-6  # of the largest: the least distance of two of them
-NEAR = 2.0  # half widths of the core around the iron that are painted and meshed freely, if the box is larger
-
-
-def e_core_section(magnet: ECore, gap: float) -> Section:
-    """The right half of an E-core over its armature: pole faces at y = gap, armature surface at y = 0."""
-    centre = magnet.centre_leg_width / 2
-    inner = centre + magnet.window_width
-    half = magnet.half_width
-    top = gap + magnet.height
-    roof = gap + magnet.window_height
-    low = -magnet.armature_thickness
-    wide = magnet.armature_half_width
-    air, coil = magnet.air_box, magnet.coil
-    left = centre + coil.leg_clearance
-    bottom = gap + coil.face_clearance
-    # the box beyond the strip's lines: half width, depth below y = 0, height above y = gap
-    box = np.array([half + air.side, magnet.armature_thickness + air.bottom, magnet.height + air.top])
-    near = np.array([max(half, wide), magnet.armature_thickness, magnet.height]) + NEAR * half
-    far = max(1.0, float((box / near).min()))
-    edge, below, above = box / far
-    regions = [
-        rectangle("air", 0, -below, edge, gap + above),
-        rectangle("strip", 0, 0, edge, gap),
-        rectangle("armature", 0, low, wide, 0),
-        rectangle("core", 0, gap, half, top),
-        rectangle("window", centre, gap, inner, roof),
-        rectangle("coil", left, bottom, left + coil.width, bottom + coil.height),
-    ]
-    poles = [(centre, -1), (inner, 1), (half, -1)]  # pole corners on y = gap, and where their iron lies
-    faces = [(x, gap, 1.0) for x, _ in poles]
-    if magnet.pole_chamfer:
-        c = magnet.pole_chamfer
-        faces = [(x + side * c, gap, 0.7) for x, side in poles] + [(x, gap + c, 0.3) for x, _ in poles]
-        regions += [Region("air", ((x, gap), (x + side * c, gap), (x, gap + c))) for x, side in poles]
-    corners = [*faces, (wide, 0.0, 1.0), (wide, low, 0.1), (half, top, 0.1), (centre, roof, 0.1), (inner, roof, 0.1)]
-    middle = gap + magnet.window_height / 2
-    across = centre + magnet.window_width / 2
-    cuts = (
-        Line("centre_leg", (0, middle), (centre, middle)),
-        Line("yoke", (across, roof), (across, top)),
-        Line("outer_leg", (inner, middle), (half, middle)),
-        Line("armature", (across, low), (across, 0)),
-    )
-    iron = magnet.iron
-    return Section(
-        regions=tuple(regions),
-        corners=tuple(corners),
-        cuts=cuts,
-        iron={"core": (iron.core, iron.core_stacking), "armature": (iron.armature, iron.armature_stacking)},
-        turns_density={"coil": coil.turns / magnet.coil_section},
-        depth=magnet.stack_depth,
-        gap=gap,
-        far=far,
-    )
 
 
 class MagnetField:
@@ -92,20 +39,21 @@ class MagnetField:
     """
 
     def __init__(
-        self, magnet: ECore, mesh: TriangleMesh, *, folder: Path, order: int, end_effects: bool = False
+        self, magnet: MagnetKind, mesh: TriangleMesh, *, folder: Path, order: int, end_effects: bool = False
     ) -> None:
         self.magnet = magnet
         self.folder = folder
         self.order = order
         self.end_effects = end_effects
-        self.section: Section = e_core_section(magnet, mesh.gap)
+        self.section: Section = magnet.section(mesh.gap)
         self.irons = irons_of(self.section.iron, folder)
         self.model = FieldModel(
             mesh,
             self.irons,
             turns_density=self.section.turns_density,
             order=order,
-            air_depth=deeper_air(magnet, mesh.gap) if end_effects else None,
+            symmetry=self.section.symmetry,
+            air_depth=deeper_air(_ends_of(magnet), mesh.gap) if end_effects else None,
         )
         self.probes = Probes(self.model, self.section)
 
@@ -128,20 +76,27 @@ class MagnetField:
         return MagnetField(self.magnet, mesh, folder=self.folder, order=order, end_effects=self.end_effects)
 
 
-def magnet_mesh(magnet: ECore, gap: float, accuracy: Accuracy = "normal") -> TriangleMesh:
+def _ends_of(magnet: MagnetKind) -> StackEnds:
+    """The stack's ends; InputError where the kind states none."""
+    if magnet.stack_ends is None:
+        raise InputError("this kind of magnet states no ends of a stack; leave the end effects out")
+    return magnet.stack_ends
+
+
+def magnet_mesh(magnet: MagnetKind, gap: float, accuracy: Accuracy = "normal") -> TriangleMesh:
     """The mesh of a magnet at a gap, for an accuracy level."""
-    return triangulate(e_core_section(magnet, gap), LEVELS[accuracy].size)
+    return triangulate(magnet.section(gap), LEVELS[accuracy].size)
 
 
 def field_of(actuator: Actuator, gap: float, *, accuracy: Accuracy = "normal") -> MagnetField:
     """The field of an actuator's magnet, meshed at `gap`."""
-    magnet = actuator.e_core()
+    magnet = actuator.magnet_kind()
     return MagnetField(magnet, magnet_mesh(magnet, gap, accuracy), folder=actuator.folder, order=LEVELS[accuracy].order)
 
 
 def check_point(actuator: Actuator, current: float, gap: float) -> None:
     """InputError unless the gap is of the section's size and the current one that copper bears for a moment."""
-    magnet = actuator.e_core()
+    magnet = actuator.magnet_kind()
     largest = magnet.half_width
     if not SMALLEST_GAP * largest <= gap <= largest:
         raise InputError(
@@ -149,7 +104,7 @@ def check_point(actuator: Actuator, current: float, gap: float) -> None:
             f"{format_quantity(SMALLEST_GAP * largest, 'm')} and at most the core's half width, "
             f"{format_quantity(largest, 'm')}"
         )
-    most = LARGEST_CURRENT_DENSITY * magnet.coil.fill_factor * magnet.coil_section / magnet.coil.turns
+    most = LARGEST_CURRENT_DENSITY * magnet.copper_area / magnet.turns
     if not abs(current) <= most:
         raise InputError(
             f"current {format_quantity(current, 'A')} is not allowed; it must be finite and within "

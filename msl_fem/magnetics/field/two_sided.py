@@ -1,4 +1,4 @@
-"""Two E-core magnets on either side of the armature they share, which may be tilted: section, field, net force.
+"""Two magnets on either side of the armature they share, which may be tilted: section, field, net force.
 
 Cross coupling, and what two independent sides would miss.
 """
@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msl_fem.actuator import Actuator, ECore
+from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
-from msl_fem.errors import InputError
+from msl_fem.errors import ActuatorError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field.accuracy import Accuracy, iron_notes, irons_of, level_of
-from msl_fem.magnetics.field.magnet_field import check_point, e_core_section
+from msl_fem.magnetics.field.magnet_field import check_point
+from msl_fem.magnetics.kinds.kind import PlaneMagnet
 from msl_fem.magnetics.section import Region, Section, rectangle
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, solve_field
 from msl_fem.magnetics.solver.mesh import triangulate
@@ -51,7 +52,7 @@ class TwoSidedSection:
     centre: tuple[float, float]
 
 
-def two_sided_section(magnet: ECore, position: TwoSidedPosition) -> TwoSidedSection:
+def two_sided_section(magnet: PlaneMagnet, position: TwoSidedPosition) -> TwoSidedSection:
     """Side 1 above and side 2, its mirror image, below an armature whose centre lies half its thickness below y = 0.
 
     Without tilt x = 0 is a flux line and half the section serves; a tilt turns the armature about its centre.
@@ -64,30 +65,30 @@ def two_sided_section(magnet: ECore, position: TwoSidedPosition) -> TwoSidedSect
     half = position.tilt == 0.0
     armature = [_turned(x, y, position.tilt, middle) for x, y in _armature(magnet)]
     nearest = _nearest_gap(magnet, position)
-    upper = e_core_section(magnet, position.gap_1)
-    lower = e_core_section(magnet, position.gap_2)
+    upper = magnet.section(position.gap_1)
+    lower = magnet.section(position.gap_2)
     regions = _surroundings(magnet, position)
     corners: list[Corner] = []
     for side, part, gap in ((1, upper, position.gap_1), (2, lower, position.gap_2)):
         mirror = 1.0 if side == 1 else -1.0
         base = middle * (1 - mirror)  # side 2 is mirrored about the armature's middle
-        painted = [r for r in part.regions if r.name in ("core", "window", "coil")]
-        painted += [Region("gap", r.vertices) for r in part.regions[6:]]  # chamfers
-        for region in painted:
+        for region in part.regions[1:]:  # without the air box
+            if region.name in ("strip", "armature"):
+                continue
             vertices = [(x, base + mirror * y) for x, y in region.vertices]
-            name = region.name if region.name in ("window", "gap") else f"{region.name}_{side}"
-            regions.append(Region(f"{name}+" if region.name == "coil" else name, tuple(vertices)))
+            name = _name(region.name, side)
+            coil = region.name in part.turns_density
+            regions.append(Region(f"{name}+" if coil else name, tuple(vertices)))
             if not half:
                 mirrored = tuple((-x, y) for x, y in vertices)
-                regions.append(Region(f"{name}-" if region.name == "coil" else name, mirrored))
+                regions.append(Region(f"{name}-" if coil else name, mirrored))
         scale = (nearest / gap) ** (2 / 3)  # sizes at corners are in fractions of the section's gap
         above = [(x, base + mirror * y, s * scale) for x, y, s in part.corners if y > 0]
         corners += above if half else above + [(-x, y, s) for x, y, s in above]
     outline = [*armature[1:3], (0.0, 0.0), (0.0, 2 * middle)] if half else armature
     regions.append(Region("armature", tuple(outline)))
     corners += [(x, y, 1.0) for x, y in (armature[1:3] if half else armature)]
-    density = magnet.coil.turns / magnet.coil_section
-    turns = [{f"coil_{k}+": density} | ({} if half else {f"coil_{k}-": -density}) for k in (1, 2)]
+    turns = [_turns(upper, side, half=half) for side in (1, 2)]
     core = upper.iron["core"]
     section = Section(
         regions=tuple(regions),
@@ -97,11 +98,37 @@ def two_sided_section(magnet: ECore, position: TwoSidedPosition) -> TwoSidedSect
         turns_density=turns[0] | turns[1],
         depth=magnet.stack_depth,
         gap=nearest,
+        symmetry=upper.symmetry if half else "flux line",
     )
     return TwoSidedSection(section, half, (turns[0], turns[1]), (0.0, middle))
 
 
-def _armature(magnet: ECore) -> list[tuple[float, float]]:
+def _name(region: str, side: int) -> str:
+    """The name of a side's region: windows are shared, and what is taken off the poles belongs to the gap."""
+    return {"window": "window", "air": "gap"}.get(region, f"{region}_{side}")
+
+
+def _turns(part: Section, side: int, *, half: bool) -> dict[str, float]:
+    """Region to turns per area (1/m2); in a mirrored half currents change their sign where x = 0 is a flux line."""
+    sign = -1 if part.symmetry == "flux line" else 1
+    turns = {f"{name}_{side}+": density for name, density in part.turns_density.items()}
+    if not half:
+        turns |= {f"{name}_{side}-": sign * density for name, density in part.turns_density.items()}
+    return turns
+
+
+def _plane_magnet(actuator: Actuator) -> PlaneMagnet:
+    """The magnet, where its mirror image can share its armature; ActuatorError that says why otherwise."""
+    magnet = actuator.magnet_kind("the field of both sides")
+    if isinstance(magnet, PlaneMagnet):
+        return magnet
+    raise ActuatorError(
+        f"{actuator.name}: the field of both sides is that of plane sections with a flat armature between; "
+        "this magnet has none to share"
+    )
+
+
+def _armature(magnet: PlaneMagnet) -> list[tuple[float, float]]:
     wide = magnet.armature_half_width
     low = -magnet.armature_thickness
     return [(-wide, low), (wide, low), (wide, 0.0), (-wide, 0.0)]
@@ -112,7 +139,7 @@ def _turned(x: float, y: float, tilt: float, middle: float) -> tuple[float, floa
     return float(x * c - (y - middle) * s), float(middle + x * s + (y - middle) * c)
 
 
-def _nearest_gap(magnet: ECore, position: TwoSidedPosition) -> float:
+def _nearest_gap(magnet: PlaneMagnet, position: TwoSidedPosition) -> float:
     """The smallest distance between armature and pole faces; InputError where nothing is left."""
     smaller = min(position.gap_1, position.gap_2)
     corner = magnet.half_width if magnet.armature_overhang == 0 else magnet.armature_half_width
@@ -126,7 +153,7 @@ def _nearest_gap(magnet: ECore, position: TwoSidedPosition) -> float:
     return float(left)
 
 
-def _surroundings(magnet: ECore, position: TwoSidedPosition) -> list[Region]:
+def _surroundings(magnet: PlaneMagnet, position: TwoSidedPosition) -> list[Region]:
     """The air box and the air between the cores."""
     air, thick = magnet.air_box, magnet.armature_thickness
     wide = max(magnet.half_width, magnet.armature_half_width)
@@ -207,7 +234,7 @@ class TwoSidedField:
         accuracy: Accuracy = "normal",
         coarser: "TwoSidedField | None" = None,
     ) -> None:
-        magnet = actuator.e_core()
+        magnet = _plane_magnet(actuator)
         self.actuator = actuator
         self.position = position
         self.accuracy = accuracy
@@ -218,7 +245,7 @@ class TwoSidedField:
         self.notes = iron_notes(irons)
         mesh = coarser.model.mesh if coarser else triangulate(section, level.size)
         order = coarser.model.order + 1 if coarser else level.order
-        self.model: FieldModel = FieldModel(mesh, irons, turns_density={}, order=order)
+        self.model: FieldModel = FieldModel(mesh, irons, turns_density={}, order=order, symmetry=section.symmetry)
         self.depth = section.depth * (2 if self.plan.half else 1)
         self.linkage = [self.model.with_turns(turns).source for turns in self.plan.turns_density]
         self.body = MovingBody(

@@ -13,13 +13,13 @@ import numpy as np
 from scipy import sparse
 from scipy.interpolate import PchipInterpolator
 
-from msl_fem.actuator import ECore
+from msl_fem.actuator import MagnetKind
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.jobs import Arrays
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
-from msl_fem.magnetics.field.magnet_field import MagnetField, e_core_section
+from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.field_map.readings import LevelReading, Potentials, Reader, reader_of
 from msl_fem.magnetics.solver.magnetostatics import (
     FieldModel,
@@ -152,7 +152,7 @@ class CurrentContinuation:
         return (points[above - 1] if above else None), (points[above] if above < len(points) else None)
 
     def _first(self, level: float) -> float:
-        return FIRST_SHARE * level * 2 * self.gap / (MU_0 * self.field.magnet.coil.turns)
+        return FIRST_SHARE * level * 2 * self.gap / (MU_0 * self.field.magnet.turns)
 
     def _next(self, level: float, low: LevelPoint | None, high: LevelPoint | None) -> float:
         """A current inside the bracket, by regula falsi kept off its ends, or beyond the last point known."""
@@ -266,9 +266,9 @@ class GapRow:
         return len(self.levels)
 
 
-def level_mesh(magnet: ECore, gap: float, accuracy: Accuracy, criterion: Criterion) -> TriangleMesh:
+def level_mesh(magnet: MagnetKind, gap: float, accuracy: Accuracy, criterion: Criterion) -> TriangleMesh:
     """The accuracy level's mesh; for the criterion `max` as fine around the iron's corners as its circles need."""
-    section = e_core_section(magnet, gap)
+    section = magnet.section(gap)
     size = LEVELS[accuracy].size
     if criterion.kind == MAX:
         strength = (size.corner * gap / (CIRCLE_SIZE * criterion.radius)) ** (2 / 3)

@@ -43,7 +43,7 @@ def default_gaps(actuator: Actuator) -> Array:
     motion = actuator.motion
     ends: list[float]
     if motion is None or motion.nominal_gap is None or motion.range is None:
-        half = actuator.e_core().half_width
+        half = actuator.magnet_kind().half_width
         ends = [half * share for share in NO_RANGE]
         wanted = []
     else:
@@ -75,8 +75,8 @@ def largest_current(actuator: Actuator, gaps: Array, asked: float | None) -> flo
             raise InputError(f"the largest current must be positive, {asked:g} A is not")
         check_point(actuator, asked, float(gaps[0]))
         return asked
-    magnet = actuator.e_core()
-    copper = LARGEST_DENSITY * magnet.coil.fill_factor * magnet.coil_section / magnet.coil.turns
+    magnet = actuator.magnet_kind()
+    copper = LARGEST_DENSITY * magnet.copper_area / magnet.turns
     return max(copper, drive_limit(actuator) or 0.0)
 
 
@@ -165,7 +165,7 @@ def field_map(
     where = parse_criterion(criterion)
     gaps = checked_gaps(actuator, default_gaps(actuator) if gap is None else gap)
     most = largest_current(actuator, gaps, settings.current_max)
-    magnet = actuator.e_core()
+    magnet = actuator.magnet_kind()
     accuracy = settings.accuracy
     job = LevelJob(
         magnet,

@@ -128,11 +128,29 @@ def outside_corners(field: MagnetField, points: Array, radius: float) -> NDArray
 
 
 def parts_of(field: MagnetField, at: IronPoints) -> NDArray[np.str_]:
-    """The part of the magnet that each point lies in: centre_leg, outer_leg, yoke or armature."""
-    magnet, (x, y) = field.magnet, at.points
-    legs = np.where(x <= magnet.centre_leg_width / 2 + magnet.window_width / 2, "centre_leg", "outer_leg")
-    core = np.where(y >= field.section.gap + magnet.window_height, "yoke", legs)
-    return np.asarray(np.where(at.region == "core", core, at.region))
+    """The part of the magnet that each point lies in, or next to: a name of the section's cuts."""
+    parts = field.section.parts
+    distance = np.array([np.where(at.region == p.region, _distance(at.points, p.vertices), np.inf) for p in parts])
+    names = np.array([part.name for part in parts])
+    return np.asarray(names[np.argmin(distance, axis=0)])
+
+
+def _distance(points: Array, vertices: tuple[tuple[float, float], ...]) -> Array:
+    """(n,) m from points (2, n) to a polygon, 0 inside (even-odd rule)."""
+    ring = np.array(vertices)
+    x, y = points
+    inside = np.zeros(x.size, dtype=bool)
+    nearest = np.full(x.size, np.inf)
+    for (x0, y0), (x1, y1) in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+        along = np.array([x1 - x0, y1 - y0])
+        length = float(along @ along)
+        if length == 0.0:
+            continue
+        t = np.clip(((x - x0) * along[0] + (y - y0) * along[1]) / length, 0.0, 1.0)
+        nearest = np.minimum(nearest, np.hypot(x - x0 - t * along[0], y - y0 - t * along[1]))
+        if y0 != y1:
+            inside ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+    return np.where(inside, 0.0, nearest)
 
 
 class LevelReading(NamedTuple):
@@ -175,8 +193,7 @@ def reader_of(field: MagnetField, criterion: Criterion, *, finer: int = 1) -> Re
 
 def check_radius(field: MagnetField, radius: float) -> None:
     """InputError where discs of the radius around the corners would cover the thinnest iron."""
-    magnet = field.magnet
-    thin = min(magnet.centre_leg_width, magnet.outer_leg_width, magnet.yoke_thickness, magnet.armature_thickness)
+    thin = field.section.thinnest_iron
     if radius >= thin / 2:
         raise InputError(
             f"criterion max={format_quantity(radius, 'm')}: the radius must be below half the thinnest iron, "

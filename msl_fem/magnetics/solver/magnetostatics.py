@@ -1,6 +1,6 @@
 """Nonlinear magnetostatics in two dimensions: weak form, exact tangent, damped Newton.
 
-It knows regions, irons and turns, nothing of E-cores. In a plane section the unknown is A_z; minimise
+It knows regions, irons and turns, nothing of magnets. In a plane section the unknown is A_z; minimise
 Pi(A) = W(A; g) - i f.A, W the field energy per unit depth, f the flux linkage per unit depth of a unit potential (e.g.
 Bastos and Sadowski, Electromagnetic Modeling by Finite Element Methods, 2003, ch. 4). W is convex, so Newton with a
 line search ends at the one solution.
@@ -25,6 +25,7 @@ from skfem import Basis, ElementTriP2, ElementTriP3, ElementTriP4, MeshTri
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import NotConverged
+from msl_fem.magnetics.section import Symmetry
 from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.tangent import ElementGeometry, IronElements, SparseTangent
 from msl_fem.materials.constants import MU_0
@@ -32,6 +33,7 @@ from msl_fem.materials.material import AnalyticIron, Iron
 
 ELEMENTS = {2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
 STRIP = "strip"
+ON_PLANE = 1e-9  # of the mesh's width: a point nearer to x = 0 lies on the plane of symmetry
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,15 @@ class FieldResponse:
     by_gap: Array
 
 
+def _box_facets(mesh: MeshTri, symmetry: Symmetry) -> NDArray[np.int64]:
+    """The facets on which A = 0: all of the edge, but for an equipotential on x = 0."""
+    facets = np.asarray(mesh.boundary_facets())
+    if symmetry != "equipotential":
+        return facets
+    x = mesh.p[0, mesh.facets[:, facets]]
+    return facets[(np.abs(x) > ON_PLANE * np.ptp(mesh.p[0])).any(axis=0)]
+
+
 def _gradients(basis: Basis, axisymmetric: bool) -> tuple[Array, Array]:
     """(dA/dx, dA/dy) or (dA/dr + A/r, dA/dz), (local, 2, element, point), and weights (element, point).
 
@@ -126,6 +137,7 @@ class FieldModel:
     turns_density : region name to turns per area in 1/m2, signed
     order : polynomial degree of the potential, 2 to 4
     axisymmetric : the mesh lies in the half plane (r, z), r >= 0; results are those of the whole, not per unit depth
+    symmetry : what x = 0 is, see `Section`; A is free on an equipotential
     air_depth : of air that is deeper than the iron; results are per unit depth of the iron
     """
 
@@ -137,8 +149,10 @@ class FieldModel:
         turns_density: Mapping[str, float],
         order: int = 2,
         axisymmetric: bool = False,
+        symmetry: Symmetry = "flux line",
         air_depth: AirDepth | None = None,
     ) -> None:
+        axisymmetric = axisymmetric or symmetry == "axis"
         self.mesh, self.order, self.axisymmetric = mesh, order, axisymmetric
         self.air_depth = air_depth or AirDepth()
         self._linear_degree = 2 * order if axisymmetric else 2 * order - 2  # of |B|^2 r and |B|^2
@@ -146,7 +160,7 @@ class FieldModel:
         whole = Basis(self.skfem_mesh, ELEMENTS[order](), intorder=self._linear_degree)
         self.basis = whole
         self.n_dof = whole.N
-        fixed = whole.get_dofs().all()
+        fixed = whole.get_dofs(_box_facets(self.skfem_mesh, symmetry)).all()
         self.free = np.setdiff1d(np.arange(self.n_dof), fixed)
         s_x, s_y = self._stiffness(mesh.elements(STRIP))
         other_regions = set(mesh.names) - set(irons) - {STRIP}

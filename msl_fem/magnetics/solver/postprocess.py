@@ -51,7 +51,7 @@ class Probes:
 
     def __init__(self, model: FieldModel, section: Section) -> None:
         self.model = model
-        self.scale = 2 * section.depth  # the model is half of the section
+        self.scale = section.scale
         self.cuts = {cut.name: self._cut(cut) for cut in section.cuts}
         points, elements, self.line_weight = _mid_gap(model)
         self.line_x, self.line_y = gradient_maps(model, points, elements)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from msl_fem.actuator import ECore
+from msl_fem.actuator import MagnetKind
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.jobs import Arrays, content_key
@@ -29,7 +29,7 @@ SOLVER_VERSION = 1
 class FieldJob:
     """What a process needs to make a magnet's field: the meshes' sizes are in the mesh already."""
 
-    magnet: ECore
+    magnet: MagnetKind
     mesh: TriangleMesh
     folder: Path
     order: int

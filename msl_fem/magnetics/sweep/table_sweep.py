@@ -119,7 +119,7 @@ def sweep(
     settings = settings or SweepSettings()
     gap, current = _checked_grid(actuator, gaps, currents)
     started = time.process_time()
-    magnet = actuator.e_core()
+    magnet = actuator.magnet_kind()
     level = LEVELS[settings.accuracy]
     mesh = magnet_mesh(magnet, float(np.sqrt(gap[0] * gap[-1])), settings.accuracy)
     job = SweepJob(magnet, mesh, actuator.folder, level.order, settings.end_effects)

@@ -1,29 +1,8 @@
-"""The quantities of an actuator file: dimension and sign of each kind; whether lengths belong to one magnet."""
+"""Whether the lengths of a section belong to one magnet."""
 
 from collections.abc import Mapping
-from typing import Annotated
-
-from pydantic import Field
 
 from msl_fem.files.quantity import format_quantity
-from msl_fem.files.schema import In
-
-Length = Annotated[float, In("m"), Field(gt=0)]
-Clearance = Annotated[float, In("m"), Field(ge=0)]
-Mass = Annotated[float, In("kg"), Field(gt=0)]
-Inertia = Annotated[float, In("kg m^2"), Field(gt=0)]
-Stiffness = Annotated[float, In("N/m"), Field(ge=0)]
-Damping = Annotated[float, In("N s/m"), Field(ge=0)]
-Force = Annotated[float, In("N")]
-Frequency = Annotated[float, In("Hz"), Field(gt=0)]
-Voltage = Annotated[float, In("V"), Field(gt=0)]
-Current = Annotated[float, In("A"), Field(gt=0)]
-Resistance = Annotated[float, In("ohm"), Field(gt=0)]
-PositionNoise = Annotated[float, In("m"), Field(ge=0)]
-CurrentNoise = Annotated[float, In("A"), Field(ge=0)]
-Turns = Annotated[int, Field(gt=0, le=1_000_000)]
-Fraction = Annotated[float, Field(gt=0, le=1)]
-
 
 LARGEST_MAGNET = 10.0  # m
 THINNEST = 1e-3  # of the largest length: below, the mesher has nothing to hold on to
@@ -35,7 +14,7 @@ def check_proportions(
     *,
     clearances: Mapping[str, float],
     margins: Mapping[str, float],
-    stack_depth: float,
+    stack_depth: float | None = None,
 ) -> None:
     """ValueError unless the lengths of a section belong to one magnet.
 
@@ -44,6 +23,7 @@ def check_proportions(
     lengths : key to a length in m that is above 0
     clearances : key to one that may be 0
     margins : key to the air beyond the magnet
+    stack_depth : of a plane section
     """
     largest = max(lengths.values())
     if largest > LARGEST_MAGNET:
@@ -60,8 +40,10 @@ def check_proportions(
     widest = WIDEST_MARGIN * largest
     for name, value in margins.items():
         _check_range(name, value, smallest, widest)
-    _check_range("armature_overhang", clearances["armature_overhang"], 0.0, widest)
-    _check_range("stack_depth", stack_depth, smallest, LARGEST_MAGNET)
+    if "armature_overhang" in clearances:
+        _check_range("armature_overhang", clearances["armature_overhang"], 0.0, widest)
+    if stack_depth is not None:
+        _check_range("stack_depth", stack_depth, smallest, LARGEST_MAGNET)
 
 
 def check_coil_fits(name: str, used: float, window: float) -> None:

@@ -1,0 +1,12 @@
+"""A magnet known by a table alone."""
+
+from typing import Literal
+
+from msl_fem.files.schema import FrozenModel
+
+
+class TableMagnet(FrozenModel):
+    """A magnet known by a measured or foreign table."""
+
+    kind: Literal["table"]
+    table: str
