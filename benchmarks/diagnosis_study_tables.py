@@ -1,27 +1,20 @@
-"""The figures of the diagnosis study: docs/diagnosis.md, the README's totals, and the calibration that ships.
+"""The figures of the diagnosis study: docs/diagnosis.md and the README's totals.
 
 python benchmarks/diagnosis_study_tables.py
 """
 
-import textwrap
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
 import numpy as np
-from diagnosis_study import CLEAN, DRIVES, DYNAMIC, OUTSIDE, PAIRS, RESULTS, ROOT, SINGLES, SMALL, actuator_of, done
+from diagnosis_study import CLEAN, DRIVES, DYNAMIC, OUTSIDE, PAIRS, RESULTS, ROOT, SINGLES, SMALL, done
 from marked_text import rewrite
 from scipy.stats import beta
 
-from msl_fem.diagnosis.calibration import CLEAN as SHIPPED
-from msl_fem.diagnosis.calibration import conditions_of
-from msl_fem.diagnosis.decision import Rule
-from msl_fem.plant import plant_parameters
 from msl_fem.plant.effects import CATALOGUE
-from msl_fem.record import Noise, Record, Sampling
 
-DATA = ROOT / "msl_fem" / "diagnosis" / "calibration.py"
 VARIABLES = {
     "cogging": ("force", {"position"}),
     "quadratic_drag": ("force", {"velocity"}),
@@ -224,30 +217,6 @@ def extent(rows: Sequence[Row]) -> str:
     )
 
 
-def write_calibration(rows: Sequence[Row]) -> None:
-    """The clean records' gains and what they were measured with, in place of those at the end of the module."""
-    opening = "CLEAN: dict["
-    before, after = DATA.read_text(encoding="utf-8").split(opening)
-    lines = [before + opening + after.splitlines()[0]]
-    for drive in DRIVES:
-        clean = of(rows, drive, "clean")
-        gains = sorted((max((g for _, g in r["statistics"][0]), default=0.0) for r in clean), reverse=True)
-        if not gains:
-            continue
-        text = textwrap.fill(", ".join(f"{gain:.2f}" for gain in gains), 108, initial_indent=" " * 8,
-                             subsequent_indent=" " * 8)  # fmt: skip
-        record = clean_record(drive)
-        key = conditions_of(record, plant_parameters(record.actuator), Rule())
-        lines += [f'    "{drive}": (Conditions("{key.rig}", "{key.catalogue}", "{key.rule}"), [', text]
-        lines.append(f"    ], {sum(bool(names(r)) for r in clean)}),")
-    DATA.write_text("\n".join([*lines, "}  # fmt: skip"]) + "\n", encoding="utf-8")
-
-
-def clean_record(drive: str) -> Record:
-    """A record of the study as its conditions need it: the rig and its tolerances."""
-    return Record("simulated", actuator_of(drive), Sampling(rate=1e4), Noise())
-
-
 def main() -> None:
     rows = list(done(RESULTS))
     parts = [extent(rows), totals_table(rows), effects_table(rows), small_table(rows), outside_table(rows)]
@@ -255,9 +224,7 @@ def main() -> None:
     short = "\n\n".join([extent(rows), totals_table(rows)])
     rewrite(ROOT / "docs" / "diagnosis.md", {"study": text})
     rewrite(ROOT / "README.md", {"diagnosis": short})
-    write_calibration(rows)
     print(text)
-    print(f"calibration: {len(SHIPPED)} drives before")
 
 
 if __name__ == "__main__":

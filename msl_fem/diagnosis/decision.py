@@ -1,6 +1,6 @@
 """When an effect is named: what its evidence must be, how much of the error it must explain.
 
-An effect is named when its evidence is above a threshold that clean records of its kind hardly reach (`calibration`);
+An effect is named when its evidence is above a threshold, and above what surrogates of the record bring (`null`);
 when what coincides with a believed parameter has left that parameter's tolerance far behind; when what the effects
 leave is the noise, or a small part of what was there without them; and when runs that no fit has seen become no worse.
 """
@@ -27,6 +27,8 @@ FINISHED = 0.25
 """Share of the excess power that a further effect may leave, where the fit before was not white."""
 TOLERANCES = 4.0
 """Tolerances of a believed parameter below which what coincides with it is no cause."""
+BY_CHANCE = 0.99
+"""Share of surrogates without effects that a first effect has to surpass."""
 TIE = 5.0
 """Nats within which two names cannot be told apart."""
 WORSE = 10.0
@@ -73,7 +75,7 @@ class Rule:
         if best is None or first is None:
             return False
         if n == 0:
-            return best.gain >= self.threshold
+            return best.gain >= max(self.threshold, stages[n].null.quantile(BY_CHANCE))
         bounded = all((amount.effect, amount.name) in COINCIDING for amount in best.variant.amounts)
         least = 0.0 if bounded else self.share * first.gain
         return best.gain >= max(self.further, least)

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.diagnosis.calibration import Calibration
 from msl_fem.diagnosis.carriages import carriage, is_carriage
 from msl_fem.diagnosis.decision import (
     OWN_OF_A_RUN,
@@ -166,9 +165,6 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
     if compensating:
         notes.append("several effects together leave what a function of one variable explains; only the first is kept")
     n = result.taken
-    calibration, outside_of_it = kind.calibration(how.rule)
-    if outside_of_it:
-        notes.append(outside_of_it)
     nominal = kind.errors(kind.belief, None)
     believed = [signal.summary for signal in nominal]
     accuracy = tuple(Accuracy(*three, kind.prediction) for three in zip(believed, errors[0], errors[n], strict=True))
@@ -185,14 +181,14 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
     found = Diagnosis(
         _verdict(n, explained),
         _reason(result, explained),
-        tuple(_cause(kind, result, stage, gains[stage], calibration) for stage in range(n_named)),
+        tuple(_cause(kind, result, stage, gains[stage]) for stage in range(n_named)),
         unexplained,
         accuracy,
         believed_estimates(kind.belief, result.final),
         models[0],
         models[n],
         how.rule.threshold,
-        (calibration.named, calibration.records) if calibration is not None else None,
+        result.stages[0].null,
         statistics=statistics_of(result.stages),
         notes=(*kind.notes, *notes),
         evidence=Evidence(
@@ -272,13 +268,13 @@ def _verdict(n_named: int, explained: bool) -> Verdict:
     return "nothing-found" if explained else "unexplained"
 
 
-def _cause(kind: Kind, result: EffectSearch, n: int, gain: float, calibration: Calibration | None) -> Cause:
+def _cause(kind: Kind, result: EffectSearch, n: int, gain: float) -> Cause:
     stage = result.stages[n]
     best = stage.best
     assert best is not None
     effect = best.variant.effect
     rivals = tuple(refit.variant.effect for refit in stage.rivals(TIE))
-    p_value = calibration.p_value(best.gain) if calibration is not None else None
+    p_value = stage.null.p_value(best.gain) if stage.null.gains.size else None
     parameters = effect_estimates(result.final)[effect]
     return Cause(effect, parameters, best.gain, p_value, gain, rivals, kind.separating(stage, rivals))
 

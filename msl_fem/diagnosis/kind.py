@@ -8,7 +8,6 @@ from typing import ClassVar
 import numpy as np
 
 from msl_fem.computing.arrays import Array
-from msl_fem.diagnosis.calibration import Calibration
 from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.fit import extended_belief
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
@@ -160,10 +159,6 @@ class Kind(ABC):
     def extend(self, fit: Fit) -> ModelHypothesis:
         """The model that other commands take."""
         return extended_belief(self.belief, self.likelihood.problem, fit)
-
-    def calibration(self, rule: Rule) -> tuple[Calibration | None, str]:
-        """The clean records that were studied of this kind; None and why, where there are none."""
-        return None, "no clean records were studied for this kind of record: the false-alarm rate is not known"
 
     def dependences(
         self, fit: Fit, belief: ModelHypothesis, *, few: bool = False, threads: int = 1

@@ -9,6 +9,7 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import Estimate, unit_of
 from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, Size
+from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.files.numbers import json_value
@@ -24,7 +25,7 @@ class Cause:
     Attributes
     ----------
     statistic : log evidence in nats over the model without it
-    p_value : how often a clean record of this kind reaches the statistic; None where that was not calibrated
+    p_value : how often a surrogate of this record without effects reaches the statistic; None where there is none
     gain : nats of log likelihood on held-out runs
     rivals : names that the record cannot tell from it
     next_experiment : what would separate them, in words and as an excitation; empty where there are no rivals
@@ -170,7 +171,7 @@ class Diagnosis:
     reason : where undecidable; else what the verdict rests on, in a sentence
     refitted, extended : the model within its tolerances, and with the effects; None where nothing was fitted
     threshold : nats that a first effect had to bring
-    false_alarms : (named, clean records) of the calibration; None where the record lies outside what was calibrated
+    null : what any effect brings by chance on this record
     statistics : of each stage of the search the best effects with their nats, named or not
     notes : what else the reader must know
     evidence : what it rests on, for a report; None where nothing was fitted
@@ -185,7 +186,7 @@ class Diagnosis:
     refitted: ModelHypothesis | None = None
     extended: ModelHypothesis | None = None
     threshold: float = float("nan")
-    false_alarms: tuple[int, int] | None = None
+    null: NullDistribution = field(default_factory=NullDistribution)
     statistics: tuple[tuple[tuple[str, float], ...], ...] = ()
     notes: tuple[str, ...] = ()
     evidence: Evidence | None = None
@@ -218,8 +219,19 @@ class Diagnosis:
             "accuracy": [entry.to_json() for entry in self.accuracy],
             "parameters": parameters,
             "threshold": json_value(self.threshold),
-            "false_alarms": None if self.false_alarms is None else list(self.false_alarms),
+            "null": self._null(),
             "notes": list(self.notes),
+        }
+
+    def _null(self) -> dict[str, Any] | None:
+        """What effects bring by chance, and how often as much as the best one of this record; None of no search."""
+        if not self.null.gains.size:
+            return None
+        best = [gain for stage in self.statistics[:1] for _, gain in stage[:1]]
+        return {
+            "quantiles": dict(self.null.quantiles),
+            "surrogates": int(self.null.gains.size),
+            "p_value": self.null.p_value(best[0]) if best else None,
         }
 
 

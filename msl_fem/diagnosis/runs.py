@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from msl_fem.computing.arrays import Array
-from msl_fem.diagnosis.calibration import Calibration, calibration_of
 from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, Size
@@ -88,11 +87,6 @@ class Runs(Kind):
 
     def rule(self, rule: Rule) -> Rule:
         return rule
-
-    def calibration(self, rule: Rule) -> tuple[Calibration | None, str]:
-        assert self.record is not None
-        problem = self.likelihood.problem
-        return calibration_of(self.record, problem.plant.parameters, problem.runs, rule)
 
     def dependences(
         self, fit: Fit, belief: ModelHypothesis, *, few: bool = False, threads: int = 1

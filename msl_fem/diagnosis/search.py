@@ -16,7 +16,7 @@ of Kay, Statistical Signal Processing II, 1998, ch. 6).
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.likelihood import CONVERGED, Fit
+from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.unknowns import CAUCHY, STEP_OF_AMOUNTS, EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
@@ -116,22 +117,38 @@ def _held(g: Array, b: Array, one_sided: NDArray[np.bool_]) -> Array:
     return guess
 
 
+@dataclass(frozen=True, eq=False)
+class ScoredVariants:
+    """All variants that can be seen at a fit, best first, and what any of them brings by chance there."""
+
+    scores: tuple[Score, ...] = ()
+    null: NullDistribution = field(default_factory=NullDistribution)
+
+
 def scores(found: Fit, tried: Sequence[Variant]) -> list[Score]:
     """All variants at a fit that can be seen there, best first."""
+    return list(scored(found, tried, null=False).scores)
+
+
+def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True) -> ScoredVariants:
+    """The variants at a fit; without `null` what they bring by chance is left out."""
     if not tried:
-        return []
+        return ScoredVariants()
     amounts = list(dict.fromkeys((amount, variant.shapes) for variant in tried for amount in variant.amounts))
     starts = range(0, len(amounts), _AT_ONCE)
     raw = np.concatenate([_signatures(found, amounts[at : at + _AT_ONCE]) for at in starts], axis=1)
     seen = np.isfinite(raw).all(axis=0) & (np.abs(np.nan_to_num(raw)).max(axis=0) > 0)
     background = Background(found, np.where(seen, raw, 0.0))
     place = {amount: n for n, amount in enumerate(amounts)}
-    made = []
+    made, amount_places = [], []
     for variant in tried:
         places = [place[one, variant.shapes] for one in variant.amounts]
         if seen[places].all():
             made.append(background.score(variant, places))
-    return sorted(made, key=lambda s: -s.gain)
+            one_sided = tuple(one.one_sided for one in variant.amounts)
+            amount_places.append(AmountPlaces(tuple(places), one_sided))
+    by_chance = null_distribution(background.own, amount_places) if null else NullDistribution()
+    return ScoredVariants(tuple(sorted(made, key=lambda s: -s.gain)), by_chance)
 
 
 def _signatures(found: Fit, amounts: Sequence[tuple[EffectUnknown, Shapes]]) -> Array:
@@ -163,6 +180,7 @@ class SearchStage:
     base: Fit
     scores: tuple[Score, ...]
     refits: tuple[Refit, ...]
+    null: NullDistribution = field(default_factory=NullDistribution)
 
     @property
     def best(self) -> Refit | None:
@@ -181,17 +199,19 @@ class SearchStage:
 def search_stage(start: Fit, tried: Sequence[Variant], *, tell: Callable[[str], None], threads: int = 1) -> SearchStage:
     """What one of these variants more would bring to a fit, which is converged as far as that asks for."""
     tell("all effects")
-    base, every = start, scores(start, tried)
+    base, at_base = start, scored(start, tried)
+    every = at_base.scores
     if not base.converged and not (every and every[0].gain > FAR_ABOVE + 10 * base.predicted):
         columns = base.jacobian[:, : base.unknowns.n_nuisance]
         base = fit(base.likelihood, base.unknowns, base.z, nuisance_columns=columns)
-        every = scores(base, tried)
+        at_base = scored(base, tried)
+        every = at_base.scores
     candidates = ranked(every)
     if strained(base):
         missing = set(COMPENSATED) - {score.variant.effect for score in candidates}
         candidates += [score for score in _best_of(every).values() if score.variant.effect in missing]
     refits = _Refinement(base, tell).best_first(candidates, threads=threads)
-    return SearchStage(base, tuple(every), tuple(refits))
+    return SearchStage(base, every, tuple(refits), at_base.null)
 
 
 def strained(found: Fit) -> bool:

@@ -157,8 +157,8 @@ def _headline(found: Diagnosis) -> tuple[tuple[str, str], ...]:
     shown = [(headline_word(found), "what was found")]
     if found.causes:
         shown.append((nats_text(found.causes[0].statistic), f"evidence; {found.threshold:.3g} are asked for"))
-    rate = "not calibrated" if found.false_alarms is None else "{} of {}".format(*found.false_alarms)
-    shown.append((rate, "false alarms on clean records of this kind"))
+    if found.null.gains.size:
+        shown.append((nats_text(found.null.quantile(0.99)), "what chance brings in 99 of 100 surrogates"))
     one = telling(found)
     if one is not None:
         nominal, refitted, extended = floors(one)

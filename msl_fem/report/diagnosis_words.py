@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-from scipy.stats import beta
-
 from msl_fem.diagnosis.fit import Estimate, unit_of
 from msl_fem.diagnosis.result import Accuracy, Cause, Diagnosis
 from msl_fem.files.quantity import format_quantity
@@ -89,21 +87,13 @@ def what_is_left(found: Diagnosis) -> str:
     return f"{where}; no variable was found that it depends on."
 
 
-def false_alarm_text(found: Diagnosis) -> str:
-    """The rate at which clean records of this kind are named, with its 95 % interval (Clopper and Pearson, 1934)."""
-    if found.false_alarms is None:
-        return "not calibrated for this kind of actuator, drive and record: no false-alarm rate can be stated"
-    named, clean = found.false_alarms
-    low, high = binomial_interval(named, clean)
-    return f"{named} of {clean} clean records of this kind were named ({100 * low:.2g} ... {100 * high:.2g} %)"
-
-
-def binomial_interval(hits: int, trials: int, *, level: float = 0.95) -> tuple[float, float]:
-    """The exact interval of a rate (Clopper and Pearson, Biometrika 26, 1934)."""
-    tail = (1 - level) / 2
-    low = float(beta.ppf(tail, hits, trials - hits + 1)) if hits else 0.0
-    high = float(beta.ppf(1 - tail, hits + 1, trials - hits)) if hits < trials else 1.0
-    return low, high
+def by_chance_text(found: Diagnosis) -> str:
+    """What any effect brings by chance on this record."""
+    if not found.null.gains.size:
+        return "no surrogates were made"
+    half, most = found.null.quantile(0.5), found.null.quantile(0.99)
+    n = found.null.gains.size
+    return f"{nats_text(half)} in half, {nats_text(most)} in 99 of 100 of {n} surrogates of this record without effects"
 
 
 def sure_rows(found: Diagnosis) -> list[tuple[str, str]]:
@@ -116,12 +106,12 @@ def sure_rows(found: Diagnosis) -> list[tuple[str, str]]:
         rows.append((f"{name}, on runs of which no fit knew", f"{gain} of log likelihood"))
         if cause.p_value is not None:
             share = f"{100 * cause.p_value:.2g} %, this one counted"
-            rows.append((f"{name}, clean records with as much", share))
+            rows.append((f"{name}, surrogates with as much", share))
         if cause.rivals:
             rows.append((f"{name}, not told apart from", ", ".join(called(other) for other in cause.rivals)))
     if found.threshold == found.threshold:
         rows.append(("threshold of the first effect", nats_text(found.threshold)))
-    rows.append(("false alarms", false_alarm_text(found)))
+    rows.append(("what chance brings", by_chance_text(found)))
     return rows
 
 

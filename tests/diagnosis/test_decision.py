@@ -7,15 +7,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msl_fem.diagnosis.calibration import Calibration
 from msl_fem.diagnosis.decision import Rule, completes, excess_power, may_leave, n_accepted, white
 from msl_fem.diagnosis.driver import EffectSearch, _compensating, _named
 from msl_fem.diagnosis.kind import PredictionError, log_likelihood_gain
+from msl_fem.diagnosis.null import NullDistribution
 
 
-def stages(*gains: float | None, first: str = "time_delay", amount: str = "command") -> list[Any]:
+def stages(
+    *gains: float | None,
+    first: str = "time_delay",
+    amount: str = "command",
+    by_chance: NullDistribution = NullDistribution(),  # noqa: B008 - frozen
+) -> list[Any]:
     variant = SimpleNamespace(effect=first, amounts=(SimpleNamespace(effect=first, name=amount),))
-    return [SimpleNamespace(best=None if g is None else SimpleNamespace(gain=g, variant=variant)) for g in gains]
+    bests = [None if g is None else SimpleNamespace(gain=g, variant=variant) for g in gains]
+    return [SimpleNamespace(best=best, null=by_chance) for best in bests]
 
 
 QUIET, LOUD, LOUDER = {"x": 1.02, "i": 1.0}, {"x": 3.0, "i": 1.1}, {"x": 10.0, "i": 2.0}
@@ -32,6 +38,9 @@ def test_effects_are_taken_as_long_as_they_bring_enough() -> None:
     rule = Rule()
     assert n_accepted(stages(5.9), [QUIET], rule) == 0
     assert n_accepted(stages(6.1, 3.0), [QUIET, QUIET], rule) == 1
+    loud = NullDistribution(np.linspace(0.0, 10.0, 101))
+    assert n_accepted(stages(9.5, by_chance=loud), [QUIET], rule) == 0, "surrogates bring 9.9 in one of a hundred"
+    assert n_accepted(stages(10.5, 3.0, by_chance=loud), [QUIET, QUIET], rule) == 1
     assert n_accepted(stages(400.0, 13.0, None), [LOUD, QUIET, QUIET], rule) == 2
     assert n_accepted(stages(400.0, 11.0), [LOUD, QUIET], rule) == 1
     assert n_accepted(stages(9000.0, 20.0), [LOUD, QUIET], rule) == 1, "a fraction of what the first one brought"
@@ -52,13 +61,6 @@ def test_beside_a_wandering_sensor_a_large_gain_counts_though_nothing_finishes_w
     powers = [LOUDER, LOUD, {"x": 2.9, "i": 1.0}]
     assert n_accepted(stages(1000.0, 130.0, first="sensor_drift"), powers, Rule()) == 2
     assert n_accepted(stages(1000.0, 90.0, first="sensor_drift"), powers, Rule()) == 1
-
-
-def test_the_p_value_counts_clean_records_that_reach_a_statistic() -> None:
-    clean = Calibration((6.0, 2.0, 1.0, -1.0), 1)
-    assert clean.p_value(3.0) == pytest.approx(2 / 5)
-    assert clean.p_value(100.0) == pytest.approx(1 / 5)
-    assert clean.records == 4
 
 
 def searched(*refits: tuple[str, float]) -> EffectSearch:

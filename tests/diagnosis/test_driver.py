@@ -10,6 +10,7 @@ from msl_fem.diagnosis.driver import DiagnosisSettings, diagnosis_of
 from msl_fem.diagnosis.kind import ErrorSignal, Kind
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.noise import NoiseWeights, weights_of
+from msl_fem.diagnosis.null import SURROGATES
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
@@ -87,11 +88,10 @@ def test_held_out_data_speak_against_every_other_effect_whatever_the_kind() -> N
     assert any("makes held-out runs worse" in note for note in found.notes)
 
 
-def test_no_rate_is_stated_for_a_kind_without_clean_records_and_what_was_tried_is_kept() -> None:
+def test_chance_is_told_by_surrogates_of_any_kind_of_record_and_what_was_tried_is_kept() -> None:
     found = diagnosed(ToyKind, EffectUnknown("sensor_drift", "rate"))
-    assert found.false_alarms is None
-    assert found.causes[0].p_value is None
-    assert any("false-alarm rate is not known" in note for note in found.notes)
+    assert found.causes[0].p_value == 1 / (1 + SURROGATES)
+    assert found.to_json()["null"]["surrogates"] == SURROGATES
     assert [(tried.effect, tried.taken) for tried in found.evidence.tried] == [("sensor_drift", True)]
     assert [residuals.run for residuals in found.evidence.residuals] == ["fit", "held-out"]
 

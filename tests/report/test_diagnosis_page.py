@@ -10,6 +10,7 @@ from devtools import Browser
 from msl_fem.actuator import Actuator
 from msl_fem.diagnosis.fit import Estimate
 from msl_fem.diagnosis.kind import PredictionError, Size
+from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.result import Accuracy, Cause, ChannelResiduals, Diagnosis, Evidence, TriedVariant, Unexplained
 from msl_fem.plant.effects import CATALOGUE
 from msl_fem.record import Noise, Record, Run, Sampling
@@ -17,8 +18,7 @@ from msl_fem.report.diagnosis_figures import amplitude_density, envelope, gain_f
 from msl_fem.report.diagnosis_page import diagnosis_page
 from msl_fem.report.diagnosis_words import (
     amount_text,
-    binomial_interval,
-    false_alarm_text,
+    by_chance_text,
     gain_sentence,
     next_steps,
     verdict_sentence,
@@ -84,7 +84,7 @@ def test_the_first_page_says_what_how_sure_how_much_better_and_what_next(record:
     assert "3.25 % of position (430 nm RMS, sweep)" in said
     assert "100 → 20 → 1.02" in said
     assert "17\u202f790 nats" in said
-    assert "not calibrated" in said
+    assert "no surrogates were made" in said
     assert CATALOGUE["time_delay"].advice in said
     assert "moving mass is +4 of its tolerances off" in said
     assert "stiffness is" not in said
@@ -126,13 +126,10 @@ def test_rivals_are_a_set_and_their_experiment_stands_among_the_next_steps(named
     assert steps["to tell time delay from amplifier bandwidth"] == "a wider band: simulate ..."
 
 
-def test_the_false_alarm_rate_has_its_exact_interval(named: Diagnosis) -> None:
-    """0 of 300: 1 - (0.025)^(1/300) = 1.2 %; 3 of 300: 0.21 ... 2.9 % (tables of Clopper and Pearson)."""
-    assert binomial_interval(0, 300) == pytest.approx((0.0, 1 - 0.025 ** (1 / 300)), rel=1e-6)
-    assert binomial_interval(3, 300) == pytest.approx((0.00207, 0.02894), rel=5e-3)
-    assert binomial_interval(300, 300)[1] == 1.0
-    assert "0 of 300" in false_alarm_text(replace(named, false_alarms=(0, 300)))
-    assert "no false-alarm rate" in false_alarm_text(named)
+def test_what_chance_brings_is_told(named: Diagnosis) -> None:
+    by_chance = NullDistribution(np.linspace(-1.0, 3.0, 201))
+    assert by_chance_text(replace(named, null=by_chance)).startswith("1 nats in half, 2.96 nats in 99 of 100 of 201")
+    assert by_chance_text(replace(named, null=NullDistribution())) == "no surrogates were made"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,44 @@
+"""Surrogates of a record without effects: their gains are those of clean records."""
+
+import numpy as np
+import pytest
+from linear_record import OFFSET, record
+
+from msl_fem.diagnosis.fit import fit
+from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
+from msl_fem.diagnosis.search import scored
+from msl_fem.diagnosis.variants import Variant
+
+VARIANT = Variant("force_offset", (OFFSET,))
+
+
+def test_surrogates_have_the_gains_of_clean_records() -> None:
+    """The quantiles of one record's surrogates against the gains of 150 records that chance made anew."""
+    gains = []
+    for seed in range(150):
+        data, unknowns = record(seed=seed)
+        base = fit(data, unknowns, np.zeros(unknowns.size))  # type: ignore[arg-type]
+        at_base = scored(base, [VARIANT], null=seed == 0)
+        gains.append(at_base.scores[0].gain)
+        if seed == 0:
+            by_chance = at_base.null
+    assert by_chance.quantile(0.5) == pytest.approx(np.quantile(gains, 0.5), abs=0.15)
+    assert by_chance.quantile(0.9) == pytest.approx(np.quantile(gains, 0.9), abs=0.5)
+    assert np.mean([by_chance.p_value(gain) < 0.1 for gain in gains]) == pytest.approx(0.1, abs=0.06)
+
+
+def test_a_hidden_effect_stands_out_of_its_surrogates() -> None:
+    data, unknowns = record(size=0.3)
+    base = fit(data, unknowns, np.zeros(unknowns.size))  # type: ignore[arg-type]
+    at_base = scored(base, [VARIANT])
+    assert at_base.null.p_value(at_base.scores[0].gain) == 1 / 201
+
+
+def test_more_variants_bring_more_by_chance_and_a_one_sided_amount_brings_less() -> None:
+    own = 100 * np.eye(20)
+    every = [AmountPlaces((n,), (False,)) for n in range(20)]
+    one, many = null_distribution(own, every[:1]), null_distribution(own, every)
+    assert many.quantile(0.5) > one.quantile(0.95)
+    half = null_distribution(own, [AmountPlaces((0,), (True,))])
+    assert np.mean(half.gains > half.gains.min() + 1e-9) == pytest.approx(0.5, abs=0.1)
+    assert NullDistribution().quantile(0.99) == -np.inf
