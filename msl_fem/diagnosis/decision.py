@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import effect_estimates
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.problem import FitProblem
@@ -27,6 +28,10 @@ FINISHED = 0.25
 """Share of the excess power that a further effect may leave, where the fit before was not white."""
 TOLERANCES = 4.0
 """Tolerances of a believed parameter below which what coincides with it is no cause."""
+MOST_OF_IT = 0.6
+"""Share of the excess power that a main cause accounts for."""
+RELAXED = 10.0
+"""Tolerances within which a believed parameter may lie where it is tried as another explanation."""
 BY_CHANCE = 0.99
 """Share of surrogates without effects that a first effect has to surpass."""
 TIE = 5.0
@@ -48,6 +53,7 @@ COINCIDING = {
     ("position_sensor_nonlinearity", "gain_error"): "position_gain",
 }
 """Parameters of effects that act as a believed parameter does."""
+LEAST_TOLD = 1e-9  # of a tolerance's precision, that data say at least
 SHORTEST = 0.5  # s of all fit runs together
 FEWEST = 3000  # samples of them
 RESPONSE = 20.0  # times the noise: what the position has to move for anything to be seen
@@ -205,3 +211,32 @@ def undecidable_because(record: Record, data: Sequence[RunData]) -> str:
     if moved < RESPONSE:
         return f"the position moves by {moved:.3g} times its noise; at least {RESPONSE:g} times are needed, excite more"
     return ""
+
+
+def gauges(base: Fit, gain: float) -> tuple[str, ...]:
+    """Believed parameters (of both sides together) that would explain a record nearly as well as an effect of a gain
+    does, were they `RELAXED` tolerances wide.
+
+    From the Gauss-Newton matrix P of all unknowns at the fit without the effect: with V the block of P^-1 of some of
+    them, the data alone say that they lie at m = H^-1 (H + 1) z with precision H = V^-1 - 1, and a normal prior s
+    times as wide changes the log evidence by log N(m; 0, H^-1 + s^2) - log N(m; 0, H^-1 + 1).
+    """
+    groups: dict[str, list[int]] = {}
+    for row, (name, _) in enumerate(base.unknowns.believed):
+        groups.setdefault(name.removesuffix("_1").removesuffix("_2"), []).append(row)
+    covariance = np.linalg.inv(base.precision)
+    found = []
+    for name, rows in groups.items():
+        block = covariance[np.ix_(rows, rows)]
+        if _relaxed_gain(block, base.z[rows]) >= gain - TIE:
+            found.append(name)
+    return tuple(found)
+
+
+def _relaxed_gain(block: Array, z: Array) -> float:
+    """Nats by which unknowns at z with this covariance gain from a prior `RELAXED` times as wide."""
+    told, vectors = np.linalg.eigh(np.linalg.inv(block) - np.eye(z.size))
+    told = np.maximum(told, LEAST_TOLD)
+    mean = (told + 1) / told * (vectors.T @ z)
+    narrow, wide = 1 / told + 1, 1 / told + RELAXED**2
+    return float(np.sum(mean**2 * (1 / narrow - 1 / wide) - np.log(wide / narrow)) / 2)

@@ -11,11 +11,14 @@ import numpy as np
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.diagnosis.carriages import carriage, is_carriage
 from msl_fem.diagnosis.decision import (
+    MOST_OF_IT,
     OWN_OF_A_RUN,
     TIE,
     WORSE,
     Rule,
     beyond_tolerances,
+    excess_power,
+    gauges,
     n_accepted,
     share_left,
     too_much_left,
@@ -24,7 +27,7 @@ from msl_fem.diagnosis.decision import (
 )
 from msl_fem.diagnosis.equilibria import told_by_equilibria
 from msl_fem.diagnosis.fit import FitPlan, believed_estimates, effect_estimates, fit
-from msl_fem.diagnosis.kind import Kind, PredictionError, held_out_gains
+from msl_fem.diagnosis.kind import Kind, PredictionError, held_out_gains, held_out_worse
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.outside import WORTH_NAMING, Dependence, named_dependence
 from msl_fem.diagnosis.result import (
@@ -32,9 +35,11 @@ from msl_fem.diagnosis.result import (
     Cause,
     Diagnosis,
     Evidence,
+    MainCause,
     Unexplained,
     Verdict,
     channel_residuals,
+    hidden_at_most,
     tried_variants,
 )
 from msl_fem.diagnosis.runs import dynamic_runs
@@ -161,7 +166,9 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
     compensating = _compensating(kind, result, models[result.taken], threads=how.threads)
     if compensating:
         result = replace(result, taken=1)
-    result, notes = _named(result, gains)
+    worse = [held_out_worse(*pair) for pair in zip(signals, signals[1:], strict=False)]
+    main = main_cause(result, worse)
+    result, notes = _named(result, [gain if bad else max(gain, 0.0) for gain, bad in zip(gains, worse, strict=True)])
     if compensating:
         notes.append("several effects together leave what a function of one variable explains; only the first is kept")
     n = result.taken
@@ -189,6 +196,8 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
         models[n],
         how.rule.threshold,
         result.stages[0].null,
+        main,
+        hidden_at_most(result.stages[0].scores),
         statistics=statistics_of(result.stages),
         notes=(*kind.notes, *notes),
         evidence=Evidence(
@@ -200,6 +209,25 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
         ),
     )
     return _undecided(found, result, unfaithful, kind) if unfaithful else found
+
+
+def main_cause(result: EffectSearch, worse: Sequence[bool]) -> MainCause | None:
+    """The first effect that was taken, where it accounts for most of the excess and held-out data do not speak against
+    it, whatever else is left."""
+    if not result.taken or worse[0]:
+        return None
+    explained = 1 - excess_power(result.excesses[1]) / max(excess_power(result.excesses[0]), 1e-300)
+    if white(result.excesses[0]) or explained < MOST_OF_IT:
+        return None
+    return MainCause(result.effects[0], explained, share_left(result.excesses, result.taken))
+
+
+def _explained(result: EffectSearch, n: int) -> float | None:
+    """Share of the excess power that effect n takes beside those before it; None where there is none."""
+    if white(result.excesses[0]):
+        return None
+    before, after = excess_power(result.excesses[n]), excess_power(result.excesses[n + 1])
+    return (before - after) / excess_power(result.excesses[0])
 
 
 def _compensating(kind: Kind, result: EffectSearch, model: ModelHypothesis, *, threads: int) -> bool:
@@ -276,7 +304,9 @@ def _cause(kind: Kind, result: EffectSearch, n: int, gain: float) -> Cause:
     rivals = tuple(refit.variant.effect for refit in stage.rivals(TIE))
     p_value = stage.null.p_value(best.gain) if stage.null.gains.size else None
     parameters = effect_estimates(result.final)[effect]
-    return Cause(effect, parameters, best.gain, p_value, gain, rivals, kind.separating(stage, rivals))
+    experiment = kind.separating(stage, rivals)
+    partners = (*rivals, *gauges(stage.base, best.gain))
+    return Cause(effect, parameters, best.gain, p_value, gain, partners, experiment, _explained(result, n))
 
 
 def _reason(result: EffectSearch, explained: bool) -> str:

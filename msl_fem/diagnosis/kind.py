@@ -18,6 +18,10 @@ from msl_fem.diagnosis.variants import Variant, every_variant, record_features
 from msl_fem.plant.effects import CATALOGUE
 from msl_fem.prediction import ModelHypothesis, RunData
 
+BLOCKS = 20  # of a held-out run
+SHORTEST_BLOCK = 50  # samples
+STANDARD_ERRORS = 2.0
+
 
 @dataclass(frozen=True)
 class PredictionError:
@@ -95,6 +99,31 @@ def log_likelihood_gain(before: Sequence[PredictionError], after: Sequence[Predi
         ratio = max(first.rms, first.floor) / max(second.rms, second.floor)
         total += first.samples * float(np.log(ratio))
     return total
+
+
+def held_out_worse(before: Sequence[ErrorSignal], after: Sequence[ErrorSignal]) -> bool:
+    """Whether held-out data are followed worse by the second model, in blocks that are longer than the errors'
+    correlation: the mean change of their power, over the noise's and the first model's, is above two of its standard
+    errors."""
+    changes: list[float] = []
+    for first, second in zip(before, after, strict=True):
+        if first.role == "held-out":
+            if not np.isfinite(second.values).all():
+                return bool(np.isfinite(first.values).all())
+            if np.isfinite(first.values).all():
+                changes += _block_changes(first, second)
+    if len(changes) < 2:
+        return False
+    error = float(np.std(changes, ddof=1)) / np.sqrt(len(changes))
+    return float(np.mean(changes)) > STANDARD_ERRORS * error
+
+
+def _block_changes(first: ErrorSignal, second: ErrorSignal) -> list[float]:
+    """Of each block the change of the error's power over that of the first model, at least the noise's."""
+    scale = max(float(np.mean(first.values**2)), first.floor**2)
+    change = (second.values**2 - first.values**2) / scale
+    blocks = np.array_split(change, max(2, min(BLOCKS, change.size // SHORTEST_BLOCK)))
+    return [float(np.mean(block)) for block in blocks]
 
 
 def worst_over_floor(errors: Sequence[PredictionError]) -> float:

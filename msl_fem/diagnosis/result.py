@@ -1,7 +1,7 @@
 """What a diagnosis returns, its JSON, and what it rests on."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -11,10 +11,14 @@ from msl_fem.diagnosis.fit import Estimate, unit_of
 from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, Size
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.outside import Dependence
-from msl_fem.diagnosis.search import SearchStage
+from msl_fem.diagnosis.search import Score, SearchStage
+from msl_fem.diagnosis.unknowns import WIDE
 from msl_fem.files.numbers import json_value
+from msl_fem.plant.effects import CATALOGUE, find_parameter
 from msl_fem.prediction import ModelHypothesis
 
+NONCENTRALITY = 17.8
+RIDGE = 1e-9
 Verdict = Literal["nothing-found", "named", "unexplained", "named-and-unexplained", "undecidable"]
 
 
@@ -27,8 +31,10 @@ class Cause:
     statistic : log evidence in nats over the model without it
     p_value : how often a surrogate of this record without effects reaches the statistic; None where there is none
     gain : nats of log likelihood on held-out runs
-    rivals : names that the record cannot tell from it
+    rivals : names that the record cannot tell from it: effects, and believed parameters that would have to leave their
+        tolerances
     next_experiment : what would separate them, in words and as an excitation; empty where there are no rivals
+    explained_power : share of the excess power without effects that it takes; None where there was no excess
     """
 
     effect: str
@@ -38,6 +44,7 @@ class Cause:
     gain: float
     rivals: tuple[str, ...] = ()
     next_experiment: str = ""
+    explained_power: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The cause in diagnosis.json."""
@@ -55,7 +62,25 @@ class Cause:
             },
             "indistinguishable_from": list(self.rivals),
             "next_experiment": self.next_experiment,
+            "explained_power": self.explained_power,
         }
+
+
+@dataclass(frozen=True)
+class MainCause:
+    """The effect that accounts for most of the excess power; `rest` is the share that is left with all effects."""
+
+    effect: str
+    explained_power: float
+    rest: float
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """The largest amount of an effect that this record would not have shown."""
+
+    value: float
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -172,6 +197,8 @@ class Diagnosis:
     refitted, extended : the model within its tolerances, and with the effects; None where nothing was fitted
     threshold : nats that a first effect had to bring
     null : what any effect brings by chance on this record
+    main_cause : None where no effect accounts for most of the excess
+    hidden : by effect, for those with one leading amount
     statistics : of each stage of the search the best effects with their nats, named or not
     notes : what else the reader must know
     evidence : what it rests on, for a report; None where nothing was fitted
@@ -187,6 +214,8 @@ class Diagnosis:
     extended: ModelHypothesis | None = None
     threshold: float = float("nan")
     null: NullDistribution = field(default_factory=NullDistribution)
+    main_cause: MainCause | None = None
+    hidden: Mapping[str, Hidden] = field(default_factory=dict)
     statistics: tuple[tuple[tuple[str, float], ...], ...] = ()
     notes: tuple[str, ...] = ()
     evidence: Evidence | None = None
@@ -220,6 +249,8 @@ class Diagnosis:
             "parameters": parameters,
             "threshold": json_value(self.threshold),
             "null": self._null(),
+            "main_cause": None if self.main_cause is None else asdict(self.main_cause),
+            "hidden_at_most": {name: asdict(hidden) for name, hidden in self.hidden.items()},
             "notes": list(self.notes),
         }
 
@@ -233,6 +264,24 @@ class Diagnosis:
             "surrogates": int(self.null.gains.size),
             "p_value": self.null.p_value(best[0]) if best else None,
         }
+
+
+def hidden_at_most(scores: Sequence[Score]) -> dict[str, Hidden]:
+    """Of each effect the amount that would have been found in 95 of 100 records by a test that is wrong in one of 100
+    (noncentrality 17.8; Kay, Statistical Signal Processing II, 1998, ch. 6), by the variant that shows it best, all
+    tolerances free; what lies below could be there. Beyond an amount's bounds there is no figure."""
+    least: dict[str, Hidden] = {}
+    for score in scores:
+        one = score.variant.amounts[0]
+        told = 1 / float(np.linalg.inv(score.own + RIDGE * np.eye(len(score.own)))[0, 0])
+        parameter = find_parameter(one.effect, one.name)
+        value = WIDE * parameter.scale * float(np.sqrt(NONCENTRALITY / told))
+        first = CATALOGUE[one.effect].amounts[:1]
+        known = least.get(one.effect)
+        inside = parameter.neutral + value <= parameter.bounds[1]
+        if one.name in first and inside and (known is None or value < known.value):
+            least[one.effect] = Hidden(value, parameter.unit)
+    return least
 
 
 def channel_residuals(

@@ -102,7 +102,7 @@ def test_simulate_takes_it_and_makes_the_measured_run(msl_fem: Run, desk: Path, 
     assert "time_delay" in found["effects"]
     measured = load_record(desk / "record").run("sweep")["position_m"]
     again = load_record(made).runs[0]["position_m"]
-    error = np.sqrt(np.mean((measured - again) ** 2))
+    error = np.std(measured - again)  # the sensor's zero, believed within a tolerance, is no part of an actuator file
     assert error < 1.3 * np.sqrt(2) * 50e-9
     assert measured.std() > 20 * error
 

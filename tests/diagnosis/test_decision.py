@@ -7,9 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msl_fem.diagnosis.decision import Rule, completes, excess_power, may_leave, n_accepted, white
-from msl_fem.diagnosis.driver import EffectSearch, _compensating, _named
-from msl_fem.diagnosis.kind import PredictionError, log_likelihood_gain
+from msl_fem.diagnosis.decision import (
+    RELAXED,
+    Rule,
+    _relaxed_gain,
+    completes,
+    excess_power,
+    gauges,
+    may_leave,
+    n_accepted,
+    white,
+)
+from msl_fem.diagnosis.driver import EffectSearch, _compensating, _named, main_cause
+from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, held_out_worse, log_likelihood_gain
 from msl_fem.diagnosis.null import NullDistribution
 
 
@@ -109,3 +119,59 @@ def test_the_gain_on_held_out_runs_counts_nothing_below_the_noise() -> None:
     assert log_likelihood_gain([followed(1e-7)], [followed(5e-8)]) == pytest.approx(1000 * np.log(2))
     assert log_likelihood_gain([followed(4.9e-8)], [followed(4e-8)]) == 0
     assert log_likelihood_gain([followed(1e-7)], [followed(np.inf)]) == -np.inf
+
+
+def fitted(truth: np.ndarray, *, columns: np.ndarray) -> Any:
+    """The most probable believed parameters under unit priors, data = columns truth, no noise."""
+    precision = columns.T @ columns + np.eye(truth.size)
+    z = np.linalg.solve(precision, columns.T @ (columns @ truth))
+    names = (("mass", 0.01), ("voltage_gain_1", 0.01), ("voltage_gain_2", 0.01))
+    return SimpleNamespace(unknowns=SimpleNamespace(believed=names), precision=precision, z=z)
+
+
+def test_an_instrument_that_explains_as_much_as_an_effect_is_its_partner() -> None:
+    """Both voltages eight tolerances off, known to a quarter of one: 58 nats of the 64 squares of each go away where
+    they may be as far off, less the logarithm of the wider prior."""
+    base = fitted(np.array([0.0, -8.0, -8.0]), columns=4 * np.eye(3))
+    assert gauges(base, 50.0) == ("voltage_gain",)
+    assert gauges(base, 80.0) == ()
+    assert gauges(fitted(np.zeros(3), columns=4 * np.eye(3)), 50.0) == ()
+
+
+def test_a_wider_prior_gains_what_two_normal_distributions_differ_by() -> None:
+    """By integrating likelihood times prior over the parameter."""
+    z, told = -1.5, 9.0
+    mean = (told + 1) / told * z
+    at = np.linspace(-80, 80, 400_001)
+    like = np.exp(-told * (at - mean) ** 2 / 2)
+    narrow = np.trapezoid(like * np.exp(-(at**2) / 2), at)
+    wide = np.trapezoid(like * np.exp(-((at / RELAXED) ** 2) / 2) / RELAXED, at)
+    found = _relaxed_gain(np.array([[1 / (told + 1)]]), np.array([z]))
+    assert found == pytest.approx(np.log(wide / narrow), rel=1e-6)
+
+
+def error_signal(values: np.ndarray) -> ErrorSignal:
+    return ErrorSignal("sweep", "held-out", "position_m", values, deviation=1.0, floor=1.0, rate=1e3)
+
+
+def test_held_out_blocks_speak_against_what_is_worse_all_over_and_not_against_chance() -> None:
+    chance = np.random.default_rng(4)
+    noise = chance.standard_normal(4000)
+    before = [error_signal(noise)]
+    assert held_out_worse(before, [error_signal(1.05 * noise)])
+    assert not held_out_worse(before, [error_signal(0.95 * noise)])
+    assert not held_out_worse(before, [error_signal(noise + 0.01 * chance.standard_normal(4000))])
+    lost = noise.copy()
+    lost[7] = np.nan
+    assert held_out_worse(before, [error_signal(lost)])
+
+
+def test_the_main_cause_takes_most_of_the_excess_whatever_else_is_left() -> None:
+    left = {"x": 4.0, "i": 1.0}  # 15 of the excess power of 102
+    found = replace(searched(("squeeze_film", 6000.0)), excesses=(LOUDER, left))
+    main = main_cause(found, [False])
+    assert main is not None
+    assert (main.effect, main.explained_power) == ("squeeze_film", pytest.approx(1 - 15 / 102))
+    assert main.rest == pytest.approx(15 / 102)
+    assert main_cause(found, [True]) is None, "held-out data speak against it"
+    assert main_cause(replace(found, excesses=(LOUDER, {"x": 8.0, "i": 1.0})), [False]) is None
