@@ -28,6 +28,10 @@ FINISHED = 0.25
 """Share of the excess power that a further effect may leave, where the fit before was not white."""
 TOLERANCES = 4.0
 """Tolerances of a believed parameter below which what coincides with it is no cause."""
+LEAST_SHARE = 1e-5
+"""Of the moving mass, that a second mass has at least."""
+HIGHEST_MODE = 0.8
+"""Of half the sampling rate, beyond which a second resonance is no cause."""
 MOST_OF_IT = 0.6
 """Share of the excess power that a main cause accounts for."""
 RELAXED = 10.0
@@ -157,6 +161,19 @@ def beyond_tolerances(problem: FitProblem, stage: SearchStage) -> SearchStage:
 
     def counts(refit: Refit) -> bool:
         return refit.gain <= 0 or leaves_tolerance(problem, refit.fit, refit.variant.effect)
+
+    return replace(stage, refits=tuple(filter(counts, stage.refits)))
+
+
+def in_sight(problem: FitProblem, stage: SearchStage) -> SearchStage:
+    """A stage without second resonances that have no mass, or lie where a record shows next to nothing."""
+
+    def counts(refit: Refit) -> bool:
+        if refit.variant.effect != "structural_mode":
+            return True
+        mode = effect_estimates(refit.fit)["structural_mode"]
+        heavy = "mass_share" in mode and mode["mass_share"].value >= LEAST_SHARE
+        return heavy and mode["frequency"].value <= HIGHEST_MODE * problem.plant.rate / 2
 
     return replace(stage, refits=tuple(filter(counts, stage.refits)))
 

@@ -19,6 +19,7 @@ from msl_fem.diagnosis.decision import (
     beyond_tolerances,
     excess_power,
     gauges,
+    in_sight,
     n_accepted,
     share_left,
     too_much_left,
@@ -143,7 +144,7 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
     excesses = []
     for n in range(rule.most):
         stage = search_stage(fits[n], kind.candidates(fits[n]), tell=how.progress, threads=how.threads)
-        stage = beyond_tolerances(kind.likelihood.problem, stage)
+        stage = in_sight(kind.likelihood.problem, beyond_tolerances(kind.likelihood.problem, stage))
         fits[n] = stage.base
         stages.append(stage)
         excesses.append(stage.base.excess)

@@ -71,9 +71,18 @@ def verdict_sentence(found: Diagnosis) -> str:
     if found.verdict == "unexplained":
         return (
             "The model misses something that no effect of the catalogue explains, so none is named. "
-            f"Of the residual power of the re-fitted model {share} is without a name."
+            f"Of the residual power of the re-fitted model {share} is without a name.{_main_cause(found)}"
         )
     return f"This record cannot decide: {found.reason}."
+
+
+def _main_cause(found: Diagnosis) -> str:
+    """The effect that takes most of it, where there is one."""
+    main = found.main_cause
+    if main is None:
+        return ""
+    part = f"{100 * main.explained_power:.3g} % of the excess power"
+    return f" Nearest to a main cause: {called(main.effect)}, {part}, and held-out runs do not speak against it."
 
 
 def what_is_left(found: Diagnosis) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from msl_fem.diagnosis import decision
 from msl_fem.diagnosis.decision import (
     RELAXED,
     Rule,
@@ -14,6 +15,7 @@ from msl_fem.diagnosis.decision import (
     completes,
     excess_power,
     gauges,
+    in_sight,
     may_leave,
     n_accepted,
     white,
@@ -21,6 +23,7 @@ from msl_fem.diagnosis.decision import (
 from msl_fem.diagnosis.driver import EffectSearch, _compensating, _named, main_cause
 from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, held_out_worse, log_likelihood_gain
 from msl_fem.diagnosis.null import NullDistribution
+from msl_fem.diagnosis.search import Refit, SearchStage
 
 
 def stages(
@@ -175,3 +178,19 @@ def test_the_main_cause_takes_most_of_the_excess_whatever_else_is_left() -> None
     assert main.rest == pytest.approx(15 / 102)
     assert main_cause(found, [True]) is None, "held-out data speak against it"
     assert main_cause(replace(found, excesses=(LOUDER, {"x": 8.0, "i": 1.0})), [False]) is None
+
+
+@pytest.mark.parametrize(
+    ("share", "frequency", "kept"), [(0.01, 900.0, True), (0.01, 4500.0, False), (1e-7, 900.0, False)]
+)
+def test_a_mode_without_mass_or_out_of_sight_is_no_cause(
+    share: float, frequency: float, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mode = {"mass_share": SimpleNamespace(value=share), "frequency": SimpleNamespace(value=frequency)}
+    monkeypatch.setattr(decision, "effect_estimates", lambda fit: {"structural_mode": mode})
+    refit: Any = Refit(SimpleNamespace(effect="structural_mode"), None, 60_000.0)  # type: ignore[arg-type]
+    other: Any = Refit(SimpleNamespace(effect="time_delay"), None, 34_000.0)  # type: ignore[arg-type]
+    stage = SearchStage(None, (), (refit, other))  # type: ignore[arg-type]
+    problem: Any = SimpleNamespace(plant=SimpleNamespace(rate=1e4))
+    found = in_sight(problem, stage)
+    assert found.best is (refit if kept else other)
