@@ -244,7 +244,7 @@ def gauges(base: Fit, gain: float) -> tuple[str, ...]:
     covariance = np.linalg.inv(base.precision)
     found = []
     for name, rows in groups.items():
-        block = covariance[np.ix_(rows, rows)]
+        block = np.asarray(covariance[np.ix_(rows, rows)], dtype=np.float64)
         if _relaxed_gain(block, base.z[rows]) >= gain - TIE:
             found.append(name)
     return tuple(found)

@@ -17,6 +17,8 @@ from msl_fem.diagnosis.unknowns import CAUCHY
 
 SURROGATES = 200
 SEED = 20261121
+LEAST = 1e-30  # of a diagonal: an amount that shows nothing
+ROUNDING = 1e-9  # of a diagonal: amounts that act alike
 QUANTILES = (0.5, 0.9, 0.95, 0.99)
 _WEAK = (2.0, 0.02)  # curvature of the prior near nothing, and far out
 
@@ -53,10 +55,11 @@ def null_distribution(own: Array, variants: Sequence[AmountPlaces]) -> NullDistr
     """The largest gain of any variant in each of `SURROGATES` surrogates; `own` is G of all amounts."""
     if not variants:
         return NullDistribution()
-    values, vectors = np.linalg.eigh(own)
+    size = np.sqrt(np.maximum(np.diag(own), LEAST))  # amounts differ by many powers of ten
+    values, vectors = np.linalg.eigh(own / size[:, None] / size)
     chance = np.random.default_rng(SEED)
     normal = chance.standard_normal((SURROGATES, own.shape[0]))
-    slopes = (normal * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    slopes = size * ((normal * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
     return NullDistribution(np.max([_gains(own, slopes, variant) for variant in variants], axis=0))
 
 
@@ -67,7 +70,7 @@ def _gains(own: Array, slopes: Array, variant: AmountPlaces) -> Array:
     one_sided = np.array(variant.one_sided)
     best = np.zeros(len(b))
     for weak in _WEAK:
-        a = _bounded(g + weak * np.eye(at.size), b, one_sided)
+        a = _bounded(g + np.diag(weak + ROUNDING * np.diag(g)), b, one_sided)
         made = np.sum(b * a, axis=1) - np.einsum("na,ab,nb->n", a, g, a) / 2 - np.log1p(a**2).sum(axis=1)
         best = np.maximum(best, made)
     return best + CAUCHY * at.size - float(np.linalg.slogdet(g + 2 * np.eye(at.size))[1]) / 2

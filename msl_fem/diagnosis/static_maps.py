@@ -38,6 +38,8 @@ FEWEST_ROWS = 12
 FORCE, FLUX = "force_N", "flux_linkage_Wb"
 MARGIN = 4.0  # tolerances of the gap: rows nearer to the table's ends would leave it in a fit
 LEAST_NOISE = 1e-5  # of the largest value, where no noise is stated
+OF_THE_CURRENT = ("magnetic_hysteresis", "early_saturation", "current_sensor_error")
+"""Effects that a map at one gap can show."""
 MAP_BESIDE = "the rows of the static map count beside the runs"
 
 
@@ -140,8 +142,8 @@ def why_no_map(static: StaticMap) -> str:
         return f"the static map has {fitted.size} rows with the role fit; at least {FEWEST_ROWS} are needed"
     if held.size == 0:
         return "no row of the static map is held out, so no gain could be shown; give some the role held-out"
-    if np.ptp(np.abs(static.current[fitted])) == 0 or np.ptp(static.gap[fitted]) == 0:
-        return "the rows of the static map differ in gap or in current alone; measure over both"
+    if np.ptp(np.abs(static.current[fitted])) == 0:
+        return "the rows of the static map differ in gap alone; measure over the current"
     return ""
 
 
@@ -258,6 +260,8 @@ class MapAlone(Kind):
         spread = float(np.std(self.rows.measured.rows.current))
         features = RecordFeatures(position=1.0, current=spread, velocity=1.0, own_frequency=1.0)
         effects = [name for name, effect in CATALOGUE.items() if effect.separating]
+        if np.ptp(self.rows.measured.rows.gap) == 0:
+            effects = [name for name in effects if name in OF_THE_CURRENT]
         tried = [variant for name in effects for variant in variants(name, features, plant)]
         return without_those_of(fit, tried)
 

@@ -29,6 +29,7 @@ BELIEVED = (
 )
 """Parameters known within a tolerance. `position_gain` is reading over position, `magnetic_scale` coenergy over the
 table's (both are 1 as believed)."""
+OF_THE_PLANT = BELIEVED[:5]
 UNITS = {"moving_mass": "kg", "stiffness": "N/m", "damping": "N s/m", "coil_resistance": "ohm", "nominal_gap": "m"} | {
     name: nuisance.unit for name, nuisance in NUISANCES.items()
 }
@@ -116,6 +117,11 @@ def believed_value(belief: ModelHypothesis, name: str) -> float:
     """A parameter of `BELIEVED` or `NUISANCES` in SI units, the belief's factor in it."""
     if name in ADDITIVE:
         return belief.factors.get(name, 0.0)
+    if name not in OF_THE_PLANT:
+        return belief.factors.get(name, 1.0)
+    motion = belief.actuator.motion
+    if belief.actuator.drive is None and motion is not None and name == "nominal_gap":  # a magnet on a bench
+        return float(motion.nominal_gap or 0.0) * belief.factors.get(name, 1.0)
     p = plant_parameters(belief.actuator)
     values = {
         "moving_mass": p.mass,

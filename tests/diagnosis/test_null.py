@@ -42,3 +42,13 @@ def test_more_variants_bring_more_by_chance_and_a_one_sided_amount_brings_less()
     half = null_distribution(own, [AmountPlaces((0,), (True,))])
     assert np.mean(half.gains > half.gains.min() + 1e-9) == pytest.approx(0.5, abs=0.1)
     assert NullDistribution().quantile(0.99) == -np.inf
+
+
+def test_scales_of_amounts_change_nothing_but_the_price_of_their_prior() -> None:
+    """Amounts whose scales differ by eight powers of ten: rounding of the large ones is none of the small ones'."""
+    mixed = np.random.default_rng(1).standard_normal((6, 6))
+    own = mixed @ mixed.T + np.eye(6)
+    scale = np.geomspace(1.0, 1e8, 6)
+    pairs = [AmountPlaces((n, n + 1), (False, False)) for n in range(0, 6, 2)]
+    found = null_distribution(own * scale[:, None] * scale, pairs)
+    assert found.quantile(0.99) < 10.0

@@ -10,7 +10,7 @@ from msl_fem.actuator import load_actuator
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.static_maps import map_alone, prepared_map
+from msl_fem.diagnosis.static_maps import OF_THE_CURRENT, map_alone, prepared_map
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.static_map import static_map
@@ -115,7 +115,7 @@ def test_residuals_vanish_where_the_model_is_true(made, table):
     [
         (lambda s: replace(s, role=np.where(np.arange(s.gap.size) < 9, "fit", "held-out")), "at least 12"),
         (lambda s: replace(s, role=np.full(s.gap.size, "fit")), "held out"),
-        (lambda s: replace(s, gap=np.full(s.gap.size, 6e-4)), "gap or in current alone"),
+        (lambda s: replace(s, current=np.full(s.gap.size, 1.0)), "differ in gap alone"),
     ],
 )
 def test_a_map_that_cannot_decide(made, table, spoil, told):
@@ -124,3 +124,22 @@ def test_a_map_that_cannot_decide(made, table, spoil, told):
     assert found.verdict == "undecidable"
     assert told in found.reason
     assert found.names == ()
+
+
+def test_hysteresis_is_named_by_a_map_at_one_gap_without_a_drive(made, table):
+    """What gap and scale would explain cannot be tried there; what the current's history does can."""
+    record, _ = made("magnetic_hysteresis=3%", 6)
+    rows = record.static
+    gaps, counts = np.unique(rows.gap, return_counts=True)
+    at = np.flatnonzero(rows.gap == gaps[np.argmax(counts)])
+    parts = {
+        name: values[at]
+        for name in ("gap", "current", "force", "flux_linkage", "role", "direction", "sequence")
+        if (values := getattr(rows, name)) is not None
+    }
+    parts["role"] = np.where(np.arange(at.size) % 3 == 1, "held-out", "fit")
+    actuator = record.actuator.model_copy(update={"drive": None})
+    one = replace(record, static=replace(rows, **parts, extra={}), actuator=actuator)
+    found = diagnose(one, DiagnosisSettings(table=table))
+    assert found.names == ("magnetic_hysteresis",)
+    assert {tried.effect for tried in found.evidence.tried} <= set(OF_THE_CURRENT)
