@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from msl_fem.actuator import Actuator, ECore
+from msl_fem.actuator import Actuator, ECore, MagnetKind
 from msl_fem.bench.equations import COPPER_COEFFICIENT
 from msl_fem.bench.iron import fastest_ladder_rate
 from msl_fem.bench.plant import IRON_NODES, Amplifier, Hysteresis, Ladder, SeriesIron, Thermal
 from msl_fem.bench.rig import Factor, Rig, averaged, multiplied
 from msl_fem.bench.setting import BenchEffect, BenchSetting, RigWithEffect, lag_to_start_with
 from msl_fem.errors import InputError
+from msl_fem.magnetics.kinds.kind import PlaneMagnet
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
 
@@ -36,19 +37,23 @@ def _least_gap_offset(setting: BenchSetting) -> float:
 
 
 def iron_path(actuator: Actuator) -> tuple[tuple[float, float, Iron | AnalyticIron], ...]:
-    """(length m, section m2, iron) of the parts of an E-core's flux path, the sections counted for the whole flux.
+    """(length m, section m2, iron) of the parts of a magnet's flux path, the sections counted for the whole flux.
 
     Raises
     ------
     InputError : the magnet's dimensions are not known
     """
     m = actuator.magnet
-    if not isinstance(m, ECore):
+    if not isinstance(m, MagnetKind) or m.circuit is None:
         raise InputError(
-            f'{actuator.name}: this effect is made from the iron\'s dimensions; it needs [magnet] kind = "e-core"'
+            f"{actuator.name}: this effect is made from the lengths and areas of the flux path in the iron, which this "
+            "magnet does not state; hide another one, or describe the magnet by its dimensions"
         )
     core = laminated(load_iron(m.iron.core, folder=actuator.folder), m.iron.core_stacking)
     armature = laminated(load_iron(m.iron.armature, folder=actuator.folder), m.iron.armature_stacking)
+    if not isinstance(m, ECore):
+        irons = {"core": core, "armature": armature}
+        return tuple((part.length, part.area, irons[part.region]) for part in m.circuit.parts)
     leg = m.window_height + m.yoke_thickness / 2
     across = m.window_width + (m.centre_leg_width + m.outer_leg_width) / 2
     return (
@@ -59,11 +64,15 @@ def iron_path(actuator: Actuator) -> tuple[tuple[float, float, Iron | AnalyticIr
     )
 
 
+def _states_its_path(actuator: Actuator) -> bool:
+    return isinstance(actuator.magnet, MagnetKind) and actuator.magnet.circuit is not None
+
+
 def _linked_turns(setting: BenchSetting) -> tuple[float, float]:
     """(side's flux linkage over a magnet's flux, magneto-motive force of a magnet over the side's current)."""
     magnets = setting.rig.plant.magnets
-    assert isinstance(setting.actuator.magnet, ECore)
-    turns = float(setting.actuator.magnet.coil.turns)
+    assert isinstance(setting.actuator.magnet, MagnetKind)
+    turns = float(setting.actuator.magnet.turns)
     return magnets.per_side * magnets.share * turns, turns * magnets.share
 
 
@@ -95,7 +104,7 @@ def _fringing(setting: BenchSetting, rig: Rig, strength: float) -> RigWithEffect
     m = setting.actuator.magnet
     g = rig.table.gap[:, None]
     nominal = rig.plant.magnets.nominal_gap
-    depth, height = (m.stack_depth, m.window_height) if isinstance(m, ECore) else (30 * nominal, 30 * nominal)
+    depth, height = (m.stack_depth, m.window_height) if isinstance(m, PlaneMagnet) else (30 * nominal, 30 * nominal)
     a, b = 2 * strength / (np.pi * depth), np.pi * height / 2
     log, across = np.log1p(b / g), g + b  # d/dg of ln(1 + b/g) = 1/(g + b) - 1/g
     rise = log + g / across  # d/dg of g (1 + ln(1 + b/g))
@@ -114,7 +123,7 @@ def _magnetic_hysteresis(setting: BenchSetting, rig: Rig, amplitude: float) -> R
 
 def _iron_inductance(setting: BenchSetting) -> float:
     """Inductance in H that a side's iron alone would have at the runs' flux; for unknown iron 50 times the whole."""
-    if not isinstance(setting.actuator.magnet, ECore):
+    if not _states_its_path(setting.actuator):
         magnets = setting.rig.plant.magnets
         assert setting.rig.table is not None
         whole = setting.rig.table.evaluate(0.0, magnets.nominal_gap)["incremental_inductance"]
@@ -128,7 +137,7 @@ def _iron_inductance(setting: BenchSetting) -> float:
 
 def _mean_slope(setting: BenchSetting) -> float:
     """dB/dH of the core in H/m at the runs' flux; 2000 mu_0 for unknown iron."""
-    if not isinstance(setting.actuator.magnet, ECore):
+    if not _states_its_path(setting.actuator):
         return 2000 * MU_0
     _, section, iron = iron_path(setting.actuator)[0]
     flux = setting.scales.flux_linkage / _linked_turns(setting)[0]

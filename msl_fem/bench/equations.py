@@ -33,7 +33,7 @@ import math
 
 import numpy as np
 
-from msl_fem.actuator import Actuator, ECore
+from msl_fem.actuator import Actuator, MagnetKind
 from msl_fem.bench.iron import ladder_current, ladder_rates, pinned_current, series_current, side_magnet
 from msl_fem.bench.plant import (
     CURRENT_DRIVE,
@@ -211,11 +211,9 @@ def plate_damping(width: float, length: float, *, gap: float, viscosity: float =
 
 def faces(actuator: Actuator) -> tuple[tuple[float, float], ...]:
     """Width and length in m of the pole faces of a side; none where the magnet's shape is not known."""
-    if not isinstance(actuator.magnet, ECore) or actuator.sides is None:
+    if not isinstance(actuator.magnet, MagnetKind) or actuator.sides is None:
         return ()
-    m = actuator.magnet
-    legs = (m.centre_leg_width, m.outer_leg_width, m.outer_leg_width)
-    return tuple((width, m.stack_depth) for width in legs) * actuator.sides.magnets_per_side
+    return actuator.magnet.pole_faces * actuator.sides.magnets_per_side
 
 
 def film_numbers(

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from msl_fem.actuator import Actuator, ECore
+from msl_fem.actuator import Actuator, ECore, MagnetKind
 from msl_fem.computing.arrays import Array
 from msl_fem.control.design import ControllerChoice, ControllerDesign, Stepper
 from msl_fem.control.design_model import design_model_of
@@ -70,13 +70,14 @@ class ComparedModels:
 
 
 def analytic_table(actuator: Actuator, table: MagneticTable) -> MagneticTable:
-    """The textbook's magnetic circuit on the table's grid: of an E-core's dimensions, else as the table is at small
-    currents."""
-    if isinstance(actuator.magnet, ECore):
-        iron, folder = actuator.magnet.iron, actuator.folder
+    """The textbook's magnetic circuit on the table's grid: of the magnet's dimensions where its kind states them, else
+    as the table is at small currents."""
+    magnet = actuator.magnet
+    if isinstance(magnet, MagnetKind) and magnet.circuit is not None:
+        iron, folder = magnet.iron, actuator.folder
         core = laminated(load_iron(iron.core, folder=folder), iron.core_stacking)
         armature = laminated(load_iron(iron.armature, folder=folder), iron.armature_stacking)
-        circuit = circuit_of(actuator.magnet, core, armature)
+        circuit = circuit_of(magnet, core, armature)
     else:
         circuit = circuit_fitted(table)
     return reluctance_table(circuit, table.gap, table.current)
@@ -90,7 +91,7 @@ class LinearCircuit:
     offset: float
 
 
-def circuit_of(magnet: ECore, core: Iron | AnalyticIron, armature: Iron | AnalyticIron) -> LinearCircuit:
+def _e_core_circuit(magnet: ECore, core: Iron | AnalyticIron, armature: Iron | AnalyticIron) -> LinearCircuit:
     """The magnetic circuit of an E-core; the irons as laminated, so that areas are those of the stack.
 
     One path: centre leg, yoke, outer leg, back through the armature; each part with the area that its flux has.
@@ -104,6 +105,24 @@ def circuit_of(magnet: ECore, core: Iron | AnalyticIron, armature: Iron | Analyt
     plate = (across + magnet.armature_thickness) / (2 * magnet.armature_thickness * magnet.stack_depth)
     offset = (iron / _mu_r(core) + plate / _mu_r(armature)) / gap_per_metre
     return LinearCircuit(MU_0 * magnet.coil.turns**2 / gap_per_metre, offset)
+
+
+def circuit_of(magnet: MagnetKind, core: Iron | AnalyticIron, armature: Iron | AnalyticIron) -> LinearCircuit:
+    """The circuit of faces and iron parts that a kind states; the irons as laminated.
+
+    Raises
+    ------
+    InputError : the kind states none
+    """
+    if isinstance(magnet, ECore):
+        return _e_core_circuit(magnet, core, armature)
+    circuit = magnet.circuit
+    if circuit is None:
+        raise InputError("this kind of magnet states no magnetic circuit; compare with the one fitted to its table")
+    gap_per_metre = sum(1 / face.area for face in circuit.faces)
+    permeability = {"core": _mu_r(core), "armature": _mu_r(armature)}
+    iron = sum(part.length / part.area / permeability[part.region] for part in circuit.parts)
+    return LinearCircuit(MU_0 * magnet.turns**2 / gap_per_metre, iron / gap_per_metre)
 
 
 def circuit_fitted(table: MagneticTable) -> LinearCircuit:

@@ -1,18 +1,32 @@
 """Kinds of magnets: a U-core against a mesh of its whole section, and a toy kind of one file through all rooms."""
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
+from typing import ClassVar, Literal
 
 import meshio
 import numpy as np
 import pytest
 from conftest import ROOT
 
-from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.actuator import Actuator, load_actuator, parse_actuator
+from msl_fem.actuator.tolerances import LENGTHS
+from msl_fem.design.tolerances.manufactured import tolerances_of
+from msl_fem.errors import ActuatorError, InputError
+from msl_fem.files.dimensions import Length
+from msl_fem.losses import Cooling, choose_wire, iron_loss, thermal_network
+from msl_fem.losses.section_loss import PeriodicOperation
 from msl_fem.magnetics.field.foreign_mesh import solve_mesh_magnet
-from msl_fem.magnetics.field.magnet_field import solve
-from msl_fem.magnetics.section import Region, Section
+from msl_fem.magnetics.field.magnet_field import solve, solve_with_field
+from msl_fem.magnetics.field.two_sided import TwoSidedPosition, solve_two_sided
+from msl_fem.magnetics.field_map.level_map import FieldMapSettings, field_map
+from msl_fem.magnetics.kinds.kind import PlaneMagnet, WindingSpace
+from msl_fem.magnetics.kinds.parts import Air, Coil, IronSpec
+from msl_fem.magnetics.section import IronPart, Line, Region, Section, rectangle
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
+from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
+from msl_fem.report.field_picture import draw_field, save_picture
 
 UI60 = ROOT / "geometries" / "u_core_ui60.toml"
 NAMES = {"strip": "air_gap", "window": "air_window"}
@@ -76,3 +90,125 @@ def test_a_u_core_is_the_mesh_of_its_whole_section(
     assert theirs.force == pytest.approx(ours.force, rel=1e-3)
     assert theirs.flux_linkage == pytest.approx(ours.flux_linkage, rel=1e-3)
     assert theirs.coenergy == pytest.approx(ours.coenergy, rel=1e-3)
+
+
+class Toy(PlaneMagnet):
+    """A yokeless bar of iron in a coil over a plate: one leg on x = 0, no circuit, surface or ends stated."""
+
+    TOLERANCED: ClassVar = ("width", "stack_depth")
+
+    kind: Literal["toy"]
+    width: Length
+    window_height: Length
+    yoke_thickness: Length
+    armature_thickness: Length
+    armature_overhang: Length
+    stack_depth: Length
+    coil: Coil
+    iron: IronSpec
+    air: Air | None = None
+
+    @property
+    def half_width(self) -> float:
+        return self.width / 2
+
+    def section(self, gap: float) -> Section:
+        half, top, low = self.half_width, gap + self.height, -self.armature_thickness
+        coil = self.coil
+        left, bottom = half + coil.leg_clearance, gap + coil.face_clearance
+        box = self.air_box.around(half=half, wide=self.armature_half_width, below=-low, above=self.height)
+        bar = rectangle("core", 0, gap, half, top)
+        plate = rectangle("armature", 0, low, self.armature_half_width, 0)
+        regions = (
+            rectangle("air", 0, -box.below, box.edge, gap + box.above),
+            rectangle("strip", 0, 0, box.edge, gap),
+            plate,
+            bar,
+            rectangle("coil", left, bottom, left + coil.width, bottom + coil.height),
+        )
+        middle = gap + self.height / 2
+        return Section(
+            regions=regions,
+            corners=((half, gap, 1.0), (half, 0.0, 0.5), (half, top, 0.1), (self.armature_half_width, 0.0, 0.2)),
+            cuts=(
+                Line("bar", (0, middle), (half, middle)),
+                Line("plate", (2 * half, low), (2 * half, 0)),
+            ),
+            iron=self.iron.by_region,
+            turns_density={"coil": self.turns / self.winding_space.area},
+            depth=self.stack_depth,
+            gap=gap,
+            far=box.far,
+            parts=(IronPart("bar", "core", bar.vertices), IronPart("plate", "armature", plate.vertices)),
+        )
+
+    @property
+    def winding_space(self) -> WindingSpace:
+        coil = self.coil
+        perimeter = 2 * (self.stack_depth + self.width)
+        return WindingSpace(1, perimeter, coil.leg_clearance, coil.width, coil.height, coil.width, perimeter)
+
+
+@pytest.fixture(scope="module")
+def toy() -> Actuator:
+    """The toy in an actuator; a file would need its name in `Magnet`, which is one line of the package."""
+    magnet = Toy.model_validate(
+        {
+            "kind": "toy", "width": "10 mm", "window_height": "20 mm", "yoke_thickness": "5 mm",
+            "armature_thickness": "8 mm", "armature_overhang": "20 mm", "stack_depth": "20 mm",
+            "coil": {
+                "turns": 200, "width": "6 mm", "height": "18 mm", "leg_clearance": "1 mm", "face_clearance": "3 mm",
+                "fill_factor": 0.5,
+            },
+            "iron": {"core": "m19", "armature": "m19", "stacking_factor": 0.96},
+        }
+    )  # fmt: skip
+    return Actuator(schema=1, name="toy").model_copy(update={"magnet": magnet})
+
+
+@pytest.mark.filterwarnings("ignore:Pydantic serializer warnings")  # the toy is not in `Magnet`
+def test_a_toy_kind_of_one_file_goes_through_all_rooms(toy: Actuator, tmp_path: Path) -> None:
+    """Field, both sides, table, map by field, losses, wire, tolerances, picture: none of them names the kind."""
+    point, field, solution = solve_with_field(toy, 2.0, 1e-3, accuracy="fast")
+    assert point.quantities.force == pytest.approx(point.quantities.force_stress_tensor, rel=5e-3)
+    assert set(point.quantities.flux_density) == {"bar", "plate"}
+    table, _ = sweep(toy, [6e-4, 1e-3, 1.5e-3], [1.0, 2.0, 3.0], settings=SweepSettings(accuracy="fast"))
+    assert float(table.force(2.0, 1e-3)) == pytest.approx(point.quantities.force, rel=0.02)
+    made = field_map(toy, [6e-4, 1.5e-3], levels=[0.3], settings=FieldMapSettings(accuracy="fast"))
+    assert np.all(np.diff(made.current) > 0)
+    volumes = field.section.iron_volumes
+    assert volumes["bar"] == pytest.approx(0.96 * 0.02 * 0.01 * 0.025)
+    operation = PeriodicOperation(np.sin(np.arange(64) / 32 * np.pi), np.full(64, 1e-3), 50.0)
+    loss = iron_loss(table, toy, operation=operation)
+    assert {section.section for section in loss.sections} == set(volumes)
+    assert choose_wire(toy).winding.turns == 200
+    names = [tolerance.name for tolerance in tolerances_of(toy)]
+    assert [name for name in names if name in LENGTHS] == [name for name in LENGTHS if name in Toy.TOLERANCED]
+    both = solve_two_sided(toy, (2.0, 0.0), TwoSidedPosition(1e-3, 2e-3), accuracy="fast").quantities
+    assert 0.5 < both.net_force / point.quantities.force < 1.5
+    save_picture(draw_field(field, solution, title="toy"), tmp_path / "toy.png")
+    assert (tmp_path / "toy.png").stat().st_size > 10_000
+
+
+def test_what_a_kind_does_not_state_is_refused_with_the_reason(toy: Actuator) -> None:
+    with pytest.raises(InputError, match="states no ends of a stack"):
+        sweep(toy, [6e-4, 1e-3], [1.0, 2.0], settings=SweepSettings(accuracy="fast", end_effects=True))
+    with pytest.raises(InputError, match="surfaces are not"):
+        thermal_network(toy, Cooling())
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "complaint"),
+    [
+        ("turns", 601, "coil.turns 601 is odd"),
+        ("width", "12 mm", "coil.width with its clearance is "),
+        ("height", "60 mm", "coil.height with its clearance"),
+    ],
+)
+def test_bad_dimensions_of_a_u_core_are_one_line(path: str, value: object, complaint: str) -> None:
+    content = tomllib.loads(UI60.read_text())
+    content["magnet"]["coil"][path] = value
+    with pytest.raises(ActuatorError, match="magnet: ") as caught:
+        parse_actuator(content)
+    assert complaint in str(caught.value)
+    assert "\n" not in str(caught.value)
