@@ -14,6 +14,8 @@ tells how far apart an effect and all that is unknown are: the noncentrality of 
 of Kay, Statistical Signal Processing II, 1998, ch. 6).
 """
 
+import threading
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -272,6 +274,36 @@ def ranked(every: Sequence[Score]) -> list[Score]:
     return found
 
 
+class _Screening:
+    """What is told while candidates are screened: how many are left, which leads, how long it may take."""
+
+    def __init__(self, tell: Callable[[str], None], count: int) -> None:
+        self._tell, self._count = tell, count
+        self._begun, self._done = 0, 0
+        self._leader: Refit | None = None
+        self._since, self._lock = time.monotonic(), threading.Lock()
+
+    def begins(self, score: Score) -> None:
+        """Tells that a candidate is looked at."""
+        with self._lock:
+            self._begun += 1
+            told = f"{score.variant.name}, {self._begun} of {self._count}"
+            if self._leader is not None:
+                told += f"; best so far {self._leader.variant.effect}, {self._leader.gain:.3g} nats"
+            if self._done:
+                each = (time.monotonic() - self._since) / self._done
+                told += f"; about {each * (self._count - self._done):.0f} s left for screening"
+        self._tell(told)
+
+    def ends(self, refit: Refit | None) -> Refit | None:
+        """Keeps what a candidate came to."""
+        with self._lock:
+            self._done += 1
+            if refit is not None and (self._leader is None or refit.gain > self._leader.gain):
+                self._leader = refit
+        return refit
+
+
 class _Refinement:
     """The refits of candidates beside a fit: all are screened by a few steps, those that lag far behind are eliminated,
     and those in front go on until nothing more is to be gained. The outcome does not depend on the number of threads.
@@ -283,8 +315,10 @@ class _Refinement:
 
     def best_first(self, candidates: Sequence[Score], *, threads: int) -> list[Refit]:
         """All refits by their gain."""
+        told = _Screening(self.tell, len(candidates))
         with ThreadPoolExecutor(threads) as pool:
-            screened = [refit for refit in pool.map(self.screened, candidates) if refit is not None]
+            first = pool.map(lambda score: told.ends(self.screened(score, told)), candidates)
+            screened = [refit for refit in first if refit is not None]
             best = max((refit.gain for refit in screened), default=0.0)
             eliminated = [refit for refit in screened if best > 0 and refit.gain < ELIMINATED * best]
             kept = [refit for refit in screened if refit not in eliminated]
@@ -297,9 +331,9 @@ class _Refinement:
             converged = list(pool.map(self.converged, refined, ends))
         return sorted([*converged, *eliminated], key=_by_gain)
 
-    def screened(self, score: Score) -> Refit | None:
+    def screened(self, score: Score, told: _Screening) -> Refit | None:
         """A candidate after its first steps; None where it cannot be simulated."""
-        self.tell(score.variant.name)
+        told.begins(score)
         plan = FitPlan(most_steps=SCREENING_STEPS, renew=False)
         try:
             return self._refit(self.base, score.variant, started(self.base, score), plan, self.nuisance_columns)

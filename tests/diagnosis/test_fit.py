@@ -93,7 +93,11 @@ def test_of_two_effects_the_one_that_is_there_wins_and_nothing_costs_evidence() 
     it, unknowns = record(seed=7, size=0.15, of="stiffness_nonlinearity")
     base = fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
     variants = [Variant(one.effect, (one,)) for one in (OFFSET, CUBIC)]
-    found = search_stage(base, variants, tell=lambda said: None)
+    told: list[str] = []
+    found = search_stage(base, variants, tell=told.append)
+    assert told[1] == "stiffness_nonlinearity (cubic), 1 of 2"
+    assert told[2].startswith("force_offset (force), 2 of 2; best so far stiffness_nonlinearity, ")
+    assert told[2].endswith(" s left for screening")
     assert found.best is not None
     assert found.best.variant.effect == "stiffness_nonlinearity"
     assert found.refits[1].gain < -2
