@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from msl_fem.computing.arrays import Array
-from msl_fem.errors import ComputationError, InputError
+from msl_fem.errors import ComputationError, InputError, TableError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.record.record import StaticMap
 from msl_fem.record.rig_file import Noise
@@ -115,18 +115,21 @@ def table_from_measurements(
 def _positive_fit(
     samples: Mapping[str, Samples], base: SaturatingReluctance, gap: Array, current: Array
 ) -> tuple[CoenergyFit, MagneticTable]:
-    """The fit and its table, smoothed further where the table's incremental inductance is not positive throughout."""
+    """The fit and its table, smoothed further where that is no magnet's: inductance and force are to be above 0."""
     i, g = _dense(current, gap)
     least = 0.0
     while least <= SMOOTHING[-1]:
         fit = fit_coenergy(samples, base, keep_positive=(i, g), least_smoothing=least)
-        table = _sampled(fit, gap, current)
-        if (table.evaluate(i, g)["incremental_inductance"] > 0).all():
+        try:
+            table = _sampled(fit, gap, current)
+        except TableError:  # a force below 0 where rows are thin and their noise is understated
+            table = None
+        if table is not None and (table.evaluate(i, g)["incremental_inductance"] > 0).all():
             return fit, table
         least = 10 * fit.smoothing
     raise ComputationError(
-        "the fitted incremental inductance falls below 0 between the nodes; give more --gaps and --currents, or check "
-        "the rows for outliers"
+        "the fitted force or incremental inductance falls below 0 at or between the nodes; give more --gaps and "
+        "--currents, or check the rows for outliers and the noise stated for them"
     )
 
 
@@ -316,7 +319,7 @@ def _data_notes(static: StaticMap, residual: Mapping[str, float], fit: CoenergyF
     if static.direction is not None and np.unique(static.direction).size > 1:
         notes.append("the rows hold both directions of the current: the table is their mean, without hysteresis")
     if fit.raised:
-        notes.append("smoothed more than cross-validation asked, to keep the incremental inductance positive")
+        notes.append("smoothed more than cross-validation asked, to keep force and incremental inductance positive")
     for name, value in residual.items():
         if value > SUSPICIOUS:
             notes.append(
