@@ -20,7 +20,7 @@ from msl_fem.magnetics.field.end_effects import (
     window_factor,
 )
 from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
-from msl_fem.magnetics.solver.magnetostatics import AirDepth
+from msl_fem.magnetics.solver.strip import AirDepth
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
 from msl_fem.table.magnetic_table import MagneticTable
 

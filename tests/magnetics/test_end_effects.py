@@ -164,7 +164,8 @@ def test_without_correction_the_stiffness_is_that_of_the_plane_to_the_bit(e1):
     magnet = e1.magnet
     model = MagnetField(magnet, magnet_mesh(magnet, 4e-4, "fast"), folder=ROOT, order=2).model
     a = np.random.default_rng(0).normal(size=model.n_dof)
-    x, y, rest = model._full
+    (strip,) = model.strips
+    x, y, rest = strip.x, strip.y, model._rest
     s = 3e-4 / model.mesh.gap
     first, second = model.strip_products(a, 3e-4)
     assert np.array_equal(model.linear_product(a, 3e-4), s * (x @ a) + (y @ a) / s + rest @ a)

@@ -27,8 +27,9 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.magnetics.kinds.kind import StackEnds
 from msl_fem.magnetics.section import Section, rectangle
-from msl_fem.magnetics.solver.magnetostatics import AirDepth, FieldModel, solve_field
+from msl_fem.magnetics.solver.magnetostatics import FieldModel, solve_field
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
+from msl_fem.magnetics.solver.strip import AirDepth
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import linear_iron
 

@@ -5,8 +5,9 @@ Pi(A) = W(A; g) - i f.A, W the field energy per unit depth, f the flux linkage p
 Bastos and Sadowski, Electromagnetic Modeling by Finite Element Methods, 2003, ch. 4). W is convex, so Newton with a
 line search ends at the one solution.
 
-The gap enters through one strip of air of height g, whose elements stretch with s = g / g_mesh:
-W_strip = (A.S_x A s + A.S_y A / s) / 2 exactly, so every derivative with respect to the gap is exact as well.
+The gap enters through a strip of air of height g, whose elements stretch with s = g / g_mesh:
+W_strip = (A.S_x A s + A.S_y A / s) / 2 exactly, so every derivative with respect to the gap is exact as well. Where an
+armature moves between two magnets there are two strips, and its position takes the place of the gap (`strip.py`).
 
 In an axisymmetric section (x is r, y is z) the unknown is A_phi, zero on the axis; B_z = dA/dr + A/r takes the place of
 the derivative along x, weights are multiplied by 2 pi r, the rest stays, and energy and flux linkage are those of the
@@ -14,7 +15,7 @@ whole. 2 pi r A is the flux through the circle of radius r. Quadratic elements f
 less accurate in the energy norm and one order in B on the axis.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 
@@ -27,12 +28,12 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.section import Symmetry
 from msl_fem.magnetics.solver.mesh import TriangleMesh
+from msl_fem.magnetics.solver.strip import AirDepth, Strip, StripStiffness
 from msl_fem.magnetics.solver.tangent import ElementGeometry, IronElements, SparseTangent
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron
 
 ELEMENTS = {2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
-STRIP = "strip"
 ON_PLANE = 1e-9  # of the mesh's width: a point nearer to x = 0 lies on the plane of symmetry
 
 
@@ -48,20 +49,6 @@ class NewtonSettings:
 
     tolerance: float = 1e-7
     iterations: int = 60
-
-
-@dataclass(frozen=True, eq=False)
-class AirDepth:
-    """How many times deeper than the iron the air is: its field energy at a given A is divided by that.
-
-    Attributes
-    ----------
-    strip : gap (m) to the factor k of the strip, dk/dgap and d2k/dgap2
-    regions : name of another linear region to its factor at points (2, ...) of the mesh; 1 where not named
-    """
-
-    strip: Callable[[float], tuple[float, float, float]] = lambda gap: (1.0, 0.0, 0.0)
-    regions: Mapping[str, Callable[[Array], Array]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,13 +119,14 @@ class FieldModel:
 
     Parameters
     ----------
-    mesh : triangles with region names; one region may be called "strip"
+    mesh : triangles with region names
     irons : region name to iron; every other region is vacuum
     turns_density : region name to turns per area in 1/m2, signed
     order : polynomial degree of the potential, 2 to 4
     axisymmetric : the mesh lies in the half plane (r, z), r >= 0; results are those of the whole, not per unit depth
     symmetry : what x = 0 is, see `Section`; A is free on an equipotential
     air_depth : of air that is deeper than the iron; results are per unit depth of the iron
+    strips : regions of air that stretch; "gap" in the methods below is the coordinate that their heights follow
     """
 
     def __init__(
@@ -151,6 +139,7 @@ class FieldModel:
         axisymmetric: bool = False,
         symmetry: Symmetry = "flux line",
         air_depth: AirDepth | None = None,
+        strips: Sequence[Strip] = (Strip(),),
     ) -> None:
         axisymmetric = axisymmetric or symmetry == "axis"
         self.mesh, self.order, self.axisymmetric = mesh, order, axisymmetric
@@ -162,21 +151,27 @@ class FieldModel:
         self.n_dof = whole.N
         fixed = whole.get_dofs(_box_facets(self.skfem_mesh, symmetry)).all()
         self.free = np.setdiff1d(np.arange(self.n_dof), fixed)
-        s_x, s_y = self._stiffness(mesh.elements(STRIP))
-        other_regions = set(mesh.names) - set(irons) - {STRIP}
+        stretched = [self._stiffness(mesh.elements(strip.region)) for strip in strips]
+        other_regions = set(mesh.names) - set(irons) - {strip.region for strip in strips}
         rest_x, rest_y = self._stiffness(mesh.elements(*other_regions))
         self.irons: dict[str, IronElements] = {}
         for name, iron in irons.items():
             geometry = _iron_geometry(self._part(mesh.elements(name), 2 * order), axisymmetric)
             self.irons[name] = IronElements(geometry, iron)
         self.source = self._source(turns_density)
-        linear = [s_x.tocoo(), s_y.tocoo(), (rest_x + rest_y).tocoo()]
+        linear = [(rest_x + rest_y).tocoo(), *(matrix.tocoo() for pair in stretched for matrix in pair)]
         pieces = [(matrix.row, matrix.col) for matrix in linear]
         pieces += [(np.minimum(*part.pairs), np.maximum(*part.pairs)) for part in self.irons.values()]
         self.tangent = SparseTangent(self.free, self.n_dof, pieces)
-        self.strip_x, self.strip_y, self.rest = (self.tangent.gather(k, m.data) for k, m in enumerate(linear))
-        self._full = [m.tocsr() for m in linear]
-        self._linear = np.nan, self.rest  # the gap and the linear regions' values there
+        self._n_linear = len(linear)
+        values = [self.tangent.gather(k, matrix.data) for k, matrix in enumerate(linear)]
+        full = [matrix.tocsr() for matrix in linear]
+        self._rest, self._rest_values = full[0], values[0]
+        self.strips = [
+            StripStiffness(strip, mesh.gap, *full[k : k + 2], *values[k : k + 2])
+            for strip, k in zip(strips, range(1, len(linear), 2), strict=True)
+        ]
+        self._linear = np.nan, values[0]  # the gap and the linear regions' values there
         self.last_response: tuple[FieldSolution, FieldResponse] | None = None
 
     def with_turns(self, turns_density: Mapping[str, float]) -> "FieldModel":
@@ -247,43 +242,28 @@ class FieldModel:
 
     def linear_product(self, potential: Array, gap: float) -> Array:
         """The product of the linear regions' stiffness at a gap with a potential, (n_dof,)."""
-        return self._strip_product(potential, gap) / self.air_depth.strip(gap)[0] + self._full[2] @ potential
-
-    def _strip_product(self, potential: Array, gap: float) -> Array:
-        """The strip's share of `linear_product`, were it as deep as the iron."""
-        s = gap / self.mesh.gap
-        x, y, _ = self._full
-        return s * (x @ potential) + (y @ potential) / s
+        product: Array = self._rest @ potential
+        for strip in self.strips:
+            product = product + strip.product(potential, gap, self.air_depth)
+        return product
 
     def strip_energy(self, potential: Array, gap: float) -> float:
-        """Field energy of the strip, as `energy`."""
-        return 0.5 * float(potential @ self._strip_product(potential, gap)) / self.air_depth.strip(gap)[0]
+        """Field energy of the strips, as `energy`."""
+        return 0.5 * sum(float(potential @ strip.product(potential, gap, self.air_depth)) for strip in self.strips)
 
     def strip_products(self, potential: Array, gap: float) -> tuple[Array, Array]:
         """First and second derivative with respect to the gap of `linear_product`, (n_dof,) each."""
-        s = gap / self.mesh.gap
-        x, y, _ = self._full
-        y_product = y @ potential
-        first = (x @ potential - y_product / s**2) / self.mesh.gap
-        second = 2 * y_product / s**3 / self.mesh.gap**2
-        k, slope, bend = self.air_depth.strip(gap)
-        if not slope and not bend:
-            return first / k, second / k
-        product = self._strip_product(potential, gap)  # (S/k)' and (S/k)''
-        return (
-            first / k - product * slope / k**2,
-            second / k - 2 * first * slope / k**2 + product * (2 * slope**2 / k - bend) / k**2,
-        )
+        slopes = [strip.slopes(potential, gap, self.air_depth) for strip in self.strips]
+        return np.sum([first for first, _ in slopes], axis=0), np.sum([second for _, second in slopes], axis=0)
 
     def assemble(self, potential: Array, gap: float) -> tuple[Array, Array]:
         """Gradient of W (n_dof,), and its second derivative's values on the pattern (nnz,)."""
         if self._linear[0] != gap:
-            s = gap / self.mesh.gap
-            strip = (s * self.strip_x + self.strip_y / s) / self.air_depth.strip(gap)[0]
-            self._linear = gap, strip + self.rest
+            values = [strip.values(gap, self.air_depth) for strip in self.strips]
+            self._linear = gap, sum(values, self._rest_values)
         gradient = self.linear_product(potential, gap)
         data = self._linear[1].copy()
-        for k, part in enumerate(self.irons.values(), start=len(self._full)):
+        for k, part in enumerate(self.irons.values(), start=self._n_linear):
             vector, matrix = part.residual_and_tangent(potential)
             gradient += np.bincount(part.dofs.ravel(), vector.ravel(), minlength=self.n_dof)
             data += self.tangent.gather(k, matrix)

@@ -9,7 +9,8 @@ from scipy import sparse
 
 from msl_fem.computing.arrays import Array
 from msl_fem.magnetics.section import Line, Section
-from msl_fem.magnetics.solver.magnetostatics import STRIP, FieldModel, FieldSolution, field_response
+from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, field_response
+from msl_fem.magnetics.solver.strip import STRIP
 from msl_fem.materials.constants import MU_0
 
 N_SAMPLE = 48
