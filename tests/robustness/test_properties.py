@@ -133,7 +133,7 @@ def test_effects_at_their_bounds_read_back(end: int, tmp_path: Path) -> None:
 @given(n=st.sampled_from(range(len(PARAMETERS))), beyond=st.floats(1e-6, 1e6), above=st.booleans())
 def test_an_effect_beyond_its_bounds_is_refused(n: int, beyond: float, above: bool) -> None:
     effect, p = PARAMETERS[n]
-    bound = p.bounds[1] if above else p.bounds[0]
+    bound = p.allowed[1] if above else p.allowed[0]
     assume(np.isfinite(bound))
     value = bound + (1 if above else -1) * beyond * p.scale
     assume(value != bound)
