@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from msl_fem.cli.options import Current, Gap, Json, read_option
+from msl_fem.cli.options import Current, Json, read_option
 from msl_fem.cli.output import print_columns, print_result
 from msl_fem.errors import InputError
 
@@ -14,13 +14,32 @@ from msl_fem.errors import InputError
 def lookup(
     table: Annotated[Path, typer.Argument(metavar="TABLE", help="Table (NetCDF).")],
     current: Current,
-    gap: Gap,
+    gap: Annotated[str | None, typer.Option("--gap", help='Air gap, like "0.5 mm"; of one magnet.')] = None,
+    current_2: Annotated[
+        str | None, typer.Option("--current-2", help="Coil current of side 2, equal signs aid; of a pair.")
+    ] = None,
+    position: Annotated[
+        str | None, typer.Option(help='Of the armature, towards side 1, like "0.1 mm"; of a pair.')
+    ] = None,
     json: Json = False,
 ) -> None:
-    """Force, flux linkage and inductance from a table; outside it is an error."""
+    """Force, flux linkage and inductance from a table; outside it is an error.
+
+    A table of one magnet takes --gap, one of both sides (`table --sides both`) --current-2 and --position.
+    """
     from msl_fem.table.magnetic_table import read_table  # not for a guard, which reads no NetCDF
 
-    values = read_table(table).evaluate(read_option("--current", current, "A"), read_option("--gap", gap, "m"))
+    amperes = read_option("--current", current, "A")
+    if current_2 is not None or position is not None:
+        if gap is not None or current_2 is None or position is None:
+            raise InputError("both sides need --current, --current-2 and --position, one magnet --current and --gap")
+        _look_up_pair(table, amperes, current_2=current_2, position=position, json=json)
+        return
+    if gap is None:
+        raise InputError(
+            '--gap is missing, like --gap "0.5 mm"; a table of both sides takes --current-2 and --position'
+        )
+    values = read_table(table).evaluate(amperes, read_option("--gap", gap, "m"))
     fields = {
         "force_N": float(values["force"]),
         "flux_linkage_Wb": float(values["flux_linkage"]),
@@ -30,6 +49,19 @@ def lookup(
         "force_gap_slope_N_per_m": float(values["force_gap_slope"]),
     }
     print_result(fields, as_json=json, title=f"{table} at {current}, gap {gap}")
+
+
+def _look_up_pair(table: Path, current: float, *, current_2: str, position: str, json: bool) -> None:
+    from msl_fem.table.pair_table import PAIR_NODES, read_pair_table
+
+    where = read_option("--position", position, "m"), current, read_option("--current-2", current_2, "A")
+    values = read_pair_table(table).evaluate(*where)
+    names = {"force": "net_force"}
+    fields = {
+        f"{names.get(name, name)}_{unit.replace('/', '_per_')}": float(values[name])
+        for name, (unit, _) in PAIR_NODES.items()
+    }
+    print_result(fields, as_json=json, title=f"{table} at {current:g} A, {current_2}, position {position}")
 
 
 _NO_NUMBER = re.compile(r"\s*([+-]?)(nan|inf|infinity)\b\s*(.*)", re.IGNORECASE)

@@ -14,10 +14,14 @@ from msl_fem.computing.jobs import RowCache
 from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
 from msl_fem.magnetics.field.magnet_field import check_grid
-from msl_fem.magnetics.sweep.table_sweep import SweepSettings, default_grid, sweep
+from msl_fem.magnetics.sweep.pair_sweep import default_pair_grid, pair_sweep
+from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, default_grid, sweep
 from msl_fem.record import load_record
 from msl_fem.record.measured_table import table_from_measurements
 from msl_fem.table.magnetic_table import write_table
+from msl_fem.table.pair_table import write_pair_table
+
+SIDES = ("one", "both")
 
 
 def command(
@@ -34,6 +38,10 @@ def command(
     end_effects: Annotated[
         bool, typer.Option("--end-effects", help="Correct for the flux that bulges out at the stack's ends.")
     ] = False,
+    sides: Annotated[str, typer.Option(help="one, or both with the armature they share.")] = "one",
+    positions: Annotated[
+        str | None, typer.Option(help='Of the armature, like "0,0.1,0.2 mm", for both directions; of both sides.')
+    ] = None,
     measured: Annotated[
         Path | None,
         typer.Option(metavar="RECORD", help="Fit the table to the static.csv of this record; no fields are solved."),
@@ -41,6 +49,8 @@ def command(
     json: Json = False,
 ) -> None:
     """The force/flux table over gap and current; without grids, from the actuator's ranges.
+
+    With --sides both, over the armature's position and the currents of both magnets, which share its iron.
 
     With --measured, one coenergy surface is fitted to the measured forces and flux linkages of one magnet, weighted by
     the noise that rig.toml states; the table spans the measured gaps and currents and never more.
@@ -56,15 +66,6 @@ def command(
         return
     if scheduler is not None and workers:
         raise InputError("give --workers or --scheduler, not both")
-    if (currents is None) != (gaps is None):
-        raise InputError("give both --currents and --gaps, or neither for the default grid")
-    if gaps is not None and currents is not None:
-        grid = read_options("--gaps", gaps, "m"), read_options("--currents", currents, "A")
-    else:
-        default = default_grid(it)
-        grid = default[0].tolist(), default[1].tolist()
-    if isinstance(it.magnet, MagnetKind):
-        check_grid(it, *grid)
     cache = RowCache(output.with_name(f".{output.name}.rows"))
     settings = SweepSettings(
         accuracy=checked_accuracy(accuracy),
@@ -74,13 +75,63 @@ def command(
         resume=resume,
         end_effects=end_effects,
     )
-    with progress_bar("field solutions, rows") as progress:
-        made, report = sweep(it, *grid, settings=settings, progress=progress)
-    write_table(made, output)
+    if sides not in SIDES:
+        raise InputError(f"--sides {sides} is not known; choose one or both")
+    if sides == "both":
+        report = _sweep_both(it, output, settings, positions=positions, gaps=gaps, currents=currents)
+    else:
+        if positions is not None:
+            raise InputError("--positions belong to --sides both; one magnet takes --gaps")
+        report = _sweep_one(it, output, settings, gaps=gaps, currents=currents)
     cache.clear()
     for note in report.notes:
         say(f"note: {note}")
     print_result({"table": str(output), **asdict(report)}, as_json=json, title=f"{it.name}: table {output}")
+
+
+def _sweep_one(
+    it: Actuator, output: Path, settings: SweepSettings, *, gaps: str | None, currents: str | None
+) -> SweepReport:
+    if (currents is None) != (gaps is None):
+        raise InputError("give both --currents and --gaps, or neither for the default grid")
+    if gaps is not None and currents is not None:
+        grid = read_options("--gaps", gaps, "m"), read_options("--currents", currents, "A")
+    else:
+        default = default_grid(it)
+        grid = default[0].tolist(), default[1].tolist()
+    if isinstance(it.magnet, MagnetKind):
+        check_grid(it, *grid)
+    with progress_bar("field solutions, rows") as progress:
+        made, report = sweep(it, *grid, settings=settings, progress=progress)
+    write_table(made, output)
+    return report
+
+
+def _sweep_both(
+    it: Actuator,
+    output: Path,
+    settings: SweepSettings,
+    *,
+    positions: str | None,
+    gaps: str | None,
+    currents: str | None,
+) -> SweepReport:
+    if gaps is not None:
+        raise InputError("--gaps belong to one magnet; --sides both takes --positions")
+    if (currents is None) != (positions is None):
+        raise InputError("give both --currents and --positions, or neither for the default grid")
+    nominal = it.motion.nominal_gap if it.motion is not None else None
+    if nominal is None:
+        raise InputError(f"{it.name} states no motion.nominal_gap, half of both gaps together; add it")
+    if positions is not None and currents is not None:
+        grid = read_options("--positions", positions, "m"), read_options("--currents", currents, "A")
+    else:
+        default = default_pair_grid(it)
+        grid = default[0].tolist(), default[1].tolist()
+    with progress_bar("field solutions of both sides, rows") as progress:
+        made, report = pair_sweep(it, *grid, gap_sum=2 * nominal, settings=settings, progress=progress)
+    write_pair_table(made, output)
+    return report
 
 
 def _fit_measured(

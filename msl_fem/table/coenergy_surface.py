@@ -56,8 +56,8 @@ def fit_coenergy_surface(gap: Array, current: Array, nodes: dict[str, Array]) ->
     w_g, w_ig = -nodes["force"], -nodes["force_current_slope"]
     w_ii = nodes["incremental_inductance"][:, -1]
     w_gg = -nodes["force_gap_slope"][[0, -1], :]
-    along_gap = _HermiteSpline(gap, symmetric_start=False)
-    along_current = _HermiteSpline(current, symmetric_start=True)
+    along_gap = HermiteSpline(gap, symmetric_start=False)
+    along_current = HermiteSpline(current, symmetric_start=True)
     n_g, n_i = gap.size, current.size
     values_g, slopes_g = slice(0, n_g), slice(n_g, 2 * n_g)
     values_i, slopes_i = slice(0, n_i), slice(n_i, 2 * n_i)
@@ -81,7 +81,7 @@ def fit_coenergy_surface(gap: Array, current: Array, nodes: dict[str, Array]) ->
     return CoenergySurface(gap, current, np.ascontiguousarray(taylor))
 
 
-class _HermiteSpline:
+class HermiteSpline:
     """The map from (values, slopes, one condition at each end) to Taylor coefficients in every cell.
 
     `taylor` has shape (n - 1, 6, 2 n + 2). The spline is quintic, C3, and takes value and slope at each node; the end
@@ -110,7 +110,7 @@ def evaluate(gap, current, coefficients, i, g, out):  # type: ignore[no-untyped-
     if not (gap[0] <= g <= gap[-1] and size <= current[-1]):
         out[:] = np.nan
         return False
-    m, n = _cell(gap, g), _cell(current, size)
+    m, n = cell_of(gap, g), cell_of(current, size)
     y, x = g - gap[m], size - current[n]
     # Horner along i for value, first and second derivative of each power of g, then along g
     w = w_g = w_gg = w_i = w_ig = w_ii = 0.0
@@ -142,7 +142,7 @@ def evaluate_slopes(gap, current, coefficients, i, g):  # type: ignore[no-untype
     size = abs(i)
     if not (gap[0] <= g <= gap[-1] and size <= current[-1]):
         return False, np.nan, np.nan, np.nan
-    m, n = _cell(gap, g), _cell(current, size)
+    m, n = cell_of(gap, g), cell_of(current, size)
     y, x = g - gap[m], size - current[n]
     w = w_g = w_i = w_ig = w_ii = 0.0
     for p in range(N - 1, -1, -1):
@@ -160,7 +160,7 @@ def evaluate_slopes(gap, current, coefficients, i, g):  # type: ignore[no-untype
 
 
 @compiled
-def _cell(nodes, x):  # type: ignore[no-untyped-def]
+def cell_of(nodes, x):  # type: ignore[no-untyped-def]
     """The index m with nodes[m] <= x <= nodes[m + 1], by bisection."""
     low, high = 0, nodes.size - 1
     while high - low > 1:

@@ -259,6 +259,8 @@ def read_table(path: str | Path) -> MagneticTable:
         raise TableError(f"{path}: {problem}; make a table with 'msl-fem table'")
     try:
         variables, attributes = read_variables(Path(path), most_values=MOST_VALUES)
+        if "position" in variables and "current_2" in variables:
+            raise TableError("it is of both sides and their armature")
         arrays = _nodes_and_extras(variables)
         gap = _real("gap", variables)
         current = _real("current", variables)

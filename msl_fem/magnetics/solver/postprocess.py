@@ -53,28 +53,13 @@ class Probes:
     def __init__(self, model: FieldModel, section: Section) -> None:
         self.model = model
         self.scale = section.scale
-        self.cuts = {cut.name: self._cut(cut) for cut in section.cuts}
+        self.cuts = {cut.name: cut_maps(model, cut) for cut in section.cuts}
         points, elements, self.line_weight = _mid_gap(model)
         self.line_x, self.line_y = gradient_maps(model, points, elements)
 
-    def _cut(self, cut: Line) -> tuple[str, sparse.csr_matrix, sparse.csr_matrix]:
-        model = self.model
-        start, end = np.array(cut.start), np.array(cut.end)
-        # midpoints of equal parts for the mean; beside them the ends, where the largest values stand
-        t = np.concatenate([[END], (np.arange(N_SAMPLE) + 0.5) / N_SAMPLE, [1 - END]])
-        points = start[:, None] + (end - start)[:, None] * t
-        elements = model.skfem_mesh.element_finder()(*points)
-        name = model.mesh.names[model.mesh.region[elements[N_SAMPLE // 2]]]
-        return (name, *gradient_maps(model, points, elements))
-
     def section_flux_density(self, potential: Array) -> dict[str, SectionFluxDensity]:
         """|B| in the iron over each cut."""
-        out = {}
-        for cut, (region, along_x, along_y) in self.cuts.items():
-            b = np.hypot(along_x @ potential, along_y @ potential)
-            sheets = self.model.irons[region].iron.iron_flux_density(b)
-            out[cut] = SectionFluxDensity(float(sheets[1:-1].mean()), float(sheets.max()))
-        return out
+        return {cut: cut_flux_density(self.model, maps, potential) for cut, maps in self.cuts.items()}
 
     def force_stress_tensor(self, solution: FieldSolution) -> float:
         """Integral of (B_y^2 - B_x^2)/(2 mu_0) over the mid-gap line, in N (Maxwell's stress on a plane in air).
@@ -90,6 +75,27 @@ class Probes:
             return in_plane
         energy = self.model.strip_energy(solution.potential, solution.gap)
         return in_plane - self.scale * energy * slope / k
+
+
+def cut_maps(model: FieldModel, cut: Line) -> tuple[str, sparse.csr_matrix, sparse.csr_matrix]:
+    """The region that a cut lies in, and the `gradient_maps` of its points."""
+    start, end = np.array(cut.start), np.array(cut.end)
+    # midpoints of equal parts for the mean; beside them the ends, where the largest values stand
+    t = np.concatenate([[END], (np.arange(N_SAMPLE) + 0.5) / N_SAMPLE, [1 - END]])
+    points = start[:, None] + (end - start)[:, None] * t
+    elements = model.skfem_mesh.element_finder()(*points)
+    name = model.mesh.names[model.mesh.region[elements[N_SAMPLE // 2]]]
+    return (name, *gradient_maps(model, points, elements))
+
+
+def cut_flux_density(
+    model: FieldModel, maps: tuple[str, sparse.csr_matrix, sparse.csr_matrix], potential: Array
+) -> SectionFluxDensity:
+    """|B| in the iron over a cut, by its `cut_maps`."""
+    region, along_x, along_y = maps
+    b = np.hypot(along_x @ potential, along_y @ potential)
+    sheets = model.irons[region].iron.iron_flux_density(b)
+    return SectionFluxDensity(float(sheets[1:-1].mean()), float(sheets.max()))
 
 
 def evaluate_field(probes: Probes, solution: FieldSolution) -> FieldQuantities:

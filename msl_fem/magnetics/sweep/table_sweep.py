@@ -139,7 +139,7 @@ def sweep(
         resume=settings.resume,
         progress=progress,
     )
-    _refuse_failures(done)
+    refuse_failures(done)
     grid = done[: len(nodes)]
     table = _table(gap, current, grid)
     mesh_error = level.safety * _mesh_error(table, refined, done[-len(refined) :])
@@ -239,7 +239,8 @@ def _interpolation_error(table: MagneticTable, rows: list[SweepRow], checks: lis
     return relative["force"], max(relative.values())
 
 
-def _refuse_failures(done: list[Arrays]) -> None:
+def refuse_failures(done: list[Arrays]) -> None:
+    """ComputationError that names the points that did not converge, where there are any."""
     failed = list(dict.fromkeys(str(point) for row in done if "failed" in row for point in row["failed"]))
     if failed:
         raise ComputationError(

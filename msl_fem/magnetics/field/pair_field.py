@@ -1,0 +1,214 @@
+"""Two equal magnets on either side of one armature, meshed once for every position of it between them.
+
+Half of the section, from the armature's middle upwards, is meshed and mirrored, so that exchanging the sides changes
+nothing but names. The strips of air on both sides of the armature stretch in opposite directions as it moves: every
+derivative with respect to position and both currents is exact, as for one magnet.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
+from msl_fem.errors import ActuatorError
+from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, irons_of
+from msl_fem.magnetics.kinds.kind import PlaneMagnet
+from msl_fem.magnetics.section import Line, Region, Section, rectangle
+from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, solve_field
+from msl_fem.magnetics.solver.mesh import TriangleMesh, triangulate
+from msl_fem.magnetics.solver.postprocess import SectionFluxDensity, cut_flux_density, cut_maps, irons_on_tail
+from msl_fem.magnetics.solver.strip import STRIP, Strip
+
+SHARED = ("armature",)
+"""Regions and cuts that both sides have in common."""
+ON_MIDDLE = 1e-9  # of the mesh's width: a point nearer to the armature's middle is its own mirror image
+
+
+@dataclass(frozen=True)
+class PairQuantities:
+    """What the field of both magnets says, for the full stack depth, in SI units; equal signs of currents aid.
+
+    `force` is on the armature towards side 1, by virtual work; all are derivatives of one discrete coenergy
+    W'(x, i_1, i_2), x the armature's position towards side 1: force = dW'/dx, flux_linkage_k = dW'/di_k,
+    incremental_inductance_k = d2W'/di_k2, mutual_inductance = d2W'/di_1 di_2, force_current_slope_k = d2W'/dx di_k,
+    force_position_slope = d2W'/dx2.
+    """
+
+    coenergy: float
+    flux_linkage_1: float
+    flux_linkage_2: float
+    force: float
+    incremental_inductance_1: float
+    incremental_inductance_2: float
+    mutual_inductance: float
+    force_current_slope_1: float
+    force_current_slope_2: float
+    force_position_slope: float
+
+
+def pair_magnet(actuator: Actuator) -> PlaneMagnet:
+    """The magnet of each side; ActuatorError where there are no two, or where they share no flat armature."""
+    magnet = actuator.magnet_kind("the field of both sides")
+    if not isinstance(magnet, PlaneMagnet):
+        raise ActuatorError(
+            f"{actuator.name}: the field of both sides is that of plane sections with a flat armature between; "
+            "this magnet has none to share"
+        )
+    return magnet
+
+
+def half_pair_section(magnet: PlaneMagnet, gap: float) -> Section:
+    """Side 1 at a gap over the upper half of the armature; x = 0 is as in the magnet's own section."""
+    part = magnet.section(gap)
+    middle = -magnet.armature_thickness / 2
+    wide = magnet.armature_half_width
+    air = magnet.air_box
+    side = max(magnet.half_width, wide) + air.side
+    top = gap + magnet.height + air.top
+    kept = [r for r in part.regions[1:] if r.name not in (STRIP, "armature")]
+    return replace(
+        part,
+        regions=(
+            rectangle("air", 0, middle, side, top),
+            rectangle(STRIP, 0, 0, side, gap),
+            rectangle("armature", 0, middle, wide, 0),
+            *(Region({"air": STRIP}.get(r.name, r.name), r.vertices) if _in_strip(r, gap) else r for r in kept),
+        ),
+        corners=tuple(corner for corner in part.corners if corner[1] >= 0),
+        cuts=(),
+        far=1.0,
+        parts=(),
+    )
+
+
+def _in_strip(region: Region, gap: float) -> bool:
+    return max(y for _, y in region.vertices) <= gap
+
+
+def mirrored(mesh: TriangleMesh, middle: float, shared: tuple[str, ...]) -> TriangleMesh:
+    """The mesh and its mirror image about y = `middle`, which is its lower edge.
+
+    Regions get the names NAME_1 above and NAME_2 below, but for those of `shared`, which keep theirs.
+    """
+    x, y = mesh.points
+    width = float(np.ptp(x))
+    own_image = np.abs(y - middle) < ON_MIDDLE * width
+    y = np.where(own_image, middle, y)
+    image = np.empty(x.size, dtype=np.int64)
+    image[own_image] = np.flatnonzero(own_image)
+    image[~own_image] = x.size + np.arange(np.count_nonzero(~own_image))
+    points = np.stack([np.r_[x, x[~own_image]], np.r_[y, 2 * middle - y[~own_image]]])
+    triangles = np.concatenate([mesh.triangles, image[mesh.triangles][[0, 2, 1]]], axis=1)
+    upper = [name if name in shared else f"{name}_1" for name in mesh.names]
+    lower = [name if name in shared else f"{name}_2" for name in mesh.names]
+    names = tuple(dict.fromkeys([*upper, *lower]))
+    numbers = [np.array([names.index(name) for name in of_half])[mesh.region] for of_half in (upper, lower)]
+    return TriangleMesh(points, triangles, np.concatenate(numbers), names, mesh.gap)
+
+
+def pair_mesh(magnet: PlaneMagnet, gap: float, accuracy: Accuracy = "normal") -> TriangleMesh:
+    """The mesh of both sides, each at the same gap, for an accuracy level."""
+    half = triangulate(half_pair_section(magnet, gap), LEVELS[accuracy].size)
+    return mirrored(half, -magnet.armature_thickness / 2, SHARED)
+
+
+class PairField:
+    """The field of both sides on one mesh, ready for any position and currents.
+
+    Parameters
+    ----------
+    actuator : with a plane magnet on either side
+    mesh : of `pair_mesh`
+    gap_sum : both gaps together, in m
+    order : polynomial degree of the potential
+
+    Raises
+    ------
+    ActuatorError : the magnets share no armature
+    """
+
+    def __init__(self, actuator: Actuator, mesh: TriangleMesh, *, gap_sum: float, order: int) -> None:
+        self.actuator, self.gap_sum, self.order = actuator, gap_sum, order
+        self.magnet = magnet = pair_magnet(actuator)
+        section = magnet.section(mesh.gap)
+        core = section.iron["core"]
+        iron = {"core_1": core, "core_2": core, "armature": section.iron["armature"]}
+        self.irons = irons_of(iron, actuator.folder)
+        self.scale = section.scale
+        middle = gap_sum / 2
+        self.model = FieldModel(
+            mesh,
+            self.irons,
+            turns_density={},
+            order=order,
+            symmetry=section.symmetry,
+            strips=(Strip(f"{STRIP}_1", middle, -1.0), Strip(f"{STRIP}_2", middle, 1.0)),
+        )
+        turns = section.turns_density
+        sides = ({f"{name}_{side}": density for name, density in turns.items()} for side in (1, 2))
+        self.sources = tuple(self.model.with_turns(density).source for density in sides)
+        self.cuts = {cut.name: cut_maps(self.model, cut) for cut in _cuts_of_both(section, magnet)}
+
+    def refined(self) -> "PairField":
+        """The same mesh with one polynomial degree more."""
+        return PairField(self.actuator, self.model.mesh, gap_sum=self.gap_sum, order=self.order + 1)
+
+    def solve(
+        self, position: float, current_1: float, current_2: float, *, start: Array | None = None
+    ) -> FieldSolution:
+        """The field with the armature at `position` (m, towards side 1), from a potential nearby; NotConverged."""
+        self.model.source = current_1 * self.sources[0] + current_2 * self.sources[1]
+        return solve_field(self.model, 1.0, position, start=start)
+
+    def by_currents(self, solution: FieldSolution) -> tuple[Array, Array]:
+        """dA/di_1 and dA/di_2 at the last solution."""
+        one, two = (self.model.tangent.refined_substitute(source, solution.tangent) for source in self.sources)
+        return one, two
+
+    def quantities(
+        self, solution: FieldSolution, currents: tuple[float, float], responses: tuple[Array, Array]
+    ) -> PairQuantities:
+        """The numbers of the last solution, with its `by_currents`.
+
+        With E the field's energy at a given potential, dW'/dx = -dE/dx: virtual work (Coulomb 1983). The slopes follow
+        by the responses of the potential, as those of one magnet.
+        """
+        model, scale, a = self.model, self.scale, solution.potential
+        first, second = model.strip_products(a, solution.gap)
+        by_position = -model.tangent.refined_substitute(first, solution.tangent)
+        one, two = self.sources
+        flux_1, flux_2 = scale * float(one @ a), scale * float(two @ a)
+        return PairQuantities(
+            coenergy=currents[0] * flux_1 + currents[1] * flux_2 - scale * model.energy(a, solution.gap),
+            flux_linkage_1=flux_1,
+            flux_linkage_2=flux_2,
+            force=-scale * float(a @ first) / 2,
+            incremental_inductance_1=scale * float(one @ responses[0]),
+            incremental_inductance_2=scale * float(two @ responses[1]),
+            mutual_inductance=scale * float(one @ responses[1]),
+            force_current_slope_1=-scale * float(first @ responses[0]),
+            force_current_slope_2=-scale * float(first @ responses[1]),
+            force_position_slope=-scale * float(a @ second / 2 + first @ by_position),
+        )
+
+    def flux_densities(self, solution: FieldSolution) -> dict[str, SectionFluxDensity]:
+        """|B| in the iron over the cuts of both sides, NAME_1 and NAME_2, and of the armature."""
+        return {name: cut_flux_density(self.model, maps, solution.potential) for name, maps in self.cuts.items()}
+
+    def on_tail(self, solution: FieldSolution) -> bool:
+        """Whether more than 1 % of an iron lies beyond its last B-H point."""
+        return bool(irons_on_tail(self.model, solution.potential))
+
+
+def _cuts_of_both(section: Section, magnet: PlaneMagnet) -> list[Line]:
+    """The magnet's cuts on both sides, those of the armature once."""
+    double = -magnet.armature_thickness
+    cuts = []
+    for cut in section.cuts:
+        if max(cut.start[1], cut.end[1]) <= 0:
+            cuts.append(cut)
+            continue
+        below = [(x, double - y) for x, y in (cut.start, cut.end)]
+        cuts += [replace(cut, name=f"{cut.name}_1"), Line(f"{cut.name}_2", below[0], below[1])]
+    return cuts
