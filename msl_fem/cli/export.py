@@ -14,6 +14,7 @@ from msl_fem.errors import InputError
 from msl_fem.export.c_controller import ControllerSource
 from msl_fem.export.fmu import platforms
 from msl_fem.export.formats import ACTUATOR, CONTROLLER, MAP, MODEL, TABLE, ModelSource, find_format
+from msl_fem.files.schema import reason, refuse_what_never_ends
 from msl_fem.files.whole_file import check_target
 from msl_fem.maps import OperatingMap, operating_map, read_map
 from msl_fem.table.magnetic_table import MagneticTable, read_table
@@ -62,10 +63,11 @@ def _kind(path: Path) -> str:
     if path.suffix == ".nc":
         return TABLE
     try:
+        refuse_what_never_ends(path)
         with path.open("rb") as stream:
             return TABLE if stream.read(len(_HDF5)) == _HDF5 else MAP
-    except OSError as err:
-        raise InputError(f"{path}: cannot be read ({err.strerror}); give a table, an actuator file or a map") from err
+    except (OSError, ValueError) as err:
+        raise InputError(f"{path}: cannot be read ({reason(err)}); give a table, an actuator file or a map") from err
 
 
 def _record(path: Path, kind: str, needs: str, *, table: Path | None) -> Source:

@@ -31,7 +31,7 @@ def read_netcdf(path: Path, *, most_values: int) -> "xr.Dataset":
 
     try:
         refuse_endless_heap(path)
-        _look_through(path, most_values)
+        look_through(path, most_values=most_values)
         with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as data:
             return data.load()
     except Exception as err:  # the HDF5 stack raises errors of many kinds on a damaged file
@@ -54,7 +54,7 @@ def read_variables(path: Path, *, most_values: int) -> tuple[dict[str, NetcdfVar
     """
     try:
         refuse_endless_heap(path)
-        _look_through(path, most_values)
+        look_through(path, most_values=most_values)
         content = _plain_content(path)
     except Exception as err:  # the HDF5 stack raises errors of many kinds on a damaged file
         raise ValueError(str(err) or type(err).__name__) from err
@@ -133,16 +133,20 @@ def refuse_endless_heap(path: Path) -> None:
                 at = content.find(_HEAP, at + 8)
 
 
-def _look_through(path: Path, most_values: int) -> None:
-    """ValueError, or what h5py raises, where a part of the file should not or cannot be read."""
+def look_through(path: Path, *, most_values: float, most_objects: int = MOST_OBJECTS) -> None:
+    """ValueError, or what h5py raises, where a part of an HDF5 file should not or cannot be read.
+
+    It should not where it lies in another file, by a link, as external or as virtual data: a file from elsewhere would
+    have any file of this machine read, and sent back.
+    """
     import h5py
 
     values = 0
     with h5py.File(path, "r") as file:
         found: list[Any] = [file]
         for at, item in enumerate(found):  # grows as it goes
-            if at > MOST_OBJECTS:
-                raise ValueError(f"it holds more than {MOST_OBJECTS} objects")
+            if at > most_objects:
+                raise ValueError(f"it holds more than {most_objects} objects")
             dict(item.attrs)
             if isinstance(item, h5py.Dataset):
                 if item.external or item.is_virtual:

@@ -1,6 +1,8 @@
 """What the files that people write have in common: quantities with units, no unknown keys, one clear complaint."""
 
 import math
+import os
+import stat
 import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -110,13 +112,26 @@ def small_text(path: str | Path, *, encoding: str = "utf-8") -> str:
     Raises
     ------
     OSError : it cannot be read
-    ValueError : it is larger, or no text of that encoding
+    ValueError : it is larger, no text of that encoding, a device or a pipe with a name
     """
+    refuse_what_never_ends(path)
     with Path(path).open("rb") as stream:
         content = stream.read(LARGEST_TEXT + 1)
     if len(content) > LARGEST_TEXT:
         raise ValueError(f"more than {LARGEST_TEXT // 1_000_000} MB")
     return content.decode(encoding)
+
+
+def refuse_what_never_ends(path: str | Path) -> None:
+    """ValueError for a device and for a pipe with a name, which waits for ever where nobody writes into it.
+
+    The pipe of a shell's `<(...)` has no name in the file system, and a writer.
+    """
+    mode = os.stat(path).st_mode
+    if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+        raise ValueError("a device, no file")
+    if stat.S_ISFIFO(mode) and os.path.lexists(os.path.realpath(path)):
+        raise ValueError("a named pipe, no file")
 
 
 def depth(content: object) -> int:

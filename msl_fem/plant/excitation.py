@@ -1,6 +1,5 @@
 """Excitations from texts ("sine:frequency=2 Hz,amplitude=0.4 mm,duration=1 s") or a TOML file, and a run's inputs."""
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -13,7 +12,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.files.schema import bare_number, first_complaint, reason
+from msl_fem.files.schema import bare_number, first_complaint, read_toml
 from msl_fem.plant.excitation_kinds import KINDS, Excitation, ExcitedSides, Unit, sample_count
 
 MOST_SAMPLES = 20_000_000
@@ -51,12 +50,7 @@ def load_excitations(spec: str, *, unit: Unit = "A") -> tuple[Excitation, ...]:
     if not spec.strip().lower().endswith(".toml"):
         return (parse_excitation(spec, unit=unit),)
     path = Path(spec.strip())
-    try:
-        content = tomllib.loads(path.read_bytes().decode("utf-8"))
-    except OSError as err:
-        raise InputError(f"{path}: cannot be read ({reason(err)}); give a file of excitations (TOML)") from err
-    except ValueError as err:
-        raise InputError(f"{path}: not valid TOML: {err}") from err
+    content = read_toml(path, error=InputError, wanted="a file of excitations")
     entries = content.pop("excitation", None)
     if content or not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         odd = f"{next(iter(content))}: unknown key" if content else "excitation: is missing"

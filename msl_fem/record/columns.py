@@ -33,7 +33,8 @@ UNITS: dict[Quantity, str] = {
 }
 SIDED: tuple[Quantity, ...] = ("voltage", "current", "command", "flux_linkage")
 """Quantities that each side has of its own."""
-MOST_VALUES = 1_000_000_000  # of a NetCDF file, 8 GB
+MOST_VALUES = 100_000_000  # of a NetCDF file, 0.8 GB: what uses them holds some copies
+LARGEST_TEXT = 500_000_000  # bytes of a CSV file, which takes some times as much while it is read
 FIRST_ROW = {".csv": 2, ".nc": 0}
 """Row of the first sample: a spreadsheet counts from 1 and has the names there; NetCDF counts from 0."""
 
@@ -114,6 +115,8 @@ def read_columns(path: Path) -> dict[str, Column]:
 
 
 def _read_csv(path: Path) -> dict[str, Column]:
+    if path.stat().st_size > LARGEST_TEXT:
+        raise RecordError(f"{path}: more than {LARGEST_TEXT // 1_000_000} MB; write it as NetCDF, or cut it into runs")
     header, _, body = path.read_text(encoding="utf-8-sig").partition("\n")
     names = [name.strip() for name in next(csv.reader([header], skipinitialspace=True), [])]
     double = next((name for k, name in enumerate(names) if name in names[:k] and name), None)
@@ -150,23 +153,24 @@ def _cell_columns(body: str, *, width: int, path: Path) -> list[Column]:
     columns: list[Column] = []
     for k in range(width):
         cells = [row[k].strip() for row in rows]
-        if all(map(_is_number, cells)):
+        if all(map(is_number, cells)):
             columns.append(np.array([float(cell) for cell in cells]))
         else:
             columns.append(np.array(cells, dtype=object))
     return columns
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number as all programs write it; Python alone takes "1_000" and full-width digits."""
     try:
         float(cell)
     except ValueError:
         return False
-    return "_" not in cell  # Python alone takes "1_000"
+    return "_" not in cell and cell.isascii()
 
 
 def _is_finite(cell: str) -> bool:
-    return _is_number(cell) and bool(np.isfinite(float(cell)))
+    return is_number(cell) and bool(np.isfinite(float(cell)))
 
 
 def _read_netcdf(path: Path) -> dict[str, Column]:
@@ -175,7 +179,7 @@ def _read_netcdf(path: Path) -> dict[str, Column]:
         if variable.dims != ("time",):
             raise RecordError(f"{path}: {name} has the dimensions {variable.dims}; it must have `time` alone")
         numeric = variable.dtype.kind in "iuf"
-        columns[str(name)] = variable.to_numpy().astype(np.float64 if numeric else object)
+        columns[str(name)] = variable.to_numpy().astype(np.float64 if numeric else object, copy=False)
     return columns
 
 

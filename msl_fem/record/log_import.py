@@ -1,29 +1,23 @@
-"""A log of another program, MATLAB .mat or CSV, as a run of a record, new or grown by it: its signals by name, which of
-them becomes which column, and the run."""
+"""A log of another program, MATLAB .mat or CSV, as a run of a record, new or grown by it: which of its signals becomes
+which column, and the run."""
 
-import csv
 import os
 import re
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import h5py
 import numpy as np
-from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
 
 from msl_fem.actuator import Actuator
-from msl_fem.computing.arrays import Array
 from msl_fem.errors import QuantityError, RecordError
-from msl_fem.files.netcdf_file import refuse_endless_heap
 from msl_fem.files.quantity import parse_quantity
 from msl_fem.files.schema import read_toml, reason
 from msl_fem.files.toml_text import toml_text
 from msl_fem.files.whole_file import whole_file
 from msl_fem.record.columns import CHANNELS, numbers, write_columns
+from msl_fem.record.log_signals import read_log, signal
 from msl_fem.record.reader import check_columns, check_run, known_columns, load_record
 from msl_fem.record.record import Record, Run
 from msl_fem.record.rig_file import RIG_FILE, Role, Sampling
@@ -32,9 +26,6 @@ from msl_fem.record.writer import run_entry, write_record
 LONG = 100_000  # samples from which a run is written as NetCDF
 COLUMN_KEYS = ("source", "unit", "scale", "offset")
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
-DELIMITERS = ",;\t"
-COMMENTS = ("#", "%")
-_ELEMENT = re.compile(r"(?P<name>.+)\[(?P<index>\d+)\]")
 
 
 @dataclass(frozen=True)
@@ -68,7 +59,7 @@ def imported_run(
     RecordError : the log cannot be read, a signal is missing or of another length, a value is no number, a column does
         not belong to the actuator, or neither time nor rate is given
     """
-    signals = read_log(log)
+    signals = read_log(log, only={it.source for it in sources})
     columns = {}
     for source in sources:
         raw = numbers(signal(signals, source.source, file=log), source.source, log)
@@ -242,126 +233,3 @@ def describe(sources: Sequence[ColumnSource]) -> dict[str, dict[str, object]]:
             "offset": source.offset,
         }
     return described
-
-
-def read_log(path: str | Path) -> dict[str, Array]:
-    """The numeric arrays of a log by name: (n_sample,) each, or a matrix whose longer side runs over the samples.
-
-    A .mat file of any version; members of a structure are named `structure.member`. A text file (.csv, .txt, .tsv)
-    has its names in the first row that is no comment (# or %), cells parted by comma, semicolon or tab.
-
-    Raises
-    ------
-    RecordError : no such file, another format, no numbers in it, a row that does not fit the names
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise RecordError(f"{path}: no such file; give a .mat or CSV log")
-    ending = path.suffix.lower()
-    if ending not in (".mat", ".csv", ".txt", ".tsv"):
-        raise RecordError(f"{path}: the ending '{path.suffix}' is unknown; give a .mat or a .csv file")
-    try:
-        signals = _read_mat(path) if ending == ".mat" else _read_text(path)
-    except RecordError:
-        raise
-    except (OSError, ValueError, TypeError, KeyError, IndexError, NotImplementedError, MatReadError, csv.Error) as err:
-        raise RecordError(f"{path}: cannot be read ({reason(err)}); save it anew as .mat or CSV") from err
-    if not signals:
-        raise RecordError(f"{path}: holds no numeric arrays; save the signals as vectors or one matrix")
-    return signals
-
-
-def signal(signals: dict[str, Array], source: str, *, file: Path | str) -> Array:
-    """The samples (n_sample,) of a signal by its name, or of one row of a matrix by `name[row]`, counted from 0.
-
-    Raises
-    ------
-    RecordError : no such signal or row, or a matrix without a row
-    """
-    if source in signals:
-        values = signals[source]
-        if values.ndim == 1:
-            return values
-        count = values.shape[0]
-        raise RecordError(
-            f"{file}: '{source}' is a matrix of {count} signals; write {source}[0] ... {source}[{count - 1}]"
-        )
-    match = _ELEMENT.fullmatch(source)
-    matrix = signals.get(match["name"]) if match else None
-    if match is None or matrix is None or matrix.ndim == 1:
-        raise RecordError(f"{file}: there is no signal '{source}'; it has {_listed(signals)}")
-    row, count = int(match["index"]), matrix.shape[0]
-    if row >= count:
-        raise RecordError(f"{file}: '{match['name']}' has the rows 0 to {count - 1}, not {match['index']}")
-    return np.asarray(matrix[row])
-
-
-def _listed(signals: dict[str, Array]) -> str:
-    names = [n if v.ndim == 1 else f"{n}[0..{v.shape[0] - 1}]" for n, v in signals.items()]
-    more = f" and {len(names) - 20} more" if len(names) > 20 else ""
-    return ", ".join(names[:20]) + more
-
-
-def _read_mat(path: Path) -> dict[str, Array]:
-    signals: dict[str, Array] = {}
-    if h5py.is_hdf5(path):  # version 7.3
-        refuse_endless_heap(path)
-        with h5py.File(path, "r") as stream:
-            stream.visititems(lambda name, item: _add(signals, name.replace("/", "."), _dataset(item)))
-        return {name: values for name, values in signals.items() if not name.startswith("#")}
-    for name, value in loadmat(path, squeeze_me=True, struct_as_record=True).items():
-        if not name.startswith("__"):
-            _add(signals, name, value)
-    return signals
-
-
-def _dataset(item: Any) -> Any:
-    return item[()] if isinstance(item, h5py.Dataset) else None
-
-
-def _add(signals: dict[str, Array], name: str, value: Any) -> None:
-    """Keeps a numeric vector or matrix; a structure's members one by one; nothing else."""
-    array = np.asarray(value)
-    if array.dtype.names:
-        for member in array.dtype.names:
-            if array.size == 1:
-                _add(signals, f"{name}.{member}", np.asarray(array[member]).item())
-    elif array.dtype.kind in "iuf" and array.size > 1:
-        squeezed = np.squeeze(array).astype(np.float64)
-        if squeezed.ndim == 1:
-            signals[name] = squeezed
-        elif squeezed.ndim == 2:
-            signals[name] = squeezed if squeezed.shape[0] <= squeezed.shape[1] else squeezed.T.copy()
-
-
-def _read_text(path: Path) -> dict[str, Array]:
-    lines = path.read_text(encoding="utf-8-sig").splitlines()
-    rows = [(number, line) for number, line in enumerate(lines, start=1) if _holds_cells(line)]
-    if not rows:
-        raise RecordError(f"{path}: is empty; it needs a row of names and rows of numbers")
-    header = rows[0][1]
-    delimiter = max(DELIMITERS, key=header.count)
-    names = [name.strip() for name in next(csv.reader([header], delimiter=delimiter))]
-    columns: list[list[float]] = [[] for _ in names]
-    for number, line in rows[1:]:
-        cells = next(csv.reader([line], delimiter=delimiter))
-        if len(cells) != len(names):
-            raise RecordError(
-                f"{path}: row {number}: {len(cells)} cells under {len(names)} names; give each column one"
-            )
-        for column, cell in zip(columns, cells, strict=True):
-            column.append(_number(cell))
-    named = zip(names, columns, strict=True)
-    return {name: np.array(column) for name, column in named if name and len(column) > 1}
-
-
-def _holds_cells(line: str) -> bool:
-    return bool(line.strip()) and not line.lstrip().startswith(COMMENTS)
-
-
-def _number(cell: str) -> float:
-    """The cell's number, nan where it is none: whether that matters depends on whether the column is asked for."""
-    try:
-        return float(cell)
-    except ValueError:
-        return float("nan")

@@ -2,6 +2,7 @@
 
 import runpy
 from dataclasses import replace
+from pathlib import Path
 
 import meshio
 import numpy as np
@@ -11,6 +12,7 @@ from conftest import ROOT
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.errors import ActuatorError, InputError
 from msl_fem.magnetics.field.foreign_mesh import MeshField, read_mesh, solve_mesh_magnet
+from msl_fem.magnetics.field.mesh_checks import anticlockwise
 from msl_fem.magnetics.solver.magnetostatics import solve_field
 from msl_fem.magnetics.solver.mesh import MeshSize, TriangleMesh, triangulate
 from msl_fem.materials.constants import MU_0
@@ -229,3 +231,68 @@ def test_another_gap_and_impossible_requests_are_refused(servo):
         solve_mesh_magnet(U_CORE, 1.0, accuracy="superb")
     with pytest.raises(ActuatorError, match='kind = "mesh"'):
         solve_mesh_magnet(servo, 1.0)
+
+
+def spoilt(tmp_path, change) -> Path:
+    """The example's mesh with its content changed."""
+    content = meshio.read(FILE)
+    block = next(block for block in content.cells if block.type == "triangle")
+    change(content.points, block.data)
+    path = tmp_path / "bad.msh"
+    meshio.write(path, content, file_format="gmsh22", binary=False)
+    return path
+
+
+def move_far(points, triangles) -> None:
+    points[481, 0] = 467.0
+
+
+def move_a_little(points, triangles) -> None:
+    """A node beyond the opposite edge of one of its triangles."""
+    triangle = triangles[1000]
+    points[triangle[0], :2] = points[triangle[1:], :2].sum(axis=0) - points[triangle[0], :2]
+
+
+def exchange_a_corner(points, triangles) -> None:
+    triangles[2275 % len(triangles), 0] = 1
+
+
+def lose_a_coordinate(points, triangles) -> None:
+    points[480, 1] = np.nan
+
+
+def send_a_point_to_infinity(points, triangles) -> None:
+    points[480, 0] = np.inf
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (move_far, "folded at|overlap at"),
+        (move_a_little, "folded at|overlap at"),
+        (exchange_a_corner, "folded at|overlap at"),
+        (lose_a_coordinate, "node 481 has a coordinate that is no number"),
+        (send_a_point_to_infinity, "node 481 has a coordinate that is no number"),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_folded_meshes_are_refused(tmp_path, change, said):
+    """A triangle turned upside down would become one that lies over its neighbours."""
+    with pytest.raises(InputError, match=rf"bad\.msh: .*({said})"):
+        read_mesh(spoilt(tmp_path, change), unit=1e-3, gap=5e-4)
+
+
+def test_every_triangle_with_a_wrong_corner_is_seen():
+    """Of 20 random exchanges of a corner by another point and 20 nodes moved over an edge, none goes through."""
+    mesh, generator = read_mesh(FILE, unit=1e-3, gap=5e-4), np.random.default_rng(3)
+    for k in range(40):
+        corners, points = mesh.triangles.copy(), mesh.points.copy()
+        triangle = generator.integers(corners.shape[1])
+        if k % 2:
+            corners[generator.integers(3), triangle] = generator.integers(points.shape[1])
+        else:
+            a, b, c = corners[:, triangle]
+            points[:, a] = points[:, b] + points[:, c] - points[:, a]
+        with pytest.raises(InputError, match=r"folded|overlap|no area"):
+            anticlockwise(points, corners, FILE)
+    assert (anticlockwise(mesh.points, mesh.triangles[::-1], FILE)[0] == mesh.triangles[2]).all()

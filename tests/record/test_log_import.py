@@ -8,7 +8,8 @@ from scipy.io import savemat
 from msl_fem.actuator import parse_actuator
 from msl_fem.errors import RecordError
 from msl_fem.record import load_record
-from msl_fem.record.log_import import LONG, RunLabel, column_sources, import_into, imported_run, read_log
+from msl_fem.record.log_import import LONG, RunLabel, column_sources, import_into, imported_run
+from msl_fem.record.log_signals import read_log
 
 N = 1500
 T = np.arange(N) * 1e-3

@@ -18,7 +18,7 @@ from msl_fem.plant import plant_parameters
 from msl_fem.plant.excitation import load_excitations, samples
 from msl_fem.plant.extended_model import load_extended_model, write_extended_model
 from msl_fem.record import load_record, write_record
-from msl_fem.record.log_import import read_log
+from msl_fem.record.log_signals import read_log
 from msl_fem.record.measured_table import table_from_measurements
 from msl_fem.table.magnetic_table import read_table
 

@@ -12,7 +12,7 @@ from targets import TABLE
 from msl_fem.errors import RecordError, TableError
 from msl_fem.files.netcdf_file import read_netcdf, write_netcdf
 from msl_fem.record.columns import read_columns
-from msl_fem.record.log_import import read_log
+from msl_fem.record.log_signals import read_log
 from msl_fem.table.magnetic_table import read_table
 
 

@@ -13,7 +13,9 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
+from msl_fem.files.schema import refuse_what_never_ends
 from msl_fem.magnetics.field.accuracy import Accuracy, PointResult, irons_of, level_of, solve_with_estimate
+from msl_fem.magnetics.field.mesh_checks import anticlockwise, check_finite
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, field_response, solve_field
 from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.postprocess import FieldQuantities, SectionFluxDensity, irons_on_tail
@@ -23,7 +25,6 @@ from msl_fem.materials.material import AnalyticIron, Iron
 Indices = NDArray[np.int64]
 IGNORED = {"vertex", "line", "line3"}
 FLAT = 1e-9  # of the mesh's size: what z may vary
-THINNEST = 1e-12  # of a triangle's longest edge squared: a smaller area is none
 LARGEST_AMPERE_TURNS = 1e8  # A: a coil of 1 cm2 of copper melts in milliseconds at 1e6 A
 KINDS = ("core", "armature", "coil+", "coil-", "air")
 SAME_GAP = 1e-6  # relative: a gap asked for that differs more is another one
@@ -42,7 +43,7 @@ def read_mesh(path: Path, *, unit: float = 1.0, gap: float) -> TriangleMesh:
     Raises
     ------
     InputError : the file cannot be read, has other cells than straight triangles, is not plane, a triangle has no
-        area, or some triangles have no region's name or two
+        area, triangles overlap, or some have no region's name or two
     """
     content = _read(path)
     kinds = {block.type for block in content.cells} - IGNORED
@@ -52,6 +53,7 @@ def read_mesh(path: Path, *, unit: float = 1.0, gap: float) -> TriangleMesh:
             f"{path}: cells are {listed}; only straight three-node triangles are allowed: save first order"
         )
     points = np.asarray(content.points, dtype=float)
+    check_finite(points, path)
     if points.shape[1] > 2 and np.ptp(points[:, 2]) > FLAT * np.ptp(points[:, :2]):
         raise InputError(f"{path}: the mesh is not plane, z varies; lay it into the x-y plane")
     blocks = [k for k, block in enumerate(content.cells) if block.type == "triangle"]
@@ -60,12 +62,13 @@ def read_mesh(path: Path, *, unit: float = 1.0, gap: float) -> TriangleMesh:
     used, places = np.unique(triangles, return_inverse=True)
     corners = places.reshape(triangles.shape)
     xy = points[used, :2].T * unit
-    return TriangleMesh(np.ascontiguousarray(xy), _anticlockwise(xy, corners, path), region, names, gap)
+    return TriangleMesh(np.ascontiguousarray(xy), anticlockwise(xy, corners, path), region, names, gap)
 
 
 def _read(path: Path) -> Any:
     chatter = io.StringIO()
     try:
+        refuse_what_never_ends(path)
         with contextlib.redirect_stdout(chatter), contextlib.redirect_stderr(chatter):
             return meshio.read(path)
     except (Exception, SystemExit) as err:  # meshio ends the process where no reader fits
@@ -105,23 +108,6 @@ def _regions(content: Any, blocks: list[int], n: int, path: Path) -> tuple[Indic
             "give every surface a physical name (or cell set)"
         )
     return region.astype(np.int64), tuple(names)
-
-
-def _anticlockwise(xy: NDArray[np.float64], corners: Indices, path: Path) -> Indices:
-    """The triangles with clockwise ones turned round."""
-    (x0, x1, x2), (y0, y1, y2) = xy[:, corners]
-    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-    longest = np.maximum((x1 - x0) ** 2 + (y1 - y0) ** 2, (x2 - x0) ** 2 + (y2 - y0) ** 2)
-    none = np.abs(area) <= THINNEST * longest
-    if none.any():
-        k = int(np.flatnonzero(none)[0])
-        raise InputError(
-            f"{path}: {np.count_nonzero(none)} triangles have no area, the first at x = {x0[k] * 1e3:g} mm, "
-            f"y = {y0[k] * 1e3:g} mm; mesh the section again"
-        )
-    turned = corners.copy()
-    turned[1:, area < 0] = corners[2:0:-1, area < 0]
-    return turned
 
 
 class MeshField:

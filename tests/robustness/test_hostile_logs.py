@@ -1,0 +1,135 @@
+"""Logs of other programs that are damaged, lead elsewhere, or would fill the memory: one line, little room."""
+
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from msl_fem.errors import RecordError
+from msl_fem.record import log_signals
+from msl_fem.record.log_signals import read_log, signal
+
+N = 2000
+SIGNALS = {"t": np.arange(N) / 1e3, "motor": np.sin(np.arange(N) / 50.0)}
+
+
+def test_a_flipped_bit_in_a_compressed_log_is_one_line(tmp_path: Path) -> None:
+    log = tmp_path / "log.mat"
+    savemat(log, SIGNALS, do_compression=True)
+    good = log.read_bytes()
+    refused = 0
+    for at in range(150, len(good), len(good) // 60):
+        log.write_bytes(good[:at] + bytes([good[at] ^ 4]) + good[at + 1 :])
+        try:
+            read_log(log)
+        except RecordError:
+            refused += 1
+    assert refused > 30
+
+
+@pytest.mark.parametrize("kind", ["external", "virtual", "soft link", "external link"])
+def test_a_log_that_names_another_file_is_refused(tmp_path: Path, kind: str) -> None:
+    """Or any file of this machine would be read, and sent back within a record."""
+    secret, log = tmp_path / "secret.txt", tmp_path / "log.mat"
+    secret.write_bytes(b"a private key, " * 100)
+    with h5py.File(tmp_path / "other.h5", "w") as other:
+        other["motor"] = SIGNALS["motor"]
+    with h5py.File(log, "w") as file:
+        file["t"] = SIGNALS["t"]
+        if kind == "external":
+            file.create_dataset("motor", (1000,), "u1", external=[(str(secret), 0, 1000)])
+        elif kind == "virtual":
+            layout = h5py.VirtualLayout((N,), "f8")
+            layout[:] = h5py.VirtualSource(tmp_path / "other.h5", "motor", (N,))
+            file.create_virtual_dataset("motor", layout)
+        elif kind == "soft link":
+            file["motor"] = h5py.SoftLink("/t")
+        else:
+            file["motor"] = h5py.ExternalLink("other.h5", "/motor")
+    with pytest.raises(RecordError, match=r"log\.mat: cannot be read .*(lies in another file|is a link)"):
+        read_log(log)
+    with pytest.raises(RecordError):
+        read_log(log, only={"t"})
+
+
+def peak_memory(code: str, *arguments: str) -> tuple[str, float]:
+    """What a program printed, and its largest memory in MB."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; {code}\nimport resource; "
+         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)", *arguments],
+        capture_output=True, text=True, check=True, timeout=60,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30,) * 2),
+    )  # fmt: skip
+    said, _, memory = done.stdout.strip().rpartition("\n")
+    return said, float(memory)
+
+
+READ_T = (
+    "from msl_fem.record.log_signals import read_log, signal; log = read_log(sys.argv[1], only={'t'}); "
+    "print(sorted(log), signal(log, 't', file='log').size)"
+)
+REFUSED = (
+    "from msl_fem.record.log_signals import read_log; from msl_fem.errors import RecordError\n"
+    "try: read_log(sys.argv[1], only={'big'})\nexcept RecordError as err: print(err)\n"
+)
+
+
+def test_what_is_not_asked_for_is_not_read(tmp_path: Path) -> None:
+    """Of 7.3 a data set of 4 GB that takes a few kB of the file, of version 5 one of 400 MB that is packed."""
+    log, packed = tmp_path / "log.mat", tmp_path / "packed.mat"
+    with h5py.File(log, "w") as file:
+        file["t"] = SIGNALS["t"]
+        file.create_dataset("big", (23_000, 23_000), "f8", chunks=(1000, 1000), compression="gzip")
+    savemat(packed, {"t": SIGNALS["t"], "big": np.zeros(50_000_000)}, do_compression=True)
+    _, without = peak_memory("import msl_fem.record.log_signals")
+    for path, room in ((log, 60), (packed, 300)):  # scipy unpacks 128 kB at once, whatever becomes of it
+        said, memory = peak_memory(READ_T, str(path))
+        assert said == f"['big', 't'] {N}"
+        assert memory < without + room
+    said, memory = peak_memory(REFUSED, str(log))
+    assert "more than the 50000000 numbers that are taken of a log; name fewer columns" in said
+    assert memory < without + 60
+
+
+def test_packed_numbers_beyond_measure_are_refused_before_they_are_unpacked(tmp_path: Path, monkeypatch) -> None:
+    log = tmp_path / "log.mat"
+    savemat(log, {"t": SIGNALS["t"], "run": {"big": np.zeros(300_000)}}, do_compression=True)
+    assert log.stat().st_size < 20_000
+    monkeypatch.setattr(log_signals, "MOST_VALUES", 200_000)
+    with pytest.raises(RecordError, match=r"log\.mat: more than the 200000 numbers"):
+        read_log(log)
+    with pytest.raises(RecordError, match=r"log\.mat: more than the 200000 numbers"):
+        read_log(log, only={"run.big"})
+    assert signal(read_log(log, only={"t"}), "t", file=log) == pytest.approx(SIGNALS["t"])
+
+
+def test_a_long_text_log_is_read_in_blocks(tmp_path: Path, monkeypatch) -> None:
+    """The same numbers with small blocks; too many are refused with the way out; so is a row without an end."""
+    log = tmp_path / "log.csv"
+    rows = [f'{k / 1e3:.3f},"{k % 7}",{"?" if k == 700 else k}' for k in range(N)]
+    log.write_text("\n".join(["t,a,b", *rows]) + "\n")
+    whole = read_log(log)
+    monkeypatch.setattr(log_signals, "BLOCK", 333)
+    for name, values in read_log(log).items():
+        np.testing.assert_array_equal(values, whole[name])
+    assert whole["t"] == pytest.approx(SIGNALS["t"])
+    assert np.flatnonzero(np.isnan(whole["b"])).tolist() == [700]
+    assert np.isnan(read_log(log, only={"t"})["a"]).all()
+    monkeypatch.setattr(log_signals, "MOST_VALUES", 3 * N - 1)
+    with pytest.raises(RecordError, match=r"log\.csv: more than the 5999 numbers .* cut the log into parts"):
+        read_log(log)
+    assert read_log(log, only={"t", "b"})["t"].size == N
+    log.write_text("t,a\n" + "9" * 2_000_000)
+    with pytest.raises(RecordError, match="row 2: longer than 1000000 characters"):
+        read_log(log)
+
+
+def test_digits_of_other_scripts_are_no_numbers(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("t,a\n" + "".join(f"{k},\uff11\n" for k in range(5)))  # full-width digits
+    assert np.isnan(read_log(log)["a"]).all()
