@@ -77,10 +77,10 @@ class Section:
 
     @property
     def thinnest_iron(self) -> float:
-        """m: the shortest cut, one that begins on a plane of symmetry counted twice."""
+        """m: the shortest cut, one that begins on the axis or plane of symmetry counted twice."""
         lengths = []
         for cut in self.cuts:
-            mirrored = not self.axisymmetric and cut.start[0] == 0.0 != cut.end[0]
+            mirrored = cut.start[0] == 0.0 != cut.end[0]
             lengths.append(float(np.hypot(*np.subtract(cut.end, cut.start))) * (2 if mirrored else 1))
         return min(lengths)
 

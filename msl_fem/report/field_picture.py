@@ -34,11 +34,12 @@ class PaintedField:
     Attributes
     ----------
     x, y : (n_point,) mm
-    potential : (n_point,) Wb/m
+    potential : (n_point,) A_z in Wb/m, or r A_phi in Wb: constant on flux lines
     triangles : (3, n_triangle)
     flux_density : (n_triangle,) |B| in T
     outlines : (n_edge, 2, 2) mm, the edges between regions
     area : left, right, bottom, top of what is shown, in mm
+    axes : names of the coordinates
     """
 
     x: Array
@@ -48,10 +49,11 @@ class PaintedField:
     flux_density: Array
     outlines: Array
     area: tuple[float, float, float, float]
+    axes: tuple[str, str] = ("x", "y")
 
     @property
     def flux_lines(self) -> Array:
-        """Values of the potential in Wb/m whose contours are flux lines with equal flux between them."""
+        """Values of the potential whose contours are flux lines with equal flux between them."""
         largest = max(float(np.abs(self.potential).max()), 1e-12)
         return np.linspace(-largest, largest, 2 * N_FLUX_LINES + 2)[1:-1:2]
 
@@ -68,8 +70,10 @@ def painted_field(field: MagnetField, solution: FieldSolution) -> PaintedField:
     margin = 0.2 * field.magnet.half_width * 1e3
     right, low = right * 1e3 + margin, low * 1e3 - margin
     area = (-right, right, low, (high - mesh.gap + solution.gap) * 1e3 + margin)
-    b = _flux_density(x, y, potential, fine.t)
-    return PaintedField(x, y, potential, fine.t, b, outlines, area)
+    b = _flux_density(x, y, potential, fine.t, axisymmetric=model.axisymmetric)
+    if not model.axisymmetric:
+        return PaintedField(x, y, potential, fine.t, b, outlines, area)
+    return PaintedField(x, y, potential * x * 1e-3, fine.t, b, outlines, area, ("r", "z"))
 
 
 def draw_field(field: MagnetField, solution: FieldSolution, *, title: str) -> Figure:
@@ -80,8 +84,8 @@ def draw_field(field: MagnetField, solution: FieldSolution, *, title: str) -> Fi
     axes = figure.add_subplot()
     shaded = paint(axes, painted)
     axes.set_aspect("equal")
-    axes.set_xlabel("x in mm")
-    axes.set_ylabel("y in mm")
+    axes.set_xlabel(f"{painted.axes[0]} in mm")
+    axes.set_ylabel(f"{painted.axes[1]} in mm")
     axes.set_title(title, loc="left", fontsize=11)
     extend = "max" if painted.flux_density.max() > HIGHEST else "neither"
     figure.colorbar(shaded, ax=axes, label="|B| in T", extend=extend)
@@ -122,13 +126,18 @@ def _region_edges(x: np.ndarray, y: np.ndarray, triangles: np.ndarray, region: n
     return np.stack([x[edges], y[edges]], axis=-1).transpose(1, 0, 2)
 
 
-def _flux_density(x: np.ndarray, y: np.ndarray, potential: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """|B| (n_triangle,) in T of the plane through each small triangle's corner potentials; x, y in mm."""
+def _flux_density(x: Array, y: Array, potential: Array, triangles: NDArray[np.int64], *, axisymmetric: bool) -> Array:
+    """|B| (n_triangle,) in T of the plane through each small triangle's corner potentials; x, y in mm.
+
+    In a body of revolution dA/dr + A/r takes the place of the derivative along x, A/r that of the triangle's middle.
+    """
     (x0, x1, x2), (y0, y1, y2), (a0, a1, a2) = x[triangles], y[triangles], potential[triangles]
     twice_area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-    along_x = (a1 - a0) * (y2 - y0) - (a2 - a0) * (y1 - y0)
-    along_y = (a2 - a0) * (x1 - x0) - (a1 - a0) * (x2 - x0)
-    return 1e3 * np.hypot(along_x, along_y) / np.abs(twice_area)
+    along_x = ((a1 - a0) * (y2 - y0) - (a2 - a0) * (y1 - y0)) / twice_area
+    along_y = ((a2 - a0) * (x1 - x0) - (a1 - a0) * (x2 - x0)) / twice_area
+    if axisymmetric:
+        along_x = along_x + (a0 + a1 + a2) / (x0 + x1 + x2)
+    return 1e3 * np.hypot(along_x, along_y)
 
 
 PICTURE_WIDTH = 1500  # pixels
@@ -139,7 +148,8 @@ def field_plot(field: MagnetField, solution: FieldSolution) -> go.Figure:
     """|B| in T and flux lines of equal flux over the whole section; the pointer reads |B| at the nearest grid point."""
     painted = painted_field(field, solution)
     left, right, bottom, top = painted.area
-    made = figure(x="x in mm", y="y in mm", height=520)
+    across, up = painted.axes
+    made = figure(x=f"{across} in mm", y=f"{up} in mm", height=520)
     made.add_layout_image(
         source=f"data:image/png;base64,{_picture(painted)}", xref="x", yref="y", x=left, y=top,
         sizex=right - left, sizey=top - bottom, sizing="stretch", layer="below",
@@ -149,7 +159,7 @@ def field_plot(field: MagnetField, solution: FieldSolution) -> go.Figure:
         go.Heatmap(
             x=x.astype(np.float32), y=y.astype(np.float32), z=b.astype(np.float32), opacity=0.0, zmin=0, zmax=HIGHEST,
             showscale=False, name="|B|",
-            hovertemplate="x %{x:.2f} mm, y %{y:.2f} mm<br>|B| = %{z:.3f} T<extra></extra>",
+            hovertemplate=f"{across} %{{x:.2f}} mm, {up} %{{y:.2f}} mm<br>|B| = %{{z:.3f}} T<extra></extra>",
         )
     )  # fmt: skip
     made.add_trace(_colour_bar())

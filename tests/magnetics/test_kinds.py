@@ -1,4 +1,4 @@
-"""Kinds of magnets: a U-core against a mesh of its whole section, and a toy kind of one file through all rooms."""
+"""Kinds of magnets against meshes and closed forms, and a toy kind of one file through all rooms."""
 
 import tomllib
 from dataclasses import replace
@@ -18,7 +18,7 @@ from msl_fem.files.dimensions import Length
 from msl_fem.losses import Cooling, choose_wire, iron_loss, thermal_network
 from msl_fem.losses.section_loss import PeriodicOperation
 from msl_fem.magnetics.field.foreign_mesh import solve_mesh_magnet
-from msl_fem.magnetics.field.magnet_field import solve, solve_with_field
+from msl_fem.magnetics.field.magnet_field import field_of, solve, solve_with_field
 from msl_fem.magnetics.field.two_sided import TwoSidedPosition, solve_two_sided
 from msl_fem.magnetics.field_map.level_map import FieldMapSettings, field_map
 from msl_fem.magnetics.kinds.kind import PlaneMagnet, WindingSpace
@@ -26,9 +26,11 @@ from msl_fem.magnetics.kinds.parts import Air, Coil, IronSpec
 from msl_fem.magnetics.section import IronPart, Line, Region, Section, rectangle
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
+from msl_fem.materials.constants import MU_0
 from msl_fem.report.field_picture import draw_field, save_picture
 
 UI60 = ROOT / "geometries" / "u_core_ui60.toml"
+POT = ROOT / "geometries" / "pot_core_holding.toml"
 NAMES = {"strip": "air_gap", "window": "air_window"}
 
 
@@ -197,16 +199,93 @@ def test_what_a_kind_does_not_state_is_refused_with_the_reason(toy: Actuator) ->
         thermal_network(toy, Cooling())
 
 
+@pytest.fixture(scope="module")
+def pot_core() -> Actuator:
+    return load_actuator(POT)
+
+
+def test_a_pot_core_of_ideal_iron_tends_to_its_two_gaps_in_series(pot_core: Actuator) -> None:
+    """F = Phi^2/(2 mu_0) (1/A_post + 1/A_ring), what is beyond it, the fringe, goes with the gap."""
+    ideal = pot_core.magnet.iron.model_copy(update={"core": "linear:1e7", "armature": "linear:1e7"})
+    magnet = pot_core.magnet.model_copy(update={"iron": ideal})
+    inside = magnet.half_width - magnet.ring_width
+    areas = np.pi * np.array([magnet.post_diameter**2 / 4, magnet.half_width**2 - inside**2])
+    beyond, leaking = [], []
+    for gap in (2e-4, 1e-4, 5e-5):
+        quantities = solve(pot_core.model_copy(update={"magnet": magnet}), 1.0, gap).quantities
+        flux = magnet.turns * MU_0 / gap / np.sum(1 / areas)
+        beyond.append(quantities.force / (flux**2 / (2 * MU_0) * np.sum(1 / areas)) - 1)
+        assert quantities.force_stress_tensor == pytest.approx(quantities.force, rel=3e-4)
+        leaking.append(quantities.flux_density["post"].mean * areas[0] / flux - 1)
+    assert beyond[0] / beyond[1] == pytest.approx(2.0, abs=0.3)
+    assert np.array(leaking[:2]) / leaking[1:] == pytest.approx(2.0, abs=0.3)
+    assert 0 < beyond[2] < 0.01
+
+
+@pytest.mark.parametrize("file", [UI60, POT], ids=["u-core", "pot-core"])
+def test_force_and_flux_are_the_coenergys_slopes(file: Path) -> None:
+    actuator = load_actuator(file)
+    field = field_of(actuator, 5e-4, accuracy="fast")
+
+    def coenergy(current: float, gap: float) -> float:
+        return field.quantities(field.solve(current, gap)).coenergy
+
+    point, h, d = field.quantities(field.solve(1.5, 5e-4)), 1e-4, 1e-3
+    by_gap = (coenergy(1.5, 5e-4 * (1 + h)) - coenergy(1.5, 5e-4 * (1 - h))) / (2 * h * 5e-4)
+    by_current = (coenergy(1.5 + d, 5e-4) - coenergy(1.5 - d, 5e-4)) / (2 * d)
+    assert point.force == pytest.approx(-by_gap, rel=1e-5)
+    assert point.flux_linkage == pytest.approx(by_current, rel=1e-5)
+
+
+def test_means_over_a_pot_cores_cuts_are_over_their_area(pot_core: Actuator) -> None:
+    """Of A = r^2, that is B_z = 3 r, the mean over the post is twice its radius; ring and post carry the same flux."""
+    magnet = pot_core.magnet
+    field = field_of(pot_core, 5e-4, accuracy="fast")
+    cut = field.probes.cuts["post"]
+    squares = field.model.basis.doflocs[0] ** 2
+    assert cut.mean(cut.along_x @ squares) == pytest.approx(magnet.post_diameter, rel=1e-3)
+    cuts = solve(pot_core, 0.1, 5e-5).quantities.flux_density
+    inside = magnet.half_width - magnet.ring_width
+    ring = cuts["ring"].mean * (magnet.half_width**2 - inside**2)
+    assert ring == pytest.approx(cuts["post"].mean * magnet.post_diameter**2 / 4, rel=0.02)
+
+
+def test_a_pot_core_goes_through_table_map_losses_and_tolerances(pot_core: Actuator) -> None:
+    table, _ = sweep(pot_core, [3e-4, 6e-4, 1e-3], [0.5, 1.0, 2.0], settings=SweepSettings(accuracy="fast"))
+    point = solve(pot_core, 1.0, 6e-4, accuracy="fast").quantities
+    assert float(table.force(1.0, 6e-4)) == pytest.approx(point.force, rel=1e-3)
+    assert str(table.provenance["solver"]).startswith("axisymmetric")
+    made = field_map(pot_core, [3e-4, 6e-4], levels=[1.0], settings=FieldMapSettings(accuracy="fast"))
+    field = field_of(pot_core, 6e-4, accuracy="fast")
+    there = field.quantities(field.solve(float(made.current[0, 1]), 6e-4)).flux_density
+    assert max(part.mean for part in there.values()) == pytest.approx(1.0, rel=5e-3)
+    share = field_map(
+        pot_core, [3e-4, 6e-4], levels=[1.0], criterion="percentile=50", settings=FieldMapSettings(accuracy="fast")
+    )
+    assert np.all(share.current > made.current)
+    magnet = pot_core.magnet
+    disc = np.pi * magnet.half_width**2 * magnet.yoke_thickness
+    assert magnet.section(1e-3).iron_volumes["yoke"] == pytest.approx(disc)
+    network = thermal_network(pot_core, Cooling())
+    assert "no turns outside the core" in network.notes[0]
+    assert choose_wire(pot_core).winding.resistance() == pytest.approx(magnet.winding_resistance, rel=0.2)
+    names = {tolerance.name for tolerance in tolerances_of(pot_core)}
+    assert "ring_width" in names
+    assert "stack_depth" not in names
+
+
 @pytest.mark.parametrize(
-    ("path", "value", "complaint"),
+    ("file", "path", "value", "complaint"),
     [
-        ("turns", 601, "coil.turns 601 is odd"),
-        ("width", "12 mm", "coil.width with its clearance is "),
-        ("height", "60 mm", "coil.height with its clearance"),
+        (UI60, "turns", 601, "coil.turns 601 is odd"),
+        (UI60, "width", "12 mm", "coil.width with its clearance is "),
+        (UI60, "height", "60 mm", "coil.height with its clearance"),
+        (POT, "height", "16 mm", "coil.height with its clearance is 17 mm, more than the window's 16 mm"),
+        (POT, "width", "1 um", "coil.width 1 µm is below"),
     ],
 )
-def test_bad_dimensions_of_a_u_core_are_one_line(path: str, value: object, complaint: str) -> None:
-    content = tomllib.loads(UI60.read_text())
+def test_bad_dimensions_are_one_line(file: Path, path: str, value: object, complaint: str) -> None:
+    content = tomllib.loads(file.read_text())
     content["magnet"]["coil"][path] = value
     with pytest.raises(ActuatorError, match="magnet: ") as caught:
         parse_actuator(content)

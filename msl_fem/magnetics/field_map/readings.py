@@ -61,7 +61,10 @@ def sheet_flux_density(
 
 
 def area_points(field: MagnetField, divisions: int) -> tuple[Array, Indices, Array]:
-    """Centroids (2, n) of the iron's triangles, each cut into divisions^2 alike, their elements and areas in m2."""
+    """Centroids (2, n) of the iron's triangles, each cut into divisions^2 alike, their elements and areas in m2.
+
+    In a body of revolution an area is multiplied by the circumference of its centroid's circle: the volume in m3.
+    """
     mesh = field.model.mesh
     elements = mesh.elements(*field.irons)
     steps = [(i, j) for i in range(divisions) for j in range(divisions - i)]
@@ -76,7 +79,11 @@ def area_points(field: MagnetField, divisions: int) -> tuple[Array, Indices, Arr
     )  # (2, element, sub-triangle)
     area = np.abs(along[0] * across[1] - along[1] * across[0]) / 2
     n = share.shape[1]
-    return points.reshape(2, -1), np.repeat(elements, n), np.repeat(area / n, n)
+    points = points.reshape(2, -1)
+    weight = np.repeat(area / n, n)
+    if field.section.axisymmetric:
+        weight = weight * 2 * np.pi * points[0]
+    return points, np.repeat(elements, n), weight
 
 
 def edge_points(field: MagnetField, divisions: int) -> tuple[Array, Indices]:
@@ -209,17 +216,16 @@ class _SectionMeans:
 
     def __call__(self, model: FieldModel, field: Potentials) -> LevelReading:
         found = []
-        for name, (region, along_x, along_y) in self._cuts.items():
-            gradient, by_current, by_gap = ((along_x @ a, along_y @ a) for a in field)
-            sheets, slopes = sheet_flux_density(model.irons[region].iron, gradient, [by_current, by_gap])
-            # the first and the last point stand at the section's ends, for the largest value alone
-            value, current_slope, gap_slope = (float(values[1:-1].mean()) for values in (sheets, *slopes))
+        for name, cut in self._cuts.items():
+            gradient, by_current, by_gap = ((cut.along_x @ a, cut.along_y @ a) for a in field)
+            sheets, slopes = sheet_flux_density(model.irons[cut.region].iron, gradient, [by_current, by_gap])
+            value, current_slope, gap_slope = (cut.mean(values) for values in (sheets, *slopes))
             found.append(LevelReading(value, current_slope, gap_slope, name))
         return max(found, key=lambda reading: reading.value)
 
 
 class _AreaPercentile:
-    """The flux density in the iron that a share of the iron's area does not exceed."""
+    """The flux density that a share of the iron's area (volume, of a body of revolution) does not exceed."""
 
     def __init__(self, field: MagnetField, percent: float, divisions: int) -> None:
         points, elements, area = area_points(field, divisions)

@@ -3,10 +3,11 @@
 from msl_fem.magnetics.kinds.e_core import ECore
 from msl_fem.magnetics.kinds.foreign_mesh import MeshMagnet
 from msl_fem.magnetics.kinds.kind import MagnetKind
+from msl_fem.magnetics.kinds.pot_core import PotCore
 from msl_fem.magnetics.kinds.tabulated import TableMagnet
 from msl_fem.magnetics.kinds.u_core import UCore
 
-Magnet = ECore | UCore | TableMagnet | MeshMagnet
+Magnet = ECore | UCore | PotCore | TableMagnet | MeshMagnet
 """What [magnet] of an actuator file may be: its `kind` chooses. A new kind is a name here."""
 
-__all__ = ["ECore", "Magnet", "MagnetKind", "MeshMagnet", "TableMagnet", "UCore"]
+__all__ = ["ECore", "Magnet", "MagnetKind", "MeshMagnet", "PotCore", "TableMagnet", "UCore"]

@@ -213,19 +213,18 @@ class MagnetKind(FrozenModel, ABC):
         return None
 
 
-class PlaneMagnet(MagnetKind):
-    """A laminated core with a yoke and a window over a flat armature, which it may share with its mirror image."""
+class FlatFaceMagnet(MagnetKind):
+    """A core with a yoke and a window over a flat armature, in an air box."""
 
     if TYPE_CHECKING:
         window_height: float
         yoke_thickness: float
         armature_thickness: float
         armature_overhang: float
-        stack_depth: float
         air: Air | None
 
     @model_validator(mode="after")
-    def _air_box_holds_the_armature(self) -> "PlaneMagnet":
+    def _air_box_holds_the_armature(self) -> "FlatFaceMagnet":
         if self.air is not None and self.air.side <= self.armature_overhang:
             raise ValueError(
                 f"air.side {metres(self.air.side)} counts from the core and must be above "
@@ -253,3 +252,10 @@ class PlaneMagnet(MagnetKind):
             return self.air
         margin = 16.0 * self.half_width
         return Air(side=margin, bottom=margin, top=margin)
+
+
+class PlaneMagnet(FlatFaceMagnet):
+    """A stack of sheets over a flat armature, which it may share with its mirror image."""
+
+    if TYPE_CHECKING:
+        stack_depth: float

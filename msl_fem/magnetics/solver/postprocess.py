@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,19 +48,37 @@ class FieldQuantities:
     rests_on_tail: tuple[str, ...]
 
 
+class CutProbe(NamedTuple):
+    """A cut's region, the maps (n_point, n_dof) to the derivatives of A along x and y, and the weights of its mean.
+
+    The first and the last point stand at the cut's ends, for the largest value alone. In a body of revolution the
+    weights go with the radius, so that the mean is that over the cut's area.
+    """
+
+    region: str
+    along_x: sparse.csr_matrix
+    along_y: sparse.csr_matrix
+    weight: Array
+
+    def mean(self, values: Array) -> float:
+        """The mean over the cut's area of values (n_point,)."""
+        return float(self.weight @ values[1:-1])
+
+
 class Probes:
     """Linear maps from the potential to the field where it is read; made once for a model."""
 
     def __init__(self, model: FieldModel, section: Section) -> None:
         self.model = model
         self.scale = section.scale
-        self.cuts = {cut.name: cut_maps(model, cut) for cut in section.cuts}
-        points, elements, self.line_weight = _mid_gap(model)
+        self.cuts = {cut.name: cut_probe(model, cut) for cut in section.cuts}
+        points, elements, weight = _mid_gap(model)
+        self.line_weight = 2 * np.pi * points[0] * weight if model.axisymmetric else weight
         self.line_x, self.line_y = gradient_maps(model, points, elements)
 
     def section_flux_density(self, potential: Array) -> dict[str, SectionFluxDensity]:
         """|B| in the iron over each cut."""
-        return {cut: cut_flux_density(self.model, maps, potential) for cut, maps in self.cuts.items()}
+        return {name: cut_flux_density(self.model, cut, potential) for name, cut in self.cuts.items()}
 
     def force_stress_tensor(self, solution: FieldSolution) -> float:
         """Integral of (B_y^2 - B_x^2)/(2 mu_0) over the mid-gap line, in N (Maxwell's stress on a plane in air).
@@ -77,25 +96,23 @@ class Probes:
         return in_plane - self.scale * energy * slope / k
 
 
-def cut_maps(model: FieldModel, cut: Line) -> tuple[str, sparse.csr_matrix, sparse.csr_matrix]:
-    """The region that a cut lies in, and the `gradient_maps` of its points."""
+def cut_probe(model: FieldModel, cut: Line) -> CutProbe:
+    """The region that a cut lies in, the maps to its field, the weights of its mean."""
     start, end = np.array(cut.start), np.array(cut.end)
     # midpoints of equal parts for the mean; beside them the ends, where the largest values stand
     t = np.concatenate([[END], (np.arange(N_SAMPLE) + 0.5) / N_SAMPLE, [1 - END]])
     points = start[:, None] + (end - start)[:, None] * t
     elements = model.skfem_mesh.element_finder()(*points)
     name = model.mesh.names[model.mesh.region[elements[N_SAMPLE // 2]]]
-    return (name, *gradient_maps(model, points, elements))
+    area = points[0, 1:-1] if model.axisymmetric else np.ones(N_SAMPLE)
+    return CutProbe(name, *gradient_maps(model, points, elements), area / area.sum())
 
 
-def cut_flux_density(
-    model: FieldModel, maps: tuple[str, sparse.csr_matrix, sparse.csr_matrix], potential: Array
-) -> SectionFluxDensity:
-    """|B| in the iron over a cut, by its `cut_maps`."""
-    region, along_x, along_y = maps
-    b = np.hypot(along_x @ potential, along_y @ potential)
-    sheets = model.irons[region].iron.iron_flux_density(b)
-    return SectionFluxDensity(float(sheets[1:-1].mean()), float(sheets.max()))
+def cut_flux_density(model: FieldModel, cut: CutProbe, potential: Array) -> SectionFluxDensity:
+    """|B| in the iron over a cut."""
+    b = np.hypot(cut.along_x @ potential, cut.along_y @ potential)
+    sheets = model.irons[cut.region].iron.iron_flux_density(b)
+    return SectionFluxDensity(cut.mean(sheets), float(sheets.max()))
 
 
 def evaluate_field(probes: Probes, solution: FieldSolution) -> FieldQuantities:

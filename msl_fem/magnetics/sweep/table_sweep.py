@@ -145,6 +145,7 @@ def sweep(
     mesh_error = level.safety * _mesh_error(table, refined, done[-len(refined) :])
     interpolation_error, reciprocity_error = _interpolation_error(table, between, done[len(nodes) : -len(refined)])
     notes = _notes(field, grid, gap, current)
+    unknown = "axisymmetric A_phi" if field.section.axisymmetric else "plane A_z"
     table = replace(
         table,
         mesh_error=mesh_error,
@@ -153,7 +154,7 @@ def sweep(
         provenance={
             "actuator": actuator.name,
             "actuator_sha256": actuator.digest,
-            "solver": "plane A_z, damped Newton with exact tangent, virtual work",
+            "solver": f"{unknown}, damped Newton with exact tangent, virtual work",
             "notes": list(notes),
         }
         | field_provenance(field, settings.accuracy),
