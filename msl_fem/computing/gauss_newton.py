@@ -104,6 +104,7 @@ class DescentSettings:
     most_steps : accepted steps; None: as many as trials
     renewal : the next model is computed wholly anew where a step brings less than this share of its promise, and where
         a stale one fails or promises too little; None: never
+    fresh_end : whether a stale model that promises too little is computed anew before the descent ends
     """
 
     damping: Damping = Damping()
@@ -112,6 +113,7 @@ class DescentSettings:
     most_trials: int = 60
     most_steps: int | None = None
     renewal: float | None = None
+    fresh_end: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +135,7 @@ def descend(
     mu = settings.damping.first
     for _ in range(how.most_trials):
         if model.promised < max(how.enough, how.enough_share * point.objective):
-            if how.renewal is None or not model.stale:
+            if how.renewal is None or not model.stale or not how.fresh_end:
                 return Descent(point, model, "converged", steps)
             model = objective.model(point, None)
             continue

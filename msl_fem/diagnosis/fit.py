@@ -28,10 +28,13 @@ from msl_fem.prediction.nuisances import ADDITIVE, NUISANCES, together
 
 STALE = 0.6
 """Share of the predicted decrease that a step has to bring for the nuisances' columns to be kept."""
+MISLED = 0.1
+"""The same where columns need not be those of the fit's end."""
 STEPS_A_ROUND = 4
 RESTARTED = 0.2
 """Nats by which moving the starts of stretches may change a fit that has converged."""
 INTERVAL = 1.96
+TINY = 1e-300  # square of a move that is none
 _READ = (
     ("position_sensor_nonlinearity", "quadratic"),
     ("position_sensor_nonlinearity", "cubic"),
@@ -54,12 +57,14 @@ class FitPlan:
     damping : the first mu
     enough : nats that a further step would gain, at which it ends
     renew : whether the nuisances' columns may be computed anew; they are where a step brings less than it promised
+    fresh_end : whether they are those of the point where the fit ends
     """
 
     most_steps: int = 60
     damping: float = 1.0
     enough: float = CONVERGED
     renew: bool = True
+    fresh_end: bool = True
 
 
 def jacobian_columns(
@@ -105,7 +110,8 @@ def fit(
         first = posterior.at(z)
         if not np.isfinite(first.residual).all():
             raise ComputationError("the simulation fails at the start of the fit")
-        settings = DescentSettings(damping, how.enough, most_trials=trials, renewal=STALE if how.renew else None)
+        renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
+        settings = DescentSettings(damping, how.enough, most_trials=trials, renewal=renewal, fresh_end=how.fresh_end)
         end = descend(posterior, first, settings, first=posterior.linearised(first, nuisance_columns))
         point, model = end.point, end.model
         simulations += posterior.simulations
@@ -117,7 +123,7 @@ def fit(
             break
         if not np.isfinite(again):
             break
-        likelihood, z, nuisance_columns = nearer, point.z, None
+        likelihood, z, nuisance_columns = nearer, point.z, model.jacobian[:, : unknowns.n_nuisance]
         damping = replace(damping, first=1e-2)
     return Fit(
         unknowns,
@@ -154,6 +160,7 @@ class _FitModel:
     """S near a point: the densities of the noise as they are there, the residual linear."""
 
     def __init__(self, unknowns: Unknowns, point: _FitPoint, jacobian: Array, *, stale: bool) -> None:
+        self.unknowns, self.point = unknowns, point
         self.jacobian, self.stale = jacobian, stale
         weighted = jacobian * point.weights.root[:, None]
         _, prior_slope, self.curvature = unknowns.prior(point.z)
@@ -171,6 +178,13 @@ class _FitModel:
         move = np.zeros(self.slope.size)
         move[self.free] = part
         return move, float(-slope @ part - part @ matrix @ part / 2)
+
+    def nuisance_columns(self, point: _FitPoint) -> Array:
+        """Those at a point nearby, by the secant from here (Broyden, Math. Comp. 19, 1965, 577-593)."""
+        move = point.z - self.point.z
+        missed = point.residual - self.point.residual - self.jacobian @ move
+        n = self.unknowns.n_nuisance
+        return np.asarray(self.jacobian[:, :n] + np.outer(missed, move[:n] / max(float(move @ move), TINY)))
 
 
 class _FitPosterior:
@@ -192,8 +206,7 @@ class _FitPosterior:
         return self.at(self.unknowns.allowed(point.z + move))
 
     def model(self, point: _FitPoint, neighbour: _FitModel | None) -> _FitModel:
-        known = None if neighbour is None else neighbour.jacobian[:, : self.unknowns.n_nuisance]
-        return self.linearised(point, known)
+        return self.linearised(point, None if neighbour is None else neighbour.nuisance_columns(point))
 
     def linearised(self, point: _FitPoint, nuisance_columns: Array | None) -> _FitModel:
         """The model at a point; the nuisances' columns are computed where they are not given."""

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.stretches import Stretches
@@ -142,14 +143,14 @@ def lanes(
         starts = np.array([_start(problem, unknowns, z, run) for z in rows])
     else:
         starts = np.broadcast_to(cut.starts, (len(rows), cut.begins.size, 4))
+    surface, index = _surfaces(problem, unknowns, rows)
     settings = LaneSettings(
         effects=points.effects,
         starts=starts,
-        surface_index=np.arange(len(rows)) if problem.table_error is not None else None,
+        surface_index=index,
         threads=problem.threads,
         begins=None if cut is None else cut.begins,
     )
-    surface = _surfaces(problem, unknowns, rows)
     return run_lanes(surface, plants, inputs, substeps=substeps, settings=settings)
 
 
@@ -171,10 +172,13 @@ def _start(problem: FitProblem, unknowns: Unknowns, z: Array, run: int) -> Array
     return start
 
 
-def _surfaces(problem: FitProblem, unknowns: Unknowns, rows: Array) -> Surface:
+def _surfaces(problem: FitProblem, unknowns: Unknowns, rows: Array) -> tuple[Surface, NDArray[np.int64] | None]:
+    """(the different surfaces of the rows, which of them each row has)."""
     surface = problem.plant.surface
     if problem.table_error is None:
-        return surface
+        return surface, None
     scale = np.array([unknowns.factors(z).get("magnetic_scale", 1.0) for z in rows])
-    change = np.tensordot(rows[:, unknowns.table_rows], problem.table_error.modes, axes=1)
-    return surface._replace(coefficients=scale[:, None, None, None, None] * (surface.coefficients + change))
+    numbers, index = np.unique(np.column_stack([scale, rows[:, unknowns.table_rows]]), axis=0, return_inverse=True)
+    change = np.tensordot(numbers[:, 1:], problem.table_error.modes, axes=1)
+    coefficients = numbers[:, 0, None, None, None, None] * (surface.coefficients + change)
+    return surface._replace(coefficients=coefficients), index.reshape(-1)

@@ -341,20 +341,17 @@ class _Refinement:
             return None
 
     def refined(self, refit: Refit) -> Refit:
-        """A candidate that was kept, with all columns of its own."""
+        """A candidate that was kept, where its steps lead to; the nuisances' columns are those of a point nearby."""
         enough = max(ROUGH, FRACTION * max(refit.gain, 0.0))
-        return self._refit(
-            refit.fit, refit.variant, refit.fit.z, FitPlan(most_steps=REFINEMENT_STEPS, enough=enough), None
-        )
+        plan = FitPlan(most_steps=REFINEMENT_STEPS, enough=enough, fresh_end=False)
+        columns = refit.fit.jacobian[:, : self.base.unknowns.n_nuisance]
+        return self._refit(refit.fit, refit.variant, refit.fit.z, plan, columns)
 
     def converged(self, refit: Refit, enough: float) -> Refit:
-        """A candidate of which a further step would gain no more than enough."""
-        if refit.fit.predicted <= enough:
+        """A candidate in front, with all columns of its own, of which a further step would gain no more than enough."""
+        if enough == np.inf:
             return refit
-        columns = refit.fit.jacobian[:, : self.base.unknowns.n_nuisance]
-        return self._refit(
-            refit.fit, refit.variant, refit.fit.z, FitPlan(most_steps=LAST_STEPS, enough=enough), columns
-        )
+        return self._refit(refit.fit, refit.variant, refit.fit.z, FitPlan(most_steps=LAST_STEPS, enough=enough), None)
 
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
         unknowns = extended(self.base.unknowns, variant)

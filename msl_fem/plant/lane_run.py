@@ -91,7 +91,8 @@ class LaneRun:
 
     Attributes
     ----------
-    blocks : of eight lanes each, (n_sample, N_OUT, LANES) as the kernel wrote them; a last one may be of one lane
+    blocks : of eight different lanes each, (n_sample, N_OUT, LANES) as the kernel wrote them; a last one may be of one
+    place : (n_lane,) where each lane stands in them
     effects : (n_lane, N_PARAMETER), or (N_PARAMETER,) neutral ones of all
     position : (n_lane, n_sample) m, as the sensor reads it
     current, voltage, flux_linkage : (n_lane, n_sample, n_side) A, V, Wb; voltages are means until the next sample
@@ -100,8 +101,8 @@ class LaneRun:
     """
 
     blocks: tuple[Array, ...]
+    place: NDArray[np.intp]
     effects: Array
-    n_lane: int
     sides: int
     rate: float
 
@@ -138,6 +139,10 @@ class LaneRun:
         return np.where(np.all(good, axis=1), good.shape[1], np.argmin(good, axis=1))
 
     @property
+    def n_lane(self) -> int:
+        return self.place.size
+
+    @property
     def _late(self) -> bool:
         """Whether a reading is delayed: nothing else looks at slopes."""
         values = {key: np.asarray(self.effects)[..., n] for key, n in PARAMETER_INDEX.items()}
@@ -153,10 +158,10 @@ class LaneRun:
         """Columns from n of the kernel's rows, (n_lane, n_sample, columns)."""
         count = self.sides if columns is None else columns
         found = np.empty((count, self.n_lane, self.blocks[0].shape[0]))
-        for k in range(0, self.n_lane, LANES):
-            rows = self.blocks[k // LANES]
+        for k, rows in enumerate(self.blocks):
+            own = np.flatnonzero(self.place // LANES == k)
             for j in range(count):
-                found[j, k : k + LANES] = rows[:, n + j, : self.n_lane - k].T
+                found[j, own] = rows[:, n + j].T[self.place[own] % LANES]
         return np.moveaxis(found, 0, -1)
 
 
@@ -170,7 +175,8 @@ def run_lanes(
 ) -> LaneRun:
     """The runs of all plants under the same inputs, `substeps` Runge-Kutta steps a sample.
 
-    A lane whose mover meets an end stop is run again alone.
+    Lanes that differ in what instruments read alone are run once. A lane whose mover meets an end stop is run again
+    alone.
 
     Raises
     ------
@@ -178,16 +184,21 @@ def run_lanes(
     """
     settings = settings or LaneSettings()
     _check(surface, plants, settings)
-    sides, n_lane = plants[0].sides, len(plants)
+    sides = plants[0].sides
     commands, push = inputs.for_sides(max(sides, 1)), np.asarray(inputs.disturbance)
     step, linear = 1.0 / (inputs.rate * substeps), inputs.hold == "linear"
     n_sample = commands.shape[0]
 
+    begun = [_begun(surface, p, settings, lane, step, substeps) for lane, p in enumerate(plants)]
+    different, place = _different(plants, settings, begun)
+    n_lane = different.size
+
     def block_of(begin: int) -> Array:
         if begin == n_lane - 1:  # a single one is faster by itself
-            return _alone(surface, plants[begin], settings, begin, inputs, substeps)[:, :, None]
-        lanes = [min(begin + k, n_lane - 1) for k in range(LANES)]  # the last one fills up
-        block = _block(surface, [plants[lane] for lane in lanes], settings, np.array(lanes), step, substeps)
+            lane = int(different[begin])
+            return _alone(surface, plants[lane], settings, lane, inputs, substeps)[:, :, None]
+        lanes = [int(different[min(begin + k, n_lane - 1)]) for k in range(LANES)]  # the last one fills up
+        block = _block(surface, plants, settings, np.array(lanes), begun)
         out = np.empty((n_sample, N_OUT, LANES))
         kept = block.state.copy()
         for n, part in enumerate(settings.stretches(n_sample, linear=linear)):
@@ -204,12 +215,31 @@ def run_lanes(
             blocks = list(pool.map(block_of, begins))
     else:
         blocks = [block_of(begin) for begin in begins]
-    for lane, plant in enumerate(plants):
-        rows = blocks[lane // LANES][:, :, lane % LANES]
+    for at, lane in enumerate(different):
+        plant, rows = plants[lane], blocks[at // LANES][:, :, at % LANES]
         if plant.end_stop is not None and np.isnan(rows[:, OUT_X]).any():
-            rows[:] = _alone(surface, plant, settings, lane, inputs, substeps)
+            rows[:] = _alone(surface, plant, settings, int(lane), inputs, substeps)
     effects = neutral_vector() if settings.effects is None else settings.effects
-    return LaneRun(tuple(blocks), effects, n_lane, sides, inputs.rate)
+    return LaneRun(tuple(blocks), place, effects, sides, inputs.rate)
+
+
+def _different(
+    plants: Sequence[PlantParameters], settings: LaneSettings, begun: Sequence["_Begun"]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """(the lanes that the kernel sees as different, which of them each lane is)."""
+    seen: dict[tuple[bytes, ...], int] = {}
+    first: list[int] = []
+    place = []
+    for lane, (plant, (state, effects)) in enumerate(zip(plants, begun, strict=True)):
+        index = 0 if settings.surface_index is None else int(settings.surface_index[lane])
+        later = settings.starts[lane] if settings.begins is not None else state
+        parts = (np.array(_numbers(plant)), state, later, np.array([]) if effects is None else effects)
+        key = (*(part.tobytes() for part in parts), str((index, plant.end_stop)).encode())
+        if key not in seen:
+            seen[key] = len(first)
+            first.append(lane)
+        place.append(seen[key])
+    return np.array(first, dtype=np.intp), np.array(place, dtype=np.intp)
 
 
 class _Block(NamedTuple):
@@ -233,11 +263,15 @@ def _numbers(p: PlantParameters) -> list[float]:
     return [np.nan if value is None or isinstance(value, tuple) else float(value) for value in p]
 
 
+_Begun = tuple[Array, Array | None]
+"""(state, coefficients of the effects) with which a lane begins; None without effects."""
+
+
 def _block(
-    surface: Surface, plants: Sequence[PlantParameters], settings: LaneSettings, lanes: NDArray[np.int64], step: float,
-    substeps: int,
+    surface: Surface, every: Sequence[PlantParameters], settings: LaneSettings, lanes: NDArray[np.int64],
+    begins: Sequence[_Begun],
 ) -> _Block:  # fmt: skip
-    begun = [_begun(surface, p, settings, int(k), step, substeps) for k, p in zip(lanes, plants, strict=True)]
+    plants, begun = [every[lane] for lane in lanes], [begins[lane] for lane in lanes]
     state = np.column_stack([one for one, _ in begun])
     columns = [e for _, e in begun if e is not None]
     effects = np.ascontiguousarray(np.column_stack(columns)) if columns else None
@@ -263,8 +297,7 @@ def _block(
 
 def _begun(
     surface: Surface, plant: PlantParameters, settings: LaneSettings, lane: int, step: float, substeps: int
-) -> tuple[Array, Array | None]:  # fmt: skip
-    """(state, coefficients of the effects) with which a lane begins; None without effects."""
+) -> _Begun:  # fmt: skip
     state = initial_state(plant, *map(float, settings.start(lane)))
     if settings.effects is None:
         return state, None

@@ -87,6 +87,23 @@ def test_lanes_change_no_bit_and_neutral_effects_nothing(
         assert np.array_equal(out[:, column], lanes.blocks[0][:, column, 0])
 
 
+def test_lanes_that_differ_in_readings_alone_are_run_once(servo: Actuator, table: MagneticTable) -> None:
+    """Ten lanes, of which the kernel sees three: each reads as it does alone."""
+    rows = [{}, {"current_sensor_error": {"gain_1": 0.01}}, {"position_sensor_nonlinearity": {"cubic": 1e5}}] * 3
+    effects = np.array([EffectValues(row).vector() for row in [*rows, {"coulomb_friction": {"force": 0.01}}]])
+    plants = [plant_parameters(servo)] * 9 + [plant_parameters(servo)._replace(mass=0.2)]
+    plants[4] = plants[9]
+    alone = [
+        run_lanes(surface_of(table), [plant], rough(60), substeps=5, settings=LaneSettings(effects=row[None]))
+        for plant, row in zip(plants, effects, strict=True)
+    ]
+    found = run_lanes(surface_of(table), plants, rough(60), substeps=5, settings=LaneSettings(effects=effects))
+    assert len(np.unique(found.place)) == 3
+    for n, one in enumerate(alone):
+        assert np.allclose(found.position[n], one.position[0], rtol=1e-12, atol=1e-18)
+        assert np.allclose(found.current[n], one.current[0], rtol=1e-12, atol=1e-15)
+
+
 def test_gains_and_zeros_of_the_input_are_other_commands(servo: Actuator, table: MagneticTable) -> None:
     inputs = rough(60)
     gains, zeros = np.array([1.02, 0.97]), np.array([0.01, -0.02])
