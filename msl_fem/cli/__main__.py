@@ -11,9 +11,13 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 def main() -> None:
     """Run the command line and leave with its exit status."""
     from msl_fem.cli.app import app
-    from msl_fem.cli.output import run_guarded
+    from msl_fem.cli.output import bear_any_output, drop_unwritten, run_guarded
 
-    sys.exit(run_guarded(app))
+    bear_any_output()
+    status = run_guarded(app)
+    if status == 1:
+        drop_unwritten()
+    sys.exit(status)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import typer
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.options import Json, read_option
 from msl_fem.cli.output import print_result, say
-from msl_fem.errors import InputError
+from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target
 from msl_fem.record import Run, check_record_folder, load_record
@@ -48,7 +48,7 @@ def command(
         believed = load_record(output).actuator if there else load_actuator(_named(actuator, output))
         run = imported_run(log, sources, believed, label=label, rate=sampled)
         import_into(output, run, actuator=believed, rate=sampled)
-        save_run_picture(run, picture, made_of={it.column: _origin(it) for it in sources})
+        drawn = _draw(run, picture, sources)
         for warning in load_record(output).warnings:
             say(f"note: {warning}")
     fields = {
@@ -57,9 +57,19 @@ def command(
         "samples": run.time.size,
         "rate_Hz": float(f"{1 / run.sampling_period:.9g}"),
         "columns": _figures(run, sources),
-        "picture": str(picture),
+        "picture": str(picture) if drawn else None,
     }
     print_result(fields, as_json=json, title=f"{log}: run {run.name} of {output}")
+
+
+def _draw(run: Run, picture: Path, sources: tuple[ColumnSource, ...]) -> bool:
+    """Whether the picture could be written: the run is in the record then, and stays there."""
+    try:
+        save_run_picture(run, picture, made_of={it.column: _origin(it) for it in sources})
+    except (InputError, ComputationError, OSError) as err:
+        say(f"note: the run is in the record, its picture is not there: {err}")
+        return False
+    return True
 
 
 def _label(name: str, role: Literal["fit", "held-out"], excitation: str, start: str, end: str) -> RunLabel:

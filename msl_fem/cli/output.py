@@ -1,7 +1,10 @@
 """What commands print: one JSON object or a table on stdout, progress and errors on stderr, and the exit status."""
 
 import contextlib
+import errno
+import io
 import json
+import os
 import signal
 import sys
 import threading
@@ -15,7 +18,7 @@ from rich.table import Table
 
 from msl_fem.errors import ComputationError, CostWarning, InputError
 from msl_fem.files.numbers import json_value
-from msl_fem.files.whole_file import whole_file
+from msl_fem.files.whole_file import NO_ROOM, whole_file
 
 ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
 COMPUTATION_FAILED, INPUT_WRONG, INTERRUPTED = 1, 2, 130
@@ -28,7 +31,7 @@ INTERRUPTED_LINE = (
 def print_result(result: Mapping[str, Any], *, as_json: bool, title: str) -> None:
     """One JSON object on stdout, or a table of its fields for people."""
     if as_json:
-        sys.stdout.write(json.dumps(json_value(result), allow_nan=False) + "\n")
+        print_line(json.dumps(json_value(result), allow_nan=False))
         return
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True)  # a name is searched for and goes into scripts: whole, however narrow the window
@@ -50,9 +53,62 @@ def print_columns(columns: Mapping[str, list[str]], *, title: str) -> None:
 
 def _print_table(title: str, table: Table) -> None:
     """Title and table on stdout; a name in brackets is a name, no markup."""
-    console = Console(highlight=False, markup=False, emoji=False)
+    there, text = Console(), io.StringIO()
+    console = Console(
+        file=text, width=there.width, force_terminal=there.is_terminal, highlight=False, markup=False, emoji=False
+    )
     console.print(title, style="italic", soft_wrap=True)
     console.print(table)
+    _write(text.getvalue())
+
+
+def print_line(text: str) -> None:
+    """A line on stdout."""
+    _write(text + "\n")
+
+
+def _write(text: str) -> None:
+    """A text on stdout, out at once, so that what cannot be written is known here.
+
+    Raises
+    ------
+    ComputationError : stdout is closed, or a full disk
+    BrokenPipeError : who read it has gone
+    """
+    if sys.stdout is None:  # closed by the shell: >&-
+        raise ComputationError("standard output is closed, so the result cannot be printed; files are written")
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as err:
+        raise ComputationError(
+            f"standard output cannot be written ({err.strerror}); make room where it leads to; files are written"
+        ) from err
+
+
+def bear_any_output() -> None:
+    """Texts of any characters go to any terminal; files never take the place of a closed standard stream.
+
+    Where the encoding of a stream lacks a character, it is written as an escape. A stream that the shell closed leaves
+    its number free for the next file opened, into which libraries would then print: it becomes /dev/null.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def drop_unwritten() -> None:
+    """What stdout could not take is given up, or the interpreter would complain once more when it ends."""
+    with contextlib.suppress(Exception):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        sys.stdout.flush()
 
 
 def _rows(result: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
@@ -130,8 +186,9 @@ def write_json(content: dict[str, Any], path: Path) -> None:
 
 
 def say(text: str) -> None:
-    """A line of news on stderr."""
-    ERRORS.print(text, markup=False)
+    """A line of news on stderr; where that is full or closed, nobody can be told."""
+    with contextlib.suppress(OSError):
+        ERRORS.print(text, markup=False)
 
 
 def run_guarded(app: Callable[[], None]) -> int:
@@ -154,8 +211,7 @@ def run_guarded(app: Callable[[], None]) -> int:
     except BrokenPipeError:
         return COMPUTATION_FAILED
     except OSError as err:
-        say(f"error: {err.filename or 'file'}: {err.strerror or err}")
-        return INPUT_WRONG
+        return _system_refused(err)
     except RecursionError:
         say("error: what was given is nested too deeply to be read; write it with fewer levels")
         return INPUT_WRONG
@@ -171,15 +227,12 @@ def run_guarded(app: Callable[[], None]) -> int:
 
 @contextlib.contextmanager
 def _warnings_in_a_line() -> Iterator[None]:
-    """Warnings of cost as a line of news each."""
+    """Warnings as a line of news each, without the source line that Python would add."""
     with warnings.catch_warnings():
-        usual = warnings.showwarning
 
         def show(message: Warning | str, category: type[Warning], *where: Any, **further: Any) -> None:
-            if issubclass(category, CostWarning):
-                say(f"warning: {message}")
-            else:
-                usual(message, category, *where, **further)
+            said = "" if issubclass(category, CostWarning) else f"{category.__name__}: "
+            say(f"warning: {said}{_one_line(message)}")
 
         warnings.showwarning = show
         yield
@@ -197,7 +250,18 @@ def _terminated_as_interrupted() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
 
 
-def _one_line(err: Exception) -> str:
+def _system_refused(err: OSError) -> int:
+    """The exit status of what the operating system refused, after a line about it."""
+    what = f"{err.filename or 'a file'}: {err.strerror or err}"
+    if err.errno in NO_ROOM:
+        say(f"failed: {_one_line(what)}; make room on that disk, or write elsewhere")
+        return COMPUTATION_FAILED
+    way_out = {errno.ENAMETOOLONG: "; choose a shorter name", errno.EMFILE: "; allow more open files (ulimit -n)"}
+    say(f"error: {_one_line(what)}{way_out.get(err.errno or 0, '')}")
+    return INPUT_WRONG
+
+
+def _one_line(err: Exception | str) -> str:
     """The message without line breaks; of a text given that is far too long, its middle is left out."""
     said = "".join(c if c.isprintable() else " " for c in " ".join(str(err).split()))
     return said if len(said) <= LONGEST else f"{said[: LONGEST // 2]} ... {said[-LONGEST // 2 :]}"

@@ -7,7 +7,7 @@ import typer
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json
-from msl_fem.cli.output import print_result, say, stages_bar, write_json
+from msl_fem.cli.output import print_line, print_result, say, stages_bar, write_json
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
 from msl_fem.computing.jobs import RowCache
 from msl_fem.errors import InputError
@@ -72,4 +72,4 @@ def _study(it: Actuator, settings: StudySettings, *, output: Path, json: bool) -
     for note in page.notes:
         say(f"note: {note}")
     print_result({label: value for value, label in page.headline}, as_json=False, title=f"{it.name}: study in {output}")
-    print(f"report: {report}")
+    print_line(f"report: {report}")

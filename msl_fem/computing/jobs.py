@@ -30,7 +30,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.files.whole_file import whole_file
+from msl_fem.files.whole_file import cannot_be_written, whole_file
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -236,7 +236,7 @@ class RowCache:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as err:
-            raise InputError(f"{self.folder}: cannot be written ({err.strerror}); choose another output") from err
+            raise cannot_be_written(self.folder, err, "choose another output") from err
 
 
 # --- this process, and processes on this machine ---------------------------------------------------------------------

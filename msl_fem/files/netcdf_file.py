@@ -32,7 +32,7 @@ def read_netcdf(path: Path, *, most_values: int) -> "xr.Dataset":
     try:
         refuse_endless_heap(path)
         look_through(path, most_values=most_values)
-        with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as data:
+        with xr.open_dataset(path, engine="h5netcdf", decode_times=False, phony_dims="sort") as data:
             return data.load()
     except Exception as err:  # the HDF5 stack raises errors of many kinds on a damaged file
         raise ValueError(str(err) or type(err).__name__) from err

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from msl_fem.errors import InputError
+from msl_fem.files.whole_file import cannot_be_written
 
 if sys.platform == "win32":
     import msvcrt
@@ -72,7 +73,7 @@ def _taken(output: Path) -> tuple[Path, int]:
             f"{output}: another run{other} is working there; wait until it ends, or choose another output with -o"
         ) from None
     except OSError as err:
-        raise InputError(f"{output}: cannot be written ({err.strerror}); choose another folder") from err
+        raise cannot_be_written(output, err, "choose another folder") from err
 
 
 def _locked(file: Path) -> int:

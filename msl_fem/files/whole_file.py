@@ -7,9 +7,20 @@ import tempfile
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from msl_fem.errors import InputError
+from msl_fem.errors import ComputationError, InputError
 
-_NO_ROOM = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO, errno.EROFS}
+NO_ROOM = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO}
+"""Numbers of the system's errors where a disk takes no more."""
+
+
+def cannot_be_written(target: Path, err: OSError, way_out: str) -> InputError | ComputationError:
+    """What to raise where the system refuses to write: a full disk is no wrong input; then the folder is named."""
+    if err.errno in NO_ROOM:
+        return ComputationError(
+            f"{target}: cannot be written ({err.strerror}); make room in {target.absolute().parent} or choose another "
+            "folder"
+        )
+    return InputError(f"{target}: cannot be written ({err.strerror}); {way_out}")
 
 
 def check_target(target: Path, *, apart_from: Collection[Path] = ()) -> None:
@@ -22,7 +33,7 @@ def check_target(target: Path, *, apart_from: Collection[Path] = ()) -> None:
         with tempfile.TemporaryFile(dir=nearest):
             return
     except OSError as err:
-        raise InputError(f"{target}: cannot be written ({err.strerror}); choose another folder") from err
+        raise cannot_be_written(target, err, "choose another folder") from err
 
 
 def _refuse_what_is_no_file(target: Path) -> None:
@@ -39,14 +50,15 @@ def whole_file(target: Path) -> Iterator[Path]:
 
     Raises
     ------
-    InputError : the folder cannot be written, the disk is full, or the target is a folder or a device
+    InputError : the folder cannot be written, or the target is a folder or a device
+    ComputationError : the disk is full
     """
     _refuse_what_is_no_file(target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
     except OSError as err:
-        raise InputError(f"{target}: cannot be written ({err.strerror}); choose another folder") from err
+        raise cannot_be_written(target, err, "choose another folder") from err
     os.close(handle)
     partial = Path(name)
     try:
@@ -55,10 +67,10 @@ def whole_file(target: Path) -> Iterator[Path]:
         try:
             os.replace(partial, target)
         except OSError as err:
-            raise InputError(f"{target}: cannot be written ({err.strerror}); choose another name") from err
+            raise cannot_be_written(target, err, "choose another name") from err
     except OSError as err:
-        if err.errno not in _NO_ROOM:
+        if err.errno not in NO_ROOM | {errno.EROFS}:
             raise
-        raise InputError(f"{target}: cannot be written ({err.strerror}); make room or choose another folder") from err
+        raise cannot_be_written(target, err, "choose another folder") from err
     finally:
         partial.unlink(missing_ok=True)

@@ -13,9 +13,9 @@ import numpy as np
 from msl_fem.actuator import Actuator
 from msl_fem.errors import QuantityError, RecordError
 from msl_fem.files.quantity import parse_quantity
-from msl_fem.files.schema import read_toml, reason
+from msl_fem.files.schema import read_toml
 from msl_fem.files.toml_text import toml_text
-from msl_fem.files.whole_file import whole_file
+from msl_fem.files.whole_file import cannot_be_written, whole_file
 from msl_fem.record.columns import CHANNELS, numbers, write_columns
 from msl_fem.record.log_signals import read_log, signal
 from msl_fem.record.reader import check_columns, check_run, known_columns, load_record
@@ -131,7 +131,7 @@ def _append(folder: Path, run: Run) -> None:
         with whole_file(rig_file) as partial:
             partial.write_text(f"{rig_file.read_text(encoding='utf-8').rstrip()}\n\n{entry}", encoding="utf-8")
     except OSError as err:
-        raise RecordError(f"{folder}: cannot be written ({reason(err)}); look at its permissions") from err
+        raise cannot_be_written(folder / run.file, err, "look at the folder's permissions") from err
 
 
 def _rate(run: Run, rate: float | None) -> float:

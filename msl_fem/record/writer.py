@@ -18,8 +18,9 @@ from pydantic import ValidationError
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import RecordError
-from msl_fem.files.schema import document, first_complaint, reason
+from msl_fem.files.schema import document, first_complaint
 from msl_fem.files.toml_text import toml_text
+from msl_fem.files.whole_file import cannot_be_written
 from msl_fem.materials.material import load_iron
 from msl_fem.record.columns import Column, write_columns
 from msl_fem.record.reader import check_record, check_run, read_static_map
@@ -42,7 +43,8 @@ def write_record(record: Record, folder: str | Path) -> None:
 
     Raises
     ------
-    RecordError : `load_record` would refuse the record; the folder holds something else or cannot be written
+    RecordError : `load_record` would refuse the record; the folder holds something else
+    InputError, ComputationError : the folder cannot be written; the disk is full
     InputError : a file that the actuator names is not what it should be, see `check_companions`
     """
     folder = Path(folder).absolute()
@@ -67,7 +69,7 @@ def write_record(record: Record, folder: str | Path) -> None:
                 _check_target(record, folder)  # what stands there may have changed meanwhile
                 _put_in_place(new, folder, aside=Path(partial) / "old")
     except OSError as err:
-        raise RecordError(f"{folder}: cannot be written ({reason(err)}); choose another folder") from err
+        raise cannot_be_written(folder, err, "choose another folder") from err
 
 
 def check_record_folder(folder: str | Path) -> None:
@@ -79,7 +81,7 @@ def check_record_folder(folder: str | Path) -> None:
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=nearest):
             return
     except OSError as err:
-        raise RecordError(f"{folder}: cannot be written ({reason(err)}); choose another folder") from err
+        raise cannot_be_written(folder, err, "choose another folder") from err
 
 
 @contextlib.contextmanager

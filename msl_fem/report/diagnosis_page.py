@@ -20,6 +20,7 @@ from msl_fem.diagnosis.result import ChannelResiduals, Diagnosis, Evidence, Trie
 from msl_fem.errors import InputError
 from msl_fem.files.numbers import json_value
 from msl_fem.files.quantity import format_quantity
+from msl_fem.files.whole_file import cannot_be_written
 from msl_fem.plant.effects import CATALOGUE, EffectValues, find_parameter
 from msl_fem.plant.extended_model import ExtendedModel, write_extended_model
 from msl_fem.prediction import ModelHypothesis
@@ -76,12 +77,12 @@ def write_diagnosis(record: Record, found: Diagnosis, folder: Path, *, table: Ma
         target.parent.mkdir(parents=True, exist_ok=True)
         staging = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part"))
     except OSError as err:
-        raise InputError(f"{folder}: cannot be written ({err.strerror}); choose another folder") from err
+        raise cannot_be_written(folder, err, "choose another folder") from err
     try:
         _write_all(record, found, staging, table=table)
         return _moved(staging, target)
     except OSError as err:
-        raise InputError(f"{folder}: cannot be written ({err.strerror}); make room or choose another folder") from err
+        raise cannot_be_written(folder, err, "choose another folder") from err
     finally:
         shutil.rmtree(staging, ignore_errors=True)
 

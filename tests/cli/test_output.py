@@ -12,7 +12,8 @@ from msl_fem.errors import ComputationError, InputError
         (InputError("a\n  b"), 2, "error: a b"),
         (ComputationError("diverged"), 1, "failed: diverged"),
         (KeyboardInterrupt(), 130, "interrupted"),
-        (OSError(28, "No space left on device", "x.nc"), 2, "error: x.nc: No space left on device"),
+        (OSError(28, "No space left on device", "x.nc"), 1, "failed: x.nc: No space left on device; make room"),
+        (OSError(36, "File name too long", "x.nc"), 2, "error: x.nc: File name too long; choose a shorter name"),
     ],
 )
 def test_an_error_is_one_line_and_a_status(

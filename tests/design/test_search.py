@@ -28,6 +28,7 @@ from msl_fem.design.sizing import (
 )
 from msl_fem.design.sizing.evaluation import NOT_BUILT
 from msl_fem.design.sizing.search import GUESS
+from msl_fem.design.sizing.trials import shown
 from msl_fem.errors import InputError
 
 REQUIREMENT = """
@@ -126,6 +127,49 @@ def test_a_storage_that_cannot_be_reached_is_one_line(url: str, said: str) -> No
         search_designs(evaluator(), SearchSettings(url, 5))
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+ODD_CONTENT = (
+    "delete from trial_values where rowid = (select min(rowid) from trial_values)",
+    "update trial_values set value_type = 'nan' where rowid = 1",
+    "update trial_values set value = 'x'",
+    "update trials set datetime_complete = 'yesterday'",
+    "update trials set state = 'DONE'",
+    "delete from trial_params where param_name = 'coil_aspect'",
+    "update trial_params set distribution_json = '{'",
+    "update trial_params set param_value = 'wide'",
+    "update trial_user_attributes set value_json = '{' where key = 'verdict'",
+    "update trial_user_attributes set value_json = '[1]' where key = 'verdict'",
+    "update trial_user_attributes set value_json = '{\"judged\": 1}' where key = 'verdict'",
+    "update study_user_attributes set value_json = '3' where key = 'space'",
+    "update study_user_attributes set value_json = '{\"spans\": {}}' where key = 'space'",
+    "update study_user_attributes set value_json = '[3]' where key = 'first_designs'",
+    "update study_user_attributes set value_json = cast(x'ff00fe' as text)",
+    "drop table trial_values",
+    "drop table studies",
+    "drop table study_directions",
+    "delete from study_directions",
+)
+
+
+@pytest.mark.parametrize("change", ODD_CONTENT)
+def test_a_storage_with_odd_content_is_one_line(
+    change: str, small: tuple[DesignEvaluator, SearchResult, Path], tmp_path: Path
+) -> None:
+    """A file from elsewhere can hold anything; nothing is solved on it."""
+    it, _, file = small
+    odd = tmp_path / "odd.sqlite3"
+    with sqlite3.connect(file) as source, sqlite3.connect(odd) as copy:
+        source.backup(copy)
+        copy.execute(change)
+    with pytest.raises(InputError, match=r"odd\.sqlite3' (holds what no search wrote|cannot be reached)") as refused:
+        search_designs(it, settings(odd, 21))
+    assert "\n" not in str(refused.value)
+
+
+def test_a_password_is_never_shown() -> None:
+    assert "secret" not in shown("postgresql://me:secret@host/trials")
+    assert "me" in shown("postgresql://me:secret@host/trials")
 
 
 def test_designs_outside_the_envelope_are_recorded_and_never_solved(

@@ -29,6 +29,7 @@ from msl_fem.design.sizing.trials import (
     VERDICT,
     EvaluatedTrial,
     begun_by_one,
+    check_content,
     clear_abandoned,
     count_evaluated,
     distributions,
@@ -36,6 +37,7 @@ from msl_fem.design.sizing.trials import (
     evaluated_trials,
     evaluation_attribute,
     new_file,
+    only_our_content,
     open_storage,
     open_study,
     quiet_optuna,
@@ -180,6 +182,8 @@ def search_designs(
         # before a file is made, so that a requirement that cannot be met leaves none
         begin = first_designs(evaluator) if new_file(settings.storage) else None
         storage = open_storage(settings.storage)
+        with only_our_content(settings.storage):
+            begun_by_one(lambda: check_content(open_study(storage, evaluator)))
         study, space = begun_by_one(lambda: _begun(open_study(storage, evaluator), evaluator, begin))
         study.sampler = settings.sampler(settings.seed, distributions(space))
         clear_abandoned(study)

@@ -6,7 +6,7 @@ import logging
 import math
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -135,7 +135,7 @@ def open_storage(url: str) -> "optuna.storages.BaseStorage":
         return storage
     except (SQLAlchemyError, ImportError, ValueError, OSError, RuntimeError, optuna.exceptions.OptunaError) as err:
         raise InputError(
-            f"storage '{url}' cannot be reached ({_reason(err)}); give an Optuna storage URL, like "
+            f"storage '{shown(url)}' cannot be reached ({_reason(err)}); give an Optuna storage URL, like "
             "sqlite:///trials.sqlite3, or leave --storage out"
         ) from err
 
@@ -181,6 +181,57 @@ def _reason(err: BaseException) -> str:
     return (str(original).strip().splitlines() or [type(err).__name__])[0]
 
 
+def shown(url: str) -> str:
+    """The URL as it may stand in a message: without its password."""
+    try:
+        return make_url(url).render_as_string(hide_password=True)
+    except SQLAlchemyError:
+        return url
+
+
+@contextlib.contextmanager
+def only_our_content(url: str) -> Iterator[None]:
+    """A storage whose content no search wrote is one clear error: a file from elsewhere can hold anything."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as err:  # Optuna and its database raise errors of many kinds on rows that are missing or odd
+        raise InputError(
+            f"the storage '{shown(url)}' holds what no search wrote ({type(err).__name__}: {_reason(err)}); give "
+            "another --storage, or remove the old file"
+        ) from err
+
+
+def check_content(study: "optuna.Study") -> None:
+    """Reads all of a study that a search will read; any exception where a part is missing or of another kind.
+
+    Raises
+    ------
+    ValueError : a trial whose parameters or values are not those of the study
+    """
+    space = stored_space(study)
+    trials = study.get_trials(deepcopy=False)
+    for name, parameters in study.user_attrs.get(FIRST, {}).items():
+        _check_numbers(f"first design {name}", parameters.values())
+    for trial in trials:
+        if trial.state == TrialState.COMPLETE:
+            _check_numbers(f"trial {trial.number}", trial.values, len(study.directions))
+        if space is not None and trial.state.is_finished() and VERDICT in trial.user_attrs:
+            _check_numbers(f"trial {trial.number}", [trial.params[name] for name in space.spans])
+        _runs(trial)
+    for evaluated in evaluated_trials(study):
+        _check_numbers(f"constraints of trial {evaluated.number}", [c.violation for c in evaluated.constraints])
+        dict(evaluated.figures)
+    count_evaluated(study)
+
+
+def _check_numbers(what: str, values: Iterable[float], count: int | None = None) -> None:
+    listed = list(values)
+    if not all(isinstance(v, float | int) and math.isfinite(v) for v in listed) or count not in (None, len(listed)):
+        raise ValueError(f"{what} has the values {listed}")
+
+
 @contextlib.contextmanager
 def storage_trouble(url: str) -> Iterator[None]:
     """A storage that fails in the block is one clear error: finished trials are in it."""
@@ -188,7 +239,7 @@ def storage_trouble(url: str) -> Iterator[None]:
         yield
     except (SQLAlchemyError, optuna.exceptions.OptunaError) as err:
         raise ComputationError(
-            f"the storage '{url}' failed on the way ({_reason(err)}); judged designs are kept: run the same "
+            f"the storage '{shown(url)}' failed on the way ({_reason(err)}); judged designs are kept: run the same "
             "command again"
         ) from err
 
