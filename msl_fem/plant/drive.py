@@ -298,13 +298,13 @@ def _amplifier(e: Rows, state: Rows, work: Rows, j: int, n: int, part: float, st
         limited = e[electrical.SOFT] > 0.0
         value = old + away
         begin = choose(limited, fma(kept, begin - value, value), begin)
-        value, linear = _limited(
+        value, straight = _limited(
             e, new, away, jump, 0.5 * e[electrical.DECAY], choose(jumps, e[electrical.PAST_MIDDLE], 0.0)
         )
-        middle = choose(limited, fma(kept, middle - linear, value), middle)
+        middle = choose(limited, fma(kept, middle - straight, value), middle)
         past = choose(jumps, e[electrical.PAST_END], 0.0)
-        value, linear = _limited(e, new, away, jump, e[electrical.DECAY], past)
-        end, last = choose(limited, fma(kept, end - linear, value), end), choose(limited, value, last)
+        value, straight = _limited(e, new, away, jump, e[electrical.DECAY], past)
+        end, last = choose(limited, fma(kept, end - straight, value), end), choose(limited, value, last)
     work[LAG_END_1 + j] = last
     return begin, middle, end
 

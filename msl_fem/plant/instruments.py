@@ -46,6 +46,14 @@ def instruments_of(effects: Array, *, rate: float, resolution: float = 0.0) -> I
     v = {key: vectors[..., n] for key, n in PARAMETER_INDEX.items()}
     shape = vectors.shape[:-1]
     polynomial, drift, hum = (np.zeros((*shape, N_READING, n)) for n in (4, 3, 2))
+    delay = np.zeros((*shape, N_READING))
+    set_instruments(v, rate, delay, polynomial, drift, hum)
+    frequency = hum_frequency(v)
+    return Instruments(rate, delay, polynomial, drift, hum, frequency if shape else float(frequency), resolution)
+
+
+def set_instruments(v: Any, rate: float, delay: Array, polynomial: Array, drift: Array, hum: Array) -> None:
+    """Fills the arrays of `Instruments`, which are zero, from parameters by effect and name."""
     polynomial[..., 0, 0] = v["sensor_drift", "offset"]
     polynomial[..., 0, 1] = 1.0 + v["position_sensor_nonlinearity", "gain_error"]
     polynomial[..., 0, 2] = v["position_sensor_nonlinearity", "quadratic"]
@@ -59,10 +67,14 @@ def instruments_of(effects: Array, *, rate: float, resolution: float = 0.0) -> I
     for n, channel in enumerate(("position", "current", "current")):
         hum[..., n, 0] = v["periodic_disturbance", f"{channel}_cosine"]
         hum[..., n, 1] = v["periodic_disturbance", f"{channel}_sine"]
-    current_delay = v["time_delay", "current"]
-    delay = rate * np.stack([position_delay(v), current_delay, current_delay], axis=-1)
-    frequency = 2 * np.pi * v["periodic_disturbance", "frequency"]
-    return Instruments(rate, delay, polynomial, drift, hum, frequency if shape else float(frequency), resolution)
+    delay[..., 0] = rate * position_delay(v)
+    delay[..., 1] = rate * v["time_delay", "current"]
+    delay[..., 2] = delay[..., 1]
+
+
+def hum_frequency(v: Any) -> Any:
+    """Of the instruments, rad/s."""
+    return 2 * np.pi * v["periodic_disturbance", "frequency"]
 
 
 def between(low: Any, high: Any, after: Any, before: Any, share: Any) -> Any:

@@ -58,6 +58,7 @@ from msl_fem.plant.layout import (
     OUTSIDE_TABLE,
     SENSOR,
     SLOPES,
+    STEPS_DONE,
     VOLT_SECONDS_1,
     VOLT_SECONDS_2,
     V,
@@ -92,12 +93,20 @@ def advance(
     memory = workspace()
     e, rows, work = rows_of(effects), rows_of(state), rows_of(memory)
     set_timing(parameters, e, step, work)
-    cells = cells_of(surface)
-    status = _hold(cells, parameters, e, rows, work, np.inf, command, command, disturbance, step, n_step, False)
+    status = advance_rows(cells_of(surface), parameters, e, rows, work, command, disturbance, step, n_step)
     for j in range(2):
         voltage_mean[j] = work[MEAN_VOLTAGE_1 + j]
     keep(memory)
     return status
+
+
+@compiled
+def advance_rows(
+    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, command: Array, disturbance: float,
+    step: float, n_step: int,
+) -> int:  # fmt: skip
+    """`advance` on rows, with timing set for the step."""
+    return _hold(cells, p, e, state, work, np.inf, command, command, disturbance, step, n_step, False)
 
 
 @compiled
@@ -206,6 +215,7 @@ def _hold(
                 state[COIL_START_1] = work[SLOPES + I1]
                 state[COIL_START_2] = work[SLOPES + I2]
             done += 1
+    work[STEPS_DONE] = 1.0 * done
     for j in range(2):
         voltage = state[VOLT_SECONDS_1 + j] / (max(done, 1) * step) + 0.0 * state[X]  # nan where a lane has ended
         work[MEAN_VOLTAGE_1 + j] = voltage

@@ -13,7 +13,7 @@ from msl_fem.computing.lanes import LANES, RowLayout
 from msl_fem.plant.effects.electrical import N_QUEUE
 from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.effects.mechanisms import N_STOP
-from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters
+from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, PlantParameters
 
 # What `advance` and `run` return
 OK, OUTSIDE_TABLE, NOT_FINITE, OUTSIDE_RANGE = range(4)
@@ -85,6 +85,7 @@ LIMITED_1, LIMITED_2, COMMAND_1, COMMAND_2, FORMER_1, FORMER_2 = _WORK.rows(6)
 RISE_1, RISE_2, OUTPUT_END_1, OUTPUT_END_2 = _WORK.rows(4)
 SLEW_END_1, SLEW_END_2, LAG_END_1, LAG_END_2, PHASE_COSINE_END, PHASE_SINE_END = _WORK.rows(6)
 MEAN_VOLTAGE_1, MEAN_VOLTAGE_2 = _WORK.rows(2)
+STEPS_DONE = _WORK.row()  # of the last call
 # Weights of the position sensor's lag over a step (`lag_weights`); of the drive's lag what stands for its fall at
 # begin, middle and end, and what is left (`fall_rows`), its answers to an input that rises by 1 in a step
 SENSOR_WEIGHTS = _WORK.row(5)
@@ -131,15 +132,22 @@ def initial_state(
     that effects bring at rest.
     """
     state = np.zeros(N_STATE)
+    begin_at(parameters, state, current_1, current_2, position, velocity)
+    return state
+
+
+def begin_at(
+    p: PlantParameters, state: Array, current_1: float, current_2: float, position: float, velocity: float
+) -> None:
+    """Puts the start of `initial_state` into a state that is zero."""
     state[I1], state[I2], state[X], state[V] = current_1, current_2, position, velocity
     state[COIL_1], state[COIL_2] = current_1, current_2
     state[SENSOR] = state[CREEP] = state[ANCHOR_X] = position
     state[PHASE_COSINE] = 1.0
-    held = parameters.drive != FORCE_DRIVE
+    held = p.drive != FORCE_DRIVE
     for j in range(2):
         current = state[I1 + j]
-        state[OUTPUT_1 + j] = parameters.resistance * current if held else 0.0
-        hold = current if parameters.drive == 0 else state[OUTPUT_1 + j]
+        state[OUTPUT_1 + j] = p.resistance * current if held else 0.0
+        hold = current if p.drive == CURRENT_DRIVE else state[OUTPUT_1 + j]
         state[SLEW_1 + j] = state[LAG_1 + j] = hold
         state[QUEUE_1 + j * (N_QUEUE + 1) : QUEUE_1 + (j + 1) * (N_QUEUE + 1)] = hold
-    return state

@@ -4,14 +4,14 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import keep, rows_of
+from msl_fem.computing.lanes import Rows, keep, rows_of
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import CATALOGUE, LAGGING, EffectValues, electrical, kernel_coefficients, magnetic
 from msl_fem.plant.effects.mechanisms import SUM_OF_WIDTHS
 from msl_fem.plant.equations import series_iron
 from msl_fem.plant.layout import COIL_1, CORE_1, HEAT_1, HEAT_2, I1, workspace
 from msl_fem.plant.plant import PlantParameters, Surface, drive_lags
-from msl_fem.plant.side import cells_of, side_gap, side_with_effects
+from msl_fem.plant.side import Cells, cells_of, side_gap, side_with_effects
 from msl_fem.plant.step import look_at
 from msl_fem.table.coenergy_surface import CoenergySurface
 
@@ -62,24 +62,34 @@ def start_effects(surface: Surface, plant: PlantParameters, coefficients: Array,
     The currents have risen from nothing in demagnetised iron, so that its memory takes all it can (of currents beyond
     the reversal's; at smaller ones the first sample errs by a part of the coercive current).
     """
-    state[HEAT_1] = state[HEAT_2] = coefficients[electrical.HEAT_START]
-    state[CORE_1] = state[CORE_1 + 1] = 0.0
-    pinned = coefficients[magnetic.HYSTERESIS_SLOPE] * coefficients[magnetic.HYSTERESIS_WIDTH] * SUM_OF_WIDTHS
-    for j in range(2):
-        own, other = state[COIL_1 + j], state[COIL_1 + 1 - j]
-        state[I1 + j] = own + coefficients[magnetic.SHARE] * other - np.sign(own) * pinned
+    begin_effects(coefficients, state)
     if plant.sides and (coefficients[magnetic.IRON_LOW] or coefficients[magnetic.IRON_KNEE]):
         _share(surface, plant._replace(end_stop=None), coefficients, state)
 
 
+def begin_effects(e: Array, state: Array) -> None:
+    """Heat, and currents of iron that has a memory, into a state of `initial_state`; iron in series is left out."""
+    state[HEAT_1] = state[HEAT_2] = e[electrical.HEAT_START]
+    state[CORE_1] = state[CORE_1 + 1] = 0.0
+    pinned = e[magnetic.HYSTERESIS_SLOPE] * e[magnetic.HYSTERESIS_WIDTH] * SUM_OF_WIDTHS
+    for j in range(2):
+        own, other = state[COIL_1 + j], state[COIL_1 + 1 - j]
+        state[I1 + j] = own + e[magnetic.SHARE] * other - np.sign(own) * pinned
+
+
 @compiled
 def _share(surface: Surface, p: PlantParameters, coefficients: Array, state: Array) -> None:
-    """Takes from the magnetising currents of a state what iron in series needs, by bisection: that grows with them."""
     memory = workspace()
-    e, rows, work, cells = rows_of(coefficients), rows_of(state), rows_of(memory), cells_of(surface)
+    share_with_iron(cells_of(surface), p, rows_of(coefficients), rows_of(state), rows_of(memory))
+    keep(memory)
+
+
+@compiled
+def share_with_iron(cells: Cells, p: PlantParameters, e: Rows, rows: Rows, work: Rows) -> None:
+    """Takes from the magnetising currents of a state what iron in series needs, by bisection: that grows with them."""
     look_at(e, rows, work)
     for j in range(p.sides):
-        whole, gap = state[I1 + j], side_gap(p, e, work, j)
+        whole, gap = rows[I1 + j], side_gap(p, e, work, j)
         low, high = min(whole, 0.0), max(whole, 0.0)
         for _ in range(80):
             u = 0.5 * (low + high)
@@ -88,5 +98,4 @@ def _share(surface: Surface, p: PlantParameters, coefficients: Array, state: Arr
                 high = u
             else:
                 low = u
-        state[I1 + j] = 0.5 * (low + high)
-    keep(memory)
+        rows[I1 + j] = 0.5 * (low + high)

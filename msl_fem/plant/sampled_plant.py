@@ -122,16 +122,22 @@ def read_instruments(plant: SampledPlant, state: Array, history: Array, k: int, 
 
     `noise` (N_READING,) in m and A is added; `history` remembers what delayed channels need, so call it once a sample.
     """
+    remember_sample(plant.parameters, plant.effects, state, history, k)
+    read_sample(plant.instruments, plant.parameters.sides, history, k, noise, readings)
+
+
+@compiled
+def remember_sample(p: PlantParameters, effects: Array | None, state: Array, history: Array, k: int) -> None:
+    """Puts the channels at sample k into the history."""
     depth = history.shape[0]
     row, before = history[k % depth], history[(k - 1) % depth]
     row[0] = state[SENSOR]
-    row[AFTER] = row[BEFORE] = _sensor_slope(plant.parameters, plant.effects, state)
+    row[AFTER] = row[BEFORE] = _sensor_slope(p, effects, state)
     for j in range(2):
         row[1 + j] = state[COIL_1 + j]
         row[BEFORE + 1 + j] = state[COIL_SLOPE_1 + j]
         if k > 0:
             before[AFTER + 1 + j] = state[COIL_START_1 + j]
-    read_sample(plant.instruments, plant.parameters.sides, history, k, noise, readings)
 
 
 @compiled

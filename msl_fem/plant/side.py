@@ -255,6 +255,15 @@ def _mean_over_face(
 
 
 @compiled
+def side_pull(cells: Cells, p: PlantParameters, e: Rows, work: Rows, j: int, current: Value, gap: Value) -> Value:
+    """The force of a side's magnets in N, attractive positive; e is None without effects."""
+    if e is None:
+        return side_slopes(cells, p, work, j, current, gap)[1]
+    else:
+        return side_with_effects(cells, p, e, work, j, current, gap)[1]
+
+
+@compiled
 def side_flux(
     cells: Cells, p: PlantParameters, e: Rows, work: Rows, j: int, current: Value, gap: Value
 ) -> tuple[Flag, Value, Value]:

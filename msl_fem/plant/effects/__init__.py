@@ -15,8 +15,8 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import sensing
-from msl_fem.plant.effects.electrical import ELECTRICAL
-from msl_fem.plant.effects.entry import DesignChange, Effect, KernelSetting, MoverMotion, Parameter, Part
+from msl_fem.plant.effects.electrical import ELECTRICAL, check_delay
+from msl_fem.plant.effects.entry import DesignChange, Effect, KernelSetting, MoverMotion, Parameter, Part, Values
 from msl_fem.plant.effects.magnetic import MAGNETIC
 from msl_fem.plant.effects.mechanical import MECHANICAL
 from msl_fem.plant.effects.sensing import SENSING
@@ -53,6 +53,8 @@ PARAMETER_INDEX: dict[tuple[str, str], int] = {
 N_PARAMETER = len(PARAMETER_INDEX)
 LAGGING = tuple((e.name, p.name) for e in CATALOGUE.values() for p in e.parameters if p.lagging)
 """Parameters that need a drive whose current cannot jump, of effects that do without."""
+RULES = tuple(dict.fromkeys(e.coefficients for e in CATALOGUE.values() if e.coefficients is not None))
+"""What sets the kernel's coefficients; effects of one mechanism share a rule."""
 N_COEFFICIENT = sensing.LAYOUT.size
 """Rows of the kernel's coefficients that the groups of effects have named."""
 
@@ -167,12 +169,16 @@ def kernel_coefficients(
     ------
     InputError : a command that is delayed too much
     """
-    values = values_of(effects)
     coefficients, setting = np.zeros(N_COEFFICIENT), KernelSetting(plant, inductance, step, n_step)
-    for set_coefficients in {effect.coefficients for effect in CATALOGUE.values()} - {None}:
-        assert set_coefficients is not None
-        set_coefficients(coefficients, values, setting)
+    set_coefficients(coefficients, values_of(effects), setting)
+    check_delay(coefficients, setting)
     return coefficients
+
+
+def set_coefficients(e: Array, values: Values, setting: KernelSetting) -> None:
+    """Sets all rows of the kernel's coefficients; those that stay zero must be."""
+    for rule in RULES:
+        rule(e, values, setting)
 
 
 def values_of(vector: Array) -> dict[tuple[str, str], float]:

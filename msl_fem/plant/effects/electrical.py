@@ -42,23 +42,13 @@ def _heating(e: Array, v: Values, setting: KernelSetting) -> None:
 
 
 def command_path(e: Array, v: Values, setting: KernelSetting) -> None:
-    """The way of a command to the drive: delay, slew limit and lag, the drive's own bandwidth.
-
-    Raises
-    ------
-    InputError : a delay of more than `N_QUEUE` samples
-    """
+    """The way of a command to the drive: delay, slew limit and lag, the drive's own bandwidth."""
     e[BANDWIDTH] = setting.plant.bandwidth * (1.0 + v["amplifier_bandwidth", "bandwidth_error"])
     step, n_step = setting.step, setting.n_step
     lag, delay = pole_and_delay(v, "amplifier_bandwidth")
     delay += v["time_delay", "command"]
     late = delay / step
     whole = math.floor(late / n_step)
-    if whole >= N_QUEUE:
-        raise InputError(
-            f"time_delay.command: {delay:g} s are {late / n_step:.3g} samples, the coupled model "
-            f"delays a command by less than {N_QUEUE}; sample more slowly"
-        )
     rest = max(late - whole * n_step, 0.0)
     e[DELAY_SAMPLES] = whole
     e[JUMP_STEP] = math.floor(rest)
@@ -73,6 +63,21 @@ def command_path(e: Array, v: Values, setting: KernelSetting) -> None:
         e[SLEW_TIME] = v["amplifier_bandwidth", "slew_time"]
     for k, s in enumerate((0.0, 0.5, 1.0, 1.0)):
         e[LAG_RAMP + k] = s - 0.5 - 1.0 / decay + (0.5 + 1.0 / decay) * e[FALL + k]
+
+
+def check_delay(e: Array, setting: KernelSetting) -> None:
+    """Returns where the queues hold the delayed commands of coefficients (N_COEFFICIENT,).
+
+    Raises
+    ------
+    InputError : a delay of more than `N_QUEUE` samples
+    """
+    if e[DELAY_SAMPLES] >= N_QUEUE:
+        late = e[DELAY_SAMPLES] * setting.n_step + e[JUMP_STEP] + e[JUMP_SHARE]
+        raise InputError(
+            f"time_delay.command: {late * setting.step:g} s are {late / setting.n_step:.3g} samples, the coupled model "
+            f"delays a command by less than {N_QUEUE}; sample more slowly"
+        )
 
 
 def believed_command_path(change: DesignChange, v: Values) -> None:

@@ -34,20 +34,24 @@ def fall_stages(share: float, decay: float) -> tuple[float, float, float, float]
     """
     rest = 1.0 - share
     z = decay * rest if rest > 0 else 0.0
-    parts = [rest ** (j + 1) * m for j, m in enumerate(_moments(z))]
-    m0, m1, m2 = (
-        share ** (k + 1) / (k + 1) + sum(math.comb(k, j) * share ** (k - j) * parts[j] for j in range(k + 1))
-        for k in range(3)
-    )
+    fall_0, fall_1, fall_2 = _moments(z)
+    part_0, part_1, part_2 = rest * fall_0, rest * rest * fall_1, rest * rest * rest * fall_2
+    m0 = share + part_0
+    m1 = share * share / 2 + share * part_0 + part_1
+    m2 = share * share * share / 3 + share * share * part_0 + 2 * share * part_1 + part_2
     last = math.exp(-z) if rest > 0 else 1.0
     return 6 * (m0 - 3 * m1 + 2 * m2), 6 * (m1 - m2), 6 * (2 * m2 - m1), last
 
 
-def _moments(z: float) -> list[float]:
+def _moments(z: float) -> tuple[float, float, float]:
     """int_0^1 exp(-z s) s^j ds for j = 0, 1, 2, by its series below z = 2 and by parts above, where that is stable."""
     if z > 2.0:
-        moments = [-math.expm1(-z) / z]
-        for j in (1, 2):
-            moments.append((j * moments[-1] - math.exp(-z)) / z)
-        return moments
-    return [sum((-z) ** n / (math.factorial(n) * (n + j + 1)) for n in range(24)) for j in range(3)]
+        m0 = -math.expm1(-z) / z
+        m1 = (m0 - math.exp(-z)) / z
+        return m0, m1, (2 * m1 - math.exp(-z)) / z
+    m0 = m1 = m2 = 0.0
+    term = 1.0
+    for n in range(24):
+        m0, m1, m2 = m0 + term / (n + 1), m1 + term / (n + 2), m2 + term / (n + 3)
+        term = -z * term / (n + 1)
+    return m0, m1, m2
