@@ -17,6 +17,7 @@ from msl_fem.export.formats import ACTUATOR, CONTROLLER, MAP, MODEL, TABLE, Mode
 from msl_fem.files.schema import reason, refuse_what_never_ends
 from msl_fem.files.whole_file import check_target
 from msl_fem.maps import OperatingMap, operating_map, read_map
+from msl_fem.plant.extended_model import load_extended_model
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 _HDF5 = b"\x89HDF"
@@ -24,7 +25,9 @@ Source = Actuator | MagneticTable | OperatingMap | ModelSource | ControllerSourc
 
 
 def command(
-    source: Annotated[Path, typer.Argument(metavar="TABLE|ACTUATOR|MAP", help="Table, actuator file or map.")],
+    source: Annotated[
+        Path, typer.Argument(metavar="TABLE|ACTUATOR|MAP", help="Table, actuator file, extended model or map.")
+    ],
     to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="c, csv, mat, modelica or fmu.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
     what: Annotated[
@@ -37,8 +40,8 @@ def command(
     """Write a table, a guard or the coupled model for other tools.
 
     A table as CSV, C99 header, MAT-file for Simscape or text for Modelica; a guard as C99 header, and so the whole
-    controller of an actuator, as `control` designs it (--what controller); an actuator's coupled model as FMU (FMI 2.0,
-    co-simulation).
+    controller of an actuator, as `control` designs it (--what controller); the coupled model of an actuator, or of an
+    extended model with its effects, as FMU (FMI 2.0, co-simulation).
     """
     kind = _kind(source)
     wanted = find_format(to, what, kind)
@@ -77,8 +80,9 @@ def _record(path: Path, kind: str, needs: str, *, table: Path | None) -> Source:
     if needs == ACTUATOR:
         return load_actuator(path)
     if needs == MODEL:
-        actuator = load_actuator(path)
-        return ModelSource(actuator, table_for(actuator, table))
+        model = load_extended_model(path)
+        effects = model.effects if model.effects.present else None
+        return ModelSource(model.actuator, table_for(model.actuator, table), effects)
     if needs == CONTROLLER:
         return _controller(load_actuator(path), table)
     magnet = read_table(path) if kind == TABLE else _table_of(load_actuator(path), table)

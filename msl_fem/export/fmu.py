@@ -1,8 +1,8 @@
 """The coupled model as an FMU: FMI 2.0, co-simulation, C source with the tables compiled in.
 
 The archive holds the model description, `sources/` with everything that a compiler needs, a page of documentation, and
-the shared library for this machine where gcc is there. What is compiled is the plain model of `msl_fem.plant`:
-both sides, the drive with its limits, the motion, end stops, the position sensor's bandwidth.
+the shared library for this machine where gcc is there. What is compiled is printed from the functions that `simulate`
+runs (`plant_model`): the plain model, or the one with every effect of the catalogue, whose parameters are the FMU's.
 """
 
 import hashlib
@@ -19,11 +19,15 @@ from msl_fem.errors import InputError
 from msl_fem.export.c_table import table_header
 from msl_fem.export.c_text import c_prefix, c_source
 from msl_fem.export.fmu_library import FLAGS, compile_library
-from msl_fem.export.fmu_variables import UNITS, Variable, channel_count, variables
+from msl_fem.export.fmu_variables import UNITS, Variable, channel_count, effect_variables, variables
 from msl_fem.export.formats import ModelSource
+from msl_fem.export.plant_model import HISTORY_DEPTH, plant_source
 from msl_fem.files.whole_file import whole_file
 from msl_fem.plant import plant_parameters
-from msl_fem.plant.step_count import STEP_OF_FASTEST, fastest_rate
+from msl_fem.plant.effects import neutral_vector
+from msl_fem.plant.effects.electrical import N_QUEUE
+from msl_fem.plant.preparation import check_effects
+from msl_fem.plant.step_count import STEP_OF_FASTEST, fastest_rate, rates_of_effects
 
 COMPILED = ("fmu_api.c", "fmu_plant.c")
 _SHIPPED = (*COMPILED, "fmu_plant.h", "fmi2/fmi2TypesPlatform.h", "fmi2/fmi2FunctionTypes.h", "fmi2/fmi2Functions.h")
@@ -31,6 +35,7 @@ _KINDS = ("Real", "Integer", "Boolean")
 _STEP_SIZE, _STOP_TIME = 1e-4, 1.0
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # of the files in the archive, so that the same model gives the same bytes
 
+_BEFORE = "/* Printed by msl_fem from the functions of msl_fem.plant; do not edit. */\n"
 _PAGES = Environment(
     loader=PackageLoader("msl_fem.export", "."),
     undefined=StrictUndefined,
@@ -61,6 +66,8 @@ def fmu_files(source: ModelSource, *, name: str | None = None) -> dict[str, byte
     texts["sources/actuator.h"] = c_source("actuator.h.j2", content)
     if source.table is not None and content["plant"].sides:
         texts["sources/magnet_table.h"] = table_header(source.table, name="magnet")
+    printed = plant_source(content["plant"], effects=source.effects is not None)
+    texts |= {f"sources/{path}": _BEFORE + text for path, text in printed.items()}
     unnamed = c_source("fmu_variables.h.j2", content)
     content["guid"] = _guid([*texts.values(), unnamed])
     texts["sources/fmu_variables.h"] = c_source("fmu_variables.h.j2", content)
@@ -76,10 +83,15 @@ def _content(source: ModelSource, name: str | None) -> dict[str, Any]:
     plant = plant_parameters(actuator)
     if plant.sides and table is None:
         raise InputError(f"{actuator.name} has magnets and there is no table; make one with 'msl-fem table'")
-    largest_step = STEP_OF_FASTEST / fastest_rate(plant, table)
+    effects = source.effects
+    rates = [fastest_rate(plant, table)]
+    if effects is not None:
+        check_effects(plant, effects)
+        rates += rates_of_effects(plant, effects).values()
+    largest_step = STEP_OF_FASTEST / max(rates)
     if not (math.isfinite(largest_step) and largest_step > 0):
         largest_step = _STEP_SIZE  # nothing that would set a rate: a free mass
-    found = variables(plant, largest_step=largest_step)
+    found = variables(plant, largest_step=largest_step, effects=effects)
     kinds = {kind: [v for v in found if v.kind == kind] for kind in _KINDS}
     listed = [(v, kinds[v.kind].index(v)) for v in found]
     return {
@@ -92,6 +104,10 @@ def _content(source: ModelSource, name: str | None) -> dict[str, Any]:
         "channels": channel_count(plant),
         "rectangle": table.rectangle if table is not None and plant.sides else "",
         "kinds": kinds,
+        "effects": [] if effects is None else effect_variables(plant, effects),
+        "neutral": neutral_vector(),
+        "late": N_QUEUE,
+        "history": HISTORY_DEPTH,
         "listed": listed,
         "outputs": [n + 1 for n, v in enumerate(found) if v.causality == "output"],
         "units": _used_units(found),

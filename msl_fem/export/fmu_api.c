@@ -19,8 +19,9 @@ typedef struct {
     double real[N_REAL];
     int integer[N_INTEGER];
     int boolean[N_BOOLEAN];
-    Plant plant;
+    PlantParameters plant;
     PlantState state;
+    char wrong[200]; /* with a parameter */
 } Content;
 
 typedef struct {
@@ -63,8 +64,32 @@ static double or_infinite(double value)
     return value > 0.0 ? value : (double)INFINITY;
 }
 
+#if EFFECTS
+/* The parameters of effects into the state; NULL, or what is wrong with them. */
+static const char *make_effects(Content *content)
+{
+    int n;
+    for (n = 0; n < N_PARAMETER; ++n)
+        content->state.effect[n] = effect_neutral[n];
+    for (n = 0; n < N_EFFECT_VARIABLE; ++n) {
+        const EffectVariable *v = &effect_variable[n];
+        const double value = content->real[v->variable];
+        if (value < v->low || value > v->high) {
+            sprintf(content->wrong, "%.60s must be between %.6g and %.6g", v->name, v->low, v->high);
+            return content->wrong;
+        }
+        if (v->lags && value != effect_neutral[v->index] && IDEAL_CURRENT_DRIVE(&content->plant)) {
+            sprintf(content->wrong, "%.60s needs a drive whose current cannot jump; set drive_bandwidth", v->name);
+            return content->wrong;
+        }
+        content->state.effect[v->index] = value;
+    }
+    return NULL;
+}
+#endif
+
 /* The plant of the parameters; NULL, or what is wrong with them. */
-static const char *make_plant(const Content *content, Plant *p)
+static const char *make_plant(const Content *content, PlantParameters *p)
 {
     const double *r = content->real;
     int n;
@@ -88,14 +113,15 @@ static const char *make_plant(const Content *content, Plant *p)
     p->damping = r[V_DAMPING];
     p->constant_force = r[V_CONSTANT_FORCE];
     p->travel = or_infinite(r[V_TRAVEL]);
-    p->restitution = r[V_END_STOP_RESTITUTION];
+    p->end_stop.there = content->boolean[V_END_STOP];
+    p->end_stop.position = p->travel;
+    p->end_stop.restitution = r[V_END_STOP_RESTITUTION];
     p->bandwidth = or_infinite(TWO_PI * r[V_DRIVE_BANDWIDTH]);
     p->sensor_bandwidth = or_infinite(TWO_PI * r[V_POSITION_SENSOR_BANDWIDTH]);
-    p->end_stop = content->boolean[V_END_STOP];
     p->nominal_gap = p->voltage_limit = p->current_limit = (double)INFINITY;
     p->resistance = 0.0;
 #if SIDES > 0
-    if (!(r[V_NOMINAL_GAP] > 0.0) || (p->end_stop && !(r[V_NOMINAL_GAP] > r[V_TRAVEL])))
+    if (!(r[V_NOMINAL_GAP] > 0.0) || (p->end_stop.there && !(r[V_NOMINAL_GAP] > r[V_TRAVEL])))
         return "nominal_gap must be positive and above the travel to an end stop";
     if (r[V_RESISTANCE] < 0.0 || r[V_VOLTAGE_LIMIT] < 0.0 || r[V_CURRENT_LIMIT] < 0.0)
         return "resistance and limits must not be negative; a limit of 0 stands for none";
@@ -122,46 +148,53 @@ static const char *make_start(Content *content)
     }
     if (fabs(content->real[V_POSITION_START]) > content->plant.travel)
         return "position_start lies outside the travel";
-    plant_start(&content->plant, &content->state, current, content->real[V_POSITION_START],
-                content->real[V_VELOCITY_START]);
-    for (j = 0; j < SIDES; ++j) {
-        double flux_linkage, force;
-        if (!plant_side(&content->plant, &content->state, j, &flux_linkage, &force))
-            return "the start lies outside the table of force and flux linkage: " TABLE_RECTANGLE;
-    }
+#if EFFECTS
+    wrong = make_effects(content);
+    if (wrong)
+        return wrong;
+#endif
+    if (!plant_start(&content->plant, &content->state, current, content->real[V_POSITION_START],
+                     content->real[V_VELOCITY_START]))
+        return "the start lies outside the table of force and flux linkage: " TABLE_RECTANGLE;
     return NULL;
 }
 
 /* The outputs of the present state. */
 static void write_outputs(Content *content)
 {
-    const PlantState *s = &content->state;
-    double *r = content->real;
-    r[V_POSITION] = s->y[X];
-    r[V_VELOCITY] = s->y[V];
-    r[V_POSITION_MEASURED] = s->sensor;
-    r[V_ENERGY_ELECTRICAL] = s->y[ENERGY_ELECTRICAL];
-    r[V_ENERGY_COPPER] = s->y[ENERGY_COPPER];
-    r[V_ENERGY_DAMPING] = s->y[ENERGY_DAMPING];
-    r[V_ENERGY_EXTERNAL] = s->y[ENERGY_EXTERNAL];
-    r[V_ENERGY_IMPACT] = s->energy_impact;
+    const double *s = content->state.state;
+    double *r = content->real, row[N_OUT];
+    (void)plant_row(&content->plant, &content->state, row);
+    r[V_POSITION] = s[X];
+    r[V_VELOCITY] = s[V];
+#if EFFECTS
+    r[V_POSITION_MEASURED] = content->state.readings[0];
+#else
+    r[V_POSITION_MEASURED] = s[SENSOR];
+#endif
+    r[V_ENERGY_ELECTRICAL] = s[ENERGY_ELECTRICAL];
+    r[V_ENERGY_COPPER] = s[ENERGY_COPPER];
+    r[V_ENERGY_DAMPING] = s[ENERGY_DAMPING];
+    r[V_ENERGY_EXTERNAL] = s[ENERGY_EXTERNAL];
+    r[V_ENERGY_IMPACT] = s[ENERGY_IMPACT];
 #if SIDES > 0
     {
         int j;
         for (j = 0; j < SIDES; ++j) {
-            double flux_linkage = NAN, force = NAN;
-            (void)plant_side(&content->plant, s, j, &flux_linkage, &force);
-            r[V_CURRENT_1 + j] = s->y[I1 + j];
-            r[V_VOLTAGE_1 + j] = s->voltage[j];
-            r[V_FLUX_LINKAGE_1 + j] = flux_linkage;
-            r[V_FORCE_1 + j] = force;
-            r[V_GAP_1 + j] = plant_gap(&content->plant, s->y[X], j);
-            content->integer[V_STEPS_AT_CURRENT_LIMIT_1 + j] = s->at_current_limit[j];
-            content->integer[V_STEPS_AT_VOLTAGE_LIMIT_1 + j] = s->at_voltage_limit[j];
+            r[V_CURRENT_1 + j] = row[OUT_I1 + j];
+            r[V_VOLTAGE_1 + j] = content->state.work[MEAN_VOLTAGE_1 + j];
+            r[V_FLUX_LINKAGE_1 + j] = row[OUT_FLUX_1 + j];
+            r[V_FORCE_1 + j] = plant_force(&content->plant, &content->state, j);
+            r[V_GAP_1 + j] = plant_gap(&content->plant, &content->state, j);
+#if EFFECTS
+            r[V_CURRENT_MEASURED_1 + j] = content->state.readings[1 + j];
+#endif
+            content->integer[V_STEPS_AT_CURRENT_LIMIT_1 + j] = (int)s[AT_CURRENT_LIMIT_1 + j];
+            content->integer[V_STEPS_AT_VOLTAGE_LIMIT_1 + j] = (int)s[AT_VOLTAGE_LIMIT_1 + j];
         }
     }
 #else
-    r[V_DRIVE_FORCE] = s->voltage[0];
+    r[V_DRIVE_FORCE] = content->state.work[MEAN_VOLTAGE_1];
 #endif
 }
 
@@ -479,17 +512,24 @@ static fmi2Status explain(Instance *self, int status)
 {
     const Content *content = &self->content;
     const PlantState *s = &content->state;
+    const double elapsed = s->step * s->work[STEPS_DONE];
     char message[480], currents[64] = "";
     const char *said = status == OUTSIDE_TABLE ? "a gap or a current left the table of force and flux linkage ("
                                                  TABLE_RECTANGLE ")"
         : status == OUTSIDE_RANGE ? "the mover left its travel"
                                   : "an input or the state is no finite number";
+    if (status == ANOTHER_STEP)
+        return complain(self, "with effects all communication steps are of one size, since delays are counted in them; "
+                              "reset the instance to take another");
+    if (status == TOO_LATE)
+        return complain(self, "a delay of the effects is longer than the communication steps that are kept of it: "
+                              TOO_LATE_SAID);
     if (SIDES > 0)
-        sprintf(currents, "i = %.6g, %.6g A, ", s->y[I1], s->y[I2]);
+        sprintf(currents, "i = %.6g, %.6g A, ", s->state[COIL_1], s->state[COIL_1 + 1]);
     sprintf(message,
             "%.200s after t = %.9g s, at %sx = %.6g m, x' = %.6g m/s; the simulation ends here, with the state of the "
             "last good step: command less, or control the position",
-            said, content->time + s->elapsed, currents, s->y[X], s->y[V]);
+            said, content->time + elapsed, currents, s->state[X], s->state[V]);
     return complain(self, message);
 }
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from msl_fem.plant import PlantParameters
+from msl_fem.plant.effects import CATALOGUE, LAGGING, PARAMETER_INDEX, EffectValues
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE
 
 Causality = Literal["parameter", "input", "output"]
@@ -55,17 +56,77 @@ UNITS: dict[str, dict[str, int]] = {
     "Ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
     "Wb": {"kg": 1, "m": 2, "s": -2, "A": -1},
     "J": {"kg": 1, "m": 2, "s": -2},
+    "1/A2": {"A": -2},
+    "1/J": {"kg": -1, "m": -2, "s": 2},
+    "N/m2": {"kg": 1, "m": -1, "s": -2},
+    "N/m3": {"kg": 1, "m": -2, "s": -2},
+    "m/N": {"kg": -1, "s": 2},
+    "m/s2": {"m": 1, "s": -2},
+    "m/s3": {"m": 1, "s": -3},
+    "1/m": {"m": -1},
+    "1/m2": {"m": -2},
+    "m2": {"m": 2},
+    "1/s": {"s": -1},
 }
 """Units by their exponents of SI's base units."""
+_EFFECT_UNITS = {
+    "A^-2": "1/A2", "J^-1": "1/J", "N s/m": "N.s/m", "N/m^2": "N/m2", "N/m^3": "N/m3", "m/s^2": "m/s2",
+    "m/s^3": "m/s3", "m^-1": "1/m", "m^-2": "1/m2", "m^2": "m2", "s^-1": "1/s",
+}  # fmt: skip
 
 
-def variables(plant: PlantParameters, *, largest_step: float) -> tuple[Variable, ...]:
+@dataclass(frozen=True)
+class EffectVariable:
+    """A parameter of an effect among the variables.
+
+    Attributes
+    ----------
+    index : in the vector of all parameters
+    low, high : what is allowed
+    lags : it needs a drive whose current cannot jump
+    """
+
+    variable: Variable
+    index: int
+    low: float
+    high: float
+    lags: bool
+
+    @property
+    def name(self) -> str:
+        return self.variable.name
+
+
+def variables(
+    plant: PlantParameters, *, largest_step: float, effects: EffectValues | None = None
+) -> tuple[Variable, ...]:
     """All variables for a plant, quantities of the sides in pairs, side 1 first; its own numbers are the start values.
 
-    Where a parameter may be missing (a bandwidth, a limit), 0 stands for none.
+    Where a parameter may be missing (a bandwidth, a limit), 0 stands for none. With `effects` the parameters of all
+    effects that the plant can have are among them.
     """
     channels = channel_count(plant)
-    return (*_parameters(plant, largest_step), *_starts(plant), *_inputs(plant, channels), *_outputs(plant, channels))
+    known = [] if effects is None else [v.variable for v in effect_variables(plant, effects)]
+    outputs = _outputs(plant, channels, with_effects=effects is not None)
+    return (*_parameters(plant, largest_step), *known, *_starts(plant), *_inputs(plant, channels), *outputs)
+
+
+def effect_variables(plant: PlantParameters, effects: EffectValues) -> list[EffectVariable]:
+    """The parameters of all effects that a plant of that build can have, `effects` their start values."""
+    has = {"magnets": plant.sides > 0, "two sides": plant.sides == 2, "drive lag": True}
+    found = []
+    for n, (name, parameter_name) in enumerate(PARAMETER_INDEX):
+        effect = CATALOGUE[name]
+        if not all(has[need] for need in effect.needs):
+            continue
+        parameter = effect.parameter(parameter_name)
+        unit = _EFFECT_UNITS.get(parameter.unit, parameter.unit)
+        value = effects.get(name, parameter_name)
+        said = f"{effect.sentence}: {parameter.meaning}".replace('"', "'")
+        variable = Variable(f"{name}_{parameter_name}", "parameter", unit, value, said)
+        lags = not parameter.shape and ("drive lag" in effect.needs or (name, parameter_name) in LAGGING)
+        found.append(EffectVariable(variable, n, *parameter.allowed, lags))
+    return found
 
 
 def channel_count(plant: PlantParameters) -> int:
@@ -132,7 +193,7 @@ def _inputs(plant: PlantParameters, channels: int) -> list[Variable]:
     return [*found, Variable("disturbance", "input", "N", 0.0, "force on the mass along +x, held over a step")]
 
 
-def _outputs(plant: PlantParameters, channels: int) -> list[Variable]:
+def _outputs(plant: PlantParameters, channels: int, *, with_effects: bool) -> list[Variable]:
     def output(name: str, unit: str, said: str, kind: str = REAL) -> Variable:
         return Variable(name, "output", unit, None, said, kind)
 
@@ -148,6 +209,8 @@ def _outputs(plant: PlantParameters, channels: int) -> list[Variable]:
         ("force", "N", "force of side {}'s magnets on the mover, attractive positive"),
         ("gap", "m", "gap of side {}"),
     ]
+    if with_effects:
+        per_side.append(("current_measured", "A", "current of side {} as its sensor gives it, before noise"))
     for name, unit, said in per_side:
         found += [output(f"{name}_{j + 1}", unit, said.format(j + 1)) for j in range(plant.sides)]
     if plant.drive == FORCE_DRIVE:

@@ -8,6 +8,7 @@ from typing import Any
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
+from msl_fem.plant.effects import EffectValues
 from msl_fem.table.magnetic_table import MagneticTable
 
 ACTUATOR, TABLE, MAP, MODEL, CONTROLLER = "actuator", "table", "map", "model", "controller"
@@ -15,10 +16,11 @@ ACTUATOR, TABLE, MAP, MODEL, CONTROLLER = "actuator", "table", "map", "model", "
 
 @dataclass(frozen=True, eq=False)
 class ModelSource:
-    """What the coupled model is made of: an actuator and the table of its magnets, None where it has none."""
+    """What the coupled model is made of: an actuator, the table of its magnets and effects; None where it has none."""
 
     actuator: Actuator
     table: MagneticTable | None
+    effects: EffectValues | None = None
 
 
 @dataclass(frozen=True)

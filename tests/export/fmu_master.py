@@ -1,5 +1,6 @@
 """Actuators for the FMU's tests, and a master that steps one of its instances."""
 
+from collections.abc import Iterable
 from ctypes import c_void_p
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.export import fmu
 from msl_fem.export.formats import ModelSource
 from msl_fem.plant import Inputs, Options, Simulation, plant_parameters, simulate
+from msl_fem.plant.effects import CATALOGUE, EffectValues
 from msl_fem.plant.step_count import STEP_OF_FASTEST, fastest_rate
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -88,14 +90,24 @@ class Master:
     def get(self, *names: str) -> list[float]:
         return list(self.slave.getReal([self.reference[name] for name in names]))
 
+    def read(self, names: Iterable[str]) -> dict[str, float]:
+        names = list(names)
+        return dict(zip(names, self.get(*names), strict=True))
+
+    def neutral(self) -> dict[str, float]:
+        """All effects that the unit has at their neutral values, by the names of its parameters."""
+        every = {f"{e.name}_{p.name}": p.neutral for e in CATALOGUE.values() for p in e.parameters}
+        return {name: value for name, value in every.items() if name in self.reference}
+
     def counts(self, name: str, n: int) -> list[int]:
         return [self.slave.getInteger([self.reference[f"{name}_{j + 1}"]])[0] for j in range(n)]
 
     def run(
-        self, commands: np.ndarray, *, sides: int, disturbance: float = 0.0, start: int = 0
+        self, commands: np.ndarray, *, sides: int, disturbance: float = 0.0, start: int = 0, measured: bool = False
     ) -> dict[str, np.ndarray]:
-        """What `simulate` records, (n_sample,) or (n_sample, n_side)."""
-        names = [*SINGLE, *(f"{name}_{j + 1}" for name in PAIRS for j in range(sides))]
+        """What `simulate` records, (n_sample,) or (n_sample, n_side); `measured`: with the readings of currents."""
+        of_sides = [*PAIRS, "current_measured"] if measured else [*PAIRS]
+        names = [*SINGLE, *(f"{name}_{j + 1}" for name in of_sides for j in range(sides))]
         voltages = [f"voltage_{j + 1}" for j in range(sides)]
         rows = []
         for k, command in enumerate(commands, start=start):
@@ -106,16 +118,16 @@ class Master:
             self.slave.doStep(k / RATE, 1 / RATE)
             rows.append(row | dict(zip(voltages, self.get(*voltages), strict=True)))
         columns = {name: np.array([row[name] for row in rows]) for name in SINGLE}
-        names = {p: [f"{p}_{j + 1}" for j in range(sides)] for p in PAIRS}
-        pairs = {p: np.array([[row[n] for n in names[p]] for row in rows]).reshape(len(rows), sides) for p in PAIRS}
+        names = {p: [f"{p}_{j + 1}" for j in range(sides)] for p in of_sides}
+        pairs = {p: np.array([[row[n] for n in names[p]] for row in rows]).reshape(len(rows), sides) for p in of_sides}
         return columns | pairs
 
 
-def exported(actuator: Actuator, table: MagneticTable, folder: Path) -> Path:
+def exported(actuator: Actuator, table: MagneticTable, folder: Path, *, effects: EffectValues | None = None) -> Path:
     """The FMU of an actuator, its library compiled."""
     compiler("gcc")
     archive = folder / "model.fmu"
-    fmu.write(ModelSource(actuator, table if actuator.magnet else None), archive)
+    fmu.write(ModelSource(actuator, table if actuator.magnet else None, effects), archive)
     return archive
 
 

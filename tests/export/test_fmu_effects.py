@@ -1,0 +1,140 @@
+"""The FMU of an extended model is `simulate` with effects: every channel, all effects at once and each by itself."""
+
+import numpy as np
+import pytest
+from effect_sets import ALL_EFFECTS, rough
+from fmpy import read_model_description
+from fmpy.fmi1 import FMICallException
+from fmpy.validation import validate_fmu
+from fmu_master import PAIRS, RATE, SINGLE, Master, cases, changed, exported, steps
+
+from msl_fem.errors import InputError
+from msl_fem.export import fmu
+from msl_fem.export.formats import ModelSource
+from msl_fem.plant import Inputs, Options, plant_parameters, simulate
+from msl_fem.plant.effects import CATALOGUE, EffectValues
+from msl_fem.plant.extended_model import ExtendedModel, write_extended_model
+from msl_fem.table.magnetic_table import write_table
+
+WITHIN = 1e-9
+"""Of full scale."""
+MEASURED = SINGLE | PAIRS | {"current_measured": "measured_current"}
+N_SAMPLE = 200
+LARGEST = {"amplifier_bandwidth": {"lag": 2e-4, "slew_time": 1e-4}, "time_delay": {"command": 4.3e-4, "position": 3e-4}}
+"""What is more than in all effects together, where a run bears it alone."""
+
+
+def assert_is_simulated(master, actuator, table, effects, commands, *, within=WITHIN):
+    """The unit's run is that of `simulate` with as many steps."""
+    step = master.get("largest_step")[0]
+    options = Options(substeps=max(1, int(np.ceil(1 / RATE / step - 1e-9))))
+    wanted = simulate(actuator, table, Inputs(commands, RATE, 3.0), effects=effects, options=options)
+    found = master.run(commands, sides=wanted.current.shape[1], disturbance=3.0, measured=True)
+    for name, attribute in MEASURED.items():
+        reference = getattr(wanted, attribute)
+        if not reference.size:
+            continue
+        scale = np.abs(reference).max()
+        assert scale > 0, name
+        np.testing.assert_allclose(found[name], reference, rtol=0, atol=within * scale, err_msg=name)
+    return wanted
+
+
+@pytest.fixture(scope="module")
+def archive(servo, table, tmp_path_factory):
+    return exported(servo, table, tmp_path_factory.mktemp("effects"), effects=ALL_EFFECTS)
+
+
+@pytest.fixture
+def quiet(servo):
+    """The servo with a sensor that does not round."""
+    return changed(servo, position_sensor={"resolution": 0.0})
+
+
+def test_every_effect_together(archive, quiet, table):
+    assert validate_fmu(str(archive)) == []
+    master = Master(archive).initialise()
+    assert_is_simulated(master, quiet, table, ALL_EFFECTS, rough(N_SAMPLE).commands)
+    assert master.said == []
+
+
+@pytest.mark.parametrize("effect", list(ALL_EFFECTS.stated))
+def test_each_effect_is_a_parameter(archive, quiet, table, effect):
+    """One archive: the others are set to their neutral values, as the plain model's."""
+    values = EffectValues({effect: dict(ALL_EFFECTS.stated[effect]) | LARGEST.get(effect, {})})
+    master = Master(archive)
+    start = master.neutral() | {f"{effect}_{name}": value for name, value in values.stated[effect].items()}
+    commands = rough(N_SAMPLE).commands
+    wanted = assert_is_simulated(master.initialise(**start), quiet, table, values, commands)
+    plain = simulate(quiet, table, Inputs(commands, RATE, 3.0), options=Options(substeps=wanted.substeps))
+    apart = [np.abs(getattr(wanted, name) - getattr(plain, name)).max() / np.abs(getattr(plain, name)).max()
+             for name in ("measured_position", "measured_current", "voltage")]  # fmt: skip
+    assert max(apart) > 100 * WITHIN  # or the test would say nothing of this effect
+
+
+@pytest.mark.parametrize("kind", ["voltage", "one side, parallel", "force"])
+def test_every_effect_that_another_build_can_have(servo, table, tmp_path, kind):
+    """Into the end stop and off again, with all effects that the plant can have."""
+    actuator, levels = cases(changed(servo, position_sensor={"resolution": 0.0}))[kind]
+    sides = plant_parameters(actuator).sides
+    has = {"magnets": sides > 0, "two sides": sides == 2, "drive lag": True}
+    stated = {n: p for n, p in ALL_EFFECTS.stated.items() if all(has[need] for need in CATALOGUE[n].needs)}
+    effects = EffectValues(stated)
+    master = Master(exported(actuator, table, tmp_path, effects=effects)).initialise()
+    wanted = assert_is_simulated(master, actuator, table if sides else None, effects, steps(levels, n=300))
+    assert wanted.audit.impact > 0
+
+
+def test_the_start_shares_the_current_with_iron_and_memory(archive, quiet, table):
+    master = Master(archive).initialise(current_1_start=0.5, current_2_start=-0.3, position_start=1e-5)
+    options = Options(currents=(0.5, -0.3), position=1e-5, substeps=10)
+    wanted = simulate(quiet, table, Inputs(np.zeros((2, 2)), RATE), effects=ALL_EFFECTS, options=options)
+    assert master.get("flux_linkage_1") == pytest.approx(wanted.flux_linkage[0, :1], rel=1e-12)
+    assert master.get("position_measured") == pytest.approx(wanted.measured_position[:1], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("start", "said"),
+    [
+        ({"magnetic_hysteresis_coercive_current": -1.0}, "magnetic_hysteresis_coercive_current must be between 0 and"),
+        ({"drive_bandwidth": 0.0}, "needs a drive whose current cannot jump; set drive_bandwidth"),
+        ({"coil_heating_initial_rise": float("nan")}, "a parameter is not a finite number"),
+    ],
+)
+def test_parameters_that_cannot_be_are_refused_in_words(archive, start, said):
+    master = Master(archive)
+    with pytest.raises(FMICallException):
+        master.initialise(**start)
+    assert said in master.said[-1][1]
+
+
+def test_delays_are_counted_in_equal_steps(archive):
+    master = Master(archive).initialise()
+    master.slave.doStep(0.0, 1 / RATE)
+    with pytest.raises(FMICallException):
+        master.slave.doStep(1 / RATE, 2 / RATE)
+    assert "all communication steps are of one size" in master.said[-1][1]
+    assert not master.description.coSimulation.canHandleVariableCommunicationStepSize
+    late = Master(archive).initialise(time_delay_command=0.01)
+    with pytest.raises(FMICallException):
+        late.slave.doStep(0.0, 1e-4)
+    assert "longer than the communication steps that are kept of it: 16 of a command" in late.said[-1][1]
+
+
+def test_the_command_takes_the_file_that_diagnose_writes(servo, table, tmp_path, msl_fem):
+    found = EffectValues({"eddy_currents": {"time_constant": 1.2e-4}})
+    model = write_extended_model(ExtendedModel(servo, found), tmp_path / "extended_model.toml")
+    target, table_file = tmp_path / "model.fmu", tmp_path / "table.nc"
+    write_table(table, table_file)
+    done = msl_fem("export", str(model), "--table", str(table_file), "--to", "fmu", "-o", str(target), "--json")
+    assert done.json["files"] == [str(target)]
+    description = read_model_description(str(target))
+    start = {v.name: v.start for v in description.modelVariables}
+    assert float(start["eddy_currents_time_constant"]) == pytest.approx(1.2e-4, rel=1e-12)
+    assert float(start["coulomb_friction_force"]) == 0.0
+
+
+def test_an_effect_that_the_plant_cannot_have_is_refused(servo, table):
+    ideal = changed(servo, drive={"bandwidth": None})
+    with pytest.raises(InputError, match=r"state drive\.bandwidth, or leave the effect out"):
+        fmu.fmu_files(ModelSource(ideal, table, ALL_EFFECTS))
