@@ -34,7 +34,10 @@ from msl_fem.losses import ThermalLimit, thermal_curve, thermal_curve_with_iron
 from msl_fem.magnetics.field_map import FieldMapSettings, decoupling_map, decoupling_positions, field_map
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, default_grid, sweep
 from msl_fem.maps import MEAN, OperatingMap, map_to_json, operating_map, parse_criterion
+from msl_fem.maps.pair_limits import RELATIONS, pair_map
+from msl_fem.maps.pair_map_file import pair_map_to_json, write_pair_map
 from msl_fem.table.magnetic_table import MagneticTable, read_table
+from msl_fem.table.pair_table import is_pair_table, read_pair_table
 
 
 class FieldOptions(NamedTuple):
@@ -72,6 +75,9 @@ def command(
     decoupling: Annotated[
         bool, typer.Option("--decoupling", help="Add how far the two sides are independent over the map.")
     ] = False,
+    polarity: Annotated[
+        str | None, typer.Option(help="opposing or aiding: how positive currents of a pair are to meet.")
+    ] = None,
     temperature_rise: TemperatureRise = DEFAULT_RISE,
     ambient: Ambient = DEFAULT_AMBIENT,
     duty: HeatDuty = 1.0,
@@ -82,7 +88,8 @@ def command(
 ) -> None:
     """For each gap the current that brings each flux density in the iron.
 
-    Of an actuator by root finding on field solutions, of a table by interpolation (criterion mean only).
+    Of an actuator by root finding on field solutions, of a table by interpolation (criterion mean only). Of a table of
+    both sides: the current that either side bears, by the armature's position and the other side's current.
     """
     parse_criterion(criterion)
     wanted = read_options("--levels", levels, "T")
@@ -91,6 +98,11 @@ def command(
     request = thermal_request(ThermalTexts(temperature_rise, ambient, duty, period, thermal_resistance, frequency))
     options = FieldOptions(gaps, current_max, workers, resume, end_effects, decoupling)
     actuator = load_actuator(source) if source.suffix == ".toml" else None
+    if actuator is None and is_pair_table(source):
+        _map_of_both(source, wanted, output, options, criterion=criterion, polarity=polarity, json=json)
+        return
+    if polarity is not None:
+        raise InputError("--polarity is of a pair's map; give a table made with --sides both")
     if actuator is None or isinstance(actuator.magnet, TableMagnet):
         given = _table_in(source, actuator)
         table: MagneticTable | None = given
@@ -109,6 +121,37 @@ def command(
         print_result(map_to_json(made) | thermal, as_json=True, title="")
         return
     print_columns(_columns(made) | thermal_columns(thermal), title=f"operating map of {source}, {made.criterion}")
+
+
+def _map_of_both(
+    source: Path,
+    levels: list[float],
+    output: Path | None,
+    options: FieldOptions,
+    *,
+    criterion: str,
+    polarity: str | None,
+    json: bool,
+) -> None:
+    """The map of a pair, from its table."""
+    if parse_criterion(criterion).kind != MEAN:
+        raise InputError(f"criterion '{criterion}' is not available for both sides, whose table holds section means")
+    for name, given in options._asdict().items():
+        if given:
+            raise InputError(f"--{name.replace('_', '-')} is not of a pair's map, which is made from its table")
+    made = pair_map(read_pair_table(source), levels=levels, polarity=polarity or "opposing")
+    if output is not None:
+        write_pair_map(made, output)
+    if json:
+        print_result(pair_map_to_json(made), as_json=True, title="")
+        return
+    shown = sorted({0, *range(0, made.other.size, max(1, made.other.size // 6)), made.other.size - 1})
+    columns = {"position in mm": [f"{x * 1e3:.4g}" for x in made.position]}
+    for n in shown:
+        bears = made.current[RELATIONS.index(made.polarity), 0, :, n]
+        columns[f"at {made.other[n]:.3g} A"] = ["none" if i < 0 else f"{i:.3f}" for i in bears]
+    title = f"what side 1 bears in A below {made.levels[0]:g} T, by side 2's current, {made.polarity} ({source})"
+    print_columns(columns, title=title)
 
 
 def _holes(made: OperatingMap) -> list[str]:

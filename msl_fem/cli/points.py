@@ -70,13 +70,31 @@ _NO_NUMBER = re.compile(r"\s*([+-]?)(nan|inf|infinity)\b\s*(.*)", re.IGNORECASE)
 def guard(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="Operating map (JSON).")],
     current: Annotated[list[str], typer.Option("--current", help='Like "4 A"; nan and inf are judged too.')],
-    gap: Annotated[list[str], typer.Option("--gap", help='Like "0.3 mm"; nan and inf are judged too.')],
+    gap: Annotated[
+        list[str] | None, typer.Option("--gap", help='Like "0.3 mm"; nan and inf are judged too; of one magnet.')
+    ] = None,
+    current_2: Annotated[
+        str | None, typer.Option("--current-2", help="Coil current of side 2, equal signs aid; of a pair.")
+    ] = None,
+    position: Annotated[
+        str | None, typer.Option(help='Of the armature, towards side 1, like "0.1 mm"; of a pair.')
+    ] = None,
     json: Json = False,
 ) -> None:
     """Judge a command: preferred, discouraged or unacceptable, with the limits at that gap.
 
-    Several commands at once: give --current and --gap as often, or one of them once for all of the other.
+    Several commands at once: give --current and --gap as often, or one of them once for all of the other. The map of
+    both sides takes --current, --current-2 and --position; without --current-2 one side is on.
     """
+    if position is not None or current_2 is not None:
+        if gap or position is None or len(current) != 1:
+            raise InputError(
+                "both sides need one --current, --current-2 and --position, one magnet --current and --gap"
+            )
+        _judge_pair(map_file, current[0], current_2, position=position, json=json)
+        return
+    if not gap:
+        raise InputError('--gap is missing, like --gap "0.3 mm"; a map of both sides takes --current-2 and --position')
     from msl_fem.maps import Guard, read_map  # not for a look-up
 
     judge = Guard(read_map(map_file)).judge
@@ -97,6 +115,16 @@ def guard(
         "reason": [found["reason"] for found in judged],
     }
     print_columns(columns, title=", ".join(f"{n} {name}" for name, n in _counts(judged).items()))
+
+
+def _judge_pair(map_file: Path, current: str, current_2: str | None, *, position: str, json: bool) -> None:
+    from msl_fem.maps.pair_guard import PairGuard
+    from msl_fem.maps.pair_map_file import read_pair_map
+
+    other = 0.0 if current_2 is None else _number("--current-2", current_2, "A")
+    judge = PairGuard(read_pair_map(map_file)).judge
+    judged = judge(_number("--current", current, "A"), other, _number("--position", position, "m")).to_json()
+    print_result(judged, as_json=json, title=f"{current} and {current_2 or '0 A'} at position {position}")
 
 
 def _counts(judged: list[dict[str, Any]]) -> dict[str, int]:

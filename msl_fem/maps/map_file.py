@@ -80,6 +80,8 @@ def map_from_json(content: object) -> OperatingMap:
     """The map that a parsed JSON object describes. Raises InputError as `read_map`."""
     if not isinstance(content, dict):
         raise InputError("not an operating map: expected a JSON object with levels_T, gap_m, current_A, criterion")
+    if content.get("sides") == "both":
+        raise InputError("this map is of both sides; give --current, --current-2 and --position")
     if content.get("schema") != SCHEMA:
         raise InputError(
             f"schema is {content.get('schema')!r}, expected {SCHEMA}; make the map anew with 'msl-fem map'"
