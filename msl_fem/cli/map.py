@@ -142,6 +142,9 @@ def _map_of_both(
     made = pair_map(read_pair_table(source), levels=levels, polarity=polarity or "opposing")
     if output is not None:
         write_pair_map(made, output)
+    for level, opposing, aiding in zip(made.levels, *made.equal_currents(), strict=True):
+        bear = f"{opposing:.3g} A each opposing, {aiding:.3g} A aiding"
+        say(f"note: in the middle both sides bear {bear}, below {level:g} T")
     if json:
         print_result(pair_map_to_json(made), as_json=True, title="")
         return

@@ -21,6 +21,7 @@ OPPOSING, AIDING = 0, 1
 RELATIONS = ("opposing", "aiding")
 """How the fluxes of both currents meet in the armature: currents of different signs oppose, equal signs aid."""
 FINE = 401  # currents at which a level is looked for
+FINE_SHARES = np.linspace(0.0, 1.0, 2001)
 THINNING_GAIN = 3.0  # on nodes twice as far apart a spline's error is 8 to 16 times as large; counted as 3
 SAG_MARGIN = 1.25  # the largest sag in a cell over that at its middles
 INNER = 2  # nodes of the map a cell of the table
@@ -62,6 +63,21 @@ class PairMap:
     def current_max(self) -> float:
         """A: the largest current that the map judges."""
         return float(self.other[-1])
+
+    def equal_currents(self, position: float = 0.0) -> Array:
+        """(2, n_level) A: the largest current that both sides may carry at once at a position; 0 where there is none.
+
+        What a polarity costs: with opposing currents the armature carries the sum of both fluxes.
+        """
+        found = np.zeros((len(RELATIONS), self.levels.size))
+        for relation, k in np.ndindex(found.shape):
+            bears = []
+            for x in (position, -position):
+                along_x = [np.interp(x, self.position, column) for column in self.current[relation, k].T]
+                bears.append(np.interp(FINE_SHARES * self.current_max, self.other, along_x))
+            within = np.min(bears, axis=0) >= FINE_SHARES * self.current_max
+            found[relation, k] = FINE_SHARES[np.flatnonzero(within)[-1]] * self.current_max if within.any() else 0.0
+        return found
 
 
 def _check(record: PairMap) -> None:

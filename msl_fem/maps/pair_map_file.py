@@ -27,6 +27,7 @@ def pair_map_to_json(record: PairMap) -> dict[str, Any]:
         "other_current_A": record.other.tolist(),
         "current_A": record.current.tolist(),
         "guard_allowance_A": record.allowance.tolist(),
+        "equal_current_A": record.equal_currents().tolist(),
         "polarity": record.polarity,
         "actuator": record.actuator,
         "digest": record.digest,

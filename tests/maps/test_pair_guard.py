@@ -97,6 +97,18 @@ def test_opposing_limits_fall_with_the_other_current_and_aiding_ones_hardly(made
     assert opposing[0] == pytest.approx(3.89, rel=0.03), "one side alone: 1.2 T at 0.6 mm"
 
 
+def test_what_a_polarity_costs_is_told(made: PairMap) -> None:
+    """In the middle, against the field: just below no section has 1.2 T, 5 % more is too much."""
+    opposing, aiding = made.equal_currents()
+    servo = load_actuator(ROOT / "geometries/fast_tool_servo.toml")
+    field = PairField(servo, pair_mesh(pair_magnet(servo), 3e-4, "fast"), gap_sum=GAP_SUM, order=3)
+    for most, sign in ((opposing[0], -1), (aiding[0], 1)):
+        for share, above in ((0.98, False), (1.05, True)):
+            solution = field.solve(0.0, share * most, sign * share * most)
+            assert (max(b.mean for b in field.flux_densities(solution).values()) > 1.2) is above
+    assert (opposing < aiding).all()
+
+
 def test_the_file_reads_back_and_is_not_taken_for_one_of_one_magnet(made: PairMap, tmp_path: Path) -> None:
     again = read_pair_map(write_pair_map(made, tmp_path / "pair.json"))
     assert np.array_equal(again.current, made.current)

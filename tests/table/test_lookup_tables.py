@@ -7,10 +7,13 @@ from conftest import ROOT
 from msl_fem.actuator import load_actuator
 from msl_fem.magnetics.field.accuracy import LEVELS
 from msl_fem.magnetics.field.magnet_field import magnet_mesh, solve
+from msl_fem.magnetics.field.two_sided import TwoSidedField, TwoSidedPosition
 from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
 from msl_fem.table.magnetic_table import read_table
+from msl_fem.table.pair_table import is_pair_table, read_pair_table
 
-TABLES = sorted((ROOT / "lookup_tables").glob("*.nc"))
+TABLES = sorted(path for path in (ROOT / "lookup_tables").glob("*.nc") if not is_pair_table(path))
+PAIRS = sorted(path for path in (ROOT / "lookup_tables").glob("*.nc") if is_pair_table(path))
 
 
 @pytest.mark.parametrize("path", TABLES, ids=lambda p: p.stem)
@@ -65,3 +68,21 @@ def test_there_is_a_table_and_the_readme_names_each() -> None:
     assert TABLES
     text = (ROOT / "lookup_tables" / "README.md").read_text()
     assert all(path.name in text for path in TABLES)
+
+
+@pytest.mark.parametrize("path", PAIRS, ids=lambda p: p.stem)
+def test_a_pairs_table_is_what_a_section_meshed_at_its_place_says(path) -> None:
+    """Hash, and 0.1 % of the largest force and flux linkage at random points where no iron is far beyond its knee."""
+    table, actuator = read_pair_table(path), load_actuator(ROOT / "geometries" / f"{path.stem[: -len('_pair')]}.toml")
+    assert table.provenance["actuator_sha256"] == actuator.digest
+    assert 0 < table.mesh_error < 1e-3
+    scale = {name: np.abs(table.nodes[name]).max() for name in ("force", "flux_linkage_1", "flux_linkage_2")}
+    for x, i, j in np.random.default_rng(5).uniform([-4e-4, 0.1, -2], [4e-4, 1.0, 2], (6, 3)):
+        fresh = TwoSidedField(actuator, TwoSidedPosition(6e-4 - x, 6e-4 + x)).solve(i, j)[0]
+        found = table.evaluate(x, i, j)
+        for name, truth in (
+            ("force", fresh.net_force),
+            ("flux_linkage_1", fresh.flux_linkage_1),
+            ("flux_linkage_2", fresh.flux_linkage_2),
+        ):
+            assert abs(float(found[name]) - truth) < 1e-3 * scale[name], (name, x, i, j)
