@@ -26,6 +26,10 @@ LEFT_OVER = 0.05
 """Share of the excess power without effects that named ones may leave."""
 FINISHED = 0.25
 """Share of the excess power that a further effect may leave, where the fit before was not white."""
+ONE_OF_SEVERAL = 0.75
+"""The same of one of several effects that leave nothing but noise in the end."""
+AGREES = 0.5
+"""Share of the excess power that the best candidate takes, that the most probable one takes at least."""
 TOLERANCES = 4.0
 """Tolerances of a believed parameter below which what coincides with it is no cause."""
 LEAST_SHARE = 1e-5
@@ -57,6 +61,7 @@ COINCIDING = {
     ("position_sensor_nonlinearity", "gain_error"): "position_gain",
 }
 """Parameters of effects that act as a believed parameter does."""
+RIVALS = 0.25  # of the best gain, that a candidate has to be looked at by what it takes
 LEAST_TOLD = 1e-9  # of a tolerance's precision, that data say at least
 SHORTEST = 0.5  # s of all fit runs together
 FEWEST = 3000  # samples of them
@@ -70,14 +75,15 @@ class Rule:
     A further effect also has to bring `share` of what the first one brought: so much may come from what the first one's
     equation leaves out. Not so of what coincides with a believed parameter: its tolerance bounds what it can bring,
     however far it has left that. `finished` is the share of the excess power that it may leave, where the fit before
-    was not quiet.
+    was not quiet; `several` that of one of several, which have to leave noise alone in the end.
     """
 
     threshold: float = 6.0
     further: float = 12.0
     share: float = 0.003
     finished: float = FINISHED
-    most: int = 3
+    several: float = ONE_OF_SEVERAL
+    most: int = 4
 
     def enough(self, stages: Sequence[SearchStage], n: int) -> bool:
         """Whether the best effect of stage n brings enough."""
@@ -89,6 +95,12 @@ class Rule:
         bounded = all((amount.effect, amount.name) in COINCIDING for amount in best.variant.amounts)
         least = 0.0 if bounded else self.share * first.gain
         return best.gain >= max(self.further, least)
+
+    def searches_on(
+        self, stages: Sequence[SearchStage], n: int, before: Mapping[str, float], after: Mapping[str, float]
+    ) -> bool:
+        """Whether more is looked for beside the best effect of stage n: it may be one of several."""
+        return self.goes_on(stages, n, before, after) or completes(before, after, self.several)
 
     def goes_on(
         self, stages: Sequence[SearchStage], n: int, before: Mapping[str, float], after: Mapping[str, float]
@@ -196,14 +208,31 @@ def n_accepted(stages: Sequence[SearchStage], excesses: Sequence[Mapping[str, fl
     ----------
     excesses : (n_stage + 1,) without any effect, with the first, and so on
     """
-    taken = 0
+    taken, each_completes = 0, True
     for n in range(len(stages)):
         if not rule.enough(stages, n):
             break
-        if not rule.goes_on(stages, n, excesses[n], excesses[n + 1]):
+        if not rule.searches_on(stages, n, excesses[n], excesses[n + 1]):
             break
-        taken = n + 1
+        each_completes &= rule.goes_on(stages, n, excesses[n], excesses[n + 1])
+        if each_completes or white(excesses[n + 1]):
+            taken = n + 1
     return taken
+
+
+def disagrees(stage: SearchStage, before: Mapping[str, float]) -> str:
+    """The effect that takes far more of the excess power than the most probable one does; empty where none does, or
+    nothing but noise is there."""
+    best = stage.best
+    if best is None or white(before):
+        return ""
+    most, name = 0.0, ""
+    own = excess_power(before) - excess_power(best.fit.excess)
+    for rival in stage.rivals(best.gain * (1 - RIVALS)):
+        taken = excess_power(before) - excess_power(rival.fit.excess)
+        if taken > most:
+            most, name = taken, rival.variant.effect
+    return name if own < AGREES * most else ""
 
 
 def undecidable_because(record: Record, data: Sequence[RunData]) -> str:

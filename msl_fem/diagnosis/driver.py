@@ -3,20 +3,23 @@
 One driver for all kinds of records; what differs between them stands in their `Kind`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.diagnosis.carriages import carriage, is_carriage
 from msl_fem.diagnosis.decision import (
     MOST_OF_IT,
     OWN_OF_A_RUN,
+    QUIET,
     TIE,
     WORSE,
     Rule,
     beyond_tolerances,
+    disagrees,
     excess_power,
     gauges,
     in_sight,
@@ -52,6 +55,9 @@ from msl_fem.prediction import ModelHypothesis, run_data
 from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable
 
+WORSE_THAN = 1.02
+"""How many times the belief's residual in a channel a fit within the tolerances may leave."""
+
 
 def _untold(text: str) -> None:
     """No progress is told."""
@@ -77,12 +83,14 @@ class EffectSearch:
     stages : what was tried beside each of these fits
     excesses : of each fit, channel to residuals over the noise
     taken : of how many stages the best effect is named
+    unclear : the effect that takes most of the excess where another is most probable, so that neither is named
     """
 
     fits: tuple[Fit, ...]
     stages: tuple[SearchStage, ...]
     excesses: tuple[dict[str, float], ...]
     taken: int
+    unclear: str = ""
 
     @property
     def final(self) -> Fit:
@@ -139,9 +147,10 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
     """Effects added one after the other as long as each brings more than the rule asks."""
     rule = kind.rule(how.rule)
     begin = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
-    fits = [fit(kind.likelihood, kind.unknowns, begin, plan=FitPlan(enough=ROUGH))]
+    fits = [not_worse(kind, begin, fit(kind.likelihood, kind.unknowns, begin, plan=FitPlan(enough=ROUGH)))]
     stages: list[SearchStage] = []
     excesses = []
+    unclear = ""
     for n in range(rule.most):
         stage = search_stage(fits[n], kind.candidates(fits[n]), tell=how.progress, threads=how.threads)
         stage = in_sight(kind.likelihood.problem, beyond_tolerances(kind.likelihood.problem, stage))
@@ -150,12 +159,31 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
         excesses.append(stage.base.excess)
         if stage.best is None or not rule.enough(stages, n):
             break
+        unclear = disagrees(stage, excesses[n])
+        if unclear:
+            break
         fits.append(stage.best.fit)
-        if not rule.goes_on(stages, n, excesses[n], stage.best.fit.excess):
+        if not rule.searches_on(stages, n, excesses[n], stage.best.fit.excess):
             break
     if len(fits) > len(excesses):
         excesses.append(fits[-1].excess)
-    return EffectSearch(tuple(fits), tuple(stages), tuple(excesses), n_accepted(stages, excesses, rule))
+    judged = stages[:-1] if unclear else stages
+    return EffectSearch(tuple(fits), tuple(stages), tuple(excesses), n_accepted(judged, excesses, rule), unclear)
+
+
+def not_worse(kind: Kind, begin: Array, found: Fit) -> Fit:
+    """A fit without effects that is worse than the belief in no channel: where it is, because some channel's error was
+    taken for noise, one that decreases the residuals' power instead."""
+    believed = kind.likelihood.excess(replace(found, z=np.zeros(found.z.size)))
+    if not _worse(found, believed) or not all(np.isfinite(value) for value in believed.values()):
+        return found
+    again = fit(replace(kind.likelihood, white=True), kind.unknowns, begin, plan=FitPlan(enough=ROUGH))
+    return again if max(again.excess.values()) < max(found.excess.values()) else found
+
+
+def _worse(found: Fit, believed: Mapping[str, float]) -> bool:
+    """Whether a channel is followed worse than by the belief, and not down to the noise."""
+    return any(value > max(WORSE_THAN * believed[name], QUIET) for name, value in found.excess.items())
 
 
 def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagnosis:
@@ -172,6 +200,9 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
     result, notes = _named(result, [gain if bad else max(gain, 0.0) for gain, bad in zip(gains, worse, strict=True)])
     if compensating:
         notes.append("several effects together leave what a function of one variable explains; only the first is kept")
+    if result.unclear and result.stages[-1].best is not None:
+        probable = result.stages[-1].best.variant.effect
+        notes.append(f"unclear: {probable} is most probable, {result.unclear} takes most of what is in excess of noise")
     n = result.taken
     nominal = kind.errors(kind.belief, None)
     believed = [signal.summary for signal in nominal]

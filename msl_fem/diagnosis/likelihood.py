@@ -4,14 +4,23 @@ A run is followed from its start to its end, or over stretches with free starts 
 residual beside the starts is what counts. The colour of the noise is estimated together with the fit (`noise`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
-from msl_fem.diagnosis.noise import SLOW_CEILING, NoiseBands, NoiseWeights, transformed, weights_of
+from msl_fem.diagnosis.noise import (
+    LEAST_CEILING,
+    SLOW_CEILING,
+    NoiseBands,
+    NoiseWeights,
+    ceilings,
+    loudness,
+    transformed,
+    weights_of,
+)
 from msl_fem.diagnosis.problem import FitProblem, Points, simulated_residuals
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -64,11 +73,18 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
-    """A record as a likelihood of its unknowns; `substeps` are Runge-Kutta steps a sample."""
+    """A record as a likelihood of its unknowns.
+
+    Attributes
+    ----------
+    substeps : Runge-Kutta steps a sample
+    white : whether no noise is louder than stated: then a fit decreases the residuals' power
+    """
 
     problem: FitProblem
     bands: NoiseBands
     substeps: int
+    white: bool = field(default=False, kw_only=True)
 
     def spectra(self, points: Points) -> Array:
         """Residuals in the frequency domain over their white sigma, (n_row, n_number); nan of a failed run."""
@@ -113,13 +129,18 @@ class Likelihood:
         return self.weights(residual).nats + unknowns.prior(z)[0]
 
     def excess(self, found: Fit) -> dict[str, float]:
-        """Channel to RMS residual over the noise's sigma, all frequencies and all runs together."""
+        """Channel to RMS residual over the noise's sigma, all frequencies and all runs together.
+
+        Where the highest frequencies show an instrument louder than stated, over that (`noise.loudness`).
+        """
         power: dict[str, list[float]] = {}
+        loud: dict[str, float] = {}
         points = Points.of(found.unknowns, found.z[None])
         for run, channels in enumerate(simulated_residuals(self.problem, points, substeps=self.substeps)):
             for name, values in zip(self.problem.channels(run), self._over_noise(run, channels), strict=True):
                 power.setdefault(name, []).append(float(np.mean(values**2)))
-        return {name: float(np.sqrt(np.mean(values))) for name, values in power.items()}
+                loud[name] = min(loud.get(name, np.inf), loudness(values[0]))
+        return {name: float(np.sqrt(np.mean(values))) / loud[name] for name, values in power.items()}
 
     def runs_part(self, found: Fit) -> tuple["Likelihood", Fit]:
         """The runs alone, and a fit as they see it: all there is, where nothing stands beside them."""
@@ -158,13 +179,10 @@ class Likelihood:
 
     @property
     def ceilings(self) -> Array:
-        """(n_label,) the largest density over the white one that a band's noise can have: of the lowest one of each
-        channel `SLOW_CEILING`, where there are several. A drift or an offset of any size would pass as noise there for
-        a few nats."""
-        found = np.full(self.bands.n_band * len(self.channel_names), np.inf)
-        if self.bands.n_band > 1:
-            found[:: self.bands.n_band] = SLOW_CEILING
-        return found
+        """(n_label,) the largest density over the white one that a band's noise can have; what is louder is the model's
+        error."""
+        slow, least = (1.0, 1.0) if self.white else (SLOW_CEILING, LEAST_CEILING)
+        return ceilings(self.bands.n_band, len(self.channel_names), slow=slow, least=least)
 
     def weights(self, residual: Array) -> NoiseWeights:
         """The most probable densities given a residual (n_number,)."""

@@ -7,8 +7,8 @@ Integrating it out leaves, for a band of n real numbers with the sum of squares 
 
     (n + PRIOR)/2 log((Q + PRIOR)/(n + PRIOR)).
 
-No instrument's noise is ten times its stated sigma at the lowest frequencies, so in the lowest band the density ends
-at a ceiling (`SLOW_CEILING`): what is above it, an offset or a drift, counts by its square.
+No instrument's noise is ten times its stated sigma, and three times only at low frequencies, so in every band the
+density ends at a ceiling (`ceilings`): what is above it is the model's error, and counts by its square.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,6 +22,13 @@ from msl_fem.prediction import RunData
 from msl_fem.prediction.free_run import counted
 
 SLOW_CEILING = 100.0
+"""The largest density of the noise over the white one in the lowest band; half of it in the next, and so on."""
+LEAST_CEILING = 10.0
+"""That of the bands above."""
+MISSTATED = 3.0
+"""How many times as loud as stated an instrument may be where the highest frequencies show it."""
+HIGHEST_BAND = 0.8
+"""Of half the sampling rate: above it a residual is the instruments' noise."""
 HEARD = 0.02  # of the noise's density: lines where the model's readings stay below it tell nothing
 WINDOWED = 1.3  # a margin above the highest line that is heard
 PRIOR = 4.0
@@ -47,6 +54,19 @@ class NoiseBands:
     @property
     def n_band(self) -> int:
         return self.edges.size - 1
+
+
+def ceilings(n_band: int, n_channel: int, *, slow: float = SLOW_CEILING, least: float = LEAST_CEILING) -> Array:
+    """(n_channel n_band,) the largest densities over the white one that noise can have, channel after channel."""
+    return np.tile(np.maximum(slow / OCTAVE ** np.arange(n_band), least), n_channel)
+
+
+def loudness(over: Array) -> float:
+    """How many times louder than stated, 1 to `MISSTATED`, a residual over the noise's sigma, (n_sample,), shows the
+    instrument to be: by its highest frequencies, where no model error is left that it could be."""
+    window = np.hanning(over.size)
+    lines = np.abs(np.fft.rfft(over * window))[int(HIGHEST_BAND * (over.size // 2 + 1)) :] ** 2
+    return float(np.clip(np.sqrt(lines.mean() / np.sum(window**2)), 1.0, MISSTATED))
 
 
 def make_bands(samples: Sequence[int], rate: float, *, highest: float) -> NoiseBands:

@@ -13,6 +13,7 @@ from msl_fem.diagnosis.decision import (
     Rule,
     _relaxed_gain,
     completes,
+    disagrees,
     excess_power,
     gauges,
     in_sight,
@@ -68,6 +69,27 @@ def test_an_ornament_of_an_effect_that_fits_badly_is_not_taken() -> None:
     assert completes(LOUD, QUIET)
     assert n_accepted(stages(1000.0, 100.0), [LOUDER, LOUD, {"x": 2.9, "i": 1.0}], rule) == 1
     assert n_accepted(stages(1000.0, 900.0), [LOUDER, LOUD, QUIET], rule) == 2
+
+
+def test_several_effects_that_leave_noise_alone_are_taken_though_none_completes_those_before() -> None:
+    """Each of three takes about a third of the excess power; without the last of them none is named."""
+    powers = [{"x": 10.0}, {"x": 8.0}, {"x": 5.0}, QUIET, QUIET]
+    assert n_accepted(stages(9000.0, 8000.0, 7000.0, None), powers, Rule()) == 3
+    assert n_accepted(stages(9000.0, 8000.0, None), powers, Rule()) == 1
+    assert n_accepted(stages(9000.0, 8000.0, 7000.0), [*powers[:2], {"x": 7.5}, QUIET], Rule()) == 1
+
+
+def candidate(effect: str, gain: float, loud: float) -> Any:
+    return SimpleNamespace(gain=gain, variant=SimpleNamespace(effect=effect), fit=SimpleNamespace(excess={"x": loud}))
+
+
+@pytest.mark.parametrize(("loud", "other"), [(9.0, "coulomb_friction"), (3.0, "")])
+def test_evidence_and_what_is_taken_from_the_excess_have_to_agree(loud: float, other: str) -> None:
+    """The most probable effect leaves nine tenths of the error, and a less probable one hardly any."""
+    refits = (candidate("structural_mode", 60_000, loud), candidate("coulomb_friction", 34_000, 2.0))
+    stage = SearchStage(None, (), refits)  # type: ignore[arg-type]
+    assert disagrees(stage, {"x": 10.0}) == other
+    assert not disagrees(stage, QUIET)
 
 
 def test_beside_a_wandering_sensor_a_large_gain_counts_though_nothing_finishes_what_it_leaves() -> None:

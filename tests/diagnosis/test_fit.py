@@ -5,7 +5,7 @@ import pytest
 from linear_record import CUBIC, OFFSET, record, with_effect
 
 from msl_fem.diagnosis.fit import fit
-from msl_fem.diagnosis.noise import PRIOR, make_bands, transformed, weights_of
+from msl_fem.diagnosis.noise import MISSTATED, PRIOR, ceilings, loudness, make_bands, transformed, weights_of
 from msl_fem.diagnosis.search import ranked, scores, search_stage
 from msl_fem.diagnosis.unknowns import CAUCHY, EffectUnknown, Unknowns, factor
 from msl_fem.diagnosis.variants import Variant
@@ -42,6 +42,19 @@ def test_the_density_of_coloured_noise_is_found() -> None:
     assert weights.root[[0, -1]] == pytest.approx([1 / 3, 1.0], rel=0.03)
     expected = sum((5000 + PRIOR) / 2 * np.log((q + PRIOR) / (5000 + PRIOR)) for q in np.bincount(labels, residual**2))
     assert weights.nats == pytest.approx(expected)
+
+
+def test_noise_has_a_ceiling_in_every_octave() -> None:
+    assert ceilings(6, 2).tolist() == [100.0, 50.0, 25.0, 12.5, 10.0, 10.0] * 2
+    assert ceilings(3, 1, slow=1.0, least=1.0).tolist() == [1.0] * 3
+
+
+@pytest.mark.parametrize(("times", "shown"), [(0.5, 1.0), (2.0, 2.0), (30.0, MISSTATED)])
+def test_how_loud_an_instrument_is_its_highest_frequencies_say(times: float, shown: float) -> None:
+    """White noise of a known multiple of its stated sigma beside a slow error of thirty times it."""
+    slow = 30 * np.sin(2 * np.pi * 3.5 * np.arange(8000) / 1000)
+    noise = times * np.random.default_rng(5).standard_normal(8000)
+    assert loudness(noise + slow) == pytest.approx(shown, rel=0.05)
 
 
 def test_beyond_a_band_s_ceiling_a_residual_counts_by_its_square() -> None:

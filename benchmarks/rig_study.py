@@ -1,0 +1,311 @@
+"""The diagnosis on four actuators with what real instruments do: rates on seeds that settled no threshold.
+
+    python benchmarks/rig_study.py [--limit N]      # goes on where it stopped
+    python benchmarks/rig_study.py --tables [--docs]
+
+Records of the bench hold nothing, one to four effects, or what lies outside the catalogue, and beside it zeros, gains
+and stray flux of one to two tolerances; some a wrong statement of the noise (half, twice) or of the hold, a static map
+with a zero of its own, steps of the largest current or voltage, or "10 MHz" for a drive without a pole. Each case is a
+line of `rig_study.jsonl`. A case's seed says to which half it belongs: thresholds may be settled on even seeds, rates
+count on odd ones. Cases come in an order in which any beginning is a fair share.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from diagnosis_study_tables import rate
+from marked_text import rewrite
+from study_rigs import StudyRig, excitations_of, loop_of, study_rig
+
+from msl_fem.bench import BenchOptions, ClosedLoop, parse_nuisances, parse_requests, sealed_record
+from msl_fem.computing.blas_threads import one_blas_thread
+from msl_fem.diagnosis import DiagnosisSettings, diagnose
+from msl_fem.diagnosis.result import Diagnosis
+from msl_fem.errors import ComputationError, InputError
+from msl_fem.plant.effects import CATALOGUE
+from msl_fem.plant.excitation import parse_excitation
+
+ROOT = Path(__file__).parent.parent
+RESULTS = Path(__file__).parent / "rig_study.jsonl"
+VERSION = 4
+"""Of search and rule: lines of another one are left out and made anew."""
+COUNT, SEED = 4000, 20261121
+SECONDS = 4.0
+RIGS = (
+    ("servo", "voltage"), ("servo", "current"), ("small", "voltage"), ("small", "current"), ("large", "voltage"),
+    ("large", "current"), ("levitator", "current"),
+)  # fmt: skip
+KINDS = {"clean": 0.34, "single": 0.3, "small": 0.1, "pair": 0.1, "triple": 0.06, "four": 0.02, "outside": 0.08}
+EFFECTS_OF = {"clean": 0, "single": 1, "small": 1, "pair": 2, "triple": 3, "four": 4, "outside": 0}
+RATES, SHARES = (1e3, 5e3, 20e3), (0.4, 0.5, 0.1)
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A record of the study: its rig, what is hidden, what its instruments do."""
+
+    seed: int
+    kind: str
+    rig: str
+    drive: str
+    rate: float
+    hidden: tuple[str, ...]
+    nuisance: float
+    stated_noise: float
+    stated_hold: str
+    static: bool
+    pulses: bool
+    fast_pole: bool
+
+    @property
+    def key(self) -> str:
+        return f"{self.seed}/{self.kind}/{self.rig}/{self.drive}/{self.rate:g}/{'+'.join(self.hidden) or 'nothing'}"
+
+    @property
+    def judges(self) -> bool:
+        """Whether it belongs to the half that settles no threshold."""
+        return self.seed % 2 == 1
+
+
+def case_of(seed: int) -> Case:
+    """The case of a seed; kinds and rigs go round, everything else is chance."""
+    chance = np.random.default_rng([SEED, seed])
+    kind = str(chance.choice(list(KINDS), p=list(KINDS.values())))
+    rig, drive = RIGS[(seed // 2) % len(RIGS)]
+    names = chance.permutation(list(CATALOGUE))[: EFFECTS_OF[kind]]
+    hidden = tuple(f"{name}={'0.3' if kind == 'small' else '3'}%" for name in names)
+    if kind == "outside":
+        hidden = ("outside=3%",)
+    samples = float(chance.choice(RATES, p=SHARES))
+    if rig == "levitator":
+        samples = max(samples, 5e3)
+    nuisance = float(np.round(chance.uniform(1.0, 2.0), 2))
+    noise = float(chance.choice([0.5, 1.0, 2.0], p=[0.15, 0.7, 0.15]))
+    hold = str(chance.choice(["zero-order", "linear"], p=[0.9, 0.1]))
+    static, pulses, fast = (bool(chance.random() < share) for share in (0.15, 0.15, 0.2))
+    fast &= drive == "voltage"
+    return Case(seed, kind, rig, drive, samples, hidden, nuisance, noise, hold, static, pulses, fast)
+
+
+@cache
+def rig_of(name: str) -> StudyRig:
+    return study_rig(name)
+
+
+@cache
+def loop(name: str, drive: str) -> ClosedLoop | None:
+    return loop_of(rig_of(name), drive)
+
+
+def options_of(case: Case) -> BenchOptions:
+    """How the bench makes the record of a case."""
+    rig = rig_of(case.rig)
+    excitations = excitations_of(rig, case.drive, seconds=SECONDS)
+    if case.pulses and not loop(case.rig, case.drive):
+        unit = "A" if case.drive == "current" else "V"
+        first = excitations[0]
+        at = f"step:bias={first.bias:g} {unit},amplitude={1.5 * first.amplitude:g} {unit},frequency=5 Hz,duration=1 s"
+        excitations = (*excitations, parse_excitation(at, unit=unit))
+    return BenchOptions(
+        seed=case.seed,
+        rate=case.rate,
+        excitations=excitations,
+        static=case.static,
+        loop=loop(case.rig, case.drive),
+        nuisances=parse_nuisances([f"all={case.nuisance}"]),
+        stated_noise=case.stated_noise,
+        stated_hold=case.stated_hold,  # type: ignore[arg-type]
+        stated_bandwidth=10e6 if case.fast_pole else None,
+    )
+
+
+@one_blas_thread
+def tried(case: Case) -> Row:
+    """A case made and diagnosed."""
+    row: Row = {"key": case.key, "version": VERSION, **asdict(case)}
+    rig = rig_of(case.rig)
+    try:
+        sealed = sealed_record(rig.in_drive(case.drive), rig.table, parse_requests(case.hidden), options_of(case))
+    except (InputError, ComputationError) as err:  # not every effect can be as large on every rig
+        return row | {"bench": str(err)}
+    begin = time.process_time()
+    try:
+        found = diagnose(sealed.record, DiagnosisSettings(table=rig.table))
+    except (InputError, ComputationError) as err:
+        return row | {"failed": f"{type(err).__name__}: {err}"}
+    truth = [effect["effect"] for effect in sealed.answer["effects"]]
+    return row | {"cpu_seconds": round(time.process_time() - begin, 1), "truth": truth} | outcome(found)
+
+
+def outcome(found: Diagnosis) -> Row:
+    """What a diagnosis says, as a row holds it."""
+    hidden = {name: limit.value for name, limit in found.hidden.items()}
+    return {
+        "verdict": found.verdict,
+        "reason": found.reason,
+        "names": list(found.names),
+        "nats": [round(cause.statistic, 2) for cause in found.causes],
+        "rivals": [list(cause.rivals) for cause in found.causes],
+        "main": None if found.main_cause is None else found.main_cause.effect,
+        "statistics": [[[name, round(value, 2)] for name, value in stage] for stage in found.statistics],
+        "hidden_at_most": {name: value for name, value in hidden.items() if np.isfinite(value)},
+        "notes": list(found.notes),
+    }
+
+
+def done(path: Path) -> list[Row]:
+    """The lines that are there; a last one that was cut off is left out."""
+    rows = []
+    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
+        try:
+            row = json.loads(line)
+        except json.JSONDecodeError:
+            continue
+        if row.get("version") == VERSION:
+            rows.append(row)
+    return rows
+
+
+def run(path: Path, limit: int) -> None:
+    """Makes cases that are not there, each line written as soon as it is known."""
+    known = {row["seed"] for row in done(path)}
+    left = [case_of(seed) for seed in range(COUNT) if seed not in known][:limit]
+    begin = time.monotonic()
+    with path.open("a", encoding="utf-8") as out:
+        for n, case in enumerate(left, 1):
+            row = tried(case)
+            out.write(json.dumps(row) + "\n")
+            out.flush()
+            minutes = (time.monotonic() - begin) / n * (len(left) - n) / 60
+            told = row.get("names", row.get("failed", row.get("bench")))
+            print(f"{n}/{len(left)}, {minutes:.0f} min left: {case.key}: {row.get('verdict')} {told}", file=sys.stderr)
+
+
+def right_first(row: Row) -> bool:
+    return row["names"][:1] == row["truth"][:1] or (bool(row["names"]) and row["names"][0] in row["truth"])
+
+
+def told(row: Row) -> bool:
+    """Whether the truth is the first name or in the set that is told with it."""
+    return bool(row["names"]) and bool({row["names"][0], *row["rivals"][0]} & set(row["truth"]))
+
+
+def whole(row: Row) -> bool:
+    return set(row["truth"]) <= set(row["names"])
+
+
+def declared(row: Row) -> bool:
+    return "unexplained" in row["verdict"]
+
+
+def nameless(row: Row) -> bool:
+    return not row["names"]
+
+
+def main_right(row: Row) -> bool:
+    return row["main"] in row["truth"]
+
+
+def only_true(row: Row) -> bool:
+    return set(row["names"]) <= set(row["truth"])
+
+
+FIGURES: tuple[tuple[str, str, Callable[[Row], bool], str], ...] = (
+    ("clean", "clean with nuisances: something is named", lambda row: not nameless(row), "1 %"),
+    ("clean", "... declared unexplained", declared, ""),
+    ("single", "one effect of 3 %: named first", right_first, "95 %"),
+    ("single", "... first, or in the set told with it", told, ""),
+    ("single", "... the main cause is right", main_right, ""),
+    ("single", "... no false name", only_true, ""),
+    ("small", "one effect of 0.3 %: named first", right_first, "90 %"),
+    ("small", "... no false name", only_true, ""),
+    ("pair", "two effects of 3 %: both named", whole, "85 %"),
+    ("pair", "... no false name", only_true, ""),
+    ("triple", "three effects of 3 %: all named", whole, "70 %"),
+    ("triple", "... no false name", only_true, ""),
+    ("four", "four effects of 3 %: all named", whole, ""),
+    ("outside", "outside the catalogue: declared", declared, "95 %"),
+    ("outside", "... nothing named", nameless, "95 %"),
+)
+
+
+def totals_table(rows: Sequence[Row]) -> str:
+    """Every figure on both halves of the seeds."""
+    halves = [[row for row in rows if row["seed"] % 2 == odd] for odd in (0, 1)]
+    lines = ["| all records, whether they can show it or not | even seeds | odd seeds | target |", "| --- " * 4 + "|"]
+    for kind, what, hit, target in FIGURES:
+        cells = []
+        for half in halves:
+            own = [row for row in half if row["kind"] == kind and "verdict" in row]
+            cells.append(rate(sum(map(hit, own)), len(own)))
+        lines.append(f"| {what} | {cells[0]} | {cells[1]} | {target} |")
+    return "\n".join(lines)
+
+
+def rigs_table(rows: Sequence[Row]) -> str:
+    """Single effects and clean records by actuator and drive, odd seeds."""
+    lines = [
+        "| actuator, drive (odd seeds) | single, 3 %: first | clean: named | median CPU s | largest |",
+        "| --- " * 5 + "|",
+    ]
+    for rig, drive in RIGS:
+        own = [row for row in rows if (row["rig"], row["drive"]) == (rig, drive) and "verdict" in row]
+        judged = [row for row in own if row["seed"] % 2]
+        single, clean = ([row for row in judged if row["kind"] == kind] for kind in ("single", "clean"))
+        seconds = [row["cpu_seconds"] for row in own] or [np.nan]
+        named = sum(not nameless(row) for row in clean)
+        cells = (rate(sum(map(right_first, single)), len(single)), rate(named, len(clean)))
+        lines.append(f"| {rig}, {drive} | {cells[0]} | {cells[1]} | {np.median(seconds):.0f} | {max(seconds):.0f} |")
+    return "\n".join(lines)
+
+
+def wrong_names(rows: Sequence[Row]) -> str:
+    """What was said in place of the truth, all seeds, most often first."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for row in rows:
+        if "verdict" in row and row["kind"] in {"clean", "single", "small"} and not right_first(row):
+            said = " + ".join(row["names"]) or row["verdict"]
+            if (row["truth"] or ["nothing"], said) != (["nothing"], "nothing-found"):
+                counts[" + ".join(row["truth"]) or "nothing", said] += 1
+    lines = ["| hidden | said | records |", "| --- | --- | --- |"]
+    return "\n".join([*lines, *(f"| {truth} | {said} | {n} |" for (truth, said), n in counts.most_common(40))])
+
+
+def extent(rows: Sequence[Row]) -> str:
+    made = sum("verdict" in row for row in rows)
+    refused, failed = (sum(key in row for row in rows) for key in ("bench", "failed"))
+    return (
+        f"{made} records were diagnosed; {refused} more cannot be made as large by their rig, {failed} failed. Both "
+        "halves of the seeds stand side by side: thresholds were not settled on the odd ones."
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--limit", type=int, default=COUNT, help="cases of this run at most")
+    parser.add_argument("--results", type=Path, default=RESULTS)
+    parser.add_argument("--tables", action="store_true", help="print the rates of what is there")
+    parser.add_argument("--docs", action="store_true", help="with --tables: write them to docs/diagnosis.md")
+    options = parser.parse_args()
+    if not options.tables:
+        run(options.results, options.limit)
+        return
+    rows = done(options.results)
+    text = "\n\n".join([extent(rows), totals_table(rows), rigs_table(rows), wrong_names(rows)])
+    print(text)
+    if options.docs:
+        rewrite(ROOT / "docs" / "diagnosis.md", {"study": text})
+
+
+if __name__ == "__main__":
+    main()
