@@ -10,6 +10,7 @@ from msl_fem.errors import InputError
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, default_grid, sweep
 from msl_fem.table.magnetic_table import MagneticTable, read_table
+from msl_fem.table.origin import doubt_about_table
 
 
 def checked_accuracy(text: str) -> Accuracy:
@@ -31,6 +32,12 @@ def table_of_model(actuator: Actuator, otherwise: MagneticTable | None) -> Magne
     return otherwise
 
 
+def _say_doubt(actuator: Actuator, table: MagneticTable, file: Path) -> None:
+    doubt = doubt_about_table(actuator, table)
+    if doubt is not None:
+        say(f"note: {file}: {doubt}; make one with 'msl-fem table'")
+
+
 def table_for(actuator: Actuator, given: Path | None) -> MagneticTable | None:
     """The table given, that the actuator names, or a computed one; None for a rig without magnets."""
     if actuator.magnet is None:
@@ -40,6 +47,7 @@ def table_for(actuator: Actuator, given: Path | None) -> MagneticTable | None:
         made_for = table.provenance.get("actuator")
         if isinstance(made_for, str) and made_for not in ("", actuator.name):
             say(f"note: {given} was made for {made_for[:80]!r}, and is taken here for {actuator.name!r}")
+        _say_doubt(actuator, table, given)
         return table
     if isinstance(actuator.magnet, TableMagnet):
         return read_table(actuator.folder / actuator.magnet.table)

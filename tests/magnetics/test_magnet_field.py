@@ -10,7 +10,7 @@ from random_cores import random_core
 
 from msl_fem.actuator import Actuator, Air, ECore, load_actuator
 from msl_fem.errors import ActuatorError, InputError
-from msl_fem.magnetics.field.accuracy import LEVELS, force_error_estimate
+from msl_fem.magnetics.field.accuracy import LEVELS, force_error_estimate, routes_apart
 from msl_fem.magnetics.field.magnet_field import MagnetField, field_of, magnet_mesh, solve
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
 from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
@@ -195,3 +195,22 @@ def test_unknown_accuracy_lists_the_levels(e1):
 def test_actuator_without_a_core_is_refused(servo):
     with pytest.raises(ActuatorError, match="e-core"):
         solve(servo.model_copy(update={"magnet": None}), 1.0, 5e-4)
+
+
+def test_two_routes_that_disagree_are_no_small_error(servo):
+    """Iron without iron: both routes are rounding of a mesh that was made for something else, and of one sign or two."""
+    magnet = servo.magnet_kind()
+    iron = magnet.iron.model_copy(update={"stacking_factor": 1e-6})
+    thin = magnet.model_copy(update={"centre_leg_width": 0.137e-3, "iron": iron})
+    point = solve(servo.model_copy(update={"magnet": thin}), 5.0, 0.00988, accuracy="fast")
+    apart = abs(point.quantities.force - point.quantities.force_stress_tensor) / abs(point.quantities.force)
+    assert apart > 0.5
+    assert point.force_error_estimate >= apart
+    assert any("the mesh cannot tell this force" in note for note in point.notes)
+
+
+@pytest.mark.parametrize(
+    ("force", "stress", "apart"), [(2.0, 1.0, 0.5), (-1.0, 1.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, np.inf)]
+)
+def test_how_far_the_routes_are_apart(force, stress, apart):
+    assert routes_apart(force, stress) == apart

@@ -324,7 +324,7 @@ def solve_two_sided(
         currents=currents,
         position=position,
         quantities=quantities,
-        force_error_estimate=level.safety * change,
+        force_error_estimate=max(level.safety * change, abs(quantities.net_force - quantities.net_force_stress_tensor)),
         unknowns=field.model.free.size,
         newton_iterations=len(solution.trail),
         notes=field.notes,

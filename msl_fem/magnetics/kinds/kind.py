@@ -1,5 +1,6 @@
 """What the rest of the house knows of a magnet: `MagnetKind`. A kind is one file that derives from it."""
 
+import hashlib
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -172,6 +173,11 @@ class MagnetKind(FrozenModel, ABC):
     @property
     def turns(self) -> int:
         return self.coil.turns
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of what the file states of the magnet: equal for equal magnets."""
+        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
 
     @property
     def copper_area(self) -> float:

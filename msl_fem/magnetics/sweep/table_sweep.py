@@ -15,6 +15,7 @@ from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, iron_notes
 from msl_fem.magnetics.field.magnet_field import MagnetField, check_grid, check_point, magnet_mesh
 from msl_fem.magnetics.sweep.rows import SweepJob, SweepRow, field_key, field_provenance
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION, MagneticTable
+from msl_fem.table.origin import MAGNET_DIGEST
 
 DEFAULT_GAPS, DEFAULT_CURRENTS = 14, 34
 
@@ -154,6 +155,7 @@ def sweep(
         provenance={
             "actuator": actuator.name,
             "actuator_sha256": actuator.digest,
+            MAGNET_DIGEST: actuator.magnet_kind().digest,
             "solver": f"{unknown}, damped Newton with exact tangent, virtual work",
             "notes": list(notes),
         }
