@@ -198,7 +198,7 @@ def test_actuator_without_a_core_is_refused(servo):
 
 
 def test_two_routes_that_disagree_are_no_small_error(servo):
-    """Iron without iron: both routes are rounding of a mesh that was made for something else, and of one sign or two."""
+    """Iron without iron: both routes are rounding, and say so."""
     magnet = servo.magnet_kind()
     iron = magnet.iron.model_copy(update={"stacking_factor": 1e-6})
     thin = magnet.model_copy(update={"centre_leg_width": 0.137e-3, "iron": iron})
