@@ -13,15 +13,17 @@ from msl_fem.control import design_controller
 from msl_fem.errors import InputError
 from msl_fem.export.c_controller import ControllerSource
 from msl_fem.export.fmu import platforms
-from msl_fem.export.formats import ACTUATOR, CONTROLLER, MAP, MODEL, TABLE, ModelSource, find_format
+from msl_fem.export.formats import ACTUATOR, CONTROLLER, MAP, MODEL, PAIR_MAP, TABLE, ModelSource, find_format
 from msl_fem.files.schema import reason, refuse_what_never_ends
 from msl_fem.files.whole_file import check_target
 from msl_fem.maps import OperatingMap, operating_map, read_map
+from msl_fem.maps.pair_limits import PairMap
+from msl_fem.maps.pair_map_file import is_pair_map, read_pair_map
 from msl_fem.plant.extended_model import load_extended_model
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 _HDF5 = b"\x89HDF"
-Source = Actuator | MagneticTable | OperatingMap | ModelSource | ControllerSource
+Source = Actuator | MagneticTable | OperatingMap | PairMap | ModelSource | ControllerSource
 
 
 def command(
@@ -68,7 +70,9 @@ def _kind(path: Path) -> str:
     try:
         refuse_what_never_ends(path)
         with path.open("rb") as stream:
-            return TABLE if stream.read(len(_HDF5)) == _HDF5 else MAP
+            if stream.read(len(_HDF5)) == _HDF5:
+                return TABLE
+        return PAIR_MAP if is_pair_map(path) else MAP
     except (OSError, ValueError) as err:
         raise InputError(f"{path}: cannot be read ({reason(err)}); give a table, an actuator file or a map") from err
 
@@ -77,6 +81,8 @@ def _record(path: Path, kind: str, needs: str, *, table: Path | None) -> Source:
     """The record that a format needs, made of the source where it is not the source itself."""
     if kind == MAP:
         return read_map(path)
+    if kind == PAIR_MAP:
+        return read_pair_map(path)
     if needs == ACTUATOR:
         return load_actuator(path)
     if needs == MODEL:

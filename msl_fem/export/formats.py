@@ -12,6 +12,7 @@ from msl_fem.plant.effects import EffectValues
 from msl_fem.table.magnetic_table import MagneticTable
 
 ACTUATOR, TABLE, MAP, MODEL, CONTROLLER = "actuator", "table", "map", "model", "controller"
+PAIR_MAP = "pair map"
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +57,7 @@ class Format:
 
 FORMATS = (
     Format("c", "guard", MAP, "msl_fem.export.c_guard:write", named=True),
+    Format("c", "guard", PAIR_MAP, "msl_fem.export.c_pair_guard:write", named=True),
     Format("c", "table", TABLE, "msl_fem.export.c_table:write", named=True),
     Format("c", "controller", CONTROLLER, "msl_fem.export.c_controller:write", named=True, asked=True),
     Format("csv", "table", TABLE, "msl_fem.export.table_formats:write_csv"),
@@ -65,7 +67,7 @@ FORMATS = (
 )
 _MADE_FROM = {
     ACTUATOR: (ACTUATOR,), MODEL: (ACTUATOR,), CONTROLLER: (ACTUATOR,), TABLE: (TABLE, ACTUATOR),
-    MAP: (MAP, TABLE, ACTUATOR),
+    MAP: (MAP, TABLE, ACTUATOR), PAIR_MAP: (PAIR_MAP,),
 }  # fmt: skip
 """The sources from which each record can be had."""
 

@@ -13,7 +13,6 @@ from msl_fem.computing.compiled import compiled, for_few
 from msl_fem.files.quantity import format_quantity
 from msl_fem.maps.guard import DISCOURAGED, FEW, PREFERRED, REGIONS, UNACCEPTABLE
 from msl_fem.maps.pair_limits import RELATIONS, PairMap
-from msl_fem.table.coenergy_surface import cell_of
 
 _ROUNDING = 16 * np.finfo(float).eps  # of the largest limit: the few roundings of an evaluation, and some to spare
 
@@ -23,16 +22,35 @@ class PairGuardArrays(NamedTuple):
 
     Attributes
     ----------
-    position, other : (n_x,) m and (n_j,) A, increasing
-    per_position, per_other : (n_x - 1,), (n_j - 1,) one over the cells' widths
+    position, other : where the equal steps begin, m and A
+    position_end, other_end : where they end
+    per_position, per_other : steps a metre, steps an ampere
     limit : (2, n_level, n_x, n_j) A of one magnet: opposing currents, then aiding ones
     """
 
-    position: Array
-    other: Array
-    per_position: Array
-    per_other: Array
+    position: float
+    other: float
+    position_end: float
+    other_end: float
+    per_position: float
+    per_other: float
     limit: Array
+
+
+@compiled
+def _cell(steps: float, nodes: int) -> int:
+    """The interval that holds a place counted in steps from the first node."""
+    m = int(steps)
+    return m if m < nodes - 2 else nodes - 2
+
+
+@compiled
+def _bilinear(limit: Array, relation: int, level: int, m: int, n: int, t: float, s: float) -> float:
+    """The limit at the shares t and s of a cell."""
+    low = limit[relation, level, m, n] + (limit[relation, level, m, n + 1] - limit[relation, level, m, n]) * s
+    high = limit[relation, level, m + 1, n]
+    high = high + (limit[relation, level, m + 1, n + 1] - limit[relation, level, m + 1, n]) * s
+    return float(low + (high - low) * t)
 
 
 @compiled
@@ -41,29 +59,38 @@ def pair_limit_at(guard: PairGuardArrays, relation: int, level: int, position: f
 
     Bilinear between the map's nodes; nan outside the map. Of side 2 it is the limit at the opposite position.
     """
-    if not (guard.position[0] <= position <= guard.position[-1] and 0.0 <= other <= guard.other[-1]):
+    if not (guard.position <= position <= guard.position_end and guard.other <= other <= guard.other_end):
         return np.nan
-    m, n = cell_of(guard.position, position), cell_of(guard.other, other)
-    t, s = (position - guard.position[m]) * guard.per_position[m], (other - guard.other[n]) * guard.per_other[n]
     limit = guard.limit
-    low = limit[relation, level, m, n] + (limit[relation, level, m, n + 1] - limit[relation, level, m, n]) * s
-    high = limit[relation, level, m + 1, n]
-    high = high + (limit[relation, level, m + 1, n + 1] - limit[relation, level, m + 1, n]) * s
-    return float(low + (high - low) * t)
+    t, s = (position - guard.position) * guard.per_position, (other - guard.other) * guard.per_other
+    m, n = _cell(t, limit.shape[2]), _cell(s, limit.shape[3])
+    return _bilinear(limit, relation, level, m, n, t - m, s - n)
+
+
+@compiled
+def _bears(guard: PairGuardArrays, relation: int, position: float, size: float, other: float) -> int:
+    """The region of side 1 at a size of its current; inside the map."""
+    limit = guard.limit
+    t, s = (position - guard.position) * guard.per_position, (other - guard.other) * guard.per_other
+    m, n = _cell(t, limit.shape[2]), _cell(s, limit.shape[3])
+    if not size <= _bilinear(limit, relation, limit.shape[1] - 1, m, n, t - m, s - n):
+        return UNACCEPTABLE
+    return PREFERRED if size <= _bilinear(limit, relation, 0, m, n, t - m, s - n) else DISCOURAGED
 
 
 @compiled
 def pair_region_of(guard: PairGuardArrays, current_1: float, current_2: float, position: float) -> int:
     """PREFERRED, DISCOURAGED or UNACCEPTABLE, the worse of both sides; the last also for nan and outside the map."""
     size_1, size_2 = abs(current_1), abs(current_2)
-    relation = 1 if current_1 * current_2 > 0.0 else 0
-    last = guard.limit.shape[1] - 1
-    within = size_1 <= pair_limit_at(guard, relation, last, position, size_2)
-    if not (within and size_2 <= pair_limit_at(guard, relation, last, -position, size_1)):
+    within = size_1 <= guard.other_end and size_2 <= guard.other_end
+    if not (within and guard.position <= position <= guard.position_end):
         return UNACCEPTABLE
-    below = size_1 <= pair_limit_at(guard, relation, 0, position, size_2)
-    below = below and size_2 <= pair_limit_at(guard, relation, 0, -position, size_1)
-    return PREFERRED if below else DISCOURAGED
+    relation = 1 if current_1 * current_2 > 0.0 else 0
+    one = _bears(guard, relation, position, size_1, size_2)
+    if one == UNACCEPTABLE:
+        return UNACCEPTABLE
+    two = _bears(guard, relation, -position, size_2, size_1)
+    return two if two > one else one
 
 
 @compiled
@@ -121,7 +148,9 @@ class PairGuard:
         reduced = m.current - m.allowance
         ordered = np.minimum.accumulate(reduced[:, ::-1], axis=1)[:, ::-1]  # no level's limit above the next's
         limit = np.ascontiguousarray(ordered - _ROUNDING * float(np.abs(ordered).max()))
-        return PairGuardArrays(m.position.copy(), m.other.copy(), 1 / np.diff(m.position), 1 / np.diff(m.other), limit)
+        reach, end = float(m.position[-1]), m.current_max
+        per_position, per_other = (m.position.size - 1) / (2 * reach), (m.other.size - 1) / end
+        return PairGuardArrays(-reach, 0.0, reach, end, per_position, per_other, limit)
 
     def regions(self, current_1: ArrayLike, current_2: ArrayLike, position: ArrayLike) -> NDArray[np.int8]:
         """Numbers of the regions, an index into `maps.REGIONS`, for commands broadcast together."""

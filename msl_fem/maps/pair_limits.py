@@ -24,7 +24,9 @@ FINE = 401  # currents at which a level is looked for
 FINE_SHARES = np.linspace(0.0, 1.0, 2001)
 THINNING_GAIN = 3.0  # on nodes twice as far apart a spline's error is 8 to 16 times as large; counted as 3
 SAG_MARGIN = 1.25  # the largest sag in a cell over that at its middles
-INNER = 2  # nodes of the map a cell of the table
+INNER = 2  # of the points at which the sag is looked for, a cell of the map
+N_POSITION, N_OTHER = 33, 41  # nodes of the map
+SAME = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +38,8 @@ class PairMap:
     Attributes
     ----------
     levels : (n_level,) T, increasing
-    position : (n_x,) m, of the armature towards side 1, the same on both sides of 0
-    other : (n_j,) A, size of the current of a magnet of the other side, from 0
+    position : (n_x,) m, of the armature towards side 1, in equal steps, the same on both sides of 0
+    other : (n_j,) A, size of the current of a magnet of the other side, in equal steps from 0
     current : (2, n_level, n_x, n_j) A, for opposing and for aiding currents; below 0 where the other side alone
         overloads the armature, the end of the table where the level is not reached
     allowance : the same shape, A, what a guard takes off so that it stays below between the nodes
@@ -88,8 +90,11 @@ def _check(record: PairMap) -> None:
             raise InputError(f"{name} of a pair's map must be {fewest} or more increasing numbers")
     if not record.levels[0] > 0 or record.other[0] != 0:
         raise InputError("a pair's map has levels above 0 and other currents from 0 A")
-    if not np.allclose(record.position, -record.position[::-1], rtol=0, atol=1e-9 * record.position[-1]):
-        raise InputError("the positions of a pair's map must be the same on both sides of 0")
+    even = np.linspace(-record.position[-1], record.position[-1], record.position.size)
+    if not np.allclose(record.position, even, rtol=0, atol=SAME * abs(record.position[-1])):
+        raise InputError("the positions of a pair's map must have equal steps, the same on both sides of 0")
+    if not np.allclose(record.other, np.linspace(0, record.other[-1], record.other.size), rtol=0, atol=SAME):
+        raise InputError("the other currents of a pair's map must have equal steps from 0 A")
     shape = (len(RELATIONS), *(nodes.size for nodes in axes))
     for name in ("current", "allowance"):
         values = getattr(record, name)
@@ -118,9 +123,8 @@ def pair_map(table: PairTable, *, levels: Sequence[float] = LEVELS, polarity: st
     if table.current_1[0] != -table.current_1[-1] or table.current_2[0] != -table.current_2[-1]:
         raise InputError("a map of a pair needs a table with both signs of both currents")
     level = np.asarray(levels, dtype=float)
-    position = _between(table.position)
-    half = table.current_2[table.current_2 >= 0]
-    other = np.sqrt(_between(half**2)) if half.size > 2 else half
+    position = np.linspace(table.position[0], table.position[-1], N_POSITION)
+    other = np.linspace(0.0, table.current_2[-1], N_OTHER)
     currents = _limits(table, level, position, other)
     sag = _sag(table, level, position, other)
     thinned = [
@@ -202,7 +206,7 @@ def _last_rise(current: Array, b: Array, level: float) -> Array:
 
 def _sag(table: PairTable, levels: Array, position: Array, other: Array) -> Array:
     """A, at the map's nodes: how far bilinear interpolation lies above the limits in the cells around, at most."""
-    finer_x, finer_j = _between(position), np.sqrt(_between(other**2))
+    finer_x, finer_j = _between(position), _between(other)
     exact = _limits(table, levels, finer_x, finer_j)
     coarse = exact[:, :, ::INNER, ::INNER]
     along = [_shares(nodes, finer) for nodes, finer in ((position, finer_x), (other, finer_j))]
