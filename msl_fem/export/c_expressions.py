@@ -56,7 +56,7 @@ _RESERVED = {
     "auto", "break", "case", "char", "const", "default", "do", "double", "enum", "extern", "float", "goto", "inline",
     "int", "long", "register", "restrict", "short", "signed", "sizeof", "static", "struct", "switch", "typedef",
     "union", "unsigned", "void", "volatile", "cos", "exp", "expm1", "fabs", "log",
-    "pow", "rint", "sin", "sqrt",
+    "rint", "sin", "sqrt",
 }  # fmt: skip
 
 
@@ -264,7 +264,9 @@ class Expressions:
             name, sign = ("quotient", "//") if isinstance(op, ast.FloorDiv) else ("rest", "%")
             return self._both(WHOLE, f"printed_{name}({left.text}, {right.text})", sign, left, right, ATOM)
         if isinstance(op, ast.Pow) and kind == REAL and right.known and right.constant == 2:
-            return Expression(REAL, f"printed_square({left.text})" if self._compiled else f"pow({left.text}, 2.0)")
+            if not self._compiled:
+                raise self.refuse(node, "Python's own power rounds otherwise than a product; write the product")
+            return Expression(REAL, f"printed_square({left.text})")
         if isinstance(op, ast.BitAnd) and left.type == right.type == FLAG:
             if left.known or right.known:
                 one, other = (left, right) if left.known else (right, left)

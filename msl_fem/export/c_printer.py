@@ -141,6 +141,9 @@ class Printer:
         return f"{base}__{count + 1}" if count else base
 
     def _new(self, function: Any, python: Any, name: str, arguments: Mapping[str, Expression]) -> PrintedFunction:
+        for argument in arguments.values():
+            if isinstance(argument.type, RecordType):
+                self.record(argument.type)
         tree = definition(python)
         body = FunctionBody(self, python, isinstance(function, Compiled), arguments)
         lines = body.print(tree)

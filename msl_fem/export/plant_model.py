@@ -60,11 +60,14 @@ def plant_record(plant: PlantParameters) -> RecordType:
     )
 
 
+def setting_record(plant: RecordType) -> RecordType:
+    """What the coefficients of effects depend on beside the effects."""
+    return RecordType("KernelSetting", tuple((n, plant if n == "plant" else REAL) for n in KernelSetting._fields))
+
+
 def plant_source(plant: PlantParameters, *, effects: bool) -> dict[str, str]:
     """File name to C: declarations, and the functions of a plant of that build, plain or with every effect."""
     printer, p = Printer(), plant_record(plant)
-    for record in (CELLS, p):
-        printer.record(record)
     for name in _NAMED:
         printer.named(name, getattr(layout, name))
     e: Any = ROWS if effects else None
@@ -86,10 +89,7 @@ def plant_source(plant: PlantParameters, *, effects: bool) -> dict[str, str]:
 
 def _add_effects(printer: Printer, p: RecordType) -> None:
     """What a run with effects needs beside: coefficients, the start, what the instruments read."""
-    setting = RecordType("KernelSetting", (("plant", p), ("inductance", REAL), ("step", REAL), ("n_step", REAL)))
-    assert KernelSetting._fields == tuple(name for name, _ in setting.fields)
-    for record in (setting, INSTRUMENTS):
-        printer.record(record)
+    setting = setting_record(p)
     for name, value in {"N_COEFFICIENT": N_COEFFICIENT, "N_PARAMETER": N_PARAMETER, "HISTORY_DEPTH": HISTORY_DEPTH,
                         "N_HISTORY": N_HISTORY, "N_READING": N_READING}.items():  # fmt: skip
         printer.named(name, value)

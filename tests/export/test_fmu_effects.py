@@ -7,9 +7,10 @@ from fmpy import read_model_description
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 from fmu_master import PAIRS, RATE, SINGLE, Master, cases, changed, exported, steps
+from printed_library import AS_COMPILED
 
 from msl_fem.errors import InputError
-from msl_fem.export import fmu
+from msl_fem.export import fmu, fmu_library
 from msl_fem.export.formats import ModelSource
 from msl_fem.plant import Inputs, Options, plant_parameters, simulate
 from msl_fem.plant.effects import CATALOGUE, EffectValues
@@ -56,6 +57,17 @@ def test_every_effect_together(archive, quiet, table):
     master = Master(archive).initialise()
     assert_is_simulated(master, quiet, table, ALL_EFFECTS, rough(N_SAMPLE).commands)
     assert master.said == []
+
+
+def test_to_the_last_bit_where_the_compiler_fuses_as_the_kernel_does(servo, table, tmp_path, monkeypatch):
+    """Memory, impacts, limits, delays: every function of the kernel has its part in these runs."""
+    monkeypatch.setattr(fmu_library, "FLAGS", (*fmu_library.FLAGS, *AS_COMPILED))
+    stop = changed(servo, motion={"end_stop": 5e-4, "end_stop_restitution": 0.4}, position_sensor={"resolution": 0.0})
+    master = Master(exported(stop, table, tmp_path, effects=ALL_EFFECTS)).initialise()
+    commands = np.r_[rough(100).commands, steps([7.0, 1.0], n=100)]
+    wanted = assert_is_simulated(master, stop, table, ALL_EFFECTS, commands, within=0.0)
+    assert wanted.audit.impact > 0
+    assert wanted.samples_at_voltage_limit.max() > 0
 
 
 @pytest.mark.parametrize("effect", list(ALL_EFFECTS.stated))

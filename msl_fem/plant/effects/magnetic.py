@@ -49,8 +49,8 @@ def _believed_gaps(change: DesignChange, v: Values) -> None:
 def _coenergy_scales(v: Values) -> tuple[float, float, float]:
     """(scale, depth, growth) of W'(i, g) -> (depth + growth g) W'(scale i, g)."""
     sooner, turns = 1.0 + v["early_saturation", "knee_shift"], 1.0 + v["fringing", "turns_error"]
-    depth = (1.0 + v["fringing", "depth_error"]) / sooner**2
-    return sooner * turns, depth, v["fringing", "growth"] / sooner**2
+    depth = (1.0 + v["fringing", "depth_error"]) / (sooner * sooner)
+    return sooner * turns, depth, v["fringing", "growth"] / (sooner * sooner)
 
 
 def _believed_coenergy(change: DesignChange, v: Values) -> None:
@@ -92,7 +92,7 @@ def _believed_eddy_currents(change: DesignChange, v: Values) -> None:
 
 def _coupling(e: Array, v: Values, setting: KernelSetting) -> None:
     e[SHARE] = v["cross_coupling", "share"] if setting.plant.sides == 2 else 0.0
-    e[UNMIX] = 1.0 / (1.0 - e[SHARE] ** 2)
+    e[UNMIX] = 1.0 / (1.0 - e[SHARE] * e[SHARE])
 
 
 def _tilt(e: Array, v: Values, setting: KernelSetting) -> None:

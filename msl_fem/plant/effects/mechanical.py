@@ -53,7 +53,8 @@ def _friction(e: Array, v: Values, setting: KernelSetting) -> None:
     e[FRICTION_WIDTH] = v["coulomb_friction", "presliding"] / N_STOP
     e[FRICTION_SLOPE] = v["coulomb_friction", "force"] / (SUM_OF_WIDTHS * e[FRICTION_WIDTH])
     e[STRIBECK_RISE] = v["coulomb_friction", "stribeck_rise"]
-    e[STRIBECK_FALL] = 1.0 / v["coulomb_friction", "stribeck_velocity"] ** 2
+    slow = v["coulomb_friction", "stribeck_velocity"]
+    e[STRIBECK_FALL] = 1.0 / (slow * slow)
 
 
 def _friction_force(v: Values, plant: PlantParameters, motion: MoverMotion) -> Array | float:
@@ -92,7 +93,7 @@ def _second_mass(e: Array, v: Values, setting: KernelSetting) -> None:
     share, natural = v["structural_mode", "mass_share"], 2 * math.pi * v["structural_mode", "frequency"]
     e[MODE_KEPT], e[MODE_RATIO] = 1.0 - share, share / (1.0 - share)
     if share or v["structural_mode", "load_reading"]:  # what is not there stands still, whatever the step
-        e[MODE_STIFFNESS] = natural**2
+        e[MODE_STIFFNESS] = natural * natural
         e[MODE_DAMPING] = 2 * v["structural_mode", "damping_ratio"] * natural
     e[MODE_MASS] = share * setting.plant.mass if share else 0.0  # not 0 times the infinite mass of a locked mover
     e[MODE_READING] = v["structural_mode", "load_reading"]
@@ -123,9 +124,9 @@ def _balancing_force(v: Values, plant: PlantParameters, motion: MoverMotion) -> 
 def _base(e: Array, v: Values, setting: KernelSetting) -> None:
     natural = 2 * math.pi * v["support_compliance", "frequency"]
     e[COMPLIANCE] = v["support_compliance", "compliance"]
-    e[BASE_INERTIA] = e[COMPLIANCE] / natural**2
+    e[BASE_INERTIA] = e[COMPLIANCE] / (natural * natural)
     if e[COMPLIANCE]:
-        e[BASE_STIFFNESS] = natural**2
+        e[BASE_STIFFNESS] = natural * natural
         e[BASE_DAMPING] = 2 * v["support_compliance", "damping_ratio"] * natural
 
 
