@@ -19,6 +19,7 @@ from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, defa
 from msl_fem.record import load_record
 from msl_fem.record.measured_table import table_from_measurements
 from msl_fem.table.magnetic_table import write_table
+from msl_fem.table.origin import ANOTHER_UNIT, inductance_ratio
 from msl_fem.table.pair_table import write_pair_table
 
 SIDES = ("one", "both")
@@ -153,6 +154,12 @@ def _fit_measured(
             "origin": record.origin,
         },
     )
+    ratio = inductance_ratio(it, made)
+    if ratio is not None and not 1 / ANOTHER_UNIT <= ratio <= ANOTHER_UNIT:
+        raise InputError(
+            f"{folder}: by static.csv the inductance is {ratio:.3g} times what gaps, pole faces and turns of "
+            f"{it.name} give; look at the units of gap_m, current_A, force_N and flux_linkage_Wb"
+        )
     write_table(made, output)
     for note in report.notes:
         say(f"note: {note}")

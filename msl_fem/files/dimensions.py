@@ -13,7 +13,9 @@ Inertia = Annotated[float, In("kg m^2"), Field(gt=0)]
 Stiffness = Annotated[float, In("N/m"), Field(ge=0)]
 Damping = Annotated[float, In("N s/m"), Field(ge=0)]
 Force = Annotated[float, In("N")]
-Frequency = Annotated[float, In("Hz"), Field(gt=0)]
+SLOWEST = 1e-6
+"""Hz: a period of eleven days."""
+Frequency = Annotated[float, In("Hz"), Field(ge=SLOWEST)]
 Voltage = Annotated[float, In("V"), Field(gt=0)]
 Current = Annotated[float, In("A"), Field(gt=0)]
 Resistance = Annotated[float, In("ohm"), Field(gt=0)]

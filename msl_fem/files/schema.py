@@ -18,6 +18,8 @@ from msl_fem.files.quantity import parse_quantity
 from msl_fem.files.toml_text import quantity_text
 
 LARGEST = 1e18  # of any quantity in SI units
+LARGEST_OF_UNIT = {"m": 1e3, "A": 1e6, "V": 1e7, "N": 1e9, "kg": 1e7, "Hz": 1e12, "T": 1e3, "N/m": 1e12, "ohm": 1e9}
+"""More than any machine of this kind has."""
 LARGEST_TEXT = 16_000_000  # bytes of a file that people write: a device or a wrong file ends here, not the memory
 DEEPEST = 40  # levels of nesting: no file of ours has more than five
 
@@ -41,8 +43,9 @@ class In:
 
     def _plausible(self, value: float) -> float:
         """The value; ValueError beyond what any machine has, where squares and products would overflow later."""
-        if abs(value) > LARGEST:
-            limit = f"{LARGEST:g} {self.unit}".rstrip()
+        most = LARGEST_OF_UNIT.get(self.unit, LARGEST)
+        if abs(value) > most:
+            limit = f"{most:g} {self.unit}".rstrip()
             size = f"{value:g}" if isinstance(value, float) else "a number"  # an integer of many digits is no float
             raise ValueError(f"{size} {self.unit} is out of range; in size it must be at most {limit}")
         return value

@@ -13,14 +13,16 @@ NO_ROOM = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO}
 """Numbers of the system's errors where a disk takes no more."""
 
 
-def cannot_be_written(target: Path, err: OSError, way_out: str) -> InputError | ComputationError:
+def cannot_be_written(
+    target: Path, err: OSError, way_out: str, *, error: type[InputError] = InputError
+) -> InputError | ComputationError:
     """What to raise where the system refuses to write: a full disk is no wrong input; then the folder is named."""
     if err.errno in NO_ROOM:
         return ComputationError(
             f"{target}: cannot be written ({err.strerror}); make room in {target.absolute().parent} or choose another "
             "folder"
         )
-    return InputError(f"{target}: cannot be written ({err.strerror}); {way_out}")
+    return error(f"{target}: cannot be written ({err.strerror}); {way_out}")
 
 
 def check_target(target: Path, *, apart_from: Collection[Path] = ()) -> None:

@@ -250,12 +250,14 @@ class FitFigures:
 
 
 def fit_percent(measured: Array, modelled: Array) -> float:
-    """100 (1 - ||y - yhat|| / ||y - mean y||) over the samples where yhat is a number; 100 is perfect.
+    """100 (1 - ||y - yhat|| / ||y - mean y||) over the samples where yhat is a number; 100 is perfect, nan where y stands.
 
     The figure that L. Ljung's System Identification Toolbox calls fit.
     """
     known = np.isfinite(modelled)
     y = np.asarray(measured, dtype=float)[known]
+    if y.size == 0 or np.ptp(y) == 0:
+        return float("nan")
     return float(100.0 * (1.0 - np.linalg.norm(y - modelled[known]) / np.linalg.norm(y - y.mean())))
 
 

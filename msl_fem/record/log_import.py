@@ -131,7 +131,7 @@ def _append(folder: Path, run: Run) -> None:
         with whole_file(rig_file) as partial:
             partial.write_text(f"{rig_file.read_text(encoding='utf-8').rstrip()}\n\n{entry}", encoding="utf-8")
     except OSError as err:
-        raise cannot_be_written(folder / run.file, err, "look at the folder's permissions") from err
+        raise cannot_be_written(folder / run.file, err, "look at the folder's permissions", error=RecordError) from err
 
 
 def _rate(run: Run, rate: float | None) -> float:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError, InputError, TableError
 from msl_fem.files.quantity import format_quantity
+from msl_fem.record.columns import FIRST_ROW
 from msl_fem.record.record import StaticMap
 from msl_fem.record.rig_file import Noise
 from msl_fem.table.coenergy_fit import SMOOTHING, CoenergyFit, Samples, SaturatingReluctance, fit_base, fit_coenergy
@@ -25,6 +26,12 @@ VAGUE = 0.05
 """... or whose force has a 95 % band beyond this share of the largest force."""
 SUSPICIOUS = 2.0
 """Residuals beyond this multiple of the stated noise are said: something else than noise is in the data."""
+OUTLIER = 8.0
+"""Sigma beyond which a row is named."""
+MEDIAN_OF_NORMAL = 0.6745
+"""Of the absolute value, over sigma."""
+CONTRADICTION = 0.3
+"""Share of its values by which the fit may miss force or flux linkage, in the median over the rows."""
 CHANNELS = {"force": ("N", "force_N"), "flux_linkage": ("Wb", "flux_linkage_Wb")}
 
 
@@ -84,7 +91,8 @@ def table_from_measurements(
 
     Raises
     ------
-    InputError : too few rows, no noise stated for a measured quantity, a grid beyond the measurements
+    InputError : too few rows, no noise stated for a measured quantity, a grid beyond the measurements, force and flux
+        linkage that contradict each other
     ComputationError : the rows are not those of a reluctance magnet
     """
     samples = _all_samples(static, noise, "fit")
@@ -93,6 +101,7 @@ def table_from_measurements(
     base = fit_base(samples)
     weighted = {name: _effective(s, name, base, noise) for name, s in samples.items()}
     fit, table = _positive_fit(weighted, base, gap, current)
+    _refuse_contradiction(fit, weighted)
     report = _report(static, noise, fit=fit, table=table, weighted=weighted)
     table = replace(
         table,
@@ -254,7 +263,7 @@ def _report(
         smoothing=fit.smoothing,
         cells=thin.cells,
         thin_cells=thin.count,
-        notes=tuple([*_data_notes(static, residual, fit), *thin.notes]),
+        notes=tuple([*_data_notes(static, residual, fit, noise), *thin.notes]),
     )
 
 
@@ -307,8 +316,42 @@ def _thin(fit: CoenergyFit, table: MagneticTable, samples: Mapping[str, Samples]
     return _Thin(i.size, int(np.count_nonzero(thin)), float(band[~thin].max(initial=0.0)), (note,))
 
 
-def _data_notes(static: StaticMap, residual: Mapping[str, float], fit: CoenergyFit) -> list[str]:
+def _outlier_notes(static: StaticMap, noise: Noise, fit: CoenergyFit) -> list[str]:
+    """A note for each quantity of which single rows lie far off the fit, by the noise or by the other rows' errors."""
     notes = []
+    for name, s in _all_samples(static, noise, "fit").items():
+        rows = np.flatnonzero((static.role == "fit") & (static.current != 0))
+        weighted = _effective(s, name, fit.base, noise)
+        off = np.abs(s.value - fit(name, s.current, s.gap)[0]) / weighted.sigma
+        far = np.flatnonzero(off > OUTLIER * max(1.0, float(np.median(off)) / MEDIAN_OF_NORMAL))
+        if far.size:
+            worst = far[np.argsort(-off[far])][:5]
+            listed = ", ".join(f"{rows[k] + FIRST_ROW['.csv']} ({off[k]:.0f} sigma)" for k in worst)
+            notes.append(
+                f"{CHANNELS[name][1]}: {far.size} of {off.size} rows lie more than {OUTLIER:g} sigma off the fit, "
+                f"static.csv row {listed}; look at them, or leave them out"
+            )
+    return notes
+
+
+def _refuse_contradiction(fit: CoenergyFit, samples: Mapping[str, Samples]) -> None:
+    """InputError where no one coenergy has both the measured force and the measured flux linkage as derivatives."""
+    if len(samples) < 2:
+        return
+    missed = {}
+    for name, s in samples.items():
+        error = s.value - fit(name, s.current, s.gap)[0]
+        missed[name] = float(np.median(np.abs(error)) / np.median(np.abs(s.value)))
+    if max(missed.values()) > CONTRADICTION:
+        shares = " and ".join(f"{CHANNELS[name][1]} by {share:.0%}" for name, share in missed.items())
+        raise InputError(
+            "static.csv: force and flux linkage contradict each other: the coenergy that fits both best misses "
+            f"{shares} in the median; look at the units of gap_m, current_A, force_N and flux_linkage_Wb"
+        )
+
+
+def _data_notes(static: StaticMap, residual: Mapping[str, float], fit: CoenergyFit, noise: Noise) -> list[str]:
+    notes = _outlier_notes(static, noise, fit)
     if "flux_linkage" not in residual:
         notes.append(
             "no flux linkage was measured: force fixes the coenergy up to a function of the current, so flux linkage "

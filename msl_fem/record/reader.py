@@ -13,6 +13,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.record.columns import CHANNELS, Channel, Column, numbers, place, read_columns, side_columns
+from msl_fem.record.plausibility import doubtful_against_command, refuse_impossible
 from msl_fem.record.record import Record, Run, StaticMap, read_only
 from msl_fem.record.rig_file import (
     RIG_FILE,
@@ -99,6 +100,7 @@ def _warnings(runs: tuple[Run, ...], static: StaticMap | None, actuator: Actuato
     warnings: list[str] = []
     for run in runs:
         warnings += doubtful_sensors(run, actuator, file=run.file)
+        warnings += doubtful_against_command(run, file=run.file)
     extras = {run.file: run.extra for run in runs}
     if static is not None:
         extras[STATIC_FILE] = static.extra
@@ -248,11 +250,13 @@ def check_run(run: Run, actuator: Actuator, sampling: Sampling, *, file: Path | 
     Raises
     ------
     RecordError : a column is missing, a value not finite, fewer than 1000 samples, time that does not increase, a
-        jitter above 1 % of the period, a rate more than 0.1 % off the stated one, a position outside the gap
+        jitter above 1 % of the period, a rate more than 0.1 % off the stated one, a position outside the gap, a
+        value that no machine shows
     """
     check_columns(list(run.columns), actuator, file=file)
     for name, values in run.columns.items():
         numbers(values, name, file)
+    refuse_impossible(run, file=file)
     if run.time.size < FEWEST_SAMPLES:
         raise RecordError(
             f"{file}: column time_s: the run has {run.time.size} samples, at least {FEWEST_SAMPLES} are needed; "

@@ -43,8 +43,8 @@ def write_record(record: Record, folder: str | Path) -> None:
 
     Raises
     ------
-    RecordError : `load_record` would refuse the record; the folder holds something else
-    InputError, ComputationError : the folder cannot be written; the disk is full
+    RecordError : `load_record` would refuse the record; the folder holds something else or cannot be written
+    ComputationError : the disk is full
     InputError : a file that the actuator names is not what it should be, see `check_companions`
     """
     folder = Path(folder).absolute()
@@ -69,7 +69,7 @@ def write_record(record: Record, folder: str | Path) -> None:
                 _check_target(record, folder)  # what stands there may have changed meanwhile
                 _put_in_place(new, folder, aside=Path(partial) / "old")
     except OSError as err:
-        raise cannot_be_written(folder, err, "choose another folder") from err
+        raise cannot_be_written(folder, err, "choose another folder", error=RecordError) from err
 
 
 def check_record_folder(folder: str | Path) -> None:
@@ -81,7 +81,7 @@ def check_record_folder(folder: str | Path) -> None:
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=nearest):
             return
     except OSError as err:
-        raise cannot_be_written(folder, err, "choose another folder") from err
+        raise cannot_be_written(folder, err, "choose another folder", error=RecordError) from err
 
 
 @contextlib.contextmanager

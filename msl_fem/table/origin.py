@@ -12,6 +12,17 @@ PLAUSIBLE = 3.0
 """Factor by which the inductance of pole faces and gaps alone may miss a table's: fringing, leakage, iron."""
 
 
+ANOTHER_UNIT = 30.0
+"""Factor that no magnet misses it by; a wrong unit does by 1000."""
+
+
+def inductance_ratio(actuator: Actuator, table: MagneticTable) -> float | None:
+    """A table's inductance over that of the magnet's gaps, pole faces and turns; None where those are not known."""
+    magnet = actuator.magnet
+    inductance = _gap_inductance(magnet, table) if isinstance(magnet, MagnetKind) else None
+    return None if inductance is None else _table_inductance(table) / inductance
+
+
 def doubt_about_table(actuator: Actuator, table: MagneticTable) -> str | None:
     """Why a table is hardly that of the actuator's magnet, in a sentence; None where nothing speaks against it."""
     magnet, provenance = actuator.magnet, table.provenance
