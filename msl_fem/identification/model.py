@@ -250,7 +250,7 @@ class FitFigures:
 
 
 def fit_percent(measured: Array, modelled: Array) -> float:
-    """100 (1 - ||y - yhat|| / ||y - mean y||) over the samples where yhat is a number; 100 is perfect, nan where y stands.
+    """100 (1 - ||y - yhat|| / ||y - mean y||) where yhat is a number; 100 is perfect, nan where y stands still.
 
     The figure that L. Ljung's System Identification Toolbox calls fit.
     """
