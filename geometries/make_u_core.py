@@ -7,7 +7,8 @@ import meshio
 import numpy as np
 
 from msl_fem.magnetics.section import Region, Section
-from msl_fem.magnetics.solver.mesh import MeshSize, TriangleMesh, triangulate
+from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
+from msl_fem.magnetics.triangles import TriangleMesh
 
 LEG, WINDOW, HEIGHT, THICK, GAP = 10e-3, 20e-3, 25e-3, 10e-3, 0.5e-3  # of the core, and the air gap
 COIL, CLEARANCE, AIR = 6e-3, 1e-3, 60e-3

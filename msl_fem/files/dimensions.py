@@ -7,6 +7,7 @@ from pydantic import Field
 from msl_fem.files.schema import In
 
 Length = Annotated[float, In("m"), Field(gt=0)]
+Coordinate = Annotated[float, In("m")]
 Clearance = Annotated[float, In("m"), Field(ge=0)]
 Mass = Annotated[float, In("kg"), Field(gt=0)]
 Inertia = Annotated[float, In("kg m^2"), Field(gt=0)]

@@ -35,6 +35,19 @@ class IronPart:
 
 
 @dataclass(frozen=True)
+class MovingRegions:
+    """Where no strip crosses the section: regions that move in a direction as the gap grows, in air that follows them.
+
+    `clearance`, the smallest distance in m of what moves and what stands, takes the gap's place in the mesh's sizes.
+    """
+
+    names: tuple[str, ...]
+    air: tuple[str, ...]
+    direction: tuple[float, float]
+    clearance: float
+
+
+@dataclass(frozen=True)
 class Section:
     """A half section x >= 0 (A = 0 on the box), in metres, at the gap `gap`.
 
@@ -65,6 +78,12 @@ class Section:
     far: float = 1.0
     parts: tuple[IronPart, ...] = ()
     symmetry: Symmetry = "flux line"
+    moving: MovingRegions | None = None
+
+    @property
+    def size_gap(self) -> float:
+        """The distance in m to which the sizes of the mesh's elements relate."""
+        return self.gap if self.moving is None else self.moving.clearance
 
     @property
     def axisymmetric(self) -> bool:

@@ -62,7 +62,11 @@ def painted_field(field: MagnetField, solution: FieldSolution) -> PaintedField:
     """The solution on its mesh refined twice, with the outlines of iron and coil."""
     model, mesh = field.model, field.model.mesh
     fine, potential = model.basis.refinterp(solution.potential, nrefs=2)
-    x, y = mesh.at_gap(solution.gap, fine.p) * 1e3
+    if mesh.motion is None:
+        x, y = mesh.at_gap(solution.gap, fine.p) * 1e3
+    else:
+        _, share = model.basis.refinterp(model.motion_share, nrefs=2)
+        x, y = (fine.p + share * mesh.motion.direction[:, None] * (solution.gap - mesh.gap)) * 1e3
     region = np.array([mesh.names.index("air") if n in AIR else k for k, n in enumerate(mesh.names)])[mesh.region]
     corner_x, corner_y = mesh.at_gap(solution.gap) * 1e3
     outlines = _region_edges(corner_x, corner_y, mesh.triangles, region)
@@ -70,6 +74,8 @@ def painted_field(field: MagnetField, solution: FieldSolution) -> PaintedField:
     margin = 0.2 * field.magnet.half_width * 1e3
     right, low = right * 1e3 + margin, low * 1e3 - margin
     area = (-right, right, low, (high - mesh.gap + solution.gap) * 1e3 + margin)
+    if mesh.motion is not None:
+        area = (-right, right, low, high * 1e3 + margin)
     b = _flux_density(x, y, potential, fine.t, axisymmetric=model.axisymmetric)
     if not model.axisymmetric:
         return PaintedField(x, y, potential, fine.t, b, outlines, area)

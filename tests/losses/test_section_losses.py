@@ -16,8 +16,8 @@ from msl_fem.losses import (
     sinusoidal_loss,
 )
 from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
-from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.postprocess import triangle_flux_density
+from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.materials.material import load_iron
 from msl_fem.table.magnetic_table import MagneticTable
 

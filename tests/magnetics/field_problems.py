@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from msl_fem.magnetics.solver.mesh import TriangleMesh
+from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron
 

@@ -8,8 +8,9 @@ from skfem import Basis, ElementTriP2, ElementTriP3
 
 from msl_fem.magnetics.section import Region, Section
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, field_response, solve_field
-from msl_fem.magnetics.solver.mesh import MeshSize, TriangleMesh, triangulate
+from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
 from msl_fem.magnetics.solver.postprocess import triangle_flux_density
+from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, linear_iron, load_iron
 

@@ -9,6 +9,8 @@ import meshio
 import numpy as np
 import pytest
 from conftest import ROOT
+from field_problems import REFERENCE
+from published_magnets import roters
 
 from msl_fem.actuator import Actuator, load_actuator, parse_actuator
 from msl_fem.actuator.tolerances import LENGTHS
@@ -19,6 +21,7 @@ from msl_fem.losses import Cooling, choose_wire, iron_loss, thermal_network
 from msl_fem.losses.section_loss import PeriodicOperation
 from msl_fem.magnetics.field.foreign_mesh import solve_mesh_magnet
 from msl_fem.magnetics.field.magnet_field import field_of, solve, solve_with_field
+from msl_fem.magnetics.field.plunger import solve_plunger
 from msl_fem.magnetics.field.two_sided import TwoSidedPosition, solve_two_sided
 from msl_fem.magnetics.field_map.level_map import FieldMapSettings, field_map
 from msl_fem.magnetics.kinds.kind import PlaneMagnet, WindingSpace
@@ -30,6 +33,7 @@ from msl_fem.materials.constants import MU_0
 from msl_fem.report.field_picture import draw_field, save_picture
 
 UI60 = ROOT / "geometries" / "u_core_ui60.toml"
+ROTERS = ROOT / "geometries" / "roters_plunger.toml"
 POT = ROOT / "geometries" / "pot_core_holding.toml"
 NAMES = {"strip": "air_gap", "window": "air_window"}
 
@@ -291,3 +295,70 @@ def test_bad_dimensions_are_one_line(file: Path, path: str, value: object, compl
         parse_actuator(content)
     assert complaint in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def plunger() -> Actuator:
+    return load_actuator(ROTERS)
+
+
+@pytest.mark.parametrize("row", [2, 8, 15])
+def test_a_plunger_pulls_as_roters_measured(plunger: Actuator, row: int) -> None:
+    """Within 10 % from 0.2 to 1.5 in, as the same magnet solved on its own does."""
+    inches, _, force = np.genfromtxt(REFERENCE / "roters" / "measured_force.csv", delimiter=",")[row]
+    found = solve(plunger, 1.5, inches * 0.0254, accuracy="fast").quantities
+    assert found.force == pytest.approx(force, rel=0.1)
+    assert found.force_stress_tensor == pytest.approx(found.force, rel=0.05)
+    alone = solve_plunger(roters(), 1.5, -inches * 0.0254, order=2)
+    assert found.force == pytest.approx(alone.force, rel=0.01)
+    assert found.flux_linkage == pytest.approx(alone.flux_linkage, rel=0.01)
+
+
+def test_a_plungers_table_holds_between_gaps_that_have_their_own_meshes(plunger: Actuator) -> None:
+    gaps = np.array([0.014, 0.018])
+    table, report = sweep(plunger, gaps, [0.75, 1.5], settings=SweepSettings(accuracy="fast"))
+    fresh = solve(plunger, 1.2, 0.016, accuracy="fast").quantities
+    assert float(table.force(1.2, 0.016)) == pytest.approx(fresh.force, rel=0.03)
+    assert report.reciprocity_error < 0.05
+    made = field_map(plunger, gaps, levels=[1.2], settings=FieldMapSettings(accuracy="fast"))
+    there = solve(plunger, float(made.current[0, 1]), gaps[1], accuracy="fast").quantities.flux_density
+    assert there["plunger"].mean == pytest.approx(1.2, rel=5e-3)
+    assert made.section == (("plunger", "plunger"),)
+
+
+def test_a_mesh_that_follows_a_plunger_has_the_coenergys_slopes(plunger: Actuator) -> None:
+    """Moved by 0.2 mm: force, its slope and B are those of the moved section, on one mesh and on another."""
+    field = field_of(plunger, 0.0127, accuracy="fast")
+    gap, h = 0.0129, 1e-6
+    at, low, high = (field.quantities(field.solve(1.5, g)) for g in (gap, gap - h, gap + h))
+    assert at.force == pytest.approx(-(high.coenergy - low.coenergy) / (2 * h), rel=1e-5)
+    at = field.quantities(field.solve(1.5, gap))
+    assert at.force_gap_slope == pytest.approx((high.force - low.force) / (2 * h), rel=1e-4)
+    assert at.force == pytest.approx(solve(plunger, 1.5, gap, accuracy="fast").quantities.force, rel=2e-3)
+    assert at.force_stress_tensor == pytest.approx(at.force, rel=0.05)
+    assert field.near(0.01271) is field
+    assert field.near(0.015) is not field
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"plunger": [["0 mm", "0 mm"], ["30 mm", "0 mm"], ["0 mm", "50 mm"]]}, "the plunger reaches into the"),
+        ({"plunger": [["-1 mm", "0 mm"], ["5 mm", "0 mm"], ["0 mm", "50 mm"]]}, "plunger has a point left of the axis"),
+        ({"withdrawal": "up"}, "withdrawal"),
+    ],
+)
+def test_bad_outlines_are_one_line(change: dict[str, object], complaint: str) -> None:
+    content = tomllib.loads(ROTERS.read_text())
+    content["magnet"] |= change
+    with pytest.raises(ActuatorError, match=complaint) as caught:
+        parse_actuator(content)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_gap_at_which_a_plunger_hits_or_leaves_is_refused(plunger: Actuator) -> None:
+    with pytest.raises(InputError, match="gap 100 mm is not allowed"):
+        solve(plunger, 1.0, 0.1)
+    boxed = plunger.magnet.model_copy(update={"air": Air(side=0.1, bottom=0.02, top=0.1)})
+    with pytest.raises(InputError, match="leaves the air box, .* choose a smaller gap"):
+        boxed.section(0.03)

@@ -18,8 +18,8 @@ from msl_fem.magnetics.solver.magnetostatics import (
     field_response,
     solve_field,
 )
-from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.postprocess import Probes, evaluate_field
+from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, linear_iron, load_iron
 

@@ -12,7 +12,8 @@ from msl_fem.errors import ComputationError
 from msl_fem.magnetics.field.accuracy import LEVELS
 from msl_fem.magnetics.field.magnet_field import magnet_mesh
 from msl_fem.magnetics.section import Section
-from msl_fem.magnetics.solver.mesh import GROWTH_CHANGES, MeshSize, TriangleMesh, triangulate
+from msl_fem.magnetics.solver.mesh import GROWTH_CHANGES, MeshSize, triangulate
+from msl_fem.magnetics.triangles import TriangleMesh
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,8 @@ from msl_fem.errors import ActuatorError, InputError
 from msl_fem.magnetics.field.foreign_mesh import MeshField, read_mesh, solve_mesh_magnet
 from msl_fem.magnetics.field.mesh_checks import anticlockwise
 from msl_fem.magnetics.solver.magnetostatics import solve_field
-from msl_fem.magnetics.solver.mesh import MeshSize, TriangleMesh, triangulate
+from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
+from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.materials.constants import MU_0
 
 FILE = ROOT / "geometries" / "u_core.msh"

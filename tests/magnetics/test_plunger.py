@@ -9,7 +9,7 @@ from msl_fem.errors import InputError
 from msl_fem.magnetics.field.plunger import PlungerField, PlungerMagnet, plunger_field, plunger_section, solve_plunger
 from msl_fem.magnetics.section import Region
 from msl_fem.magnetics.solver.magnetostatics import FieldModel
-from msl_fem.magnetics.solver.mesh import TriangleMesh
+from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.materials.material import load_iron
 
 STEP = 2e-5

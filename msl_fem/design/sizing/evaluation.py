@@ -27,7 +27,8 @@ from msl_fem.design.sizing.design import (
 from msl_fem.design.sizing.requirement import Objective, Requirement
 from msl_fem.errors import ComputationError, NotConverged
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
-from msl_fem.magnetics.field.magnet_field import SMALLEST_GAP, MagnetField, magnet_mesh
+from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
+from msl_fem.magnetics.kinds.kind import SMALLEST_GAP
 from msl_fem.magnetics.solver.postprocess import FieldQuantities
 from msl_fem.materials.material import laminated, load_iron
 

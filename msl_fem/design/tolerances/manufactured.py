@@ -17,9 +17,8 @@ from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.section import Section
-from msl_fem.magnetics.solver.mesh import TriangleMesh
-from msl_fem.magnetics.solver.postprocess import Probes
 from msl_fem.magnetics.sweep.rows import FieldJob
+from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
 
@@ -133,7 +132,7 @@ def manufactured_field(nominal: FieldJob, deviation: Mapping[str, float]) -> Mag
     nominal_section = nominal.magnet.section(nominal.mesh.gap)
     deviating = magnet.section(nominal.mesh.gap)
     mesh = moved_mesh(nominal.mesh, nominal_section, deviating)
-    field = MagnetField(magnet, mesh, folder=nominal.folder, order=nominal.order)
+    field = replace(nominal, magnet=magnet, mesh=mesh).field()
     polarisation, strength = (deviation.get(name, 0.0) for name in ("bh_polarisation", "bh_field_strength"))
     if polarisation or strength:
         irons = {
@@ -142,9 +141,7 @@ def manufactured_field(nominal: FieldJob, deviation: Mapping[str, float]) -> Mag
             )
             for region, (name, stacking) in field.section.iron.items()
         }
-        field.irons = irons
-        field.model = field.model.with_irons(irons)
-        field.probes = Probes(field.model, field.section)
+        return field.with_irons(irons)
     return field
 
 

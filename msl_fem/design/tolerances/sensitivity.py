@@ -94,11 +94,12 @@ class ManufacturingSolver:
         try:
             field = manufactured_field(self.job.nominal, deviation)
             if row.by_section:
-                per_section = [self._currents(field, only(field, name), off) for name in asked.sections]
+                per_section = [self._currents(field, name, off) for name in asked.sections]
                 found = {"section_current": np.stack(per_section)}
             else:
-                found = {"current": self._currents(field, field, off)}
-            at = field.quantities(field.solve(asked.point_current, asked.point_gap + off))
+                found = {"current": self._currents(field, None, off)}
+            there = field.near(asked.point_gap)
+            at = there.quantities(there.solve(asked.point_current, asked.point_gap + off))
         except (NotConverged, ComputationError, ValueError) as err:
             raise ComputationError(
                 f"the magnet with {_told(row)} failed: {err}; make the tolerances smaller, or leave out the level or "
@@ -110,13 +111,14 @@ class ManufacturingSolver:
             "cpu_seconds": np.array(time.process_time() - started),
         }
 
-    def _currents(self, field: MagnetField, read_on: MagnetField, off: float) -> Array:
-        """(n_level, n_gap) A; the field is read where the probes of `read_on` are."""
+    def _currents(self, field: MagnetField, section: str | None, off: float) -> Array:
+        """(n_level, n_gap) A, read on a section, or on the one that governs."""
         asked = self.job.questions
-        reader = reader_of(read_on, Criterion("mean"))
         columns = []
         for gap in asked.gaps:
-            continuation = CurrentContinuation(field, reader, gap + off)
+            near = field.near(gap)
+            reader = reader_of(near if section is None else only(near, section), Criterion("mean"))
+            continuation = CurrentContinuation(near, reader, gap + off)
             columns.append([continuation.root(level, asked.most).current for level in asked.levels])
         return np.array(columns).T
 

@@ -20,8 +20,14 @@ from msl_fem.design.tolerances.sensitivity import (
 )
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
-from msl_fem.magnetics.field.magnet_field import LARGEST_CURRENT_DENSITY, MagnetField, check_point, magnet_mesh
+from msl_fem.magnetics.field.accuracy import Accuracy
+from msl_fem.magnetics.field.magnet_field import (
+    LARGEST_CURRENT_DENSITY,
+    MagnetField,
+    check_point,
+    degree_of,
+    magnet_mesh,
+)
 from msl_fem.magnetics.field_map.gap_levels import CurrentContinuation
 from msl_fem.magnetics.field_map.readings import reader_of
 from msl_fem.maps import LEVELS as FLUX_DENSITIES
@@ -204,7 +210,7 @@ def tolerance_study(
     gaps = _gaps(actuator, settings.gaps, tolerances)
     magnet = actuator.magnet_kind("a tolerance study")
     mesh = magnet_mesh(magnet, float(np.sqrt(gaps[0] * gaps[-1])), settings.accuracy)
-    nominal = FieldJob(magnet, mesh, actuator.folder, LEVELS[settings.accuracy].order)
+    nominal = FieldJob(magnet, mesh, actuator.folder, degree_of(magnet, settings.accuracy), accuracy=settings.accuracy)
     most = _most(actuator)
     nominal_field = manufactured_field(nominal, {})
     point = settings.point or _point(actuator, nominal_field, settings.levels[0], most=most, gaps=gaps)
@@ -271,9 +277,8 @@ def _point(
     """The current that brings the level at the nominal gap, or at the middle one where none is stated."""
     stated = actuator.motion.nominal_gap if actuator.motion is not None else None
     gap = stated if stated is not None else gaps[len(gaps) // 2]
-    current = (
-        CurrentContinuation(nominal_field, reader_of(nominal_field, Criterion("mean")), gap).root(level, most).current
-    )
+    field = nominal_field.near(gap)
+    current = CurrentContinuation(field, reader_of(field, Criterion("mean")), gap).root(level, most).current
     if np.isnan(current):
         raise InputError(
             f"{level:g} T is not reached at gap {format_quantity(gap, 'm')} below {most:g} A; give a lower level, or "
@@ -287,12 +292,12 @@ def _sections(
 ) -> tuple[str, ...]:
     """The sections whose mean flux density comes near a level where another one's, or their own, takes it."""
     near: dict[str, None] = {}
-    reader = reader_of(nominal_field, Criterion("mean"))
     for gap in {gaps[0], gaps[len(gaps) // 2], gaps[-1]}:
-        continuation = CurrentContinuation(nominal_field, reader, gap)
+        field = nominal_field.near(gap)
+        continuation = CurrentContinuation(field, reader_of(field, Criterion("mean")), gap)
         for level in levels:
             potential = continuation.root(level, most).point.solution.potential
-            means = {name: found.mean for name, found in nominal_field.probes.section_flux_density(potential).items()}
+            means = {name: found.mean for name, found in field.probes.section_flux_density(potential).items()}
             near |= dict.fromkeys(name for name in means if means[name] >= NEARLY * max(means.values()))
     return tuple(name for name in nominal_field.probes.cuts if name in near)
 

@@ -17,9 +17,9 @@ from msl_fem.files.schema import refuse_what_never_ends
 from msl_fem.magnetics.field.accuracy import Accuracy, PointResult, irons_of, level_of, solve_with_estimate
 from msl_fem.magnetics.field.mesh_checks import anticlockwise, check_finite
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, field_response, solve_field
-from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.postprocess import FieldQuantities, SectionFluxDensity, irons_on_tail
 from msl_fem.magnetics.solver.virtual_work import BodyForce, MovingBody, boundary_points
+from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.materials.material import AnalyticIron, Iron
 
 Indices = NDArray[np.int64]

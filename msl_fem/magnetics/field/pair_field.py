@@ -16,9 +16,10 @@ from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, irons_of
 from msl_fem.magnetics.kinds.kind import PlaneMagnet
 from msl_fem.magnetics.section import Line, Region, Section, rectangle
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, solve_field
-from msl_fem.magnetics.solver.mesh import TriangleMesh, triangulate
+from msl_fem.magnetics.solver.mesh import triangulate
 from msl_fem.magnetics.solver.postprocess import SectionFluxDensity, cut_flux_density, cut_probe, irons_on_tail
 from msl_fem.magnetics.solver.strip import STRIP, Strip
+from msl_fem.magnetics.triangles import TriangleMesh
 
 SHARED = ("armature",)
 """Regions and cuts that both sides have in common."""

@@ -10,17 +10,18 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
+from msl_fem.magnetics.kinds.outlines import convex_corners, outlines_meet
 from msl_fem.magnetics.section import Region, Section
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, field_response, solve_field
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
-from msl_fem.magnetics.solver.virtual_work import StressContour, displacement_share, hat_gradients
+from msl_fem.magnetics.solver.virtual_work import StressContour, displacement_share
+from msl_fem.magnetics.triangles import hat_gradients
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron
 from msl_fem.table.magnetic_table import MagneticTable
 
 PLUNGER = "plunger"
 SIZE = MeshSize(corner=0.05, gap=1.0, iron=0.25, growth=0.35)
-N_OUTLINE = 400
 FEWEST_GAPS = 4
 FEWEST_CURRENTS = 4
 
@@ -124,8 +125,8 @@ def plunger_section(magnet: PlungerMagnet, displacement: float) -> Section:
             f"{format_quantity(low, 'm')} ... {format_quantity(high, 'm')}; widen the box or move the plunger less"
         )
     iron = [r for r in magnet.fixed if r.name in magnet.irons]
-    corners = [c for r in iron for c in _corners(r, (plunger,), magnet.gap)]
-    corners += _corners(plunger, tuple(iron), magnet.gap)
+    corners = [c for r in iron for c in convex_corners(r.vertices, moved, magnet.gap)]
+    corners += convex_corners(moved, iron[0].vertices, magnet.gap, *(r.vertices for r in iron[1:]))
     names = {name: (material.name, 1.0) for name, material in magnet.irons.items()}
     regions = (air, *magnet.fixed, plunger)
     return Section(regions, tuple(corners), (), names, dict(magnet.turns_density), depth=1.0, gap=magnet.gap)
@@ -176,50 +177,13 @@ def force_by_virtual_work(model: FieldModel, solution: FieldSolution, motion: Ar
     return float(np.sum(density * 2 * np.pi * r * model.basis.dx)) / MU_0
 
 
-def _corners(region: Region, others: tuple[Region, ...], gap: float) -> list[tuple[float, float, float]]:
-    """The convex corners off the axis with the grading's strength: element size goes with the distance to `others`."""
-    ring = np.array(region.vertices)
-    before = ring - np.roll(ring, 1, axis=0)
-    after = np.roll(ring, -1, axis=0) - ring
-    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    following = np.roll(ring, -1, axis=0)
-    orientation = np.sign(np.sum(ring[:, 0] * following[:, 1] - following[:, 0] * ring[:, 1]))
-    corners = []
-    for (r, z), sharp in zip(ring, turn * orientation > 0, strict=True):
-        if sharp and r > 0:
-            distance = min(_distance(np.array([r, z]), np.array(other.vertices)) for other in others)
-            corners.append((float(r), float(z), float((gap / max(distance, gap)) ** (2 / 3))))
-    return corners
-
-
-def _distance(point: Array, ring: Array) -> float:
-    """From a point to a polygon's outline."""
-    along = np.roll(ring, -1, axis=0) - ring
-    t = np.clip(((point - ring) * along).sum(axis=1) / (along**2).sum(axis=1), 0, 1)
-    return float(np.hypot(*(ring + t[:, None] * along - point).T).min())
-
-
 def _check_apart(plunger: Region, other: Region, displacement: float) -> None:
     """InputError where an outline enters or touches the other polygon."""
-    moved = np.array(plunger.vertices)
-    ring = np.array(other.vertices)
-    if _any_inside(moved, ring) or _any_inside(ring, moved):
+    if outlines_meet(plunger.vertices, other.vertices):
         raise InputError(
             f"at displacement {format_quantity(displacement, 'm')} the plunger touches the {other.name}; "
             "move it less or the other way"
         )
-
-
-def _any_inside(outline: Array, ring: Array) -> bool:
-    """Whether a point of one outline lies in another polygon (even-odd rule)."""
-    t = np.arange(N_OUTLINE) / N_OUTLINE
-    along = np.roll(outline, -1, axis=0) - outline
-    x, y = (outline[:, None] + along[:, None] * t[:, None]).reshape(-1, 2).T
-    inside = np.zeros(x.size, dtype=bool)
-    for (x0, y0), (x1, y1) in zip(ring, np.roll(ring, -1, axis=0), strict=True):
-        if y0 != y1:
-            inside ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
-    return bool(inside.any())
 
 
 def plunger_table(

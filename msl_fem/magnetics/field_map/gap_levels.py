@@ -19,7 +19,7 @@ from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.jobs import Arrays
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
-from msl_fem.magnetics.field.magnet_field import MagnetField
+from msl_fem.magnetics.field.magnet_field import MagnetField, degree_of, section_mesh, size_of
 from msl_fem.magnetics.field_map.readings import LevelReading, Potentials, Reader, reader_of
 from msl_fem.magnetics.solver.magnetostatics import (
     FieldModel,
@@ -28,9 +28,9 @@ from msl_fem.magnetics.solver.magnetostatics import (
     field_response,
     solve_field,
 )
-from msl_fem.magnetics.solver.mesh import TriangleMesh, triangulate
 from msl_fem.magnetics.solver.postprocess import irons_on_tail
 from msl_fem.magnetics.sweep.rows import FieldJob
+from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.maps.level_currents import MAX, Criterion
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron
@@ -247,6 +247,10 @@ class LevelJob(FieldJob):
     criterion: Criterion = Criterion("mean")  # noqa: RUF009 - frozen
     safety: float = 2.0
 
+    def mesh_at(self, gap: float) -> TriangleMesh:
+        """The mesh of a gap, as `level_mesh`."""
+        return level_mesh(self.magnet, gap, self.accuracy, self.criterion)
+
     def solver(self) -> "GapSolver":
         """The solver of the job's gaps."""
         return GapSolver(self)
@@ -269,17 +273,17 @@ class GapRow:
 def level_mesh(magnet: MagnetKind, gap: float, accuracy: Accuracy, criterion: Criterion) -> TriangleMesh:
     """The accuracy level's mesh; for the criterion `max` as fine around the iron's corners as its circles need."""
     section = magnet.section(gap)
-    size = LEVELS[accuracy].size
+    size = size_of(magnet, accuracy)
     if criterion.kind == MAX:
-        strength = (size.corner * gap / (CIRCLE_SIZE * criterion.radius)) ** (2 / 3)
+        strength = (size.corner * section.size_gap / (CIRCLE_SIZE * criterion.radius)) ** (2 / 3)
         section = replace(section, corners=tuple((x, y, max(s, strength)) for x, y, s in section.corners))
         size = replace(size, growth=min(size.growth, CIRCLE_GROWTH[accuracy]))
-    return triangulate(section, size)
+    return section_mesh(section, size)
 
 
-def level_order(accuracy: Accuracy, criterion: Criterion) -> int:
+def level_order(magnet: MagnetKind, accuracy: Accuracy, criterion: Criterion) -> int:
     """The accuracy level's polynomial degree; for the criterion `max` at least 3."""
-    order = LEVELS[accuracy].order
+    order = degree_of(magnet, accuracy)
     return max(order, CIRCLE_ORDER) if criterion.kind == MAX else order
 
 
@@ -291,9 +295,9 @@ def level_safety(accuracy: Accuracy, criterion: Criterion) -> float:
 class GapSolver:
     """Finds the currents of a job's gaps; the models are made once."""
 
-    def __init__(self, job: LevelJob) -> None:
+    def __init__(self, job: LevelJob, field: MagnetField | None = None) -> None:
         self.job = job
-        self.field = job.field()
+        self.field = field or job.field()
         self._reader = reader_of(self.field, job.criterion)
 
     @cached_property
@@ -324,6 +328,9 @@ class GapSolver:
     def solve(self, row: GapRow) -> Arrays:
         """Arrays (n_level,): current, gap_slope, mesh_error, bh_error, section, tail; or `failed`, which says why."""
         started = time.process_time()
+        near = self.field.near(row.gap)
+        if near is not self.field:
+            return GapSolver(self.job, near).solve(row)
         continuation = CurrentContinuation(self.field, self._reader, row.gap)
         try:
             roots = []

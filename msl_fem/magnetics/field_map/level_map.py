@@ -171,8 +171,9 @@ def field_map(
         magnet,
         level_mesh(magnet, float(np.sqrt(gaps[0] * gaps[-1])), accuracy, where),
         actuator.folder,
-        level_order(accuracy, where),
+        level_order(magnet, accuracy, where),
         settings.end_effects,
+        accuracy,
         criterion=where,
         safety=level_safety(accuracy, where),
     )

@@ -10,8 +10,8 @@ from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.solver.magnetostatics import FieldModel
-from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.solver.postprocess import gradient_maps
+from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.maps.level_currents import MAX, PERCENTILE, Criterion
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron

@@ -14,6 +14,8 @@ from msl_fem.magnetics.kinds.proportions import metres
 from msl_fem.magnetics.section import Section
 from msl_fem.materials.constants import COPPER_RESISTIVITY
 
+SMALLEST_GAP = 1e-4  # of the core's half width: a thinner strip of air cannot be meshed
+
 
 @dataclass(frozen=True)
 class WindingSpace:
@@ -148,9 +150,11 @@ class MagnetKind(FrozenModel, ABC):
     iron : of core and armature
     coil : the winding
     TOLERANCED : names of the kind's lengths that manufacturing varies; one is "stack_depth" in a plane section
+    OWN_MESHES : a mesh cannot follow the gap far, so that each gap has its own
     """
 
     TOLERANCED: ClassVar[tuple[str, ...]] = ()
+    OWN_MESHES: ClassVar[bool] = False
 
     if TYPE_CHECKING:  # a kind declares them among its own fields, in the order of its file
         iron: IronSpec
@@ -164,6 +168,11 @@ class MagnetKind(FrozenModel, ABC):
     @abstractmethod
     def half_width(self) -> float:
         """Of the core (its outer radius) in m: gaps are compared with it."""
+
+    @property
+    def gaps(self) -> tuple[float, float]:
+        """The smallest and the largest gap in m that can be solved."""
+        return SMALLEST_GAP * self.half_width, self.half_width
 
     @property
     @abstractmethod

@@ -8,6 +8,7 @@ line search ends at the one solution.
 The gap enters through a strip of air of height g, whose elements stretch with s = g / g_mesh:
 W_strip = (A.S_x A s + A.S_y A / s) / 2 exactly, so every derivative with respect to the gap is exact as well. Where an
 armature moves between two magnets there are two strips, and its position takes the place of the gap (`strip.py`).
+Where the mesh has a motion there is no strip: the air around what moves deforms (`moving_air.py`).
 
 In an axisymmetric section (x is r, y is z) the unknown is A_phi, zero on the axis; B_z = dA/dr + A/r takes the place of
 the derivative along x, weights are multiplied by 2 pi r, the rest stays, and energy and flux linkage are those of the
@@ -18,6 +19,7 @@ less accurate in the energy norm and one order in B on the axis.
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +29,10 @@ from skfem import Basis, ElementTriP2, ElementTriP3, ElementTriP4, MeshTri
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.section import Symmetry
-from msl_fem.magnetics.solver.mesh import TriangleMesh
+from msl_fem.magnetics.solver.moving_air import MovingAir, moving_triangles
 from msl_fem.magnetics.solver.strip import AirDepth, Strip, StripStiffness
 from msl_fem.magnetics.solver.tangent import ElementGeometry, IronElements, SparseTangent
+from msl_fem.magnetics.triangles import TriangleMesh, hat_gradients
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron
 
@@ -87,6 +90,12 @@ def _box_facets(mesh: MeshTri, symmetry: Symmetry) -> NDArray[np.int64]:
     return facets[(np.abs(x) > ON_PLANE * np.ptp(mesh.p[0])).any(axis=0)]
 
 
+def _pairs(basis: Basis) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Row and column of each entry of the elements' matrices (local, local, element)."""
+    rows = np.repeat(basis.element_dofs, basis.Nbfun, axis=0).ravel()
+    return rows, np.tile(basis.element_dofs, (basis.Nbfun, 1)).ravel()
+
+
 def _gradients(basis: Basis, axisymmetric: bool) -> tuple[Array, Array]:
     """(dA/dx, dA/dy) or (dA/dr + A/r, dA/dz), (local, 2, element, point), and weights (element, point).
 
@@ -126,7 +135,8 @@ class FieldModel:
     axisymmetric : the mesh lies in the half plane (r, z), r >= 0; results are those of the whole, not per unit depth
     symmetry : what x = 0 is, see `Section`; A is free on an equipotential
     air_depth : of air that is deeper than the iron; results are per unit depth of the iron
-    strips : regions of air that stretch; "gap" in the methods below is the coordinate that their heights follow
+    strips : regions of air that stretch, where the mesh has no motion; "gap" in the methods below is the coordinate
+        that their heights follow
     """
 
     def __init__(
@@ -151,9 +161,12 @@ class FieldModel:
         self.n_dof = whole.N
         fixed = whole.get_dofs(_box_facets(self.skfem_mesh, symmetry)).all()
         self.free = np.setdiff1d(np.arange(self.n_dof), fixed)
+        strips = strips if mesh.motion is None else ()
         stretched = [self._stiffness(mesh.elements(strip.region)) for strip in strips]
         other_regions = set(mesh.names) - set(irons) - {strip.region for strip in strips}
-        rest_x, rest_y = self._stiffness(mesh.elements(*other_regions))
+        moving = None if mesh.motion is None else moving_triangles(mesh, mesh.motion)
+        rest = mesh.elements(*other_regions)
+        rest_x, rest_y = self._stiffness(rest if moving is None else np.setdiff1d(rest, moving.elements))
         self.irons: dict[str, IronElements] = {}
         for name, iron in irons.items():
             geometry = _iron_geometry(self._part(mesh.elements(name), 2 * order), axisymmetric)
@@ -161,16 +174,31 @@ class FieldModel:
         self.source = self._source(turns_density)
         linear = [(rest_x + rest_y).tocoo(), *(matrix.tocoo() for pair in stretched for matrix in pair)]
         pieces = [(matrix.row, matrix.col) for matrix in linear]
+        if moving is not None:
+            deforming = self._part(moving.elements, self._linear_degree)
+            pieces.append(_pairs(deforming))
+        self._n_linear = len(pieces)
         pieces += [(np.minimum(*part.pairs), np.maximum(*part.pairs)) for part in self.irons.values()]
         self.tangent = SparseTangent(self.free, self.n_dof, pieces)
-        self._n_linear = len(linear)
         values = [self.tangent.gather(k, matrix.data) for k, matrix in enumerate(linear)]
         full = [matrix.tocsr() for matrix in linear]
         self._rest, self._rest_values = full[0], values[0]
-        self.strips = [
+        self.strips: list[StripStiffness | MovingAir] = [
             StripStiffness(strip, mesh.gap, *full[k : k + 2], *values[k : k + 2])
             for strip, k in zip(strips, range(1, len(linear), 2), strict=True)
         ]
+        if moving is not None:
+            gradients, weight = _gradients(deforming, axisymmetric)
+            self.strips.append(
+                MovingAir(
+                    moving,
+                    mesh.gap,
+                    dofs=deforming.element_dofs,
+                    gradients=gradients,
+                    weight=weight,
+                    gather=partial(self.tangent.gather, len(linear)),
+                )
+            )
         self._linear = np.nan, values[0]  # the gap and the linear regions' values there
         self.last_response: tuple[FieldSolution, FieldResponse] | None = None
 
@@ -198,6 +226,19 @@ class FieldModel:
         other.last_response = None
         return other
 
+    @property
+    def motion_share(self) -> Array:
+        """(n_dof,) share of the mesh's motion at the degrees of freedom, which are values at points."""
+        mesh = self.mesh
+        assert mesh.motion is not None, "the mesh has a motion"
+        slope = np.einsum("ce,cje->je", mesh.motion.share[mesh.triangles], hat_gradients(mesh))
+        origin = mesh.triangles[0]
+        dofs = self.basis.element_dofs
+        away = self.basis.doflocs[:, dofs] - mesh.points[:, origin][:, None]
+        share = np.empty(self.n_dof)
+        share[dofs] = mesh.motion.share[origin] + np.einsum("je,jke->ke", slope, away)
+        return share
+
     def _part(self, elements: NDArray[np.int64], degree: int) -> Basis:
         """The basis on some elements, with a quadrature that is exact up to a degree."""
         return Basis(self.skfem_mesh, ELEMENTS[self.order](), intorder=degree, elements=elements)
@@ -211,8 +252,7 @@ class FieldModel:
         gradient, weight = _gradients(basis, self.axisymmetric)
         if self.air_depth.regions:
             weight = weight / self._depth_factor(elements, np.asarray(basis.global_coordinates()))
-        rows = np.repeat(basis.element_dofs, basis.Nbfun, axis=0).ravel()
-        columns = np.tile(basis.element_dofs, (basis.Nbfun, 1)).ravel()
+        rows, columns = _pairs(basis)
         both = []
         for direction in (0, 1):
             g = gradient[:, direction]

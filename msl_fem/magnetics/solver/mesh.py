@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from netgen.geom2d import SplineGeometry
 from netgen.meshing import MeshingParameters, NgException
-from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError
 from msl_fem.magnetics.section import Section
+from msl_fem.magnetics.triangles import TriangleMesh
 
 TOLERANCE = 1e-9  # of the box: two vertices closer than this are one
 LAYER_RATIO = 1.4  # of a far-field layer's outer to its inner outline
@@ -37,46 +37,6 @@ class MeshSize:
     iron: float = 0.5
     growth: float = 0.35
     across: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class TriangleMesh:
-    """Straight-edged triangles.
-
-    Attributes
-    ----------
-    points : (2, n_point) in m
-    triangles : (3, n_triangle) point indices
-    region : (n_triangle,) index into `names`
-    names : region names
-    gap : the gap of these coordinates in m
-    """
-
-    points: Array
-    triangles: NDArray[np.int64]
-    region: NDArray[np.int64]
-    names: tuple[str, ...]
-    gap: float
-
-    def elements(self, *names: str) -> NDArray[np.int64]:
-        """Indices of the triangles in the regions named."""
-        indices = [k for k, name in enumerate(self.names) if name in names]
-        return np.flatnonzero(np.isin(self.region, indices))
-
-    @property
-    def edges(self) -> NDArray[np.int64]:
-        """(2, 3 n_triangle) point indices of the triangles' first edges, then the second, then the third."""
-        first, second, third = self.triangles
-        return np.stack([np.concatenate([first, second, third]), np.concatenate([second, third, first])])
-
-    def at_gap(self, gap: float, points: Array | None = None) -> Array:
-        """Coordinates (2, n) at another gap, of the mesh's points or of `points` at this mesh's gap.
-
-        The strip is stretched, what lies above it shifted.
-        """
-        x, y = self.points if points is None else points
-        moved = np.where(y <= 0, y, np.where(y >= self.gap, y + gap - self.gap, y * gap / self.gap))
-        return np.stack([x, moved])
 
 
 def triangulate(section: Section, size: MeshSize | None = None) -> TriangleMesh:
@@ -124,18 +84,19 @@ def _triangulate(section: Section, size: MeshSize) -> TriangleMesh:
                 leftdomain=names.index(left) + 1 if left else 0,
                 rightdomain=names.index(right) + 1 if right else 0,
                 bc="inner" if left and right else "box",
-                maxh=size.gap * section.gap / scale if at_gap else 1e9,
+                maxh=size.gap * section.size_gap / scale if at_gap else 1e9,
             )
     for k, name in enumerate(names):
         largest = size.iron * thin if name in section.iron else 0.15 * box
         geometry.SetMaterial(k + 1, name)
         geometry.SetDomainMaxH(k + 1, largest / scale)
     limits = MeshingParameters(maxh=0.2, grading=size.growth)
-    if size.across is not None:
+    if size.across is not None and section.moving is None:
         for x, y in _across_gap(section):
-            limits.RestrictH(x / scale, y / scale, 0.0, size.across * section.gap / scale)
+            limits.RestrictH(x / scale, y / scale, 0.0, size.across * section.size_gap / scale)
     mesh = geometry.GenerateMesh(limits)
-    return _surrounded(_from_netgen(mesh, scale, names, section.gap), section.far)
+    found = _from_netgen(mesh, scale, names, section.gap)
+    return found if section.moving is not None else _surrounded(_on_strip(found, scale), section.far)
 
 
 def _corner_sizes(section: Section, size: MeshSize, vertices: Array) -> dict[int, float]:
@@ -143,7 +104,7 @@ def _corner_sizes(section: Section, size: MeshSize, vertices: Array) -> dict[int
     sizes = {}
     for x, y, strength in section.corners:
         k = int(np.argmin(np.hypot(vertices[:, 0] - x, vertices[:, 1] - y)))
-        sizes[k] = size.corner * section.gap / strength**1.5
+        sizes[k] = size.corner * section.size_gap / strength**1.5
     return sizes
 
 
@@ -178,10 +139,16 @@ def _from_netgen(mesh: Any, scale: float, names: tuple[str, ...], gap: float) ->
     elements = mesh.Elements2D().NumPy()
     triangles = elements["nodes"][:, :3].T.astype(np.int64) - 1
     region = elements["index"].astype(np.int64) - 1
-    for line in (0.0, gap):  # exactly on the strip's edges, whatever the mesher's rounding
+    return TriangleMesh(points, triangles, region, names, gap)
+
+
+def _on_strip(mesh: TriangleMesh, scale: float) -> TriangleMesh:
+    """The mesh with points exactly on the strip's edges, whatever the mesher's rounding."""
+    points = mesh.points.copy()
+    for line in (0.0, mesh.gap):
         near = np.abs(points[1] - line) < TOLERANCE * scale
         points[1, near] = line
-    return TriangleMesh(points, triangles, region, names, gap)
+    return replace(mesh, points=points)
 
 
 def _surrounded(mesh: TriangleMesh, factor: float) -> TriangleMesh:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,9 @@ from scipy import sparse
 from msl_fem.computing.arrays import Array
 from msl_fem.magnetics.section import Line, Section
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, field_response
+from msl_fem.magnetics.solver.moving_air import moving_triangles
 from msl_fem.magnetics.solver.strip import STRIP
+from msl_fem.magnetics.solver.tangent import IronElements
 from msl_fem.materials.constants import MU_0
 
 N_SAMPLE = 48
@@ -115,7 +117,24 @@ def cut_flux_density(model: FieldModel, cut: CutProbe, potential: Array) -> Sect
     return SectionFluxDensity(cut.mean(sheets), float(sheets.max()))
 
 
-def evaluate_field(probes: Probes, solution: FieldSolution) -> FieldQuantities:
+def iron_flux_density(part: IronElements, potential: Array) -> SectionFluxDensity:
+    """|B| in all of an iron: its mean over area (or volume), and the largest value."""
+    sheets = part.iron.iron_flux_density(part.flux_density(potential)[1])
+    return SectionFluxDensity(float((sheets * part.weight).sum() / part.weight.sum()), float(sheets.max()))
+
+
+class FieldReader(Protocol):
+    """What `evaluate_field` asks: `Probes`, or those of a mesh with a motion."""
+
+    model: FieldModel
+    scale: float
+
+    def section_flux_density(self, potential: Array) -> dict[str, SectionFluxDensity]: ...
+
+    def force_stress_tensor(self, solution: FieldSolution) -> float: ...
+
+
+def evaluate_field(probes: FieldReader, solution: FieldSolution) -> FieldQuantities:
     """The quantities of a solution that was the last one its model solved (its tangent serves the slopes).
 
     Force by virtual work at fixed potential: F = dW/dg|_A = A.S_g A / 2, the exact derivative -dW'/dg of the discrete
@@ -160,9 +179,23 @@ def triangle_flux_density(model: FieldModel, solution: FieldSolution) -> Array:
         gradient = -np.stack([gradient[0] + np.asarray(a) / r, gradient[1]])
         weight = weight * r
     mean = (gradient * weight).sum(axis=2) / weight.sum(axis=1)
+    b = np.stack([mean[1], -mean[0]])
+    if model.mesh.motion is not None:
+        return _carried(model, b, solution.gap)
     stretch = np.ones(mean.shape[1])
     stretch[model.mesh.elements(STRIP)] = model.mesh.gap / solution.gap
-    return np.stack([mean[1] * stretch, -mean[0]])
+    return np.stack([b[0] * stretch, b[1]])
+
+
+def _carried(model: FieldModel, b: Array, gap: float) -> Array:
+    """B (2, n_triangle) on the deformed mesh, F B / J: the flux through every line that moves with it stays."""
+    motion = model.mesh.motion
+    assert motion is not None, "the mesh has a motion"
+    moving = moving_triangles(model.mesh, motion)
+    moved = motion.direction * (gap - model.mesh.gap)
+    here = b[:, moving.elements]
+    b[:, moving.elements] = (here + moved[:, None] * (moving.slope * here).sum(axis=0)) / (1 + moved @ moving.slope)
+    return b
 
 
 def gradient_maps(

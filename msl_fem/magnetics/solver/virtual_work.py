@@ -10,9 +10,16 @@ from scipy.sparse.linalg import spsolve
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
-from msl_fem.magnetics.solver.magnetostatics import FieldModel
-from msl_fem.magnetics.solver.mesh import TriangleMesh
-from msl_fem.magnetics.solver.postprocess import gradient_maps
+from msl_fem.magnetics.section import Section
+from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution
+from msl_fem.magnetics.solver.postprocess import (
+    SectionFluxDensity,
+    cut_flux_density,
+    cut_probe,
+    gradient_maps,
+    iron_flux_density,
+)
+from msl_fem.magnetics.triangles import TriangleMesh, hat_gradients
 from msl_fem.materials.constants import MU_0
 
 Indices = NDArray[np.int64]
@@ -107,6 +114,7 @@ class StressContour:
     ----------
     points, normal : (2, n) Gauss points in m, outward unit normals
     weight : (n,) of the points in m; in an axisymmetric section in m2, over the whole circumference
+    slope : (2, n) gradient of p in 1/m
     """
 
     def __init__(self, model: FieldModel, share: Array) -> None:
@@ -120,20 +128,39 @@ class StressContour:
         node, weight = GAUSS
         middle, half = (start + end) / 2, (end - start) / 2
         self.points = (middle[:, :, None] + half[:, :, None] * node).reshape(2, -1)
-        self.normal = np.repeat(-slope / np.hypot(*slope), node.size, axis=1)
+        self.slope = np.repeat(slope, node.size, axis=1)
+        self.normal = -self.slope / np.hypot(*self.slope)
         self.weight = (np.hypot(*half)[:, None] * weight).ravel()
         if model.axisymmetric:
             self.weight = self.weight * 2 * np.pi * self.points[0]
         self._along_x, self._along_y = gradient_maps(model, self.points, np.repeat(crossed, node.size))
+
+    def flux_density(self, potential: Array) -> Array:
+        """(2, n) B in T at the points, on the mesh as it is."""
+        return np.stack([self._along_y @ potential, -(self._along_x @ potential)])
 
     def traction(self, potential: Array) -> Array:
         """(2, n) Maxwell's stress (B (B.n) - |B|^2 n / 2)/mu_0 times the weights: the sum is the force on the body.
 
         N/m per unit depth in the plane; N in an axisymmetric section, where only the component along z adds up.
         """
-        b = np.stack([self._along_y @ potential, -(self._along_x @ potential)])
-        across = (b * self.normal).sum(axis=0)
-        return np.asarray((b * across - 0.5 * (b**2).sum(axis=0) * self.normal) / MU_0 * self.weight)
+        return _stress(self.flux_density(potential), self.normal * self.weight)
+
+    def displaced_traction(self, potential: Array, displacement: Array) -> Array:
+        """`traction` on the mesh whose points have moved by p times a displacement (2,) in m.
+
+        With F = I + displacement grad p' and J = det F flux is kept, B' = F B / J, and areas are J F^-T n dA (Nanson).
+        """
+        j = 1 + displacement @ self.slope
+        b = self.flux_density(potential)
+        b = (b + displacement[:, None] * (self.slope * b).sum(axis=0)) / j
+        area = self.normal * self.weight
+        return _stress(b, j * area - self.slope * (displacement @ area))
+
+
+def _stress(b: Array, area: Array) -> Array:
+    """(2, n) (B (B.a) - |B|^2 a / 2)/mu_0 of B and area vectors a, (2, n) each."""
+    return np.asarray((b * (b * area).sum(axis=0) - 0.5 * (b**2).sum(axis=0) * area) / MU_0)
 
 
 def _crossings(corners: Array, share: Array) -> tuple[Array, Array]:
@@ -182,14 +209,6 @@ def boundary_points(mesh: TriangleMesh) -> Indices:
     return np.unique(edges[:, count == 1])
 
 
-def hat_gradients(mesh: TriangleMesh) -> Array:
-    """(corner, 2, triangle) gradients of the linear functions that are 1 at a corner and 0 at the others."""
-    x, y = mesh.points[:, mesh.triangles]  # (corner, triangle)
-    twice_area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
-    after, before = [1, 2, 0], [2, 0, 1]
-    return np.stack([y[after] - y[before], x[before] - x[after]], axis=1) / twice_area
-
-
 def _laplacian(mesh: TriangleMesh) -> sparse.csr_matrix:
     hat = hat_gradients(mesh)
     x, y = mesh.points[:, mesh.triangles]
@@ -199,3 +218,32 @@ def _laplacian(mesh: TriangleMesh) -> sparse.csr_matrix:
     columns = np.tile(mesh.triangles, (3, 1)).ravel()
     n = mesh.points.shape[1]
     return sparse.csr_matrix((values.ravel(), (rows, columns)), shape=(n, n))
+
+
+class MovingProbes:
+    """What is read on a section whose mesh has a motion; stands beside `Probes` and is asked the same.
+
+    Flux densities are those of the section's cuts; where it has none, means (over area, or volume) and largest values
+    of its irons.
+    """
+
+    def __init__(self, model: FieldModel, section: Section) -> None:
+        assert model.mesh.motion is not None, "the mesh has a motion"
+        self.model = model
+        self.scale = section.scale
+        self.cuts = {cut.name: cut_probe(model, cut) for cut in section.cuts}
+        self._motion = model.mesh.motion
+        self._contour = StressContour(model, self._motion.share)
+
+    def section_flux_density(self, potential: Array) -> dict[str, SectionFluxDensity]:
+        """|B| in the iron over each cut, or each iron."""
+        if self.cuts:
+            return {name: cut_flux_density(self.model, cut, potential) for name, cut in self.cuts.items()}
+        return {name: iron_flux_density(part, potential) for name, part in self.model.irons.items()}
+
+    def force_stress_tensor(self, solution: FieldSolution) -> float:
+        """The force in N against the motion, by Maxwell's stress around the body."""
+        direction = self._motion.direction
+        moved = direction * (solution.gap - self.model.mesh.gap)
+        traction = self._contour.displaced_traction(solution.potential, moved).sum(axis=1)
+        return -self.scale * float(direction @ traction)

@@ -15,7 +15,6 @@ from msl_fem.magnetics.field.accuracy import LEVELS
 from msl_fem.magnetics.field.magnet_field import CLOSEST
 from msl_fem.magnetics.field.pair_field import PairField, pair_magnet, pair_mesh
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
-from msl_fem.magnetics.solver.mesh import TriangleMesh
 from msl_fem.magnetics.sweep.rows import SOLVER_VERSION
 from msl_fem.magnetics.sweep.table_sweep import (
     SweepReport,
@@ -25,6 +24,7 @@ from msl_fem.magnetics.sweep.table_sweep import (
     refuse_failures,
     sweep,
 )
+from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.table.magnetic_table import SECTION
 from msl_fem.table.pair_table import MIRRORED, PAIR_NODES, PairTable
 

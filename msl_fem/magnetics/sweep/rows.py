@@ -15,9 +15,9 @@ from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.jobs import Arrays, content_key
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field.end_effects import METHOD as END_EFFECTS_METHOD
-from msl_fem.magnetics.field.magnet_field import Accuracy, MagnetField
+from msl_fem.magnetics.field.magnet_field import Accuracy, MagnetField, magnet_mesh
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
-from msl_fem.magnetics.solver.mesh import TriangleMesh
+from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION
 
 SCALARS = (*NODES, *EXTRAS)
@@ -34,11 +34,21 @@ class FieldJob:
     folder: Path
     order: int
     end_effects: bool = False
+    accuracy: Accuracy = "normal"
+
+    def mesh_at(self, gap: float) -> TriangleMesh:
+        """The mesh of a gap, of a magnet whose gaps have their own."""
+        return magnet_mesh(self.magnet, gap, self.accuracy)
 
     def field(self, refine: bool = False) -> MagnetField:
         """The field model of the job's degree, or of one more."""
         return MagnetField(
-            self.magnet, self.mesh, folder=self.folder, order=self.order + refine, end_effects=self.end_effects
+            self.magnet,
+            self.mesh,
+            folder=self.folder,
+            order=self.order + refine,
+            end_effects=self.end_effects,
+            remesh=self.mesh_at if self.magnet.OWN_MESHES else None,
         )
 
 
@@ -86,7 +96,7 @@ class RowSolver:
         is tried once more from zero.
         """
         started = time.process_time()
-        field = self.field(row.refine)
+        field = self.field(row.refine).near(row.gap)
         points: list[dict[str, float]] = []
         failed: list[str] = []
         last: tuple[Array, Array, float] | None = None

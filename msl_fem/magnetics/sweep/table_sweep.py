@@ -12,7 +12,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, run_jobs
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, iron_notes
-from msl_fem.magnetics.field.magnet_field import MagnetField, check_grid, check_point, magnet_mesh
+from msl_fem.magnetics.field.magnet_field import MagnetField, check_grid, check_point, degree_of, magnet_mesh
 from msl_fem.magnetics.sweep.rows import SweepJob, SweepRow, field_key, field_provenance
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION, MagneticTable
 from msl_fem.table.origin import MAGNET_DIGEST
@@ -123,7 +123,9 @@ def sweep(
     magnet = actuator.magnet_kind()
     level = LEVELS[settings.accuracy]
     mesh = magnet_mesh(magnet, float(np.sqrt(gap[0] * gap[-1])), settings.accuracy)
-    job = SweepJob(magnet, mesh, actuator.folder, level.order, settings.end_effects)
+    job = SweepJob(
+        magnet, mesh, actuator.folder, degree_of(magnet, settings.accuracy), settings.end_effects, settings.accuracy
+    )
     field = job.field()
     nodes = [SweepRow(float(g), tuple(current.tolist())) for g in gap]
     between = _between_nodes(gap, current)
