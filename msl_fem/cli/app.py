@@ -14,6 +14,7 @@ from msl_fem.errors import InputError
 
 COMMANDS = {
     "study": "msl_fem.cli.study:command",
+    "draw": "msl_fem.cli.draw:command",
     "solve": "msl_fem.cli.solve:command",
     "table": "msl_fem.cli.table:command",
     "lookup": "msl_fem.cli.points:lookup",

@@ -36,7 +36,7 @@ def completions(bash: str, words: list[str]) -> list[str]:
 
 def test_bash_completes_commands_and_options(bash: str) -> None:
     assert completions(bash, ["msl-fem", "s"]) == [name for name in COMMANDS if name.startswith("s")]
-    assert completions(bash, ["msl-fem", "lookup", "--cu"]) == ["--current"]
+    assert completions(bash, ["msl-fem", "lookup", "--cu"]) == ["--current", "--current-2"]
     assert completions(bash, ["msl-fem", "no-such"]) == []
 
 

@@ -9,6 +9,7 @@ from msl_fem.files.dimensions import Clearance, Length
 from msl_fem.magnetics.kinds.kind import (
     CircuitOfKind,
     CircuitPart,
+    DrawnLength,
     FringeEdge,
     LeakageWindow,
     PlaneMagnet,
@@ -151,6 +152,23 @@ class ECore(PlaneMagnet):
             IronPart("yoke", "core", yoke.vertices),
             IronPart("outer_leg", "core", (*chamfered, (half, roof), (inner, roof))),
             IronPart("armature", "armature", armature.vertices),
+        )
+
+    def measures(self, gap: float) -> tuple[DrawnLength, ...]:
+        """Widths along the back, heights along the outer leg, the coil in its window."""
+        c, half = self.centre_leg_width / 2, self.half_width
+        inner, roof, top = c + self.window_width, gap + self.window_height, gap + self.height
+        coil = self.coil
+        left, low = c + coil.leg_clearance, gap + coil.face_clearance
+        return (
+            DrawnLength("centre_leg_width", (-c, top), (c, top)),
+            DrawnLength("window_width", (c, top), (inner, top)),
+            DrawnLength("outer_leg_width", (inner, top), (half, top)),
+            DrawnLength("yoke_thickness", (half, roof), (half, top)),
+            DrawnLength("window_height", (half, gap), (half, roof)),
+            DrawnLength("armature_thickness", (half, -self.armature_thickness), (half, 0.0)),
+            DrawnLength("coil.width", (left, low), (left + coil.width, low)),
+            DrawnLength("coil.height", (left + coil.width, low), (left + coil.width, low + coil.height)),
         )
 
     @property

@@ -133,6 +133,19 @@ class StackEnds:
     regions: tuple[str, ...] = ("window", "coil")
 
 
+@dataclass(frozen=True)
+class DrawnLength:
+    """A dimension of the drawing, by the name it has in the actuator file, between two points (x, y) in m."""
+
+    name: str
+    start: tuple[float, float]
+    end: tuple[float, float]
+
+    @property
+    def length(self) -> float:
+        return math.dist(self.start, self.end)
+
+
 def mean_height(begin: float, end: float) -> float:
     """The geometric mean of the heights between two, the permeance of an edge being a logarithm of the height."""
     mean_log = math.log(end) - 1 + begin / (end - begin) * (math.log(end / begin) if begin else 0.0)
@@ -178,6 +191,10 @@ class MagnetKind(FrozenModel, ABC):
     @abstractmethod
     def winding_space(self) -> WindingSpace:
         """Where the turns lie."""
+
+    def measures(self, gap: float) -> tuple[DrawnLength, ...]:
+        """The dimensions that a drawing shows, in the section's coordinates; along x or along y."""
+        return ()
 
     @property
     def turns(self) -> int:

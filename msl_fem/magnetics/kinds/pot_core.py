@@ -9,6 +9,7 @@ from msl_fem.files.dimensions import Clearance, Length
 from msl_fem.magnetics.kinds.kind import (
     CircuitOfKind,
     CircuitPart,
+    DrawnLength,
     FlatFaceMagnet,
     FringeEdge,
     LeakageWindow,
@@ -122,6 +123,24 @@ class PotCore(FlatFaceMagnet):
             IronPart("yoke", "core", yoke.vertices),
             IronPart("ring", "core", ring.vertices),
             IronPart("armature", "armature", armature.vertices),
+        )
+
+    def measures(self, gap: float) -> tuple[DrawnLength, ...]:
+        """Widths along the back, heights along the ring, the coil in its window."""
+        post, half = self.post_diameter / 2, self.half_width
+        inner, roof = post + self.window_width, gap + self.window_height
+        top = roof + self.yoke_thickness
+        coil = self.coil
+        left, low = post + coil.leg_clearance, gap + coil.face_clearance
+        return (
+            DrawnLength("post_diameter", (-post, top), (post, top)),
+            DrawnLength("window_width", (post, top), (inner, top)),
+            DrawnLength("ring_width", (inner, top), (half, top)),
+            DrawnLength("yoke_thickness", (half, roof), (half, top)),
+            DrawnLength("window_height", (half, gap), (half, roof)),
+            DrawnLength("armature_thickness", (half, -self.armature_thickness), (half, 0.0)),
+            DrawnLength("coil.width", (left, low), (left + coil.width, low)),
+            DrawnLength("coil.height", (left + coil.width, low), (left + coil.width, low + coil.height)),
         )
 
     @property

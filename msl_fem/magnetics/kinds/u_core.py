@@ -9,6 +9,7 @@ from msl_fem.files.dimensions import Clearance, Length
 from msl_fem.magnetics.kinds.kind import (
     CircuitOfKind,
     CircuitPart,
+    DrawnLength,
     FringeEdge,
     LeakageWindow,
     PlaneMagnet,
@@ -127,6 +128,22 @@ class UCore(PlaneMagnet):
             IronPart("leg", "core", leg.vertices),
             IronPart("yoke", "core", yoke.vertices),
             IronPart("armature", "armature", armature.vertices),
+        )
+
+    def measures(self, gap: float) -> tuple[DrawnLength, ...]:
+        """Widths along the back, heights along the leg, the coil's outer side."""
+        inner, half = self.window_width / 2, self.half_width
+        roof, top = gap + self.window_height, gap + self.height
+        coil = self.coil
+        left, low = half + coil.leg_clearance, gap + coil.face_clearance
+        return (
+            DrawnLength("window_width", (-inner, top), (inner, top)),
+            DrawnLength("leg_width", (inner, top), (half, top)),
+            DrawnLength("yoke_thickness", (half, roof), (half, top)),
+            DrawnLength("window_height", (half, gap), (half, roof)),
+            DrawnLength("armature_thickness", (half, -self.armature_thickness), (half, 0.0)),
+            DrawnLength("coil.width", (left, low), (left + coil.width, low)),
+            DrawnLength("coil.height", (left + coil.width, low), (left + coil.width, low + coil.height)),
         )
 
     @property
