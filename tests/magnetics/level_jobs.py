@@ -33,7 +33,7 @@ def job_of(actuator: Actuator, gap: float, accuracy: str = "fast", criterion: st
     magnet: ECore = actuator.magnet
     where = parse_criterion(criterion)
     mesh = level_mesh(magnet, gap, accuracy, where)
-    order, safety = level_order(accuracy, where), level_safety(accuracy, where)
+    order, safety = level_order(magnet, accuracy, where), level_safety(accuracy, where)
     return LevelJob(magnet, mesh, actuator.folder, order, criterion=where, safety=safety)
 
 
