@@ -136,14 +136,15 @@ def _dimension(axes: Axes, measure: DrawnLength, section: Section, larger: float
         if not own:
             axes.plot([here[0] * 1e3, there[0] * 1e3], [here[1] * 1e3, there[1] * 1e3], color=LINE, linewidth=0.4)
     arrow = {"arrowstyle": "<->", "color": LINE, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
-    axes.annotate("", xy=np.multiply(end, 1e3), xytext=np.multiply(start, 1e3), arrowprops=arrow, zorder=5)
+    tail, head = (start[0] * 1e3, start[1] * 1e3), (end[0] * 1e3, end[1] * 1e3)
+    axes.annotate("", xy=head, xytext=tail, arrowprops=arrow, zorder=5)
     middle = (np.array(start) + np.array(end)) / 2 * 1e3
     apart = 0.012 * larger * 1e3
     if level and own:  # inside the coil, or below one that is too narrow for words
         narrow = measure.length < 0.12 * larger
-        place = (start[0] * 1e3, middle[1] - apart) if narrow else (middle[0], middle[1] + apart)
+        x, y = (start[0] * 1e3, middle[1] - apart) if narrow else (middle[0], middle[1] + apart)
         alignment = ("left", "top") if narrow else ("center", "bottom")
-        axes.text(*place, words, fontsize=TEXT, color=INK, zorder=5, ha=alignment[0], va=alignment[1])
+        axes.text(x, y, words, fontsize=TEXT, color=INK, zorder=5, ha=alignment[0], va=alignment[1])
         return
     if level:
         wide = measure.length > 0.3 * larger
