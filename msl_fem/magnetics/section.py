@@ -1,6 +1,6 @@
 """A section as painted polygons: which region lies where, where the field is singular, where it is read."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -102,6 +102,12 @@ class Section:
             mirrored = cut.start[0] == 0.0 != cut.end[0]
             lengths.append(float(np.hypot(*np.subtract(cut.end, cut.start))) * (2 if mirrored else 1))
         return min(lengths)
+
+    def thinnest_in(self, region: str) -> float | None:
+        """m: the shortest cut through a region's iron, as `thinnest_iron`; None where no cut is known to lie there."""
+        names = {part.name for part in self.parts if part.region == region}
+        cuts = tuple(cut for cut in self.cuts if cut.name in names)
+        return replace(self, cuts=cuts).thinnest_iron if cuts else None
 
     def part_volume(self, part: IronPart) -> float:
         """m3 of a part of the whole magnet, sheets only: its area times depth, or turned about the axis (Pappus)."""

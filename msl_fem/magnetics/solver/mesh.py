@@ -8,13 +8,19 @@ from netgen.geom2d import SplineGeometry
 from netgen.meshing import MeshingParameters, NgException
 
 from msl_fem.computing.arrays import Array
-from msl_fem.errors import ComputationError
+from msl_fem.errors import ComputationError, InputError
 from msl_fem.magnetics.section import Section
 from msl_fem.magnetics.triangles import TriangleMesh
 
 TOLERANCE = 1e-9  # of the box: two vertices closer than this are one
 LAYER_RATIO = 1.4  # of a far-field layer's outer to its inner outline
 GAPS = {"strip", "gap"}  # regions of air whose edges at iron are meshed in fractions of the gap
+MOST_TRIANGLES = 250_000
+"""Of a mesh: about half a million unknowns of second degree."""
+AROUND = 4.0
+"""Triangles in a foil and in the air beside it, over those in the foil: measured."""
+PER_EDGE = 4.0
+"""Triangles for each element of an edge at the gap."""
 GROWTH_CHANGES = (1.0, 0.94, 1.06, 0.88, 1.13, 0.8, 1.2, 0.7)
 
 
@@ -26,7 +32,7 @@ class MeshSize:
     ----------
     corner : size at the corners that face the gap, of the gap
     gap : largest size in the strip under the iron, of the gap
-    iron : largest size in the iron, of the thinnest iron
+    iron : largest size in an iron region, of the thinnest one, or of its own thinnest part if thicker
     growth : of the size by the distance from a corner; along an edge each element is 1 + growth times the last
     across : size on the other face of the gap where it is nearest to a corner, of the gap; None leaves it to `growth`.
         It takes care of gaps that are smaller than the mesh's own, where fast growth would leave too little there
@@ -48,8 +54,10 @@ def triangulate(section: Section, size: MeshSize | None = None) -> TriangleMesh:
     Raises
     ------
     ComputationError : the mesher gave up on every attempt
+    InputError : more than `MOST_TRIANGLES` are expected
     """
     size = size or MeshSize()
+    refuse_too_many(section, size)
     for change in GROWTH_CHANGES:
         try:
             return _triangulate(section, replace(size, growth=size.growth * change))
@@ -65,8 +73,7 @@ def _triangulate(section: Section, size: MeshSize) -> TriangleMesh:
     """One attempt; raises netgen's NgException."""
     vertices, edges = _subdivide(section)
     at_corner = _corner_sizes(section, size, vertices)
-    iron = [r for r in section.regions if r.name in section.iron]
-    thin = min(min(np.ptp(np.array(r.vertices), axis=0)) for r in iron)
+    largest_in = _iron_sizes(section, size)
     box = float(np.abs(vertices).max())
     scale = box  # netgen works best on sizes near one
     geometry = SplineGeometry()
@@ -87,9 +94,8 @@ def _triangulate(section: Section, size: MeshSize) -> TriangleMesh:
                 maxh=size.gap * section.size_gap / scale if at_gap else 1e9,
             )
     for k, name in enumerate(names):
-        largest = size.iron * thin if name in section.iron else 0.15 * box
         geometry.SetMaterial(k + 1, name)
-        geometry.SetDomainMaxH(k + 1, largest / scale)
+        geometry.SetDomainMaxH(k + 1, largest_in.get(name, 0.15 * box) / scale)
     limits = MeshingParameters(maxh=0.2, grading=size.growth)
     if size.across is not None and section.moving is None:
         for x, y in _across_gap(section):
@@ -97,6 +103,44 @@ def _triangulate(section: Section, size: MeshSize) -> TriangleMesh:
     mesh = geometry.GenerateMesh(limits)
     found = _from_netgen(mesh, scale, names, section.gap)
     return found if section.moving is not None else _surrounded(_on_strip(found, scale), section.far)
+
+
+def _iron_sizes(section: Section, size: MeshSize) -> dict[str, float]:
+    """Largest element size in m by iron region.
+
+    All iron takes that of the thinnest region, unless its own parts are thicker: with the size of an armature's foil a
+    core would have as many elements as its area holds squares of the foil's thickness.
+    """
+    boxes = {
+        r.name: float(min(np.ptp(np.array(r.vertices), axis=0))) for r in section.regions if r.name in section.iron
+    }
+    thinnest = min(boxes.values())
+    own = {name: min(box, section.thinnest_in(name) or 0.0) for name, box in boxes.items()}
+    return {name: size.iron * max(thinnest, own[name]) for name in boxes}
+
+
+def refuse_too_many(section: Section, size: MeshSize) -> None:
+    """InputError where the mesh would be larger than what is solved, with the part that makes it so.
+
+    Expected are equilateral triangles of the largest size in the iron, as many again beside it as are usual, and along
+    the iron's edges at the gap some of the size there; what the grading adds at corners is a few thousand.
+    """
+    counts: dict[str, float] = {}
+    sizes = _iron_sizes(section, size)
+    for region in section.regions:
+        if region.name in sizes:
+            width, height = np.ptp(np.array(region.vertices), axis=0)
+            counts[region.name] = AROUND * width * height / (np.sqrt(3) / 4 * sizes[region.name] ** 2)
+            at_gap = PER_EDGE * width / (size.gap * section.gap)
+            counts["gap"] = counts.get("gap", 0.0) + at_gap
+    total = sum(counts.values())
+    if total > MOST_TRIANGLES:
+        name = max(counts, key=counts.__getitem__)
+        thin = section.gap if name == "gap" else sizes[name] / size.iron
+        raise InputError(
+            f"the section needs about {total:.2g} triangles, at most {MOST_TRIANGLES:.2g} are solved: most are for the "
+            f"{name}, {thin * 1e3:.3g} mm thin; make it thicker, or what is as wide narrower"
+        )
 
 
 def _corner_sizes(section: Section, size: MeshSize, vertices: Array) -> dict[int, float]:
