@@ -29,6 +29,7 @@ COMMANDS = {
     "control": "msl_fem.cli.control:command",
     "compare": "msl_fem.cli.compare:command",
     "diagnose": "msl_fem.cli.diagnose:command",
+    "calibrate": "msl_fem.cli.calibrate:command",
     "export": "msl_fem.cli.export:command",
     "flexure": "msl_fem.cli.mechanics:flexure",
     "gap-trade": "msl_fem.cli.mechanics:trade_gap",

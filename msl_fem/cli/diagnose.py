@@ -1,11 +1,14 @@
 """The command `diagnose`: what the simulation gets wrong on a record, by which cause, and a better model."""
 
 import contextlib
+import json as json_text
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -13,8 +16,10 @@ from msl_fem.cli.options import Json, TableFile
 from msl_fem.cli.output import ERRORS, print_columns, print_result, say
 from msl_fem.cli.sweeping import table_for
 from msl_fem.diagnosis import Diagnosis, DiagnosisSettings, diagnose
+from msl_fem.diagnosis.fit_memory import FitMemory
+from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
-from msl_fem.files.whole_file import check_target
+from msl_fem.files.whole_file import check_target, whole_file
 from msl_fem.record import Record, load_record
 from msl_fem.report.diagnosis_page import DIAGNOSIS, FILES, REPORT, write_diagnosis
 from msl_fem.report.diagnosis_words import (
@@ -26,6 +31,10 @@ from msl_fem.report.diagnosis_words import (
     sure_rows,
     verdict_sentence,
 )
+from msl_fem.table.magnetic_table import MagneticTable
+
+STATE = "diagnosis_state.json"
+"""What an interrupted diagnosis leaves in its folder."""
 
 
 def command(
@@ -37,29 +46,35 @@ def command(
         ),
     ] = None,
     table: TableFile = None,
+    resume: Annotated[bool, typer.Option(help="Go on where an interrupted diagnosis ended (needs -o).")] = False,
     json: Json = False,
 ) -> None:
     """What the simulation gets wrong on a record, which effects cause it, and the model with them.
 
     Without a folder the outcome is printed alone.
     """
+    if resume and output is None:
+        raise InputError("--resume needs the folder of the interrupted diagnosis: state -o DIR")
     measured = load_record(record)
     with sole_run(output):
-        _diagnose(measured, output, table=table, json=json)
+        _diagnose(measured, output, table=table, resume=resume, json=json)
 
 
-def _diagnose(record: Record, output: Path | None, *, table: Path | None, json: bool) -> None:
+def _diagnose(record: Record, output: Path | None, *, table: Path | None, resume: bool, json: bool) -> None:
     if output is not None:
-        for name in FILES:
+        for name in (*FILES, STATE):
             check_target(output / name)
     for warning in record.warnings:
         say(f"note: {warning}")
     magnet_table = table_for(record.actuator, table)
+    memory = FitMemory() if output is None else memory_in(output, fingerprint(record, magnet_table), resume=resume)
+    threads = os.cpu_count() or 1
     with tried_line() as tell:
-        found = diagnose(record, DiagnosisSettings(table=magnet_table, threads=os.cpu_count() or 1, progress=tell))
+        found = diagnose(record, DiagnosisSettings(magnet_table, threads=threads, progress=tell, memory=memory))
     fields = found.to_json()
     if output is not None:
         write_diagnosis(record, found, output, table=magnet_table)
+        (output / STATE).unlink(missing_ok=True)
         fields |= {"files": [str(output / name) for name in FILES if (output / name).is_file()]}
     if json:
         print_result(fields, as_json=True, title="")
@@ -67,6 +82,38 @@ def _diagnose(record: Record, output: Path | None, *, table: Path | None, json: 
     print_diagnosis(found)
     if output is not None:
         say(f"report: {output / REPORT}; numbers: {output / DIAGNOSIS}")
+
+
+def memory_in(folder: Path, mark: str, *, resume: bool) -> FitMemory:
+    """The memory of a diagnosis whose state is kept in a folder, of an interrupted one of the same record to go on."""
+    path = folder / STATE
+    known = {}
+    if resume and path.is_file():
+        try:
+            state = json_text.loads(path.read_text(encoding="utf-8"))
+            known = dict(state["fits"]) if state["record"] == mark else {}
+        except (ValueError, KeyError, TypeError) as err:
+            raise InputError(f"{path}: is no state of a diagnosis ({err}); leave --resume out to begin anew") from err
+        if not known:
+            say(f"note: {path} is of another record or table; it is diagnosed anew")
+
+    def keep(ends: Mapping[str, Sequence[float]]) -> None:
+        with whole_file(path) as part:
+            part.write_text(json_text.dumps({"record": mark, "fits": ends}), encoding="utf-8")
+
+    return FitMemory(known, keep)
+
+
+def fingerprint(record: Record, table: MagneticTable | None) -> str:
+    """What tells records and their beliefs apart."""
+    told = sha256(f"{record.actuator!r}{record.tolerance!r}{record.noise!r}{record.sampling!r}".encode())
+    if table is not None:
+        told.update(np.ascontiguousarray(table.nodes["coenergy"]).tobytes())
+    for run in record.runs:
+        told.update(f"{run.name} {run.role}".encode())
+        for name in sorted(run.columns):
+            told.update(np.ascontiguousarray(run.columns[name]).tobytes())
+    return told.hexdigest()[:16]
 
 
 @contextlib.contextmanager

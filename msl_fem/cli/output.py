@@ -24,7 +24,8 @@ ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
 COMPUTATION_FAILED, INPUT_WRONG, INTERRUPTED = 1, 2, 130
 LONGEST = 1200  # characters of an error's line
 INTERRUPTED_LINE = (
-    "interrupted: files are whole; the same command again (table, map, tolerances, study: with --resume) goes on"
+    "interrupted: files are whole; the same command again goes on (table, map, tolerances, study, diagnose, calibrate: "
+    "with --resume)"
 )
 
 

@@ -3,7 +3,7 @@
 One driver for all kinds of records; what differs between them stands in their `Kind`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -31,6 +31,7 @@ from msl_fem.diagnosis.decision import (
 )
 from msl_fem.diagnosis.equilibria import told_by_equilibria
 from msl_fem.diagnosis.fit import FitPlan, believed_estimates, effect_estimates, fit
+from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.kind import Kind, PredictionError, held_out_gains, held_out_worse
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.outside import WORTH_NAMING, Dependence, named_dependence
@@ -56,7 +57,7 @@ from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable
 
 WORSE_THAN = 1.02
-"""How many times the belief's residual in a channel a fit within the tolerances may leave."""
+"""How many times the belief's largest residual a fit within the tolerances may leave."""
 
 
 def _untold(text: str) -> None:
@@ -65,12 +66,14 @@ def _untold(text: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisSettings:
-    """What a diagnosis takes beside the record: the table of its magnets, the rule, threads, a progress report."""
+    """What a diagnosis takes beside the record: the table of its magnets, the rule, threads, a progress report, and
+    where fits of an interrupted one ended."""
 
     table: MagneticTable | None = None
     rule: Rule = field(default_factory=Rule)
     threads: int = 1
     progress: Callable[[str], None] = _untold
+    memory: FitMemory = field(default_factory=FitMemory)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,12 +150,15 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
     """Effects added one after the other as long as each brings more than the rule asks."""
     rule = kind.rule(how.rule)
     begin = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
+    known = how.memory.end_of(fit_name(kind.unknowns), kind.unknowns)
+    begin = begin if known is None else known
     fits = [not_worse(kind, begin, fit(kind.likelihood, kind.unknowns, begin, plan=FitPlan(enough=ROUGH)))]
     stages: list[SearchStage] = []
     excesses = []
     unclear = ""
     for n in range(rule.most):
-        stage = search_stage(fits[n], kind.candidates(fits[n]), tell=how.progress, threads=how.threads)
+        tried = kind.candidates(fits[n])
+        stage = search_stage(fits[n], tried, tell=how.progress, threads=how.threads, memory=how.memory)
         stage = in_sight(kind.likelihood.problem, beyond_tolerances(kind.likelihood.problem, stage))
         fits[n] = stage.base
         stages.append(stage)
@@ -172,18 +178,13 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
 
 
 def not_worse(kind: Kind, begin: Array, found: Fit) -> Fit:
-    """A fit without effects that is worse than the belief in no channel: where it is, because some channel's error was
-    taken for noise, one that decreases the residuals' power instead."""
+    """A fit without effects that is no worse than the belief: where its largest residual is, because the error of a
+    channel was taken for noise, one whose noise has a ceiling in every octave, or the better of both."""
     believed = kind.likelihood.excess(replace(found, z=np.zeros(found.z.size)))
-    if not _worse(found, believed) or not all(np.isfinite(value) for value in believed.values()):
+    if not max(found.excess.values()) > max(WORSE_THAN * max(believed.values()), QUIET):
         return found
-    again = fit(replace(kind.likelihood, white=True), kind.unknowns, begin, plan=FitPlan(enough=ROUGH))
+    again = fit(replace(kind.likelihood, strict=True), kind.unknowns, begin, plan=FitPlan(enough=ROUGH))
     return again if max(again.excess.values()) < max(found.excess.values()) else found
-
-
-def _worse(found: Fit, believed: Mapping[str, float]) -> bool:
-    """Whether a channel is followed worse than by the belief, and not down to the noise."""
-    return any(value > max(WORSE_THAN * believed[name], QUIET) for name, value in found.excess.items())
 
 
 def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagnosis:

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.noise import (
-    LEAST_CEILING,
-    SLOW_CEILING,
     NoiseBands,
     NoiseWeights,
     ceilings,
@@ -78,13 +76,13 @@ class Likelihood:
     Attributes
     ----------
     substeps : Runge-Kutta steps a sample
-    white : whether no noise is louder than stated: then a fit decreases the residuals' power
+    strict : whether the noise has a ceiling in every octave
     """
 
     problem: FitProblem
     bands: NoiseBands
     substeps: int
-    white: bool = field(default=False, kw_only=True)
+    strict: bool = field(default=False, kw_only=True)
 
     def spectra(self, points: Points) -> Array:
         """Residuals in the frequency domain over their white sigma, (n_row, n_number); nan of a failed run."""
@@ -181,8 +179,7 @@ class Likelihood:
     def ceilings(self) -> Array:
         """(n_label,) the largest density over the white one that a band's noise can have; what is louder is the model's
         error."""
-        slow, least = (1.0, 1.0) if self.white else (SLOW_CEILING, LEAST_CEILING)
-        return ceilings(self.bands.n_band, len(self.channel_names), slow=slow, least=least)
+        return ceilings(self.bands.n_band, len(self.channel_names), strict=self.strict)
 
     def weights(self, residual: Array) -> NoiseWeights:
         """The most probable densities given a residual (n_number,)."""

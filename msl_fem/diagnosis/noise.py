@@ -7,8 +7,10 @@ Integrating it out leaves, for a band of n real numbers with the sum of squares 
 
     (n + PRIOR)/2 log((Q + PRIOR)/(n + PRIOR)).
 
-No instrument's noise is ten times its stated sigma, and three times only at low frequencies, so in every band the
-density ends at a ceiling (`ceilings`): what is above it is the model's error, and counts by its square.
+No instrument's noise is ten times its stated sigma at the lowest frequencies, so in the lowest band the density ends
+at a ceiling: what is above it, an offset or a drift, counts by its square. Where a fit trades a channel for another, by
+taking its error for noise, every octave has a ceiling (`ceilings`). With these alone from the start, fits next to a
+resonance end in minima of their own.
 """
 
 from collections.abc import Mapping, Sequence
@@ -56,9 +58,15 @@ class NoiseBands:
         return self.edges.size - 1
 
 
-def ceilings(n_band: int, n_channel: int, *, slow: float = SLOW_CEILING, least: float = LEAST_CEILING) -> Array:
-    """(n_channel n_band,) the largest densities over the white one that noise can have, channel after channel."""
-    return np.tile(np.maximum(slow / OCTAVE ** np.arange(n_band), least), n_channel)
+def ceilings(n_band: int, n_channel: int, *, strict: bool) -> Array:
+    """(n_channel n_band,) the largest densities over the white one that noise can have, channel after channel: in the
+    lowest band, or `strict` in every one."""
+    found = np.full(n_band, np.inf)
+    if strict:
+        found = np.maximum(SLOW_CEILING / OCTAVE ** np.arange(n_band), LEAST_CEILING)
+    elif n_band > 1:
+        found[0] = SLOW_CEILING
+    return np.tile(found, n_channel)
 
 
 def loudness(over: Array) -> float:

@@ -275,10 +275,12 @@ def hidden_at_most(scores: Sequence[Score]) -> dict[str, Hidden]:
         one = score.variant.amounts[0]
         told = 1 / float(np.linalg.inv(score.own + RIDGE * np.eye(len(score.own)))[0, 0])
         parameter = find_parameter(one.effect, one.name)
-        value = WIDE * parameter.scale * float(np.sqrt(NONCENTRALITY / told))
+        if not told > 0:  # by rounding: all else makes up for it
+            continue
+        value = WIDE * one.size * parameter.scale * float(np.sqrt(NONCENTRALITY / told))
         first = CATALOGUE[one.effect].amounts[:1]
         known = least.get(one.effect)
-        inside = parameter.neutral + value <= parameter.bounds[1]
+        inside = parameter.neutral + value <= one.size * parameter.bounds[1]
         if one.name in first and inside and (known is None or value < known.value):
             least[one.effect] = Hidden(value, parameter.unit)
     return least

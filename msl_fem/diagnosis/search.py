@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import FitPlan, fit
+from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.likelihood import CONVERGED, Fit
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.problem import Points
@@ -198,8 +199,16 @@ class SearchStage:
         return list(found.values())
 
 
-def search_stage(start: Fit, tried: Sequence[Variant], *, tell: Callable[[str], None], threads: int = 1) -> SearchStage:
-    """What one of these variants more would bring to a fit, which is converged as far as that asks for."""
+def search_stage(
+    start: Fit,
+    tried: Sequence[Variant],
+    *,
+    tell: Callable[[str], None],
+    threads: int = 1,
+    memory: FitMemory | None = None,
+) -> SearchStage:
+    """What one of these variants more would bring to a fit, which is converged as far as that asks for; refits begin
+    where `memory` says that they ended."""
     tell("all effects")
     base, at_base = start, scored(start, tried)
     every = at_base.scores
@@ -212,7 +221,9 @@ def search_stage(start: Fit, tried: Sequence[Variant], *, tell: Callable[[str], 
     if strained(base):
         missing = set(COMPENSATED) - {score.variant.effect for score in candidates}
         candidates += [score for score in _best_of(every).values() if score.variant.effect in missing]
-    refits = _Refinement(base, tell).best_first(candidates, threads=threads)
+    kept = memory or FitMemory()
+    kept.ended(fit_name(base.unknowns), base.z)
+    refits = _Refinement(base, tell, kept).best_first(candidates, threads=threads)
     return SearchStage(base, every, tuple(refits), at_base.null)
 
 
@@ -309,8 +320,8 @@ class _Refinement:
     and those in front go on until nothing more is to be gained. The outcome does not depend on the number of threads.
     """
 
-    def __init__(self, base: Fit, tell: Callable[[str], None]) -> None:
-        self.base, self.tell = base, tell
+    def __init__(self, base: Fit, tell: Callable[[str], None], memory: FitMemory) -> None:
+        self.base, self.tell, self.memory = base, tell, memory
         self.nuisance_columns = base.jacobian[:, : base.unknowns.n_nuisance]
 
     def best_first(self, candidates: Sequence[Score], *, threads: int) -> list[Refit]:
@@ -335,8 +346,11 @@ class _Refinement:
         """A candidate after its first steps; None where it cannot be simulated."""
         told.begins(score)
         plan = FitPlan(most_steps=SCREENING_STEPS, renew=False)
+        unknowns = extended(self.base.unknowns, score.variant)
+        begin = self.memory.end_of(fit_name(self.base.unknowns, score.variant.name), unknowns)
         try:
-            return self._refit(self.base, score.variant, started(self.base, score), plan, self.nuisance_columns)
+            begin = started(self.base, score) if begin is None else begin
+            return self._refit(self.base, score.variant, begin, plan, self.nuisance_columns)
         except ComputationError:
             return None
 
@@ -356,6 +370,7 @@ class _Refinement:
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
         unknowns = extended(self.base.unknowns, variant)
         found = fit(near.likelihood, unknowns, z, plan=plan, nuisance_columns=columns)
+        self.memory.ended(fit_name(self.base.unknowns, variant.name), found.z)
         return Refit(variant, found, found.log_evidence - self.base.log_evidence)
 
 

@@ -14,10 +14,11 @@ from conftest import Outcome
 import msl_fem as package
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.app import app
-from msl_fem.cli.diagnose import tried_line
+from msl_fem.cli.diagnose import STATE, memory_in, tried_line
 from msl_fem.cli.output import run_guarded
 from msl_fem.comparison import CompareSettings
 from msl_fem.diagnosis import DiagnosisSettings
+from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.errors import InputError
 from msl_fem.plant import NamedRun, bearable_run, simulation_record
 from msl_fem.plant.effects import EffectValues
@@ -61,6 +62,25 @@ def said(desk: Path) -> str:
     with redirect_stdout(printed):
         assert run_guarded(lambda: app(arguments)) == 0
     return printed.getvalue()
+
+
+def test_the_state_of_an_interrupted_diagnosis_is_kept_for_its_own_record(tmp_path: Path) -> None:
+    unknowns = Unknowns((("moving_mass", 0.01), ("stiffness", 0.01)), 0, ())
+    memory_in(tmp_path, "mark", resume=False).ended("none: ", np.array([0.25, -1.5]))
+    end = memory_in(tmp_path, "mark", resume=True).end_of("none: ", unknowns)
+    assert end is not None
+    assert end.tolist() == [0.25, -1.5]
+    assert memory_in(tmp_path, "mark", resume=False).end_of("none: ", unknowns) is None
+    assert memory_in(tmp_path, "another", resume=True).end_of("none: ", unknowns) is None
+    (tmp_path / STATE).write_text('{"record": "ma')
+    with pytest.raises(InputError, match="leave --resume out"):
+        memory_in(tmp_path, "mark", resume=True)
+
+
+def test_resume_without_a_folder_is_refused(desk: Path, msl_fem: Run) -> None:
+    outcome = msl_fem("diagnose", str(desk / "record"), "--resume")
+    assert outcome.status == 2
+    assert "-o DIR" in outcome.stderr
 
 
 def test_the_cause_is_named_and_all_files_are_there(desk: Path, said: str) -> None:

@@ -1,11 +1,16 @@
 """The fit with its noise colour and evidence, on a record for which all of it has a closed form."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from linear_record import CUBIC, OFFSET, record, with_effect
+from linear_record import CUBIC, OFFSET, LinearRecord, record, with_effect
 
 from msl_fem.diagnosis.fit import fit
+from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.noise import MISSTATED, PRIOR, ceilings, loudness, make_bands, transformed, weights_of
+from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.search import ranked, scores, search_stage
 from msl_fem.diagnosis.unknowns import CAUCHY, EffectUnknown, Unknowns, factor
 from msl_fem.diagnosis.variants import Variant
@@ -44,9 +49,10 @@ def test_the_density_of_coloured_noise_is_found() -> None:
     assert weights.nats == pytest.approx(expected)
 
 
-def test_noise_has_a_ceiling_in_every_octave() -> None:
-    assert ceilings(6, 2).tolist() == [100.0, 50.0, 25.0, 12.5, 10.0, 10.0] * 2
-    assert ceilings(3, 1, slow=1.0, least=1.0).tolist() == [1.0] * 3
+def test_noise_has_a_ceiling_in_the_lowest_octave_or_in_all() -> None:
+    assert ceilings(6, 2, strict=True).tolist() == [100.0, 50.0, 25.0, 12.5, 10.0, 10.0] * 2
+    assert ceilings(3, 2, strict=False).tolist() == [100.0, np.inf, np.inf] * 2
+    assert ceilings(1, 1, strict=False).tolist() == [np.inf]
 
 
 @pytest.mark.parametrize(("times", "shown"), [(0.5, 1.0), (2.0, 2.0), (30.0, MISSTATED)])
@@ -116,6 +122,31 @@ def test_of_two_effects_the_one_that_is_there_wins_and_nothing_costs_evidence() 
     assert found.refits[1].gain < -2
     assert [s.variant.effect for s in ranked(found.scores)] == ["stiffness_nonlinearity", "force_offset"]
     assert found.rivals(5.0) == []
+
+
+def test_an_interrupted_search_goes_on_where_its_fits_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Refits begin at what is kept: fewer simulations, the same evidence; what is of other unknowns is not taken."""
+    it, unknowns = record(seed=7, size=0.15, of="stiffness_nonlinearity")
+    base = fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
+    variants = [Variant(one.effect, (one,)) for one in (OFFSET, CUBIC)]
+    kept: dict[str, Sequence[float]] = {}
+    simulated: list[int] = []
+    plain = LinearRecord.spectra
+
+    def counted(likelihood: LinearRecord, points: Points) -> np.ndarray:
+        simulated.append(len(points.rows))
+        return plain(likelihood, points)
+
+    monkeypatch.setattr(LinearRecord, "spectra", counted)
+    first = search_stage(base, variants, tell=lambda _: None, memory=FitMemory(keep=kept.update))
+    assert sorted(kept) == ["none: ", "none: force_offset (force)", "none: stiffness_nonlinearity (cubic)"]
+    before = sum(simulated)
+    again = search_stage(base, variants, tell=lambda _: None, memory=FitMemory(kept))
+    assert sum(simulated) - before < before - 8
+    assert first.best is not None
+    assert again.best is not None
+    assert again.best.gain == pytest.approx(first.best.gain, abs=1e-3)
+    assert FitMemory(kept).end_of("none: ", replace(unknowns, n_table=4)) is None
 
 
 def test_an_effect_that_cannot_be_negative_stays_at_nothing() -> None:
