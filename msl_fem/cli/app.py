@@ -1,7 +1,9 @@
 """The commands by name; a command's module is imported when it runs, so that a look-up need not load a mesher."""
 
 import ast
+import re
 import sys
+from difflib import get_close_matches
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -97,7 +99,11 @@ def _usage(err: Any) -> str:
     details: list[Any] = getattr(err.__cause__, "errors", list)()
     value = f", not {details[0]['input']!r}" if details and "input" in details[0] else ""
     command = err.ctx.command_path if getattr(err, "ctx", None) else "msl-fem"
-    return f"{err.format_message().rstrip('.')}{value}; '{command} --help' lists what there is"
+    said = err.format_message().rstrip(".")
+    named = re.fullmatch(r"No such command '(.*)'", said)
+    near = get_close_matches(named[1], COMMANDS, n=1, cutoff=0.5) if named else []
+    meant = f" is {near[0]} meant?" if near else ""
+    return f"{said}{value};{meant} '{command} --help' lists what there is"
 
 
 app = typer.Typer(

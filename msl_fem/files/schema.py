@@ -182,7 +182,7 @@ def first_complaint(err: ValidationError, *, unions: Collection[str] = ()) -> st
         explained += len(meant)
         said = f"unknown key; is {meant[0]} meant?" if meant else "unknown key; check its spelling or remove it"
     elif kind == "missing":
-        said = "is missing"
+        said = "is missing; write schema = 1" if loc == ("schema",) else "is missing"
     elif kind == "union_tag_invalid":
         context = first["ctx"]
         key = context["discriminator"].strip("'")

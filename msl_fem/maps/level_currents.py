@@ -83,7 +83,7 @@ def _percentile(text: str, percent: float) -> Criterion:
     return Criterion("percentile", percent=percent)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class OperatingMap:
     """The currents of one magnet that bring each level of flux density, over the gap.
 
@@ -129,6 +129,13 @@ class OperatingMap:
 
     def __post_init__(self) -> None:
         _check(self)
+
+    def __repr__(self) -> str:
+        levels = ", ".join(f"{level:g}" for level in self.levels)
+        ends = f"{self.gap[0] * 1e3:.4g} ... {self.gap[-1] * 1e3:.4g} mm"
+        named = f" of {self.actuator}" if self.actuator else ""
+        judged = f"{self.gap.size} gaps {ends}, up to {self.current_max:.4g} A"
+        return f"OperatingMap({levels} T{named}, {judged}, {self.criterion})"
 
     def not_reached(self) -> tuple[str, ...]:
         """One sentence for each level and gap whose current lies beyond the map's largest."""

@@ -12,7 +12,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.files.schema import bare_number, first_complaint, read_toml
+from msl_fem.files.schema import bare_number, first_complaint, has_unknown_key, read_toml
 from msl_fem.plant.excitation_kinds import KINDS, Excitation, ExcitedSides, Unit, sample_count
 
 MOST_SAMPLES = 20_000_000
@@ -73,7 +73,16 @@ def _excitation_of(content: dict[str, Any], *, unit: Unit, where: str) -> Excita
     try:
         return kind.model_validate({**content, "unit": "m" if content.get("loop") == "closed" else unit})
     except ValidationError as err:
-        raise InputError(f"{where}: {first_complaint(err)}") from err
+        keys = f"; {content['name']} takes {_keys(kind)}" if has_unknown_key(err) else ""
+        raise InputError(f"{where}: {first_complaint(err)}{keys}") from err
+
+
+def _keys(kind: type[Excitation]) -> str:
+    """The keys of a kind, those first that must be stated."""
+    fields = {name: field for name, field in kind.model_fields.items() if name not in ("name", "unit")}
+    needed = [name for name, field in fields.items() if field.is_required()]
+    optional = [name for name in fields if name not in needed]
+    return ", ".join(needed) + (f", and may have {', '.join(optional)}" if optional else "")
 
 
 def samples(excitation: Excitation, *, rate: float, sides: int, generator: np.random.Generator | None = None) -> Array:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,9 @@ from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import whole_file
 from msl_fem.table.coenergy_surface import CoenergySurface, fit_coenergy_surface
 from msl_fem.table.consistency import check_consistency
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SCHEMA = 1
 INTERPOLANT = "C3 quintic Hermite coenergy spline"
@@ -36,7 +39,7 @@ MOST_VALUES = 20_000_000  # of a file
 AT_REST = 1e-9  # of the largest value: what a quantity that vanishes without current may have there
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MagneticTable:
     """Force and flux of one magnet over gap and current, with exact derivatives and a stated error.
 
@@ -65,6 +68,11 @@ class MagneticTable:
 
     def __post_init__(self) -> None:
         _check(self)
+
+    def __repr__(self) -> str:
+        largest = format_quantity(float(np.abs(self.nodes["force"]).max()), "N")
+        size = f"{self.gap.size} gaps x {self.current.size} currents"
+        return f"MagneticTable({size}: {self.rectangle}; largest force {largest}, mesh error {self.mesh_error:.1e})"
 
     @cached_property
     def surface(self) -> CoenergySurface:
@@ -96,6 +104,33 @@ class MagneticTable:
         if np.isnan(values).any():
             self._complain(*np.broadcast_arrays(i, g))
         return dict(zip(NODES, values, strict=True))
+
+    def to_xarray(self) -> "xr.Dataset":
+        """The nodes' arrays with units over gap (m) and current (A), stated errors and provenance as attributes."""
+        import xarray as xr
+
+        units = NODES | EXTRAS
+        variables = {}
+        for name, values in {**self.nodes, **self.extras}.items():
+            section = name.removeprefix(SECTION).replace("_", " ")
+            unit, long_name = units.get(name, ("T", f"mean flux density in the iron, {section}"))
+            variables[name] = (("gap", "current"), np.asarray(values), {"units": unit, "long_name": long_name})
+        return xr.Dataset(
+            variables,
+            coords={
+                "gap": ("gap", self.gap, {"units": "m", "long_name": "air gap between pole faces and armature"}),
+                "current": ("current", self.current, {"units": "A", "long_name": "coil current of one magnet"}),
+            },
+            attrs={
+                "schema": SCHEMA,
+                "title": "force and flux of one magnet over gap and current",
+                "interpolant": INTERPOLANT,
+                "mesh_error": self.mesh_error,
+                "interpolation_error": self.interpolation_error,
+                "reciprocity_error": self.reciprocity_error,
+                "provenance": json.dumps(dict(self.provenance), sort_keys=True),
+            },
+        )
 
     def _complain(self, i: Array, g: Array) -> None:
         gaps = f"{self.gap[0] * 1e3:.4g} ... {self.gap[-1] * 1e3:.4g} mm"
@@ -181,30 +216,7 @@ def _check_grid(table: MagneticTable) -> None:
 
 def write_table(table: MagneticTable, path: str | Path) -> Path:
     """The NetCDF-4 file written; it appears whole or not at all."""
-    import xarray as xr
-
-    units = NODES | EXTRAS
-    variables = {}
-    for name, values in {**table.nodes, **table.extras}.items():
-        section = name.removeprefix(SECTION).replace("_", " ")
-        unit, long_name = units.get(name, ("T", f"mean flux density in the iron, {section}"))
-        variables[name] = (("gap", "current"), np.asarray(values), {"units": unit, "long_name": long_name})
-    data = xr.Dataset(
-        variables,
-        coords={
-            "gap": ("gap", table.gap, {"units": "m", "long_name": "air gap between pole faces and armature"}),
-            "current": ("current", table.current, {"units": "A", "long_name": "coil current of one magnet"}),
-        },
-        attrs={
-            "schema": SCHEMA,
-            "title": "force and flux of one magnet over gap and current",
-            "interpolant": INTERPOLANT,
-            "mesh_error": table.mesh_error,
-            "interpolation_error": table.interpolation_error,
-            "reciprocity_error": table.reciprocity_error,
-            "provenance": json.dumps(dict(table.provenance), sort_keys=True),
-        },
-    )
+    data = table.to_xarray()
     target = Path(path)
     checksums = {str(name): {"fletcher32": True} for name in data.variables}  # damage must not read as a table
     with whole_file(target) as partial:

@@ -52,7 +52,7 @@ OF_THE_SLOPE, OF_THE_RANGE = 0.25, 0.02
 """What a change may differ from the mean of its slopes: of the larger slope, of the largest change over a range."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PairTable:
     """Force and both flux linkages over the armature's position (towards side 1) and both currents; equal signs aid.
 
@@ -83,6 +83,11 @@ class PairTable:
 
     def __post_init__(self) -> None:
         _check(self)
+
+    def __repr__(self) -> str:
+        size = " x ".join(str(nodes.size) for nodes in self.axes)
+        largest = format_quantity(float(np.abs(self.nodes["force"]).max()), "N")
+        return f"PairTable({size}: {self.block}; largest force {largest}, mesh error {self.mesh_error:.1e})"
 
     @property
     def axes(self) -> tuple[Array, Array, Array]:

@@ -26,6 +26,7 @@ def one_line(outcome: "Outcome") -> str:  # noqa: F821
     ("arguments", "said"),
     [
         (("bogus",), "No such command 'bogus'; 'msl-fem --help'"),
+        (("sovle",), "No such command 'sovle'; is solve meant? 'msl-fem --help'"),
         (("solve", E1, "--bogus"), "No such option: --bogus; 'msl-fem solve --help'"),
         (("solve", E1), "Missing option '--current'"),
         (("table", E1, "-o", "t.nc", "--workers", "-1"), "not '-1'"),

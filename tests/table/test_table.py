@@ -267,3 +267,14 @@ def test_table_that_cannot_be_written_is_an_input_error(full, tmp_path):
     for target in (tmp_path / "file" / "t.nc", tmp_path / "folder.nc"):
         with pytest.raises(InputError, match="cannot be written"):
             write_table(full, target)
+
+
+def test_it_names_itself_in_a_line_and_becomes_a_data_set(table) -> None:
+    said = repr(table)
+    assert said.startswith("MagneticTable(")
+    assert "\n" not in said
+    assert len(said) < 160
+    data = table.to_xarray()
+    assert data["force"].attrs["units"] == "N"
+    assert data["force"].sel(current=table.current[-1], gap=table.gap[0]) == table.nodes["force"][0, -1]
+    assert data.attrs["interpolant"] == "C3 quintic Hermite coenergy spline"
