@@ -1,6 +1,7 @@
 """Assignments of compiled Python as C: names and where they are declared, several at once, rows and parts of them."""
 
 import ast
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,6 +11,7 @@ from msl_fem.export.c_types import (
     FIXED,
     FLAG,
     REAL,
+    WHOLE,
     Expression,
     Number,
     Pointer,
@@ -61,12 +63,20 @@ class Assignments(Calls):
     def kept(self, value: Expression) -> Expression:
         self._temporaries += 1
         name = f"value_{self._temporaries}_"
-        self._line(f"const {value.type.declared(name)} = {self.literal(value)};")
+        self._line(f"const {value.type.declared(name)} = {self._initial(value)};")
         return Expression(value.type, name)
+
+    def _initial(self, value: Expression) -> str:
+        """What a declaration sets: several in braces."""
+        if not value.parts:
+            return value.text
+        assert isinstance(value.type, Several)
+        self._printer.several(value.type)
+        return f"{{{', '.join(self._initial(p) for p in value.parts)}}}"
 
     def origin(self, text: str) -> str:
         """The rows of which a text names a part."""
-        base = text.split("[")[0]
+        base = re.match(r"\w*", text)[0]  # type: ignore[index]
         return self._origins.get(base, base)
 
     def store(self, rows: Expression, place: str, value: Expression) -> None:
@@ -89,7 +99,7 @@ class Assignments(Calls):
 
     def _to_name(self, target: ast.Name, value: Expression) -> None:
         name = target.id
-        if value.type == FIXED or (value.known and value.type == FLAG and self._counts[name] == 1):
+        if value.type == FIXED or (value.known and value.type in (FLAG, WHOLE) and self._counts[name] == 1):
             if self._counts[name] > 1:
                 raise self.refuse(target, "it is no number, and changes")
             self._known[name] = value
@@ -97,8 +107,7 @@ class Assignments(Calls):
         if isinstance(value.type, Pointer):
             self._origins[self.c_name(name)] = self.origin(value.text)
         if isinstance(value.type, Several) and value.parts:
-            self._printer.several(value.type)
-            value = Expression(value.type, self.literal(value))
+            value = self.kept(value)
         if name in self._parameters:
             self._own_parameter(target, value)
             return
@@ -180,7 +189,14 @@ class Assignments(Calls):
                 self.store(base, f"{base.text}[{low.text} + {n}]", Expression(REAL, part))
             return
         high = self.number(target.slice.upper) if target.slice.upper else constant(base.type.shape[0])
-        kept = value if value.known or value.text.isidentifier() else self.kept(value)
+        if low.known and high.known and high.constant <= low.constant:
+            return
+        if isinstance(value.type, Pointer):
+            value = Expression(REAL, f"{value.text}[n_]")
+            if low.text != "0":
+                raise self.refuse(target, "rows are copied as a whole")
+        simple = value.known or value.text.isidentifier() or value.text.endswith("[n_]")
+        kept = value if simple else self.kept(value)
         self._line(f"for (int n_ = {low.text}; n_ < {high.text}; ++n_)")
         self.store(base, f"    {base.text}[n_]", kept)
 
@@ -192,7 +208,8 @@ class Assignments(Calls):
         if not size.known:
             raise self.refuse(node, "how long it is is not known")
         self._types[target.id] = Pointer((size.constant,))
-        self._line(f"double {self.c_name(target.id)}[{size.text}] = {{0.0}};")
+        if size.constant:
+            self._line(f"double {self.c_name(target.id)}[{size.text}] = {{0.0}};")
 
 
 def _has_word(text: str, word: str) -> bool:

@@ -16,13 +16,13 @@ from msl_fem.export.c_types import (
     FIXED,
     FLAG,
     NOTHING,
+    PRODUCT,
     REAL,
     SUM,
     UNARY,
     WHOLE,
     Expression,
     RecordType,
-    Several,
     constant,
 )
 
@@ -45,7 +45,7 @@ class Calls(Expressions):
         called = function.constant
         if type(called).__name__ == "_Generated":
             return self._generated(node, called._name)
-        if called in (min, max, abs, int, float, np.isinf, math.isinf) or _in(called, _FUNCTIONS):
+        if called in (min, max, abs, int, float, np.isinf, math.isinf, np.isfinite) or _in(called, _FUNCTIONS):
             return self._of_library(node, called)
         if isinstance(called, Compiled) or hasattr(called, "__code__"):
             return self._own(node, called)
@@ -84,6 +84,8 @@ class Calls(Expressions):
             if values[0].known:
                 return constant(math.isinf(values[0].constant))
             return Expression(FLAG, f"isinf({texts[0]}) != 0", level=COMPARISON)
+        if called is np.isfinite:
+            return Expression(FLAG, f"{values[0].at(SUM)} - {values[0].at(PRODUCT)} == 0.0", level=COMPARISON)
         if called is int:
             return Expression(WHOLE, f"(int){values[0].at(ATOM)}", level=UNARY)
         if called is float:
@@ -109,6 +111,8 @@ class Calls(Expressions):
         arguments = bound(getattr(called, "py_func", called), given, named)
         printed = self._printer.printed(called, arguments)
         texts = [self._passed(arguments[n]) for n, kind in printed.parameters]
+        if printed.result == FIXED:
+            return constant(printed.value)
         written = {self.origin(arguments[n].text) for n in printed.writes}
         self.writes |= {n for n, p in self._parameters.items() if p.type != FIXED and p.text in written}
         value = Expression(printed.result, f"{printed.name}({', '.join(texts)})")
@@ -120,18 +124,7 @@ class Calls(Expressions):
     def _passed(self, value: Expression) -> str:
         if isinstance(value.type, RecordType) and not value.pointer:
             return f"&{value.text}"
-        if isinstance(value.type, Several) and value.parts:
-            self._printer.several(value.type)
-            return self.literal(value)
-        return value.text
-
-    def literal(self, value: Expression) -> str:
-        """A tuple that is written out, as a literal of its struct."""
-        if not value.parts:
-            return value.text
-        assert isinstance(value.type, Several)
-        self._printer.several(value.type)
-        return f"({value.type.name}){{{', '.join(self.literal(p) for p in value.parts)}}}"
+        return self.kept(value).text if value.parts else value.text
 
 
 def _in(value: Any, table: dict[Any, str]) -> bool:

@@ -10,6 +10,7 @@ from msl_fem.control.controller import controller_state, controller_step
 from msl_fem.control.design import ControllerDesign
 from msl_fem.control.inverse import BIAS
 from msl_fem.export.c_guard import guard_header
+from msl_fem.export.c_table import table_functions
 from msl_fem.export.c_text import c_header, c_prefix, write_header
 from msl_fem.maps import OperatingMap
 from msl_fem.plant.plant import Surface
@@ -107,7 +108,8 @@ def _surface_text(surface: Surface, prefix: str, design: ControllerDesign) -> st
         "errors": {},
         "gap": surface.gap,
         "current": surface.current,
-        "coefficients": surface.coefficients.reshape(-1, 36),
+        "coefficients": surface.coefficients,
+        "printed": table_functions(evaluated, prefix),
         "check": {"current": i, "gap": g, "values": evaluated(i, g).T},
     }
     return c_header("table.h.j2", prefix, content)

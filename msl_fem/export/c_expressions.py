@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from types import ModuleType
 from typing import Any, Protocol
 
+import numpy as np
+
 from msl_fem.export.c_types import (
     ATOM,
     BITS,
@@ -42,6 +44,10 @@ class FunctionPrinter(Protocol):
 
     def several(self, kind: Several) -> None: ...
 
+    def array(self, values: Any, name: str) -> Expression: ...
+
+    def unrolled(self, name: str) -> bool: ...
+
 
 _SUMS = {ast.Add: "+", ast.Sub: "-"}
 _ORDER: dict[type[ast.cmpop], str] = {
@@ -68,7 +74,7 @@ class Expressions:
         self._python = python
         self._compiled = compiled
         self._parameters: dict[str, Expression] = {
-            n: a if a.type == FIXED else Expression(a.type, self.c_name(n)) for n, a in arguments.items()
+            n: a if a.type == FIXED or a.known else Expression(a.type, self.c_name(n)) for n, a in arguments.items()
         }
         self.read: set[str] = set()
         self.writes: set[str] = set()
@@ -163,6 +169,9 @@ class Expressions:
             ours = base.constant.__name__.startswith("msl_fem.")
             prefix = base.constant.__name__.rpartition(".")[2].upper()
             return self._of_python(f"{prefix}_{node.attr.strip('_')}", value) if ours else constant(value)
+        if base.type == FIXED and hasattr(base.constant, "_fields"):
+            value = getattr(base.constant, node.attr)
+            return self._printer.array(value, node.attr) if isinstance(value, np.ndarray) else constant(value)
         if isinstance(base.type, RecordType):
             return self._member(node, base)
         if isinstance(base.type, Pointer) and base.type.shape:
@@ -199,8 +208,19 @@ class Expressions:
             return self._of_effect(node, base)
         if not isinstance(base.type, Pointer):
             raise self.refuse(node)
+        if isinstance(node.slice, ast.Slice):
+            return self._part(node, node.slice, base)
         self._rows_read.add(self.origin(base.text))
         return self.element(node, base)
+
+    def _part(self, node: ast.Subscript, part: ast.Slice, base: Expression) -> Expression:
+        """Rows from one on, as many as the slice has."""
+        low = self.number(part.lower) if part.lower else constant(0)
+        high = self.number(part.upper) if part.upper else constant(base.type.shape[0] if base.type.shape else None)
+        if not (low.known and high.known) or high.constant is None or low.constant < 0 or high.constant < 0:
+            raise self.refuse(node, "how long it is is not known")
+        shape = (high.constant - low.constant,)
+        return Expression(Pointer(shape, base.type.fixed), f"{base.text} + {low.at(SUM)}", level=SUM)
 
     def _of_effect(self, node: ast.Subscript, base: Expression) -> Expression:
         assert isinstance(node.slice, ast.Tuple)
@@ -336,8 +356,13 @@ class Expressions:
         if test.known:
             return self.expression(node.body if test.constant else node.orelse)
         self._lazy += 1
-        one, other = self.number(node.body), self.number(node.orelse)
+        one, other = self.expression(node.body), self.expression(node.orelse)
         self._lazy -= 1
+        if one.parts and len(one.parts) == len(other.parts):
+            parts = tuple(self.choice(test, a, b) for a, b in zip(one.parts, other.parts, strict=True))
+            return Expression(Several(tuple(p.type for p in parts)), "", parts=parts)
+        if not (isinstance(one.type, Number) and isinstance(other.type, Number)):
+            raise self.refuse(node, "it is no number")
         return self.choice(test, one, other)
 
     @staticmethod

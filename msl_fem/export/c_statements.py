@@ -30,7 +30,7 @@ class FunctionBody(Assignments):
 
     Attributes
     ----------
-    result : type of what the function returns, after `print`
+    result, value : type of what the function returns, after `print`; it, where it is no number and known
     read, writes : names that are read; parameters whose rows are written to
     """
 
@@ -39,6 +39,7 @@ class FunctionBody(Assignments):
     ) -> None:
         super().__init__(printer, python, compiled, arguments)
         self.result: Any = None
+        self.value: Any = None
         self._blocks = 0
 
     def print(self, tree: ast.FunctionDef) -> list[str]:
@@ -110,14 +111,17 @@ class FunctionBody(Assignments):
             self._line("return;")
             return True
         value = self.expression(node.value)
-        if value.type == FIXED and value.constant is None:
+        if value.type == FIXED:
+            self.result = None if value.constant is None else FIXED
+            self.value = value.constant
             return True
         kind = Several(tuple(p.type for p in value.parts)) if value.parts else value.type
         self.result = joined_type(self.result, kind)
         if value.parts:
             assert isinstance(self.result, Several)
             value = Expression(self.result, value.text, parts=value.parts)
-        self._line(f"return {self.literal(value)};")
+            value = self.kept(value)
+        self._line(f"return {value.text};")
         return True
 
     def _do_assign(self, node: ast.Assign) -> None:
@@ -172,7 +176,8 @@ class FunctionBody(Assignments):
                 self._once(node, value)
             return
         ends = [self.number(one) for one in node.iter.args]
-        if all(e.known for e in ends) and len(range(*(e.constant for e in ends))) <= 1:
+        unrolled = isinstance(node.target, ast.Name) and self._printer.unrolled(node.target.id)
+        if all(e.known for e in ends) and (unrolled or len(range(*(e.constant for e in ends))) <= 1):
             for value in range(*(e.constant for e in ends)):
                 self._once(node, value)
             return

@@ -5,7 +5,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from msl_fem.export.c_printer import Printer, header_style
 from msl_fem.export.c_text import c_header, c_prefix, write_header
+from msl_fem.export.c_types import REAL, Pointer
+from msl_fem.table.coenergy_surface import STATES, CoenergySurface, evaluate, evaluate_slopes
 from msl_fem.table.magnetic_table import INTERPOLANT, MagneticTable
 
 Array = NDArray[np.float64]
@@ -32,10 +35,21 @@ def table_header(table: MagneticTable, *, name: str | None = None) -> str:
         },
         "gap": surface.gap,
         "current": surface.current,
-        "coefficients": surface.coefficients.reshape(-1, 36),
+        "coefficients": surface.coefficients,
+        "printed": table_functions(surface, c_prefix(str(provenance.get("actuator", "")), name)),
         "check": {"current": current, "gap": gap, "values": surface(current, gap).T},
     }
     return c_header("table.h.j2", c_prefix(str(provenance.get("actuator", "")), name), content)
+
+
+def table_functions(surface: CoenergySurface, prefix: str) -> str:
+    """The surface's evaluation as C, for arrays of its shape."""
+    printer = Printer(header_style(f"{prefix}_table_", exact=prefix))
+    nodes = {"gap": surface.gap, "current": surface.current, "coefficients": surface.coefficients}
+    arrays = {key: Pointer(np.shape(values), fixed=True) for key, values in nodes.items()}
+    printer.add(evaluate_slopes, arrays | {"i": REAL, "g": REAL})
+    printer.add(evaluate, arrays | {"i": REAL, "g": REAL, "out": Pointer((STATES,))})
+    return f"{printer.declarations}\n{printer.definitions}"
 
 
 def write(table: MagneticTable, target: Path, *, name: str | None = None) -> tuple[Path, ...]:

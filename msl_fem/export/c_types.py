@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from msl_fem.export.c_text import c_number
 
 NO_CONSTANT: Any = object()
@@ -91,10 +93,8 @@ class Several:
 
     @property
     def name(self) -> str:
-        return "Of_" + "".join(
-            part.name[3:].join("()") if isinstance(part, Several) else "r" if part == REAL else "n"
-            for part in self.parts
-        ).replace("(", "_").replace(")", "_")
+        letters = [f"_{p.name[3:]}_" if isinstance(p, Several) else "r" if p == REAL else "n" for p in self.parts]
+        return f"of_{''.join(letters)}"
 
     def declared(self, name: str) -> str:
         return f"{self.name} {name}"
@@ -178,13 +178,14 @@ class PrintedFunction:
     result: Any
     writes: frozenset[str]
     text: str
+    value: Any = None  # of one that returns what is no number and known
 
 
 def c_type_of(value: Any) -> Any:
     """The type of a constant."""
-    if isinstance(value, bool):
+    if isinstance(value, bool | np.bool_):
         return FLAG
-    if isinstance(value, int):
+    if isinstance(value, int | np.integer):
         return WHOLE
     return REAL if isinstance(value, float) else FIXED
 

@@ -9,7 +9,7 @@
 
 #if SIDES > 0
 static const Cells cells = {
-    magnet_table_gap_, magnet_table_current_, &magnet_table_coenergy_[0][0], MAGNET_TABLE_GAPS, MAGNET_TABLE_CURRENTS};
+    magnet_table_gap_, magnet_table_current_, &magnet_table_coenergy_[0][0][0][0], MAGNET_TABLE_GAPS, MAGNET_TABLE_CURRENTS};
 #else
 static const Cells cells = {0, 0, 0, 0, 0}; /* of a rig that a force drives: never looked at */
 #endif

@@ -84,7 +84,9 @@ def find_format(to: str, what: str | None, source: str) -> Format:
         raise InputError(f"--to {to} is not available; there is {', '.join(dict.fromkeys(f.to for f in FORMATS))}")
     wished = [f for f in of_name if what == f.what or (what is None and not f.asked)]
     if not wished:
-        raise InputError(f"--what {what} is not available as {to}; there is {', '.join(f.what for f in of_name)}")
+        raise InputError(
+            f"--what {what} is not available as {to}; there is {', '.join(dict.fromkeys(f.what for f in of_name))}"
+        )
     able = [f for f in wished if source in _MADE_FROM[f.needs]]
     if not able:
         needs = " or ".join(dict.fromkeys(_MADE_FROM[wished[0].needs]))
