@@ -317,20 +317,24 @@ def _about_bias(
     stage: OutputStage, inverse: Inverse, force: float, position: float, command: Array
 ) -> tuple[float, int]:
     """(force by the tangent, the worst verdict): a side's current is cut at nothing and at its limits."""
-    last = inverse.guard.limit.shape[0] - 1
     verdict = PREFERRED
     difference = force / stage.force_per_current
     for side in range(2):
         current = (stage.bias + difference if side == 0 else stage.bias - difference) * inverse.current_share
         gap = believed_gap(inverse, side, position)
-        allowed = limit_at(inverse.guard, last, gap)
-        if not allowed >= 0:
-            verdict = VIOLATION
-            continue
-        largest = min(allowed, inverse.current_limit)
-        if current > largest:
-            verdict = max(verdict, VIOLATION if allowed <= inverse.current_limit else FORCE_LIMITED)
-        elif current > limit_at(inverse.guard, 0, gap):
-            verdict = max(verdict, DISCOURAGED)
-        command[side] = min(max(current, 0.0), largest) / inverse.current_share
+        side_verdict = _about_bias_of_side(inverse, side, current, gap, command)
+        verdict = max(verdict, side_verdict)
     return 0.5 * stage.force_per_current * (command[0] - command[1]), verdict
+
+
+@compiled
+def _about_bias_of_side(inverse: Inverse, side: int, current: float, gap: float, command: Array) -> int:
+    """The verdict on a magnet's current, which is cut at nothing and at its limits."""
+    allowed = limit_at(inverse.guard, inverse.guard.limit.shape[0] - 1, gap)
+    if not allowed >= 0:
+        return VIOLATION
+    largest = min(allowed, inverse.current_limit)
+    command[side] = min(max(current, 0.0), largest) / inverse.current_share
+    if current > largest:
+        return VIOLATION if allowed <= inverse.current_limit else FORCE_LIMITED
+    return DISCOURAGED if current > limit_at(inverse.guard, 0, gap) else PREFERRED

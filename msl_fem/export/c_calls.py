@@ -95,6 +95,7 @@ class Calls(Expressions):
             return Expression(REAL, f"fabs({texts[0]})")
         if called in (min, max) and len(values) == 2:
             sign = "<" if called is min else ">"
+            values = [self.kept(v) if "(" in v.text and not self._lazy else v for v in values]
             test = Expression(FLAG, f"{values[1].at(SUM)} {sign} {values[0].at(SUM)}", level=COMPARISON)
             return self.choice(test, values[1], values[0])
         if _in(called, _FUNCTIONS):

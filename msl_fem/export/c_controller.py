@@ -6,12 +6,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.control.controller import controller_state, controller_step
+from msl_fem.control import controller
+from msl_fem.control.controller import ControllerParameters, controller_state, controller_step
 from msl_fem.control.design import ControllerDesign
 from msl_fem.control.inverse import BIAS
-from msl_fem.export.c_guard import guard_header
+from msl_fem.export.c_guard import guard_header, guard_names
+from msl_fem.export.c_printer import Printer, header_style
 from msl_fem.export.c_table import table_functions
 from msl_fem.export.c_text import c_header, c_prefix, write_header
+from msl_fem.export.c_types import REAL, Pointer
 from msl_fem.maps import OperatingMap
 from msl_fem.plant.plant import Surface
 from msl_fem.table.coenergy_surface import CoenergySurface
@@ -20,6 +23,8 @@ from msl_fem.table.magnetic_table import INTERPOLANT
 Array = NDArray[np.float64]
 _CHECKED = 64
 _CELLS_CHECKED = 5
+_ROWS = ("INNOVATION", "FORCE", "N_PREFERRED", "N_DISCOURAGED", "N_FORCE_LIMITED", "N_VIOLATION")
+"""Of the controller's state, what the header tells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +47,9 @@ def controller_header(source: ControllerSource, *, name: str | None = None) -> s
     prefix = c_prefix(belief.name, name)
     inverse, biased = parameters.inverse, parameters.stage.kind == BIAS
     two = not biased and inverse.surface_1 is not inverse.surface_2
-    parts = [] if biased else [_surface_text(inverse.surface_1, prefix, design)]
-    parts += [_surface_text(inverse.surface_2, f"{prefix}_2", design)] if two else []
-    n = parameters.model_a.shape[0]
+    surfaces = [] if biased else [(inverse.surface_1, prefix)]
+    surfaces += [(inverse.surface_2, f"{prefix}_2")] if two else []
+    printer = controller_printer(parameters, prefix, surfaces)
     return c_header(
         "controller.h.j2",
         prefix,
@@ -55,18 +60,33 @@ def controller_header(source: ControllerSource, *, name: str | None = None) -> s
             "rate": 1.0 / plant.period,
             "delay": int(parameters.delay),
             "reach": design.reach,
-            "doubles": controller_state(parameters).size - 5,
-            "parts": "\n".join([*parts, guard_header(source.regions, name=prefix)]),
-            "n": n,
-            "c": parameters,
-            "inverse": inverse,
-            "stage": parameters.stage,
-            "biased": biased,
-            "two_surfaces": two,
-            "overlap_square": parameters.stage.overlap * parameters.stage.overlap,
+            "doubles": controller_state(parameters).size,
+            "parts": "\n".join(
+                [
+                    *(_surface_text(surface, name, design) for surface, name in surfaces),
+                    guard_header(source.regions, name=prefix),
+                ]
+            ),
+            "arrays": printer.arrays,
+            "printed": f"{printer.declarations}\n{printer.definitions}",
+            "row": {name: getattr(controller, name) for name in _ROWS},
             "check": check_steps(design),
         },
     )
+
+
+def controller_printer(parameters: ControllerParameters, prefix: str, surfaces: list[tuple[Surface, str]]) -> Printer:
+    """The step of a controller as C, its numbers known; surfaces and guard stand in the header under their names."""
+    names = list(guard_names(parameters.inverse.guard, prefix))
+    for surface, own in surfaces:
+        fields = zip(("gap", "current", "coenergy"), surface, strict=True)
+        names += [(id(values), f"{own}_table_{field}_") for field, values in fields]
+    style = header_style(f"{prefix}_controller_", exact=prefix, unrolled=frozenset({"side"}), arrays=tuple(names))
+    printer = Printer(style)
+    rows = {"reference": Pointer((3,)), "command": Pointer((2,))}
+    rows["state"] = Pointer((controller_state(parameters).size,))
+    printer.add(controller_step, {"parameters": parameters, "measured": REAL} | rows)
+    return printer
 
 
 def write(source: ControllerSource, target: Path, *, name: str | None = None) -> tuple[Path, ...]:

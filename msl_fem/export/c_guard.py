@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from msl_fem.export.c_printer import Printer, header_style
 from msl_fem.export.c_text import c_header, c_prefix, write_header
+from msl_fem.export.c_types import REAL, WHOLE
 from msl_fem.maps import Guard, OperatingMap
-from msl_fem.maps.guard import REASONS
+from msl_fem.maps.guard import REASONS, GuardArrays, limit_at, margin_of, reason_of, region_of
 
 Array = NDArray[np.float64]
 _NAMES = ("BELOW_FIRST", "BETWEEN", "ABOVE_LAST", "BEYOND_MAP", "GAP_OUTSIDE", "GAP_NAN", "CURRENT_NAN")
@@ -38,7 +40,24 @@ def guard_header(operating_map: OperatingMap, *, name: str | None = None) -> str
         "warnings": m.warnings,
     }
     content = {**provenance, **guard.arrays._asdict(), "reasons": tuple(zip(_NAMES, REASONS, strict=True))}
-    return c_header("guard.h.j2", c_prefix(m.actuator, name), content | {"check": check})
+    prefix = c_prefix(m.actuator, name)
+    printed = _functions(guard.arrays, prefix)
+    return c_header("guard.h.j2", prefix, content | {"check": check, "printed": printed})
+
+
+def _functions(arrays: GuardArrays, prefix: str) -> str:
+    """What judges, as C."""
+    printer = Printer(header_style(f"{prefix}_guard_", exact=prefix, arrays=guard_names(arrays, prefix)))
+    at = {"current": REAL, "gap": REAL}
+    printer.add(limit_at, {"guard": arrays, "level": WHOLE, "gap": REAL})
+    for function in (region_of, margin_of, reason_of):
+        printer.add(function, {"guard": arrays} | at)
+    return printer.definitions
+
+
+def guard_names(arrays: GuardArrays, prefix: str) -> tuple[tuple[int, str], ...]:
+    """Identity of each of the guard's arrays, and its name in the header."""
+    return tuple((id(getattr(arrays, n)), f"{prefix}_guard_{n}_") for n in ("gap", "limit", "slope", "start"))
 
 
 def write(operating_map: OperatingMap, target: Path, *, name: str | None = None) -> tuple[Path, ...]:

@@ -110,8 +110,9 @@ class Printer:
         ------
         PrintError : it has something that is not printed as C; names function, line and what it is
         """
-        arguments = {name: kind if isinstance(kind, Expression) else _argument(kind) for name, kind in types.items()}
-        return self.printed(function, arguments)
+        given = {name: kind if isinstance(kind, Expression) else _argument(kind) for name, kind in types.items()}
+        names = inspect.signature(getattr(function, "py_func", function)).parameters
+        return self.printed(function, {name: given[name] for name in names if name in given})
 
     def printed(self, function: Any, arguments: Mapping[str, Expression]) -> PrintedFunction:
         """The function for such arguments, by the names of its parameters."""

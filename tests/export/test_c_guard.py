@@ -138,7 +138,7 @@ def test_no_text_of_a_map_becomes_code(example, tmp_path, text):
     assert "evil(" not in code
     subprocess.run([compiler("gcc"), *strict, "-fsyntax-only", tmp_path / "program.c"], check=True)
     names = {line.split("(")[0].split()[-1] for line in header.splitlines() if line.startswith("static inline")}
-    assert len(names) == 9
+    assert len(names) == 12
 
 
 def test_the_header_says_where_it_comes_from(example):
