@@ -77,7 +77,7 @@ $(VENV)/.installed-docs: $(VENV)/.installed
 
 diagnosis-study: $(VENV)/.installed # hours; goes on where it stopped
 	$(BIN)/python benchmarks/diagnosis_study.py
-	$(BIN)/python benchmarks/diagnosis_study_tables.py
+	$(BIN)/python benchmarks/diagnosis_study.py --tables --docs
 
 clean:
 	rm -rf $(VENV) $(NEWEST) $(OUT) site build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache

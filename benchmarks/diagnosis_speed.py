@@ -14,13 +14,12 @@ import subprocess
 import sys
 import time
 
-from diagnosis_study import ROOT, TABLE, actuator_of
 from marked_text import rewrite
+from study_rigs import ROOT, servo_in, study_rig
 
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record, usual_excitations
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.plant.excitation import Excitation, parse_excitation
-from msl_fem.table.magnetic_table import read_table
 
 CASES = (
     ("voltage", "none"), ("voltage", "time_delay=3%"), ("voltage", "eddy_currents=3%"), ("current", "none"),
@@ -39,7 +38,7 @@ def longer(one: Excitation) -> Excitation:
 
 def measured(drive: str, hidden: str, threads: int) -> None:
     """Diagnoses one record and prints what it took as JSON."""
-    actuator, table = actuator_of(drive), read_table(TABLE)
+    actuator, table = servo_in(drive), study_rig("servo").table
     excitations = tuple(longer(one) for one in usual_excitations(actuator, table, rate=1e4))
     options = BenchOptions(seed=4, excitations=excitations)
     record = sealed_record(actuator, table, parse_requests((hidden,)), options).record

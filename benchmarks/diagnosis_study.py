@@ -1,290 +1,313 @@
-"""The diagnosis put to the test: records of the virtual bench with something hidden, or nothing, diagnosed one by one.
+"""The diagnosis on four actuators with what real instruments do: rates on seeds that settled no threshold.
 
-    python benchmarks/diagnosis_study.py                 # goes on where it stopped; --limit N cases, --processes N
-    python benchmarks/diagnosis_study.py --compare ROWS --keys FILE
+    python benchmarks/diagnosis_study.py [--limit N]      # goes on where it stopped
+    python benchmarks/diagnosis_study.py --tables [--docs]
 
-The second makes cases anew and says which verdicts differ from those of ROWS.
-
-Each case is one line of `diagnosis_study.jsonl`; the answer of the bench is compared with the diagnosis here, after it
-has been made. Cases come in an order in which any beginning of the list is a fair share of each kind. The figures are
-written to docs by `diagnosis_study_tables.py`.
+Records of the bench hold nothing, one to four effects, or what lies outside the catalogue, and beside it zeros, gains
+and stray flux of one to two tolerances; some a wrong statement of the noise (half, twice) or of the hold, a static map
+with a zero of its own, steps of half again the amplitude, or "10 MHz" for a drive without a pole. Each case is a
+line of `diagnosis_study.jsonl`. A case's seed says to which half it belongs: thresholds may be settled on even seeds,
+rates count on odd ones. Cases come in an order in which any beginning is a fair share.
 """
 
 import argparse
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from marked_text import rewrite
+from scipy.stats import beta
+from study_rigs import ROOT, StudyRig, excitations_of, loop_of, study_rig
 
-from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.bench import BenchOptions, parse_requests, sealed_record, usual_excitations
+from msl_fem.bench import BenchOptions, ClosedLoop, parse_nuisances, parse_requests, sealed_record
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.computing.jobs import Executor, run_jobs
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.effects import CATALOGUE
-from msl_fem.plant.excitation_kinds import Excitation
-from msl_fem.table.magnetic_table import read_table
+from msl_fem.plant.excitation import parse_excitation
 
-HERE = Path(__file__).parent
-ROOT = HERE.parent
-TABLE = ROOT / "lookup_tables/fast_tool_servo.nc"
-RESULTS = HERE / "diagnosis_study.jsonl"
-DRIVES = ("voltage", "current")
-VERSION = 3
+RESULTS = Path(__file__).parent / "diagnosis_study.jsonl"
+VERSION = 4
 """Of search and rule: lines of another one are left out and made anew."""
-CLEAN, SINGLES, SMALL, PAIRS, OUTSIDE = 300, 10, 5, 40, 40
-FIRST = {"clean": 150, "single": 5, "small": 3, "pair": 20, "outside": 20}
-"""Of each drive so many (of each effect) come among the others: with both drives what is the least; the rest comes
-behind."""
-DYNAMIC = (
-    "magnetic_hysteresis", "eddy_currents", "cross_coupling", "coil_heating", "amplifier_bandwidth",
-    "stiffness_nonlinearity", "coulomb_friction", "squeeze_film", "structural_mode", "flexure_relaxation",
-    "position_sensor_nonlinearity", "position_sensor_lag", "time_delay", "periodic_disturbance",
+COUNT, SEED = 4000, 20261121
+SECONDS = 4.0
+RIGS = (
+    ("servo", "voltage"), ("servo", "current"), ("small", "voltage"), ("small", "current"), ("large", "voltage"),
+    ("large", "current"), ("levitator", "current"),
 )  # fmt: skip
-"""Effects that are also tried at 0.3 %: those that coincide with no believed parameter and show in the motion."""
-
-
-NATS, PART = 0.05, 0.002
-"""By which a gain may differ from its row, absolute and relative, before `--compare` says so."""
+KINDS = {"clean": 0.34, "single": 0.3, "small": 0.1, "pair": 0.1, "triple": 0.06, "four": 0.02, "outside": 0.08}
+EFFECTS_OF = {"clean": 0, "single": 1, "small": 1, "pair": 2, "triple": 3, "four": 4, "outside": 0}
+RATES, SHARES = (1e3, 5e3, 20e3), (0.4, 0.5, 0.1)
+Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Case:
-    """A record of the study: its drive, what is hidden, how it is disturbed."""
+    """A record of the study: its rig, what is hidden, what its instruments do."""
 
-    drive: str
-    kind: str
-    hidden: tuple[str, ...]
     seed: int
-    noise: str = "coloured"
-    cost = 1  # all about the same: cases are taken in their order
+    kind: str
+    rig: str
+    drive: str
+    rate: float
+    hidden: tuple[str, ...]
+    nuisance: float
+    stated_noise: float
+    stated_hold: str
+    static: bool
+    pulses: bool
+    fast_pole: bool
 
     @property
     def key(self) -> str:
-        return f"{self.drive}/{self.kind}/{'+'.join(self.hidden) or 'nothing'}/{self.seed}/{self.noise}"
+        return f"{self.seed}/{self.kind}/{self.rig}/{self.drive}/{self.rate:g}/{'+'.join(self.hidden) or 'nothing'}"
 
 
-def cases() -> list[Case]:
-    """All cases, in an order of which each beginning is a fair share."""
-    found: list[tuple[float, Case]] = []
-    names = list(CATALOGUE)
-    chance = np.random.default_rng(20261120)
-    pairs = [tuple(sorted(chance.choice(names, 2, replace=False))) for _ in range(PAIRS)]
-    for drive in DRIVES:
-        found += [((n + 0.5) / FIRST["clean"], Case(drive, "clean", (), 10_000 + n, _noise(n))) for n in range(CLEAN)]
-        for kind, seed, size, effects, count in (
-            ("single", 20_000, "3%", names, SINGLES), ("small", 30_000, "0.3%", DYNAMIC, SMALL),
-        ):  # fmt: skip
-            for k, name in enumerate(effects):  # each record with a seed of its own: a rig and noise of its own
-                made = [Case(drive, kind, (f"{name}={size}",), seed + 100 * k + n) for n in range(count)]
-                place = k / (len(effects) + 8)
-                found += [((n + place) / FIRST[kind], case) for n, case in enumerate(made)]
-        for n, (a, b) in enumerate(pairs):
-            found.append(((n + 0.3) / FIRST["pair"], Case(drive, "pair", (f"{a}=3%", f"{b}=3%"), 40_000 + n)))
-        for n in range(OUTSIDE):
-            found.append(((n + 0.6) / FIRST["outside"], Case(drive, "outside", ("outside=3%",), 50_000 + n)))
-    return [case for _, case in sorted(found, key=lambda pair: pair[0])]
-
-
-def _noise(n: int) -> str:
-    """Of a clean record: every fourth is white."""
-    return "white" if n % 4 == 3 else "coloured"
-
-
-def actuator_of(drive: str) -> Actuator:
-    """The reference actuator with a drive of this kind."""
-    it = load_actuator(ROOT / "geometries/fast_tool_servo.toml")
-    if drive == "current":
-        return it
-    return it.model_copy(update={"drive": it.drive.model_copy(update={"kind": "voltage", "bandwidth": None})})
+def case_of(seed: int) -> Case:
+    """The case of a seed; kinds and rigs go round, everything else is chance."""
+    chance = np.random.default_rng([SEED, seed])
+    kind = str(chance.choice(list(KINDS), p=list(KINDS.values())))
+    rig, drive = RIGS[(seed // 2) % len(RIGS)]
+    names = chance.permutation(list(CATALOGUE))[: EFFECTS_OF[kind]]
+    hidden = tuple(f"{name}={'0.3' if kind == 'small' else '3'}%" for name in names)
+    if kind == "outside":
+        hidden = ("outside=3%",)
+    samples = float(chance.choice(RATES, p=SHARES))
+    if rig == "levitator":
+        samples = max(samples, 5e3)
+    nuisance = float(np.round(chance.uniform(1.0, 2.0), 2))
+    noise = float(chance.choice([0.5, 1.0, 2.0], p=[0.15, 0.7, 0.15]))
+    hold = str(chance.choice(["zero-order", "linear"], p=[0.9, 0.1]))
+    static, pulses, fast = (bool(chance.random() < share) for share in (0.15, 0.15, 0.2))
+    fast &= drive == "voltage"
+    return Case(seed, kind, rig, drive, samples, hidden, nuisance, noise, hold, static, pulses, fast)
 
 
 @cache
-def excitations_of(drive: str) -> tuple[Excitation, ...]:
-    """The usual ones: they are chosen by what is believed, so they are the same for all records of a drive."""
-    return usual_excitations(actuator_of(drive), read_table(TABLE), rate=BenchOptions(seed=0).rate)
+def rig_of(name: str) -> StudyRig:
+    return study_rig(name)
+
+
+@cache
+def loop(name: str, drive: str) -> ClosedLoop | None:
+    return loop_of(rig_of(name), drive)
+
+
+def options_of(case: Case) -> BenchOptions:
+    """How the bench makes the record of a case."""
+    rig = rig_of(case.rig)
+    excitations = excitations_of(rig, case.drive, seconds=SECONDS)
+    if case.pulses and not loop(case.rig, case.drive):
+        unit = "A" if case.drive == "current" else "V"
+        first = excitations[0]
+        at = f"step:bias={first.bias:g} {unit},amplitude={1.5 * first.amplitude:g} {unit},frequency=5 Hz,duration=1 s"
+        excitations = (*excitations, parse_excitation(at, unit=unit))
+    return BenchOptions(
+        seed=case.seed,
+        rate=case.rate,
+        excitations=excitations,
+        static=case.static,
+        loop=loop(case.rig, case.drive),
+        nuisances=parse_nuisances([f"all={case.nuisance}"]),
+        stated_noise=case.stated_noise,
+        stated_hold=case.stated_hold,  # type: ignore[arg-type]
+        stated_bandwidth=10e6 if case.fast_pole else None,
+    )
 
 
 @one_blas_thread
-def tried(case: Case) -> dict[str, Any]:
+def tried(case: Case) -> Row:
     """A case made and diagnosed."""
-    row: dict[str, Any] = {"key": case.key, "version": VERSION, **asdict(case)}
-    actuator, table = actuator_of(case.drive), read_table(TABLE)
+    row: Row = {"key": case.key, "version": VERSION, **asdict(case)}
+    rig = rig_of(case.rig)
     try:
-        options = BenchOptions(seed=case.seed, noise=case.noise, excitations=excitations_of(case.drive))
-        sealed = sealed_record(actuator, table, parse_requests(case.hidden), options)
-    except (InputError, ComputationError) as err:  # not every effect can be as large in every drive
+        sealed = sealed_record(rig.in_drive(case.drive), rig.table, parse_requests(case.hidden), options_of(case))
+    except (InputError, ComputationError) as err:  # not every effect can be as large on every rig
         return row | {"bench": str(err)}
     begin = time.process_time()
     try:
-        found = diagnose(sealed.record, DiagnosisSettings(table=table))
+        found = diagnose(sealed.record, DiagnosisSettings(table=rig.table))
     except (InputError, ComputationError) as err:
         return row | {"failed": f"{type(err).__name__}: {err}"}
-    row["cpu_seconds"] = round(time.process_time() - begin, 1)
-    return row | _outcome(found) | {"truth": _truth(sealed.answer), "covered": _covered(found, sealed.answer)}
+    truth = [effect["effect"] for effect in sealed.answer["effects"]]
+    return row | {"cpu_seconds": round(time.process_time() - begin, 1), "truth": truth} | outcome(found)
 
 
-def _outcome(found: Diagnosis) -> dict[str, Any]:
-    held_out = [a for a in found.accuracy if a.nominal.role == "held-out"]
+def outcome(found: Diagnosis) -> Row:
+    """What a diagnosis says, as a row holds it."""
+    hidden = {name: limit.value for name, limit in found.hidden.items()}
     return {
         "verdict": found.verdict,
         "reason": found.reason,
-        "causes": [
-            {
-                "effect": c.effect, "statistic": round(c.statistic, 2), "rivals": list(c.rivals),
-                "gain": _finite(c.gain),
-                "parameters": {k: [e.value, e.low, e.high] for k, e in c.parameters.items()},
-            }
-            for c in found.causes
-        ],
-        "statistics": [[[name, round(value, 2)] for name, value in one] for one in found.statistics],
-        "unexplained": {"equation": found.unexplained.equation, "depends_on": list(found.unexplained.depends_on)},
-        "held_out": {
-            a.nominal.channel: [_finite(f.rms / f.floor) for f in (a.nominal, a.refitted, a.extended)] for a in held_out
-        },
+        "names": list(found.names),
+        "nats": [round(cause.statistic, 2) for cause in found.causes],
+        "rivals": [list(cause.rivals) for cause in found.causes],
+        "main": None if found.main_cause is None else found.main_cause.effect,
+        "statistics": [[[name, round(value, 2)] for name, value in stage] for stage in found.statistics],
+        "hidden_at_most": {name: value for name, value in hidden.items() if np.isfinite(value)},
         "notes": list(found.notes),
-    }  # fmt: skip
+    }
 
 
-def _truth(answer: dict[str, Any]) -> dict[str, Any]:
-    return {"effects": [{k: e[k] for k in ("effect", "size", "parameters")} for e in answer["effects"]]}
-
-
-def _covered(found: Diagnosis, answer: dict[str, Any]) -> dict[str, bool]:
-    """Believed parameters: whether the true value lies in the 95 % interval."""
-    inside = {}
-    for name, e in found.parameters.items():
-        if name in answer["true_parameters"] and e.believed:
-            true = e.believed * (1 + answer["true_parameters"][name]["relative_error"])
-            inside[name] = bool(e.low <= true <= e.high)
-    return inside
-
-
-def _finite(value: float) -> float | None:
-    return round(value, 4) if np.isfinite(value) else None
-
-
-def done(path: Path) -> Iterator[dict[str, Any]]:
+def done(path: Path) -> list[Row]:
     """The lines that are there; a last one that was cut off is left out."""
-    if not path.is_file():
-        return
-    for line in path.read_text(encoding="utf-8").splitlines():
+    rows = []
+    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
         try:
             row = json.loads(line)
         except json.JSONDecodeError:
             continue
-        if row.get("version", 1) == VERSION:
-            yield row
+        if row.get("version") == VERSION:
+            rows.append(row)
+    return rows
 
 
-def differences(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
-    """What a case made anew says otherwise than its row: verdict, names, and the best gain of each stage in nats."""
-    told = []
-    for what, of_row in (
-        ("verdict", lambda row: row.get("verdict", row.get("failed", row.get("bench")))),
-        ("causes", lambda row: [cause["effect"] for cause in row.get("causes", [])]),
-        ("rivals", lambda row: [sorted(cause["rivals"]) for cause in row.get("causes", [])]),
-        ("unexplained", lambda row: row.get("unexplained")),
-    ):
-        old, new = of_row(before), of_row(after)
-        if old != new:
-            told.append(f"{what}: {old} -> {new}")
-    for n, (old, new) in enumerate(zip(_best(before), _best(after), strict=False), 1):
-        if old[0] != new[0] or abs(new[1] - old[1]) > NATS + PART * abs(old[1]):
-            told.append(f"stage {n}: {old} -> {new}")
-    return told
+def run(path: Path, limit: int) -> None:
+    """Makes cases that are not there, each line written as soon as it is known."""
+    known = {row["seed"] for row in done(path)}
+    left = [case_of(seed) for seed in range(COUNT) if seed not in known][:limit]
+    begin = time.monotonic()
+    with path.open("a", encoding="utf-8") as out:
+        for n, case in enumerate(left, 1):
+            row = tried(case)
+            out.write(json.dumps(row) + "\n")
+            out.flush()
+            minutes = (time.monotonic() - begin) / n * (len(left) - n) / 60
+            told = row.get("names", row.get("failed", row.get("bench")))
+            print(f"{n}/{len(left)}, {minutes:.0f} min left: {case.key}: {row.get('verdict')} {told}", file=sys.stderr)
 
 
-def _best(row: dict[str, Any]) -> list[tuple[str, float]]:
-    return [tuple(stage[0]) for stage in row.get("statistics", []) if stage]
+def rate(hits: int, total: int) -> str:
+    """ "95.0 % (19/20; 75 to 100 %)": a share with its 95 % interval (Clopper and Pearson)."""
+    if total == 0:
+        return "-"
+    low = beta.ppf(0.025, hits, total - hits + 1) if hits else 0.0
+    high = beta.ppf(0.975, hits + 1, total - hits) if hits < total else 1.0
+    return f"{100 * hits / total:.0f} % ({hits}/{total}; {100 * low:.0f} to {100 * high:.0f} %)"
 
 
-class Study:
-    """The job, and what solves its cases."""
-
-    def solver(self) -> "Study":
-        return self
-
-    def solve(self, case: Case) -> dict[str, Any]:
-        return {"row": tried(case)}
+def right_first(row: Row) -> bool:
+    return row["names"][:1] == row["truth"][:1] or (bool(row["names"]) and row["names"][0] in row["truth"])
 
 
-class EachRow:
-    """A cache that keeps nothing: it hands on each row as soon as it is there."""
-
-    def __init__(self, take: Callable[[dict[str, Any]], None]) -> None:
-        self._take = take
-
-    def get(self, key: str) -> dict[str, Any] | None:
-        return None
-
-    def put(self, key: str, answer: dict[str, Any]) -> None:
-        self._take(answer["row"])
+def told(row: Row) -> bool:
+    """Whether the truth is the first name or in the set that is told with it."""
+    return bool(row["names"]) and bool({row["names"][0], *row["rivals"][0]} & set(row["truth"]))
 
 
-def run_cases(chosen: list[Case], processes: int, take: Callable[[dict[str, Any]], None]) -> None:
-    """The cases in processes; each row is taken as soon as it is there."""
-    executor = Executor(processes, work="study", item="case", go_on="finished cases are kept: run it again")
-    run_jobs(Study(), chosen, executor=executor, cache=EachRow(take))
+def whole(row: Row) -> bool:
+    return set(row["truth"]) <= set(row["names"])
 
 
-def compare_with(rows: Path, keys: Path | None, *, limit: int | None, processes: int) -> int:
-    """Cases of a file of rows made anew, all or those of `keys` (one a line); how many verdicts or names differ."""
-    known = {row["key"]: row for row in done(rows)}
-    wanted = keys.read_text(encoding="utf-8").split("\n") if keys is not None else list(known)
-    chosen = [case for case in cases() if case.key in wanted and case.key in known][:limit]
-    moved = 0
+def declared(row: Row) -> bool:
+    return "unexplained" in row["verdict"]
 
-    def compare(row: dict[str, Any]) -> None:
-        nonlocal moved
-        told = differences(known[row["key"]], row)
-        moved += any(text.startswith(("verdict", "causes")) for text in told)
-        print(f"{row['key']}: {'; '.join(told) or 'the same'} ({row.get('cpu_seconds')} s)", flush=True)
 
-    run_cases(chosen, processes, compare)
-    print(f"{moved} of {len(chosen)} differ in verdict or names")
-    return moved
+def nameless(row: Row) -> bool:
+    return not row["names"]
+
+
+def main_right(row: Row) -> bool:
+    return row["main"] in row["truth"]
+
+
+def only_true(row: Row) -> bool:
+    return set(row["names"]) <= set(row["truth"])
+
+
+FIGURES: tuple[tuple[str, str, Callable[[Row], bool], str], ...] = (
+    ("clean", "clean with nuisances: something is named", lambda row: not nameless(row), "1 %"),
+    ("clean", "... declared unexplained", declared, ""),
+    ("single", "one effect of 3 %: named first", right_first, "95 %"),
+    ("single", "... first, or in the set told with it", told, ""),
+    ("single", "... the main cause is right", main_right, ""),
+    ("single", "... no false name", only_true, ""),
+    ("small", "one effect of 0.3 %: named first", right_first, "90 %"),
+    ("small", "... no false name", only_true, ""),
+    ("pair", "two effects of 3 %: both named", whole, "85 %"),
+    ("pair", "... no false name", only_true, ""),
+    ("triple", "three effects of 3 %: all named", whole, "70 %"),
+    ("triple", "... no false name", only_true, ""),
+    ("four", "four effects of 3 %: all named", whole, ""),
+    ("outside", "outside the catalogue: declared", declared, "95 %"),
+    ("outside", "... nothing named", nameless, "95 %"),
+)
+
+
+def totals_table(rows: Sequence[Row]) -> str:
+    """Every figure on both halves of the seeds."""
+    halves = [[row for row in rows if row["seed"] % 2 == odd] for odd in (0, 1)]
+    lines = ["| all records, whether they can show it or not | even seeds | odd seeds | target |", "| --- " * 4 + "|"]
+    for kind, what, hit, target in FIGURES:
+        cells = []
+        for half in halves:
+            own = [row for row in half if row["kind"] == kind and "verdict" in row]
+            cells.append(rate(sum(map(hit, own)), len(own)))
+        lines.append(f"| {what} | {cells[0]} | {cells[1]} | {target} |")
+    return "\n".join(lines)
+
+
+def rigs_table(rows: Sequence[Row]) -> str:
+    """Single effects and clean records by actuator and drive, odd seeds."""
+    lines = [
+        "| actuator, drive (odd seeds) | single, 3 %: first | clean: named | median CPU s | largest |",
+        "| --- " * 5 + "|",
+    ]
+    for rig, drive in RIGS:
+        own = [row for row in rows if (row["rig"], row["drive"]) == (rig, drive) and "verdict" in row]
+        judged = [row for row in own if row["seed"] % 2]
+        single, clean = ([row for row in judged if row["kind"] == kind] for kind in ("single", "clean"))
+        seconds = [row["cpu_seconds"] for row in own] or [np.nan]
+        named = sum(not nameless(row) for row in clean)
+        cells = (rate(sum(map(right_first, single)), len(single)), rate(named, len(clean)))
+        lines.append(f"| {rig}, {drive} | {cells[0]} | {cells[1]} | {np.median(seconds):.0f} | {max(seconds):.0f} |")
+    return "\n".join(lines)
+
+
+def wrong_names(rows: Sequence[Row]) -> str:
+    """What was said in place of the truth, all seeds, most often first."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for row in rows:
+        if "verdict" in row and row["kind"] in {"clean", "single", "small"} and not right_first(row):
+            said = " + ".join(row["names"]) or row["verdict"]
+            if (row["truth"] or ["nothing"], said) != (["nothing"], "nothing-found"):
+                counts[" + ".join(row["truth"]) or "nothing", said] += 1
+    lines = ["| hidden | said | records |", "| --- | --- | --- |"]
+    return "\n".join([*lines, *(f"| {truth} | {said} | {n} |" for (truth, said), n in counts.most_common(40))])
+
+
+def extent(rows: Sequence[Row]) -> str:
+    made = sum("verdict" in row for row in rows)
+    refused, failed = (sum(key in row for row in rows) for key in ("bench", "failed"))
+    return (
+        f"{made} records were diagnosed; {refused} more cannot be made as large by their rig, {failed} failed. Both "
+        "halves of the seeds stand side by side: thresholds were not settled on the odd ones."
+    )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--limit", type=int, default=None, help="cases of this run at most")
-    parser.add_argument("--processes", type=int, default=2)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--limit", type=int, default=COUNT, help="cases of this run at most")
     parser.add_argument("--results", type=Path, default=RESULTS)
-    parser.add_argument("--only", default="", help="cases whose key holds this text")
-    parser.add_argument("--compare", type=Path, default=None, metavar="ROWS", help="make cases of these rows anew")
-    parser.add_argument("--keys", type=Path, default=None, help="of --compare: a file with the keys of the cases")
+    parser.add_argument("--tables", action="store_true", help="print the rates of what is there")
+    parser.add_argument("--docs", action="store_true", help="with --tables: write them to docs/diagnosis.md")
     options = parser.parse_args()
-    if options.compare is not None:
-        moved = compare_with(options.compare, options.keys, limit=options.limit, processes=options.processes)
-        sys.exit(1 if moved else 0)
-    known = {row["key"] for row in done(options.results)}
-    left = [case for case in cases() if case.key not in known and options.only in case.key][: options.limit]
-    print(f"{len(known)} cases are there, {len(left)} to do", file=sys.stderr)
-    begin, written = time.monotonic(), 0
-    with options.results.open("a", encoding="utf-8") as out:
-
-        def write(row: dict[str, Any]) -> None:
-            nonlocal written
-            out.write(json.dumps(row) + "\n")
-            out.flush()
-            written += 1
-            rest = (time.monotonic() - begin) / written * (len(left) - written)
-            names = [c["effect"] for c in row.get("causes", [])]
-            print(
-                f"{written}/{len(left)}, {rest / 60:.0f} min left: {row['key']}: {row.get('verdict')} {names}",
-                file=sys.stderr,
-            )
-
-        run_cases(left, options.processes, write)
+    if not options.tables:
+        run(options.results, options.limit)
+        return
+    rows = done(options.results)
+    text = "\n\n".join([extent(rows), totals_table(rows), rigs_table(rows), wrong_names(rows)])
+    print(text)
+    if options.docs:
+        rewrite(ROOT / "docs" / "diagnosis.md", {"study": text})
 
 
 if __name__ == "__main__":

@@ -34,6 +34,11 @@ _LENGTHS = (
 )  # fmt: skip
 
 
+def servo_in(drive: str) -> Actuator:
+    """The reference actuator in a current or voltage drive."""
+    return study_rig("servo").in_drive(drive)
+
+
 @dataclass(frozen=True)
 class StudyRig:
     """An actuator as believed, its table, and the excitations of a record's runs, by drive."""

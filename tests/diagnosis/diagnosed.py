@@ -24,13 +24,13 @@ RUNS = (
 
 
 @cache
-def bench_record(*hidden: str, seed: int = 7, noise: str = "coloured") -> SealedRecord:
+def bench_record(*hidden: str, seed: int = 7, noise: str = "coloured", rate: float = 1e4) -> SealedRecord:
     """A record of two short runs in voltage drive; effects have the size of 3 %."""
     excitations = tuple(parse_excitation(text, unit="V") for text in RUNS)
-    options = BenchOptions(seed=seed, noise=noise, excitations=excitations)
+    options = BenchOptions(seed=seed, noise=noise, rate=rate, excitations=excitations)
     return sealed_record(VOLTAGE_SERVO, TABLE, parse_requests(hidden), options)
 
 
 @cache
-def diagnosed(*hidden: str, seed: int = 7, noise: str = "coloured") -> Diagnosis:
-    return diagnose(bench_record(*hidden, seed=seed, noise=noise).record, DiagnosisSettings(table=TABLE))
+def diagnosed(*hidden: str, seed: int = 7, noise: str = "coloured", rate: float = 1e4) -> Diagnosis:
+    return diagnose(bench_record(*hidden, seed=seed, noise=noise, rate=rate).record, DiagnosisSettings(table=TABLE))

@@ -120,7 +120,7 @@ def test_a_believed_parameter_far_out_is_a_cause_only_by_its_effect() -> None:
 def test_what_is_not_in_the_catalogue_is_unexplained_and_told_where_it_stands(
     hidden: str, equation: str, variable: str
 ) -> None:
-    found = diagnosed(f"{hidden}=3%")
+    found = diagnosed(f"{hidden}=3%", rate=4e3)
     assert found.verdict == "unexplained"
     assert found.causes == ()
     assert found.unexplained.share > 0.9
