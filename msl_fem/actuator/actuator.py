@@ -64,6 +64,8 @@ class Actuator(FrozenModel):
 
     @model_validator(mode="after")
     def _sections_belong_together(self) -> "Actuator":
+        if isinstance(self.magnet, MeshMagnet):
+            self.magnet.look_in(self.folder)
         if self.magnet is not None and self.motion is not None and self.motion.nominal_gap is None:
             raise ValueError("motion.nominal_gap is missing; an actuator with a magnet needs it")
         if self.magnet is None and self.drive is not None and self.drive.kind != "force":

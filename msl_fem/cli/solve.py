@@ -13,7 +13,6 @@ from msl_fem.errors import InputError
 from msl_fem.export.vtu import write_vtu
 from msl_fem.files.whole_file import check_target
 from msl_fem.magnetics.field.accuracy import PointResult
-from msl_fem.magnetics.field.foreign_mesh import solve_mesh_magnet
 from msl_fem.magnetics.field.magnet_field import solve_with_field
 from msl_fem.magnetics.field.two_sided import TwoSidedPosition, TwoSidedResult, solve_two_sided
 from msl_fem.report.field_picture import draw_field, save_picture
@@ -47,11 +46,10 @@ def command(
             check_target(target, apart_from=[actuator])
     amperes, metres = read_option("--current", current, "A"), _read_gap("--gap", gap)
     two_sided = (current_2, gap_2, tilt) != (None, None, None)
-    from_mesh = isinstance(it.magnet, MeshMagnet)
     if scene is not None and vtu is None:
         raise InputError("--scene draws what --vtu writes; give both")
-    if (two_sided or from_mesh) and (picture or vtu):
-        raise InputError("--picture and --vtu draw the field of one E-core; leave them out here")
+    if two_sided and (picture or vtu):
+        raise InputError("--picture and --vtu draw the field of one magnet; leave them out here")
     title = f"{it.name}: one magnet at {current}" + (f", gap {gap}" if gap else "")
     if two_sided:
         position, currents = _position(metres, gap_2, tilt), (amperes, _current_2(current_2))
@@ -59,20 +57,19 @@ def command(
         _say_notes(found.notes)
         print_result(two_sided_to_json(found), as_json=json, title=f"{it.name}: both magnets")
         return
-    if from_mesh:
-        result = solve_mesh_magnet(it, amperes, metres, accuracy=level)
-    else:
-        if metres is None:
-            raise InputError('--gap is missing; give the air gap, like --gap "0.5 mm"')
-        result, field, solution = solve_with_field(it, amperes, metres, accuracy=level)
-        if picture is not None:
-            save_picture(draw_field(field, solution, title=f"{it.name}: {current}, gap {gap}"), picture)
-        if vtu is not None:
-            write_vtu(field, solution, vtu)
-        if scene is not None and vtu is not None:
-            reason = render_scene(vtu, scene, depth=field.section.depth)
-            if reason:
-                say(f"note: {reason}")
+    if metres is None and isinstance(it.magnet, MeshMagnet):
+        metres = it.magnet.gap
+    if metres is None:
+        raise InputError('--gap is missing; give the air gap, like --gap "0.5 mm"')
+    result, field, solution = solve_with_field(it, amperes, metres, accuracy=level)
+    if picture is not None:
+        save_picture(draw_field(field, solution, title=f"{it.name}: {current}, gap {metres * 1e3:g} mm"), picture)
+    if vtu is not None:
+        write_vtu(field, solution, vtu)
+    if scene is not None and vtu is not None:
+        reason = render_scene(vtu, scene, depth=field.section.depth)
+        if reason:
+            say(f"note: {reason}")
     _say_notes(result.notes)
     print_result(point_to_json(result), as_json=json, title=title)
 

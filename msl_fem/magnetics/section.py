@@ -5,7 +5,9 @@ from typing import Literal
 
 import numpy as np
 
-Symmetry = Literal["flux line", "equipotential", "axis"]
+from msl_fem.errors import InputError
+
+Symmetry = Literal["flux line", "equipotential", "axis", "none"]
 
 
 @dataclass(frozen=True)
@@ -27,11 +29,15 @@ class Line:
 
 @dataclass(frozen=True)
 class IronPart:
-    """A part of the iron for which the cut of the same name stands: the polygon that it fills in one of the regions."""
+    """A part of the iron for which the cut of the same name stands: the polygon that it fills in one of the regions.
+
+    Without a polygon it is all of the region, whose area in m2 is stated.
+    """
 
     name: str
     region: str
     vertices: tuple[tuple[float, float], ...]
+    area: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -65,7 +71,9 @@ class Section:
     far : the air box is this many times as large as painted; between the two the mesh is stretched radially
     parts : of the iron, by the names of the cuts
     symmetry : x = 0 is a flux line (A = 0, currents change their sign), an equipotential of the field (currents keep
-        their sign) or the axis of a body of revolution, x being r and y being z
+        their sign) or the axis of a body of revolution, x being r and y being z; "none" where all of a plane
+        section is described
+    moving : what moves with the gap where there is no strip
     """
 
     regions: tuple[Region, ...]
@@ -92,11 +100,15 @@ class Section:
     @property
     def scale(self) -> float:
         """What the solved half's energy per unit depth, or that of a body of revolution, is multiplied by."""
-        return 1.0 if self.axisymmetric else 2 * self.depth
+        if self.axisymmetric:
+            return 1.0
+        return self.depth if self.symmetry == "none" else 2 * self.depth
 
     @property
     def thinnest_iron(self) -> float:
         """m: the shortest cut, one that begins on the axis or plane of symmetry counted twice."""
+        if not self.cuts:
+            raise InputError("this section states no cuts across its iron, so that its thickness is not known")
         lengths = []
         for cut in self.cuts:
             mirrored = cut.start[0] == 0.0 != cut.end[0]
@@ -111,6 +123,8 @@ class Section:
 
     def part_volume(self, part: IronPart) -> float:
         """m3 of a part of the whole magnet, sheets only: its area times depth, or turned about the axis (Pappus)."""
+        if not part.vertices:
+            return self.iron[part.region][1] * self.scale * part.area
         x, y = np.array(part.vertices).T
         following = np.roll(x, -1), np.roll(y, -1)
         cross = x * following[1] - following[0] * y

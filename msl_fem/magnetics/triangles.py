@@ -49,6 +49,12 @@ class TriangleMesh:
         return np.flatnonzero(np.isin(self.region, indices))
 
     @property
+    def areas(self) -> Array:
+        """(n_triangle,) m2."""
+        (x0, x1, x2), (y0, y1, y2) = self.points[:, self.triangles]
+        return np.asarray(np.abs((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)) / 2)
+
+    @property
     def edges(self) -> NDArray[np.int64]:
         """(2, 3 n_triangle) point indices of the triangles' first edges, then the second, then the third."""
         first, second, third = self.triangles
@@ -73,3 +79,9 @@ def hat_gradients(mesh: TriangleMesh) -> Array:
     twice_area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
     after, before = [1, 2, 0], [2, 0, 1]
     return np.stack([y[after] - y[before], x[before] - x[after]], axis=1) / twice_area
+
+
+def boundary_points(mesh: TriangleMesh) -> NDArray[np.int64]:
+    """Indices of the points on edges that belong to one triangle only."""
+    edges, count = np.unique(np.sort(mesh.edges, axis=0), axis=1, return_counts=True)
+    return np.unique(edges[:, count == 1])

@@ -40,6 +40,7 @@ class PaintedField:
     outlines : (n_edge, 2, 2) mm, the edges between regions
     area : left, right, bottom, top of what is shown, in mm
     axes : names of the coordinates
+    mirrored : the section is the solved half and its mirror image
     """
 
     x: Array
@@ -50,6 +51,7 @@ class PaintedField:
     outlines: Array
     area: tuple[float, float, float, float]
     axes: tuple[str, str] = ("x", "y")
+    mirrored: bool = True
 
     @property
     def flux_lines(self) -> Array:
@@ -67,9 +69,13 @@ def painted_field(field: MagnetField, solution: FieldSolution) -> PaintedField:
     else:
         _, share = model.basis.refinterp(model.motion_share, nrefs=2)
         x, y = (fine.p + share * mesh.motion.direction[:, None] * (solution.gap - mesh.gap)) * 1e3
-    region = np.array([mesh.names.index("air") if n in AIR else k for k, n in enumerate(mesh.names)])[mesh.region]
+    region = np.array([-1 if n in AIR or n.startswith("air") else k for k, n in enumerate(mesh.names)])[mesh.region]
     corner_x, corner_y = mesh.at_gap(solution.gap) * 1e3
     outlines = _region_edges(corner_x, corner_y, mesh.triangles, region)
+    if field.section.symmetry == "none":
+        b = _flux_density(x, y, potential, fine.t, axisymmetric=False)
+        area = _around(outlines, 0.2 * field.magnet.half_width * 1e3)
+        return PaintedField(x, y, potential, fine.t, b, outlines, area, mirrored=False)
     _, right, low, high = field.section.body
     margin = 0.2 * field.magnet.half_width * 1e3
     right, low = right * 1e3 + margin, low * 1e3 - margin
@@ -80,6 +86,13 @@ def painted_field(field: MagnetField, solution: FieldSolution) -> PaintedField:
     if not model.axisymmetric:
         return PaintedField(x, y, potential, fine.t, b, outlines, area)
     return PaintedField(x, y, potential * x * 1e-3, fine.t, b, outlines, area, ("r", "z"))
+
+
+def _around(outlines: Array, margin: float) -> tuple[float, float, float, float]:
+    """The area of the outlines and a margin, in mm."""
+    left, bottom = (float(value) for value in outlines.min(axis=(0, 1)))
+    right, top = (float(value) for value in outlines.max(axis=(0, 1)))
+    return left - margin, right + margin, bottom - margin, top + margin
 
 
 def draw_field(field: MagnetField, solution: FieldSolution, *, title: str) -> Figure:
@@ -100,7 +113,7 @@ def draw_field(field: MagnetField, solution: FieldSolution, *, title: str) -> Fi
 
 def paint(axes: Axes, painted: PaintedField) -> ScalarMappable:
     """Both halves of the section in the axes, which then show its area."""
-    for side in (1, -1):  # A is odd in x, |B| even
+    for side in (1, -1) if painted.mirrored else (1,):  # A is odd in x, |B| even
         triangles = Triangulation(side * painted.x, painted.y, painted.triangles.T)
         shaded = axes.tripcolor(
             triangles, facecolors=painted.flux_density, cmap=COLOURS, vmin=0, vmax=HIGHEST, rasterized=True
@@ -183,7 +196,7 @@ def flux_density_grid(painted: PaintedField) -> tuple[Array, Array, Array]:
     joined = np.round(np.stack([painted.x, painted.y]), 9)  # refined triangles do not share their corners
     corners, place = np.unique(joined, axis=1, return_inverse=True)
     find = Triangulation(corners[0], corners[1], place[painted.triangles].T).get_trifinder()
-    found = np.asarray(find(*np.meshgrid(np.abs(x), y)), dtype=np.int64)
+    found = np.asarray(find(*np.meshgrid(np.abs(x) if painted.mirrored else x, y)), dtype=np.int64)
     return x, y, np.where(found < 0, np.nan, painted.flux_density[found])
 
 

@@ -363,3 +363,52 @@ def test_a_gap_at_which_a_plunger_hits_or_leaves_is_refused(plunger: Actuator) -
     boxed = plunger.magnet.model_copy(update={"air": Air(side=0.1, bottom=0.02, top=0.1)})
     with pytest.raises(InputError, match=r"leaves the air box, .* choose a smaller gap"):
         boxed.section(0.03)
+
+
+@pytest.fixture(scope="module")
+def bearing() -> Actuator:
+    return load_actuator(ROOT / "geometries" / "bearing_pole_pair.toml")
+
+
+def test_a_mesh_from_a_file_follows_the_gap(bearing: Actuator) -> None:
+    """Force against the coenergy's slope and Maxwell's stress at gaps on either side of the mesh's own."""
+    field = field_of(bearing, bearing.magnet.gap, accuracy="fast")
+    for gap in (3e-4, 9e-4):
+        point = solve(bearing, 3.0, gap, accuracy="fast")
+        h = 1e-4 * gap
+        low, high = (field.quantities(field.solve(3.0, g)).coenergy for g in (gap - h, gap + h))
+        assert point.quantities.force == pytest.approx((low - high) / (2 * h), rel=1e-6)
+        off = abs(point.quantities.force_stress_tensor / point.quantities.force - 1)
+        assert off <= point.force_error_estimate < 0.02
+
+
+def test_a_moved_mesh_is_the_mesh_made_at_that_gap(u_core: Actuator, tmp_path: Path) -> None:
+    near = {"air": {"side": 0.055, "bottom": 0.055, "top": 0.055}}
+    magnet = type(u_core.magnet).model_validate(u_core.magnet.model_dump() | near)
+    made = foreign(u_core.model_copy(update={"magnet": magnet}), 1e-3, tmp_path)
+    ours = solve(u_core.model_copy(update={"magnet": magnet}), 2.0, 1.6e-3, accuracy="fast").quantities
+    moved = solve(made, 2.0, 1.6e-3, accuracy="fast").quantities
+    assert moved.force == pytest.approx(ours.force, rel=3e-3)
+    assert moved.coenergy == pytest.approx(ours.coenergy, rel=3e-3)
+    assert solve(made, 2.0, 1e-3).quantities.force == pytest.approx(solve_mesh_magnet(made, 2.0).quantities.force)
+
+
+def test_a_mesh_from_a_file_goes_through_table_map_losses_and_tolerances(bearing: Actuator) -> None:
+    table, _ = sweep(bearing, [4.5e-4, 5.5e-4], [2.0, 4.0], settings=SweepSettings(accuracy="fast"))
+    fresh = solve(bearing, 3.0, 5e-4, accuracy="fast").quantities
+    assert float(table.force(3.0, 5e-4)) == pytest.approx(fresh.force, rel=0.02)
+    made = field_map(bearing, [4e-4, 6e-4], levels=[0.5], settings=FieldMapSettings(accuracy="fast"))
+    there = solve(bearing, float(made.current[0, 1]), 6e-4, accuracy="fast").quantities.flux_density
+    assert max(part.mean for part in there.values()) == pytest.approx(0.5, rel=5e-3)
+    operation = PeriodicOperation(2 + np.sin(np.arange(64) / 32 * np.pi), np.full(64, 5e-4), 50.0)
+    loss = iron_loss(table, bearing, operation=operation)
+    assert {section.section for section in loss.sections} == {"core", "armature"}
+    assert {tolerance.name for tolerance in tolerances_of(bearing)}.isdisjoint(LENGTHS)
+
+
+def test_what_a_mesh_cannot_follow_or_tell_is_refused(bearing: Actuator) -> None:
+    for gap in (1e-4, 2e-3):
+        with pytest.raises(InputError, match=r"above 0, at least 20\d.* and at most 1.25 mm"):
+            solve(bearing, 1.0, gap)
+    with pytest.raises(InputError, match="a mesh does not tell how its coil is wound"):
+        choose_wire(bearing)

@@ -11,8 +11,9 @@ from conftest import ROOT
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.errors import ActuatorError, InputError
-from msl_fem.magnetics.field.foreign_mesh import MeshField, read_mesh, solve_mesh_magnet
-from msl_fem.magnetics.field.mesh_checks import anticlockwise
+from msl_fem.magnetics.field.foreign_mesh import MeshField, solve_mesh_magnet
+from msl_fem.magnetics.kinds.mesh_checks import anticlockwise
+from msl_fem.magnetics.kinds.mesh_file import read_mesh
 from msl_fem.magnetics.solver.magnetostatics import solve_field
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
 from msl_fem.magnetics.triangles import TriangleMesh

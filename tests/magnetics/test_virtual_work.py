@@ -11,8 +11,8 @@ from msl_fem.errors import InputError
 from msl_fem.magnetics.field.magnet_field import field_of
 from msl_fem.magnetics.field.two_sided import TwoSidedField, TwoSidedPosition
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, solve_field
-from msl_fem.magnetics.solver.virtual_work import MovingBody, boundary_points, displacement_share
-from msl_fem.magnetics.triangles import hat_gradients
+from msl_fem.magnetics.solver.virtual_work import MovingBody, displacement_share
+from msl_fem.magnetics.triangles import boundary_points, hat_gradients
 
 E1 = load_actuator(ROOT / "geometries" / "e1.toml")
 AIR = ("air", "strip", "window")

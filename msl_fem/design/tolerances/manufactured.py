@@ -131,7 +131,7 @@ def manufactured_field(nominal: FieldJob, deviation: Mapping[str, float]) -> Mag
     magnet = manufactured_magnet(nominal.magnet, deviation)
     nominal_section = nominal.magnet.section(nominal.mesh.gap)
     deviating = magnet.section(nominal.mesh.gap)
-    mesh = moved_mesh(nominal.mesh, nominal_section, deviating)
+    mesh = moved_mesh(nominal.mesh, nominal_section, deviating) if magnet.TOLERANCED else nominal.mesh
     field = replace(nominal, magnet=magnet, mesh=mesh).field()
     polarisation, strength = (deviation.get(name, 0.0) for name in ("bh_polarisation", "bh_field_strength"))
     if polarisation or strength:
@@ -157,7 +157,8 @@ def manufactured_magnet(magnet: MagnetKind, deviation: Mapping[str, float]) -> M
             "core_stacking_factor": min(iron.core_stacking + off, 1.0),
             "armature_stacking_factor": min(iron.armature_stacking + off, 1.0),
         }
-    return type(magnet).model_validate(content)
+    made = type(magnet).model_validate(content)
+    return magnet.model_copy(update={name: getattr(made, name) for name in type(made).model_fields})
 
 
 def moved_mesh(mesh: TriangleMesh, nominal_section: Section, deviating: Section) -> TriangleMesh:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, PointResult, irons_of, level_of, solve_with_estimate
 from msl_fem.magnetics.field.end_effects import deeper_air
 from msl_fem.magnetics.kinds.kind import StackEnds
-from msl_fem.magnetics.section import Section
+from msl_fem.magnetics.section import MovingRegions, Section
 from msl_fem.magnetics.solver.magnetostatics import (
     FieldModel,
     FieldSolution,
@@ -133,7 +133,7 @@ def _ends_of(magnet: MagnetKind) -> StackEnds:
 
 def magnet_mesh(magnet: MagnetKind, gap: float, accuracy: Accuracy = "normal") -> TriangleMesh:
     """The mesh of a magnet at a gap, for an accuracy level."""
-    return section_mesh(magnet.section(gap), size_of(magnet, accuracy))
+    return section_mesh(magnet, magnet.section(gap), size_of(magnet, accuracy))
 
 
 def size_of(magnet: MagnetKind, accuracy: Accuracy) -> MeshSize:
@@ -154,14 +154,31 @@ def degree_of(magnet: MagnetKind, accuracy: Accuracy) -> int:
     return max(LEVELS[accuracy].order, 3) if magnet.OWN_MESHES else LEVELS[accuracy].order
 
 
-def section_mesh(section: Section, size: MeshSize) -> TriangleMesh:
-    """The mesh of a section, with its motion where it has no strip; raises ComputationError, InputError."""
-    mesh = triangulate(section, size)
+def section_mesh(magnet: MagnetKind, section: Section, size: MeshSize) -> TriangleMesh:
+    """The mesh of a magnet's section, with its motion where it has no strip; raises ComputationError, InputError."""
+    mesh = magnet.own_mesh() or triangulate(section, size)
     if section.moving is None:
         return mesh
-    symmetry: Symmetry = "x=0" if section.axisymmetric else "none"
-    share = displacement_share(mesh, section.moving.names, air=section.moving.air, symmetry=symmetry)
-    return replace(mesh, motion=MeshMotion(share, np.array(section.moving.direction)))
+    return replace(mesh, motion=_motion(mesh, section.moving, "x=0" if section.axisymmetric else "none"))
+
+
+@lru_cache(maxsize=8)
+def _motion(mesh: TriangleMesh, moving: MovingRegions, symmetry: Symmetry) -> MeshMotion:
+    """How a mesh follows what moves; kept, as a mesh from a file is asked for at many gaps."""
+    share = displacement_share(mesh, moving.names, air=moving.air, symmetry=symmetry)
+    return MeshMotion(share, np.array(moving.direction))
+
+
+def _gaps(magnet: MagnetKind) -> tuple[float, float]:
+    """The smallest and the largest gap in m; of a mesh from a file those that it can follow to."""
+    low, high = magnet.gaps
+    if magnet.own_mesh() is None:
+        return low, high
+    section = magnet.section(low)
+    mesh = section_mesh(magnet, section, MeshSize())
+    assert mesh.motion is not None, "what is in a mesh from a file moves"
+    down, up = moving_triangles(mesh, mesh.motion).reach()
+    return max(low, mesh.gap + down), min(high, mesh.gap + up)
 
 
 def field_of(actuator: Actuator, gap: float, *, accuracy: Accuracy = "normal") -> MagnetField:
@@ -175,7 +192,7 @@ def field_of(actuator: Actuator, gap: float, *, accuracy: Accuracy = "normal") -
 def check_point(actuator: Actuator, current: float, gap: float) -> None:
     """InputError unless the gap is of the section's size and the current one that copper bears for a moment."""
     magnet = actuator.magnet_kind()
-    smallest, largest = magnet.gaps
+    smallest, largest = _gaps(magnet)
     if not smallest <= gap <= largest:
         what = "the core's half width, " if largest == magnet.half_width else ""
         raise InputError(

@@ -278,7 +278,7 @@ def level_mesh(magnet: MagnetKind, gap: float, accuracy: Accuracy, criterion: Cr
         strength = (size.corner * section.size_gap / (CIRCLE_SIZE * criterion.radius)) ** (2 / 3)
         section = replace(section, corners=tuple((x, y, max(s, strength)) for x, y, s in section.corners))
         size = replace(size, growth=min(size.growth, CIRCLE_GROWTH[accuracy]))
-    return section_mesh(section, size)
+    return section_mesh(magnet, section, size)
 
 
 def level_order(magnet: MagnetKind, accuracy: Accuracy, criterion: Criterion) -> int:

@@ -144,6 +144,8 @@ def parts_of(field: MagnetField, at: IronPoints) -> NDArray[np.str_]:
 
 def _distance(points: Array, vertices: tuple[tuple[float, float], ...]) -> Array:
     """(n,) m from points (2, n) to a polygon, 0 inside (even-odd rule)."""
+    if not vertices:
+        return np.zeros(points.shape[1])
     ring = np.array(vertices)
     x, y = points
     inside = np.zeros(x.size, dtype=bool)

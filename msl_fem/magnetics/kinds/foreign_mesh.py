@@ -1,17 +1,29 @@
-"""A magnet whose section is a mesh from elsewhere."""
+"""A magnet whose section is a mesh from elsewhere; what moves in it moves with the gap."""
 
+from functools import lru_cache
+from pathlib import Path
 from typing import Literal
 
+import numpy as np
+from pydantic import PrivateAttr
+
+from msl_fem.errors import InputError
 from msl_fem.files.dimensions import Length, Turns
-from msl_fem.files.schema import FrozenModel
-from msl_fem.magnetics.kinds.parts import IronSpec
+from msl_fem.magnetics.kinds.kind import MagnetKind, WindingSpace
+from msl_fem.magnetics.kinds.mesh_file import read_mesh, sorted_regions, turns_densities
+from msl_fem.magnetics.kinds.parts import Coil, IronSpec
+from msl_fem.magnetics.section import IronPart, MovingRegions, Section
+from msl_fem.magnetics.triangles import TriangleMesh
+
+REACH = 0.3, 2.5  # times the mesh's own gap: between these a mesh follows the gap
 
 
-class MeshMagnet(FrozenModel):
+class MeshMagnet(MagnetKind):
     """A magnet whose whole plane section is a mesh of straight triangles with named regions.
 
     Regions: core*, armature* (what moves), coil+*, coil-* (turns that carry the current out of the plane, into it) and
-    air*, which surrounds all; A = 0 on the mesh's edge.
+    air*, which surrounds all; A = 0 on the mesh's edge. At other gaps than its own the mesh's armature moves and the
+    air follows.
 
     Attributes
     ----------
@@ -30,3 +42,73 @@ class MeshMagnet(FrozenModel):
     pull: Literal["+x", "-x", "+y", "-y"] = "+y"
     turns: Turns
     iron: IronSpec
+    _folder: Path = PrivateAttr(Path())
+
+    def look_in(self, folder: Path) -> None:
+        """A relative name of the mesh's file starts at this folder."""
+        self._folder = folder
+
+    def own_mesh(self) -> TriangleMesh:
+        path = self._folder / self.mesh
+        changed = path.stat().st_mtime_ns if path.is_file() else 0
+        return _mesh(path, self.length_unit, self.gap, changed)
+
+    @property
+    def gaps(self) -> tuple[float, float]:
+        return REACH[0] * self.gap, REACH[1] * self.gap
+
+    @property
+    def half_width(self) -> float:
+        """Half of the iron's larger extent."""
+        mesh, regions = self.own_mesh(), self._regions
+        iron = mesh.triangles[:, mesh.elements(*regions["core"], *regions["armature"])]
+        return float(np.ptp(mesh.points[:, np.unique(iron)], axis=1).max()) / 2
+
+    @property
+    def _regions(self) -> dict[str, tuple[str, ...]]:
+        return sorted_regions(self.own_mesh(), str(self._folder / self.mesh))
+
+    def section(self, gap: float) -> Section:
+        """The whole section: no polygons, but what its mesh says of regions, volumes and turns."""
+        del gap  # the mesh has its own
+        mesh, regions = self.own_mesh(), self._regions
+        core, armature = (self.iron.by_region[kind] for kind in ("core", "armature"))
+        iron = dict.fromkeys(regions["core"], core) | dict.fromkeys(regions["armature"], armature)
+        sign, axis = self.pull
+        away = -1.0 if sign == "+" else 1.0
+        area = {name: float(mesh.areas[mesh.elements(name)].sum()) for name in iron}
+        return Section(
+            regions=(),
+            corners=(),
+            cuts=(),
+            iron=iron,
+            turns_density=turns_densities(mesh, regions, self.turns),
+            depth=self.stack_depth,
+            gap=self.gap,
+            parts=tuple(IronPart(name, name, (), area[name]) for name in iron),
+            symmetry="none",
+            moving=MovingRegions(
+                regions["armature"], regions["air"], (away, 0.0) if axis == "x" else (0.0, away), self.gap
+            ),
+        )
+
+    @property  # type: ignore[misc]
+    def coil(self) -> Coil:
+        raise InputError("a mesh does not tell how its coil is wound; describe the magnet by its dimensions")
+
+    @property
+    def winding_space(self) -> WindingSpace:
+        raise InputError('a mesh does not tell how its coil is wound; state [drive] coil_resistance, like "2 ohm"')
+
+    @property
+    def copper_area(self) -> float:
+        """m2 of the coil's side, as if all of it were copper."""
+        mesh = self.own_mesh()
+        return float(mesh.areas[mesh.elements(*self._regions["coil+"])].sum())
+
+
+@lru_cache(maxsize=8)
+def _mesh(path: Path, unit: float, gap: float, changed: int) -> TriangleMesh:
+    """The file read once for each time that it was written."""
+    del changed
+    return read_mesh(path, unit=unit, gap=gap)

@@ -12,6 +12,7 @@ from msl_fem.files.schema import FrozenModel
 from msl_fem.magnetics.kinds.parts import Air, Coil, IronSpec
 from msl_fem.magnetics.kinds.proportions import metres
 from msl_fem.magnetics.section import Section
+from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.materials.constants import COPPER_RESISTIVITY
 
 SMALLEST_GAP = 1e-4  # of the core's half width: a thinner strip of air cannot be meshed
@@ -173,6 +174,10 @@ class MagnetKind(FrozenModel, ABC):
         iron: IronSpec
         coil: Coil
 
+        @property
+        def turns(self) -> int:
+            """Of all coils in series."""
+
     @abstractmethod
     def section(self, gap: float) -> Section:
         """The half section at a gap in m: armature's surface at y = 0, pole faces at y = gap, a strip between."""
@@ -181,6 +186,10 @@ class MagnetKind(FrozenModel, ABC):
     @abstractmethod
     def half_width(self) -> float:
         """Of the core (its outer radius) in m: gaps are compared with it."""
+
+    def own_mesh(self) -> TriangleMesh | None:
+        """The mesh that a kind brings with it; None where the section is meshed."""
+        return None
 
     @property
     def gaps(self) -> tuple[float, float]:
@@ -195,10 +204,6 @@ class MagnetKind(FrozenModel, ABC):
     def measures(self, gap: float) -> tuple[DrawnLength, ...]:
         """The dimensions that a drawing shows, in the section's coordinates; along x or along y."""
         return ()
-
-    @property
-    def turns(self) -> int:
-        return self.coil.turns
 
     @property
     def digest(self) -> str:
@@ -247,6 +252,10 @@ class MagnetKind(FrozenModel, ABC):
 
 class FlatFaceMagnet(MagnetKind):
     """A core with a yoke and a window over a flat armature, in an air box."""
+
+    @property
+    def turns(self) -> int:
+        return self.coil.turns
 
     if TYPE_CHECKING:
         window_height: float

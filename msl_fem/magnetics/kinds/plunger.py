@@ -68,6 +68,10 @@ class Plunger(MagnetKind):
         return self
 
     @property
+    def turns(self) -> int:
+        return self.coil.turns
+
+    @property
     def half_width(self) -> float:
         """The frame's outer radius."""
         return max(r for r, _ in self.frame)

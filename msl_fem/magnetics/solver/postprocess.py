@@ -13,7 +13,6 @@ from msl_fem.magnetics.section import Line, Section
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, field_response
 from msl_fem.magnetics.solver.moving_air import moving_triangles
 from msl_fem.magnetics.solver.strip import STRIP
-from msl_fem.magnetics.solver.tangent import IronElements
 from msl_fem.materials.constants import MU_0
 
 N_SAMPLE = 48
@@ -117,10 +116,16 @@ def cut_flux_density(model: FieldModel, cut: CutProbe, potential: Array) -> Sect
     return SectionFluxDensity(cut.mean(sheets), float(sheets.max()))
 
 
-def iron_flux_density(part: IronElements, potential: Array) -> SectionFluxDensity:
-    """|B| in all of an iron: its mean over area (or volume), and the largest value."""
-    sheets = part.iron.iron_flux_density(part.flux_density(potential)[1])
-    return SectionFluxDensity(float((sheets * part.weight).sum() / part.weight.sum()), float(sheets.max()))
+def region_probe(model: FieldModel, name: str) -> CutProbe:
+    """A region in the place of a cut: three points in each triangle, weighted by its area."""
+    mesh = model.mesh
+    elements = mesh.elements(name)
+    corners = mesh.points[:, mesh.triangles[:, elements]]  # (2, corner, element)
+    inner = (0.5 * corners + corners.mean(axis=1, keepdims=True) * 0.5).reshape(2, -1)
+    at = np.tile(elements, 3)
+    area = np.tile(mesh.areas[elements], 3)
+    ends = [0, *range(at.size), at.size - 1]  # a cut's first and last point count for the largest value alone
+    return CutProbe(name, *gradient_maps(model, inner[:, ends], at[ends]), area / area.sum())
 
 
 class FieldReader(Protocol):

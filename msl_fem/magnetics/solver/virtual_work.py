@@ -17,9 +17,9 @@ from msl_fem.magnetics.solver.postprocess import (
     cut_flux_density,
     cut_probe,
     gradient_maps,
-    iron_flux_density,
+    region_probe,
 )
-from msl_fem.magnetics.triangles import TriangleMesh, hat_gradients
+from msl_fem.magnetics.triangles import TriangleMesh, boundary_points, hat_gradients
 from msl_fem.materials.constants import MU_0
 
 Indices = NDArray[np.int64]
@@ -203,12 +203,6 @@ def displacement_share(
     return share
 
 
-def boundary_points(mesh: TriangleMesh) -> Indices:
-    """Indices of the points on edges that belong to one triangle only."""
-    edges, count = np.unique(np.sort(mesh.edges, axis=0), axis=1, return_counts=True)
-    return np.unique(edges[:, count == 1])
-
-
 def _laplacian(mesh: TriangleMesh) -> sparse.csr_matrix:
     hat = hat_gradients(mesh)
     x, y = mesh.points[:, mesh.triangles]
@@ -223,8 +217,8 @@ def _laplacian(mesh: TriangleMesh) -> sparse.csr_matrix:
 class MovingProbes:
     """What is read on a section whose mesh has a motion; stands beside `Probes` and is asked the same.
 
-    Flux densities are those of the section's cuts; where it has none, means (over area, or volume) and largest values
-    of its irons.
+    Flux densities are those of the section's cuts; where it has none, means and largest values
+    over the area of each iron.
     """
 
     def __init__(self, model: FieldModel, section: Section) -> None:
@@ -232,14 +226,14 @@ class MovingProbes:
         self.model = model
         self.scale = section.scale
         self.cuts = {cut.name: cut_probe(model, cut) for cut in section.cuts}
+        if not self.cuts:
+            self.cuts = {name: region_probe(model, name) for name in model.irons}
         self._motion = model.mesh.motion
         self._contour = StressContour(model, self._motion.share)
 
     def section_flux_density(self, potential: Array) -> dict[str, SectionFluxDensity]:
         """|B| in the iron over each cut, or each iron."""
-        if self.cuts:
-            return {name: cut_flux_density(self.model, cut, potential) for name, cut in self.cuts.items()}
-        return {name: iron_flux_density(part, potential) for name, part in self.model.irons.items()}
+        return {name: cut_flux_density(self.model, cut, potential) for name, cut in self.cuts.items()}
 
     def force_stress_tensor(self, solution: FieldSolution) -> float:
         """The force in N against the motion, by Maxwell's stress around the body."""
