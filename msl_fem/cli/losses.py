@@ -198,7 +198,7 @@ WireOptions = tuple[Series, Grade, Packing]
 
 def chosen_wire(actuator: Actuator, options: WireOptions, notes: list[str]) -> WireChoice | None:
     """The thickest wire that fits, or None with a note: no dimensions, or no wire that fits."""
-    if not isinstance(actuator.magnet, MagnetKind):
+    if not isinstance(actuator.magnet, MagnetKind) or actuator.magnet.own_mesh() is not None:
         notes.append(f"{actuator.name}: no wire is chosen; that needs the window of a magnet by its dimensions")
         return None
     series, grade, packing = options

@@ -112,7 +112,8 @@ def thermal_network(actuator: Actuator, cooling: Cooling) -> ThermalNetwork:
     """
     magnet = actuator.magnet
     if cooling.thermal_resistance is not None:
-        capacity = winding_capacity(magnet) if isinstance(magnet, MagnetKind) else math.nan
+        known = isinstance(magnet, MagnetKind) and magnet.own_mesh() is None
+        capacity = winding_capacity(magnet) if isinstance(magnet, MagnetKind) and known else math.nan
         note = f"stated thermal resistance of {cooling.thermal_resistance:g} K/W, winding to ambient"
         return ThermalNetwork(("winding",), np.array([capacity]), np.array([[1 / cooling.thermal_resistance]]), (note,))
     if not isinstance(magnet, MagnetKind) or magnet.core_surface is None:

@@ -33,6 +33,8 @@ def draw_section(actuator: Actuator, gap: float | None = None) -> Figure:
     InputError : no gap is given and the actuator states none
     """
     magnet = actuator.magnet_kind("a drawing of the section")
+    if magnet.own_mesh() is not None:
+        raise InputError(f"{actuator.name}: a drawing needs [magnet] of a kind with dimensions; this one is a mesh")
     nominal = gap if gap is not None else actuator.motion.nominal_gap if actuator.motion is not None else None
     if nominal is None or not nominal > 0:
         raise InputError(f'{actuator.name} states no motion.nominal_gap; give a gap above 0, like --gap "0.5 mm"')

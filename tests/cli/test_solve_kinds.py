@@ -48,8 +48,8 @@ def test_a_mesh_has_its_own_gap(msl_fem: Run) -> None:
         ((E1, *BOTH[:2], *BOTH[4:]), "--current-2 is missing"),
         ((E1, *BOTH, "--tilt", "1 mm"), "--tilt: unit 'mm' has the wrong dimension"),
         ((E1, *BOTH, "--picture", "a.png"), "--picture and --vtu"),
-        ((U_CORE, "--current", "1 A", "--gap", "1 mm"), "gap 1 mm is not that of the mesh"),
-        ((U_CORE, *BOTH), "needs [magnet] of a kind"),
+        ((U_CORE, "--current", "1 A", "--gap", "5 mm"), "gap 5 mm is not allowed"),
+        ((U_CORE, *BOTH), "none to share"),
     ],
 )
 def test_what_does_not_belong_together_is_refused(msl_fem: Run, arguments: tuple[str, ...], said: str) -> None:
