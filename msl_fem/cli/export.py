@@ -9,7 +9,9 @@ from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.options import Json, TableFile
 from msl_fem.cli.output import print_result, say
 from msl_fem.cli.sweeping import table_for
-from msl_fem.control import design_controller
+from msl_fem.control import ControllerChoice, design_controller
+from msl_fem.control.design_model import design_model_with_effects
+from msl_fem.control.designs import designed
 from msl_fem.errors import InputError
 from msl_fem.export.c_controller import ControllerSource
 from msl_fem.export.fmu import platforms
@@ -19,7 +21,7 @@ from msl_fem.files.whole_file import check_target
 from msl_fem.maps import OperatingMap, operating_map, read_map
 from msl_fem.maps.pair_limits import PairMap
 from msl_fem.maps.pair_map_file import is_pair_map, read_pair_map
-from msl_fem.plant.extended_model import load_extended_model
+from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 _HDF5 = b"\x89HDF"
@@ -42,8 +44,8 @@ def command(
     """Write a table, a guard or the coupled model for other tools.
 
     A table as CSV, C99 header, MAT-file for Simscape or text for Modelica; a guard as C99 header, and so the whole
-    controller of an actuator, as `control` designs it (--what controller); the coupled model of an actuator, or of an
-    extended model with its effects, as FMU (FMI 2.0, co-simulation).
+    controller of an actuator or an extended model, as `control` designs it (--what controller); the coupled model of
+    an actuator, or of an extended model with its effects, as FMU (FMI 2.0, co-simulation).
     """
     kind = _kind(source)
     wanted = find_format(to, what, kind)
@@ -90,7 +92,7 @@ def _record(path: Path, kind: str, needs: str, *, table: Path | None) -> Source:
         effects = model.effects if model.effects.present else None
         return ModelSource(model.actuator, table_for(model.actuator, table), effects)
     if needs == CONTROLLER:
-        return _controller(load_actuator(path), table)
+        return _controller(load_extended_model(path), table)
     magnet = read_table(path) if kind == TABLE else _table_of(load_actuator(path), table)
     if needs == TABLE:
         return magnet
@@ -100,13 +102,17 @@ def _record(path: Path, kind: str, needs: str, *, table: Path | None) -> Source:
     return made
 
 
-def _controller(actuator: Actuator, table: Path | None) -> ControllerSource:
-    """The controller that `control` designs by default, of what is believed."""
+def _controller(model: ExtendedModel, table: Path | None) -> ControllerSource:
+    """The controller that `control` designs by default, of what is believed, effects among it."""
+    actuator = model.actuator
     if lacking := actuator.lacking("magnet", "controller"):
         raise InputError(f"{actuator.name} has no {lacking}; a controller needs [magnet] and [controller]")
     magnet = _table_of(actuator, table)
     regions = operating_map(magnet)
-    return ControllerSource(design_controller(actuator, magnet, regions), regions)
+    if not model.effects.present:
+        return ControllerSource(design_controller(actuator, magnet, regions), regions)
+    known = design_model_with_effects(actuator, magnet, regions, model.effects)
+    return ControllerSource(designed(known, ControllerChoice()), regions)
 
 
 def _table_of(actuator: Actuator, given: Path | None) -> MagneticTable:

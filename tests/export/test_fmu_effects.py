@@ -9,9 +9,14 @@ from fmpy.validation import validate_fmu
 from fmu_master import PAIRS, RATE, SINGLE, Master, cases, changed, exported, steps
 from printed_library import AS_COMPILED
 
+from msl_fem.control import ControllerChoice
+from msl_fem.control.design_model import design_model_with_effects
+from msl_fem.control.designs import designed
 from msl_fem.errors import InputError
 from msl_fem.export import fmu, fmu_library
+from msl_fem.export.c_controller import ControllerSource, controller_header
 from msl_fem.export.formats import ModelSource
+from msl_fem.maps import operating_map
 from msl_fem.plant import Inputs, Options, plant_parameters, simulate
 from msl_fem.plant.effects import CATALOGUE, EffectValues
 from msl_fem.plant.extended_model import ExtendedModel, write_extended_model
@@ -144,6 +149,26 @@ def test_the_command_takes_the_file_that_diagnose_writes(servo, table, tmp_path,
     start = {v.name: v.start for v in description.modelVariables}
     assert float(start["eddy_currents_time_constant"]) == pytest.approx(1.2e-4, rel=1e-12)
     assert float(start["coulomb_friction_force"]) == 0.0
+
+
+def test_the_controller_of_an_extended_model_knows_its_effects(servo, table, tmp_path, msl_fem):
+    """Wider gaps want more current: the header is that of the design for the model, and not the plain one's."""
+    table_file, headers = tmp_path / "table.nc", {}
+    write_table(table, table_file)
+    for name, offset in (("plain", 0.0), ("wider", 4e-5)):
+        found = EffectValues({"gap_offset": {"offset": offset}})
+        model = write_extended_model(ExtendedModel(servo, found), tmp_path / f"{name}.toml")
+        target = tmp_path / f"{name}.h"
+        done = msl_fem("export", str(model), "--table", str(table_file), "--to", "c", "--what", "controller",
+                       "-o", str(target), "--json")  # fmt: skip
+        assert done.json["files"] == [str(target)]
+        headers[name] = target.read_text()
+    regions = operating_map(table)
+    known = design_model_with_effects(servo, table, regions, found)
+    source = ControllerSource(designed(known, ControllerChoice()), regions)
+    design_lines = [line for line in controller_header(source).splitlines() if "digest" not in line]
+    assert [line for line in headers["wider"].splitlines() if "digest" not in line] == design_lines
+    assert headers["plain"] != headers["wider"]
 
 
 def test_an_effect_that_the_plant_cannot_have_is_refused(servo, table):
