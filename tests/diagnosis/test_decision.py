@@ -1,13 +1,13 @@
 """The rule that names: what is enough evidence, what must be left, what a believed parameter may do."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from msl_fem.diagnosis import decision
+from msl_fem.diagnosis import decision, driver
 from msl_fem.diagnosis.decision import (
     RELAXED,
     Rule,
@@ -90,6 +90,43 @@ def test_evidence_and_what_is_taken_from_the_excess_have_to_agree(loud: float, o
     stage = SearchStage(None, (), refits)  # type: ignore[arg-type]
     assert disagrees(stage, {"x": 10.0}) == other
     assert not disagrees(stage, QUIET)
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A fit by where it ended and what it leaves."""
+
+    z: np.ndarray
+    excess: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Ceilings:
+    """A likelihood that knows what the belief leaves."""
+
+    believed: float
+    strict: bool = False
+
+    def excess(self, found: Ended) -> dict[str, float]:
+        return {"x": self.believed, "i": 1.0} if not found.z.any() else found.excess
+
+
+@pytest.mark.parametrize(
+    ("believed", "strictly", "left"),
+    [(28.0, 20.0, 20.0), (28.0, 2000.0, 918.0), (1000.0, 20.0, 918.0)],
+    ids=["worse than the belief", "no better with ceilings", "better than the belief"],
+)
+def test_a_fit_that_is_worse_than_the_belief_is_made_anew_with_ceilings(
+    monkeypatch: pytest.MonkeyPatch, believed: float, strictly: float, left: float
+) -> None:
+    def fit(likelihood: Ceilings, *_: object, plan: object) -> Ended:
+        assert likelihood.strict
+        return Ended(np.ones(2), {"x": strictly, "i": 1.0})
+
+    monkeypatch.setattr(driver, "fit", fit)
+    kind: Any = SimpleNamespace(likelihood=Ceilings(believed), unknowns=None)
+    first: Any = Ended(np.ones(2), {"x": 918.0, "i": 1.0})
+    assert max(driver.not_worse(kind, np.zeros(2), first).excess.values()) == left
 
 
 def test_beside_a_wandering_sensor_a_large_gain_counts_though_nothing_finishes_what_it_leaves() -> None:
