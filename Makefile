@@ -6,6 +6,7 @@ ACTUATOR ?= geometries/fast_tool_servo.toml
 OUT ?= study
 NEWEST ?= .venv-newest
 WORKERS ?= 2
+INPUTS ?= 20000
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
@@ -14,7 +15,7 @@ SHORT := tests/test_architecture.py tests/test_package.py tests/test_names.py te
   tests/cli/test_commands.py tests/computing tests/plant/test_kernel.py tests/record tests/maps/test_operating_map.py \
   tests/export tests/control/test_design.py tests/identification/test_armax_fit.py tests/report/test_page.py tests/robustness
 
-.PHONY: study test short coverage newest bench lint docs clean diagnosis-study
+.PHONY: study test short fuzz kills coverage newest bench lint docs clean diagnosis-study
 .DELETE_ON_ERROR:
 
 study: $(VENV)/.installed
@@ -22,6 +23,14 @@ study: $(VENV)/.installed
 
 test: $(VENV)/.installed-test lint
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
+
+# Bad files by the thousand against all that reads files, with a table of how they ended; hours.
+fuzz: $(VENV)/.installed-test
+	$(BIN)/python tests/robustness/fuzz.py --inputs $(INPUTS)
+
+# Commands killed at random moments, with a table of what was left and how the next run went; an hour.
+kills: $(VENV)/.installed-test
+	$(BIN)/python tests/robustness/kills.py
 
 # Which lines the tests run; compiled functions are not counted.
 coverage: $(VENV)/.installed-test

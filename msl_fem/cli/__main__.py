@@ -14,7 +14,10 @@ def main() -> None:
     from msl_fem.cli.output import bear_any_output, drop_unwritten, run_guarded
 
     bear_any_output()
-    status = run_guarded(app)
+    try:
+        status = run_guarded(app)
+    except KeyboardInterrupt:  # while the guard itself was ending
+        status = 130
     if status == 1:
         drop_unwritten()
     sys.exit(status)

@@ -12,10 +12,10 @@ from msl_fem.cli.options import Json, read_option
 from msl_fem.cli.output import print_result, say
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.sole_run import sole_run
-from msl_fem.files.whole_file import check_target
+from msl_fem.files.whole_file import check_target, whole_file
 from msl_fem.record import Run, check_record_folder, load_record
 from msl_fem.record.log_import import ColumnSource, RunLabel, column_sources, describe, import_into, imported_run
-from msl_fem.report.pictures import save_run_picture
+from msl_fem.report.pictures import run_picture
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 
@@ -47,8 +47,9 @@ def command(
         there = (output / "rig.toml").exists()
         believed = load_record(output).actuator if there else load_actuator(_named(actuator, output))
         run = imported_run(log, sources, believed, label=label, rate=sampled)
-        import_into(output, run, actuator=believed, rate=sampled)
-        drawn = _draw(run, picture, sources)
+        drawing = run_picture(run, made_of={it.column: _origin(it) for it in sources})
+        import_into(output, run, actuator=believed, rate=sampled)  # just before the picture: both, or none
+        drawn = _written(drawing, picture)
         for warning in load_record(output).warnings:
             say(f"note: {warning}")
     fields = {
@@ -62,10 +63,11 @@ def command(
     print_result(fields, as_json=json, title=f"{log}: run {run.name} of {output}")
 
 
-def _draw(run: Run, picture: Path, sources: tuple[ColumnSource, ...]) -> bool:
+def _written(drawing: bytes, picture: Path) -> bool:
     """Whether the picture could be written: the run is in the record then, and stays there."""
     try:
-        save_run_picture(run, picture, made_of={it.column: _origin(it) for it in sources})
+        with whole_file(picture) as partial:
+            partial.write_bytes(drawing)
     except (InputError, ComputationError, OSError) as err:
         say(f"note: the run is in the record, its picture is not there: {err}")
         return False

@@ -2,13 +2,21 @@
 
 import contextlib
 import errno
+import glob
 import os
+import sys
 import tempfile
+import time
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from msl_fem.errors import ComputationError, InputError
 
+if sys.platform != "win32":
+    import fcntl
+
+NEW = 5.0
+"""Seconds in which a file is made and locked, whatever else the machine does."""
 NO_ROOM = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO}
 """Numbers of the system's errors where a disk takes no more."""
 
@@ -61,8 +69,9 @@ def whole_file(target: Path) -> Iterator[Path]:
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
     except OSError as err:
         raise cannot_be_written(target, err, "choose another folder") from err
-    os.close(handle)
     partial = Path(name)
+    _lock(handle)
+    _remove_abandoned(target, apart_from=partial)
     try:
         yield partial
         partial.chmod(0o644)
@@ -76,3 +85,29 @@ def whole_file(target: Path) -> Iterator[Path]:
         raise cannot_be_written(target, err, "choose another folder") from err
     finally:
         partial.unlink(missing_ok=True)
+        os.close(handle)
+
+
+def _lock(handle: int) -> bool:
+    """Whether this process now has the file for itself; False too where a file system or platform has no such locks."""
+    if sys.platform == "win32":
+        return False
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
+
+
+def _remove_abandoned(target: Path, *, apart_from: Path) -> None:
+    """Removes what killed runs left of a target: parts that are not quite new, and that no process has locked."""
+    for part in target.parent.glob(f".{glob.escape(target.name)}.*.part"):
+        with contextlib.suppress(OSError):  # another process removed it, or may alone
+            if part == apart_from or not part.is_file() or time.time() - part.stat().st_mtime < NEW:
+                continue
+            handle = os.open(part, os.O_RDWR | getattr(os, "O_NOFOLLOW", 0))
+            try:
+                if _lock(handle):
+                    part.unlink()
+            finally:
+                os.close(handle)

@@ -1,5 +1,6 @@
 """Pictures by matplotlib: a run, a Pareto front, and how far both sides of an actuator are decoupled."""
 
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -62,10 +63,16 @@ def _label(column: str, largest: float) -> tuple[str, float]:
 def save_run_picture(run: Run, path: str | Path, *, made_of: Mapping[str, str] | None = None) -> Path:
     """The PNG written; it appears whole or not at all. Raises InputError where it cannot be written."""
     target = Path(path)
-    figure = draw_run(run, made_of=made_of)
     with whole_file(target) as partial:
-        figure.savefig(partial, dpi=120, format="png")
+        partial.write_bytes(run_picture(run, made_of=made_of))
     return target
+
+
+def run_picture(run: Run, *, made_of: Mapping[str, str] | None = None) -> bytes:
+    """The PNG of a run."""
+    content = io.BytesIO()
+    draw_run(run, made_of=made_of).savefig(content, dpi=120, format="png")
+    return content.getvalue()
 
 
 LABELS = {"mass": "mass in kg", "loss": "copper loss in W", "force": "force in N", "inductance": "inductance in H"}

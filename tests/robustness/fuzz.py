@@ -4,13 +4,15 @@
 
 prints how each input ended. An input is judged in a child process, through the same guard as a command's: what gets
 past it would be a traceback. Each must end with one line or none; after a failure nothing may be left in the output
-folder; nothing else may change on disk; nothing may take longer than a minute.
+folder; nothing else may change on disk; no library may warn; nothing may take longer than half a minute or more than
+4 GB.
 """
 
 import argparse
 import contextlib
 import io
 import os
+import re
 import resource
 import sys
 import tempfile
@@ -31,9 +33,12 @@ from targets import TARGETS, Target
 from msl_fem.cli import output
 from msl_fem.cli.output import run_guarded
 
-LONGEST = 60.0  # seconds of CPU time that an input may take
+LONGEST = 30.0  # seconds of CPU time that an input may take
 SILENT = 900.0  # seconds after which a process that says nothing is taken for hung, on a busy machine too
-MEMORY = 6 * 2**30  # bytes of address space: a file that asks for more must be refused
+MEMORY = 4 * 2**30  # bytes of address space: a file that asks for more must be refused
+
+
+_RAW_WARNING = re.compile(r"(warning: \w*Warning: |.*\.py:\d+: \w*Warning)")
 
 
 @dataclass
@@ -85,7 +90,7 @@ def _run(target: Target, inside: Path, out: Path, here: Path) -> tuple[int | str
     try:
         os.chdir(here)
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(errors), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+            warnings.simplefilter("always")
             status: int | str = run_guarded(lambda: target.use(inside, out))
     except Exception as err:
         frames = traceback.extract_tb(err.__traceback__)
@@ -108,6 +113,8 @@ def _complaints(status: int | str, said: str, out: Path) -> list[str]:
         found.append(f"exit status {status} with {len(lines)} lines of error: {said[:200]!r}")
     if any(not line.isprintable() for line in said.splitlines()):
         found.append(f"unprintable characters on stderr: {said[:200]!r}")
+    if raw := next((line for line in said.splitlines() if _RAW_WARNING.match(line)), None):
+        found.append(f"a raw warning: {raw[:200]}")
     if "Traceback" in said:
         found.append("a traceback on stderr")
     if status and _files(out):

@@ -1,7 +1,10 @@
 """Files made bad: TOML, JSON, CSV and NetCDF from good ones, by a random generator."""
 
+import contextlib
 import json
 import math
+import re
+import sqlite3
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -83,6 +86,87 @@ def spoilt_csv(rng: np.random.Generator, good: bytes) -> bytes:
             value = _cell(rng)
             rows = [rows[0], *([*row[:-1], value] for row in rows[1:])]
     return "\n".join(map(",".join, rows)).encode("utf-8", "replace")
+
+
+def spoilt_text(rng: np.random.Generator, good: bytes) -> bytes:
+    """A line of words and quantities with words exchanged for hostile ones."""
+    if rng.random() < 0.3:
+        return spoilt_bytes(rng, good)
+    words = re.split(r"([:,= ])", good.decode())
+    for _ in range(int(rng.integers(1, 4))):
+        at = int(rng.integers(len(words)))
+        words[at] = str(scaled(rng, words[at])) if rng.random() < 0.6 else str(hostile_value(rng))[:10_000]
+    return "".join(words).encode("utf-8", "replace")
+
+
+def spoilt_mat(rng: np.random.Generator, good: bytes) -> bytes:
+    """A MATLAB file of version 5 or 7.3 with flipped bits, wrong sizes, or cut."""
+    if rng.random() < 0.5:
+        return spoilt_bytes(rng, good)
+    changed = bytearray(good)
+    for _ in range(int(rng.integers(1, 4))):
+        at = int(rng.integers(0, max(len(changed) // 4 - 1, 1))) * 4  # tags and sizes lie on words
+        changed[at : at + 4] = int(
+            (0, 1, 2**31, 2**32 - 1, 15, 14, 9, int(rng.integers(2**32)))[rng.integers(8)]
+        ).to_bytes(4, "little")
+    return bytes(changed)
+
+
+def spoilt_mesh(rng: np.random.Generator, good: bytes) -> bytes:
+    """A gmsh file with odd numbers: coordinates, corners, tags, counts."""
+    if rng.random() < 0.3:
+        return spoilt_bytes(rng, good)
+    lines = good.decode().splitlines()
+    for _ in range(int(rng.integers(1, 4))):
+        at = int(rng.integers(len(lines)))
+        words = lines[at].split()
+        action = rng.integers(0, 8)
+        if action == 0:
+            del lines[at]
+        elif action == 1:
+            lines.insert(at, lines[int(rng.integers(len(lines)))])
+        elif words:
+            place = int(rng.integers(len(words)))
+            words[place] = (
+                str(scaled(rng, words[place])), "nan", "inf", "-1", "0", "1", str(2**40), str(int(rng.integers(2000))),
+            )[rng.integers(8)]  # fmt: skip
+            lines[at] = " ".join(words)
+        if not lines:
+            break
+    return "\n".join(lines).encode() + b"\n"
+
+
+def spoilt_sqlite(rng: np.random.Generator, good: bytes, scratch: Path) -> bytes:
+    """A database with rows removed, values replaced, tables dropped, or bad bytes."""
+    if rng.random() < 0.3:
+        return spoilt_bytes(rng, good)
+    file = scratch / "odd.sqlite3"
+    file.write_bytes(good)
+    with contextlib.closing(sqlite3.connect(file)) as base:
+        tables = [row[0] for row in base.execute("select name from sqlite_master where type = 'table'")]
+        for _ in range(int(rng.integers(1, 3))):
+            table = tables[rng.integers(len(tables))]
+            columns = [row[1] for row in base.execute(f"pragma table_info('{table}')")]
+            if not columns:
+                continue
+            column = columns[rng.integers(len(columns))]
+            value = hostile_value(rng, depth=3)
+            value = value if isinstance(value, str | float) else str(value)
+            where = f"where rowid % {int(rng.integers(1, 4))} = 0"
+            change = rng.integers(0, 4)
+            with contextlib.suppress(sqlite3.Error, UnicodeError):
+                if change == 0:
+                    base.execute(f"delete from '{table}' {where}")
+                elif change == 1:
+                    base.execute(f"drop table '{table}'")
+                else:
+                    base.execute(f"update '{table}' set '{column}' = ? {where}", (value,))
+        base.commit()
+    try:
+        return file.read_bytes()
+    finally:
+        for path in scratch.glob("odd.sqlite3*"):
+            path.unlink()
 
 
 def _cell(rng: np.random.Generator) -> str:

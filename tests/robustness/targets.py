@@ -1,21 +1,38 @@
 """What reads files, each with a good file to begin with: the readers themselves, and commands as they are typed."""
 
+import contextlib
 import shutil
+import sqlite3
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import h5py
 import numpy as np
-from hostile_files import spoilt_csv, spoilt_json, spoilt_netcdf, spoilt_toml
+from hostile_files import (
+    spoilt_csv,
+    spoilt_json,
+    spoilt_mat,
+    spoilt_mesh,
+    spoilt_netcdf,
+    spoilt_sqlite,
+    spoilt_text,
+    spoilt_toml,
+)
+from scipy.io import savemat
 
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.app import app
+from msl_fem.design.sizing import DesignEvaluator, SearchSettings, parse_requirement, search_designs
 from msl_fem.design.sizing.requirement import load_requirement
 from msl_fem.errors import InputError
+from msl_fem.files.quantity import parse_quantities
+from msl_fem.magnetics.field.foreign_mesh import read_mesh
 from msl_fem.maps import operating_map, write_map
+from msl_fem.materials.core_loss_data import read_loss_points
 from msl_fem.materials.material import load_iron
 from msl_fem.plant import plant_parameters
-from msl_fem.plant.excitation import load_excitations, samples
+from msl_fem.plant.excitation import load_excitations, parse_excitation, samples
 from msl_fem.plant.extended_model import load_extended_model, write_extended_model
 from msl_fem.record import load_record, write_record
 from msl_fem.record.log_signals import read_log
@@ -83,6 +100,11 @@ COLUMNS = (
     '[time_s]\nsource = "t"\n[position_m]\nsource = "q"\nunit = "um"\n[current_1_A]\nsource = "i"\nunit = "mA"\n'
     '[current_2_A]\nsource = "j"\nscale = "1 mA"\noffset = "1 mA"\n'
     '[voltage_1_V]\nsource = "u"\n[voltage_2_V]\nsource = "w"\n'
+)
+
+
+LOSSES = "frequency_Hz,B_T,loss_W_per_kg\n" + "".join(
+    f"{f},{b},{1e-3 * f * b**1.8 + 1e-5 * f**2 * b**2:.6g}\n" for f in (50, 200, 400, 1000) for b in (0.4, 0.8, 1.2)
 )
 
 
@@ -172,6 +194,79 @@ def _log_and_columns(folder: Path) -> Path:
     return _one_file("a.toml", COLUMNS)(folder)
 
 
+def _mat(rng: np.random.Generator, good: bytes, scratch: Path) -> bytes:
+    return spoilt_mat(rng, good)
+
+
+def _mesh(rng: np.random.Generator, good: bytes, scratch: Path) -> bytes:
+    return spoilt_mesh(rng, good)
+
+
+def _text(rng: np.random.Generator, good: bytes, scratch: Path) -> bytes:
+    return spoilt_text(rng, good)
+
+
+def _logged_arrays() -> dict[str, np.ndarray]:
+    rows = np.array([line.split(",") for line in _LOGGED], dtype=float)
+    return dict(zip("tqijuw", rows.T, strict=True))
+
+
+def _mat_file(folder: Path) -> Path:
+    savemat(folder / "a.mat", _logged_arrays() | {"run": {"x": np.arange(50.0)}}, do_compression=True)
+    return folder / "a.mat"
+
+
+def _mat_file_of_7_3(folder: Path) -> Path:
+    with h5py.File(folder / "a.mat", "w") as file:
+        for name, values in _logged_arrays().items():
+            file.create_dataset(name, data=values[:, None], compression="gzip")
+    return folder / "a.mat"
+
+
+def _trials_file(folder: Path) -> Path:
+    """A search of two designs, made once."""
+    file = folder / "a.sqlite3"
+    if not _TRIALS:
+        search_designs(_evaluator(), SearchSettings(f"sqlite:///{file}", 2))
+        whole = folder / "whole.sqlite3"
+        with contextlib.closing(sqlite3.connect(file)) as base, contextlib.closing(sqlite3.connect(whole)) as copy:
+            base.backup(copy)
+            copy.execute("pragma journal_mode=delete")
+        _TRIALS.append(whole.read_bytes())
+        for path in folder.glob("*.sqlite3*"):
+            path.unlink()
+    file.write_bytes(_TRIALS[0])
+    return file
+
+
+def _evaluator() -> DesignEvaluator:
+    demands = {"force": {"minimum": "150 N", "gap": "0.5 mm"}, "heat": {"current_density": "6 A/mm^2"}}
+    return DesignEvaluator(parse_requirement({"schema": 1, "name": "servo", **demands}))
+
+
+def _use_trials(folder: Path, out: Path) -> None:
+    copy = out.parent / "trials.sqlite3"  # a database writes beside the file that it reads
+    shutil.copyfile(folder / "a.sqlite3", copy)
+    try:
+        search_designs(_evaluator(), SearchSettings(f"sqlite:///{copy}", 1))
+    finally:
+        for path in out.parent.glob("trials.sqlite3*"):
+            path.unlink()
+
+
+def _use_excitation_text(folder: Path, out: Path) -> None:
+    text = (folder / "a.txt").read_text(errors="surrogateescape")
+    one = parse_excitation(text.strip())
+    if one.duration <= 10.0:
+        samples(one, rate=1000.0, sides=2, generator=np.random.default_rng(1))
+
+
+def _use_quantities(folder: Path, out: Path) -> None:
+    text = (folder / "a.txt").read_text(errors="surrogateescape")
+    assert all(np.isfinite(parse_quantities(text, "m")))
+
+
+_TRIALS: list[bytes] = []
 POINT = ("--current", "2 A", "--gap", "0.4 mm")
 
 
@@ -218,6 +313,15 @@ TARGETS = (
     Target("import LOG", _one_file("a.csv", LOG), _csv,
            _typed("import", "IN/a.csv", "--columns", TYPED_COLUMNS, "--actuator",
                   str(SERVO), "-o", "OUT/rec", "--json")),
+    Target("log, MATLAB 5", _mat_file, _mat, lambda folder, out: read_log(folder / "a.mat")),
+    Target("log, MATLAB 7.3", _mat_file_of_7_3, _mat, lambda folder, out: read_log(folder / "a.mat")),
+    Target("mesh", _one_file("a.msh", (ROOT / "geometries" / "u_core.msh").read_bytes()), _mesh,
+           lambda folder, out: read_mesh(folder / "a.msh", unit=1e-3, gap=5e-4)),
+    Target("trials of a search", _trials_file, spoilt_sqlite, _use_trials),
+    Target("core losses", _one_file("a.csv", LOSSES), _csv, lambda folder, out: read_loss_points(folder / "a.csv")),
+    Target("excitation in words", _one_file("a.txt", "sine:channel=1,frequency=20 Hz,bias=0.3 A,amplitude=0.1 A,"
+           "duration=0.6 s"), _text, _use_excitation_text),
+    Target("quantities", _one_file("a.txt", "0.5, 1, 1.2e-1 mm"), _text, _use_quantities),
     Target("import COLUMNS", _log_and_columns, _toml,
            _typed("import", "IN/log.csv", "--columns", "IN/a.toml", "--actuator", str(SERVO), "-o", "OUT/rec")),
 )  # fmt: skip

@@ -10,7 +10,7 @@ from targets import SERVO, TARGETS, Target, _one_file, _toml
 
 from msl_fem.errors import InputError
 
-SHARE = 3 * len(TARGETS)
+SHARE = len(TARGETS)
 
 
 def keep(rng: np.random.Generator, good: bytes, scratch: Path) -> bytes:

@@ -82,7 +82,7 @@ def test_an_import_without_room_for_its_picture_is_done(tmp_path: Path, msl_fem,
 
     log = tmp_path / "log.csv"
     log.write_text(LOG)
-    monkeypatch.setattr(import_log, "save_run_picture", fail)
+    monkeypatch.setattr(import_log, "whole_file", fail)
     words = ("import", str(log), "--columns", TYPED_COLUMNS, "--actuator", str(SERVO), "-o", str(tmp_path / "rec"))
     done = msl_fem(*words, "--json")
     assert done.json["picture"] is None

@@ -1,0 +1,50 @@
+"""Parts of files that killed runs left are removed by the next run; those of a run that works are not."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from msl_fem.files.whole_file import NEW, whole_file
+
+
+def made_old(path: Path) -> Path:
+    os.utime(path, (time.time() - 2 * NEW,) * 2)
+    return path
+
+
+def test_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
+    target = tmp_path / "t[1].nc"
+    code = (
+        "import os, sys; from pathlib import Path; from msl_fem.files.whole_file import whole_file\n"
+        "with whole_file(Path(sys.argv[1])): os.kill(os.getpid(), 9)"
+    )
+    assert subprocess.run([sys.executable, "-c", code, str(target)], check=False).returncode == -9
+    [left] = tmp_path.glob(".*.part")
+    with whole_file(target):
+        assert left.exists(), "it may be of a run that has just begun"
+    made_old(left)
+    other = made_old(_touched(tmp_path / ".other.nc.abcdefgh.part"))
+    with whole_file(target) as partial:
+        partial.write_text("new")
+        assert not left.exists()
+    assert other.exists(), "it belongs to another target"
+    assert target.read_text() == "new"
+
+
+def _touched(path: Path) -> Path:
+    path.touch()
+    return path
+
+
+def test_the_part_of_a_run_that_works_stays(tmp_path: Path) -> None:
+    target = tmp_path / "t.nc"
+    with whole_file(target) as first:
+        first.write_text("first")
+        made_old(first)
+        with whole_file(target) as second:
+            second.write_text("second")
+            assert first.exists()
+    assert target.read_text() == "first"
+    assert [path.name for path in tmp_path.iterdir()] == ["t.nc"]
