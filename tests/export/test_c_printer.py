@@ -92,7 +92,11 @@ def in_order(x, a):
     """What changes rows is called where Python calls it."""
     first = a + _bump(x)
     second = _bump(x) - x[0] * a
-    return first, second, _bump(x) + _bump(x)
+    return first, second, _less(_bump(x), _bump(x))
+
+
+def _less(a, b):
+    return a - b * 0.1
 
 
 def mathematics(a, b):
