@@ -14,6 +14,7 @@ import io
 import os
 import re
 import resource
+import signal
 import sys
 import tempfile
 import time
@@ -169,6 +170,8 @@ def fuzz_in_children(n: int, *, seed: int, names: list[str] | None) -> dict[str,
                 name, verdict = ours.recv()
                 verdicts.setdefault(name, Verdict()).add(verdict)
                 done += 1
+                for one in verdict.wrong:
+                    print(one, file=sys.stderr, flush=True)
         except EOFError:
             pass
         except KeyboardInterrupt:  # what was judged so far counts
@@ -193,6 +196,7 @@ def main() -> int:
     parser.add_argument("--target", action="append", help="one target by its name; repeatable")
     wanted = parser.parse_args()
     start = time.perf_counter()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends with the counts so far, as Ctrl-C does
     verdicts = fuzz_in_children(wanted.inputs, seed=wanted.seed, names=wanted.target)
     print("| what is read | inputs | accepted | refused (2) | failed (1) | wrong | slowest, CPU s |")
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")

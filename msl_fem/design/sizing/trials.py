@@ -116,6 +116,7 @@ def quiet_optuna() -> Iterator[None]:
     logging.getLogger("alembic").setLevel(logging.CRITICAL)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+        warnings.filterwarnings("ignore", "The constraint value is ignored")  # of a trial that is marked failed anew
         yield
 
 
