@@ -25,6 +25,7 @@ from targets import LOG, SERVO, TABLE, TYPED_COLUMNS
 
 LONG = 600.0
 INTERRUPTED = 130
+"""Exit status; Python itself makes of it an end by SIGINT, 130 to a shell, where the signal met it in an `exec`."""
 REQUIREMENT = (
     'schema = 1\nname = "servo"\n[force]\nminimum = "150 N"\ngap = "0.5 mm"\n[heat]\ncurrent_density = "6 A/mm^2"\n'
 )
@@ -105,7 +106,7 @@ def kill_once(name: str, folder: Path, at: float, number: signal.Signals, *, all
     _, said = process.communicate(timeout=LONG)
     if "Traceback" in said:
         tally.wrong.append(f"{name}, {number.name} after {at:.2f} s: a traceback: {said[-300:]!r}")
-    if number == signal.SIGTERM and process.returncode not in (0, INTERRUPTED, -number):
+    if number == signal.SIGTERM and process.returncode not in (0, INTERRUPTED, -signal.SIGINT, -number):
         tally.wrong.append(f"{name}, SIGTERM after {at:.2f} s: status {process.returncode}")
     tally.left_at_once += bool(hidden(folder))
     if number == signal.SIGTERM and process.returncode == INTERRUPTED and hidden(folder):
