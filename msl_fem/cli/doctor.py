@@ -30,13 +30,13 @@ def command(json: Json = False) -> None:
     if json:
         print_result(found, as_json=True, title="")
         return
-    print_result(summary(found), as_json=False, title=f"msl-fem {found['msl_fem']}")
+    print_result(findings(found), as_json=False, title=f"msl-fem {found['msl_fem']}")
     for name in ("missing", "slow"):
         for sentence in found[name] or ["nothing"]:
             typer.echo(f"{name}: {sentence}")
 
 
-def summary(found: dict[str, Any]) -> dict[str, str]:
+def findings(found: dict[str, Any]) -> dict[str, str]:
     """What people want to see of it, a line a topic."""
     cache, blas = found["compiled_cache"], found["blas"]["pools"]
     lines = {"python": f"{found['python']['version']}, {found['python']['system']}"}
