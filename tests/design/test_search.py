@@ -149,6 +149,7 @@ ODD_CONTENT = (
     "drop table studies",
     "drop table study_directions",
     "delete from study_directions",
+    "delete from study_directions where objective = 1",
 )
 
 

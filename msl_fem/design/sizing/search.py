@@ -183,7 +183,7 @@ def search_designs(
         begin = first_designs(evaluator) if new_file(settings.storage) else None
         storage = open_storage(settings.storage)
         with only_our_content(settings.storage):
-            begun_by_one(lambda: check_content(open_study(storage, evaluator)))
+            begun_by_one(lambda: check_content(open_study(storage, evaluator), evaluator))
         study, space = begun_by_one(lambda: _begun(open_study(storage, evaluator), evaluator, begin))
         study.sampler = settings.sampler(settings.seed, distributions(space))
         clear_abandoned(study)

@@ -204,13 +204,15 @@ def only_our_content(url: str) -> Iterator[None]:
         ) from err
 
 
-def check_content(study: "optuna.Study") -> None:
+def check_content(study: "optuna.Study", evaluator: DesignEvaluator) -> None:
     """Reads all of a study that a search will read; any exception where a part is missing or of another kind.
 
     Raises
     ------
-    ValueError : a trial whose parameters or values are not those of the study
+    ValueError : directions that are not those of the objectives, a trial whose parameters or values are not the study's
     """
+    if len(study.directions) != len(evaluator.requirement.objectives):
+        raise ValueError(f"the study has {len(study.directions)} directions")
     space = stored_space(study)
     trials = study.get_trials(deepcopy=False)
     for name, parameters in study.user_attrs.get(FIRST, {}).items():
