@@ -166,7 +166,7 @@ def test_the_study_of_the_reference_actuator(servo: Actuator) -> None:
     assert found.sections == ("centre_leg", "outer_leg")
     assert found.point[0] == pytest.approx(3.89, abs=0.02)
     assert found.current[0, 1] == pytest.approx(found.point[0], rel=1e-3)
-    assert [s.tolerance.name for s in found.sensitivities] == [name for name in NAMES if name != "leg_width"]
+    assert [s.tolerance.name for s in found.sensitivities] == [t.name for t in tolerances_of(servo)]
     assert (found.band.low < found.current).all()
     assert (found.current < found.band.high).all()
     assert found.band.checked == 3

@@ -114,7 +114,8 @@ class ContradictionSearch:
         """The evaluator without an envelope."""
         envelope = self.evaluator.requirement.envelope
         stated = {name: getattr(envelope, name) for name in ("width", "height", "depth")}
-        wide = Envelope(**{name: None if size is None else size * ROOMY for name, size in stated.items()})
+        # as large as it comes: no actuator file is to hold it
+        wide = Envelope.model_construct(**{n: None if size is None else size * ROOMY for n, size in stated.items()})
         return DesignEvaluator(self.evaluator.requirement.model_copy(update={"envelope": wide}))
 
     def closest(self) -> ClosedFormOptimum:

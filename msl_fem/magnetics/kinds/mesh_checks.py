@@ -5,7 +5,6 @@ from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from msl_fem.errors import InputError
 
@@ -96,6 +95,8 @@ def _check_points(xy: Points, corners: Indices, area: Points, path: Path) -> Non
     used = np.unique(corners)
     centre = xy[:, corners].mean(axis=1)
     radius = np.sqrt(((xy[:, corners] - centre[:, None]) ** 2).sum(axis=0).max(axis=0))
+    from scipy.spatial import cKDTree  # who controls a magnet needs none of scipy
+
     near = cKDTree(xy[:, used].T).query_ball_point(centre.T, radius)
     triangle = np.repeat(np.arange(corners.shape[1]), [len(found) for found in near])
     point = used[np.concatenate([np.asarray(found, dtype=np.int64) for found in near])]
