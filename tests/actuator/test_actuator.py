@@ -142,7 +142,7 @@ def put(content: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
         (
             "magnet.kind",
             "c-core",
-            "magnet: kind 'c-core' is unknown; choose one of 'e-core', 'u-core', 'pot-core', 'plunger', 'table', 'mesh'",
+            "kind 'c-core' is unknown; choose one of 'e-core', 'u-core', 'pot-core', 'plunger', 'table', 'mesh'",
         ),
         ("magnet.kind", None, "magnet: kind is missing"),
         ("drive.kind", "pneumatic", "'current', 'voltage' or 'force'"),
