@@ -1,16 +1,17 @@
 """Bad files against everything that reads files: no traceback, no half-written output, nothing run, nothing outside.
 
-    python tests/robustness/fuzz.py --inputs 10000 --seed 1
+    python tests/robustness/fuzz.py --inputs 10000 --seed 1 --kept fuzz.jsonl
 
-prints how each input ended. An input is judged in a child process, through the same guard as a command's: what gets
-past it would be a traceback. Each must end with one line or none; after a failure nothing may be left in the output
-folder; nothing else may change on disk; no library may warn; nothing may take longer than half a minute or more than
-4 GB.
+prints how each input ended; with --kept it goes on where an earlier call stopped. An input is judged in a child
+process, through the same guard as a command's: what gets past it would be a traceback. Each must end with one line or
+none; after a failure nothing may be left in the output folder; nothing else may change on disk; no library may warn;
+nothing may take longer than half a minute or more than 4 GB.
 """
 
 import argparse
 import contextlib
 import io
+import json
 import os
 import re
 import resource
@@ -49,6 +50,10 @@ class Verdict:
     ends: Counter[str] = field(default_factory=Counter)
     wrong: list[str] = field(default_factory=list)
     slowest: float = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """What is kept of it."""
+        return {"ends": self.ends, "wrong": self.wrong, "slowest": round(self.slowest, 3)}
 
     def add(self, other: "Verdict") -> None:
         """Takes another verdict into this one."""
@@ -156,37 +161,85 @@ def _child(pipe: Any, n: int, seed: int, names: list[str] | None, first: int) ->
             pipe.send(told)
 
 
-def fuzz_in_children(n: int, *, seed: int, names: list[str] | None) -> dict[str, Verdict]:
+def warm_up(names: list[str] | None, root: Path) -> None:
+    """Good files once, unjudged: what is compiled on first use is no time that an input takes."""
+    for target in TARGETS:
+        if not names or target.name in names:
+            good = Target(target.name, target.prepare, lambda rng, content, scratch: content, target.use)
+            judge(good, 0, root, Verdict())
+
+
+class Tally:
+    """Verdicts by target, those of an earlier call included; each input's is appended to a file as it comes."""
+
+    def __init__(self, kept: Path | None) -> None:
+        self.verdicts: dict[str, Verdict] = {}
+        self.done = 0
+        self._kept: Path | None = None
+        for line in kept.read_text().splitlines() if kept is not None and kept.is_file() else []:
+            told = json.loads(line)
+            self.add(told["target"], Verdict(Counter(told["ends"]), told["wrong"], told["slowest"]))
+        self._kept = kept
+
+    def add(self, name: str, verdict: Verdict) -> None:
+        """One more input."""
+        self.verdicts.setdefault(name, Verdict()).add(verdict)
+        self.done += 1
+        if self._kept is not None:
+            with self._kept.open("a") as stream:
+                stream.write(json.dumps({"target": name, **verdict.to_json()}) + "\n")
+
+
+def _child(pipe: Any, n: int, seed: int, names: list[str] | None, first: int) -> None:
+    """Judges inputs and tells the parent of each, until an input kills it."""
+    with tempfile.TemporaryDirectory() as folder:
+        warm_up(names, Path(folder))
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        for told in judgements(n, seed=seed, names=names, root=Path(folder), first=first):
+            pipe.send(told)
+
+
+def fuzz_in_children(n: int, *, seed: int, names: list[str] | None, tally: Tally) -> None:
     """As `fuzz`, in a process of its own: an input that hangs or kills it is one more that went wrong."""
-    context, verdicts, done = get_context("spawn"), {}, 0
+    context = get_context("spawn")
     chosen = [target.name for target in TARGETS if not names or target.name in names]
-    while done < n:
+    while tally.done < n:
         ours, theirs = context.Pipe(duplex=False)
-        child = context.Process(target=_child, args=(theirs, n, seed, names, done), daemon=True)
+        child = context.Process(target=_child, args=(theirs, n, seed, names, tally.done), daemon=True)
         child.start()
         theirs.close()
         try:
-            while done < n and ours.poll(SILENT):
-                name, verdict = ours.recv()
-                verdicts.setdefault(name, Verdict()).add(verdict)
-                done += 1
-                for one in verdict.wrong:
-                    print(one, file=sys.stderr, flush=True)
-        except EOFError:
-            pass
+            _listen(ours, n, tally)
         except KeyboardInterrupt:  # what was judged so far counts
             child.kill()
             break
-        if done < n:
-            name = chosen[done % len(chosen)]
+        if tally.done < n:
+            name = chosen[tally.done % len(chosen)]
             child.join(1)
             how = "went on for ever" if child.is_alive() else f"killed the process ({child.exitcode})"
-            said = [f"{name}, seed {seed * 1_000_003 + done}: {how}"]
-            verdicts.setdefault(name, Verdict()).add(Verdict(Counter([how]), said))
-            done += 1
+            said = f"{name}, seed {seed * 1_000_003 + tally.done}: {how}"
+            tally.add(name, Verdict(Counter([how]), [said]))
         child.kill()
         child.join()
-    return verdicts
+
+
+def _listen(pipe: Any, n: int, tally: Tally) -> None:
+    """Takes verdicts from a child until it is done, is silent or is gone."""
+    with contextlib.suppress(EOFError):
+        while tally.done < n and pipe.poll(SILENT):
+            name, verdict = pipe.recv()
+            tally.add(name, verdict)
+            for one in verdict.wrong:
+                print(one, file=sys.stderr, flush=True)
+
+
+def print_table(verdicts: dict[str, Verdict]) -> None:
+    """How the inputs of each target ended."""
+    print("| what is read | inputs | accepted | refused (2) | failed (1) | wrong | slowest, CPU s |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
+    for name, v in verdicts.items():
+        cells = (sum(v.ends.values()), v.ends["0"], v.ends["2"], v.ends["1"], len(v.wrong), f"{v.slowest:.2f}")
+        print(f"| {name} | {' | '.join(map(str, cells))} |")
 
 
 def main() -> int:
@@ -194,18 +247,17 @@ def main() -> int:
     parser.add_argument("--inputs", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--target", action="append", help="one target by its name; repeatable")
+    parser.add_argument("--kept", type=Path, help="a file with a line for each input judged; a next call goes on")
     wanted = parser.parse_args()
     start = time.perf_counter()
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends with the counts so far, as Ctrl-C does
-    verdicts = fuzz_in_children(wanted.inputs, seed=wanted.seed, names=wanted.target)
-    print("| what is read | inputs | accepted | refused (2) | failed (1) | wrong | slowest, CPU s |")
-    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
-    for name, v in verdicts.items():
-        cells = (sum(v.ends.values()), v.ends["0"], v.ends["2"], v.ends["1"], len(v.wrong), f"{v.slowest:.2f}")
-        print(f"| {name} | {' | '.join(map(str, cells))} |")
-    wrong = [one for v in verdicts.values() for one in v.wrong]
-    judged = sum(sum(v.ends.values()) for v in verdicts.values())
-    print(f"\n{judged} inputs, seed {wanted.seed}, {time.perf_counter() - start:.0f} s: {len(wrong)} wrong")
+    tally = Tally(wanted.kept)
+    before = tally.done
+    fuzz_in_children(wanted.inputs, seed=wanted.seed, names=wanted.target, tally=tally)
+    print_table(tally.verdicts)
+    wrong = [one for v in tally.verdicts.values() for one in v.wrong]
+    now = f"{tally.done - before} of them in {time.perf_counter() - start:.0f} s"
+    print(f"\n{tally.done} inputs, seed {wanted.seed}, {now}: {len(wrong)} wrong")
     for one in wrong[:200]:
         print(one)
     return bool(wrong)
