@@ -8,6 +8,7 @@ import numpy as np
 import typer
 
 from msl_fem.actuator import Actuator
+from msl_fem.cli.given_map import given_map
 from msl_fem.cli.options import Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar
 from msl_fem.cli.sweeping import table_for, table_of_model
@@ -33,7 +34,7 @@ from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target
 from msl_fem.identification import ArmaxModel, KnownMass, model_from_json, physical_parameters
 from msl_fem.identification.data import rational_term
-from msl_fem.maps import OperatingMap, operating_map, read_map
+from msl_fem.maps import OperatingMap, operating_map
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import load_excitations, reference
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
@@ -92,7 +93,7 @@ def command(
         if report is not None:
             check_target(report)
         known = None if model == "table" else _known(Path(model))
-        given = read_map(map_file) if map_file is not None else None
+        given = given_map(map_file, plant.actuator) if map_file is not None else None
         own = table_of_model(known.actuator, None) if isinstance(known, ExtendedModel) else None
         magnet_table = own if own is not None else table_for(plant.actuator, table)
         assert magnet_table is not None

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.cli.given_map import given_map
 from msl_fem.cli.options import Json, TableFile
 from msl_fem.cli.output import print_result, say
 from msl_fem.cli.sweeping import table_for
@@ -18,7 +19,7 @@ from msl_fem.export.fmu import platforms
 from msl_fem.export.formats import ACTUATOR, CONTROLLER, MAP, MODEL, PAIR_MAP, TABLE, ModelSource, find_format
 from msl_fem.files.schema import reason, refuse_what_never_ends
 from msl_fem.files.whole_file import check_target
-from msl_fem.maps import OperatingMap, operating_map, read_map
+from msl_fem.maps import OperatingMap, operating_map
 from msl_fem.maps.pair_limits import PairMap
 from msl_fem.maps.pair_map_file import is_pair_map, read_pair_map
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
@@ -82,7 +83,7 @@ def _kind(path: Path) -> str:
 def _record(path: Path, kind: str, needs: str, *, table: Path | None) -> Source:
     """The record that a format needs, made of the source where it is not the source itself."""
     if kind == MAP:
-        return read_map(path)
+        return given_map(path)
     if kind == PAIR_MAP:
         return read_pair_map(path)
     if needs == ACTUATOR:

@@ -95,9 +95,10 @@ def guard(
         return
     if not gap:
         raise InputError('--gap is missing, like --gap "0.3 mm"; a map of both sides takes --current-2 and --position')
-    from msl_fem.maps import Guard, read_map  # not for a look-up
+    from msl_fem.cli.given_map import given_map  # not for a look-up
+    from msl_fem.maps import Guard
 
-    judge = Guard(read_map(map_file)).judge
+    judge = Guard(given_map(map_file)).judge
     pairs = _pairs([_number("--current", c, "A") for c in current], [_number("--gap", g, "m") for g in gap])
     judged = [judge(i, g).to_json() for i, g in pairs]
     if len(judged) == 1:

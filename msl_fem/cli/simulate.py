@@ -8,6 +8,7 @@ import numpy as np
 import typer
 
 from msl_fem.actuator import Actuator
+from msl_fem.cli.given_map import given_map
 from msl_fem.cli.options import Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar
 from msl_fem.cli.sweeping import table_for
@@ -16,7 +17,7 @@ from msl_fem.control.closed_loop import checked_reference
 from msl_fem.control.design import ControllerDesign, Stepper, stated
 from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
-from msl_fem.maps import Guard, OperatingMap, operating_map, read_map
+from msl_fem.maps import Guard, OperatingMap, operating_map
 from msl_fem.plant import NamedRun, Simulation, refused_unless_borne, simulation_record
 from msl_fem.plant.excitation import DRIVE_UNIT, Reference, load_excitations, reference
 from msl_fem.plant.excitation_kinds import Excitation
@@ -102,7 +103,7 @@ def command(
         raise InputError(f'--rate {rate} is not allowed; it must be above 0 Hz, like "10 kHz"')
     with sole_run(output):
         check_record_folder(output)
-        regions = None if map_file is None else read_map(map_file)
+        regions = None if map_file is None else given_map(map_file, it)
         guard = None if regions is None else Guard(regions)
         magnet_table = table_for(it, table)
         generator = np.random.default_rng(seed)

@@ -21,6 +21,7 @@ from msl_fem.table.magnetic_table import SECTION, MagneticTable
 LEVELS = (1.2, 1.6)
 """Default flux densities in T: the source paper's."""
 MOST_LEVELS, SMALLEST_LEVEL, LARGEST_LEVEL = 100, 1e-3, 10.0  # T; no iron is driven further
+LARGEST_CURRENT, LARGEST_GAP = 1e6, 10.0  # A, m
 _THINNING_GAIN = 3.0  # a cubic spline's error grows 16-fold on nodes twice as far apart; count on 3
 _DEFECT_MARGIN = 1.25  # the largest departure from a chord over the largest of those at three inner points
 _INNER = (0.25, 0.5, 0.75)
@@ -149,12 +150,14 @@ class OperatingMap:
 def _check(record: OperatingMap) -> None:
     levels, gap = record.levels, record.gap
     shape = (levels.size, gap.size)
-    if levels.ndim != 1 or levels.size == 0 or not (np.diff(levels) > 0).all() or not levels[0] > 0:
-        raise InputError(f"levels must be positive and increasing flux densities, these are {levels.tolist()} T")
+    checked_levels(levels)
     if gap.ndim != 1 or gap.size < 2 or not (np.diff(gap) > 0).all() or not gap[0] > 0:
         raise InputError("a map needs at least two gaps, positive and increasing")
-    if not (math.isfinite(record.current_max) and record.current_max > 0):
-        raise InputError(f"the map's largest current must be positive, it is {record.current_max:g} A")
+    if not (0 < record.current_max <= LARGEST_CURRENT and gap[-1] <= LARGEST_GAP):
+        raise InputError(
+            f"the map's largest current is {record.current_max:g} A, its largest gap {gap[-1]:g} m; allowed are 0 ... "
+            f"{LARGEST_CURRENT:g} A and {LARGEST_GAP:g} m, beyond which there is no machine: look at the units"
+        )
     for name in ("current", "error", "allowance", "mesh_error", "bh_error", "gap_slope"):
         values = getattr(record, name)
         if values is not None and values.shape != shape:
@@ -183,7 +186,7 @@ class Roots(NamedTuple):
     section: tuple[str, ...]
 
 
-def checked_levels(levels: Sequence[float]) -> Array:
+def checked_levels(levels: Sequence[float] | Array) -> Array:
     """The levels as an array; InputError unless they are positive, increasing and flux densities that iron can bear."""
     values = np.asarray(levels, dtype=float)
     if values.ndim != 1 or values.size == 0 or not (values > 0).all() or not (np.diff(values) > 0).all():

@@ -13,7 +13,7 @@ from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
-from msl_fem.maps.level_currents import LEVELS
+from msl_fem.maps.level_currents import LARGEST_CURRENT, LARGEST_GAP, LEVELS, checked_levels
 from msl_fem.table.magnetic_table import SECTION
 from msl_fem.table.pair_table import PairTable
 
@@ -88,8 +88,12 @@ def _check(record: PairMap) -> None:
         fewest = 1 if name == "levels" else 2
         if nodes.ndim != 1 or nodes.size < fewest or not np.isfinite(nodes).all() or not (np.diff(nodes) > 0).all():
             raise InputError(f"{name} of a pair's map must be {fewest} or more increasing numbers")
-    if not record.levels[0] > 0 or record.other[0] != 0:
-        raise InputError("a pair's map has levels above 0 and other currents from 0 A")
+    checked_levels(record.levels)
+    if record.other[0] != 0 or record.other[-1] > LARGEST_CURRENT or record.position[-1] > LARGEST_GAP:
+        raise InputError(
+            f"other currents of a pair's map begin at 0 A and end at {LARGEST_CURRENT:g} A at most, positions at "
+            f"{LARGEST_GAP:g} m; look at the units"
+        )
     even = np.linspace(-record.position[-1], record.position[-1], record.position.size)
     if not np.allclose(record.position, even, rtol=0, atol=SAME * abs(record.position[-1])):
         raise InputError("the positions of a pair's map must have equal steps, the same on both sides of 0")

@@ -4,6 +4,7 @@ in bounded memory, and never from another file."""
 import csv
 import math
 import re
+import warnings
 import zlib
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -57,7 +58,10 @@ def read_log(path: str | Path, *, only: Collection[str] | None = None) -> dict[s
     if ending not in (".mat", ".csv", ".txt", ".tsv"):
         raise RecordError(f"{path}: the ending '{path.suffix}' is unknown; give a .mat or a .csv file")
     try:
-        signals = _read_mat(path, only) if ending == ".mat" else _read_text(path, only)
+        with warnings.catch_warnings():
+            for doubtful in (UserWarning, RuntimeWarning):  # what a library warns of may be other numbers than meant
+                warnings.simplefilter("error", doubtful)
+            signals = _read_mat(path, only) if ending == ".mat" else _read_text(path, only)
     except RecordError:
         raise
     except Exception as err:  # the readers of .mat raise errors of many kinds on a damaged file

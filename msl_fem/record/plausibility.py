@@ -1,11 +1,13 @@
 """Whether a run's numbers are a machine's: beyond any sensor is refused, a sensor against its command is doubted."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
-from msl_fem.record.columns import CHANNELS, Channel, Quantity, place
+from msl_fem.record.columns import CHANNELS, UNITS, Channel, Quantity, place
 from msl_fem.record.record import Run
 
 LARGEST: dict[Quantity, float] = {
@@ -13,23 +15,29 @@ LARGEST: dict[Quantity, float] = {
     "command": 1e6, "flux_linkage": 1e6,
 }  # fmt: skip
 """In SI units: more than any machine of this kind has, whatever it is."""
+STATIC: dict[str, Quantity] = {
+    "gap_m": "position", "current_A": "current", "force_N": "force", "flux_linkage_Wb": "flux_linkage",
+}  # fmt: skip
+"""Columns of a static map and what they are."""
 ASKED = 0.2
 """Share of the command that a dead sensor misses at least, in the mean."""
 APART = 20.0
 """Factor by which a current that follows its command is never larger or smaller; a wrong unit is 1000."""
 
 
-def refuse_impossible(run: Run, *, file: Path | str) -> None:
-    """RecordError naming the first sample beyond what any machine shows."""
-    for name, values in run.columns.items():
-        channel = CHANNELS.get(name)
-        most = LARGEST.get(channel.quantity, np.inf) if channel is not None else np.inf
+def refuse_impossible(columns: Mapping[str, Array], *, file: Path | str) -> None:
+    """RecordError naming the first sample, of a run or a static map, beyond what any machine shows."""
+    for name, values in columns.items():
+        quantity = CHANNELS[name].quantity if name in CHANNELS else STATIC.get(name)
+        if quantity not in LARGEST:
+            continue
+        most, unit = LARGEST[quantity], UNITS[quantity]
         beyond = np.flatnonzero(np.abs(values) > most)
-        if channel is not None and beyond.size:
+        if beyond.size:
             at = int(beyond[0])
             raise RecordError(
-                f"{place(file, at)}, column {name}: {values[at]:g} {channel.unit} is more than any machine shows, "
-                f"{most:g} {channel.unit}; look at the unit of this column"
+                f"{place(file, at)}, column {name}: {values[at]:g} {unit} is more than any machine shows, {most:g} "
+                f"{unit}; look at the unit of this column"
             )
 
 

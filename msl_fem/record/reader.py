@@ -120,6 +120,7 @@ def read_static_map(table: Mapping[str, Column], *, role: Role | None, file: Pat
     _require([("gap_m",), ("current_A",), ("force_N", "flux_linkage_Wb")], list(table), file=file)
     value = {name: read_only(numbers(c, name, file)) for name, c in table.items() if name in STATIC_NUMBERS}
     words = {name: _words(c, name, file) for name, c in table.items() if name in STATIC_WORDS}
+    refuse_impossible(value, file=file)
     gap = value["gap_m"]
     if not gap.size:
         raise RecordError(f"{file}: row 2: there are no rows; remove the file or fill it")
@@ -256,7 +257,7 @@ def check_run(run: Run, actuator: Actuator, sampling: Sampling, *, file: Path | 
     check_columns(list(run.columns), actuator, file=file)
     for name, values in run.columns.items():
         numbers(values, name, file)
-    refuse_impossible(run, file=file)
+    refuse_impossible(run.columns, file=file)
     if run.time.size < FEWEST_SAMPLES:
         raise RecordError(
             f"{file}: column time_s: the run has {run.time.size} samples, at least {FEWEST_SAMPLES} are needed; "

@@ -26,6 +26,8 @@ COUNTED = 1.4
 """How often cross-validation counts a degree of freedom."""
 RIDGE = 1e-4
 """Weight of the coefficients' size beside their second differences: what no measurement says is left to W0."""
+NO_CURRENT = 1e-6
+"""Of the largest current: less says nothing of the inductance."""
 FLOOR = 0.05
 """The incremental inductance stays above this share of W0's."""
 Span = tuple[float, float, float]
@@ -206,7 +208,7 @@ def fit_coenergy(
 def _first_inductance(samples: Mapping[str, Samples]) -> float:
     """A first value of the inductance in mid-gap, from the smaller currents."""
     s = samples["flux_linkage"] if "flux_linkage" in samples else samples["force"]
-    low = (s.current > 0) & (s.current <= np.median(s.current))
+    low = (s.current > NO_CURRENT * s.current.max()) & (s.current <= np.median(s.current))
     if "flux_linkage" in samples:
         inductance = s.value[low] / s.current[low]
     else:  # F = i^2 L/(2 (g + b))

@@ -135,6 +135,7 @@ ODD_CONTENT = (
     "update trial_values set value = 'x'",
     "update trials set datetime_complete = 'yesterday'",
     "update trials set state = 'DONE'",
+    "update trials set number = 'first'",
     "delete from trial_params where param_name = 'coil_aspect'",
     "update trial_params set distribution_json = '{'",
     "update trial_params set param_value = 'wide'",

@@ -14,7 +14,7 @@ from msl_fem.errors import ActuatorError, InputError, RecordError
 from msl_fem.identification.model import fit_percent
 from msl_fem.record.measured_table import table_from_measurements
 from msl_fem.record.plausibility import doubtful_against_command
-from msl_fem.record.reader import check_run
+from msl_fem.record.reader import check_run, read_static_map
 from msl_fem.record.record import Run, Sampling
 
 FILE = Path("r/noise.csv")
@@ -61,6 +61,27 @@ def test_what_no_machine_shows_is_refused(servo: Actuator, name: str, factor: fl
     table[name] = table[name] * factor
     with pytest.raises(RecordError, match=f"column {name}: .* is more than any machine shows"):
         check_run(Run("noise", "noise", "fit", table), servo, Sampling(rate=RATE), file=FILE)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("gap_m", 1e3), ("current_A", -1e9), ("force_N", 1e12), ("flux_linkage_Wb", 1e9)]
+)
+def test_a_static_map_that_no_machine_shows_is_refused(name: str, value: float) -> None:
+    names = ("gap_m", "current_A", "force_N", "flux_linkage_Wb")
+    rows = {column: np.array([1e-3, 2e-3]) for column in names}
+    read_static_map(rows, role="fit", file="static.csv")
+    rows[name][1] = value
+    with pytest.raises(RecordError, match=rf"static\.csv: row 3 .*column {name}: .* is more than any machine shows"):
+        read_static_map(rows, role="fit", file="static.csv")
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_current_of_next_to_nothing_says_nothing_of_the_inductance() -> None:
+    static = scattered(saturating_reluctance)
+    force_alone = replace(static, flux_linkage=None)
+    current = static.current.copy()
+    current[np.argmin(np.where(current > 0, current, np.inf))] = 1e-320
+    table_from_measurements(replace(force_alone, current=current), NOISE)
 
 
 def test_the_fit_of_a_standing_output_is_no_number() -> None:

@@ -27,7 +27,7 @@ from msl_fem.design.sizing import DesignEvaluator, SearchSettings, parse_require
 from msl_fem.design.sizing.requirement import load_requirement
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import parse_quantities
-from msl_fem.magnetics.field.foreign_mesh import read_mesh
+from msl_fem.magnetics.kinds.mesh_file import read_mesh
 from msl_fem.maps import operating_map, write_map
 from msl_fem.materials.core_loss_data import read_loss_points
 from msl_fem.materials.material import load_iron

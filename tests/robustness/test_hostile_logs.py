@@ -1,6 +1,7 @@
 """Logs of other programs that are damaged, lead elsewhere, or would fill the memory: one line, little room."""
 
 import resource
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -127,6 +128,16 @@ def test_a_long_text_log_is_read_in_blocks(tmp_path: Path, monkeypatch) -> None:
     log.write_text("t,a\n" + "9" * 2_000_000)
     with pytest.raises(RecordError, match="row 2: longer than 1000000 characters"):
         read_log(log)
+
+
+@pytest.mark.parametrize("order", [2000, 4000])
+def test_numbers_of_another_machine_are_refused_without_a_raw_warning(tmp_path: Path, order: int, recwarn) -> None:
+    """VAX and Cray orders of bytes, which a file of version 4 may state, are guessed by the library with a warning."""
+    log = tmp_path / "log.mat"
+    log.write_bytes(struct.pack("<5i", order, N, 1, 0, 2) + b"t\0" + np.arange(N, dtype="<f8").tobytes())
+    with pytest.raises(RecordError, match=r"log\.mat: cannot be read \(We do not support byte ordering"):
+        read_log(log)
+    assert list(recwarn) == []
 
 
 def test_digits_of_other_scripts_are_no_numbers(tmp_path: Path) -> None:

@@ -218,6 +218,8 @@ def check_content(study: "optuna.Study", evaluator: DesignEvaluator) -> None:
     for name, parameters in study.user_attrs.get(FIRST, {}).items():
         _check_numbers(f"first design {name}", parameters.values())
     for trial in trials:
+        if not isinstance(trial.number, int):
+            raise ValueError(f"a trial has the number {trial.number!r}")
         if trial.state == TrialState.COMPLETE:
             _check_numbers(f"trial {trial.number}", trial.values, len(study.directions))
         if space is not None and trial.state.is_finished() and VERDICT in trial.user_attrs:

@@ -66,8 +66,8 @@ class PointResult:
 class RefinableField(Protocol):
     """A meshed magnet that can be solved, read, and meshed again with one polynomial degree more."""
 
-    irons: dict[str, Iron | AnalyticIron]
     model: FieldModel
+    notes: tuple[str, ...]
 
     def quantities(self, solution: FieldSolution) -> FieldQuantities:
         """The numbers of the last solution."""
@@ -128,7 +128,7 @@ def solve_with_estimate(
     finer = field.refined()
     error = force_error_estimate(level_of(accuracy), quantities, finer.quantities(solve(finer)))
     apart = routes_apart(quantities.force, quantities.force_stress_tensor)
-    notes = iron_notes(field.irons)
+    notes = field.notes
     if apart > DOUBTFUL:
         notes += (
             f"the force by virtual work, {quantities.force:.4g} N, and by the stress tensor, "

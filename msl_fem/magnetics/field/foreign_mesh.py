@@ -7,8 +7,8 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.field.accuracy import Accuracy, PointResult, irons_of, level_of, solve_with_estimate
-from msl_fem.magnetics.kinds.mesh_file import read_mesh, sorted_regions, turns_densities
+from msl_fem.magnetics.field.accuracy import Accuracy, PointResult, iron_notes, irons_of, level_of, solve_with_estimate
+from msl_fem.magnetics.kinds.mesh_file import sorted_regions, turns_densities
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, field_response, solve_field
 from msl_fem.magnetics.solver.postprocess import FieldQuantities, SectionFluxDensity, irons_on_tail
 from msl_fem.magnetics.solver.virtual_work import BodyForce, MovingBody
@@ -27,10 +27,10 @@ class MeshField:
         self.actuator = actuator
         self.magnet = actuator.mesh_magnet()
         path = actuator.folder / self.magnet.mesh
-        if mesh is None:
-            mesh = read_mesh(path, unit=self.magnet.length_unit, gap=self.magnet.gap)
+        mesh = mesh or self.magnet.own_mesh()
         self.regions = sorted_regions(mesh, str(path))
         self.irons = self._irons()
+        self.notes = (*self.magnet.doubts, *iron_notes(self.irons))
         self.model = FieldModel(
             mesh, self.irons, turns_density=turns_densities(mesh, self.regions, self.magnet.turns), order=order
         )

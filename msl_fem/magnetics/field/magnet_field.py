@@ -13,7 +13,15 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, PointResult, irons_of, level_of, solve_with_estimate
+from msl_fem.magnetics.field.accuracy import (
+    LEVELS,
+    Accuracy,
+    PointResult,
+    iron_notes,
+    irons_of,
+    level_of,
+    solve_with_estimate,
+)
 from msl_fem.magnetics.field.end_effects import deeper_air
 from msl_fem.magnetics.kinds.kind import StackEnds
 from msl_fem.magnetics.section import MovingRegions, Section
@@ -65,6 +73,7 @@ class MagnetField:
         self.remesh = remesh
         self.section: Section = magnet.section(mesh.gap)
         self.irons = irons_of(self.section.iron, folder)
+        self.notes = (*magnet.doubts, *iron_notes(self.irons))
         self.model = FieldModel(
             mesh,
             self.irons,

@@ -13,7 +13,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, failures, run_jobs
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.field.accuracy import Accuracy, iron_notes, level_of
+from msl_fem.magnetics.field.accuracy import Accuracy, level_of
 from msl_fem.magnetics.field.magnet_field import MagnetField, check_grid, check_point
 from msl_fem.magnetics.field_map.gap_levels import GapRow, GapSolver, LevelJob, level_mesh, level_order, level_safety
 from msl_fem.magnetics.sweep.rows import field_key, field_provenance
@@ -220,7 +220,7 @@ def _assembled(
     end = rows[0].most
     if settings.current_max is None and not np.isnan(current).any():
         end = max(limit or 0.0, _rounded_up(END_MARGIN * float(current.max())))
-    notes = list(iron_notes(field.irons))
+    notes = list(field.notes)
     if limit is not None:
         notes += _beyond_drive(levels, gap, current, limit)
     known = np.where(np.isnan(current), end, current)

@@ -11,6 +11,7 @@ from msl_fem.errors import InputError
 from msl_fem.files.dimensions import Length, Turns
 from msl_fem.magnetics.kinds.kind import MagnetKind, WindingSpace
 from msl_fem.magnetics.kinds.mesh_file import read_mesh, sorted_regions, turns_densities
+from msl_fem.magnetics.kinds.mesh_gap import doubt_about_gap
 from msl_fem.magnetics.kinds.parts import Coil, IronSpec
 from msl_fem.magnetics.section import IronPart, MovingRegions, Section
 from msl_fem.magnetics.triangles import TriangleMesh
@@ -49,9 +50,17 @@ class MeshMagnet(MagnetKind):
         self._folder = folder
 
     def own_mesh(self) -> TriangleMesh:
+        return self._read()[0]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """That the stated gap is hardly the mesh's."""
+        return self._read()[1]
+
+    def _read(self) -> tuple[TriangleMesh, tuple[str, ...]]:
         path = self._folder / self.mesh
         changed = path.stat().st_mtime_ns if path.is_file() else 0
-        return _mesh(path, self.length_unit, self.gap, changed)
+        return _mesh(path, self.length_unit, self.gap, self.pull, changed)
 
     @property
     def gaps(self) -> tuple[float, float]:
@@ -108,7 +117,13 @@ class MeshMagnet(MagnetKind):
 
 
 @lru_cache(maxsize=8)
-def _mesh(path: Path, unit: float, gap: float, changed: int) -> TriangleMesh:
-    """The file read once for each time that it was written."""
+def _mesh(path: Path, unit: float, gap: float, pull: str, changed: int) -> tuple[TriangleMesh, tuple[str, ...]]:
+    """The file read once for each time that it was written, and what is doubtful about its gap."""
     del changed
-    return read_mesh(path, unit=unit, gap=gap)
+    mesh = read_mesh(path, unit=unit, gap=gap)
+    regions = sorted_regions(mesh, str(path))
+    try:
+        doubt = doubt_about_gap(mesh, regions["armature"], regions["core"], pull)
+    except InputError as err:
+        raise InputError(f"{path}: {err}") from err
+    return mesh, () if doubt is None else (f"{path.name}: {doubt}",)

@@ -192,6 +192,11 @@ class MagnetKind(FrozenModel, ABC):
         return None
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """What in the magnet's file may be wrong, a sentence each; results say it."""
+        return ()
+
+    @property
     def gaps(self) -> tuple[float, float]:
         """The smallest and the largest gap in m that can be solved."""
         return SMALLEST_GAP * self.half_width, self.half_width

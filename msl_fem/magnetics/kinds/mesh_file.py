@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,8 @@ def _read(path: Path) -> Any:
     chatter = io.StringIO()
     try:
         refuse_what_never_ends(path)
-        with contextlib.redirect_stdout(chatter), contextlib.redirect_stderr(chatter):
+        with contextlib.redirect_stdout(chatter), contextlib.redirect_stderr(chatter), warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)  # a whole number that is none
             return meshio.read(path)
     except (Exception, SystemExit) as err:  # meshio ends the process where no reader fits
         reason = "no format of meshio fits" if isinstance(err, SystemExit) else str(err) or type(err).__name__

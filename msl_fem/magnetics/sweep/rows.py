@@ -19,6 +19,7 @@ from msl_fem.magnetics.field.magnet_field import Accuracy, MagnetField, magnet_m
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION
+from msl_fem.table.origin import MAGNET_DIGEST
 
 SCALARS = (*NODES, *EXTRAS)
 SOLVER_VERSION = 1
@@ -155,6 +156,7 @@ def field_provenance(field: MagnetField, accuracy: Accuracy) -> dict[str, object
     """What a table or map from a field states of it: irons, mesh, end effects, versions and date."""
     libraries = ("msl-fem", "numpy", "scipy", "scikit-fem", "netgen-mesher", "qdldl")
     return {
+        MAGNET_DIGEST: field.magnet.digest,
         "iron": {
             name: f"{iron.name}, stacking {iron.stacking_factor:g}: {iron.source}" for name, iron in field.irons.items()
         },

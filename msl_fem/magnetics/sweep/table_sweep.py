@@ -11,11 +11,10 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, run_jobs
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, iron_notes
+from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.field.magnet_field import MagnetField, check_grid, check_point, degree_of, magnet_mesh
 from msl_fem.magnetics.sweep.rows import SweepJob, SweepRow, field_key, field_provenance
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION, MagneticTable
-from msl_fem.table.origin import MAGNET_DIGEST
 
 DEFAULT_GAPS, DEFAULT_CURRENTS = 14, 34
 
@@ -157,7 +156,6 @@ def sweep(
         provenance={
             "actuator": actuator.name,
             "actuator_sha256": actuator.digest,
-            MAGNET_DIGEST: actuator.magnet_kind().digest,
             "solver": f"{unknown}, damped Newton with exact tangent, virtual work",
             "notes": list(notes),
         }
@@ -256,7 +254,7 @@ def refuse_failures(done: list[Arrays]) -> None:
 
 
 def _notes(field: MagnetField, grid: list[Arrays], gap: Array, current: Array) -> tuple[str, ...]:
-    notes = list(iron_notes(field.irons))
+    notes = list(field.notes)
     tail = np.stack([row["tail"] for row in grid]) > 0
     if tail.any():
         m, n = np.argwhere(tail)[0]
