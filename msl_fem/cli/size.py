@@ -151,6 +151,6 @@ def _print_front(choice: DesignChoice, requirement: Requirement) -> None:
         ("inductance in mH", "inductance_H", 1e3), ("iron in T", "flux_density_T", 1.0), ("turns", "turns", 1),
         ("current in A", "current_A", 1.0), ("stack in mm", "stack_depth_m", 1e3),
     ):  # fmt: skip
-        columns[title] = [f"{one[name] * scale:.4g}" for one in front]
+        columns[title] = ["-" if one[name] is None else f"{one[name] * scale:.4g}" for one in front]
     objectives = ", ".join(requirement.objectives)
     print_columns(columns, title=f"{requirement.name}: Pareto front over {objectives}, one magnet")

@@ -62,7 +62,7 @@ def test_a_slew_rate_that_the_supply_cannot_drive() -> None:
 
 
 def test_no_size_has_that_force() -> None:
-    assert "no E-core of textbook proportions gives" in complaint(force={"minimum": "9e8 N", "gap": "0.5 mm"})
+    assert "no e-core of textbook proportions gives" in complaint(force={"minimum": "9e8 N", "gap": "0.5 mm"})
     assert "at most 1e+09 N" in complaint(force={"minimum": "1e12 N", "gap": "0.5 mm"})
 
 

@@ -11,6 +11,7 @@ from msl_fem.design.sizing import Design
 from msl_fem.design.sizing.closed_form import Factors, closed_form, gap_permeance, window_leakage
 from msl_fem.design.sizing.design import plain_magnet
 from msl_fem.design.sizing.parameters import STACK_ASPECT, WINDOW_ASPECT, textbook_guess
+from msl_fem.magnetics.kinds.kind import LeakageWindow
 from msl_fem.materials.constants import MU_0
 
 PLAIN = Factors(fringing=False, leakage=False)
@@ -48,21 +49,22 @@ def test_stacking_factor_dilutes_the_gap_s_flux() -> None:
 
 @pytest.mark.parametrize("fringing", [False, True])
 def test_slope_of_the_permeance_is_its_derivative(fringing: bool) -> None:
-    magnet, gap, step = plain_magnet(EVEN, evaluator().requirement), 0.5e-3, 1e-8
-    up, down = (gap_permeance(magnet, gap + s, fringing=fringing).value for s in (step, -step))
-    assert gap_permeance(magnet, gap, fringing=fringing).slope == pytest.approx((up - down) / (2 * step), rel=1e-6)
+    circuit, gap, step = plain_magnet(EVEN, evaluator().requirement).circuit, 0.5e-3, 1e-8
+    assert circuit is not None
+    up, down = (gap_permeance(circuit, gap + s, fringing=fringing).value for s in (step, -step))
+    assert gap_permeance(circuit, gap, fringing=fringing).slope == pytest.approx((up - down) / (2 * step), rel=1e-6)
 
 
 def test_window_leakage_is_the_integral_of_its_density() -> None:
     """Piece by piece exact, against a fine midpoint rule."""
-    magnet = plain_magnet(replace(EVEN, window_width=4e-3), evaluator().requirement)
-    coil, width = magnet.coil, magnet.window_width
-    y = (np.arange(200_000) + 0.5) / 200_000 * magnet.window_height
-    force = np.clip((coil.face_clearance + coil.height - y) / coil.height, 0, 1)
-    density = force * np.minimum(1, math.pi * y / (2 * width)) / width
-    step = magnet.window_height / y.size
-    wanted = density[y < magnet.window_height / 2].sum(), density.sum(), (density * force).sum()
-    assert window_leakage(magnet) == pytest.approx([v * step for v in wanted], rel=1e-6)
+    window = LeakageWindow(2.0, 4e-3, 20e-3, 2e-3, 17e-3)
+    width = window.width
+    y = (np.arange(200_000) + 0.5) / 200_000 * window.height
+    force = np.clip((window.face_clearance + window.coil_height - y) / window.coil_height, 0, 1)
+    density = window.breadth * force * np.minimum(1, math.pi * y / (2 * width)) / width
+    step = window.height / y.size
+    wanted = density[y < window.height / 2].sum(), density.sum(), (density * force).sum()
+    assert window_leakage(window) == pytest.approx([v * step for v in wanted], rel=1e-6)
 
 
 @pytest.mark.parametrize("gap", ["0.2 mm", "0.5 mm", "1 mm"])
@@ -88,14 +90,19 @@ def test_first_guess_meets_the_requirement_by_the_equations() -> None:
     assert evaluation.violation < 1e-4, "but for rounding"
     found = evaluation.performance
     assert found is not None
-    assert guess.outer_leg_width == pytest.approx(guess.centre_leg_width / 2, abs=1e-5)
+    assert guess.return_width == pytest.approx(guess.pole_width / 2, abs=1e-5)
     assert guess.window_height == pytest.approx(WINDOW_ASPECT * guess.window_width, abs=3e-5)
-    assert found.magnet.stack_depth == pytest.approx(STACK_ASPECT * guess.centre_leg_width, rel=5e-3)
+    assert found.magnet.stack_depth == pytest.approx(STACK_ASPECT * guess.pole_width, rel=5e-3)
     assert found.current_density == pytest.approx(6e6, rel=5e-3), "the window is no larger than the heat asks for"
 
 
-def test_magnet_s_depth_plays_no_part() -> None:
+def test_forces_go_with_the_depth_and_nothing_else_does() -> None:
     it = evaluator()
-    magnet = plain_magnet(EVEN, it.requirement)
-    deep = magnet.model_copy(update={"stack_depth": 10 * magnet.stack_depth})
-    assert closed_form(magnet, it.irons, 0.5e-3, 1.2) == closed_form(deep, it.irons, 0.5e-3, 1.2)
+    requirement = it.requirement
+    once, tenfold = (
+        closed_form(circuit, requirement.iron, it.irons, gap=0.5e-3, flux_density=1.2).point
+        for circuit in (plain_magnet(EVEN, requirement, depth=depth).circuit for depth in (0.1, 1.0))
+        if circuit is not None
+    )
+    assert tenfold.ampere_turns == pytest.approx(once.ampere_turns, rel=1e-12)
+    assert [tenfold.force, tenfold.inductance] == pytest.approx([10 * once.force, 10 * once.inductance], rel=1e-12)

@@ -9,7 +9,7 @@ from sizing_requirements import envelope, evaluator
 from msl_fem.actuator import Actuator
 from msl_fem.design.sizing import Design, DesignEvaluator
 from msl_fem.design.sizing import evaluation as evaluation_module
-from msl_fem.design.sizing.design import PlanePoint, masses, wound
+from msl_fem.design.sizing.design import SectionPoint, masses, wound
 from msl_fem.design.sizing.evaluation import NOT_BUILT, SOLVED
 from msl_fem.magnetics.field.magnet_field import solve
 
@@ -34,8 +34,8 @@ def no_field(monkeypatch: pytest.MonkeyPatch) -> None:
         (GOOD, envelope("50 mm", "1 m", "1 m"), "envelope_width", 60e-3),
         (GOOD, envelope("1 m", "30 mm", "1 m"), "envelope_height", 42.5e-3),
         (GOOD, envelope("1 m", "1 m", "20 mm"), "envelope_depth", 30.01e-3),
-        (replace(GOOD, centre_leg_width=1e-6, outer_leg_width=1e-6), {}, "smallest_length", 1e-6),
-        (replace(GOOD, centre_leg_width=20.0), {}, "largest_length", 20.0),
+        (replace(GOOD, pole_width=1e-6, return_width=1e-6), {}, "smallest_length", 1e-6),
+        (replace(GOOD, pole_width=20.0), {}, "largest_length", 20.0),
     ],
 )
 def test_what_cannot_be_built_is_never_solved(design: Design, room: dict[str, Any], name: str, value: float) -> None:
@@ -109,7 +109,7 @@ def test_a_stated_wire_fixes_the_turns() -> None:
 def test_slew_rate_is_what_the_voltage_drives() -> None:
     """dF/dt = dF/di (V - R i)/L, by hand."""
     it = evaluator(supply={"voltage": "20 V", "current": "5 A"}, sides={"count": 2, "magnets_per_side": 2})
-    point = PlanePoint(1000.0, 5e3, 9.0, 2e-5, 1.2, "yoke")
+    point = SectionPoint(1000.0, 5e3, 9.0, 2e-5, 1.2, "yoke")
     found = wound(GOOD, point, it.requirement, depth=30e-3)
     turns = 200
     assert found.magnet.coil.turns == turns

@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from msl_fem.files.schema import document
 from msl_fem.files.toml_text import toml_text
 from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.field.accuracy import Accuracy
+from msl_fem.magnetics.kinds import Magnet
 
 RULE = "the best in the first objective of all designs that meet all constraints, verified at fine accuracy"
 VERIFIED: Accuracy = "fine"
@@ -146,7 +148,7 @@ def sized_actuator(found: Performance, requirement: Requirement, *, target: Path
     return Actuator(
         schema=1,
         name=requirement.name,
-        magnet=found.magnet.model_copy(update={"iron": _iron(requirement, target)}),
+        magnet=cast(Magnet, found.magnet.model_copy(update={"iron": _iron(requirement, target)})),
         sides=requirement.sides,
         motion=Motion(
             moving_mass=float(f"{mass:.4g}"),

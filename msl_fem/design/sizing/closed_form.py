@@ -1,17 +1,17 @@
-"""The classical design equations of an E-core: a magnetic circuit of gaps, fringes, leakage and iron.
+"""The classical design equations of a core with two poles, a window and an armature: gaps, fringes, leakage and iron.
 
-Per metre of depth, with the magnetomotive force U across the two gaps in series (Roters, Electromagnetic Devices, 1941;
-the form is that of Gutierrez and Ro, 1998, eq. for Phi_avg, with both gaps written as permeances):
+With the magnetomotive force U across the two gaps in series (Roters, Electromagnetic Devices, 1941; for an E-core the
+form is that of Gutierrez and Ro, 1998, eq. for Phi_avg, with both gaps written as permeances):
 
-    P_c = mu_0 (c/g + 2 f(h_c/g)),     P_o = 2 mu_0 (o/g + f(h_o/g) + f(2 a/g)/2),     P = P_c P_o/(P_c + P_o)
-    Phi = P U,     F = -U^2/2 dP/dg,     B_k = Phi_k/(s t_k),     N i = U + sum H(B_k) l_k
+    P_k = mu_0 (A_k/g + sum l f(h/g)),     P = P_1 P_2/(P_1 + P_2)
+    Phi = P U,     F = -U^2/2 dP/dg,     B_k = Phi_k/(s A_k),     N i = U + sum H(B_k) l_k
 
-Without the fringes f and with o = c/2 the force is B^2 (c + 2 o)/(2 mu_0), Maxwell's.
+Without the fringes f the force is that of Maxwell, the sum of B^2 A/(2 mu_0) over the faces. Areas, edges and lengths
+are the kind's (`magnetics.kinds.kind.CircuitOfKind`).
 
-- Fringe: f(h/g) is the permeance of the side face of a pole to the armature before it, up to the height h (Schwarz and
-  Christoffel, `end_effects.corner_excess`; Roters' half cylinder and half shell are its estimate). h is the geometric
-  mean of the heights at which the magnetomotive force between leg and armature is lost along the coil, and at most
-  2 w/pi, where the tubes lead to the next leg. On the outer side pole and armature end flush (two corners in series).
+- Fringe: f(h/g) is the permeance per length of an edge of the side face of a pole to the armature before it, up to the
+  height h (Schwarz and Christoffel, `end_effects.corner_excess`; Roters' half cylinder and half shell are its
+  estimate). Round edges take it for their length. Where pole and armature end flush, two corners are in series.
 - Leakage: across the window of the width w the magnetomotive force is U from the pole faces to the coil and falls along
   it to nothing, Phi_l = mu_0 U/w times its integral; near the pole faces the tubes lead to the armature instead, so
   that the share min(1, (pi y/2)/w) is taken, y the height (as in `end_effects`). What leaves below mid-height crosses
@@ -25,9 +25,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from msl_fem.actuator import ECore
-from msl_fem.design.sizing.design import PlanePoint
+from msl_fem.design.sizing.design import SectionPoint
 from msl_fem.magnetics.field.end_effects import corner_excess
+from msl_fem.magnetics.kinds.kind import CircuitOfKind, CircuitPart, LeakageWindow, PoleFace
+from msl_fem.magnetics.kinds.parts import IronSpec
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron
 
@@ -45,7 +46,7 @@ class Factors:
 
 @dataclass(frozen=True)
 class GapPermeance:
-    """P/mu_0 per metre of depth of both gaps in series, its derivative with respect to the gap, and without fringes."""
+    """P/mu_0 in m of both gaps in series, its derivative with respect to the gap, and without fringes."""
 
     value: float
     slope: float
@@ -54,98 +55,95 @@ class GapPermeance:
 
 @dataclass(frozen=True)
 class MagneticCircuit:
-    """The circuit of a section at a flux density.
+    """The circuit of a magnet at a flux density.
 
     Attributes
     ----------
-    point : what it says per metre of depth
-    flux : by section, of one side of the core per metre of depth, over mu_0 times the gaps' magnetomotive force
+    point : what it says of the magnet
+    flux : by part, over mu_0 times the gaps' magnetomotive force, in m
+    areas : by part, of the iron in its cut, in m2
     gap_share : of the magnetomotive force across the gaps, the rest drives the iron
     fringing : gap permeance over that of the pole faces alone
     leakage : flux in the yoke over that through the gaps
     """
 
-    point: PlanePoint
+    point: SectionPoint
     flux: dict[str, float]
+    areas: dict[str, float]
     gap_share: float
     fringing: float
     leakage: float
 
-
-@dataclass(frozen=True)
-class _Part:
-    """A part of the iron: thickness that one side's flux has, stacking factor, curve, length of the path in it."""
-
-    thickness: float
-    stacking: float
-    iron: Iron | AnalyticIron
-    length: float
-
-
-def _parts(magnet: ECore, irons: Irons) -> dict[str, _Part]:
-    leg = magnet.window_height + magnet.yoke_thickness / 2
-    across = magnet.window_width + magnet.centre_leg_width / 4 + magnet.outer_leg_width / 2
-    core = magnet.iron.core_stacking, irons[0]
-    return {
-        "centre_leg": _Part(magnet.centre_leg_width / 2, *core, leg),
-        "yoke": _Part(magnet.yoke_thickness, *core, across),
-        "outer_leg": _Part(magnet.outer_leg_width, *core, leg),
-        "armature": _Part(magnet.armature_thickness, magnet.iron.armature_stacking, irons[1], across),
-    }
+    @property
+    def pole(self) -> str:
+        """The wound pole."""
+        return next(iter(self.flux))
 
 
 def closed_form(
-    magnet: ECore, irons: Irons, gap: float, flux_density: float, *, factors: Factors | None = None
+    circuit: CircuitOfKind,
+    iron: IronSpec,
+    irons: Irons,
+    *,
+    gap: float,
+    flux_density: float,
+    factors: Factors | None = None,
 ) -> MagneticCircuit:
-    """The circuit whose most loaded section carries `flux_density` (T, in the iron); the magnet's depth is not used."""
+    """The circuit whose most loaded section carries `flux_density` (T, in the iron)."""
     factors = factors or Factors()
-    permeance = gap_permeance(magnet, gap, fringing=factors.fringing)
-    middle, whole, linkage = window_leakage(magnet) if factors.leakage else (0.0, 0.0, 0.0)
-    half = permeance.value / 2
-    flux = {"centre_leg": half + middle, "yoke": half + whole, "outer_leg": half + middle, "armature": half}
-    parts = _parts(magnet, irons)
-    per_ampere = {name: MU_0 * flux[name] / (part.stacking * part.thickness) for name, part in parts.items()}
+    permeance = gap_permeance(circuit, gap, fringing=factors.fringing)
+    middle, whole, linkage = window_leakage(circuit.window) if factors.leakage else (0.0, 0.0, 0.0)
+    leaking = dict.fromkeys(circuit.crossed, whole) | dict.fromkeys(circuit.halfway, middle)
+    flux = {part.name: permeance.value + leaking.get(part.name, 0.0) for part in circuit.parts}
+    stacking = {"core": iron.core_stacking, "armature": iron.armature_stacking}
+    areas = {part.name: stacking[part.region] * part.cut_area for part in circuit.parts}
+    per_ampere = {name: MU_0 * flux[name] / area for name, area in areas.items()}
     section = max(per_ampere, key=per_ampere.__getitem__)
     drive = flux_density / per_ampere[section]
-    drop = 0.0
-    for iron in irons if irons[0] is not irons[1] else irons[:1]:  # all parts of a curve at once
-        mine = {name: part for name, part in parts.items() if part.iron is iron}
-        averaged = np.array([part.stacking * drive * per_ampere[name] for name, part in mine.items()])
-        drop += float(iron.magnetise(averaged)[0] @ [part.length for part in mine.values()])
-    ampere_turns = drive + drop
+    ampere_turns = drive + _drop(circuit.parts, irons, {name: MU_0 * drive * flux[name] for name in flux})
     force = -MU_0 * permeance.slope * drive**2 / 2
-    point = PlanePoint(
+    point = SectionPoint(
         ampere_turns=ampere_turns,
         force=force,
         force_slope=2 * force / ampere_turns,
-        inductance=MU_0 * (permeance.value * drive / ampere_turns + 2 * linkage),
+        inductance=MU_0 * (permeance.value * drive / ampere_turns + linkage),
         flux_density=flux_density,
         section=section,
     )
-    return MagneticCircuit(point, flux, drive / ampere_turns, permeance.value / permeance.plain, 1 + whole / half)
+    fringing = permeance.value / permeance.plain
+    return MagneticCircuit(point, flux, areas, drive / ampere_turns, fringing, 1 + whole / permeance.value)
 
 
-def gap_permeance(magnet: ECore, gap: float, *, fringing: bool = True) -> GapPermeance:
-    """The permeance of the centre leg's gap and the two outer ones in series."""
-    c = magnet.centre_leg_width
-    o = magnet.outer_leg_width
-    centre = c / gap
-    centre_slope = -c / gap**2
-    outer = 2 * o / gap
-    outer_slope = -2 * o / gap**2
-    plain = centre * outer / (centre + outer)
-    if fringing:
-        share = 2 * o / (c + 2 * o)  # of the magnetomotive force across the centre leg's gap, as the reluctances
-        edge, edge_slope = _corner(_reach(magnet, share), gap)
-        centre = centre + 2 * edge
-        centre_slope = centre_slope + 2 * edge_slope
-        edge, edge_slope = _corner(_reach(magnet, 1 - share), gap)
-        flush, flush_slope = _corner(magnet.armature_thickness, gap / 2)  # two in series over half the gap each
-        outer += 2 * (edge + flush / 2)
-        outer_slope += 2 * (edge_slope + flush_slope / 4)
-    total = centre + outer
-    slope = (outer**2 * centre_slope + centre**2 * outer_slope) / total**2
-    return GapPermeance(centre * outer / total, slope, plain)
+def _drop(parts: tuple[CircuitPart, ...], irons: Irons, flux: dict[str, float]) -> float:
+    """A across all iron at a flux in Wb by part; parts of one curve are read at once."""
+    drop = 0.0
+    regions = {"core": irons[0], "armature": irons[1]}
+    for iron in irons if irons[0] is not irons[1] else irons[:1]:
+        alike = [part for part in parts if regions[part.region] is iron]
+        averaged = np.array([flux[part.name] / part.area for part in alike])
+        drop += float(iron.magnetise(averaged)[0] @ [part.length for part in alike])
+    return drop
+
+
+def gap_permeance(circuit: CircuitOfKind, gap: float, *, fringing: bool = True) -> GapPermeance:
+    """The permeance of the two pole faces' gaps in series."""
+    (first, first_slope), (other, other_slope) = (_face(face, gap, fringing) for face in circuit.faces)
+    total = first + other
+    slope = (other**2 * first_slope + first**2 * other_slope) / total**2
+    plain = 1 / (gap * sum(1 / face.area for face in circuit.faces))
+    return GapPermeance(first * other / total, slope, plain)
+
+
+def _face(face: PoleFace, gap: float, fringing: bool) -> tuple[float, float]:
+    """P/mu_0 in m of a face with its edges, and its derivative with respect to the gap."""
+    value = face.area / gap
+    slope = -value / gap
+    for edge in face.edges if fringing else ():
+        corners = 2 if edge.flush else 1  # in series, over a share of the gap each
+        excess, excess_slope = _corner(edge.height, gap / corners)
+        value += edge.length * excess / corners
+        slope += edge.length * excess_slope / corners**2
+    return value, slope
 
 
 def _corner(height: float, distance: float) -> tuple[float, float]:
@@ -155,28 +153,20 @@ def _corner(height: float, distance: float) -> tuple[float, float]:
     return value, -slope * ratio / distance
 
 
-def _reach(magnet: ECore, share: float) -> float:
-    """The height of a leg's side that counts in its fringe: the geometric mean of those where the force is lost."""
-    begin = magnet.coil.face_clearance
-    end = begin + share * magnet.coil.height
-    mean_log = math.log(end) - 1 + begin / (end - begin) * (math.log(end / begin) if begin else 0.0)
-    return min(math.exp(mean_log), 2 * magnet.window_width / math.pi)
-
-
-def window_leakage(magnet: ECore) -> tuple[float, float, float]:
-    """A window's leakage over mu_0 U and the depth: flux below mid-height, all flux, flux linkage of one turn."""
-    width = magnet.window_width
-    middle = magnet.window_height / 2
-    begin = magnet.coil.face_clearance
-    end = magnet.coil.face_clearance + magnet.coil.height
+def window_leakage(window: LeakageWindow) -> tuple[float, float, float]:
+    """Leakage over mu_0 U in m: flux below mid-height, all flux, flux linkage of one turn."""
+    width = window.width
+    middle = window.height / 2
+    begin = window.face_clearance
+    end = window.face_clearance + window.coil_height
 
     def force(y: float) -> float:  # of U, between two legs at a height
         return min(1.0, max(0.0, (end - y) / (end - begin)))
 
     def density(y: float) -> float:
-        return force(y) * min(1.0, math.pi * y / (2 * width)) / width
+        return window.breadth * force(y) * min(1.0, math.pi * y / (2 * width)) / width
 
-    kinks = sorted({0.0, begin, end, middle, min(2 * width / math.pi, magnet.window_height), magnet.window_height})
+    kinks = sorted({0.0, begin, end, middle, min(2 * width / math.pi, window.height), window.height})
     lower = upper = linkage = 0.0
     for low, high in pairwise(kinks):
         part = _integral(density, low, high)

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import differential_evolution, minimize
 
 from msl_fem.computing.arrays import Array
-from msl_fem.design.sizing.design import GRID, Constraint, Design, overall_depth
-from msl_fem.design.sizing.evaluation import CLOSED_FORM_ERROR, SOLVED, DesignEvaluation, DesignEvaluator
+from msl_fem.design.sizing.design import GRID, Constraint, Design, plain_magnet
+from msl_fem.design.sizing.evaluation import CLOSED_FORM_ERROR, DesignEvaluation, DesignEvaluator
 from msl_fem.design.sizing.parameters import BEYOND, ParameterSpan, SearchSpace, design_from, parameters_of
 from msl_fem.design.sizing.requirement import Envelope
 from msl_fem.errors import ComputationError, RequirementError
@@ -25,6 +25,8 @@ ROOMY = 1e4
 """Times the envelope: in it every design can be evaluated, whatever its size."""
 LEAST_FLUX = 0.02
 """Of the flux limit: how little the iron may carry where room for copper is what lacks."""
+LEAST_FORCE = 1e-3
+"""Of the wanted force: how little there may be room for."""
 _PENALTY = 100.0  # of what is not asked about
 _SLIGHT = 0.01  # of a limit: what rounded dimensions break
 _ENVELOPE = "envelope_"
@@ -138,22 +140,29 @@ class ContradictionSearch:
         return found.score, tuple(c for c in _narrow(found.evaluation.constraints) if _of_envelope(c))
 
     def strongest(self) -> ClosedFormOptimum:
-        """The design inside the envelope with the most force, its stack as deep as the envelope lets it be."""
-        requirement = self.evaluator.requirement
-        assert requirement.envelope.depth is not None
-        room = requirement.envelope.depth - GRID
-
-        def deepest(design: Design) -> Design:
-            stack = max(room - overall_depth(design, requirement, 0.0), GRID)
-            return replace(design, force=stack * self.evaluator.circuit(design).point.force)
+        """The design inside the envelope with the most force: its stack, or its pole, as large as there is room for."""
+        flux = {"flux_share": ParameterSpan(LEAST_FLUX, BEYOND, False)}
+        if self.evaluator.requirement.revolved:
+            more, change = {"force_share": ParameterSpan(LEAST_FORCE, 1.0, True)}, lambda design: design
+        else:
+            more, change = {}, self._deepest
+        space = replace(self.space, spans=self.space.spans | flux | more)
 
         def score(evaluation: DesignEvaluation) -> float:
             assert evaluation.performance is not None
             others = _worst(c for c in evaluation.constraints if c.name != "force")
             return -evaluation.performance.force * (1 - _PENALTY * max(0.0, others))
 
-        spans = self.space.spans | {"flux_share": ParameterSpan(LEAST_FLUX, BEYOND, False)}
-        return ClosedSearch(self.evaluator, replace(self.space, spans=spans), score, deepest).everywhere()
+        return ClosedSearch(self.evaluator, space, score, change).everywhere()
+
+    def _deepest(self, design: Design) -> Design:
+        """The design with the force of the deepest stack that the envelope has room for."""
+        requirement = self.evaluator.requirement
+        size = plain_magnet(design, requirement, depth=0.0).outer_size
+        assert requirement.envelope.depth is not None
+        assert size is not None
+        stack = max(requirement.envelope.depth - GRID - size[2], GRID)
+        return replace(design, force=stack * self.evaluator.circuit(design).point.force)
 
 
 def refuse_contradiction(evaluator: DesignEvaluator, space: SearchSpace) -> Design:
@@ -174,7 +183,8 @@ def refuse_contradiction(evaluator: DesignEvaluator, space: SearchSpace) -> Desi
         f"{format_quantity(requirement.force.gap, 'm')} below {requirement.flux.limit:g} T; the closest design has "
         + ", ".join(broken(closest.evaluation.constraints, beyond=_SLIGHT))
     ]
-    if requirement.envelope.depth is not None:
+    stated = requirement.envelope.model_dump(exclude_none=True)
+    if stated and (requirement.revolved or "depth" in stated):
         said.append(_room(asked))
     if any(_of_envelope(c) for c in closest.evaluation.constraints):
         times, sides = asked.needed_envelope()
@@ -201,16 +211,15 @@ def _room(asked: ContradictionSearch) -> str:
     if found.evaluation.performance is None or found.score >= 0:
         return "into the envelope fits no magnet at all"
     force = found.evaluation.performance.force
-    depth = found.evaluation.performance.magnet.stack_depth
+    magnet = found.evaluation.performance.magnet
     iron = found.design.flux_density
     text = f"in the stated envelope the other limits allow at most {force:.3g} N (iron at {iron:.3g} T)"
     try:
-        evaluation = asked.evaluator.by_field(found.design)
+        guess = asked.evaluator.circuit(found.design).point.ampere_turns
+        point = asked.evaluator.point_by_field(found.design, guess).point
     except ComputationError:
         return text
-    if evaluation.stage != SOLVED or evaluation.performance is None:
-        return text
-    by_field = found.design.force * depth / evaluation.performance.magnet.stack_depth
+    by_field = magnet.section(magnet.half_width).depth * point.force
     return f"{text} by the closed equations, {by_field:.3g} N by the field of that design"
 
 

@@ -1,12 +1,14 @@
 """A design, its constraints, and what it gives as a wound magnet, by the closed equations or by a field."""
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, cast
 
-from msl_fem.actuator import Actuator, Coil, ECore
+from msl_fem.actuator import Actuator
 from msl_fem.design.sizing.requirement import Densities, Heat, Requirement
 from msl_fem.losses import Cooling, Cycle, Heating, peak_rise, thermal_network
+from msl_fem.magnetics.kinds import Magnet, MagnetKind
+from msl_fem.magnetics.kinds.parts import Coil
 from msl_fem.materials.constants import COPPER_DENSITY
 
 LARGEST = 1e6  # of a violation
@@ -89,17 +91,20 @@ class Design:
 
     In the plane a field does not know its depth: at a given magnetomotive force the flux densities stay and the force
     grows with the depth. So the magnetomotive force is that which brings `flux_density`, and the depth that which
-    gives `force`: the current that gives the force brings just this flux density.
+    gives `force`: the current that gives the force brings just this flux density. A body of revolution has no depth;
+    its iron grows round its window until it has the force (`grown`).
 
     Attributes
     ----------
-    centre_leg_width ... window_height : m
+    pole_width : m across the wound pole, its diameter where it is round
+    return_width : m across the other pole; that of the wound one where both are alike
+    yoke_thickness ... window_height : m
     flux_density : T in the iron, mean over the most loaded section, at `force`
     force : N of one magnet at the wanted gap
     """
 
-    centre_leg_width: float
-    outer_leg_width: float
+    pole_width: float
+    return_width: float
     yoke_thickness: float
     armature_thickness: float
     window_width: float
@@ -107,88 +112,99 @@ class Design:
     flux_density: float
     force: float
 
-    @property
-    def half_width(self) -> float:
-        return self.centre_leg_width / 2 + self.window_width + self.outer_leg_width
-
 
 def on_grid(length: float) -> float:
     """The nearest multiple of the grid, as a number that prints short."""
     return round(round(length / GRID) * GRID, 9)
 
 
+def grown(design: Design, factor: float) -> Design:
+    """The design with its iron so many times as thick everywhere, its window as it is, on the grid."""
+    names = ("pole_width", "return_width", "yoke_thickness", "armature_thickness")
+    return replace(design, **{name: on_grid(factor * getattr(design, name)) for name in names})
+
+
 def coil_size(design: Design, requirement: Requirement) -> tuple[float, float]:
-    """Width and height in m of the coil that fills the window but for its clearances; negative without room."""
+    """Width and height in m of a coil; together they fill the window but for clearances. Negative without room."""
     winding = requirement.winding
     return (
-        round(design.window_width - 2 * winding.leg_clearance, 9),
+        round(design.window_width / requirement.sized.coils - 2 * winding.leg_clearance, 9),
         round(design.window_height - winding.face_clearance - winding.back_clearance, 9),
     )
+
+
+def coil_area(design: Design, requirement: Requirement) -> float:
+    """m2 of all coils' cross sections, one side of each."""
+    width, height = coil_size(design, requirement)
+    return requirement.sized.coils * width * height
 
 
 def building_constraints(design: Design, requirement: Requirement) -> tuple[Constraint, ...]:
     """What must hold before a field can be solved: a coil in its window, and a section inside the envelope."""
     width, height = coil_size(design, requirement)
-    envelope = requirement.envelope
-    found = [at_least("coil_width", width, LEAST_COIL, "m"), at_least("coil_height", height, LEAST_COIL, "m")]
-    if envelope.width is not None:
-        found.append(at_most("envelope_width", 2 * design.half_width, envelope.width, "m"))
-    if envelope.height is not None:
-        total = requirement.force.gap + design.armature_thickness + design.window_height + design.yoke_thickness
-        found.append(at_most("envelope_height", total, envelope.height, "m"))
-    if envelope.depth is not None:  # the end turns alone
-        found.append(at_most("envelope_depth", overall_depth(design, requirement, GRID), envelope.depth, "m"))
-    return tuple(found)
+    return (
+        at_least("coil_width", width, LEAST_COIL, "m"),
+        at_least("coil_height", height, LEAST_COIL, "m"),
+        *envelope_constraints(plain_magnet(design, requirement, depth=GRID), requirement),  # the end turns alone
+    )
+
+
+def envelope_constraints(magnet: MagnetKind, requirement: Requirement) -> tuple[Constraint, ...]:
+    """The sides of the magnet's box at the wanted gap that the requirement limits."""
+    size = magnet.outer_size
+    assert size is not None, "a kind that is sized states its outer size"
+    width, height, depth = size
+    found = {"width": width, "height": requirement.force.gap + height, "depth": depth}
+    limits = {name: getattr(requirement.envelope, name) for name in found}
+    return tuple(at_most(f"envelope_{n}", found[n], limit, "m") for n, limit in limits.items() if limit is not None)
 
 
 def section_lengths(design: Design, requirement: Requirement) -> tuple[float, ...]:
     """The lengths in m that an actuator file states of the section; a clearance may be 0."""
     winding = requirement.winding
     return (
-        design.centre_leg_width, design.outer_leg_width, design.yoke_thickness, design.armature_thickness,
+        design.pole_width, design.return_width, design.yoke_thickness, design.armature_thickness,
         design.window_width, design.window_height, *coil_size(design, requirement),
         winding.leg_clearance, winding.face_clearance,
     )  # fmt: skip
 
 
-def overall_depth(design: Design, requirement: Requirement, depth: float) -> float:
-    """Stack and end turns in m."""
-    return depth + 2 * (requirement.winding.leg_clearance + coil_size(design, requirement)[0])
-
-
 def magnet_of(
     design: Design, requirement: Requirement, *, depth: float, turns: int, fill: float | None = None
-) -> ECore:
-    """The magnet as an actuator file states it.
+) -> MagnetKind:
+    """The magnet as an actuator file states it; a body of revolution takes no notice of the depth.
 
     Raises
     ------
     ValueError : proportions that no section may have
     """
-    content = _content(design, requirement) | {"stack_depth": depth}
     fill = requirement.winding.fill_factor if fill is None else fill
-    return ECore(**content, coil=Coil(**_coil(design, requirement), turns=turns, fill_factor=fill))
+    coil = Coil(**_coil(design, requirement), turns=turns, fill_factor=fill)
+    return requirement.magnet_class.model_validate(_content(design, requirement, depth) | {"coil": coil})
 
 
-def plain_magnet(design: Design, requirement: Requirement) -> ECore:
-    """The magnet with one turn and a depth of its half width, unchecked: the closed equations take thousands."""
-    content = _content(design, requirement) | {"stack_depth": design.half_width}
-    fill = requirement.winding.fill_factor
-    coil = Coil.model_construct(**_coil(design, requirement), turns=1, fill_factor=fill)
-    return ECore.model_construct(**content, coil=coil)
+def plain_magnet(design: Design, requirement: Requirement, *, depth: float = 1.0) -> MagnetKind:
+    """The magnet with one turn a coil, 1 m deep, unchecked: the closed equations take thousands."""
+    coil = Coil.model_construct(
+        **_coil(design, requirement), turns=requirement.sized.coils, fill_factor=requirement.winding.fill_factor
+    )
+    return requirement.magnet_class.model_construct(**_content(design, requirement, depth), coil=coil)
 
 
-def _content(design: Design, requirement: Requirement) -> dict[str, Any]:
-    return {
-        "kind": "e-core",
-        "centre_leg_width": design.centre_leg_width,
-        "outer_leg_width": design.outer_leg_width,
+def _content(design: Design, requirement: Requirement, depth: float) -> dict[str, Any]:
+    sized = requirement.sized
+    content = {
+        "kind": requirement.magnet.kind,
+        sized.pole: design.pole_width,
         "window_width": design.window_width,
         "window_height": design.window_height,
         "yoke_thickness": design.yoke_thickness,
         "armature_thickness": design.armature_thickness,
         "iron": requirement.iron,
     }
+    if sized.return_pole is not None:
+        content[sized.return_pole] = design.return_width
+    return content if requirement.revolved else content | {"stack_depth": depth}
 
 
 def _coil(design: Design, requirement: Requirement) -> dict[str, Any]:
@@ -215,20 +231,20 @@ class Masses:
         return self.core + self.armature + self.copper
 
 
-def masses(magnet: ECore, densities: Densities) -> Masses:
+def masses(magnet: MagnetKind, densities: Densities) -> Masses:
     """The masses of a magnet: sheets fill the stack by the stacking factor, wire the coil by the fill factor.
 
     Insulation of sheets and wire, bobbin and screws are left out.
     """
     iron = magnet.iron
-    envelope = 2 * magnet.half_width * magnet.height
-    core = (envelope - 2 * magnet.window_width * magnet.window_height) * magnet.stack_depth * iron.core_stacking
-    armature = 2 * magnet.armature_half_width * magnet.armature_thickness * magnet.stack_depth * iron.armature_stacking
-    copper = magnet.copper_volume
+    section = magnet.section(magnet.half_width)
+    volume = {"core": 0.0, "armature": 0.0}
+    for part in section.parts:
+        volume[part.region] += section.part_volume(part)
     return Masses(
-        core=core * (densities.core or iron_density(iron.core)),
-        armature=armature * (densities.armature or iron_density(iron.armature)),
-        copper=copper * (densities.copper or COPPER_DENSITY),
+        core=volume["core"] * (densities.core or iron_density(iron.core)),
+        armature=volume["armature"] * (densities.armature or iron_density(iron.armature)),
+        copper=magnet.copper_volume * (densities.copper or COPPER_DENSITY),
     )
 
 
@@ -238,15 +254,15 @@ def iron_density(name: str) -> float:
 
 
 @dataclass(frozen=True)
-class PlanePoint:
-    """One working point of a section, per metre of depth; one turn, so that the current is the magnetomotive force.
+class SectionPoint:
+    """One working point of a section 1 m deep, or of a body of revolution; the magnetomotive force is the current.
 
     Attributes
     ----------
     ampere_turns : A
-    force : N/m
-    force_slope : N/(A m), dF/d(ampere turns)
-    inductance : H/m, incremental, of one turn
+    force : N
+    force_slope : N/A, dF/d(ampere turns)
+    inductance : H, incremental, of one turn
     flux_density : T in the iron, mean over `section`, the most loaded one
     """
 
@@ -275,7 +291,7 @@ class Performance:
     temperature_rise : K of the winding above the air; inf where no temperature balances the loss
     """
 
-    magnet: ECore
+    magnet: MagnetKind
     masses: Masses
     current: float
     force: float
@@ -289,25 +305,26 @@ class Performance:
     temperature_rise: float
 
 
-def wound(design: Design, point: PlanePoint, requirement: Requirement, *, depth: float) -> Performance:
-    """The magnet of a depth with the turns that its supply asks for.
+def wound(design: Design, point: SectionPoint, requirement: Requirement, *, depth: float) -> Performance:
+    """The magnet of a depth (1 where there is none) with the turns that its supply asks for.
 
     Turns share a given magnetomotive force between current and voltage: the fewest whose current stays below the
     supply's are taken, which leaves the most voltage for dF/dt = (dF/di) (V - R i) / (dlambda/di). A stated wire
-    diameter fixes the turns instead, as many as the copper's area holds (one at least).
+    diameter fixes the turns instead, as many as the copper's area holds (one a coil at least).
 
     Raises
     ------
     ValueError : proportions that no section may have
     """
     fill = None
-    plain = magnet_of(design, requirement, depth=depth, turns=1)
+    coils = requirement.sized.coils
+    area = coil_area(design, requirement)
     if requirement.winding.wire_diameter is None:
-        turns = max(1, math.ceil(point.ampere_turns / requirement.coil_current * (1 - 1e-12)))
+        turns = coils * max(1, math.ceil(point.ampere_turns / requirement.coil_current / coils * (1 - 1e-12)))
     else:
         wire = math.pi / 4 * requirement.winding.wire_diameter**2
-        turns = max(1, math.floor(requirement.winding.fill_factor * plain.winding_space.area / wire))
-        fill = min(turns * wire / plain.winding_space.area, 1 - 1e-9)
+        turns = coils * max(1, math.floor(requirement.winding.fill_factor * area / wire / coils))
+        fill = min(turns * wire / area, 1 - 1e-9)
     magnet = magnet_of(design, requirement, depth=depth, turns=turns, fill=fill)
     current = point.ampere_turns / turns
     resistance = magnet.winding_resistance
@@ -330,9 +347,9 @@ def wound(design: Design, point: PlanePoint, requirement: Requirement, *, depth:
     )
 
 
-def _temperature_rise(magnet: ECore, current: float, heat: Heat) -> float:
+def _temperature_rise(magnet: MagnetKind, current: float, heat: Heat) -> float:
     """By the network of winding and core, the current flowing for `duty` of a short period (`msl_fem.losses`)."""
-    alone = Actuator(schema=1, name="magnet", magnet=magnet)
+    alone = Actuator(schema=1, name="magnet", magnet=cast(Magnet, magnet))
     network = thermal_network(alone, Cooling(heat_transfer_coefficient=heat.heat_transfer))
     return peak_rise(network, Heating(magnet.winding_resistance), current, cycle=Cycle(heat.duty))
 
@@ -340,7 +357,6 @@ def _temperature_rise(magnet: ECore, current: float, heat: Heat) -> float:
 def performance_constraints(found: Performance, requirement: Requirement) -> tuple[Constraint, ...]:
     """The demands on a wound magnet, those of its envelope's depth included."""
     heat = requirement.heat
-    envelope = requirement.envelope
     demands = [
         at_least("force", found.force, requirement.force.minimum, "N"),
         at_most("flux_density", found.flux_density, requirement.flux.limit, "T"),
@@ -353,8 +369,5 @@ def performance_constraints(found: Performance, requirement: Requirement) -> tup
         demands.append(at_most("current_density", found.current_density, heat.largest_current_density, "A/m^2"))
     if heat.temperature_rise is not None:
         demands.append(at_most("temperature_rise", found.temperature_rise, heat.temperature_rise, "K"))
-    if envelope.depth is not None:
-        coil = found.magnet.coil
-        total = found.magnet.stack_depth + 2 * (coil.leg_clearance + coil.width)
-        demands.append(at_most("envelope_depth", total, envelope.depth, "m"))
+    demands += [c for c in envelope_constraints(found.magnet, requirement) if c.name == "envelope_depth"]
     return tuple(demands)

@@ -1,11 +1,11 @@
 """A design evaluated: by the closed equations, and by field solutions; what cannot be built reaches neither."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from msl_fem.actuator import LARGEST_MAGNET, THINNEST, ECore
+from msl_fem.actuator import LARGEST_MAGNET, THINNEST
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.design.sizing.closed_form import Factors, Irons, MagneticCircuit, closed_form
 from msl_fem.design.sizing.design import (
@@ -13,10 +13,11 @@ from msl_fem.design.sizing.design import (
     Constraint,
     Design,
     Performance,
-    PlanePoint,
+    SectionPoint,
     at_least,
     at_most,
     building_constraints,
+    grown,
     magnet_of,
     performance_constraints,
     plain_magnet,
@@ -28,7 +29,7 @@ from msl_fem.design.sizing.requirement import Objective, Requirement
 from msl_fem.errors import ComputationError, NotConverged
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
-from msl_fem.magnetics.kinds.kind import SMALLEST_GAP
+from msl_fem.magnetics.kinds.kind import SMALLEST_GAP, MagnetKind
 from msl_fem.magnetics.solver.postprocess import FieldQuantities
 from msl_fem.materials.material import laminated, load_iron
 
@@ -39,6 +40,9 @@ CLOSED_FORM_ERROR = 0.1
 """Relative: what the closed equations may be wrong by where they refuse a design (docs/sizing.md has their errors)."""
 MOST_SLENDER, LEAST_STACK = 50.0, 1e-3
 """Of the stack's depth: over the core's half width at most, and in m at least."""
+MOST_SIZES, SURPLUS, TRIM = 5, 1e-2, 1e-3
+"""A body of revolution grows so often at most, until its force is more than the wanted one by no more than a share; the
+flux density is then trimmed to a smaller share."""
 NOT_BUILT, NO_FIELD, SOLVED = "not built", "refused by the closed equations", "solved"
 
 
@@ -46,19 +50,19 @@ NOT_BUILT, NO_FIELD, SOLVED = "not built", "refused by the closed equations", "s
 class FieldPoint:
     """A working point, and the number of field solutions that it took."""
 
-    point: PlanePoint
+    point: SectionPoint
     solves: int
 
 
 @one_blas_thread
 def field_point(
-    magnet: ECore, gap: float, flux_density: float, *, guess: float, folder: Path, accuracy: Accuracy = "fast"
+    magnet: MagnetKind, gap: float, flux_density: float, *, guess: float, folder: Path, accuracy: Accuracy = "fast"
 ) -> FieldPoint:
     """The point at which the most loaded section's mean flux density in the iron is the one given.
 
     Parameters
     ----------
-    magnet : of one turn, so that its current is the magnetomotive force; of any depth
+    magnet : of any depth and turns
     guess : ampere turns to begin with, from the closed equations
 
     Below the knee the flux density is nearly proportional to the magnetomotive force, so the first step is the rule of
@@ -69,7 +73,7 @@ def field_point(
     ComputationError : the mesher failed, a field did not converge, or the flux density was not reached
     """
     field = MagnetField(magnet, magnet_mesh(magnet, gap, accuracy), folder=folder, order=LEVELS[accuracy].order)
-    current = guess
+    current = guess / magnet.turns
     start = None
     known: list[tuple[float, float]] = []
     for n in range(1, MOST_SOLVES + 1):
@@ -77,14 +81,14 @@ def field_point(
         quantities = field.quantities(solution)
         section, mean = most_loaded(quantities)
         if abs(mean / flux_density - 1) <= TOLERANCE:
-            return FieldPoint(_per_metre(quantities, magnet.stack_depth, current, (section, mean)), n)
+            return FieldPoint(_per_metre(quantities, magnet, current, (section, mean)), n)
         known.append((current, mean))
         following = _next_current(known, flux_density)
         start = solution.potential + field.slope(solution) * (following - current)
         current = following
     raise NotConverged(
         f"the flux density {flux_density:g} T was not reached in {MOST_SOLVES} field solutions; last: "
-        f"{known[-1][1]:.6g} T at {known[-1][0]:.6g} ampere turns; look at the iron's B-H curve"
+        f"{known[-1][1]:.6g} T at {known[-1][0] * magnet.turns:.6g} ampere turns; look at the iron's B-H curve"
     )
 
 
@@ -102,16 +106,29 @@ def _next_current(known: list[tuple[float, float]], wanted: float) -> float:
     return min(max(following, current / 2), current * 2)
 
 
-def _per_metre(quantities: FieldQuantities, depth: float, current: float, loaded: tuple[str, float]) -> PlanePoint:
+def _per_metre(
+    quantities: FieldQuantities, magnet: MagnetKind, current: float, loaded: tuple[str, float]
+) -> SectionPoint:
+    """The point of one turn, 1 m deep where there is a depth."""
     section, mean = loaded
-    return PlanePoint(
-        ampere_turns=current,
+    depth = magnet.section(magnet.half_width).depth
+    turns = magnet.turns
+    return SectionPoint(
+        ampere_turns=current * turns,
         force=quantities.force / depth,
-        force_slope=quantities.force_current_slope / depth,
-        inductance=quantities.incremental_inductance / depth,
+        force_slope=quantities.force_current_slope / depth / turns,
+        inductance=quantities.incremental_inductance / depth / turns**2,
         flux_density=mean,
         section=section,
     )
+
+
+@dataclass(frozen=True)
+class SizedByField:
+    """A body of revolution that has grown, the field of it (but where it can no longer be built), and all solutions."""
+
+    design: Design
+    found: FieldPoint
 
 
 @dataclass(frozen=True)
@@ -180,10 +197,11 @@ class DesignEvaluator:
         lengths = section_lengths(design, self.requirement)
         gap = self.requirement.force.gap
         largest = max(lengths)
+        half_width = plain_magnet(design, self.requirement).half_width
         limits = (
             at_most("largest_length", largest, min(LARGEST_MAGNET, gap / SMALLEST_GAP), "m"),
             at_least("smallest_length", min(length for length in lengths if length > 0), THINNEST * largest, "m"),
-            at_least("half_width", design.half_width, gap, "m"),
+            at_least("half_width", half_width, gap, "m"),
         )
         return tuple(c for c in limits if not c.kept)
 
@@ -195,11 +213,14 @@ class DesignEvaluator:
         return self._evaluated(NO_FIELD, design, self.circuit(design, factors=factors).point)
 
     def circuit(self, design: Design, *, factors: Factors | None = None) -> MagneticCircuit:
-        """The closed equations at a design's flux density."""
-        gap = self.requirement.force.gap
+        """The closed equations at a design's flux density, 1 m deep where there is a depth."""
+        requirement = self.requirement
+        circuit = plain_magnet(design, requirement).circuit
+        assert circuit is not None, "a kind that is sized states its circuit"
         return closed_form(
-            plain_magnet(design, self.requirement), self.irons, gap, design.flux_density, factors=factors
-        )
+            circuit, requirement.iron, self.irons, gap=requirement.force.gap, flux_density=design.flux_density,
+            factors=factors,
+        )  # fmt: skip
 
     def by_field(self, design: Design, *, accuracy: Accuracy = "fast") -> DesignEvaluation:
         """The evaluation by field solutions; without any where the design cannot be built.
@@ -215,28 +236,73 @@ class DesignEvaluator:
             c.name == "envelope_depth" and c.violation > CLOSED_FORM_ERROR for c in first.constraints
         ):
             return first
-        requirement = self.requirement
-        aim = min(design.flux_density, requirement.flux.limit * (1 - 2 * TOLERANCE))
-        found = field_point(
-            magnet_of(design, requirement, depth=design.half_width, turns=1), requirement.force.gap, aim,
-            guess=self.circuit(design).point.ampere_turns, folder=requirement.folder, accuracy=accuracy,
-        )  # fmt: skip
+        if self.requirement.revolved:
+            return self._by_fields_of_sizes(design, accuracy)
+        found = self.point_by_field(design, self.circuit(design).point.ampere_turns, accuracy=accuracy)
         return self._evaluated(SOLVED, design, found.point, solves=found.solves)
 
-    def _evaluated(self, stage: str, design: Design, point: PlanePoint, *, solves: int = 0) -> DesignEvaluation:
+    def point_by_field(self, design: Design, guess: float, *, accuracy: Accuracy = "fast") -> FieldPoint:
+        """The field at the design's flux density; the guess is of the ampere turns."""
+        requirement = self.requirement
+        half_width = plain_magnet(design, requirement).half_width
+        return field_point(
+            magnet_of(design, requirement, depth=half_width, turns=requirement.sized.coils), requirement.force.gap,
+            min(design.flux_density, requirement.flux.limit * (1 - 2 * TOLERANCE)),
+            guess=guess, folder=requirement.folder, accuracy=accuracy,
+        )  # fmt: skip
+
+    def _by_fields_of_sizes(self, design: Design, accuracy: Accuracy) -> DesignEvaluation:
+        """A body of revolution with the iron that its force asks for, found by cheap fields first."""
+        sized = SizedByField(design, FieldPoint(self.circuit(design).point, 0))
+        for level in dict.fromkeys(("fast", accuracy)):
+            sized = self._sized(sized, level)
+            refused = self.not_built(sized.design)
+            if refused is not None:
+                return replace(refused, solves=sized.found.solves)
+        point, solves = sized.found.point, sized.found.solves
+        surplus = point.force / sized.design.force
+        if surplus > 1 + TRIM:
+            less = math.sqrt((1 + TRIM) / surplus)
+            trimmed = replace(sized.design, flux_density=less * point.flux_density)
+            found = self.point_by_field(trimmed, less * point.ampere_turns, accuracy=accuracy)
+            point, solves = found.point, solves + found.solves
+        return self._evaluated(SOLVED, sized.design, point, solves=solves)
+
+    def _sized(self, begin: SizedByField, accuracy: Accuracy) -> SizedByField:
+        """The design whose iron has grown, with which the force goes as the square, until it has the force."""
+        design, guess, solves = begin.design, begin.found.point.ampere_turns, begin.found.solves
+        for size in range(1, MOST_SIZES + 1):
+            found = self.point_by_field(design, guess, accuracy=accuracy)
+            solves += found.solves
+            surplus = found.point.force / design.force
+            if 1 <= surplus <= 1 + SURPLUS or size == MOST_SIZES:
+                break
+            design = grown(design, math.sqrt((1 + SURPLUS / 2) / surplus))
+            guess = found.point.ampere_turns
+            if self.not_built(design) is not None:
+                break
+        return SizedByField(design, FieldPoint(found.point, solves))
+
+    def _evaluated(self, stage: str, design: Design, point: SectionPoint, *, solves: int = 0) -> DesignEvaluation:
         """The depth that gives the force, on the grid's next multiple; the winding; all constraints."""
-        depth = round(math.ceil(design.force / point.force / GRID) * GRID, 9)
         building = building_constraints(design, self.requirement)
-        largest = max(section_lengths(design, self.requirement))
-        stack = (
-            at_least("stack_depth", depth, max(LEAST_STACK, THINNEST * largest), "m"),
-            at_most("stack_depth", depth, min(LARGEST_MAGNET, MOST_SLENDER * design.half_width), "m"),
-        )
-        if not all(c.kept for c in stack):
-            return DesignEvaluation(stage, (*building, *(c for c in stack if not c.kept)), None, solves)
+        depth = 1.0
+        if not self.requirement.revolved:
+            depth = round(math.ceil(design.force / point.force / GRID) * GRID, 9)
+            broken = [c for c in self._stack_limits(design, depth) if not c.kept]
+            if broken:
+                return DesignEvaluation(stage, (*building, *broken), None, solves)
         found = wound(design, point, self.requirement, depth=depth)
         rest = (c for c in building if c.name != "envelope_depth")  # it was that of the end turns alone
         return DesignEvaluation(stage, (*rest, *performance_constraints(found, self.requirement)), found, solves)
+
+    def _stack_limits(self, design: Design, depth: float) -> tuple[Constraint, Constraint]:
+        largest = max(section_lengths(design, self.requirement))
+        half_width = plain_magnet(design, self.requirement).half_width
+        return (
+            at_least("stack_depth", depth, max(LEAST_STACK, THINNEST * largest), "m"),
+            at_most("stack_depth", depth, min(LARGEST_MAGNET, MOST_SLENDER * half_width), "m"),
+        )
 
 
 def objective_values(found: Performance, objectives: tuple[Objective, ...]) -> tuple[float, ...]:

@@ -2,7 +2,7 @@
 
 A search over plain lengths would spend most of its designs on iron that idles and windows far too large. Here the
 closed equations turn the choice of how hard iron and copper work into lengths; the field then judges the lengths. It
-begins with the E-core of textbook proportions.
+begins with the magnet of textbook proportions.
 """
 
 import math
@@ -12,20 +12,32 @@ from dataclasses import dataclass, fields, replace
 from pydantic import ValidationError
 from scipy.optimize import brentq
 
-from msl_fem.design.sizing.closed_form import MagneticCircuit
-from msl_fem.design.sizing.design import GRID, LEAST_COIL, Design, coil_size, on_grid, performance_constraints, wound
+from msl_fem.design.sizing.closed_form import Factors, MagneticCircuit
+from msl_fem.design.sizing.design import (
+    GRID,
+    LEAST_COIL,
+    Design,
+    coil_area,
+    coil_size,
+    on_grid,
+    performance_constraints,
+    wound,
+)
 from msl_fem.design.sizing.evaluation import DesignEvaluator
 from msl_fem.design.sizing.requirement import Requirement
 from msl_fem.errors import RequirementError
+from msl_fem.materials.constants import MU_0
 
 BEYOND = 1.15
 """Flux density and current density are drawn up to this multiple of their limits and held at the limit: the best
 designs lie on it, and a search draws its bound itself with no more than chance."""
-SHARES = {"outer_leg_share": (0.93, 1.2), "yoke_share": (0.93, 1.2), "armature_share": (0.93, 1.2)}
-"""Thickness over that at which the part carries the centre leg's flux density by the closed equations."""
-CENTRE_LEG = (0.4, 1.6)
-"""Width of the centre leg, of the first guess's."""
-LEAST_LEG = 0.15
+SHARES = {"return_width": "return_share", "yoke_thickness": "yoke_share", "armature_thickness": "armature_share"}
+"""Length of a design to the parameter that chooses it."""
+SHARE = (0.93, 1.2)
+"""Thickness over that at which the part carries the wound pole's flux density by the closed equations."""
+POLE = (0.4, 1.6)
+"""Width of the wound pole, of the first guess's."""
+LEAST_POLE = 0.15
 """Of the envelope's width, where that is smaller."""
 COIL_ASPECT = (0.3, 5.0)
 """Height over width of the coil."""
@@ -36,10 +48,12 @@ CURRENT_DENSITY_SHARE = (0.25, BEYOND)
 FORCE_SHARE = (1.0, 2.0)
 """Of the wanted force, where force is an objective."""
 _ROUNDS = 3  # of the window's fixed point
+_ROUNDS_REVOLVED = 5  # where the pole's diameter is found with it
+_EVEN_ROUNDS = 4  # of a ring's width, whose area goes with more than the width
 WINDOW_ASPECT = 2.0
 """Height over width of the window, as E-laminations have it or more (3 in scrapless ones)."""
 STACK_ASPECT = 1.0
-"""Depth over width of the centre leg: a square has the shortest turns for its area."""
+"""Depth over width of the wound pole: a square has the shortest turns for its area."""
 _STEP, _STEPS = 1.4, 40  # of the walk that brackets a root
 _HEAT = ("current_density", "temperature_rise", "voltage")
 
@@ -66,62 +80,83 @@ class SearchSpace:
 
 
 def space_around(guess: Design, evaluator: DesignEvaluator) -> SearchSpace:
-    """The search's parameters around a first guess."""
+    """The search's parameters around a first guess; a round pole's diameter is none, the force fixes it."""
     requirement = evaluator.requirement
-    low, high = (factor * guess.centre_leg_width for factor in CENTRE_LEG)
-    if requirement.envelope.width is not None:
-        low = min(low, LEAST_LEG * requirement.envelope.width)
-    spans = {
-        "centre_leg_width": ParameterSpan(low, high, True),
+    spans = {} if requirement.revolved else {"pole_width": _pole_span(guess, evaluator)}
+    spans |= {
         "coil_aspect": ParameterSpan(*COIL_ASPECT, True),
         "flux_share": ParameterSpan(*FLUX_SHARE, False),
         "current_density_share": ParameterSpan(*CURRENT_DENSITY_SHARE, False),
     }
-    spans |= {name: ParameterSpan(low, high, False) for name, (low, high) in SHARES.items()}
+    spans |= {SHARES[length]: ParameterSpan(*SHARE, False) for _, length in requirement.sized.parts}
     if "force" in requirement.objectives:
         spans["force_share"] = ParameterSpan(*FORCE_SHARE, True)
     limit = requirement.heat.largest_current_density
     return SearchSpace(spans, 2 * _current_density(guess, evaluator) if limit is None else limit)
 
 
+def _pole_span(guess: Design, evaluator: DesignEvaluator) -> ParameterSpan:
+    low, high = (factor * guess.pole_width for factor in POLE)
+    width = evaluator.requirement.envelope.width
+    return ParameterSpan(low if width is None else min(low, LEAST_POLE * width), high, True)
+
+
 def design_from(parameters: Mapping[str, float], space: SearchSpace, evaluator: DesignEvaluator) -> Design:
     """The design that the parameters stand for, its dimensions on the grid of 10 um.
 
-    The window is found by a fixed point: its leakage takes part in the magnetomotive force that its copper carries.
+    The window is found by a fixed point: its leakage takes part in the magnetomotive force that its copper carries. So
+    is the diameter of a round pole, with which the force goes as its square.
     """
     requirement = evaluator.requirement
-    centre = on_grid(parameters["centre_leg_width"])
     density = space.current_density * min(parameters["current_density_share"], 1.0)
-    winding = requirement.winding
-    design = Design(
-        centre, centre / 2, centre / 2, centre / 2,
-        centre + 2 * winding.leg_clearance, centre + winding.face_clearance + winding.back_clearance,
-        requirement.flux.limit * min(parameters["flux_share"], 1.0),
-        requirement.force.minimum * parameters.get("force_share", 1.0),
-    )  # fmt: skip
-    for _ in range(_ROUNDS):
+    design = _beginning(parameters, evaluator)
+    for _ in range(_ROUNDS_REVOLVED if requirement.revolved else _ROUNDS):
         circuit = evaluator.circuit(design)
         area = circuit.point.ampere_turns / (density * requirement.winding.fill_factor)
-        design = _with_coil(
-            _balanced(design, circuit, parameters, evaluator), area, parameters["coil_aspect"], evaluator
-        )
-    return replace(
-        design,
-        **{
-            name: on_grid(getattr(design, name))
-            for name in ("outer_leg_width", "yoke_thickness", "armature_thickness", "window_width", "window_height")
-        },
-    )
+        design = _balanced(design, circuit, parameters, evaluator)
+        if requirement.revolved:
+            design = _with_force(design, evaluator)
+        design = _with_coil(design, area, parameters["coil_aspect"], evaluator)
+    names = [f.name for f in fields(Design) if f.name not in ("flux_density", "force")]
+    return replace(design, **{name: on_grid(getattr(design, name)) for name in names})
+
+
+def _with_force(design: Design, evaluator: DesignEvaluator) -> Design:
+    """All iron of a body of revolution thicker or thinner by what its force is short or too large."""
+    factor = math.sqrt(design.force / evaluator.circuit(design).point.force)
+    names = ("pole_width", "return_width", "yoke_thickness", "armature_thickness")
+    return replace(design, **{name: factor * getattr(design, name) for name in names})
+
+
+def _beginning(parameters: Mapping[str, float], evaluator: DesignEvaluator) -> Design:
+    """Iron of about the same flux density all round, a window as wide and as high as the pole."""
+    requirement = evaluator.requirement
+    winding = requirement.winding
+    flux_density = requirement.flux.limit * min(parameters["flux_share"], 1.0)
+    force = requirement.force.minimum * parameters.get("force_share", 1.0)
+    if requirement.revolved:  # of two equal faces, F = B^2 A/mu_0
+        pole = math.sqrt(4 / math.pi * MU_0 * force) / flux_density
+        back, plate = pole / 12, pole / 4
+    else:
+        pole = on_grid(parameters["pole_width"])
+        back, plate = pole / 2, pole / 2
+    return Design(
+        pole, pole if requirement.sized.return_pole is None else back, plate, plate,
+        requirement.sized.coils * (pole + 2 * winding.leg_clearance),
+        pole + winding.face_clearance + winding.back_clearance,
+        flux_density, force,
+    )  # fmt: skip
 
 
 def _with_coil(design: Design, area: float, aspect: float, evaluator: DesignEvaluator) -> Design:
-    """The design with a coil of that area and aspect in its window."""
+    """The design with coils of that area together and that aspect in its window."""
     winding = evaluator.requirement.winding
-    width = math.sqrt(area / aspect)
+    coils = evaluator.requirement.sized.coils
+    width = math.sqrt(area / coils / aspect)
     return replace(
         design,
-        window_width=width + 2 * winding.leg_clearance,
-        window_height=area / width + winding.face_clearance + winding.back_clearance,
+        window_width=coils * (width + 2 * winding.leg_clearance),
+        window_height=area / coils / width + winding.face_clearance + winding.back_clearance,
     )
 
 
@@ -130,23 +165,18 @@ def _balanced(
 ) -> Design:
     """The design with its iron as thick as the circuit's fluxes and the shares ask for."""
     even = even_thickness(design, circuit, evaluator)
-    return replace(
-        design,
-        outer_leg_width=even["outer_leg_share"] * shares["outer_leg_share"],
-        yoke_thickness=even["yoke_share"] * shares["yoke_share"],
-        armature_thickness=even["armature_share"] * shares["armature_share"],
-    )
+    return replace(design, **{name: value * shares[SHARES[name]] for name, value in even.items()})
 
 
 def even_thickness(design: Design, circuit: MagneticCircuit, evaluator: DesignEvaluator) -> dict[str, float]:
-    """The thicknesses in m at which outer leg, yoke and armature carry the centre leg's flux density."""
-    flux = circuit.flux
-    iron = evaluator.requirement.iron
-    width = design.centre_leg_width / 2 / flux["centre_leg"]
+    """By length of the design the thickness in m at which its part carries the wound pole's flux density.
+
+    Where a part's area is proportional to the length; else the next step of a fixed point towards it.
+    """
+    load = {name: circuit.flux[name] / circuit.areas[name] for name in circuit.flux}
     return {
-        "outer_leg_share": width * flux["outer_leg"],
-        "yoke_share": width * flux["yoke"],
-        "armature_share": width * flux["armature"] * iron.core_stacking / iron.armature_stacking,
+        length: getattr(design, length) * load[part] / load[circuit.pole]
+        for part, length in evaluator.requirement.sized.parts
     }
 
 
@@ -156,29 +186,29 @@ def parameters_of(design: Design, space: SearchSpace, evaluator: DesignEvaluator
     width, height = coil_size(design, evaluator.requirement)
     return space.clipped(
         {
-            "centre_leg_width": design.centre_leg_width,
+            "pole_width": design.pole_width,
             "coil_aspect": height / width,
             "flux_share": design.flux_density / evaluator.requirement.flux.limit,
             "current_density_share": _current_density(design, evaluator) / space.current_density,
-            "outer_leg_share": design.outer_leg_width / even["outer_leg_share"],
-            "yoke_share": design.yoke_thickness / even["yoke_share"],
-            "armature_share": design.armature_thickness / even["armature_share"],
+            **{SHARES[name]: getattr(design, name) / value for name, value in even.items()},
             "force_share": design.force / evaluator.requirement.force.minimum,
         }
     )
 
 
 def _current_density(design: Design, evaluator: DesignEvaluator) -> float:
-    width, height = coil_size(design, evaluator.requirement)
-    return evaluator.circuit(design).point.ampere_turns / (evaluator.requirement.winding.fill_factor * width * height)
+    requirement = evaluator.requirement
+    copper = requirement.winding.fill_factor * coil_area(design, requirement)
+    return evaluator.circuit(design).point.ampere_turns / copper
 
 
 def textbook_guess(evaluator: DesignEvaluator) -> Design:
-    """The E-core of textbook proportions that meets the requirement by the closed equations.
+    """The magnet of textbook proportions that meets the requirement by the closed equations.
 
-    Outer legs, yoke and armature half as thick as the centre leg, a square centre leg, a window twice as high as wide;
-    the iron at the flux limit. The window is as small as current density, temperature rise and voltage let it be, and
-    the leg as wide as the force asks for: two roots, one in the other. The envelope is not looked at.
+    All iron carries the same flux density but for leakage (outer legs, yoke and armature of an E-core are half as thick
+    as its centre leg), at the flux limit; a square pole in a plane section; a window twice as high as wide. The window
+    is as small as current density, temperature rise and voltage let it be, and the pole as wide as the force asks for:
+    two roots, one in the other. The envelope is not looked at.
 
     Raises
     ------
@@ -186,11 +216,11 @@ def textbook_guess(evaluator: DesignEvaluator) -> Design:
     """
     requirement = evaluator.requirement
 
-    def excess_depth(width: float) -> float:
+    def excess_force(width: float) -> float:
         design = _with_window(evaluator, width)
-        return design.force / evaluator.circuit(design).point.force - STACK_ASPECT * width
+        return design.force / evaluator.circuit(design).point.force - _depth(requirement, width)
 
-    width = _root(excess_depth, requirement.force.gap, requirement)
+    width = _root(excess_force, requirement.force.gap, requirement)
     rough = _with_window(evaluator, width)
     lengths = [f.name for f in fields(Design) if f.name not in ("flux_density", "force")]
     # the window's to the next multiple, so that rounding does not make the coil too small
@@ -199,27 +229,41 @@ def textbook_guess(evaluator: DesignEvaluator) -> Design:
     )
 
 
-def _design(requirement: Requirement, width: float, window: float) -> Design:
+def _depth(requirement: Requirement, width: float) -> float:
+    """Of the stack in m; 1 where there is none."""
+    return 1.0 if requirement.revolved else STACK_ASPECT * width
+
+
+def _with_iron(evaluator: DesignEvaluator, width: float, window: float) -> Design:
+    """The design of a pole's and a window's width whose iron carries the same flux density without leakage."""
+    requirement = evaluator.requirement
     half = width / 2
-    return Design(
-        width, half, half, half, window, WINDOW_ASPECT * window, requirement.flux.limit, requirement.force.minimum
-    )
+    design = Design(
+        width, width if requirement.sized.return_pole is None else half, half, half, window,
+        WINDOW_ASPECT * window / requirement.sized.coils, requirement.flux.limit, requirement.force.minimum,
+    )  # fmt: skip
+    for _ in range(_EVEN_ROUNDS if requirement.revolved else 1):
+        circuit = evaluator.circuit(design, factors=Factors(leakage=False))
+        design = replace(design, **even_thickness(design, circuit, evaluator))
+    return design
 
 
 def _with_window(evaluator: DesignEvaluator, width: float) -> Design:
-    """The design of a leg's width with the smallest window that keeps what limits the heat and the voltage."""
+    """The design of a pole's width with the smallest window that keeps what limits the heat and the voltage."""
     requirement = evaluator.requirement
     winding = requirement.winding
     least = 2 * winding.leg_clearance + LEAST_COIL
     least = max(least, (winding.face_clearance + winding.back_clearance + LEAST_COIL) / WINDOW_ASPECT) + 2e-5
+    least *= requirement.sized.coils
 
     def excess(window: float) -> float:
-        design = _design(requirement, width, window)
-        found = wound(design, evaluator.circuit(design).point, requirement, depth=STACK_ASPECT * width)
+        design = _with_iron(evaluator, width, window)
+        point = evaluator.circuit(design).point
+        found = wound(design, point, requirement, depth=_depth(requirement, width))
         return max(c.violation for c in performance_constraints(found, requirement) if c.name in _HEAT)
 
     window = least if excess(least) <= 0 else _root(excess, least, requirement)
-    return _design(requirement, width, window)
+    return _with_iron(evaluator, width, window)
 
 
 def _root(function: Callable[[float], float], start: float, requirement: Requirement) -> float:
@@ -235,6 +279,7 @@ def _root(function: Callable[[float], float], start: float, requirement: Require
             low = high if low == start else low
         high *= _STEP
     raise RequirementError(
-        f"{requirement.name}: no E-core of textbook proportions gives {requirement.force.minimum:g} N within its "
-        "limits of heat and voltage; look at the units in [force], [supply] and [heat]"
+        f"{requirement.name}: no {requirement.magnet.kind} of textbook proportions gives "
+        f"{requirement.force.minimum:g} N within its limits of heat and voltage; look at the units in "
+        "[force], [supply] and [heat]"
     )

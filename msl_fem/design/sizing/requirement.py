@@ -6,9 +6,9 @@ is in an actuator file.
 
 import hashlib
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from msl_fem.actuator import (
     LARGEST_MAGNET,
@@ -29,6 +29,8 @@ from msl_fem.actuator import (
 from msl_fem.errors import RequirementError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.schema import FrozenModel, In, bare_number, first_complaint, has_unknown_key, read_toml
+from msl_fem.magnetics.kinds import Magnet, MagnetKind
+from msl_fem.magnetics.kinds.kind import PlaneMagnet, SizedLengths
 
 Newton = Annotated[float, In("N"), Field(gt=0)]
 SlewRate = Annotated[float, In("N/s"), Field(gt=0)]
@@ -47,6 +49,26 @@ _PURE_NUMBERS = {
     "schema", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor", "duty", "count",
     "magnets_per_side", "delay_samples",
 }  # fmt: skip
+
+
+SIZED_KINDS: dict[str, type[MagnetKind]] = {
+    get_args(kind.model_fields["kind"].annotation)[0]: kind
+    for kind in get_args(Magnet)
+    if issubclass(kind, MagnetKind) and kind.SIZED is not None
+}
+"""By the word that files state: the kinds that state what sizing varies."""
+
+
+def _sized_kind(kind: str) -> str:
+    if kind not in SIZED_KINDS:
+        raise ValueError(f"'{kind}' cannot be sized; choose one of {', '.join(SIZED_KINDS)}")
+    return kind
+
+
+class MagnetWanted(FrozenModel):
+    """Which kind of magnet is to be sized."""
+
+    kind: Annotated[str, AfterValidator(_sized_kind)] = "e-core"
 
 
 class ForceWanted(FrozenModel):
@@ -131,6 +153,7 @@ class Requirement(FrozenModel):
     schema_version: Literal[1] = Field(alias="schema")
     name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9_. -]+$")]
     objectives: Annotated[tuple[Objective, ...], Field(min_length=1)] = ("mass", "loss")
+    magnet: MagnetWanted = MagnetWanted()
     force: ForceWanted
     flux: FluxLimit = FluxLimit()
     supply: Supply = Supply()
@@ -170,6 +193,22 @@ class Requirement(FrozenModel):
                 "motion.range"
             )
         return self
+
+    @property
+    def magnet_class(self) -> type[MagnetKind]:
+        return SIZED_KINDS[self.magnet.kind]
+
+    @property
+    def sized(self) -> SizedLengths:
+        """What the kind states for sizing."""
+        sized = self.magnet_class.SIZED
+        assert sized is not None
+        return sized
+
+    @property
+    def revolved(self) -> bool:
+        """The magnet is a body of revolution: there is no depth of a stack."""
+        return not issubclass(self.magnet_class, PlaneMagnet)
 
     @property
     def nominal_gap(self) -> float:

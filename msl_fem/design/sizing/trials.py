@@ -22,6 +22,7 @@ from msl_fem.design.sizing.design import Constraint, Design, total_violation
 from msl_fem.design.sizing.evaluation import DesignEvaluation, DesignEvaluator, direction
 from msl_fem.design.sizing.parameters import ParameterSpan, SearchSpace
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.magnetics.kinds.kind import PlaneMagnet
 
 FIRST_DESIGN = "first_design"
 VERDICT = "verdict"
@@ -86,7 +87,7 @@ def figures(evaluation: DesignEvaluation) -> dict[str, Any]:
         "current_density_A_per_m2": found.current_density,
         "temperature_rise_K": found.temperature_rise,
         "slew_rate_N_per_s": found.slew_rate,
-        "stack_depth_m": found.magnet.stack_depth,
+        "stack_depth_m": found.magnet.stack_depth if isinstance(found.magnet, PlaneMagnet) else None,
     }
     # the rise is infinite where no temperature balances the loss: JSON has no word for that
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in numbers.items()}

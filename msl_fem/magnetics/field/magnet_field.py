@@ -178,8 +178,8 @@ def _motion(mesh: TriangleMesh, moving: MovingRegions, symmetry: Symmetry) -> Me
     return MeshMotion(share, np.array(moving.direction))
 
 
-def _gaps(magnet: MagnetKind) -> tuple[float, float]:
-    """The smallest and the largest gap in m; of a mesh from a file those that it can follow to."""
+def gap_reach(magnet: MagnetKind) -> tuple[float, float]:
+    """The smallest and the largest gap in m that can be solved; of a mesh from a file those that it can follow to."""
     low, high = magnet.gaps
     if magnet.own_mesh() is None:
         return low, high
@@ -198,10 +198,16 @@ def field_of(actuator: Actuator, gap: float, *, accuracy: Accuracy = "normal") -
     return MagnetField(magnet, mesh, folder=actuator.folder, order=degree_of(magnet, accuracy), remesh=remesh)
 
 
+def with_margin(actuator: Actuator, travel: tuple[float, float], margin: tuple[float, float]) -> tuple[float, float]:
+    """The ends of a default grid in m: as far beyond the travel as wanted, where the magnet can be solved so far."""
+    smallest, largest = gap_reach(actuator.magnet_kind())
+    return min(travel[0], max(margin[0], smallest)), max(travel[1], min(margin[1], largest))
+
+
 def check_point(actuator: Actuator, current: float, gap: float) -> None:
     """InputError unless the gap is of the section's size and the current one that copper bears for a moment."""
     magnet = actuator.magnet_kind()
-    smallest, largest = _gaps(magnet)
+    smallest, largest = gap_reach(magnet)
     if not smallest <= gap <= largest:
         what = "the core's half width, " if largest == magnet.half_width else ""
         raise InputError(

@@ -14,7 +14,7 @@ from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, failure
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field.accuracy import Accuracy, level_of
-from msl_fem.magnetics.field.magnet_field import MagnetField, check_grid, check_point
+from msl_fem.magnetics.field.magnet_field import MagnetField, check_grid, check_point, with_margin
 from msl_fem.magnetics.field_map.gap_levels import GapRow, GapSolver, LevelJob, level_mesh, level_order, level_safety
 from msl_fem.magnetics.sweep.rows import field_key, field_provenance
 from msl_fem.magnetics.sweep.table_sweep import drive_limit
@@ -37,7 +37,8 @@ _ROUNDING = 2e-6  # of a current: what is left when its search ends
 def default_gaps(actuator: Actuator) -> Array:
     """Gaps (m) over an actuator's range with a margin: both ends, the nominal gap, and preferred numbers between.
 
-    From half the smallest gap to a sixth of the nominal gap beyond the largest, as a table's; for a magnet without a
+    From half the smallest gap to a sixth of the nominal gap beyond the largest, as a table's and as far as a mesh
+    follows; for a magnet without a
     range from a two hundredth to a sixteenth of the core's half width.
     """
     motion = actuator.motion
@@ -47,7 +48,8 @@ def default_gaps(actuator: Actuator) -> Array:
         ends = [half * share for share in NO_RANGE]
         wanted = []
     else:
-        ends = [(motion.nominal_gap - motion.range) / 2, motion.nominal_gap * 7 / 6 + motion.range]
+        travel = motion.nominal_gap - motion.range, motion.nominal_gap + motion.range
+        ends = [*with_margin(actuator, travel, (travel[0] / 2, travel[1] + motion.nominal_gap / 6))]
         wanted = [motion.nominal_gap]
     decades = range(math.floor(math.log10(ends[0])), math.ceil(math.log10(ends[1])))
     inner = [number * 10.0**decade for decade in decades for number in PREFERRED_NUMBERS]

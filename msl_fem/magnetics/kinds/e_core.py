@@ -14,6 +14,7 @@ from msl_fem.magnetics.kinds.kind import (
     LeakageWindow,
     PlaneMagnet,
     PoleFace,
+    SizedLengths,
     StackEnds,
     WindingSpace,
     mean_height,
@@ -36,6 +37,11 @@ class ECore(PlaneMagnet):
         "yoke_thickness",
         "armature_thickness",
         "stack_depth",
+    )
+    SIZED: ClassVar = SizedLengths(
+        pole="centre_leg_width",
+        return_pole="outer_leg_width",
+        parts=(("outer_leg", "return_width"), ("yoke", "yoke_thickness"), ("armature", "armature_thickness")),
     )
 
     kind: Literal["e-core"]
@@ -196,6 +202,13 @@ class ECore(PlaneMagnet):
     def pole_faces(self) -> tuple[tuple[float, float], ...]:
         legs = (self.centre_leg_width, self.outer_leg_width, self.outer_leg_width)
         return tuple((width, self.stack_depth) for width in legs)
+
+    @property
+    def outer_size(self) -> tuple[float, float, float]:
+        """The coil lies inside the windows; its end turns stand out of the stack."""
+        turns = self.coil.leg_clearance + self.coil.width
+        width = 2 * max(self.half_width, self.armature_half_width)
+        return width, self.armature_thickness + self.height, self.stack_depth + 2 * turns
 
     @property
     def stack_ends(self) -> StackEnds:

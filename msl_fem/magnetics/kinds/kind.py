@@ -57,12 +57,21 @@ class WindingSpace:
 
 @dataclass(frozen=True)
 class CircuitPart:
-    """A part of the iron in the flux path: its length in m and the area in m2 (sheets and insulation) of all flux."""
+    """A part of the iron in the flux path: its length in m and the area in m2 (sheets and insulation) of all flux.
+
+    `least_area` is that of the cut where flux density is read, where the flux spreads along the part.
+    """
 
     name: str
     region: str
     length: float
     area: float
+    least_area: float | None = None
+
+    @property
+    def cut_area(self) -> float:
+        """m2 of the cut that bears the part's name."""
+        return self.area if self.least_area is None else self.least_area
 
 
 @dataclass(frozen=True)
@@ -103,7 +112,8 @@ class LeakageWindow:
 class CircuitOfKind:
     """The closed equations of a kind, as data: two pole faces in series, the window between, the iron's parts.
 
-    `crossed` names the parts that all leakage passes, `halfway` those whose middle it passes in part.
+    `crossed` names the parts that all leakage passes, `halfway` those whose middle it passes in part. The parts bear
+    the names of the section's cuts; the first one is the wound pole.
     """
 
     faces: tuple[PoleFace, PoleFace]
@@ -111,6 +121,25 @@ class CircuitOfKind:
     parts: tuple[CircuitPart, ...]
     crossed: tuple[str, ...]
     halfway: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class SizedLengths:
+    """What sizing varies of a core with two poles and a window: how the kind names it.
+
+    Attributes
+    ----------
+    pole : the length across the wound pole, by its name in the actuator file
+    return_pole : across the other one; None where both poles are alike
+    parts : part of the circuit to the length that makes it thick or thin: "pole_width", "return_width",
+        "yoke_thickness" or "armature_thickness" of a design
+    coils : side by side in the window
+    """
+
+    pole: str
+    return_pole: str | None
+    parts: tuple[tuple[str, str], ...]
+    coils: int = 1
 
 
 @dataclass(frozen=True)
@@ -165,10 +194,12 @@ class MagnetKind(FrozenModel, ABC):
     coil : the winding
     TOLERANCED : names of the kind's lengths that manufacturing varies; one is "stack_depth" in a plane section
     OWN_MESHES : a mesh cannot follow the gap far, so that each gap has its own
+    SIZED : what sizing varies (needs `circuit` and `outer_size`); None where the kind is not sized
     """
 
     TOLERANCED: ClassVar[tuple[str, ...]] = ()
     OWN_MESHES: ClassVar[bool] = False
+    SIZED: ClassVar[SizedLengths | None] = None
 
     if TYPE_CHECKING:  # a kind declares them among its own fields, in the order of its file
         iron: IronSpec
@@ -252,6 +283,11 @@ class MagnetKind(FrozenModel, ABC):
     @property
     def circuit(self) -> CircuitOfKind | None:
         """The closed equations; None where the kind does not state them."""
+        return None
+
+    @property
+    def outer_size(self) -> tuple[float, float, float] | None:
+        """Width, height and depth in m of core, coil and armature together, the gap closed; None if not stated."""
         return None
 
 

@@ -14,6 +14,7 @@ from msl_fem.magnetics.kinds.kind import (
     FringeEdge,
     LeakageWindow,
     PoleFace,
+    SizedLengths,
     WindingSpace,
     mean_height,
 )
@@ -31,6 +32,11 @@ class PotCore(FlatFaceMagnet):
     """A body of revolution about the post's axis: post, winding, ring and yoke, facing a disc that is attracted."""
 
     TOLERANCED: ClassVar = ("post_diameter", "ring_width", "yoke_thickness", "armature_thickness")
+    SIZED: ClassVar = SizedLengths(
+        pole="post_diameter",
+        return_pole="ring_width",
+        parts=(("ring", "return_width"), ("yoke", "yoke_thickness"), ("armature", "armature_thickness")),
+    )
 
     kind: Literal["pot-core"]
     post_diameter: Length
@@ -163,6 +169,12 @@ class PotCore(FlatFaceMagnet):
         return math.pi * self.half_width * (self.half_width + 2 * self.height)
 
     @property
+    def outer_size(self) -> tuple[float, float, float]:
+        """The coil lies inside the core."""
+        width = 2 * max(self.half_width, self.armature_half_width)
+        return width, self.armature_thickness + self.height, width
+
+    @property
     def circuit(self) -> CircuitOfKind:
         """Post, yoke, ring and armature in series; across yoke and armature the flux spreads from post to ring.
 
@@ -174,6 +186,7 @@ class PotCore(FlatFaceMagnet):
         share = ring_area / (post_area + ring_area)  # of the magnetomotive force across the post's gap
         across = self.window_width
         around = 2 * math.pi * across / math.log(inner / post)
+        beside = 2 * math.pi * (post + BESIDE * across)
         leg = self.window_height + self.yoke_thickness / 2
         coil = self.coil
         flush = FringeEdge(2 * math.pi * half, self.armature_thickness, flush=True)
@@ -186,9 +199,11 @@ class PotCore(FlatFaceMagnet):
             window=LeakageWindow(breadth, across, self.window_height, coil.face_clearance, coil.height),
             parts=(
                 CircuitPart("post", "core", leg, post_area),
-                CircuitPart("yoke", "core", across, around * self.yoke_thickness),
+                CircuitPart("yoke", "core", across, around * self.yoke_thickness, beside * self.yoke_thickness),
                 CircuitPart("ring", "core", leg, ring_area),
-                CircuitPart("armature", "armature", across, around * self.armature_thickness),
+                CircuitPart(
+                    "armature", "armature", across, around * self.armature_thickness, beside * self.armature_thickness
+                ),
             ),
             crossed=("yoke",),
             halfway=("post", "ring"),

@@ -14,6 +14,7 @@ from msl_fem.magnetics.kinds.kind import (
     LeakageWindow,
     PlaneMagnet,
     PoleFace,
+    SizedLengths,
     StackEnds,
     WindingSpace,
     mean_height,
@@ -32,6 +33,12 @@ class UCore(PlaneMagnet):
     """
 
     TOLERANCED: ClassVar = ("leg_width", "yoke_thickness", "armature_thickness", "stack_depth")
+    SIZED: ClassVar = SizedLengths(
+        pole="leg_width",
+        return_pole=None,
+        parts=(("yoke", "yoke_thickness"), ("armature", "armature_thickness")),
+        coils=2,
+    )
 
     kind: Literal["u-core"]
     leg_width: Length
@@ -171,6 +178,13 @@ class UCore(PlaneMagnet):
     @property
     def pole_faces(self) -> tuple[tuple[float, float], ...]:
         return ((self.leg_width, self.stack_depth),) * 2
+
+    @property
+    def outer_size(self) -> tuple[float, float, float]:
+        """The coils' turns stand out on all four sides."""
+        turns = self.coil.leg_clearance + self.coil.width
+        width = 2 * max(self.half_width + turns, self.armature_half_width)
+        return width, self.armature_thickness + self.height, self.stack_depth + 2 * turns
 
     @property
     def stack_ends(self) -> StackEnds:

@@ -12,7 +12,14 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, run_jobs
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
-from msl_fem.magnetics.field.magnet_field import MagnetField, check_grid, check_point, degree_of, magnet_mesh
+from msl_fem.magnetics.field.magnet_field import (
+    MagnetField,
+    check_grid,
+    check_point,
+    degree_of,
+    magnet_mesh,
+    with_margin,
+)
 from msl_fem.magnetics.sweep.rows import SweepJob, SweepRow, field_key, field_provenance
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION, MagneticTable
 
@@ -70,8 +77,9 @@ def drive_limit(actuator: Actuator) -> float | None:
 def default_grid(actuator: Actuator) -> tuple[Array, Array]:
     """Gaps (m) and currents (A) that cover an actuator's ranges with a margin.
 
-    Gaps run from half the smallest to a sixth of the nominal gap beyond the largest, in a geometric series; currents
-    from 0 to the drive's limit for one magnet, denser at small currents, where small gaps saturate.
+    Gaps run from half the smallest to a sixth of the nominal gap beyond the largest, or as far as the magnet's mesh
+    follows, in a geometric series; currents from 0 to the drive's limit for one magnet, denser at small currents, where
+    small gaps saturate.
 
     Raises
     ------
@@ -84,9 +92,9 @@ def default_grid(actuator: Actuator) -> tuple[Array, Array]:
             f"{actuator.name} states no motion.nominal_gap, motion.range or drive.current_limit to choose a grid from; "
             'give one, like --gaps "0.1,0.2,0.5 mm" --currents "1,2,5 A"'
         )
-    smallest = (motion.nominal_gap - motion.range) / 2
-    largest = motion.nominal_gap + motion.range + motion.nominal_gap / 6
-    gaps = np.geomspace(smallest, largest, DEFAULT_GAPS)
+    travel = motion.nominal_gap - motion.range, motion.nominal_gap + motion.range
+    ends = with_margin(actuator, travel, (travel[0] / 2, travel[1] + motion.nominal_gap / 6))
+    gaps = np.geomspace(*ends, DEFAULT_GAPS)
     share = np.arange(DEFAULT_CURRENTS) / (DEFAULT_CURRENTS - 1)
     return gaps, limit * share**2
 
