@@ -9,8 +9,9 @@ from msl_fem.cli.output import progress_bar, say
 from msl_fem.errors import InputError
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, default_grid, sweep
-from msl_fem.table.magnetic_table import MagneticTable, read_table
+from msl_fem.table.magnetic_table import MagneticTable
 from msl_fem.table.origin import doubt_about_table
+from msl_fem.table.pair_table import load_table
 
 
 def checked_accuracy(text: str) -> Accuracy:
@@ -28,7 +29,7 @@ def default_workers() -> int:
 def table_of_model(actuator: Actuator, otherwise: MagneticTable | None) -> MagneticTable | None:
     """The table that an extended model names; of one that names none, the table of the plain actuator."""
     if isinstance(actuator.magnet, TableMagnet):
-        return read_table(actuator.folder / actuator.magnet.table)
+        return load_table(actuator.folder / actuator.magnet.table)
     return otherwise
 
 
@@ -43,14 +44,14 @@ def table_for(actuator: Actuator, given: Path | None) -> MagneticTable | None:
     if actuator.magnet is None:
         return None
     if given is not None:
-        table = read_table(given)
+        table = load_table(given)
         made_for = table.provenance.get("actuator")
         if isinstance(made_for, str) and made_for not in ("", actuator.name):
             say(f"note: {given} was made for {made_for[:80]!r}, and is taken here for {actuator.name!r}")
         _say_doubt(actuator, table, given)
         return table
     if isinstance(actuator.magnet, TableMagnet):
-        return read_table(actuator.folder / actuator.magnet.table)
+        return load_table(actuator.folder / actuator.magnet.table)
     say("no --table given: computing the default one ('msl-fem table' keeps it)")
     with progress_bar("field solutions, rows") as progress:
         settings = SweepSettings(workers=default_workers())

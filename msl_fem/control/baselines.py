@@ -214,7 +214,7 @@ def _forces(model: DesignModel, bias: float, control: float, position: float) ->
         if current > 0.0:
             out = np.empty(6)
             gap = believed_gap(inverse, side, position)
-            evaluate(*side_surface(inverse, side), current * inverse.current_share, gap, out)
+            evaluate(*side_surface(inverse, side)[:3], current * inverse.current_share, gap, out)
             total += toward * inverse.magnets * float(out[_FORCE])
             slope += inverse.magnets * inverse.current_share * float(out[_CURRENT_SLOPE])
             stiffness -= inverse.magnets * float(out[_GAP_SLOPE])

@@ -34,7 +34,7 @@ from msl_fem.errors import ActuatorError, InputError
 from msl_fem.maps.guard import Guard
 from msl_fem.maps.level_currents import OperatingMap
 from msl_fem.plant.effects import CATALOGUE, EffectValues, design_change
-from msl_fem.plant.plant import PlantParameters, Surface, plant_parameters, surface_of
+from msl_fem.plant.plant import PlantParameters, Surface, as_surface, plant_parameters, surface_of
 from msl_fem.table.coenergy_surface import fit_coenergy_surface
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -227,7 +227,7 @@ def design_model_of(actuator: Actuator, table: MagneticTable, operating_map: Ope
     """
     plant = linear_plant(actuator)
     coupled = plant_parameters(actuator)
-    side = SideModel(surface_of(table), coupled.nominal_gap)
+    side = SideModel(surface_of(table)._replace(mutual=None), coupled.nominal_gap)
     return DesignModel(actuator, plant, coupled, inverse_of(coupled, Guard(operating_map), side))
 
 
@@ -311,8 +311,7 @@ def surface_with_effects(table: MagneticTable, effects: EffectValues) -> Surface
         "force_current_slope": t * (depth * w["force_current_slope"] - growth * w["flux_linkage"]),
         "force_gap_slope": depth * w["force_gap_slope"] + 2 * growth * w["force"],
     }
-    made = fit_coenergy_surface(np.asarray(table.gap), np.asarray(table.current) / t, nodes)
-    return Surface(*(np.array(a, dtype=np.float64, order="C") for a in (made.gap, made.current, made.coefficients)))
+    return as_surface(fit_coenergy_surface(np.asarray(table.gap), np.asarray(table.current) / t, nodes))
 
 
 def plant_with_effects(plant: LinearPlant, effects: EffectValues, *, sides: int) -> LinearPlant:

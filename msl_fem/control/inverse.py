@@ -80,7 +80,7 @@ def _check_growth(inverse: Inverse, surface: Surface) -> None:
     for gap in np.linspace(low, high, 4 * surface.gap.size):
         top = magnet_current_limit(inverse, gap)
         for current in np.linspace(0, top, 4 * surface.current.size)[1:]:
-            if not evaluate_slopes(*surface, current, gap)[3] > 0:
+            if not evaluate_slopes(*surface[:3], current, gap)[3] > 0:
                 raise InputError(
                     f"the table's force does not grow with the current at {current:.4g} A, gap "
                     f"{format_quantity(float(gap), 'm')}: no unique current gives a wanted force; lower the levels of "
@@ -217,7 +217,7 @@ def held_stiffness(inverse: Inverse, force: float, position: float, *, overlap: 
         if pulls[side] > 0.0 and limit > 0.0:
             current = magnet_current(surface, pulls[side] / inverse.magnets, gap, limit)
             out = np.empty(6)
-            evaluate(*surface, current, gap, out)
+            evaluate(*surface[:3], current, gap, out)
             total -= inverse.magnets * float(out[_GAP_SLOPE])
     return total
 

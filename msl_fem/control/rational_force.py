@@ -18,7 +18,7 @@ from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.maps.guard import Guard
 from msl_fem.maps.level_currents import OperatingMap
-from msl_fem.plant.plant import PlantParameters, Surface, plant_parameters
+from msl_fem.plant.plant import PlantParameters, Surface, as_surface, plant_parameters
 from msl_fem.table.coenergy_surface import fit_coenergy_surface
 
 _N_GAP, _N_CURRENT, _N_CHECK = 41, 25, 400
@@ -135,7 +135,4 @@ def _surface(identified: IdentifiedPlant, coupled: PlantParameters, side: int, r
             nodes["force_gap_slope"] += -a * q * i**p / g ** (q + 1)
     gap = g[:, 0] - identified.delta
     gap[0], gap[-1] = gaps[0], gaps[-1]
-    fitted = fit_coenergy_surface(gap, i[0], nodes)
-    return Surface(
-        *(np.array(a, dtype=np.float64, order="C") for a in (fitted.gap, fitted.current, fitted.coefficients))
-    )
+    return as_surface(fit_coenergy_surface(gap, i[0], nodes))

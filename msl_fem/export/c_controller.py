@@ -79,7 +79,7 @@ def controller_printer(parameters: ControllerParameters, prefix: str, surfaces: 
     """The step of a controller as C, its numbers known; surfaces and guard stand in the header under their names."""
     names = list(guard_names(parameters.inverse.guard, prefix))
     for surface, own in surfaces:
-        fields = zip(("gap", "current", "coenergy"), surface, strict=True)
+        fields = zip(("gap", "current", "coenergy"), surface[:3], strict=True)
         names += [(id(values), f"{own}_table_{field}_") for field, values in fields]
     style = header_style(f"{prefix}_controller_", exact=prefix, unrolled=frozenset({"side"}), arrays=tuple(names))
     printer = Printer(style)
@@ -115,7 +115,7 @@ def check_steps(design: ControllerDesign) -> dict[str, Array]:
 
 def _surface_text(surface: Surface, prefix: str, design: ControllerDesign) -> str:
     """The header of a surface that the controller inverts."""
-    evaluated = CoenergySurface(*surface)
+    evaluated = CoenergySurface(*surface[:3])
     gap, current = (
         np.r_[nodes[np.linspace(0, nodes.size - 1, _CELLS_CHECKED).astype(int)], nodes[:2].mean(), np.nan]
         for nodes in (surface.gap, surface.current)

@@ -21,6 +21,7 @@ CELLS = RecordType(
         ("n_gap", WHOLE),
         ("n_current", WHOLE),
     ),
+    (("mutual", None),),
 )
 END_STOP = RecordType("EndStop", tuple((name, REAL) for name in EndStop._fields), optional=True)
 _HISTORY = Pointer((HISTORY_DEPTH, N_HISTORY))
@@ -29,7 +30,7 @@ INSTRUMENTS = RecordType(
     "Instruments",
     tuple((name, Pointer(_READ[name], fixed=True) if name in _READ else REAL) for name in Instruments._fields),
 )
-_BUILD = ("sides", "magnets", "current_share", "drive")
+_BUILD = ("sides", "magnets", "current_share", "drive", "polarity")
 """Fields that are decided where the C is printed."""
 _FITTED = (
     "leakage_1",

@@ -32,6 +32,8 @@ from msl_fem.plant.effects.electrical import N_QUEUE
 from msl_fem.plant.layout import (
     AT_CURRENT_LIMIT_1,
     AT_VOLTAGE_LIMIT_1,
+    CIRCUIT_1,
+    CIRCUIT_2,
     COIL_1,
     COMMAND_1,
     DRIVE_FALL,
@@ -39,11 +41,13 @@ from msl_fem.plant.layout import (
     ENERGY_ELECTRICAL,
     FORMER_1,
     I1,
+    I2,
     INPUTS_BEGIN,
     INPUTS_END,
     INPUTS_MIDDLE,
     LAG_1,
     LAG_END_1,
+    N_CIRCUIT,
     OUTPUT_1,
     OUTPUT_END_1,
     OUTPUT_OF_1,
@@ -57,12 +61,15 @@ from msl_fem.plant.layout import (
     RAMP_1,
     RISE_1,
     SENSOR_WEIGHTS,
+    SHARED_ENERGY,
+    SHARED_FLUX,
     SLEW_1,
     SLEW_END_1,
     TARGET_1,
     VOLT_SECONDS_1,
     X,
 )
+from msl_fem.plant.mutual_flux import set_mutual_flux
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE, PlantParameters
 from msl_fem.plant.poles import fall_rows, lag_weights
 from msl_fem.plant.side import Cells, side_flux, side_gap
@@ -164,6 +171,28 @@ def jump(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> 
 
 
 @compiled
+def _jump_of_both(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, current: Value) -> Flag:
+    """What the sides have in common, while the current of side j goes to another value and the other one stays."""
+    own, other = CIRCUIT_1 + j * N_CIRCUIT + SHARED_FLUX, CIRCUIT_2 - j * N_CIRCUIT + SHARED_FLUX
+    was_inside = set_mutual_flux(cells, p, e, work, state[I1], state[I2])
+    own_before, other_before, stored_before = work[own], work[other], work[SHARED_ENERGY]
+    first, second = state[I1], state[I2]
+    if j == 0:
+        first = current
+    else:
+        second = current
+    inside = was_inside & set_mutual_flux(cells, p, e, work, first, second)
+    own_change, other_change = work[own] - own_before, work[other] - other_before
+    if e is not None:
+        share = e[magnetic.SHARE]
+        own_change, other_change = own_change + share * other_change, other_change + share * own_change
+    state[VOLT_SECONDS_1 + j] = state[VOLT_SECONDS_1 + j] + own_change
+    state[VOLT_SECONDS_1 + 1 - j] = state[VOLT_SECONDS_1 + 1 - j] + other_change
+    state[ENERGY_ELECTRICAL] = state[ENERGY_ELECTRICAL] + (work[SHARED_ENERGY] - stored_before)
+    return inside
+
+
+@compiled
 def _jump_of_side(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, current: Value) -> Flag:
     gap = side_gap(p, e, work, j)
     was_inside, flux_before, stored_before = side_flux(cells, p, e, work, j, state[I1 + j], gap)
@@ -171,16 +200,13 @@ def _jump_of_side(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: 
     inside = inside & was_inside
     if some(inside):
         change = choose(inside, flux - flux_before, np.nan)
-        other, mutual = VOLT_SECONDS_1 + 1 - j, current - current
-        if p.sides == 2:
-            mutual = p.mutual * (current - state[I1 + j])
+        other = VOLT_SECONDS_1 + 1 - j
         state[VOLT_SECONDS_1 + j] = state[VOLT_SECONDS_1 + j] + change
-        state[other] = state[other] + mutual
         if e is not None:
             state[other] = state[other] + e[magnetic.SHARE] * change
-            state[VOLT_SECONDS_1 + j] = state[VOLT_SECONDS_1 + j] + e[magnetic.SHARE] * mutual
-        energy = stored - stored_before + mutual * state[I1 + 1 - j]
-        state[ENERGY_ELECTRICAL] = state[ENERGY_ELECTRICAL] + energy
+        state[ENERGY_ELECTRICAL] = state[ENERGY_ELECTRICAL] + (stored - stored_before)
+        if p.sides == 2:
+            inside = inside & _jump_of_both(cells, p, e, state, work, j, current)
         state[I1 + j] = choose(inside, current, np.nan)
     return inside
 

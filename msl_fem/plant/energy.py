@@ -14,6 +14,7 @@ from msl_fem.plant.layout import (
     ANCHORED,
     BASE,
     BASE_RATE,
+    CIRCUIT_1,
     CREEP,
     EDDY_FLUX_1,
     ENERGY_COPPER,
@@ -26,8 +27,12 @@ from msl_fem.plant.layout import (
     ENERGY_IMPACT,
     ENERGY_INTERNAL,
     I1,
+    I2,
     MODE,
     MODE_RATE,
+    N_CIRCUIT,
+    SHARED_ENERGY,
+    SHARED_FLUX,
     STOPS_1,
     STOPS_2,
     STOPS_X,
@@ -35,6 +40,7 @@ from msl_fem.plant.layout import (
     X,
     workspace,
 )
+from msl_fem.plant.mutual_flux import set_mutual_flux
 from msl_fem.plant.plant import PlantParameters, Surface
 from msl_fem.plant.side import cells_of, side_flux, side_gap
 from msl_fem.plant.step import look_at
@@ -138,12 +144,15 @@ def _field(surface: Surface, p: PlantParameters, effects: Array | None, state: A
     e, rows, work, cells = rows_of(effects), rows_of(state), rows_of(memory), cells_of(surface)
     look_at(e, rows, work)
     energy = 0.0
+    if p.sides == 2:
+        set_mutual_flux(cells, p, e, work, rows[I1], rows[I2])
+        energy += work[SHARED_ENERGY]
     settled = rows[ANCHORED] <= 0.0  # before the first evaluation there are no eddy currents
     for j in range(p.sides):
         _, flux, stored = side_flux(cells, p, e, work, j, rows[I1 + j], side_gap(p, e, work, j))
         energy += stored
         if p.sides == 2:
-            flux += p.mutual * rows[I1 + 1 - j]
+            flux += work[CIRCUIT_1 + j * N_CIRCUIT + SHARED_FLUX]
         if effects is not None:
             y, width = abs(e[magnetic.IRON_SCALE] * flux), e[magnetic.IRON_WIDTH]
             iron = e[magnetic.IRON_LOW] * (y - width * np.log(1.0 + y / width)) + e[magnetic.IRON_KNEE] * y**4 / 4
@@ -151,7 +160,5 @@ def _field(surface: Surface, p: PlantParameters, effects: Array | None, state: A
         if effects is not None and not settled:
             for k in range(N_EDDY):
                 energy += 0.5 * e[magnetic.EDDY_MODE + k] * (flux - rows[EDDY_FLUX_1 + j * N_EDDY + k]) ** 2
-    if p.sides == 2:
-        energy += p.mutual * rows[I1] * rows[I1 + 1]
     keep(memory)
     return energy

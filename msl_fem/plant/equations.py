@@ -74,6 +74,7 @@ from msl_fem.plant.layout import (
     MODE,
     MODE_LOSS,
     MODE_RATE,
+    MUTUAL,
     N_CIRCUIT,
     N_KNOWN,
     OUTPUT_OF_1,
@@ -81,6 +82,10 @@ from msl_fem.plant.layout import (
     PUSH,
     RAMP_1,
     RESISTANCE,
+    SHARED_FLUX,
+    SHARED_INDUCTANCE,
+    SHARED_PULL,
+    SHARED_SLOPE,
     SLOPE,
     STOPS_1,
     STOPS_X,
@@ -91,6 +96,7 @@ from msl_fem.plant.layout import (
     X,
     Y,
 )
+from msl_fem.plant.mutual_flux import are_coupled, set_mutual_flux, shared
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, PlantParameters
 from msl_fem.plant.side import Cells, side_gap, side_slopes, side_with_effects
 
@@ -101,7 +107,7 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
 
     A circuit's rows hold L, e, u + h + G e and R; those of a side that is not there L = 1, else 0.
     """
-    share, unmix, eddy = e[magnetic.SHARE], e[magnetic.UNMIX], e[magnetic.EDDY]
+    share, unmix, eddy, mutual = e[magnetic.SHARE], e[magnetic.UNMIX], e[magnetic.EDDY], work[MUTUAL]
     l_1, l_2 = work[CIRCUIT_1 + INDUCTANCE], work[CIRCUIT_2 + INDUCTANCE]
     r_1, r_2 = work[CIRCUIT_1 + RESISTANCE], work[CIRCUIT_2 + RESISTANCE]
     e_1, e_2 = work[CIRCUIT_1 + EMF], work[CIRCUIT_2 + EMF]
@@ -125,14 +131,14 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
         _put_circuits(work, a_1, a_2, v_1, v_2)
     elif np.isinf(first(e[electrical.BANDWIDTH])):
         a_1, a_2 = work[inputs + RAMP_1], work[inputs + RAMP_1 + 1]
-        d_1, d_2 = l_1 * a_1 + p.mutual * a_2, l_2 * a_2 + p.mutual * a_1
+        d_1, d_2 = l_1 * a_1 + mutual * a_2, l_2 * a_2 + mutual * a_1
         v_1, v_2 = drop_1 + d_1 + share * (e_2 + d_2), drop_2 + d_2 + share * (e_1 + d_1)
         _put_circuits(work, a_1, a_2, v_1, v_2)
     else:
         w = e[electrical.BANDWIDTH]
         b_1, b_2 = w * (t_1 - i_1) - share * e_2 / l_1, w * (t_2 - i_2) - share * e_1 / l_2
         a_1, a_2 = _current_slopes(p, e, work, l_1, l_2, w * l_1, w * l_2, b_1, b_2)
-        d_1, d_2 = l_1 * a_1 + p.mutual * a_2, l_2 * a_2 + p.mutual * a_1
+        d_1, d_2 = l_1 * a_1 + mutual * a_2, l_2 * a_2 + mutual * a_1
         c_1 = i_1 + unmix * (eddy * d_1 - share * eddy * d_2)
         c_2 = i_2 + unmix * (eddy * d_2 - share * eddy * d_1)
         v_1 = r_1 * c_1 + e_1 + d_1 + share * (e_2 + d_2)
@@ -148,14 +154,14 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
             )
             work[LIMITED_1] = choose(over_1, 1.0, work[LIMITED_1])
             work[LIMITED_1 + 1] = choose(over_2, 1.0, work[LIMITED_1 + 1])
-            d_1, d_2 = l_1 * a_1 + p.mutual * a_2, l_2 * a_2 + p.mutual * a_1
+            d_1, d_2 = l_1 * a_1 + mutual * a_2, l_2 * a_2 + mutual * a_1
             c_1 = i_1 + unmix * (eddy * d_1 - share * eddy * d_2)
             c_2 = i_2 + unmix * (eddy * d_2 - share * eddy * d_1)
             v_1 = choose(over_1, v_1, r_1 * c_1 + e_1 + d_1 + share * (e_2 + d_2))
             v_2 = choose(over_2, v_2, r_2 * c_2 + e_2 + d_2 + share * (e_1 + d_1))
         _put_circuits(work, a_1, a_2, v_1, v_2)
     a_1, a_2 = work[CIRCUIT_1 + SLOPE], work[CIRCUIT_2 + SLOPE]
-    d_1, d_2 = l_1 * a_1 + p.mutual * a_2, l_2 * a_2 + p.mutual * a_1
+    d_1, d_2 = l_1 * a_1 + mutual * a_2, l_2 * a_2 + mutual * a_1
     work[CIRCUIT_1 + COIL_CURRENT] = i_1 + unmix * (eddy * d_1 - share * eddy * d_2)
     work[CIRCUIT_2 + COIL_CURRENT] = i_2 + unmix * (eddy * d_2 - share * eddy * d_1)
 
@@ -166,7 +172,7 @@ def _current_slopes(
 ) -> tuple[Value, Value]:
     """(a_1, a_2) of the two rows, by Cramer's rule."""
     share, loop = e[magnetic.SHARE], e[magnetic.UNMIX] * e[magnetic.EDDY]
-    m_1, m_2 = p.mutual / l_1, p.mutual / l_2
+    m_1, m_2 = work[MUTUAL] / l_1, work[MUTUAL] / l_2
     loop_1, loop_2 = rho_1 * loop, rho_2 * loop
     own_1, own_2 = 1.0 + share * m_1 + loop_1 * (1.0 - share * m_1), 1.0 + share * m_2 + loop_2 * (1.0 - share * m_2)
     from_2, from_1 = share * (l_2 / l_1), share * (l_1 / l_2)
@@ -209,12 +215,19 @@ def rates(cells: Cells, p: PlantParameters, work: Rows, inputs: int, dy: int) ->
     force = external
     power = copper = velocity - velocity
     inside = velocity == velocity
+    if p.sides == 2:
+        inside = set_mutual_flux(cells, p, None, work, work[Y + I1], work[Y + I1 + 1])
+        force = shared(cells, work, SHARED_PULL, force)
     for j in range(p.sides):
         toward = 1.0 - 2.0 * j  # side 1 pulls towards +x, side 2 towards -x
         current = work[Y + I1 + j]
         found, pull, inductance, flux_slope = side_slopes(cells, p, work, j, current, side_gap(p, None, work, j))
         inside = inside & found
-        drop = p.resistance * current - flux_slope * toward * velocity
+        motion = 0.0 - flux_slope * toward
+        if p.sides == 2:
+            inductance = shared(cells, work, CIRCUIT_1 + j * N_CIRCUIT + SHARED_INDUCTANCE, inductance)
+            motion = shared(cells, work, CIRCUIT_1 + j * N_CIRCUIT + SHARED_SLOPE, motion)
+        drop = p.resistance * current + motion * velocity
         voltage, slope, over = terminal_voltage(
             p, current, drop, inductance, work[inputs + TARGET_1 + j], work[inputs + OUTPUT_OF_1 + j],
             work[inputs + RAMP_1 + j],
@@ -228,8 +241,10 @@ def rates(cells: Cells, p: PlantParameters, work: Rows, inputs: int, dy: int) ->
         work[dy + I1 + j] = slope
         work[dy + VOLT_SECONDS_1 + j] = voltage
         work[CIRCUIT_1 + j * N_CIRCUIT + INDUCTANCE] = inductance
-    if p.sides == 2 and some(size(p.mutual) > 0.0):
-        power = power + _mutual_rates(p, work, inputs, dy)
+    if p.sides == 2:
+        if are_coupled(cells) or some(size(p.mutual) > 0.0):
+            power = power + _mutual_rates(p, work, inputs, dy)
+        power = power + _shared_power(cells, work, velocity)
     work[dy + X] = velocity
     work[dy + V] = (force - p.damping * velocity - p.stiffness * position) / p.mass
     work[dy + ENERGY_ELECTRICAL] = power
@@ -246,13 +261,22 @@ def _mutual_rates(p: PlantParameters, work: Rows, inputs: int, dy: int) -> Value
     l_1, l_2 = work[CIRCUIT_1 + INDUCTANCE], work[CIRCUIT_2 + INDUCTANCE]
     a_1, a_2 = work[dy + I1], work[dy + I1 + 1]
     if p.drive == CURRENT_DRIVE and np.isinf(first(p.bandwidth)):
-        work[dy + VOLT_SECONDS_1] = work[dy + VOLT_SECONDS_1] + p.mutual * a_2
-        work[dy + VOLT_SECONDS_1 + 1] = work[dy + VOLT_SECONDS_1 + 1] + p.mutual * a_1
-        return p.mutual * (a_2 * work[Y + I1] + a_1 * work[Y + I1 + 1])
-    m_1, m_2 = p.mutual / l_1, p.mutual / l_2
+        work[dy + VOLT_SECONDS_1] = work[dy + VOLT_SECONDS_1] + work[MUTUAL] * a_2
+        work[dy + VOLT_SECONDS_1 + 1] = work[dy + VOLT_SECONDS_1 + 1] + work[MUTUAL] * a_1
+        return work[MUTUAL] * (a_2 * work[Y + I1] + a_1 * work[Y + I1 + 1])
+    m_1, m_2 = work[MUTUAL] / l_1, work[MUTUAL] / l_2
     a_1, a_2 = _both_slopes(work, a_1, a_2, (1.0 + 0.0 * m_1, m_1), (1.0 + 0.0 * m_2, m_2))
     work[dy + I1], work[dy + I1 + 1] = a_1, a_2
     return a_1 - a_1
+
+
+@compiled
+def _shared_power(cells: Cells, work: Rows, gap_speed: Value) -> Value:
+    """Power of the force that both sides have in common, where both currents are known over the step; else it is part
+    of v i."""
+    both = (work[KNOWN_1] > 0.0) & (work[KNOWN_1 + N_KNOWN] > 0.0)
+    nothing = gap_speed - gap_speed
+    return choose(both, shared(cells, work, SHARED_PULL, nothing) * gap_speed, nothing)
 
 
 @compiled
@@ -270,6 +294,10 @@ def rates_with_effects(
         work[dy + VOLT_SECONDS_1] = work[inputs + OUTPUT_OF_1]
     force, magnets = external, external - external
     film, inside = magnets, magnets == magnets
+    if p.sides == 2:
+        inside = set_mutual_flux(cells, p, e, work, work[Y + I1], work[Y + I1 + 1])
+        force = shared(cells, work, SHARED_PULL, force)
+        magnets = shared(cells, work, SHARED_PULL, magnets)
     for j in range(p.sides):
         toward = 1.0 - 2.0 * j
         gap = side_gap(p, e, work, j)
@@ -280,9 +308,12 @@ def rates_with_effects(
         closeness = e[mechanical.FILM_GAP] / gap
         film = film + closeness * closeness * closeness
         circuit = CIRCUIT_1 + j * N_CIRCUIT
-        emf = 0.0 - flux_slope * toward * gap_speed
+        motion = 0.0 - flux_slope * toward
         if p.sides == 2:
-            flux = flux + p.mutual * work[Y + I1 + 1 - j]
+            flux = flux + work[circuit + SHARED_FLUX]
+            inductance = shared(cells, work, circuit + SHARED_INDUCTANCE, inductance)
+            motion = shared(cells, work, circuit + SHARED_SLOPE, motion)
+        emf = motion * gap_speed
         memory = hysteresis(e, state, j, flux, settle) + series_iron(e, flux)
         work[circuit + INDUCTANCE] = inductance
         work[circuit + EMF] = emf
@@ -295,6 +326,8 @@ def rates_with_effects(
     if p.sides > 0:
         solve_circuits(p, e, work, inputs)
         _electrical_rates(p, e, work, dy)
+    if p.sides == 2:
+        work[dy + ENERGY_ELECTRICAL] = work[dy + ENERGY_ELECTRICAL] + _shared_power(cells, work, gap_speed)
     film_force = e[mechanical.FILM] * film * gap_speed
     spring, stribeck = _suspension(e, state, work, settle)
     _motion(p, e, work, dy, force, film_force + spring + stribeck, magnets - film_force)
@@ -357,7 +390,7 @@ def _electrical_rates(p: PlantParameters, e: Rows, work: Rows, dy: int) -> None:
         circuit = CIRCUIT_1 + j * N_CIRCUIT
         current, voltage = work[circuit + COIL_CURRENT], work[circuit + VOLTAGE]
         loss = work[circuit + RESISTANCE] * current * current
-        mutual = p.mutual * work[CIRCUIT_2 - j * N_CIRCUIT + SLOPE]
+        mutual = work[MUTUAL] * work[CIRCUIT_2 - j * N_CIRCUIT + SLOPE]
         change = work[circuit + INDUCTANCE] * work[circuit + SLOPE] + mutual + work[circuit + EMF]
         lost = e[magnetic.EDDY] * change * change + work[circuit + MODE_LOSS]
         known = work[KNOWN_1 + j * N_KNOWN] > 0.0

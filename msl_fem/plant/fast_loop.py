@@ -29,6 +29,7 @@ from msl_fem.plant.layout import (
     KNOWN_FLUX,
     KNOWN_LAST,
     KNOWN_LIMITED,
+    KNOWN_SHARED,
     KNOWN_SLOPE,
     KNOWN_SLOPES,
     KNOWN_VALUE,
@@ -36,11 +37,15 @@ from msl_fem.plant.layout import (
     MMF,
     N_CIRCUIT,
     N_KNOWN,
+    SHARED_BEFORE,
+    SHARED_ENERGY,
+    SHARED_FLUX,
     SLOPES,
     TARGET_1,
     VOLT_SECONDS_1,
     Y,
 )
+from msl_fem.plant.mutual_flux import set_mutual_flux
 from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
 from msl_fem.plant.poles import FAST, fall_for_squares, fall_moments, limited_line, slopes_of_fall
 from msl_fem.plant.side import Cells, side_flux, side_gap
@@ -72,6 +77,9 @@ def set_aside_limits(work: Rows) -> None:
 def set_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float) -> None:
     """Currents of a step into the rows of each side, from Y = `state` with its slopes in the first stage's rows and
     whether the voltage limit acts there."""
+    if p.sides == 2:
+        set_mutual_flux(cells, p, e, work, state[I1], state[I1 + 1])
+        work[SHARED_BEFORE] = work[SHARED_ENERGY]
     for j in range(p.sides):
         above = _missing(p, e, work, j)
         if e is not None:
@@ -81,7 +89,9 @@ def set_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, w
         row = KNOWN_1 + j * N_KNOWN
         _, flux, stored = side_flux(cells, p, e, work, j, state[I1 + j], side_gap(p, e, work, j))
         if p.sides == 2:
-            flux = flux + p.mutual * work[Y + I1 + 1 - j]
+            own = work[CIRCUIT_1 + j * N_CIRCUIT + SHARED_FLUX]
+            flux = flux + own
+            work[row + KNOWN_SHARED] = own
         work[row + KNOWN_FLUX] = flux
         work[row + KNOWN_FIELD] = stored
 
@@ -175,24 +185,43 @@ def end_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, w
     for j in range(p.sides):
         row = KNOWN_1 + j * N_KNOWN
         work[Y + I1 + j] = choose(work[row] > 0.0, work[row + KNOWN_LAST], work[Y + I1 + j])
+    if p.sides == 2:
+        inside = inside & set_mutual_flux(cells, p, e, work, work[Y + I1], work[Y + I1 + 1])
+        work[Y + ENERGY_ELECTRICAL] = work[Y + ENERGY_ELECTRICAL] + _shared_energy(state, work)
     for j in range(p.sides):
         row = KNOWN_1 + j * N_KNOWN
         known = work[row] > 0.0
-        mutual = work[Y] - work[Y]
-        if p.sides == 2:
-            moved = work[Y + I1 + 1 - j] - state[I1 + 1 - j]
-            mutual = 0.5 * p.mutual * moved * (work[Y + I1 + j] + state[I1 + j])
         found, flux, stored = side_flux(cells, p, e, work, j, work[Y + I1 + j], side_gap(p, e, work, j))
         inside = inside & found
         if p.sides == 2:
-            flux = flux + p.mutual * work[Y + I1 + 1 - j]
+            flux = flux + work[CIRCUIT_1 + j * N_CIRCUIT + SHARED_FLUX]
         change = choose(known, flux - work[row + KNOWN_FLUX], 0.0)
         work[Y + VOLT_SECONDS_1 + j] = work[Y + VOLT_SECONDS_1 + j] + change
         if e is not None and p.sides == 2:
             other = Y + VOLT_SECONDS_1 + 1 - j
             work[other] = work[other] + e[magnetic.SHARE] * change
-        energy = choose(known, stored - work[row + KNOWN_FIELD] + mutual, 0.0)
+        energy = choose(known, stored - work[row + KNOWN_FIELD], 0.0)
         work[Y + ENERGY_ELECTRICAL] = work[Y + ENERGY_ELECTRICAL] + energy
         work[LIMITED_1 + j] = choose(known, work[row + KNOWN_LIMITED], work[LIMITED_1 + j])
         work[row] = 0.0
     return inside
+
+
+@compiled
+def _shared_energy(state: Rows, work: Rows) -> Value:
+    """What known currents took from their circuits for the field that both sides have in common, in J.
+
+    Where both are known it is the change of that field's energy; beside the power of its force (`equations.py`). Where
+    one is known, its mean current times what its flux linkage changed by.
+    """
+    nothing = work[Y] - work[Y]
+    alone = nothing
+    both = nothing == nothing
+    for j in range(2):
+        row = KNOWN_1 + j * N_KNOWN
+        known = work[row] > 0.0
+        both = both & known
+        change = work[CIRCUIT_1 + j * N_CIRCUIT + SHARED_FLUX] - work[row + KNOWN_SHARED]
+        taken = 0.5 * (work[Y + I1 + j] + state[I1 + j]) * change
+        alone = alone + choose(known, taken, nothing)
+    return choose(both, work[SHARED_ENERGY] - work[SHARED_BEFORE], alone)

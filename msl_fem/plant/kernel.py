@@ -57,6 +57,7 @@ from msl_fem.plant.layout import (
     OUTSIDE_RANGE,
     OUTSIDE_TABLE,
     SENSOR,
+    SHARED_FLUX,
     SLOPES,
     STEPS_DONE,
     VOLT_SECONDS_1,
@@ -66,6 +67,7 @@ from msl_fem.plant.layout import (
     Y,
     workspace,
 )
+from msl_fem.plant.mutual_flux import set_mutual_flux
 from msl_fem.plant.plant import CURRENT_DRIVE, EndStop, PlantParameters, Surface
 from msl_fem.plant.side import Cells, cells_of, side_flux, side_gap
 from msl_fem.plant.step import keep_step, look_at, seen, slopes, step_with_stop, try_step
@@ -285,11 +287,13 @@ def write_row(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows
     row[start + OUT_X], row[start + OUT_V], row[start + OUT_SENSOR] = state[X], state[V], state[SENSOR]
     row[start + OUT_SENSOR_SLOPE] = v if np.isinf(first(bandwidth)) else bandwidth * (x - state[SENSOR])
     inside = x == x
+    if p.sides == 2:
+        inside = set_mutual_flux(cells, p, e, work, state[I1], state[I2])
     for j in range(p.sides):
         found, flux, _ = side_flux(cells, p, e, work, j, state[I1 + j], side_gap(p, e, work, j))
         inside = inside & found
         if p.sides == 2:
-            flux = flux + p.mutual * state[I1 + 1 - j]
+            flux = flux + work[CIRCUIT_1 + j * N_CIRCUIT + SHARED_FLUX]
         row[start + OUT_FLUX_1 + j] = row[start + OUT_FLUX_1 + j] + flux
         if e is not None:
             row[start + OUT_FLUX_1 + 1 - j] = row[start + OUT_FLUX_1 + 1 - j] + e[magnetic.SHARE] * flux

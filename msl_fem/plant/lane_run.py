@@ -395,6 +395,7 @@ def _run_block(
         own[_ROW.input_gain_2],
         own[_ROW.input_zero_1],
         own[_ROW.input_zero_2],
+        own[_ROW.polarity],
         own[_ROW.inductance],
     )
     kernel.run_rows(cells, p, e, state, work, block.reach, commands, disturbance, step, n_sub, rows_of(out), linear)

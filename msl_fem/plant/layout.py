@@ -59,6 +59,18 @@ CELL = _BLOCK.row(36)
 GAP_LOW, GAP_HIGH, CURRENT_LOW, CURRENT_HIGH, CURRENT, GAP, SURFACE_START = _BLOCK.rows(7)
 N_BLOCK = _BLOCK.size
 
+_MUTUAL = RowLayout()
+# The cell of the coenergy of both sides: coefficients, lower and upper edge of each variable, what a lane looks for;
+# then what is left of the coefficients at a position, value and slope over it; and at current 2 too (`mutual_flux.py`).
+# The six powers of current 1 are filled up with zeros, so that the machine takes them at once.
+PADDED = 8
+N_CELL = 36 * PADDED
+MUTUAL_CELL = _MUTUAL.row(N_CELL)
+MUTUAL_LOW, MUTUAL_HIGH, MUTUAL_POINT = _MUTUAL.rows(3, 3)
+MUTUAL_VALUE, MUTUAL_RISE = _MUTUAL.rows(2, 6 * PADDED)
+MUTUAL_LEFT = _MUTUAL.row(5 * PADDED)
+N_MUTUAL = _MUTUAL.size
+
 _INPUT = RowLayout()
 # What acts on the plant: what a current loop aims at (A), what a voltage or force drive gives (V, N), outer forces (N)
 TARGET_1, TARGET_2, OUTPUT_OF_1, OUTPUT_OF_2, PUSH = _INPUT.rows(5)
@@ -71,6 +83,8 @@ _CIRCUIT = RowLayout()
 # resistance (ohm); then what `solve_circuits` finds: du/dt (A/s), voltage (V), current of the coil (A); loss of the
 # modes of the eddy currents (W); power of the magnets' force (W)
 INDUCTANCE, EMF, MMF, RESISTANCE, SLOPE, VOLTAGE, COIL_CURRENT, MODE_LOSS, PULL_POWER = _CIRCUIT.rows(9)
+# Of both sides' common coenergy: what it adds to the inductance (H), flux linkage (Wb) and its slope over x (Wb/m)
+SHARED_INDUCTANCE, SHARED_FLUX, SHARED_SLOPE = _CIRCUIT.rows(3)
 N_CIRCUIT = _CIRCUIT.size
 
 _WORK = RowLayout()
@@ -93,11 +107,15 @@ DRIVE_FALL, DRIVE_RAMP = _WORK.rows(2, 4)
 # Currents of a loop that is fast against the step (`fast_loop.py`), side 1, then side 2: whether they are known (0 or
 # 1), then their values at begin, middle and end of a step and behind it, what stands for their slopes (A/s), the one
 # of the stage; flux linkage (Wb) and field energy (J) at the step's begin, whether the limit had been met before
-N_KNOWN = 12
+N_KNOWN = 13
 KNOWN_1, KNOWN_2 = _WORK.rows(2, N_KNOWN)
 KNOWN_VALUE, KNOWN_LAST, KNOWN_SLOPES, KNOWN_SLOPE, KNOWN_FLUX, KNOWN_FIELD, KNOWN_LIMITED = 1, 4, 5, 8, 9, 10, 11
+KNOWN_SHARED = 12  # what of that flux linkage the sides have in common (Wb)
 CIRCUIT_1, CIRCUIT_2 = _WORK.rows(2, N_CIRCUIT)
 TILTED = _WORK.row(4 * N_BLOCK)  # cells at either end of a tilted face: side 1's lower and upper gap, then side 2's
+SHARED = _WORK.row(N_MUTUAL)  # the cell of the coenergy of both sides
+# Of that coenergy: mutual inductance (H), force along +x (N), field energy (J), that at the begin of a step
+MUTUAL, SHARED_PULL, SHARED_ENERGY, SHARED_BEFORE = _WORK.rows(4)
 N_WORK = _WORK.size
 
 _OUT = RowLayout()

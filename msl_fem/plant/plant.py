@@ -8,21 +8,38 @@ import numpy as np
 from msl_fem.actuator import Actuator, Motion
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ActuatorError
+from msl_fem.table.coenergy_surface import CoenergySurface
 from msl_fem.table.magnetic_table import MagneticTable
+from msl_fem.table.pair_surface import PairSurface
 
 CURRENT_DRIVE, VOLTAGE_DRIVE, FORCE_DRIVE = 0, 1, 2
 _DRIVE_CODE = {"current": CURRENT_DRIVE, "voltage": VOLTAGE_DRIVE, "force": FORCE_DRIVE}
 
 
+class MutualSurface(NamedTuple):
+    """The arrays of a `PairSurface`: nodes of the position (m) and of both magnets' currents (A), (n,) each.
+
+    `coefficients` (n_cell, 6 x 6 x 8) by position, current 1, current 2, each cell's by powers of position, current 2,
+    current 1, the order in which the kernel sums them; zeros behind the last ones.
+    """
+
+    position: Array
+    current_1: Array
+    current_2: Array
+    coefficients: Array
+
+
 class Surface(NamedTuple):
     """The arrays of a `CoenergySurface`: gap (n_gap,) m, current (n_current,) A, coefficients of the cells.
 
-    For lanes, coefficients may have an axis more in front: surfaces over the same nodes.
+    For lanes, coefficients may have an axis more in front: surfaces over the same nodes. `mutual` is what the armature
+    of two sides adds to them, None where they are taken apart.
     """
 
     gap: Array
     current: Array
     coefficients: Array
+    mutual: MutualSurface | None = None
 
 
 class EndStop(NamedTuple):
@@ -63,6 +80,7 @@ class PlantParameters(NamedTuple):
     input_gain_2: float = 1.0
     input_zero_1: float = 0.0  # what drives side 1 (A, V, N) where that is 0
     input_zero_2: float = 0.0
+    polarity: float = 1.0  # of side 2's currents over those of a pair's table: -1 where positive currents oppose
     inductance: float = 1.0  # H, of a side at the nominal gap without current; leakage and mutual are stated over it
 
 
@@ -102,6 +120,7 @@ def plant_parameters(actuator: Actuator) -> PlantParameters:
         voltage_limit=float(drive.voltage_limit or math.inf),
         current_limit=float(drive.current_limit or math.inf),
         sensor_bandwidth=_angular(actuator.position_sensor.bandwidth),
+        polarity=-1.0 if sides and sides.polarity == "opposing" else 1.0,
         end_stop=EndStop(motion.end_stop, motion.end_stop_restitution or 0.0) if motion.end_stop else None,
     )
 
@@ -110,8 +129,25 @@ def surface_of(table: MagneticTable | None) -> Surface:
     """The arrays of the table's interpolant; None (a rig without magnets) gives a surface that is never evaluated."""
     if table is None:
         return Surface(np.zeros(2), np.zeros(2), np.zeros((1, 1, 6, 6)))
-    s = table.surface
-    return Surface(*(np.array(a, dtype=np.float64, order="C") for a in (s.gap, s.current, s.coefficients)))
+    surface = as_surface(table.surface)
+    return surface._replace(mutual=_mutual_surface(table.shared.surface)) if table.shared else surface
+
+
+def as_surface(fitted: CoenergySurface) -> Surface:
+    """The arrays of an interpolant, for compiled functions."""
+    arrays = fitted.gap, fitted.current, fitted.coefficients
+    gap, current, coefficients = (np.array(a, dtype=np.float64, order="C") for a in arrays)
+    return Surface(gap, current, coefficients)
+
+
+def _mutual_surface(surface: PairSurface) -> MutualSurface:
+    """The surface, its cells' coefficients in the order in which the kernel sums them."""
+    powers = surface.coefficients.reshape(-1, 6, 6, 6)  # current 2, current 1, position
+    cells = np.zeros((len(powers), 6, 6, 8))  # zeros behind the six powers of current 1
+    cells[..., :6] = powers.transpose(0, 3, 1, 2)
+    nodes = surface.position, surface.current_1, surface.current_2
+    x, i, j = (np.array(a, dtype=np.float64, order="C") for a in nodes)
+    return MutualSurface(x, i, j, cells.reshape(len(powers), -1))
 
 
 def _angular(frequency: float | None) -> float:

@@ -43,7 +43,7 @@ def small_signal_inductance(plant: PlantParameters, surface: Surface) -> float:
     """The inductance of a side at the nominal gap without current, in H; 1 for a rig without magnets."""
     if plant.sides == 0:
         return 1.0
-    magnet = CoenergySurface(*surface)(np.zeros(1), np.array([plant.nominal_gap]))[:, 0]
+    magnet = CoenergySurface(*surface[:3])(np.zeros(1), np.array([plant.nominal_gap]))[:, 0]
     return plant.magnets * plant.current_share**2 * float(magnet[3])
 
 

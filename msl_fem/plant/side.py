@@ -6,7 +6,7 @@ their own, one a lane; an evaluation first looks whether all lanes are still ins
 With effects the side's coenergy is n A(g) <W'>(c share i, g), A = depth + growth g (early_saturation, fringing), <>
 the mean over a face that is not parallel (armature_tilt); gap_offset lies in g. Force, flux and their slopes are
 derivatives of this one function, so dF/di = -dlambda/dg holds with any of them. Leakage adds l u^2/2, which does not
-depend on the gap: flux linkage without force. Mutual flux of both sides adds M u_1 u_2 (`equations.py`).
+depend on the gap: flux linkage without force. What both sides have in common is in `mutual_flux.py`.
 """
 
 from typing import NamedTuple
@@ -45,10 +45,23 @@ from msl_fem.plant.layout import (
     X,
     Y,
 )
-from msl_fem.plant.plant import PlantParameters, Surface
+from msl_fem.plant.plant import MutualSurface, PlantParameters, Surface
 
 Five = tuple[Value, Value, Value, Value, Value]
 GAUSS = 5.0 / 18.0  # weight of the outer two of three points
+
+
+class MutualCells(NamedTuple):
+    """A `MutualSurface` as the kernel takes it."""
+
+    position: Rows
+    current_1: Rows
+    current_2: Rows
+    coefficients: Rows
+    n_position: int
+    n_current_1: int
+    n_current_2: int
+    n_power: int  # of current 1, with those that fill up
 
 
 class Cells(NamedTuple):
@@ -59,13 +72,26 @@ class Cells(NamedTuple):
     coefficients: Rows
     n_gap: int
     n_current: int
+    mutual: MutualCells | None
 
 
 @compiled
 def cells_of(surface: Surface) -> Cells:
     """The surface by its addresses; it must outlive them."""
     gap, current = surface.gap, surface.current
-    return Cells(rows_of(gap), rows_of(current), rows_of(surface.coefficients.ravel()), gap.size, current.size)
+    coefficients, mutual = rows_of(surface.coefficients.ravel()), _mutual_cells(surface.mutual)
+    return Cells(rows_of(gap), rows_of(current), coefficients, gap.size, current.size, mutual)
+
+
+@compiled
+def _mutual_cells(surface: MutualSurface | None) -> MutualCells | None:
+    if surface is None:
+        return None
+    else:
+        x, i, j = surface.position, surface.current_1, surface.current_2
+        n_power = surface.coefficients.shape[1] // 36
+        coefficients = rows_of(surface.coefficients.ravel())
+        return MutualCells(rows_of(x), rows_of(i), rows_of(j), coefficients, x.size, i.size, j.size, n_power)
 
 
 @compiled
@@ -92,19 +118,19 @@ def _move(cells: Cells, work: Rows, block: int, current: Value, gap: Value) -> N
     work[block + GAP] = gap
     for lane in range(width(work)):
         i, g = lane_of(work, block + CURRENT, lane), lane_of(work, block + GAP, lane)
-        m, n = _lower_node(cells.gap, cells.n_gap, g), _lower_node(cells.current, cells.n_current, i)
+        m, n = lower_node(cells.gap, cells.n_gap, g), lower_node(cells.current, cells.n_current, i)
         if m >= 0 and n >= 0:
             start = int(lane_of(work, block + SURFACE_START, lane)) + (m * (cells.n_current - 1) + n) * 36
             for k in range(36):
                 set_lane(work, block + CELL + k, lane, cells.coefficients[start + k])
             set_lane(work, block + GAP_LOW, lane, cells.gap[m])
-            set_lane(work, block + GAP_HIGH, lane, _upper_edge(cells.gap, cells.n_gap, m))
+            set_lane(work, block + GAP_HIGH, lane, upper_edge(cells.gap, cells.n_gap, m))
             set_lane(work, block + CURRENT_LOW, lane, cells.current[n])
-            set_lane(work, block + CURRENT_HIGH, lane, _upper_edge(cells.current, cells.n_current, n))
+            set_lane(work, block + CURRENT_HIGH, lane, upper_edge(cells.current, cells.n_current, n))
 
 
 @compiled
-def _lower_node(nodes: Rows, n_node: int, x: float) -> int:
+def lower_node(nodes: Rows, n_node: int, x: float) -> int:
     """The index m with nodes[m] <= x < nodes[m + 1], the last but one at the end, by bisection; -1 outside."""
     if not (nodes[0] <= x and x <= nodes[n_node - 1]):
         return -1
@@ -119,7 +145,7 @@ def _lower_node(nodes: Rows, n_node: int, x: float) -> int:
 
 
 @compiled
-def _upper_edge(nodes: Rows, n_node: int, m: int) -> float:
+def upper_edge(nodes: Rows, n_node: int, m: int) -> float:
     """The first number above the cell from node m; the last cell has its upper node."""
     return nodes[m + 1] if m + 2 < n_node else np.nextafter(nodes[m + 1], np.inf)
 

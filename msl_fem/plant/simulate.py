@@ -39,6 +39,7 @@ from msl_fem.plant.operating_point import stability_limit
 from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters, Surface, plant_parameters, surface_of
 from msl_fem.plant.preparation import effect_coefficients, start_effects
 from msl_fem.plant.step_count import default_substeps
+from msl_fem.plant.two_sides import shared_by_sides
 from msl_fem.record import Noise, Record, Role, Run, Sampling
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -234,6 +235,7 @@ def _check_start(actuator: Actuator, plant: PlantParameters, table: MagneticTabl
     for j in range(plant.sides if table else 0):
         assert table is not None
         table.evaluate(plant.current_share * options.currents[j], plant.nominal_gap - (1 - 2 * j) * options.position)
+    shared_by_sides(plant, table, currents=options.currents, position=np.array(options.position))
 
 
 def _complaint(actuator: Actuator, table: MagneticTable | None, status: int, *, time: float, state: Array) -> str:

@@ -26,7 +26,7 @@ from msl_fem.record.columns import Column, write_columns
 from msl_fem.record.reader import check_record, check_run, read_static_map
 from msl_fem.record.record import Record, Run, StaticMap
 from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RigFile, read_rig
-from msl_fem.table.magnetic_table import read_table
+from msl_fem.table.pair_table import load_table
 
 if sys.platform != "win32":
     import fcntl
@@ -223,7 +223,7 @@ def check_companions(actuator: Actuator) -> None:
     """RecordError for a mesh outside the actuator's folder; TableError, MaterialError for no table, no B-H curve."""
     for section, key in file_keys(document(actuator)):
         if key == "table":
-            read_table(actuator.folder / section[key])
+            load_table(actuator.folder / section[key])
         elif key == "mesh":
             _check_mesh(section[key], actuator)
         else:

@@ -53,7 +53,8 @@ from msl_fem.report.diagnosis_words import (
     what_is_left,
 )
 from msl_fem.report.page import Grid, Page, Stage, write_page
-from msl_fem.table.magnetic_table import MagneticTable, write_table
+from msl_fem.table.magnetic_table import MagneticTable
+from msl_fem.table.pair_table import save_table
 
 MOST_DEPENDENCES = 8
 DIAGNOSIS, REPORT, MODEL, TABLE = "diagnosis.json", "report.html", "extended_model.toml", "corrected_table.nc"
@@ -91,7 +92,7 @@ def _write_all(record: Record, found: Diagnosis, folder: Path, *, table: Magneti
     if found.extended is not None:
         model = extended_model_of(found.extended, folder, believed=table)
         if found.extended.table is not None and found.extended.table is not table:
-            write_table(found.extended.table, folder / TABLE)
+            save_table(found.extended.table, folder / TABLE)
         write_extended_model(model, folder / MODEL)
     write_page(diagnosis_page(record, found), folder / REPORT)
     text = json.dumps(json_value(found.to_json()), indent=1, allow_nan=False)

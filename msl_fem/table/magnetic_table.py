@@ -17,6 +17,7 @@ from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import whole_file
 from msl_fem.table.coenergy_surface import CoenergySurface, fit_coenergy_surface
 from msl_fem.table.consistency import check_consistency
+from msl_fem.table.pair_surface import SharedCoenergy
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -55,6 +56,7 @@ class MagneticTable:
     reciprocity_error : largest difference of force or flux linkage between independent field solutions at midpoints
         and the interpolant's derivatives, each of its full scale; nan where not known
     provenance : how the table came to be
+    shared : what the armature adds where it belongs to two such magnets; None: the table knows one magnet alone
     """
 
     gap: Array
@@ -65,6 +67,7 @@ class MagneticTable:
     interpolation_error: float = float("nan")
     reciprocity_error: float = float("nan")
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    shared: SharedCoenergy | None = None
 
     def __post_init__(self) -> None:
         _check(self)
@@ -281,7 +284,7 @@ def read_table(path: str | Path) -> MagneticTable:
         if not isinstance(provenance, dict):
             raise TableError("attribute 'provenance' must be a JSON object")
         names = ("mesh_error", "interpolation_error", "reciprocity_error")
-        errors = {name: float(attributes.get(name, "nan")) for name in names}
+        mesh_error, interpolation_error, reciprocity_error = (float(attributes.get(name, "nan")) for name in names)
     except Exception as err:  # attributes and variables of a foreign file can be of any kind
         raise TableError(
             f"{path}: not a magnetic table ({err or type(err).__name__}); make one with 'msl-fem table'"
@@ -289,6 +292,15 @@ def read_table(path: str | Path) -> MagneticTable:
     try:
         nodes = {k: v for k, v in arrays.items() if k in NODES}
         extras = {k: v for k, v in arrays.items() if k not in NODES}
-        return MagneticTable(gap, current, nodes, extras, **errors, provenance=provenance)
+        return MagneticTable(
+            gap,
+            current,
+            nodes,
+            extras,
+            mesh_error=mesh_error,
+            interpolation_error=interpolation_error,
+            reciprocity_error=reciprocity_error,
+            provenance=provenance,
+        )
     except TableError as err:
         raise TableError(f"{path}: {err}") from err

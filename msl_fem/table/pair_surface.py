@@ -5,7 +5,7 @@ more: what is one function has one mixed derivative, so d lambda_1/d i_2 = d lam
 hold to rounding.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -14,6 +14,8 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled, for_few
 from msl_fem.computing.splines import spline_derivative
+from msl_fem.errors import OutOfTable
+from msl_fem.files.quantity import format_quantity
 from msl_fem.table.coenergy_surface import FEW, HermiteSpline, cell_of
 
 N = 6  # coefficients a direction of a cell: quintic
@@ -87,6 +89,46 @@ def _stacked_along(axis: int, places: Array, data: dict[Orders, Array]) -> dict[
         stacked = np.concatenate([values, slopes, ends.reshape(2, *slopes.shape[1:])])
         left[orders[0], orders[1], orders[2]] = np.moveaxis(stacked, 0, axis)
     return left
+
+
+@dataclass(frozen=True, eq=False)
+class SharedCoenergy:
+    """What a shared armature adds to the coenergies of two magnets: D(x, i_1, i_2) of `pair_table`.
+
+    Attributes
+    ----------
+    surface : D in J over the armature's position towards side 1 (m) and both currents (A), whose equal signs aid
+    gap_sum : both gaps together, m
+    """
+
+    surface: PairSurface
+    gap_sum: float
+
+    @property
+    def block(self) -> str:
+        """The range, for messages."""
+        s = self.surface
+        currents = (f"current_{k} {i[0]:g} ... {i[-1]:g} A" for k, i in ((1, s.current_1), (2, s.current_2)))
+        return f"position {s.position[0] * 1e3:.4g} ... {s.position[-1] * 1e3:.4g} mm, {', '.join(currents)}"
+
+    def evaluate(self, position: Array, current_1: Array, current_2: Array) -> dict[str, Array]:
+        """D and its slopes by the names of `DERIVATIVES`, broadcast together; OutOfTable outside the block."""
+        points = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (position, current_1, current_2)))
+        values = self.surface(*points)
+        if np.isnan(values).any():
+            self._complain(points)
+        return dict(zip(DERIVATIVES, values, strict=True))
+
+    def _complain(self, points: Sequence[Array]) -> None:
+        names = (("position", "m"), ("current_1", "A"), ("current_2", "A"))
+        axes = self.surface.position, self.surface.current_1, self.surface.current_2
+        for (name, unit), nodes, values in zip(names, axes, points, strict=True):
+            outside = ~((values >= nodes[0]) & (values <= nodes[-1]))
+            if outside.any():
+                raise OutOfTable(
+                    f"{name} {format_quantity(float(values[outside].flat[0]), unit)} lies outside the table's block: "
+                    f"{self.block}; extend the sweep or clip the request"
+                )
 
 
 @compiled

@@ -7,7 +7,7 @@ d lambda_1/d i_2 = d lambda_2/d i_1 and dF/d i_k = d lambda_k/dx hold to roundin
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,12 +17,12 @@ from numpy.typing import ArrayLike
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.splines import spline_derivative
-from msl_fem.errors import OutOfTable, TableError
+from msl_fem.errors import TableError
 from msl_fem.files.netcdf_file import NetcdfVariable, read_variables, write_netcdf
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import whole_file
-from msl_fem.table.magnetic_table import MOST_VALUES, NODES, SECTION, MagneticTable
-from msl_fem.table.pair_surface import CORNERS, DERIVATIVES, FEWEST_NODES, PairSurface, fit_pair_surface
+from msl_fem.table.magnetic_table import MOST_VALUES, NODES, SECTION, MagneticTable, read_table, write_table
+from msl_fem.table.pair_surface import CORNERS, DERIVATIVES, FEWEST_NODES, PairSurface, SharedCoenergy, fit_pair_surface
 
 SCHEMA = 1
 PAIR_NODES = {
@@ -96,8 +96,7 @@ class PairTable:
     @property
     def block(self) -> str:
         """The table's range, for messages."""
-        currents = (f"current_{k} {i[0]:g} ... {i[-1]:g} A" for k, i in ((1, self.current_1), (2, self.current_2)))
-        return f"position {self.position[0] * 1e3:.4g} ... {self.position[-1] * 1e3:.4g} mm, {', '.join(currents)}"
+        return self.shared.block
 
     @property
     def sections(self) -> tuple[str, ...]:
@@ -105,34 +104,26 @@ class PairTable:
         return tuple(name.removeprefix(SECTION) for name in self.extras)
 
     @cached_property
+    def shared(self) -> SharedCoenergy:
+        """What the sides have in common."""
+        return SharedCoenergy(self.difference, self.gap_sum)
+
+    @cached_property
+    def coupled(self) -> MagneticTable:
+        """The table of one magnet, with what the sides have in common: what the coupled model takes."""
+        return replace(self.one_sided, shared=self.shared)
+
+    @cached_property
     def difference(self) -> PairSurface:
         """D, the coenergy beyond that of two magnets apart."""
         x, i, j = np.meshgrid(*self.axes, indexing="ij")
-        apart = self._apart(x, i, j)
+        apart = two_apart(self.one_sided, self.gap_sum / 2, x, i, j)
         rows = dict(zip(DERIVATIVES, PAIR_NODES, strict=True))
         nodes = {key: self.nodes[name] - apart[name] for key, name in rows.items() if key in CORNERS}
         mutual = nodes["12"].reshape(self.position.size, -1)
         degree = min(5, self.position.size - 1)
         slope = spline_derivative(self.position, mutual, self.position, degree=degree)
         return fit_pair_surface(*self.axes, nodes | {"x12": slope.reshape(x.shape)})
-
-    def _apart(self, x: Array, i: Array, j: Array) -> dict[str, Array]:
-        """`PAIR_NODES` of two magnets that share nothing."""
-        half = self.gap_sum / 2
-        one = self.one_sided.evaluate(i, half - x)
-        two = self.one_sided.evaluate(j, half + x)
-        return {
-            "coenergy": one["coenergy"] + two["coenergy"],
-            "flux_linkage_1": one["flux_linkage"],
-            "flux_linkage_2": two["flux_linkage"],
-            "force": one["force"] - two["force"],
-            "incremental_inductance_1": one["incremental_inductance"],
-            "incremental_inductance_2": two["incremental_inductance"],
-            "mutual_inductance": np.zeros(x.shape),
-            "force_current_slope_1": one["force_current_slope"],
-            "force_current_slope_2": -two["force_current_slope"],
-            "force_position_slope": -one["force_gap_slope"] - two["force_gap_slope"],
-        }
 
     def evaluate(self, position: ArrayLike, current_1: ArrayLike, current_2: ArrayLike) -> dict[str, Array]:
         """The quantities of `PAIR_NODES` at (position, current_1, current_2), broadcast together.
@@ -143,21 +134,27 @@ class PairTable:
         """
         given = (np.asarray(v, dtype=float) for v in (position, current_1, current_2))
         x, i, j = np.broadcast_arrays(*given)
-        values = self.difference(x, i, j)
-        if np.isnan(values).any():
-            self._complain(x, i, j)
-        apart = self._apart(x, i, j)
-        return {name: value + apart[name] for name, value in zip(PAIR_NODES, values, strict=True)}
+        together = self.shared.evaluate(x, i, j)
+        apart = two_apart(self.one_sided, self.gap_sum / 2, x, i, j)
+        return {name: together[key] + apart[name] for key, name in zip(DERIVATIVES, PAIR_NODES, strict=True)}
 
-    def _complain(self, *points: Array) -> None:
-        names = (("position", "m"), ("current_1", "A"), ("current_2", "A"))
-        for (name, unit), nodes, values in zip(names, self.axes, points, strict=True):
-            outside = ~((values >= nodes[0]) & (values <= nodes[-1]))
-            if outside.any():
-                raise OutOfTable(
-                    f"{name} {format_quantity(float(values[outside].flat[0]), unit)} lies outside the table's block: "
-                    f"{self.block}; extend the sweep or clip the request"
-                )
+
+def two_apart(magnet: MagneticTable, half: float, x: Array, i: Array, j: Array) -> dict[str, Array]:
+    """`PAIR_NODES` of two magnets that share nothing, at positions from the middle, `half` a gap sum away from both."""
+    one = magnet.evaluate(i, half - x)
+    two = magnet.evaluate(j, half + x)
+    return {
+        "coenergy": one["coenergy"] + two["coenergy"],
+        "flux_linkage_1": one["flux_linkage"],
+        "flux_linkage_2": two["flux_linkage"],
+        "force": one["force"] - two["force"],
+        "incremental_inductance_1": one["incremental_inductance"],
+        "incremental_inductance_2": two["incremental_inductance"],
+        "mutual_inductance": np.zeros(x.shape),
+        "force_current_slope_1": one["force_current_slope"],
+        "force_current_slope_2": -two["force_current_slope"],
+        "force_position_slope": -one["force_gap_slope"] - two["force_gap_slope"],
+    }
 
 
 def _check(table: PairTable) -> None:
@@ -296,6 +293,30 @@ def read_pair_table(path: str | Path) -> PairTable:
         raise TableError(f"{path}: {err}") from err
     except Exception as err:  # attributes and variables of a foreign file can be of any kind
         raise TableError(f"{path}: not the table of a pair ({err or type(err).__name__})") from err
+
+
+def load_table(path: str | Path) -> MagneticTable:
+    """The table of one magnet in a file; where that is of a pair, with what the sides have in common.
+
+    Raises
+    ------
+    TableError : as of `read_table` and `read_pair_table`
+    """
+    return read_pair_table(path).coupled if is_pair_table(path) else read_table(path)
+
+
+def save_table(table: MagneticTable, path: str | Path) -> Path:
+    """The file that `load_table` reads back; it appears whole or not at all."""
+    if table.shared is None:
+        return write_table(table, path)
+    surface, half = table.shared.surface, table.shared.gap_sum / 2
+    axes = surface.position, surface.current_1, surface.current_2
+    x, i, j = np.meshgrid(*axes, indexing="ij")
+    together = table.shared.evaluate(x, i, j)
+    apart = two_apart(table, half, x, i, j)
+    nodes = {name: together[key] + apart[name] for key, name in zip(DERIVATIVES, PAIR_NODES, strict=True)}
+    one_sided, pair = replace(table, shared=None), (table.shared.gap_sum, *axes)
+    return write_pair_table(PairTable(one_sided, *pair, nodes=nodes, provenance=table.provenance), path)
 
 
 def _values(variables: Mapping[str, NetcdfVariable], name: str) -> Array:

@@ -11,8 +11,9 @@ from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant import kernel
 from msl_fem.plant.excitation import Inputs, excitation_inputs, parse_excitation
 from msl_fem.plant.layout import N_INTEGRATED, initial_state
+from msl_fem.plant.linearisation import linearise
 from msl_fem.plant.open_loop import check_open_loop
-from msl_fem.plant.operating_point import equilibria, linearise, resting_point, stability_limit
+from msl_fem.plant.operating_point import equilibria, resting_point, stability_limit
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.plant.simulate import Options, simulate
 from msl_fem.table.magnetic_table import MagneticTable

@@ -11,8 +11,9 @@ from msl_fem.maps import Guard, operating_map
 from msl_fem.plant import NamedRun, open_loop_map, refused_unless_borne, simulation_record
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import Inputs, parse_excitation, samples
+from msl_fem.plant.linearisation import linearise
 from msl_fem.plant.open_loop import bearable_run, check_map
-from msl_fem.plant.operating_point import equilibria, linearise, stability_limit
+from msl_fem.plant.operating_point import equilibria, stability_limit
 from msl_fem.plant.simulate import simulate
 from msl_fem.table.magnetic_table import MagneticTable
 
