@@ -1,6 +1,6 @@
 """The diagnosis on four actuators with what real instruments do: rates on seeds that settled no threshold.
 
-    python benchmarks/diagnosis_study.py [--limit N]      # goes on where it stopped
+    python benchmarks/diagnosis_study.py [--limit N] [--kinds clean,single] [--fastest "5 kHz"]   # goes on
     python benchmarks/diagnosis_study.py --tables [--docs]
 
 Records of the bench hold nothing, one to four effects, or what lies outside the catalogue, and beside it zeros, gains
@@ -31,6 +31,7 @@ from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.files.quantity import parse_quantity
 from msl_fem.plant.effects import CATALOGUE
 from msl_fem.plant.excitation import parse_excitation
 
@@ -170,10 +171,12 @@ def done(path: Path) -> list[Row]:
     return rows
 
 
-def run(path: Path, limit: int) -> None:
-    """Makes cases that are not there, each line written as soon as it is known."""
+def run(path: Path, limit: int, kinds: Sequence[str], fastest: float) -> None:
+    """Makes cases of some kinds, sampled at most at `fastest` Hz, that are not there, each line written as soon as it
+    is known."""
     known = {row["seed"] for row in done(path)}
-    left = [case_of(seed) for seed in range(COUNT) if seed not in known][:limit]
+    cases = [case_of(seed) for seed in range(COUNT) if seed not in known]
+    left = [case for case in cases if case.kind in kinds and case.rate <= fastest][:limit]
     begin = time.monotonic()
     with path.open("a", encoding="utf-8") as out:
         for n, case in enumerate(left, 1):
@@ -296,12 +299,15 @@ def extent(rows: Sequence[Row]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--limit", type=int, default=COUNT, help="cases of this run at most")
+    parser.add_argument("--kinds", default=",".join(KINDS), help="of these kinds alone, with commas between them")
+    parser.add_argument("--fastest", default="20 kHz", help="sampled at this rate at most")
     parser.add_argument("--results", type=Path, default=RESULTS)
     parser.add_argument("--tables", action="store_true", help="print the rates of what is there")
     parser.add_argument("--docs", action="store_true", help="with --tables: write them to docs/diagnosis.md")
     options = parser.parse_args()
     if not options.tables:
-        run(options.results, options.limit)
+        fastest = parse_quantity(options.fastest, "Hz")
+        run(options.results, options.limit, options.kinds.split(","), fastest)
         return
     rows = done(options.results)
     text = "\n\n".join([extent(rows), totals_table(rows), rigs_table(rows), wrong_names(rows)])

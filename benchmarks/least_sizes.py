@@ -24,7 +24,7 @@ from msl_fem.diagnosis.decision import COINCIDING, TOLERANCES
 from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.runs import prepared_runs
-from msl_fem.diagnosis.search import Score, scores
+from msl_fem.diagnosis.scores import Score, scores
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.diagnosis.variants import possible, record_features, variants
 from msl_fem.files.quantity import format_quantity

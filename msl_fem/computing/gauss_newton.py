@@ -88,6 +88,12 @@ HALVING = Damping(first=0.0, least=np.inf, rise=1.0, most=3.0, factor=2.0)
 """For steps shortened by `halved`: the whole step first at every point, then its half, quarter and eighth."""
 
 
+VAIN = 0.1
+"""Share of its promise below which the step of a new model was in vain."""
+MOST_VAIN = 2
+"""Such steps in a row, after which models are renewed no more."""
+
+
 def halved(move: Array, mu: float) -> Array:
     """A move shortened for mu = 0, 1, 2, 4, ... to the whole, 1/2, 1/4, 1/8, ... of it."""
     return move / (2.0 * mu) if mu else move
@@ -103,7 +109,8 @@ class DescentSettings:
     most_trials : steps, accepted or not
     most_steps : accepted steps; None: as many as trials
     renewal : the next model is computed wholly anew where a step brings less than this share of its promise, and where
-        a stale one fails or promises too little; None: never
+        a stale one fails or promises too little; None: never. Where steps of new models bring next to nothing of what
+        they promise (`VAIN`), as at a kink, no new one helps, and what is taken over has to do
     fresh_end : whether a stale model that promises too little is computed anew before the descent ends
     """
 
@@ -133,6 +140,7 @@ def descend(
     how, point, steps = settings, start, 0
     model = first or objective.model(start, None)
     mu = settings.damping.first
+    renewal, vain = how.renewal, 0
     for _ in range(how.most_trials):
         if model.promised < max(how.enough, how.enough_share * point.objective):
             if how.renewal is None or not model.stale or not how.fresh_end:
@@ -145,12 +153,15 @@ def descend(
         trial = objective.moved(point, move)
         gain = point.objective - trial.objective
         if gain > 0.0:  # not of nan
-            fruitful = how.renewal is None or gain >= how.renewal * promised
+            if not model.stale:
+                vain = 0 if gain >= VAIN * promised else vain + 1
+                renewal = None if vain >= MOST_VAIN else renewal
+            fruitful = renewal is None or gain >= renewal * promised
             model = objective.model(trial, model if fruitful else None)
             point = trial
             mu = how.damping.after_success(mu)
             steps = steps + 1
-        elif how.renewal is not None and model.stale:
+        elif renewal is not None and model.stale:
             model = objective.model(point, None)
         elif mu > how.damping.most:
             return Descent(point, model, "no descent", steps)

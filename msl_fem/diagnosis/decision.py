@@ -12,16 +12,15 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import effect_estimates
-from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.problem import FitProblem
-from msl_fem.diagnosis.search import Refit, SearchStage
+from msl_fem.diagnosis.refits import Refit
+from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.prediction import RunData
 from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record import Record
 
-QUIET = 1.1
-"""RMS residual over the noise's sigma, up to which a residual is noise."""
 LEFT_OVER = 0.05
 """Share of the excess power without effects that named ones may leave."""
 FINISHED = 0.25
@@ -84,6 +83,10 @@ class Rule:
     finished: float = FINISHED
     several: float = ONE_OF_SEVERAL
     most: int = 4
+
+    def least(self, stages: Sequence[SearchStage]) -> float:
+        """Nats that the best effect of the stage after these has to bring at least."""
+        return self.further if stages else self.threshold
 
     def enough(self, stages: Sequence[SearchStage], n: int) -> bool:
         """Whether the best effect of stage n brings enough."""

@@ -14,7 +14,6 @@ from msl_fem.diagnosis.carriages import carriage, is_carriage
 from msl_fem.diagnosis.decision import (
     MOST_OF_IT,
     OWN_OF_A_RUN,
-    QUIET,
     TIE,
     WORSE,
     Rule,
@@ -33,8 +32,9 @@ from msl_fem.diagnosis.equilibria import told_by_equilibria
 from msl_fem.diagnosis.fit import FitPlan, believed_estimates, effect_estimates, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.kind import Kind, PredictionError, held_out_gains, held_out_worse
-from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.outside import WORTH_NAMING, Dependence, named_dependence
+from msl_fem.diagnosis.refits import ROUGH
 from msl_fem.diagnosis.result import (
     Accuracy,
     Cause,
@@ -48,7 +48,7 @@ from msl_fem.diagnosis.result import (
     tried_variants,
 )
 from msl_fem.diagnosis.runs import dynamic_runs
-from msl_fem.diagnosis.search import ROUGH, SearchStage, search_stage, statistics_of
+from msl_fem.diagnosis.search import SearchStage, search_stage, statistics_of
 from msl_fem.diagnosis.static_maps import map_alone, why_no_map
 from msl_fem.errors import InputError
 from msl_fem.plant import plant_parameters
@@ -157,8 +157,13 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
     excesses = []
     unclear = ""
     for n in range(rule.most):
-        tried = kind.candidates(fits[n])
-        stage = search_stage(fits[n], tried, tell=how.progress, threads=how.threads, memory=how.memory)
+        stage = search_stage(
+            fits[n],
+            kind.candidates(fits[n]),
+            tell=how.progress,
+            memory=how.memory,
+            least=rule.least(stages),
+        )
         stage = in_sight(kind.likelihood.problem, beyond_tolerances(kind.likelihood.problem, stage))
         fits[n] = stage.base
         stages.append(stage)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.noise import (
     NoiseBands,
     NoiseWeights,
@@ -25,6 +26,8 @@ from msl_fem.diagnosis.unknowns import Unknowns
 
 CONVERGED = 0.05
 """Nats that a further step would gain, at which a fit has converged."""
+QUIET = 1.1
+"""RMS residual over the noise's sigma, up to which a residual is noise."""
 AT_ONCE = 16  # rows that are simulated together: what bounds the memory
 
 
@@ -77,15 +80,22 @@ class Likelihood:
     ----------
     substeps : Runge-Kutta steps a sample
     strict : whether the noise has a ceiling in every octave
+    gathered : where simulations meet with those of other fits; None: they are run at once
     """
 
     problem: FitProblem
     bands: NoiseBands
     substeps: int
     strict: bool = field(default=False, kw_only=True)
+    gathered: GatheredRuns | None = field(default=None, kw_only=True)
 
     def spectra(self, points: Points) -> Array:
         """Residuals in the frequency domain over their white sigma, (n_row, n_number); nan of a failed run."""
+        if self.gathered is not None:
+            return self.gathered.spectra(self.problem, points, self._simulated_spectra)
+        return self._simulated_spectra(points)
+
+    def _simulated_spectra(self, points: Points) -> Array:
         parts = [points.only(slice(at, at + AT_ONCE)) for at in range(0, len(points.rows), AT_ONCE)]
         return np.concatenate(
             [self.transformed(simulated_residuals(self.problem, p, substeps=self.substeps)) for p in parts]
@@ -105,6 +115,10 @@ class Likelihood:
         names = self.problem.channels(run)
         over = [values / data.noise[name].sigma for name, values in zip(names, channels, strict=True)]
         return over if cut is None else cut.without_starts(over)
+
+    def gathering(self, runs: GatheredRuns | None) -> "Likelihood":
+        """The same, its simulations run where they meet with those of other fits."""
+        return replace(self, gathered=runs)
 
     @property
     def is_cut(self) -> bool:

@@ -1,7 +1,7 @@
 """What any effect brings by chance on this very record: surrogates of the record without effects.
 
 At the most probable model without effects the slopes of the log likelihood over all amounts are normal with zero mean
-and the Gauss-Newton matrix G of the amounts (`search.Background`) as their covariance: the score statistic (Cox and
+and the Gauss-Newton matrix G of the amounts (`scores.Background`) as their covariance: the score statistic (Cox and
 Hinkley, Theoretical Statistics, 1974, sec. 9.3). Drawn from that, all variants of all effects get their gains as on the
 record itself, and the largest of them is what a clean record of this rig, this excitation and these tolerances brings.
 """

@@ -11,7 +11,8 @@ from msl_fem.diagnosis.fit import Estimate, unit_of
 from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, Size
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.outside import Dependence
-from msl_fem.diagnosis.search import Score, SearchStage
+from msl_fem.diagnosis.scores import Score
+from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import WIDE
 from msl_fem.files.numbers import json_value
 from msl_fem.plant.effects import CATALOGUE, find_parameter

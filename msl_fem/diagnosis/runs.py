@@ -14,7 +14,8 @@ from msl_fem.diagnosis.next_experiment import Question, farther, separating
 from msl_fem.diagnosis.noise import highest_line, make_bands
 from msl_fem.diagnosis.outside import Dependence, dependences
 from msl_fem.diagnosis.problem import START, FitProblem, Points, simulated_residuals
-from msl_fem.diagnosis.search import ROUGH, SearchStage
+from msl_fem.diagnosis.refits import ROUGH
+from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
 from msl_fem.diagnosis.static_maps import MAP_BESIDE, JointLikelihood, joined
 from msl_fem.diagnosis.stretches import Stretches

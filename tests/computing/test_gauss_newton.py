@@ -160,3 +160,36 @@ def test_a_model_that_promises_nothing_is_renewed_before_the_search_ends() -> No
     end = descend(valley, Height(1.0), DescentSettings(HALVING, enough=1e-12, renewal=0.0))
     assert end.point.x == pytest.approx(0.0, abs=1e-5)
     assert descend(Valley(skew=0.0), Height(1.0), DescentSettings(HALVING, enough=1e-12)).steps == 1
+
+
+@dataclass(frozen=True)
+class Kinked:
+    """A point whose models promise a hundred times what a step brings."""
+
+    objective: float
+
+
+class Promises:
+    """Models of `Kinked`, and which of them were taken over from a neighbour."""
+
+    promised = 1.0
+
+    def __init__(self, *, stale: bool = False) -> None:
+        self.stale, self.models = stale, []
+
+    def step(self, damping: float) -> tuple[np.ndarray, float]:
+        return np.array([-0.01]), self.promised
+
+    def moved(self, point: Kinked, move: np.ndarray) -> Kinked:
+        return Kinked(point.objective + float(move[0]))
+
+    def model(self, point: Kinked, neighbour: "Promises | None") -> "Promises":
+        self.models.append(neighbour is not None)
+        return Promises(stale=neighbour is not None)
+
+
+def test_models_are_renewed_no_more_where_new_ones_bring_nothing() -> None:
+    promises = Promises()
+    end = descend(promises, Kinked(1.0), DescentSettings(renewal=0.6, most_trials=20))
+    assert end.steps == 20
+    assert promises.models == [False, False, *[True] * 19]

@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from msl_fem.diagnosis.gathered import GatheredRuns
+from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.noise import NoiseWeights, weights_of
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
@@ -22,6 +24,12 @@ class LinearRecord:
     nuisances: Array
     of_effect: dict[str, Array]
     is_cut = False
+
+    def gathering(self, runs: GatheredRuns | None) -> "LinearRecord":
+        return self
+
+    def excess(self, found: Fit) -> dict[str, float]:
+        return {"reading": float(np.sqrt(np.mean(found.residual**2)))}
 
     @property
     def labels(self) -> NDArray[np.intp]:

@@ -24,7 +24,8 @@ from msl_fem.diagnosis.decision import (
 from msl_fem.diagnosis.driver import EffectSearch, _compensating, _named, main_cause
 from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, held_out_worse, log_likelihood_gain
 from msl_fem.diagnosis.null import NullDistribution
-from msl_fem.diagnosis.search import Refit, SearchStage
+from msl_fem.diagnosis.refits import Refit
+from msl_fem.diagnosis.search import SearchStage
 
 
 def stages(

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from msl_fem.diagnosis.driver import DiagnosisSettings, diagnosis_of
+from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.kind import ErrorSignal, Kind
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.noise import NoiseWeights, weights_of
@@ -43,6 +44,9 @@ class LinearRecord:
 
     def weights(self, residual: np.ndarray) -> NoiseWeights:
         return weights_of(residual, self.labels, self.ceilings)
+
+    def gathering(self, runs: GatheredRuns | None) -> "LinearRecord":
+        return self
 
     def excess(self, fit: Fit) -> dict[str, float]:
         return {"position_m": float(np.sqrt(np.mean(fit.residual**2)))}

@@ -9,7 +9,7 @@ from diagnosed import TABLE, VOLTAGE_SERVO, bench_record
 
 from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.runs import prepared_runs
-from msl_fem.diagnosis.search import scores
+from msl_fem.diagnosis.scores import scores
 from msl_fem.diagnosis.variants import record_features, variants
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import ModelHypothesis, free_run, kernel_plant, measured_start, run_data

@@ -6,7 +6,7 @@ from linear_record import OFFSET, record
 
 from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
-from msl_fem.diagnosis.search import scored
+from msl_fem.diagnosis.scores import scored
 from msl_fem.diagnosis.variants import Variant
 
 VARIANT = Variant("force_offset", (OFFSET,))

@@ -1,0 +1,199 @@
+"""Candidates beside a fit, each fitted anew with everything else: screened by a few steps, those that lag far behind
+eliminated, those in front followed until nothing more is to be gained.
+
+Steps are dealt out in rounds, as in a race (Maron and Moore, Artificial Intelligence Review 11, 1997, 193-225): who has
+no prospect of leading any more is stopped. All that run ask for their simulations at the same time.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.fit import FitPlan, fit
+from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
+from msl_fem.diagnosis.gathered import GatheredRuns
+from msl_fem.diagnosis.likelihood import CONVERGED, Fit
+from msl_fem.diagnosis.problem import Points
+from msl_fem.diagnosis.scores import Score
+from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.diagnosis.variants import Variant
+from msl_fem.errors import ComputationError
+
+ELIMINATED = 0.25  # of the gain that the best refit has made: a refit below it after screening goes no further
+SCREENING_STEPS = 6
+SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to the linear model's best at which a refit may begin
+REFINEMENT_STEPS = 25
+LAST_STEPS = 20
+RACED_STEPS = 5  # of a candidate that is kept, until it is looked at again
+CATCHING_UP = 3.0
+"""Times what the last of these rounds brought, by which a candidate that goes on may still grow."""
+NEAR = 15.0  # nats behind the best within which refits are converged
+FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the best
+ROUGHLY_CONVERGED = 0.5  # nats that a candidate which does not lead may still gain
+ROUGH = 5.0  # nats that a fit may still gain when it is scored, where the best score is far above
+Item = TypeVar("Item")
+Stepped = TypeVar("Stepped")
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """A variant with everything fitted anew, and its gain of log evidence over the fit without it."""
+
+    variant: Variant
+    fit: Fit
+    gain: float
+
+    @property
+    def enough(self) -> float:
+        """Nats below which further steps are left to the end."""
+        return max(ROUGH, FRACTION * max(self.gain, 0.0))
+
+    @property
+    def promising(self) -> bool:
+        return self.fit.predicted >= self.enough
+
+
+def extended(base: Unknowns, variant: Variant) -> Unknowns:
+    """The unknowns with those of a variant behind them."""
+    return replace(base, effects=(*base.effects, *variant.unknowns))
+
+
+def started(base: Fit, score: Score) -> Array:
+    """Where the refit of a scored variant begins: of some points on the way to the linear model's best, the one of the
+    highest density. All else moves along, since it makes up for what is alike."""
+    shapes = np.zeros(len(score.variant.shapes))
+    rows = [np.concatenate([base.z + part * score.shift, part * score.guess, shapes]) for part in SHARES]
+    rows += [np.concatenate([base.z, part * score.guess, shapes]) for part in SHARES]
+    unknowns = extended(base.unknowns, score.variant)
+    points = np.array([unknowns.allowed(row) for row in rows])
+    residuals = base.likelihood.spectra(Points.of(unknowns, points))
+    costs = np.full(len(points), np.inf)
+    for n, residual in enumerate(residuals):
+        if np.isfinite(residual).all():
+            costs[n] = base.likelihood.weights(residual).nats + unknowns.prior(points[n])[0]
+    return np.asarray(points[int(np.argmin(costs))])
+
+
+class _Screening:
+    """What is told while candidates are screened: how many are left, which leads, how long it may take."""
+
+    def __init__(self, tell: Callable[[str], None], count: int) -> None:
+        self._tell, self._count, self._done = tell, count, 0
+        self._leader: Refit | None = None
+        self._since, self._lock = time.monotonic(), threading.Lock()
+
+    def ends(self, score: Score, refit: Refit | None) -> Refit | None:
+        """Keeps what a candidate came to. All run at the same time, so the rest of them takes its share at most."""
+        with self._lock:
+            self._done += 1
+            if refit is not None and (self._leader is None or refit.gain > self._leader.gain):
+                self._leader = refit
+            left = self._count - self._done
+            told = f"{score.variant.name}, {self._done} of {self._count}"
+            if self._leader is not None:
+                told += f"; best so far {self._leader.variant.effect}, {self._leader.gain:.3g} nats"
+            if left:
+                seconds = (time.monotonic() - self._since) * left / self._count
+                told += f"; about {seconds:.0f} s left for screening"
+            self._tell(told)
+        return refit
+
+
+class Refinement:
+    """The refits of candidates beside a fit: all are screened by a few steps, those that lag far behind are eliminated,
+    and those in front go on until nothing more is to be gained. Their simulations are run together.
+    """
+
+    def __init__(self, base: Fit, tell: Callable[[str], None], memory: FitMemory) -> None:
+        self.base, self.tell, self.memory = base, tell, memory
+        self.nuisance_columns = base.jacobian[:, : base.unknowns.n_nuisance]
+        self.gathered = GatheredRuns(0)
+
+    def best_first(self, candidates: Sequence[Score]) -> list[Refit]:
+        """All refits by their gain."""
+        told = _Screening(self.tell, len(candidates))
+        first = self._together(lambda score: told.ends(score, self.screened(score)), candidates)
+        screened = [refit for refit in first if refit is not None]
+        best = max((refit.gain for refit in screened), default=0.0)
+        eliminated = [refit for refit in screened if best > 0 and refit.gain < ELIMINATED * best]
+        refined = sorted(self.raced([refit for refit in screened if refit not in eliminated]), key=_by_gain)
+        near: list[Refit] = []
+        far = list(eliminated)
+        for refit in refined:
+            is_near = refit.gain > 0 and refit.gain + refit.fit.predicted > refined[0].gain - NEAR
+            (near if is_near else far).append(refit)
+        converged = self._together(lambda refit: self.converged(refit, leads=refit is refined[0]), near)
+        return sorted([*converged, *far], key=_by_gain)
+
+    def _together(self, step: Callable[[Item], Stepped], items: Sequence[Item]) -> list[Stepped]:
+        """A step of each, all at the same time; the outcome is that of one after the other."""
+        if not items:
+            return []
+        self.gathered = GatheredRuns(len(items))
+
+        def stepped(item: Item) -> Stepped:
+            try:
+                return step(item)
+            finally:
+                self.gathered.ends()
+
+        with ThreadPoolExecutor(len(items)) as pool:
+            return list(pool.map(stepped, items))
+
+    def screened(self, score: Score) -> Refit | None:
+        """A candidate after its first steps; None where it cannot be simulated."""
+        plan = FitPlan(most_steps=SCREENING_STEPS, renew=False)
+        unknowns = extended(self.base.unknowns, score.variant)
+        begin = self.memory.end_of(fit_name(self.base.unknowns, score.variant.name), unknowns)
+        try:
+            begin = started(self.base, score) if begin is None else begin
+            return self._refit(self.base, score.variant, begin, plan, self.nuisance_columns)
+        except ComputationError:
+            return None
+
+    def raced(self, kept: Sequence[Refit]) -> list[Refit]:
+        """Candidates after rounds of a few steps, where each goes on as long as it gains and may still lead."""
+        running, ended = [refit for refit in kept if refit.promising], [r for r in kept if not r.promising]
+        for _ in range(REFINEMENT_STEPS // RACED_STEPS):
+            moved = self._together(self.refined, running)
+            leader = max((refit.gain for refit in [*moved, *ended]), default=0.0)
+            pairs = list(zip(running, moved, strict=True))
+            running = [new for old, new in pairs if new.promising and _may_lead(old, new, leader)]
+            ended += [new for new in moved if new not in running]
+        return [*running, *ended]
+
+    def refined(self, refit: Refit) -> Refit:
+        """A candidate a few steps on; the nuisances' columns are those of a point nearby."""
+        plan = FitPlan(most_steps=RACED_STEPS, enough=refit.enough, fresh_end=False)
+        columns = refit.fit.jacobian[:, : self.base.unknowns.n_nuisance]
+        return self._refit(refit.fit, refit.variant, refit.fit.z, plan, columns)
+
+    def converged(self, refit: Refit, *, leads: bool) -> Refit:
+        """A candidate in front, with all columns of its own, of which a further step would gain next to nothing."""
+        enough = CONVERGED if leads else max(ROUGHLY_CONVERGED, FRACTION * refit.gain)
+        return self._refit(refit.fit, refit.variant, refit.fit.z, FitPlan(most_steps=LAST_STEPS, enough=enough), None)
+
+    def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
+        unknowns = extended(self.base.unknowns, variant)
+        likelihood = near.likelihood.gathering(self.gathered)
+        found = fit(likelihood, unknowns, z, plan=plan, nuisance_columns=columns)
+        own = near.likelihood if found.likelihood is likelihood else found.likelihood.gathering(None)
+        found = replace(found, likelihood=own)
+        self.memory.ended(fit_name(self.base.unknowns, variant.name), found.z)
+        return Refit(variant, found, found.log_evidence - self.base.log_evidence)
+
+
+def _may_lead(before: Refit, after: Refit, leader: float) -> bool:
+    """Whether a candidate that went on gains, and may still come near the one that leads."""
+    gained = after.gain - before.gain
+    return gained >= after.enough and after.gain + CATCHING_UP * gained > leader - NEAR
+
+
+def _by_gain(refit: Refit) -> float:
+    return -refit.gain

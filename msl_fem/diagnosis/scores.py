@@ -1,0 +1,142 @@
+"""What each effect would bring to a fit, by the linear model around it: the evidence of all variants at once.
+
+The linear evidence is exact for the linear model around a fit. At a most probable point without an effect, with the
+weighted residual r, the columns J of what is unknown there and C of the effect's amounts, the likelihood over the
+amounts a is that of a linear model with
+
+    G = C'C - C'J (J'J + I)^-1 J'C,   b = -C'r + C'J (J'J + I)^-1 (J'r + z),
+
+and with Cauchy's prior the log evidence grows by b'a - a'Ga/2 - sum log(1 + a^2) - log det(G + 2)/2 at the best a. G
+tells how far apart an effect and all that is unknown are: the noncentrality of an effect of given size is a'Ga (a case
+of Kay, Statistical Signal Processing II, 1998, ch. 6).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
+from msl_fem.diagnosis.problem import Points
+from msl_fem.diagnosis.unknowns import CAUCHY, STEP_OF_AMOUNTS, EffectUnknown
+from msl_fem.diagnosis.variants import Variant
+
+Shapes = tuple[EffectUnknown, ...]
+_AT_ONCE = 64
+ROUNDING = 1e-12  # of a diagonal: amounts that act alike
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """A variant at a converged fit.
+
+    Attributes
+    ----------
+    gain : nats of log evidence, of the linear model
+    guess : (n_amount,) z at which it is highest; `shift` how far all that was unknown before moves then
+    own : (n_amount, n_amount) what the record tells of the amounts alone, when all else is unknown
+    signature : (n_number, n_amount) weighted columns
+    """
+
+    variant: Variant
+    gain: float
+    guess: Array
+    shift: Array
+    own: Array
+    signature: Array
+
+
+class Background:
+    """What is unknown at a fit, and the columns of many amounts, multiplied with one another once."""
+
+    def __init__(self, found: Fit, raw: Array) -> None:
+        """`raw` are columns (n_number, n_amount) of the residual, not weighted."""
+        root = found.weights.root
+        j, self.c = found.jacobian * root[:, None], raw * root[:, None]
+        residual = found.residual * root
+        inverse = np.linalg.inv(j.T @ j + np.diag(found.unknowns.prior(found.z)[2]))
+        mixed = self.c.T @ j
+        gradient = j.T @ residual + found.unknowns.prior(found.z)[1]
+        self.own = self.c.T @ self.c - mixed @ inverse @ mixed.T
+        self.slope = -self.c.T @ residual + mixed @ inverse @ gradient
+        self.still, self.moved = -inverse @ gradient, -inverse @ mixed.T
+
+    def score(self, variant: Variant, places: Sequence[int]) -> Score:
+        """The score of a variant whose amounts stand at these places."""
+        at = np.array(places)
+        own, b = self.own[np.ix_(at, at)], self.slope[at]
+        one_sided = np.array([one.one_sided for one in variant.amounts])
+        guess, best = np.zeros(at.size), 0.0
+        for weak in (2.0, 0.02):  # near nothing, and far out, where the prior is all but flat
+            a = _held(own + weak * np.eye(at.size), b, one_sided)
+            made = float(b @ a - a @ own @ a / 2 - np.log1p(a**2).sum())
+            guess, best = (a, made) if made > best else (guess, best)
+        gain = best + CAUCHY * at.size - float(np.linalg.slogdet(own + 2 * np.eye(at.size))[1]) / 2
+        return Score(variant, gain, guess, self.still + self.moved[:, at] @ guess, own, self.c[:, at])
+
+
+def _held(g: Array, b: Array, one_sided: NDArray[np.bool_]) -> Array:
+    """The best point with one-sided numbers at least 0, by leaving out those below."""
+    kept = np.ones(b.size, dtype=bool)
+    guess = np.zeros(b.size)
+    for _ in range(b.size):
+        guess = np.zeros(b.size)
+        if not kept.any():
+            return guess
+        own = g[np.ix_(kept, kept)]
+        guess[kept] = np.linalg.solve(own + ROUNDING * np.diag(np.diag(own)), b[kept])
+        bad = one_sided & (guess < 0)
+        if not bad.any():
+            break
+        kept &= ~bad
+    return guess
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredVariants:
+    """All variants that can be seen at a fit, best first, and what any of them brings by chance there."""
+
+    scores: tuple[Score, ...] = ()
+    null: NullDistribution = field(default_factory=NullDistribution)
+
+
+def scores(found: Fit, tried: Sequence[Variant]) -> list[Score]:
+    """All variants at a fit that can be seen there, best first."""
+    return list(scored(found, tried, null=False).scores)
+
+
+def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True) -> ScoredVariants:
+    """The variants at a fit; without `null` what they bring by chance is left out."""
+    if not tried:
+        return ScoredVariants()
+    amounts = list(dict.fromkeys((amount, variant.shapes) for variant in tried for amount in variant.amounts))
+    starts = range(0, len(amounts), _AT_ONCE)
+    raw = np.concatenate([_signatures(found, amounts[at : at + _AT_ONCE]) for at in starts], axis=1)
+    seen = np.isfinite(raw).all(axis=0) & (np.abs(np.nan_to_num(raw)).max(axis=0) > 0)
+    background = Background(found, np.where(seen, raw, 0.0))
+    place = {amount: n for n, amount in enumerate(amounts)}
+    made, amount_places = [], []
+    for variant in tried:
+        places = [place[one, variant.shapes] for one in variant.amounts]
+        if seen[places].all():
+            made.append(background.score(variant, places))
+            one_sided = tuple(one.one_sided for one in variant.amounts)
+            amount_places.append(AmountPlaces(tuple(places), one_sided))
+    by_chance = null_distribution(background.own, amount_places) if null else NullDistribution()
+    return ScoredVariants(tuple(sorted(made, key=lambda s: -s.gain)), by_chance)
+
+
+def _signatures(found: Fit, amounts: Sequence[tuple[EffectUnknown, Shapes]]) -> Array:
+    """(n_number, n_amount) slopes of the residual over each amount at nothing, around its shapes; nan where there is
+    none. With all amounts at nothing shapes change nothing."""
+    effects = np.tile(found.unknowns.effect_vector(found.z), (len(amounts), 1))
+    for row, (one, shapes) in zip(effects, amounts, strict=True):
+        for shape in shapes:
+            row[shape.place] = shape.centre
+        row[one.place] = one.value(np.array(STEP_OF_AMOUNTS))
+    rows = np.tile(found.z, (len(amounts), 1))
+    moved = found.likelihood.spectra(Points(found.unknowns, rows, effects))
+    return np.asarray(((moved - found.residual) / STEP_OF_AMOUNTS).T)

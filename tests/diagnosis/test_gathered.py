@@ -1,0 +1,61 @@
+"""Simulations of several fits run together: who waits gets its own rows, and a failure reaches all that wait for it."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import cast
+
+import numpy as np
+import pytest
+
+from msl_fem.diagnosis.gathered import GatheredRuns
+from msl_fem.diagnosis.problem import FitProblem, Points
+from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
+
+BELIEVED = (("moving_mass", 0.01), ("stiffness", 0.01))
+PROBLEM = cast(FitProblem, object())
+
+
+def asked(gathered: GatheredRuns, rounds: Sequence[int], effect: str | None, simulated: object) -> list[np.ndarray]:
+    """What a fit gets that asks for these numbers of rows one after the other, then ends; rows start at its rounds."""
+    effects = (EffectUnknown(effect, "force"),) if effect else ()
+    unknowns = Unknowns(BELIEVED, 0, (), effects)
+    try:
+        found = []
+        for n in rounds:
+            rows = np.arange(n * unknowns.size, dtype=float).reshape(n, -1) + sum(rounds)
+            found.append(gathered.spectra(PROBLEM, Points.of(unknowns, rows), simulated))  # type: ignore[arg-type]
+            assert np.array_equal(found[-1][:, :2], rows[:, :2])
+        return found
+    finally:
+        gathered.ends()
+
+
+def test_fits_that_ask_for_different_numbers_of_rounds_get_their_own_rows_from_common_runs() -> None:
+    calls: list[int] = []
+
+    def simulated(points: Points) -> np.ndarray:
+        calls.append(len(points.rows))
+        assert points.effects is not None
+        assert points.effects.shape[0] == len(points.rows)
+        return np.hstack([points.rows, points.effects.sum(axis=1, keepdims=True)])
+
+    fits = [((3, 1, 2), "coulomb_friction"), ((1,), None), ((2, 2), "force_offset")]
+    gathered = GatheredRuns(len(fits))
+    with ThreadPoolExecutor(len(fits)) as pool:
+        jobs = [pool.submit(asked, gathered, *one, simulated) for one in fits]
+        ends = [job.result(timeout=30) for job in jobs]
+    assert [[len(rows) for rows in end] for end in ends] == [[3, 1, 2], [1], [2, 2]]
+    assert calls == [6, 3, 2]
+    assert len(set(ends[0][0][:, 2])) == 3  # amounts of an effect reach the runs
+
+
+def test_a_failure_reaches_every_fit_that_waits() -> None:
+    def failing(points: Points) -> np.ndarray:
+        raise FloatingPointError(f"{len(points.rows)} rows")
+
+    gathered = GatheredRuns(2)
+    with ThreadPoolExecutor(2) as pool:
+        jobs = [pool.submit(asked, gathered, (2,), None, failing) for _ in range(2)]
+        for job in jobs:
+            with pytest.raises(FloatingPointError, match="4 rows"):
+                job.result(timeout=30)
