@@ -145,6 +145,7 @@ ODD_CONTENT = (
     "update study_user_attributes set value_json = '3' where key = 'space'",
     "update study_user_attributes set value_json = '{\"spans\": {}}' where key = 'space'",
     "update study_user_attributes set value_json = '[3]' where key = 'first_designs'",
+    "delete from study_user_attributes where key = 'first_designs'",
     "update study_user_attributes set value_json = cast(x'ff00fe' as text)",
     "drop table trial_values",
     "drop table studies",

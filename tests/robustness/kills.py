@@ -1,11 +1,12 @@
 """Commands killed at random moments, by kill -9 and by SIGTERM: what is left, and whether the next run goes on.
 
-    python tests/robustness/kills.py --kills 20 --seed 1
+    python tests/robustness/kills.py --kills 20 --seed 1 --kept kills.jsonl
 
 Each command is run once undisturbed, which tells how long it takes; then it is killed as often as asked at moments
-drawn over that time, half of them with all its processes at once, and run again in the same folder. Afterwards the
-files must be those of an undisturbed run, nothing hidden may be left, and rows that were finished
-before the kill must be used.
+drawn over that time, every other kill with all its processes at once, alternately by each signal, and run again in the
+same folder. Afterwards files and printed result must be those of an undisturbed run, nothing hidden may be left, and
+what was finished before the kill (rows, trials, records, fits) must still be there or be used. With --kept a next call
+goes on where one stopped.
 """
 
 import argparse
@@ -13,15 +14,21 @@ import json
 import os
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from targets import LOG, SERVO, TABLE, TYPED_COLUMNS
+
+from msl_fem.table import read_table
 
 LONG = 600.0
 INTERRUPTED = 130
@@ -29,19 +36,32 @@ INTERRUPTED = 130
 REQUIREMENT = (
     'schema = 1\nname = "servo"\n[force]\nminimum = "150 N"\ngap = "0.5 mm"\n[heat]\ncurrent_density = "6 A/mm^2"\n'
 )
-GRID = ("--gaps", "0.3, 0.4, 0.5, 0.7 mm", "--currents", "0, 1, 2, 4, 6 A", "--accuracy", "fast")
+GRID = ("--gaps", "0.3, 0.5, 0.7 mm", "--currents", "0, 2, 4, 6 A", "--accuracy", "fast")
+STATIC_RIG = (
+    'schema = 1\norigin = "measured"\nactuator = "actuator.toml"\n[noise]\nforce = "0.2 N"\n[static]\nrole = "fit"\n'
+)
+SHORT_RUNS = (
+    "band-limited-noise:bias=0.5 A,amplitude=50 mA,band=200 Hz,duration=0.4 s,seed=4,role=fit",
+    "swept-sine:bias=0.5 A,amplitude=30 mA,start=10 Hz,stop=150 Hz,duration=0.3 s,role=held-out",
+)
 COMMANDS: dict[str, tuple[str, ...]] = {
-    "table": ("table", str(SERVO), "-o", "t.nc", *GRID, "--workers", "1", "--resume", "--json"),
-    "table, 2 processes": ("table", str(SERVO), "-o", "t.nc", *GRID, "--workers", "2", "--resume", "--json"),
-    "size": ("size", "r.toml", "-o", "a.toml", "--trials", "12", "--workers", "1", "--json"),
     "export": ("export", str(TABLE), "--to", "mat", "-o", "t.mat", "--json"),
     "import": ("import", "log.csv", "--columns", TYPED_COLUMNS, "--actuator", str(SERVO), "-o", "rec", "--json"),
     "map": ("map", str(TABLE), "-o", "m.json", "--json"),
-    "diagnose": ("diagnose", "bench", "-o", "out", "--table", str(TABLE), "--json"),
+    "table": ("table", str(SERVO), "-o", "t.nc", *GRID, "--workers", "1", "--resume", "--json"),
+    "table, 2 processes": ("table", str(SERVO), "-o", "t.nc", *GRID, "--workers", "2", "--resume", "--json"),
+    "size": ("size", "r.toml", "-o", "a.toml", "--trials", "6", "--workers", "1", "--json"),
+    "diagnose": ("diagnose", "static", "-o", "out", "--table", str(TABLE), "--resume", "--json"),
+    "calibrate": (
+        "calibrate", "bench", "-o", "out", "--table", str(TABLE), "--records", "3", "--resume", "--json"
+    ),
     "study": ("study", str(SERVO), "-o", "s", "--accuracy", "fast", "--workers", "1", "--resume", "--json"),
-}
-QUICK = ("table", "size", "export", "import")
-KEPT = {"log.csv", "r.toml", "bench"}
+}  # fmt: skip
+KEPT = {"log.csv", "r.toml", "bench", "bench.answer.json", "static"}
+VARIES = ("seconds", "reused", "cpu", "date", "iterations")
+"""Of a result: what may be another number after a kill."""
+SAME = 1e-3
+"""Relative: a fit that goes on from where one ended stops elsewhere within its tolerance."""
 
 
 @dataclass
@@ -51,10 +71,16 @@ class Tally:
     kills: int = 0
     before_end: int = 0
     went_on: int = 0
-    reused: int = 0
+    finished: int = 0
+    lost: int = 0
     left_at_once: int = 0
     left_after_next: int = 0
     wrong: list[str] = field(default_factory=list)
+
+    def add(self, other: "Tally") -> None:
+        """Takes another tally into this one."""
+        for name, value in asdict(other).items():
+            setattr(self, name, getattr(self, name) + value)
 
 
 def prepared(folder: Path, name: str) -> Path:
@@ -63,8 +89,25 @@ def prepared(folder: Path, name: str) -> Path:
     (folder / "log.csv").write_text(LOG)
     (folder / "r.toml").write_text(REQUIREMENT)
     if name == "diagnose":
-        run(("bench", str(SERVO), "--table", str(TABLE), "-o", "bench", "--seed", "3"), folder)
+        _write_static(folder / "static")
+    if name == "calibrate":
+        runs = [word for text in SHORT_RUNS for word in ("--excitation", text)]
+        run(("bench", str(SERVO), "--table", str(TABLE), "-o", "bench", "--rate", "5 kHz", *runs), folder)
     return folder
+
+
+def _write_static(record: Path) -> None:
+    """A static map whose gaps are 20 um off: forces of the shipped table with noise."""
+    record.mkdir()
+    table, generator = read_table(TABLE), np.random.default_rng(1)
+    rows = ["gap_m,current_A,force_N,role"]
+    for gap in np.linspace(2e-4, 9e-4, 10):
+        for current in np.linspace(0.5, 4, 8):
+            force = -float(table.force(current, gap + 2e-5)) + 0.2 * generator.normal()
+            rows.append(f"{gap:.9g},{current:.9g},{force:.9g},{'fit' if len(rows) % 4 else 'held-out'}")
+    (record / "static.csv").write_text("\n".join(rows) + "\n")
+    (record / "rig.toml").write_text(STATIC_RIG)
+    shutil.copyfile(SERVO, record / "actuator.toml")
 
 
 def start(words: tuple[str, ...], folder: Path) -> subprocess.Popen[str]:
@@ -94,72 +137,137 @@ def results(folder: Path) -> set[str]:
     return {str(p) for p in files if p.parts[0] not in KEPT and not any(part.startswith(".") for part in p.parts)}
 
 
-def kill_once(name: str, folder: Path, at: float, number: signal.Signals, *, all_processes: bool, tally: Tally) -> None:
-    """One kill of a command after so many seconds, and the next run."""
-    words, said = COMMANDS[name], ""
+def finished(folder: Path) -> set[str]:
+    """What a command has finished and kept for a next run: rows of fields, judged designs, records, fits."""
+    done = {f"row {p.stem}" for p in folder.rglob("*.npz") if ".part" not in p.name}
+    for path in folder.glob(".*.sqlite3"):
+        with closing(sqlite3.connect(path)) as base:
+            try:
+                done |= {f"trial {n}" for (n,) in base.execute("select number from trials where state = 'COMPLETE'")}
+            except sqlite3.OperationalError:  # killed before the first table was made
+                continue
+    lines = folder / "out" / "calibration.jsonl"
+    if lines.is_file():
+        done |= {line for line in lines.read_text().splitlines() if line.endswith("}")}
+    state = folder / "out" / "diagnosis_state.json"
+    if state.is_file():
+        done |= {f"fit {name}" for name in json.loads(state.read_text())["fits"]}
+    return done
+
+
+def lost(name: str, before: set[str], after: set[str], printed: dict[str, Any]) -> int:
+    """How many of the finished things a next run did anew. Rows and fits are removed when all is done."""
+    if name.startswith("table"):
+        return len(before) - int(printed["reused_rows"])
+    return len(before - after) if name in ("size", "calibrate") else 0
+
+
+def same(one: object, other: object) -> bool:
+    """Whether two results say the same, up to what varies from run to run."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        fixed = [key for key in one.keys() | other.keys() if not any(word in key for word in VARIES)]
+        return all(key in one and key in other and same(one[key], other[key]) for key in fixed)
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return abs(one - other) <= SAME * max(abs(one), abs(other), 1e-9)
+    return one == other
+
+
+def kill_once(name: str, folder: Path, at: float, number: signal.Signals, *, all_processes: bool) -> tuple[Tally, Any]:
+    """One kill of a command after so many seconds, and the next run with what it printed."""
+    words, tally = COMMANDS[name], Tally(kills=1)
+    when = f"{name}, {number.name} after {at:.2f} s"
     process = start(words, folder)
     time.sleep(at)
-    tally.kills += 1
     if process.poll() is None:
-        tally.before_end += 1
+        tally.before_end = 1
         (os.killpg if all_processes else os.kill)(process.pid, number)
     _, said = process.communicate(timeout=LONG)
     if "Traceback" in said:
-        tally.wrong.append(f"{name}, {number.name} after {at:.2f} s: a traceback: {said[-300:]!r}")
+        tally.wrong.append(f"{when}: a traceback: {said[-300:]!r}")
     if number == signal.SIGTERM and process.returncode not in (0, INTERRUPTED, -signal.SIGINT, -number):
-        tally.wrong.append(f"{name}, SIGTERM after {at:.2f} s: status {process.returncode}")
-    tally.left_at_once += bool(hidden(folder))
+        tally.wrong.append(f"{when}: status {process.returncode}")
+    tally.left_at_once = int(bool(hidden(folder)))
     if number == signal.SIGTERM and process.returncode == INTERRUPTED and hidden(folder):
-        tally.wrong.append(f"{name}, SIGTERM after {at:.2f} s left {hidden(folder)}")
+        tally.wrong.append(f"{when}: left {hidden(folder)}")
     done_before = name == "import" and (folder / "rec" / "log.csv").is_file()
+    before = finished(folder)
+    tally.finished = len(before)
     status, out, err = run(words, folder)
+    tally.left_after_next = int(bool(hidden(folder)))
     if done_before and status == 2 and "is there already" in err:  # the run is in the record: nothing to go on with
-        tally.went_on += 1
-    elif status:
-        tally.wrong.append(f"{name}, {number.name} after {at:.2f} s: the next run ended with {status}: {err[-300:]!r}")
-    else:
-        tally.went_on += 1
-        printed = json.loads(out)
-        tally.reused += int(printed.get("reused_rows", 0) or 0)
-    tally.left_after_next += bool(hidden(folder))
+        return replace(tally, went_on=1), None
+    if status:
+        tally.wrong.append(f"{when}: the next run ended with {status}: {err[-300:]!r}")
+        return tally, None
+    printed = json.loads(out)
+    tally = replace(tally, went_on=1, lost=lost(name, before, finished(folder), printed))
+    if tally.lost:
+        tally.wrong.append(f"{when}: {tally.lost} of {tally.finished} finished were done anew")
+    if hidden(folder):
+        tally.wrong.append(f"{when}: the next run left {hidden(folder)}")
+    return tally, printed
 
 
-def kill_often(name: str, kills: int, seed: int, root: Path) -> Tally:
-    """A command killed so often with each signal."""
-    rng, tally = np.random.default_rng(seed), Tally()
-    whole = prepared(root / f"{name} whole", name)
+def kill_often(name: str, kills: int, seed: int, root: Path, *, done: int = 0) -> Iterator[Tally]:
+    """A command killed until it was so often, alternately by each signal; what came of each kill."""
+    given = prepared(root / f"{name} given", name)
+    whole = shutil.copytree(given, root / f"{name} whole")
     began = time.monotonic()
-    status, _, err = run(COMMANDS[name], whole)
+    status, out, err = run(COMMANDS[name], whole)
     takes = time.monotonic() - began
     if status:
-        tally.wrong.append(f"{name}: undisturbed it ended with {status}: {err[-300:]!r}")
-        return tally
-    for number in (signal.SIGKILL, signal.SIGTERM):
-        for k in range(kills):
-            folder = prepared(root / f"{name} {number.name} {k}", name)
-            at = float(rng.uniform(0.05, 1.0) * takes)
-            kill_once(name, folder, at, number, all_processes=bool(k % 2), tally=tally)
-            if results(folder) != results(whole):
-                tally.wrong.append(f"{name}, {number.name} after {at:.2f} s: {results(folder) ^ results(whole)} differ")
-            shutil.rmtree(folder)
-    return tally
+        yield Tally(wrong=[f"{name}: undisturbed it ended with {status}: {err[-300:]!r}"])
+        return
+    for k in range(done, kills):
+        rng = np.random.default_rng([seed, k])
+        number = (signal.SIGKILL, signal.SIGTERM)[k % 2]
+        folder = shutil.copytree(given, root / f"{name} {k}")
+        at = float(rng.uniform(0.05, 1.0) * takes)
+        tally, printed = kill_once(name, folder, at, number, all_processes=bool(k // 2 % 2))
+        if results(folder) != results(whole):
+            tally.wrong.append(f"{name}, {number.name} after {at:.2f} s: {results(folder) ^ results(whole)} differ")
+        if printed is not None and not same(printed, json.loads(out)):
+            tally.wrong.append(f"{name}, {number.name} after {at:.2f} s: another result than undisturbed")
+        shutil.rmtree(folder)
+        yield tally
+
+
+def earlier(kept: Path | None) -> dict[str, Tally]:
+    """What the calls before have counted, by command."""
+    tallies: dict[str, Tally] = {}
+    for line in kept.read_text().splitlines() if kept is not None and kept.is_file() else []:
+        told = json.loads(line)
+        tallies.setdefault(told.pop("command"), Tally()).add(Tally(**told))
+    return tallies
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kills", type=int, default=20, help="of each command with each signal")
+    parser.add_argument("--kills", type=int, default=20, help="of each command, half of them with each signal")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--command", action="append", choices=list(COMMANDS))
+    parser.add_argument("--kept", type=Path, help="a file with a line for each kill; a next call goes on")
     asked = parser.parse_args()
-    print("| command | kills | before its end | next run went on | rows taken over | hidden at once | after next |")
-    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
-    wrong: list[str] = []
+    tallies = earlier(asked.kept)
     for name in asked.command or COMMANDS:
+        total = tallies.setdefault(name, Tally())
+        if total.kills >= asked.kills:
+            continue
         with tempfile.TemporaryDirectory() as root:
-            t = kill_often(name, asked.kills, asked.seed, Path(root))
-        cells = (t.kills, t.before_end, t.went_on, t.reused, t.left_at_once, t.left_after_next)
-        print(f"| {name} | {' | '.join(map(str, cells))} |", flush=True)
-        wrong += t.wrong
+            for one in kill_often(name, asked.kills, asked.seed, Path(root), done=total.kills):
+                total.add(one)
+                if asked.kept is not None:
+                    with asked.kept.open("a") as stream:
+                        stream.write(json.dumps({"command": name, **asdict(one)}) + "\n")
+    heads = "command, kills, before its end, next run went on, finished before, lost, parts at once, after next"
+    print(f"| {heads.replace(', ', ' | ')} |")
+    print(f"| --- {'| ---: ' * heads.count(',')}|")
+    for name, t in tallies.items():
+        cells = (t.kills, t.before_end, t.went_on, t.finished, t.lost, t.left_at_once, t.left_after_next)
+        print(f"| {name} | {' | '.join(map(str, cells))} |")
+    wrong = [line for t in tallies.values() for line in t.wrong]
     for line in wrong:
         print(line)
     print(f"{len(wrong)} wrong")

@@ -216,6 +216,8 @@ def check_content(study: "optuna.Study", evaluator: DesignEvaluator) -> None:
         raise ValueError(f"the study has {len(study.directions)} directions")
     space = stored_space(study)
     trials = study.get_trials(deepcopy=False)
+    if space is not None and FIRST not in study.user_attrs:
+        raise ValueError("the designs that the search begins with are missing")
     for name, parameters in study.user_attrs.get(FIRST, {}).items():
         _check_numbers(f"first design {name}", parameters.values())
     for trial in trials:
