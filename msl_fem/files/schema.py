@@ -73,12 +73,15 @@ def document(model: BaseModel) -> dict[str, Any]:
         if value is None or info.exclude or value == {} or name in implied:
             continue
         unit = _unit((info.annotation, *info.metadata))
-        if isinstance(value, BaseModel):
-            value = document(value)
-        elif isinstance(value, float) and unit:
-            value = quantity_text(value, unit)
-        content[info.alias or name] = value
+        content[info.alias or name] = document(value) if isinstance(value, BaseModel) else _with_unit(value, unit)
     return content
+
+
+def _with_unit(value: Any, unit: str) -> Any:
+    """Numbers of a unit as texts, in lists as well."""
+    if isinstance(value, tuple):
+        return [_with_unit(each, unit) for each in value]
+    return quantity_text(value, unit) if isinstance(value, float) and unit else value
 
 
 def _unit(parts: tuple[Any, ...]) -> str:

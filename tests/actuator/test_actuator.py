@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from msl_fem.actuator import Actuator, ECore, load_actuator, parse_actuator
 from msl_fem.errors import ActuatorError, InputError
+from msl_fem.files.schema import document
+from msl_fem.files.toml_text import toml_text
 
 GEOMETRIES = Path(__file__).parents[2] / "geometries"
 MAGNET = {
@@ -282,3 +284,11 @@ def test_any_unit_of_length_gives_the_same_magnet(width: float, unit: tuple[str,
     magnet = parse_actuator(core).magnet
     assert isinstance(magnet, ECore)
     assert magnet.yoke_thickness == pytest.approx(width, rel=1e-14)
+
+
+@pytest.mark.parametrize("file", sorted(GEOMETRIES.glob("*.toml")), ids=lambda file: file.stem)
+def test_a_shipped_file_written_is_the_file_read(file: Path) -> None:
+    """Outlines are lists of points with units; records carry such a copy of their actuator."""
+    actuator = load_actuator(file)
+    again = parse_actuator(tomllib.loads(toml_text(document(actuator))), file=file)
+    assert document(again) == document(actuator)
