@@ -35,8 +35,10 @@ from msl_fem.maps.guard import Guard
 from msl_fem.maps.level_currents import OperatingMap
 from msl_fem.plant.effects import CATALOGUE, EffectValues, design_change
 from msl_fem.plant.plant import PlantParameters, Surface, as_surface, plant_parameters, surface_of
+from msl_fem.plant.two_sides import check_shared
 from msl_fem.table.coenergy_surface import fit_coenergy_surface
 from msl_fem.table.magnetic_table import MagneticTable
+from msl_fem.table.pair_surface import SharedCoenergy
 
 _N_REACH = 101
 
@@ -185,6 +187,7 @@ class DesignModel:
     cubic : N/m^3, of the suspension
     source : what the input transformation comes from, in words
     left_out : known parameters of effects that the design has no place for, left to the feedback
+    shared : what both sides' armature adds where both are on; None: the sides are believed apart
     """
 
     actuator: Actuator
@@ -194,6 +197,7 @@ class DesignModel:
     cubic: float = 0.0
     source: str = "table"
     left_out: tuple[str, ...] = ()
+    shared: SharedCoenergy | None = None
 
     def holding_force(self, position: float) -> float:
         """N of the magnets that hold the mover at a position in m."""
@@ -228,7 +232,8 @@ def design_model_of(actuator: Actuator, table: MagneticTable, operating_map: Ope
     plant = linear_plant(actuator)
     coupled = plant_parameters(actuator)
     side = SideModel(surface_of(table)._replace(mutual=None), coupled.nominal_gap)
-    return DesignModel(actuator, plant, coupled, inverse_of(coupled, Guard(operating_map), side))
+    check_shared(coupled, table)
+    return DesignModel(actuator, plant, coupled, inverse_of(coupled, Guard(operating_map), side), shared=table.shared)
 
 
 def reach_of(model: DesignModel) -> tuple[float, float]:
@@ -269,6 +274,7 @@ def design_model_with_effects(
     coupled = plant_parameters(actuator)
     change = design_change(effects, sides=coupled.sides)
     coupled = coupled._replace(constant_force=coupled.constant_force + change.constant_force)
+    check_shared(coupled, table)
     surface = surface_with_effects(table, effects)
     sides = [SideModel(surface, coupled.nominal_gap + wider) for wider in (change.gap_1, change.gap_2)]
     return DesignModel(
@@ -279,6 +285,7 @@ def design_model_with_effects(
         cubic=change.cubic,
         source="extended model",
         left_out=left_to_feedback(effects),
+        shared=table.shared,
     )
 
 

@@ -28,8 +28,9 @@ from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.table.magnetic_table import SECTION
 from msl_fem.table.pair_table import MIRRORED, PAIR_NODES, PairTable
 
-DEFAULT_POSITIONS, DEFAULT_CURRENTS = 11, 11
+DEFAULT_POSITIONS, DEFAULT_CURRENTS = 13, 12
 """Of the whole travel, and of one sign of a current, 0 included."""
+_DENSER_ENDS, _PROBED, _TRIED = 0.23, 25, (0.0, 0.4, 0.8)
 CHECKS = 6
 """Every so many midpoints of the second current are solved to state the interpolation error."""
 
@@ -130,8 +131,8 @@ class _Walker:
 def default_pair_grid(actuator: Actuator) -> tuple[Array, Array]:
     """Positions (m), the same on both sides of the middle, and currents (A) of both signs.
 
-    The positions leave the gaps of `default_grid`; they are g_0 tanh(u) with equal steps of u, so that the ratio of
-    both gaps grows by a constant factor. Currents are denser at small ones, where small gaps saturate.
+    The positions leave the gaps of `default_grid` and are a little denser at the ends. The currents are denser where
+    opposing ones saturate the armature, see `_about_the_knee`.
 
     Raises
     ------
@@ -142,13 +143,44 @@ def default_pair_grid(actuator: Actuator) -> tuple[Array, Array]:
     assert motion is not None
     assert motion.nominal_gap is not None
     largest = min(motion.nominal_gap - gaps[0], gaps[-1] - motion.nominal_gap)
-    reach = np.arctanh(largest / motion.nominal_gap)
-    positions = motion.nominal_gap * np.tanh(np.linspace(-reach, reach, DEFAULT_POSITIONS))
-    positions[[0, -1]] = -largest, largest
+    share = np.linspace(-1, 1, DEFAULT_POSITIONS)
+    positions = largest * share * (1 + _DENSER_ENDS * (1 - np.abs(share)))
     limit = drive_limit(actuator)
     assert limit is not None
-    currents = limit * np.linspace(0, 1, DEFAULT_CURRENTS) ** 2
-    return positions, currents
+    tried = largest * np.array(_TRIED)
+    return positions, _about_the_knee(actuator, motion.nominal_gap, tried, limit)
+
+
+@one_blas_thread
+def _about_the_knee(actuator: Actuator, gap: float, positions: Array, limit: float) -> Array:
+    """Currents from 0 to the limit (A), half of them evenly, half by the root of the flux linkage's curvature.
+
+    That curvature is of equal opposing currents, its mean over the positions, from a few solutions on a coarse mesh:
+    the interpolant's error is largest there. Rounded, so that a sweep that goes on finds its rows.
+    """
+    level = LEVELS["fast"]
+    field = PairField(actuator, pair_mesh(pair_magnet(actuator), gap, "fast"), gap_sum=2 * gap, order=level.order)
+    probe = np.linspace(0.0, limit, _PROBED)
+    density = np.full(_PROBED, 1 / limit)
+    for position in positions:
+        flux = _flux_of_opposing(field, float(position), probe)
+        bend = np.sqrt(np.abs(np.gradient(np.gradient(flux, probe), probe)))
+        density += bend / np.trapezoid(bend, probe) / len(positions)
+    placed = np.r_[0.0, np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(probe))]
+    chosen = np.interp(np.linspace(0, placed[-1], DEFAULT_CURRENTS), placed, probe)
+    return np.r_[0.0, np.round(chosen[1:-1] / limit, 3) * limit, limit]
+
+
+def _flux_of_opposing(field: PairField, position: float, currents: Array) -> Array:
+    """(n,) Wb of side 1 under equal opposing currents (n,) from 0 on, each field from the one before."""
+    flux, potential = np.zeros(currents.size), None
+    for n in range(1, currents.size):
+        current = float(currents[n])
+        solution = field.solve(position, current, -current, start=potential)
+        responses = field.by_currents(solution)
+        flux[n] = field.quantities(solution, (current, -current), responses).flux_linkage_1
+        potential = solution.potential + (responses[0] - responses[1]) * (currents[1] - currents[0])
+    return flux
 
 
 def pair_sweep(
