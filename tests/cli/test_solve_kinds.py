@@ -7,6 +7,7 @@ from cli_paths import E1
 from conftest import ROOT
 
 Run = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/conftest.py
+SERVO = str(ROOT / "geometries" / "fast_tool_servo.toml")
 U_CORE = str(ROOT / "geometries" / "u_core.toml")
 BOTH = ("--current", "5 A", "--current-2", "2 A", "--gap", "0.5 mm", "--gap-2", "0.5 mm")
 
@@ -24,6 +25,18 @@ def test_a_negative_second_current_opposes(msl_fem: Run) -> None:
     found = msl_fem("solve", E1, *opposing, "--accuracy", "fast", "--json").json
     assert found["net_force_N"] == pytest.approx(168.56826, rel=1e-2)
     assert found["flux_linkage_2_Wb"] == pytest.approx(-0.023782739, rel=1e-2)
+
+
+def test_what_each_polarity_costs_is_said(msl_fem: Run) -> None:
+    """At 1.2 T on both sides in the middle: the armature of the servo saturates under opposing currents alone."""
+    where = ("--gap", "0.5 mm", "--gap-2", "0.7 mm", "--accuracy", "fast", "--json")
+    found = msl_fem("solve", SERVO, "--current", "3.4 A", "--current-2", "4.4 A", *where).json["polarity"]
+    assert found["of_these_currents"] == "aiding"
+    assert found["of_the_actuator"] == "opposing"
+    assert found["opposing"]["force_error_of_sides_apart"] > 0.03
+    assert abs(found["aiding"]["force_error_of_sides_apart"]) < 0.003
+    one_side = msl_fem("solve", SERVO, "--current", "3.4 A", "--current-2", "0 A", *where).json
+    assert "polarity" not in one_side
 
 
 def test_tilt_gives_a_torque(msl_fem: Run) -> None:

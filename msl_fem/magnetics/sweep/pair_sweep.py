@@ -28,9 +28,10 @@ from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.table.magnetic_table import SECTION
 from msl_fem.table.pair_table import MIRRORED, PAIR_NODES, PairTable
 
-DEFAULT_POSITIONS, DEFAULT_CURRENTS = 13, 12
+DEFAULT_POSITIONS, DEFAULT_CURRENTS = 13, 14
 """Of the whole travel, and of one sign of a current, 0 included."""
-_DENSER_ENDS, _PROBED, _TRIED = 0.23, 25, (0.0, 0.4, 0.8)
+_DENSER_ENDS, _PROBED, _TRIED = 0.23, 33, (0.0, 0.4, 0.8, 1.0)
+_EVEN = 0.3
 CHECKS = 6
 """Every so many midpoints of the second current are solved to state the interpolation error."""
 
@@ -153,15 +154,15 @@ def default_pair_grid(actuator: Actuator) -> tuple[Array, Array]:
 
 @one_blas_thread
 def _about_the_knee(actuator: Actuator, gap: float, positions: Array, limit: float) -> Array:
-    """Currents from 0 to the limit (A), half of them evenly, half by the root of the flux linkage's curvature.
+    """Currents from 0 to the limit (A), some evenly, most by the root of the flux linkage's curvature.
 
     That curvature is of equal opposing currents, its mean over the positions, from a few solutions on a coarse mesh:
     the interpolant's error is largest there. Rounded, so that a sweep that goes on finds its rows.
     """
     level = LEVELS["fast"]
     field = PairField(actuator, pair_mesh(pair_magnet(actuator), gap, "fast"), gap_sum=2 * gap, order=level.order)
-    probe = np.linspace(0.0, limit, _PROBED)
-    density = np.full(_PROBED, 1 / limit)
+    probe = limit * np.linspace(0.0, 1.0, _PROBED) ** 2
+    density = np.full(_PROBED, _EVEN / limit)
     for position in positions:
         flux = _flux_of_opposing(field, float(position), probe)
         bend = np.sqrt(np.abs(np.gradient(np.gradient(flux, probe), probe)))
@@ -179,7 +180,9 @@ def _flux_of_opposing(field: PairField, position: float, currents: Array) -> Arr
         solution = field.solve(position, current, -current, start=potential)
         responses = field.by_currents(solution)
         flux[n] = field.quantities(solution, (current, -current), responses).flux_linkage_1
-        potential = solution.potential + (responses[0] - responses[1]) * (currents[1] - currents[0])
+        potential = solution.potential + (responses[0] - responses[1]) * (
+            currents[min(n + 1, currents.size - 1)] - current
+        )
     return flux
 
 
