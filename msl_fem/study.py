@@ -1,7 +1,7 @@
 """The whole chain for one actuator: table, operating map, coupled model, identification, guarded closed loop."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +23,8 @@ from msl_fem.errors import InputError
 from msl_fem.identification import Identification, identify
 from msl_fem.magnetics.field.accuracy import Accuracy, PointResult
 from msl_fem.magnetics.field.magnet_field import MagnetField, solve_with_field
+from msl_fem.magnetics.field.two_sided import Decoupling, TwoSidedPosition, polarity_costs
+from msl_fem.magnetics.kinds.kind import PlaneMagnet
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, default_grid, sweep
 from msl_fem.maps import OperatingMap, operating_map
@@ -60,13 +62,18 @@ class StudySettings:
 
 @dataclass(frozen=True, eq=False)
 class FieldStage:
-    """The table, what it took, and one field to look at: at the nominal gap, at the first level's current."""
+    """The table, what it took, and one field to look at: at the nominal gap, at the first level's current.
+
+    `polarity` is how far two sides are from independent at half the range, each at its first level's current, by how
+    their fluxes meet; empty where there is one side.
+    """
 
     table: MagneticTable
     report: SweepReport
     point: PointResult
     field: MagnetField
     solution: FieldSolution
+    polarity: Mapping[str, Decoupling]
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +200,21 @@ def _look_at_field(actuator: Actuator, table: MagneticTable, report: SweepReport
     row = np.where(np.isnan(made.current[0]), made.current_max / 2, made.current[0])
     current = float(np.interp(gap, made.gap, row))
     point, magnet_field, solution = solve_with_field(actuator, current, gap)
-    return FieldStage(table, report, point, magnet_field, solution)
+    return FieldStage(table, report, point, magnet_field, solution, _polarity(actuator, made, gap))
+
+
+def _polarity(actuator: Actuator, made: OperatingMap, gap: float) -> Mapping[str, Decoupling]:
+    magnet, sides, motion = actuator.magnet, actuator.sides, actuator.motion
+    if sides is None or sides.count != 2 or motion is None or motion.range is None:
+        return {}
+    if not isinstance(magnet, PlaneMagnet):
+        return {}
+    off = motion.range / 2
+    position = TwoSidedPosition(gap - off, gap + off)
+    currents = [float(np.interp(g, made.gap, made.current[0])) for g in (position.gap_1, position.gap_2)]
+    if not np.isfinite(currents).all():
+        return {}
+    return polarity_costs(actuator, (currents[0], currents[1]), position, accuracy="fast")
 
 
 def _simulated(actuator: Actuator, table: MagneticTable, *, seed: int) -> ModelStage:

@@ -43,6 +43,8 @@ def test_headline_numbers_are_those_of_a_working_actuator(folder: Path) -> None:
     assert found["guard_violations"] == 0
     assert 1.1 < found["coupled_model"]["stability_limit_A"] < 1.3
     assert 3.5 < found["map_at_nominal_gap_A"]["1.2 T"] < 4.2
+    costs = found["field"]["force_error_of_sides_apart"]
+    assert abs(costs["opposing"]) > 0.05 > 0.01 > abs(costs["aiding"])  # docs/decoupling.md: 7.7 and 0.2 %
 
 
 class _Page(HTMLParser):
@@ -77,6 +79,7 @@ def test_the_report_is_self_contained_and_complete(folder: Path) -> None:
     fit = found["armax"]["swept_sine"]["free_run"]
     assert f"{fit:.2f} %" in text
     assert re.search(r"<b>0</b><span>guard violations", text)
+    assert "where they aid; the actuator states opposing." in text
     assert (folder / "report.html").stat().st_size < 8e6
 
 

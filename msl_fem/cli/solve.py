@@ -14,7 +14,7 @@ from msl_fem.export.vtu import write_vtu
 from msl_fem.files.whole_file import check_target
 from msl_fem.magnetics.field.accuracy import Accuracy, PointResult
 from msl_fem.magnetics.field.magnet_field import solve_with_field
-from msl_fem.magnetics.field.two_sided import TwoSidedPosition, TwoSidedResult, decoupling, solve_two_sided
+from msl_fem.magnetics.field.two_sided import TwoSidedPosition, TwoSidedResult, polarity_costs, solve_two_sided
 from msl_fem.report.field_picture import draw_field, save_picture
 from msl_fem.report.scene import render_scene
 
@@ -110,9 +110,7 @@ def what_a_polarity_costs(
     costs: dict[str, Any] = {"of_these_currents": "aiding" if currents[0] * currents[1] > 0 else "opposing"}
     if actuator.sides is not None:
         costs["of_the_actuator"] = actuator.sides.polarity
-    for name, sign in (("opposing", -1.0), ("aiding", 1.0)):
-        turned = abs(currents[0]), sign * abs(currents[1])
-        apart = decoupling(actuator, turned, position, accuracy=accuracy)
+    for name, apart in polarity_costs(actuator, currents, position, accuracy=accuracy).items():
         costs[name] = {
             "force_error_of_sides_apart": apart.force_error,
             "flux_error_of_sides_apart": [apart.flux_error_1, apart.flux_error_2],

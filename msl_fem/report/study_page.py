@@ -40,7 +40,8 @@ def headline_numbers(study: Study) -> dict[str, Any]:
             "reciprocity_error": sweep.reciprocity_error,
             "force_N": point.quantities.force,
             "force_stress_tensor_N": point.quantities.force_stress_tensor,
-        },
+        }
+        | _polarity_numbers(study),
         "map_at_nominal_gap_A": {
             f"{level:g} T": float(np.interp(nominal, made.gap, row))
             for level, row in zip(made.levels, made.current, strict=True)
@@ -106,6 +107,25 @@ def study_page(study: Study) -> Page:
     )
 
 
+def _polarity_numbers(study: Study) -> dict[str, Any]:
+    costs = {name: apart.force_error for name, apart in study.field.polarity.items()}
+    return {"force_error_of_sides_apart": costs} if costs else {}
+
+
+def _polarity_sentence(study: Study) -> str:
+    """What both polarities cost on this armature, and which one the actuator states."""
+    costs, sides = study.field.polarity, study.actuator.sides
+    if not costs or sides is None:
+        return ""
+    level = study.operating_map.levels[0]
+    return (
+        f" With both sides on, each at the current that brings {level:g} T, half the range off the middle, two magnets "
+        f"taken apart give {_percent(abs(costs['opposing'].force_error))} too much or too little force where their "
+        f"fluxes oppose and add up in the armature, {_percent(abs(costs['aiding'].force_error))} where they aid; the "
+        f"actuator states {sides.polarity}."
+    )
+
+
 def _field(study: Study) -> Stage:
     point = study.field.point
     q = point.quantities
@@ -116,6 +136,7 @@ def _field(study: Study) -> Stage:
         "in the iron; "
         f"each magnet pulls with {q.force:.1f} N, and virtual work and stress tensor agree to "
         f"{_percent(abs(q.force_stress_tensor / q.force - 1))}."
+        f"{_polarity_sentence(study)}"
     )
     numbers = (
         ("force, virtual work", f"{q.force:.2f} N"),

@@ -364,5 +364,19 @@ def decoupling(
     )
 
 
+def polarity_costs(
+    actuator: Actuator, sizes: tuple[float, float], position: TwoSidedPosition, *, accuracy: Accuracy = "normal"
+) -> dict[str, Decoupling]:
+    """`decoupling` at currents of these sizes (A), opposing, whose fluxes add up in the armature, and aiding.
+
+    Raises
+    ------
+    InputError : as `decoupling`
+    """
+    first, second = abs(sizes[0]), abs(sizes[1])
+    signs = (("opposing", -1.0), ("aiding", 1.0))
+    return {name: decoupling(actuator, (first, sign * second), position, accuracy=accuracy) for name, sign in signs}
+
+
 def _alone(currents: tuple[float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
     return (currents[0], 0.0), (0.0, currents[1])
