@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
+from msl_fem.table.magnetic_table import read_table
+
 Run = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/conftest.py
 
 
@@ -25,6 +27,7 @@ class Tour:
     losses: tuple[str, ...] = ()
 
 
+ROUND = ("pot-core", "plunger")
 NOISE = "band-limited-noise:bias={},amplitude={},band={},duration=0.25 s,role={}"
 TOURS = {
     "u-core": Tour(
@@ -64,6 +67,7 @@ def test_a_kind_goes_through_every_command(msl_fem: Run, tmp_path: Path, kind: s
     assert set(solved["flux_density_T"]) == tour.sections
     made = msl_fem("table", file, "-o", table, "--gaps", tour.gaps, "--currents", tour.currents, *coarse).json
     assert made["failed"] == 0
+    assert str(read_table(table).provenance["solver"]).startswith("axisymmetric") == (kind in ROUND)
     looked = msl_fem("lookup", table, *point, "--json").json
     assert looked["force_N"] == pytest.approx(solved["force_N"], rel=0.02)
 

@@ -1,15 +1,14 @@
 """Kinds of magnets against meshes and closed forms, and a toy kind of one file through all rooms."""
 
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar, Literal
 
-import meshio
 import numpy as np
 import pytest
 from conftest import ROOT
 from field_problems import REFERENCE
+from foreign_meshes import boxed, foreign
 from published_magnets import roters
 
 from msl_fem.actuator import Actuator, load_actuator, parse_actuator
@@ -26,8 +25,7 @@ from msl_fem.magnetics.field.two_sided import TwoSidedPosition, solve_two_sided
 from msl_fem.magnetics.field_map.level_map import FieldMapSettings, field_map
 from msl_fem.magnetics.kinds.kind import PlaneMagnet, WindingSpace
 from msl_fem.magnetics.kinds.parts import Air, Coil, IronSpec
-from msl_fem.magnetics.section import IronPart, Line, Region, Section, rectangle
-from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
+from msl_fem.magnetics.section import IronPart, Line, Section, rectangle
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
 from msl_fem.materials.constants import MU_0
 from msl_fem.report.field_picture import draw_field, save_picture
@@ -35,7 +33,6 @@ from msl_fem.report.field_picture import draw_field, save_picture
 UI60 = ROOT / "geometries" / "u_core_ui60.toml"
 ROTERS = ROOT / "geometries" / "roters_plunger.toml"
 POT = ROOT / "geometries" / "pot_core_holding.toml"
-NAMES = {"strip": "air_gap", "window": "air_window"}
 
 
 @pytest.fixture(scope="module")
@@ -43,56 +40,14 @@ def u_core() -> Actuator:
     return load_actuator(UI60)
 
 
-def whole(section: Section) -> Section:
-    """Both halves of a section whose currents keep their sign, the coil's sides named by it."""
-    regions = []
-    for region in section.regions:
-        density = section.turns_density.get(region.name, 0.0)
-        name = f"coil{'+' if density > 0 else '-'}" if density else NAMES.get(region.name, region.name)
-        mirrored = tuple((-x, y) for x, y in reversed(region.vertices))
-        if any(x == 0 for x, _ in region.vertices):
-            right = max(x for x, _ in region.vertices)
-            low, high = (pick(y for _, y in region.vertices) for pick in (min, max))
-            regions.append(Region(name, ((-right, low), (right, low), (right, high), (-right, high))))
-        else:
-            regions += [Region(name, region.vertices), Region(name, mirrored)]
-    corners = tuple((side * x, y, s) for x, y, s in section.corners for side in (1, -1))
-    return replace(section, regions=tuple(regions), corners=corners, turns_density={}, cuts=(), far=1.0)
-
-
-def foreign(actuator: Actuator, gap: float, folder: Path) -> Actuator:
-    """The magnet as a gmsh file of its whole section at a gap, read back as kind = "mesh"."""
-    magnet = actuator.magnet
-    section = whole(magnet.section(gap))
-    mesh = triangulate(section, MeshSize(corner=0.02, gap=2.0, iron=0.6, growth=0.4))
-    tag = {name: k + 1 for k, name in enumerate(mesh.names)}
-    tags = np.array([tag[name] for name in mesh.names], dtype=np.int32)[mesh.region]
-    content = meshio.Mesh(
-        np.column_stack([*mesh.points, np.zeros(mesh.points.shape[1])]),
-        [("triangle", mesh.triangles.T.astype(np.int32))],
-        cell_data={"gmsh:physical": [tags], "gmsh:geometrical": [tags]},
-        field_data={name: np.array([k, 2]) for name, k in tag.items()},
-    )
-    file = folder / f"{gap:g}.msh"
-    meshio.write(file, content, file_format="gmsh22", binary=False)
-    magnetic = {
-        "kind": "mesh", "mesh": str(file), "stack_depth": magnet.stack_depth, "gap": gap, "turns": magnet.turns,
-        "iron": magnet.iron.model_dump(exclude_none=True),
-    }  # fmt: skip
-    return Actuator.model_validate({"schema": 1, "name": "foreign", "magnet": magnetic, "file": actuator.file})
-
-
-@pytest.mark.parametrize(("current", "gap"), [(1.0, 2.5e-3), (2.0, 1.5e-3), (4.0, 0.5e-3)])
+@pytest.mark.parametrize(("current", "gap"), [(1.0, 2.5e-3), (4.0, 0.5e-3)])
 def test_a_u_core_is_the_mesh_of_its_whole_section(
     u_core: Actuator, tmp_path: Path, current: float, gap: float
 ) -> None:
     """Half the section with a free potential on x = 0 against all of it, force by another route: 0.1 %."""
-    near = {"air": {"side": 0.055, "bottom": 0.055, "top": 0.055}}  # painted whole: no layers beyond
-    magnet = type(u_core.magnet).model_validate(u_core.magnet.model_dump() | near)
-    assert magnet.section(gap).far == 1.0
-    boxed = u_core.model_copy(update={"magnet": magnet})
-    ours = solve(boxed, current, gap).quantities
-    theirs = solve_mesh_magnet(foreign(boxed, gap, tmp_path), current).quantities
+    near = boxed(u_core)
+    ours = solve(near, current, gap).quantities
+    theirs = solve_mesh_magnet(foreign(near, gap, tmp_path), current).quantities
     assert theirs.force == pytest.approx(ours.force, rel=1e-3)
     assert theirs.flux_linkage == pytest.approx(ours.flux_linkage, rel=1e-3)
     assert theirs.coenergy == pytest.approx(ours.coenergy, rel=1e-3)
@@ -248,17 +203,13 @@ def test_means_over_a_pot_cores_cuts_are_over_their_area(pot_core: Actuator) -> 
     cut = field.probes.cuts["post"]
     squares = field.model.basis.doflocs[0] ** 2
     assert cut.mean(cut.along_x @ squares) == pytest.approx(magnet.post_diameter, rel=1e-3)
-    cuts = solve(pot_core, 0.1, 5e-5).quantities.flux_density
+    cuts = solve(pot_core, 0.1, 5e-5, accuracy="fast").quantities.flux_density
     inside = magnet.half_width - magnet.ring_width
     ring = cuts["ring"].mean * (magnet.half_width**2 - inside**2)
     assert ring == pytest.approx(cuts["post"].mean * magnet.post_diameter**2 / 4, rel=0.02)
 
 
-def test_a_pot_core_goes_through_table_map_losses_and_tolerances(pot_core: Actuator) -> None:
-    table, _ = sweep(pot_core, [3e-4, 6e-4, 1e-3], [0.5, 1.0, 2.0], settings=SweepSettings(accuracy="fast"))
-    point = solve(pot_core, 1.0, 6e-4, accuracy="fast").quantities
-    assert float(table.force(1.0, 6e-4)) == pytest.approx(point.force, rel=1e-3)
-    assert str(table.provenance["solver"]).startswith("axisymmetric")
+def test_a_pot_core_states_its_map_iron_winding_and_tolerances(pot_core: Actuator) -> None:
     made = field_map(pot_core, [3e-4, 6e-4], levels=[1.0], settings=FieldMapSettings(accuracy="fast"))
     field = field_of(pot_core, 6e-4, accuracy="fast")
     there = field.quantities(field.solve(float(made.current[0, 1]), 6e-4)).flux_density
@@ -308,7 +259,7 @@ def test_a_plunger_pulls_as_roters_measured(plunger: Actuator, row: int) -> None
     inches, _, force = np.genfromtxt(REFERENCE / "roters" / "measured_force.csv", delimiter=",")[row]
     found = solve(plunger, 1.5, inches * 0.0254, accuracy="fast").quantities
     assert found.force == pytest.approx(force, rel=0.1)
-    assert found.force_stress_tensor == pytest.approx(found.force, rel=0.05)
+    assert found.force_stress_tensor == pytest.approx(found.force, rel=5e-3)
     alone = solve_plunger(roters(), 1.5, -inches * 0.0254, order=2)
     assert found.force == pytest.approx(alone.force, rel=0.01)
     assert found.flux_linkage == pytest.approx(alone.flux_linkage, rel=0.01)
@@ -321,10 +272,6 @@ def test_a_plungers_table_holds_between_gaps_that_have_their_own_meshes(plunger:
     assert float(table.force(1.2, 0.00275)) == pytest.approx(fresh.force, rel=3e-3)
     assert report.mesh_error < 1e-3
     assert report.reciprocity_error < 0.02
-    made = field_map(plunger, gaps, levels=[1.2], settings=FieldMapSettings(accuracy="fast"))
-    there = solve(plunger, float(made.current[0, 1]), gaps[1], accuracy="fast").quantities.flux_density
-    assert there["plunger"].mean == pytest.approx(1.2, rel=5e-3)
-    assert made.section == (("plunger", "plunger"),)
 
 
 def test_a_mesh_that_follows_a_plunger_has_the_coenergys_slopes(plunger: Actuator) -> None:
@@ -336,7 +283,7 @@ def test_a_mesh_that_follows_a_plunger_has_the_coenergys_slopes(plunger: Actuato
     at = field.quantities(field.solve(1.5, gap))
     assert at.force_gap_slope == pytest.approx((high.force - low.force) / (2 * h), rel=1e-4)
     assert at.force == pytest.approx(solve(plunger, 1.5, gap, accuracy="fast").quantities.force, rel=2e-3)
-    assert at.force_stress_tensor == pytest.approx(at.force, rel=0.05)
+    assert at.force_stress_tensor == pytest.approx(at.force, rel=5e-3)
     assert field.near(0.01271) is field
     assert field.near(0.015) is not field
 
@@ -383,26 +330,18 @@ def test_a_mesh_from_a_file_follows_the_gap(bearing: Actuator) -> None:
 
 
 def test_a_moved_mesh_is_the_mesh_made_at_that_gap(u_core: Actuator, tmp_path: Path) -> None:
-    near = {"air": {"side": 0.055, "bottom": 0.055, "top": 0.055}}
-    magnet = type(u_core.magnet).model_validate(u_core.magnet.model_dump() | near)
-    made = foreign(u_core.model_copy(update={"magnet": magnet}), 1e-3, tmp_path)
-    ours = solve(u_core.model_copy(update={"magnet": magnet}), 2.0, 1.6e-3, accuracy="fast").quantities
+    made = foreign(boxed(u_core), 1e-3, tmp_path)
+    ours = solve(boxed(u_core), 2.0, 1.6e-3, accuracy="fast").quantities
     moved = solve(made, 2.0, 1.6e-3, accuracy="fast").quantities
     assert moved.force == pytest.approx(ours.force, rel=3e-3)
     assert moved.coenergy == pytest.approx(ours.coenergy, rel=3e-3)
     assert solve(made, 2.0, 1e-3).quantities.force == pytest.approx(solve_mesh_magnet(made, 2.0).quantities.force)
 
 
-def test_a_mesh_from_a_file_goes_through_table_map_losses_and_tolerances(bearing: Actuator) -> None:
-    table, _ = sweep(bearing, [4.5e-4, 5.5e-4], [2.0, 4.0], settings=SweepSettings(accuracy="fast"))
-    fresh = solve(bearing, 3.0, 5e-4, accuracy="fast").quantities
-    assert float(table.force(3.0, 5e-4)) == pytest.approx(fresh.force, rel=0.02)
+def test_a_mesh_from_a_file_has_a_map_of_whole_regions_and_no_lengths(bearing: Actuator) -> None:
     made = field_map(bearing, [4e-4, 6e-4], levels=[0.5], settings=FieldMapSettings(accuracy="fast"))
     there = solve(bearing, float(made.current[0, 1]), 6e-4, accuracy="fast").quantities.flux_density
     assert max(part.mean for part in there.values()) == pytest.approx(0.5, rel=5e-3)
-    operation = PeriodicOperation(2 + np.sin(np.arange(64) / 32 * np.pi), np.full(64, 5e-4), 50.0)
-    loss = iron_loss(table, bearing, operation=operation)
-    assert {section.section for section in loss.sections} == {"core", "armature"}
     assert {tolerance.name for tolerance in tolerances_of(bearing)}.isdisjoint(LENGTHS)
 
 
