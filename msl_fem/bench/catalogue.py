@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +12,9 @@ from msl_fem.bench.equations import film_numbers
 from msl_fem.bench.plant import MOST_BRANCHES, Array, Attached, Film, FlexureLaw, Friction, Support
 from msl_fem.bench.rig import Rig
 from msl_fem.bench.setting import BenchEffect, BenchSetting, RigWithEffect, lag_to_start_with
+from msl_fem.bench.user_laws import effect_of_law
 from msl_fem.errors import InputError
+from msl_fem.laws import Expression
 
 STRETCH_LENGTH = 5e-3  # m: far above the range, so that the force goes with the cube of the displacement
 HUMS = (50.0, 60.0)  # Hz
@@ -293,8 +295,9 @@ class Request:
     size: float
 
 
-def parse_requests(texts: Sequence[str]) -> tuple[Request, ...]:
+def parse_requests(texts: Sequence[str], causes: Sequence[Expression] = ()) -> tuple[Request, ...]:
     """The requests of texts "NAME=3%", "outside", "outside:NAME=2%" or "none"; without a size three per cent.
+    `causes` are those that the user states, "expression:NAME".
 
     Raises
     ------
@@ -305,15 +308,18 @@ def parse_requests(texts: Sequence[str]) -> tuple[Request, ...]:
         raise InputError("--hide none goes alone; leave the others out, or leave out none")
     if len(asked) > MOST_HIDDEN:
         raise InputError(f"--hide is given {len(asked)} times; at most {MOST_HIDDEN} effects are hidden together")
-    requests = tuple(_request(text) for text in asked)
+    known = INSIDE | {one.effect: effect_of_law(one) for one in causes}
+    requests = tuple(_request(text, known) for text in asked)
     names = [request.effect.name if request.effect else "outside" for request in requests]
     if len(set(names)) < len(names):
         raise InputError(f"--hide {names[0]} is there twice; name each effect once")
     return requests
 
 
-def _request(text: str) -> Request:
+def _request(text: str, known: Mapping[str, BenchEffect]) -> Request:
     name, equals, size = (part.strip() for part in text.partition("="))
+    if name in known:
+        return Request(known[name], _percent(size, text) if equals else USUAL_SIZE)
     group, colon, inner = (part.strip() for part in name.partition(":"))
     percent = _percent(size, text) if equals else USUAL_SIZE
     if name == "outside":
@@ -322,12 +328,10 @@ def _request(text: str) -> Request:
         if inner not in OUTSIDE_BY_NAME:
             raise InputError(f"--hide {text}: '{inner}' is no effect outside; there are {', '.join(OUTSIDE_BY_NAME)}")
         return Request(OUTSIDE_BY_NAME[inner], percent)
-    if name not in INSIDE:
-        raise InputError(
-            f"--hide {text}: '{name}' is no effect; there are {', '.join(INSIDE)}; none; and outside[:NAME] with "
-            f"{', '.join(OUTSIDE_BY_NAME)}"
-        )
-    return Request(INSIDE[name], percent)
+    raise InputError(
+        f"--hide {text}: '{name}' is no effect; there are {', '.join(known)}; none; and outside[:NAME] with "
+        f"{', '.join(OUTSIDE_BY_NAME)}"
+    )
 
 
 def _percent(text: str, whole: str) -> float:

@@ -35,6 +35,7 @@ import numpy as np
 
 from msl_fem.actuator import Actuator, MagnetKind
 from msl_fem.bench.iron import ladder_current, ladder_rates, pinned_current, series_current, side_magnet
+from msl_fem.bench.law_program import FORCE, law_of_motion, law_of_side
 from msl_fem.bench.plant import (
     CURRENT_DRIVE,
     ENERGY_COPPER,
@@ -137,15 +138,17 @@ def side_resistance(plant: BenchPlant, y: Array, j: int) -> float:
 
 
 @compiled
-def drive_sides(bench: Bench, y: Array, target: Array, gap_rate: Array, dy: Array) -> None:
+def drive_sides(bench: Bench, y: Array, position: float, target: Array, gap_rate: Array, dy: Array) -> None:
     """Fills VOLTAGE of the sides and the rates of i_m and the ladders.
 
-    `target` (2,) is the current aimed at, or the voltage given; `gap_rate` (2,) in m/s.
+    `position` is relative to the magnets, `target` (2,) the current aimed at, or the voltage given; `gap_rate` (2,) in
+    m/s.
     """
     plant = bench.plant
     for j in range(plant.magnets.sides):
         row = bench.sides[j]
         drop = side_resistance(plant, y, j) * row[CURRENT]
+        drop += law_of_side(plant, y, plant.magnets.nominal_gap - (1.0 - 2.0 * j) * position, row[CURRENT])
         motional = row[GAP_SLOPE] * gap_rate[j]
         stray = plant.stray.leakage_1 if j == 0 else plant.stray.leakage_2
         voltage = target[j]
@@ -326,7 +329,7 @@ def state_rates(bench: Bench, y: Array, command: Array, instant: tuple[float, fl
     gap_rate[0], gap_rate[1] = -speed, speed
     if not fill_side_currents(bench, y, position):
         return False
-    drive_sides(bench, y, target, gap_rate, dy)
+    drive_sides(bench, y, position, target, gap_rate, dy)
     dy[ENERGY_ELECTRICAL] = dy[ENERGY_COPPER] = 0.0
     for j in range(plant.magnets.sides):
         voltage, current = sides[j, VOLTAGE], sides[j, CURRENT]
@@ -339,6 +342,7 @@ def state_rates(bench: Bench, y: Array, command: Array, instant: tuple[float, fl
             dy[n], dy[n + 1] = thermal_rates(plant.thermal, y[n], y[n + 1], loss)
     time, push = instant
     external = plant.motion.constant_force + push + outside_force(plant.disturbance, time, y, sides)
+    external += law_of_motion(plant, FORCE, y, plant.magnets.nominal_gap - position, sides, CURRENT)
     if plant.circuit.drive == FORCE_DRIVE:
         external += target[0]
         dy[VOLT_SECONDS_1] = target[0]

@@ -11,6 +11,7 @@ import numpy as np
 
 from msl_fem.bench.equations import CURRENT, FLUX, fill_side_currents, state_rates
 from msl_fem.bench.iron import fastest_ladder_rate, settle_memory
+from msl_fem.bench.law_program import READING, law_of_motion
 from msl_fem.bench.plant import (
     CURRENT_DRIVE,
     FORCE_DRIVE,
@@ -250,13 +251,15 @@ def _settled(bench: Bench, y: Array) -> bool:
 def look(bench: Bench, y: Array, filters: Array, row: Array) -> int:
     """OK with the row of a sample filled but for its voltages, or why not."""
     sides = bench.sides
-    if not fill_side_currents(bench, y, _relative_position(bench.plant, y)):
+    position = _relative_position(bench.plant, y)
+    if not fill_side_currents(bench, y, position):
         return OUTSIDE_TABLE
+    gap = bench.plant.magnets.nominal_gap - position
     row[OUT_I1] = sides[0, CURRENT]
     row[OUT_I2] = sides[1, CURRENT]
     row[OUT_X] = y[X]
     row[OUT_V] = y[V]
-    row[OUT_READING] = filters[2]
+    row[OUT_READING] = filters[2] + law_of_motion(bench.plant, READING, y, gap, sides, CURRENT)
     row[OUT_FLUX_1] = sides[0, FLUX]
     row[OUT_FLUX_2] = sides[1, FLUX]
     return OK

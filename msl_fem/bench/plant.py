@@ -12,6 +12,7 @@ from msl_fem.computing.arrays import Array
 CURRENT_DRIVE, VOLTAGE_DRIVE, FORCE_DRIVE = 0, 1, 2
 IRON_NODES = 257
 MOST_BRANCHES = 8
+MOST_LAWS, LONGEST_PROGRAM = 3, 500  # as many as are hidden together; a character of a law each
 # States that every plant has: magnetising currents (A), position, velocity; volt-seconds of the sides since the sample
 # began; energies since the start (J): electrical input, copper, damper, work of forces from outside.
 IM1, IM2, X, V, VOLT_SECONDS_1, VOLT_SECONDS_2 = range(6)
@@ -89,6 +90,20 @@ class Stray(NamedTuple):
     leakage_1: float = 0.0
     leakage_2: float = 0.0
     mutual: float = 0.0
+
+
+class UserLaws(NamedTuple):
+    """Laws that users state, as programs (`law_program.py`); 0: none."""
+
+    number_of_laws: int
+    equation: Array  # (MOST_LAWS,)
+    code: Array  # (MOST_LAWS, LONGEST_PROGRAM) operations, -1 behind the last
+    number: Array  # (MOST_LAWS, LONGEST_PROGRAM) of numbers and variables
+
+
+NO_LAWS = UserLaws(
+    0, np.zeros(MOST_LAWS), -np.ones((MOST_LAWS, LONGEST_PROGRAM)), np.zeros((MOST_LAWS, LONGEST_PROGRAM))
+)
 
 
 class Thermal(NamedTuple):
@@ -210,6 +225,7 @@ class BenchPlant(NamedTuple):
     reading: SensorElectronics
     layout: StateLayout
     stray: Stray = Stray()
+    laws: UserLaws = NO_LAWS
 
 
 class Bench(NamedTuple):

@@ -7,7 +7,7 @@ import typer
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.bench import BenchOptions, ClosedLoop, parse_nuisances, parse_requests, sealed_record, usual_unit
-from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
+from msl_fem.cli.options import ActuatorFile, Causes, Json, TableFile, read_causes, read_option
 from msl_fem.cli.output import print_result, progress_bar, write_json
 from msl_fem.cli.simulate import usual_loop
 from msl_fem.cli.sweeping import table_for
@@ -32,7 +32,9 @@ def command(
     ] = None,
     hide: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=3%", help="Up to three: an effect and its size; none; outside[:NAME][=3%]."),
+        typer.Option(
+            metavar="NAME=3%", help="Up to three: an effect and its size; none; outside[:NAME][=3%]; expression:NAME."
+        ),
     ] = None,
     answer: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Sealed answer (JSON); without, beside the record folder.")
@@ -56,6 +58,7 @@ def command(
     stated_bandwidth: Annotated[
         str | None, typer.Option(help="Of the drive, in rig.toml; without, the true one.")
     ] = None,
+    effect: Causes = None,
     json: Json = False,
 ) -> None:
     """The virtual bench: a record of a rig with true parameters of its own, and an effect hidden in it.
@@ -64,7 +67,12 @@ def command(
     alone. Sizes are RMS changes of the record over the RMS of a channel, the largest over its channels.
     """
     it = load_actuator(actuator)
-    requests = parse_requests(hide or [])
+    causes = read_causes(effect)
+    requests = parse_requests(hide or [], causes)
+    hidden = {request.effect.name for request in requests if request.effect}
+    for one in causes:
+        if one.effect not in hidden:
+            raise InputError(f"--effect {one.name}: is not hidden; add --hide {one.effect}=3%")
     if noise not in NOISES:
         raise InputError(f"--noise '{noise}' is unknown; choose one of {', '.join(NOISES)}")
     sampling = read_option("--rate", rate, "Hz")

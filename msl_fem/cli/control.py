@@ -1,5 +1,6 @@
 """The command `control`: designs the guarded controller and runs it."""
 
+from dataclasses import replace
 from json import loads as parse_json
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +10,7 @@ import typer
 
 from msl_fem.actuator import Actuator
 from msl_fem.cli.given_map import given_map
-from msl_fem.cli.options import Json, TableFile, read_option
+from msl_fem.cli.options import Causes, Json, TableFile, read_causes, read_option
 from msl_fem.cli.output import print_result, progress_bar
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.control import (
@@ -35,7 +36,7 @@ from msl_fem.files.whole_file import check_target
 from msl_fem.identification import ArmaxModel, KnownMass, model_from_json, physical_parameters
 from msl_fem.identification.data import rational_term
 from msl_fem.maps import OperatingMap, operating_map
-from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.effects import EffectValues, stated_causes
 from msl_fem.plant.excitation import load_excitations, reference
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.record import check_record_folder, write_record
@@ -67,13 +68,16 @@ def command(
         typer.Option(metavar="FILE", help="Page of the design's trials: the paper's figures, margins (HTML)."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise.")] = 1,
+    effect: Causes = None,
     json: Json = False,
 ) -> None:
     """Design the guarded controller and run it.
 
     An extended model as ACTUATOR is a plant whose effects the controller does not know; as --model, one that it knows.
+    The plant has the causes of --effect beside.
     """
     plant = load_extended_model(actuator)
+    plant = replace(plant, effects=stated_causes(read_causes(effect), plant.effects))
     wanted = load_excitations(reference_, unit="m")
     if len(wanted) != 1:
         raise InputError(f"--reference names {len(wanted)} references; give one")

@@ -4,6 +4,7 @@ import contextlib
 import json as json_text
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +13,7 @@ import numpy as np
 import typer
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from msl_fem.cli.options import Json, TableFile
+from msl_fem.cli.options import Causes, Json, TableFile, read_causes
 from msl_fem.cli.output import ERRORS, print_columns, print_result, say
 from msl_fem.cli.sweeping import table_for
 from msl_fem.diagnosis import Diagnosis, DiagnosisSettings, diagnose
@@ -46,6 +47,7 @@ def command(
         ),
     ] = None,
     table: TableFile = None,
+    effect: Causes = None,
     resume: Annotated[bool, typer.Option(help="Go on where an interrupted diagnosis ended (needs -o).")] = False,
     json: Json = False,
 ) -> None:
@@ -56,6 +58,7 @@ def command(
     if resume and output is None:
         raise InputError("--resume needs the folder of the interrupted diagnosis: state -o DIR")
     measured = load_record(record)
+    measured = replace(measured, causes=(*measured.causes, *read_causes(effect)))
     with sole_run(output):
         _diagnose(measured, output, table=table, resume=resume, json=json)
 
@@ -106,7 +109,9 @@ def memory_in(folder: Path, mark: str, *, resume: bool) -> FitMemory:
 
 def fingerprint(record: Record, table: MagneticTable | None) -> str:
     """What tells records and their beliefs apart."""
-    told = sha256(f"{record.actuator!r}{record.tolerance!r}{record.noise!r}{record.sampling!r}".encode())
+    told = sha256(
+        f"{record.actuator!r}{record.tolerance!r}{record.noise!r}{record.sampling!r}{record.causes!r}".encode()
+    )
     if table is not None:
         told.update(np.ascontiguousarray(table.nodes["coenergy"]).tobytes())
     for run in record.runs:

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from msl_fem.errors import QuantityError
+from msl_fem.errors import InputError, QuantityError
 from msl_fem.files.quantity import parse_quantities
+from msl_fem.laws import Expression, causes_of
 
 ActuatorFile = Annotated[Path, typer.Argument(metavar="ACTUATOR", help="Actuator file (TOML).")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
@@ -24,8 +25,24 @@ ThermalResistance = Annotated[
 IronFrequency = Annotated[
     str | None, typer.Option("--frequency", help="Of a sine whose iron loss counts in the thermal limit.")
 ]
+Causes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--effect",
+        metavar="CAUSE",
+        help='Repeatable: a law like "drag: force = -a*v*abs(v); a: 0..1 N s2/m2", a TOML file, an entry point.',
+    ),
+]
 DEFAULT_RISE, DEFAULT_AMBIENT = "80 K", "20 degC"
 """Of the thermal limit of `losses` and `map`, as they are written."""
+
+
+def read_causes(texts: list[str] | None) -> tuple[Expression, ...]:
+    """The causes that the user states; the error names the option."""
+    try:
+        return tuple(one for text in texts or [] for one in causes_of(text))
+    except InputError as err:
+        raise InputError(f"--effect: {err}") from err
 
 
 def read_option(name: str, text: str, unit: str) -> float:

@@ -1,6 +1,6 @@
 """The command `simulate`: the coupled model alone, written as a record; and the loop that its runs may be closed by."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,7 +9,7 @@ import typer
 
 from msl_fem.actuator import Actuator
 from msl_fem.cli.given_map import given_map
-from msl_fem.cli.options import Json, TableFile, read_option
+from msl_fem.cli.options import Causes, Json, TableFile, read_causes, read_option
 from msl_fem.cli.output import print_result, progress_bar
 from msl_fem.cli.sweeping import table_for
 from msl_fem.control import design_controller
@@ -19,6 +19,7 @@ from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
 from msl_fem.maps import Guard, OperatingMap, operating_map
 from msl_fem.plant import NamedRun, Simulation, refused_unless_borne, simulation_record
+from msl_fem.plant.effects import stated_causes
 from msl_fem.plant.excitation import DRIVE_UNIT, Reference, load_excitations, reference
 from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
@@ -89,10 +90,12 @@ def command(
     ] = None,
     rate: Annotated[str, typer.Option(help="Samples a second.")] = "10 kHz",
     seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise.")] = 1,
+    effect: Causes = None,
     json: Json = False,
 ) -> None:
     """The coupled model under an excitation, written as a record."""
     model = load_extended_model(actuator)
+    model = replace(model, effects=stated_causes(read_causes(effect), model.effects))
     it = model.actuator
     if it.drive is None:
         raise InputError(f'{it.name} has no [drive]; add one with kind = "current", "voltage" or "force"')

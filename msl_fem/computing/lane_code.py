@@ -168,6 +168,16 @@ def square_root(context: Any, a: Any) -> Any:
 
 
 @intrinsic
+def sine(context: Any, a: Any) -> Any:
+    return _result(a)(a), _call("sin", 1)
+
+
+@intrinsic
+def cosine(context: Any, a: Any) -> Any:
+    return _result(a)(a), _call("cos", 1)
+
+
+@intrinsic
 def choose(context: Any, flag: Any, a: Any, b: Any) -> Any:
     """a where the flag is up, else b; both are computed."""
     result = _LANES if isinstance(flag, LaneFlagsType) else _result(a, b)
@@ -313,6 +323,20 @@ def first(context: Any, value: Any) -> Any:
         return builder.extract_element(args[0], ir.Constant(_INDEX, 0))
 
     return types.float64(value), generate
+
+
+@intrinsic
+def call_at(context: Any, address: Any, first_rows: Any, second_rows: Any) -> Any:
+    """Calls the function of two rows that stands at an address, which is given as a number."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = _DOUBLE.as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [pointer, pointer]).as_pointer()
+        function = builder.inttoptr(builder.fptoui(args[0], ir.IntType(64)), kind)
+        builder.call(function, [args[1], args[2]])
+        return context.get_dummy_value()
+
+    return types.void(address, first_rows, second_rows), generate
 
 
 def type_of(generated: Any) -> Any:

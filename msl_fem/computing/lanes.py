@@ -61,6 +61,10 @@ logarithm: Any = _Generated("logarithm")
 """Natural, of a positive number."""
 square_root: Any = _Generated("square_root")
 """Of a number that is not negative."""
+sine: Any = _Generated("sine")
+"""sin(a)"""
+cosine: Any = _Generated("cosine")
+"""cos(a)"""
 choose: Any = _Generated("choose")
 """a where the flag is up, else b; both are computed."""
 rows_of: Any = _Generated("rows_of")
@@ -79,6 +83,8 @@ some: Any = _Generated("some")
 """Whether the flag is up in one lane at least."""
 first: Any = _Generated("first")
 """The number of the first lane, where all lanes are of one kind."""
+call_at: Any = _Generated("call_at")
+"""Calls the function of two rows that stands at an address, a number of `machine_code.address_of`."""
 
 
 @compiled
@@ -95,3 +101,21 @@ def larger(a: Value, b: Value) -> Value:
 def within(value: Value, reach: Value) -> Value:
     """The value, cut at plus and minus `reach`."""
     return smaller(larger(value, 0.0 - reach), reach)
+
+
+@compiled
+def sign_of(value: Value) -> Value:
+    """1, 0 or -1; nan of nan."""
+    return choose(value > 0.0, 1.0, choose(value < 0.0, 0.0 - 1.0, value))
+
+
+@compiled
+def hyperbolic_tangent(value: Value) -> Value:
+    """tanh by exponentials, near 0 by its series, whose next term is below 1e-17 of it."""
+    square = value * value
+    fall = exponential(0.0 - 2.0 * size(value))
+    far = sign_of(value) * (1.0 - fall) / (1.0 + fall)
+    near = value * (
+        1.0 - square * (1.0 / 3.0 - square * (2.0 / 15.0 - square * (17.0 / 315.0 - square * 62.0 / 2835.0)))
+    )
+    return choose(size(value) < 0.03, near, far)

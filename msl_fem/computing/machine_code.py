@@ -14,10 +14,11 @@ from importlib import import_module
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
-from numba import njit, types
+from numba import cfunc, njit, types
 from numba.core.caching import FunctionCache, NullCache
 
 OPTIONS = {"nogil": True, "error_model": "numpy"}
+OPTIONS_OF_C = {"error_model": "numpy"}
 _PACKAGE = __name__.partition(".")[0]
 
 
@@ -29,6 +30,17 @@ def dispatcher_of(function: Callable[..., object]) -> Any:
     dispatcher = njit(**OPTIONS)(function)
     dispatcher._cache = _LazyCache(function)
     return dispatcher
+
+
+def address_of(function: Callable[..., None], width: int) -> tuple[float, Any]:
+    """(address as a number, what must live as long as it is called) of a function of two `Rows` of that many lanes."""
+    from msl_fem.computing.lane_code import RowsType
+
+    for _, value in _named_values(function):
+        getattr(value, "_numba_type_", None)
+    rows = RowsType(width)
+    made = cfunc(types.void(rows, rows), **OPTIONS_OF_C)(function)
+    return float(made.address), made
 
 
 def digest(function: Any) -> str:

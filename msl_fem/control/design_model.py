@@ -333,6 +333,7 @@ def plant_with_effects(plant: LinearPlant, effects: EffectValues, *, sides: int)
     time += max(late - whole, 0.0) * plant.period
     return replace(
         plant,
+        stiffness=plant.stiffness + change.stiffness,
         damping=plant.damping + change.damping,
         lag=1.0 / time if time > 0 else math.inf,
         delay=plant.delay + whole,

@@ -52,6 +52,7 @@ from msl_fem.diagnosis.search import SearchStage, search_stage, statistics_of
 from msl_fem.diagnosis.static_maps import map_alone, why_no_map
 from msl_fem.errors import InputError
 from msl_fem.plant import plant_parameters
+from msl_fem.plant.effects import declare
 from msl_fem.prediction import ModelHypothesis, run_data
 from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable
@@ -115,6 +116,7 @@ def diagnose(record: Record, settings: DiagnosisSettings | None = None) -> Diagn
     ComputationError : the model cannot follow the data at all
     """
     how = settings or DiagnosisSettings()
+    declare(*record.causes)
     if record.actuator.magnet is not None and how.table is None:
         raise InputError(f"{record.actuator.name} has magnets and there is no table; make one with 'msl-fem table'")
     kind = kind_of(record, how)

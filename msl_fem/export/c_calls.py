@@ -31,7 +31,8 @@ _FUNCTIONS = {
     np.nextafter: "nextafter", math.exp: "exp", math.expm1: "expm1", math.cos: "cos", math.sin: "sin",
     math.sqrt: "sqrt", math.floor: "floor", np.floor: "floor", np.ceil: "ceil",
 }  # fmt: skip
-_GENERATED = {"size": "fabs", "exponential": "exp", "logarithm": "log", "square_root": "sqrt"}
+_GENERATED = {"size": "fabs", "exponential": "exp", "logarithm": "log", "square_root": "sqrt",
+              "sine": "sin", "cosine": "cos"}  # fmt: skip
 _SAME = ("every", "some", "first", "rows_of")
 
 

@@ -226,7 +226,8 @@ class Expressions:
         assert isinstance(node.slice, ast.Tuple)
         effect, name = (self.expression(part).constant for part in node.slice.elts)
         index = base.type.index[effect, name]
-        return Expression(REAL, f"{base.text}[{self._printer.named(f'{effect}_{name}'.upper(), index).text}]")
+        constant_name = f"{effect}_{name}".upper().replace(":", "_")
+        return Expression(REAL, f"{base.text}[{self._printer.named(constant_name, index).text}]")
 
     def element(self, node: ast.Subscript, base: Expression) -> Expression:
         """A number of rows, or a part of an array."""

@@ -93,7 +93,9 @@ def header_style(prefix: str, *, exact: str, **more: Any) -> Style:
 class Printer:
     """Collects functions, and what they need, in the order in which C wants them."""
 
-    def __init__(self, style: Style | None = None) -> None:
+    def __init__(self, style: Style | None = None, *, instead: Mapping[Any, Any] | None = None) -> None:
+        """`instead` names functions that stand for others, as those that compiled code calls by their address."""
+        self._instead = {getattr(one, "py_func", one): other for one, other in (instead or {}).items()}
         self._style = style or Style()
         self._arrays: dict[int, tuple[str, Any]] = {}
         self._records: dict[str, str] = {}
@@ -116,6 +118,7 @@ class Printer:
 
     def printed(self, function: Any, arguments: Mapping[str, Expression]) -> PrintedFunction:
         """The function for such arguments, by the names of its parameters."""
+        function = self._instead.get(getattr(function, "py_func", function), function)
         python = getattr(function, "py_func", function)
         pinned = {n for n, a in arguments.items() if a.type == FIXED or (a.known and n in self._style.unrolled)}
         arguments = {n: a if n in pinned else Expression(a.type, a.text) for n, a in arguments.items()}

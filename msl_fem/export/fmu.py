@@ -19,7 +19,7 @@ from msl_fem.errors import InputError
 from msl_fem.export.c_table import table_header
 from msl_fem.export.c_text import c_prefix, c_source
 from msl_fem.export.fmu_library import FLAGS, compile_library
-from msl_fem.export.fmu_variables import UNITS, Variable, channel_count, effect_variables, variables
+from msl_fem.export.fmu_variables import UNITS, Variable, channel_count, effect_variables, unit_exponents, variables
 from msl_fem.export.formats import ModelSource
 from msl_fem.export.plant_model import HISTORY_DEPTH, plant_source
 from msl_fem.files.whole_file import whole_file
@@ -119,8 +119,9 @@ def _content(source: ModelSource, name: str | None) -> dict[str, Any]:
 
 
 def _used_units(found: tuple[Variable, ...]) -> dict[str, dict[str, int]]:
-    used = {v.unit for v in found}
-    return {name: exponents for name, exponents in UNITS.items() if name in used}
+    used = {v.unit for v in found if v.unit}
+    known = {name: exponents for name, exponents in UNITS.items() if name in used}
+    return known | {name: unit_exponents(name) for name in sorted(used - known.keys())}
 
 
 def _guid(texts: list[str]) -> str:

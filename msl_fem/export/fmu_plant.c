@@ -93,6 +93,8 @@ int plant_start(const PlantParameters *p, PlantState *state, const double curren
         if (state->coefficients[MAGNETIC_IRON_LOW] != 0.0 || state->coefficients[MAGNETIC_IRON_KNEE] != 0.0)
             preparation_share_with_iron(&cells, p, state->coefficients, state->state, state->work);
 #endif
+        step_look_at(state->coefficients, state->state, state->work);
+        user_laws_set_added_reading(p, state->coefficients, state->state, state->work);
         look_at_instruments(p, state);
     }
 #endif

@@ -4,8 +4,10 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from msl_fem.laws.units import BASES, parse_unit
 from msl_fem.plant import PlantParameters
 from msl_fem.plant.effects import CATALOGUE, LAGGING, PARAMETER_INDEX, EffectValues
+from msl_fem.plant.effects.expressions import DECLARED
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE
 
 Causality = Literal["parameter", "input", "output"]
@@ -114,6 +116,7 @@ def variables(
 def effect_variables(plant: PlantParameters, effects: EffectValues) -> list[EffectVariable]:
     """The parameters of all effects that a plant of that build can have, `effects` their start values."""
     has = {"magnets": plant.sides > 0, "two sides": plant.sides == 2, "drive lag": True}
+    own = {one.effect for one in DECLARED.values()}
     found = []
     for n, (name, parameter_name) in enumerate(PARAMETER_INDEX):
         effect = CATALOGUE[name]
@@ -121,12 +124,27 @@ def effect_variables(plant: PlantParameters, effects: EffectValues) -> list[Effe
             continue
         parameter = effect.parameter(parameter_name)
         unit = _EFFECT_UNITS.get(parameter.unit, parameter.unit)
+        if name in own:
+            unit = unit_of_law(parameter.unit)
         value = effects.get(name, parameter_name)
         said = f"{effect.sentence}: {parameter.meaning}".replace('"', "'")
-        variable = Variable(f"{name}_{parameter_name}", "parameter", unit, value, said)
+        variable = Variable(f"{name}_{parameter_name}".replace(":", "_"), "parameter", unit, value, said)
         lags = not parameter.shape and ("drive lag" in effect.needs or (name, parameter_name) in LAGGING)
         found.append(EffectVariable(variable, n, *parameter.allowed, lags))
     return found
+
+
+def unit_of_law(text: str) -> str:
+    """A unit of a user's law as FMI may name it: one of `UNITS` of its dimension, else its base units by dots."""
+    exponents = unit_exponents(text)
+    known = [name for name, own in UNITS.items() if own == exponents]
+    return known[0] if known else ".".join(f"{base}{power}" for base, power in exponents.items())
+
+
+def unit_exponents(text: str) -> dict[str, int]:
+    """Exponents of SI's base units; of a name that `unit_of_law` made too."""
+    dimension = parse_unit(text.replace(".", " ")).dimension
+    return {base: int(power) for base, power in zip(BASES, dimension.exponents, strict=True) if power}
 
 
 def channel_count(plant: PlantParameters) -> int:

@@ -4,12 +4,13 @@ from typing import Any
 
 from msl_fem.export.c_printer import Printer
 from msl_fem.export.c_types import REAL, WHOLE, Pointer, RecordType, Values
-from msl_fem.plant import kernel, layout, preparation, sampled_plant
+from msl_fem.plant import kernel, layout, preparation, sampled_plant, user_laws
 from msl_fem.plant.drive import set_timing
-from msl_fem.plant.effects import N_COEFFICIENT, N_PARAMETER, PARAMETER_INDEX, KernelSetting, set_coefficients
+from msl_fem.plant.effects import N_COEFFICIENT, PARAMETER_INDEX, KernelSetting, expressions, set_coefficients
 from msl_fem.plant.instruments import N_HISTORY, N_READING, Instruments, hum_frequency, read_sample, set_instruments
 from msl_fem.plant.plant import EndStop, PlantParameters
 from msl_fem.plant.side import side_gap, side_pull
+from msl_fem.plant.step import look_at
 
 HISTORY_DEPTH = 256
 """Samples that are kept of the channels: a reading can be late by two less."""
@@ -68,7 +69,9 @@ def setting_record(plant: RecordType) -> RecordType:
 
 def plant_source(plant: PlantParameters, *, effects: bool) -> dict[str, str]:
     """File name to C: declarations, and the functions of a plant of that build, plain or with every effect."""
-    printer, p = Printer(), plant_record(plant)
+    rule, voltages, motion = expressions.law_functions()
+    laws = {expressions.set_laws: rule, expressions.voltage_laws: voltages, expressions.motion_laws: motion}
+    printer, p = Printer(instead=laws), plant_record(plant)
     for name in _NAMED:
         printer.named(name, getattr(layout, name))
     e: Any = ROWS if effects else None
@@ -91,12 +94,14 @@ def plant_source(plant: PlantParameters, *, effects: bool) -> dict[str, str]:
 def _add_effects(printer: Printer, p: RecordType) -> None:
     """What a run with effects needs beside: coefficients, the start, what the instruments read."""
     setting = setting_record(p)
-    for name, value in {"N_COEFFICIENT": N_COEFFICIENT, "N_PARAMETER": N_PARAMETER, "HISTORY_DEPTH": HISTORY_DEPTH,
-                        "N_HISTORY": N_HISTORY, "N_READING": N_READING}.items():  # fmt: skip
+    sizes = {"N_COEFFICIENT": N_COEFFICIENT, "N_PARAMETER": len(PARAMETER_INDEX), "HISTORY_DEPTH": HISTORY_DEPTH}
+    for name, value in {**sizes, "N_HISTORY": N_HISTORY, "N_READING": N_READING}.items():
         printer.named(name, value)
     values = Values(PARAMETER_INDEX)
     printer.add(set_coefficients, {"e": ROWS, "values": values, "setting": setting})
     printer.add(preparation.begin_effects, {"e": ROWS, "state": ROWS})
+    printer.add(user_laws.set_added_reading, {"p": p, "e": ROWS, "state": ROWS, "work": ROWS})
+    printer.add(look_at, {"e": ROWS, "state": ROWS, "work": ROWS})
     if dict(p.known)["sides"]:
         printer.add(preparation.share_with_iron, {"cells": CELLS, "p": p, "e": ROWS, "rows": ROWS, "work": ROWS})
     printer.add(set_instruments, {"v": values, "rate": REAL, **{n: Pointer(s) for n, s in _READ.items()}})

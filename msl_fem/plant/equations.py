@@ -23,7 +23,8 @@ Magnetising currents u, coil currents i, flux linkages Lambda of the magnetic ci
 
 G is the conductance of a shorted winding (eddy_currents), h the memory of the iron (magnetic_hysteresis), kappa the
 share of the other side's current (cross_coupling). The power sum v_j i_j is R i^2 + sum (u + h + G dLambda/dt)
-dLambda/dt: copper, field, hysteresis, eddy currents. Each side is one row of two equations for a_1, a_2, with
+dLambda/dt: copper, field, hysteresis, eddy currents. A user's law takes its voltage from v_j before all that, and its
+power is not counted; that of its force is work from outside. Each side is one row of two equations for a_1, a_2, with
 q = 1/(1 - kappa^2), the currents i0 of a = 0, and
 
     voltage given:  rho_j = R_j,    b_j = (v_j - R_j i0_j - e_j - kappa e_o) / L_j
@@ -41,6 +42,7 @@ from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, size, some, within
 from msl_fem.plant.drive import terminal_voltage
 from msl_fem.plant.effects import electrical, magnetic, mechanical
+from msl_fem.plant.effects.expressions import LAW_VOLTAGE_1, LAW_VOLTAGE_2
 from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.effects.mechanisms import N_STOP
 from msl_fem.plant.layout import (
@@ -99,6 +101,7 @@ from msl_fem.plant.layout import (
 from msl_fem.plant.mutual_flux import are_coupled, set_mutual_flux, shared
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, PlantParameters
 from msl_fem.plant.side import Cells, side_gap, side_slopes, side_with_effects
+from msl_fem.plant.user_laws import add_law_voltages, law_force
 
 
 @compiled
@@ -113,7 +116,8 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
     e_1, e_2 = work[CIRCUIT_1 + EMF], work[CIRCUIT_2 + EMF]
     i_1 = unmix * (work[CIRCUIT_1 + MMF] - share * work[CIRCUIT_2 + MMF])
     i_2 = unmix * (work[CIRCUIT_2 + MMF] - share * work[CIRCUIT_1 + MMF])
-    drop_1, drop_2 = r_1 * i_1 + e_1, r_2 * i_2 + e_2
+    u_1, u_2 = work[LAW_VOLTAGE_1], work[LAW_VOLTAGE_2]
+    drop_1, drop_2 = r_1 * i_1 + e_1 + u_1, r_2 * i_2 + e_2 + u_2
     t_1, t_2 = work[inputs + TARGET_1], work[inputs + TARGET_1 + 1]
     v_1, v_2 = work[inputs + OUTPUT_OF_1], work[inputs + OUTPUT_OF_1 + 1]
     if p.drive != CURRENT_DRIVE:
@@ -141,8 +145,8 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
         d_1, d_2 = l_1 * a_1 + mutual * a_2, l_2 * a_2 + mutual * a_1
         c_1 = i_1 + unmix * (eddy * d_1 - share * eddy * d_2)
         c_2 = i_2 + unmix * (eddy * d_2 - share * eddy * d_1)
-        v_1 = r_1 * c_1 + e_1 + d_1 + share * (e_2 + d_2)
-        v_2 = r_2 * c_2 + e_2 + d_2 + share * (e_1 + d_1)
+        v_1 = r_1 * c_1 + e_1 + d_1 + share * (e_2 + d_2) + u_1
+        v_2 = r_2 * c_2 + e_2 + d_2 + share * (e_1 + d_1) + u_2
         over_1, over_2 = size(v_1) > p.voltage_limit, size(v_2) > p.voltage_limit
         if some(over_1) or some(over_2):
             v_1 = choose(over_1, choose(v_1 < 0.0, 0.0 - p.voltage_limit, p.voltage_limit), v_1)
@@ -157,8 +161,8 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
             d_1, d_2 = l_1 * a_1 + mutual * a_2, l_2 * a_2 + mutual * a_1
             c_1 = i_1 + unmix * (eddy * d_1 - share * eddy * d_2)
             c_2 = i_2 + unmix * (eddy * d_2 - share * eddy * d_1)
-            v_1 = choose(over_1, v_1, r_1 * c_1 + e_1 + d_1 + share * (e_2 + d_2))
-            v_2 = choose(over_2, v_2, r_2 * c_2 + e_2 + d_2 + share * (e_1 + d_1))
+            v_1 = choose(over_1, v_1, r_1 * c_1 + e_1 + d_1 + share * (e_2 + d_2) + u_1)
+            v_2 = choose(over_2, v_2, r_2 * c_2 + e_2 + d_2 + share * (e_1 + d_1) + u_2)
         _put_circuits(work, a_1, a_2, v_1, v_2)
     a_1, a_2 = work[CIRCUIT_1 + SLOPE], work[CIRCUIT_2 + SLOPE]
     d_1, d_2 = l_1 * a_1 + mutual * a_2, l_2 * a_2 + mutual * a_1
@@ -324,16 +328,18 @@ def rates_with_effects(
     if settle:
         state[ANCHORED] = 1.0
     if p.sides > 0:
+        add_law_voltages(p, e, work)
         solve_circuits(p, e, work, inputs)
         _electrical_rates(p, e, work, dy)
     if p.sides == 2:
         work[dy + ENERGY_ELECTRICAL] = work[dy + ENERGY_ELECTRICAL] + _shared_power(cells, work, gap_speed)
+    of_laws = law_force(p, e, work)
     film_force = e[mechanical.FILM] * film * gap_speed
     spring, stribeck = _suspension(e, state, work, settle)
-    _motion(p, e, work, dy, force, film_force + spring + stribeck, magnets - film_force)
+    _motion(p, e, work, dy, force + of_laws, film_force + spring + stribeck, magnets - film_force)
     work[dy + ENERGY_INTERNAL] = work[dy + ENERGY_INTERNAL] + stribeck * work[Y + V]
     work[dy + ENERGY_DAMPING] = p.damping * work[Y + V] * work[Y + V] + film_force * gap_speed
-    work[dy + ENERGY_EXTERNAL] = external * work[Y + V]
+    work[dy + ENERGY_EXTERNAL] = (external + of_laws) * work[Y + V]
     return inside
 
 
@@ -394,8 +400,9 @@ def _electrical_rates(p: PlantParameters, e: Rows, work: Rows, dy: int) -> None:
         change = work[circuit + INDUCTANCE] * work[circuit + SLOPE] + mutual + work[circuit + EMF]
         lost = e[magnetic.EDDY] * change * change + work[circuit + MODE_LOSS]
         known = work[KNOWN_1 + j * N_KNOWN] > 0.0
-        voltage = choose(known, work[circuit + RESISTANCE] * current, voltage)
-        power = power + (voltage * current + choose(known, work[circuit + PULL_POWER] + lost, 0.0))
+        taken = work[LAW_VOLTAGE_1 + j]
+        voltage = choose(known, work[circuit + RESISTANCE] * current + taken, voltage)
+        power = power + ((voltage - taken) * current + choose(known, work[circuit + PULL_POWER] + lost, 0.0))
         copper = copper + loss
         eddy = eddy + lost
         work[dy + I1 + j] = work[circuit + SLOPE]

@@ -6,7 +6,8 @@ It is an actuator file with a table more for every effect,
     time_constant = "0.12 ms"
 
 whose keys are the catalogue's parameters, as quantities with units; a parameter that is left out is neutral, or has its
-usual shape. An actuator file without effects is an extended model with none.
+usual shape. A cause that the user stated is an entry of [[effects.expression]] with its law, and its parameters with
+value and range. An actuator file without effects is an extended model with none.
 """
 
 import os
@@ -21,7 +22,9 @@ from msl_fem.files.quantity import parse_quantity
 from msl_fem.files.schema import document, read_toml
 from msl_fem.files.toml_text import quantity_text, toml_text
 from msl_fem.files.whole_file import whole_file
-from msl_fem.plant.effects import EffectValues, Parameter, find_effect, find_parameter
+from msl_fem.laws import expressions_of_table
+from msl_fem.plant.effects import EffectValues, Parameter, declare, find_effect, find_parameter
+from msl_fem.plant.effects.expressions import DECLARED
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,16 @@ def load_extended_model(path: str | Path) -> ExtendedModel:
     file = Path(path)
     content = read_toml(file, error=ActuatorError, wanted="an actuator file or an extended model")
     effects = content.pop("effects", {})
-    return ExtendedModel(parse_actuator(content, file=file), _effects(effects, where=str(path)))
+    known = effects if isinstance(effects, dict) else {}
+    try:
+        causes = expressions_of_table(known, where=str(path))
+        declare(*causes)
+        own = {one.effect: one.needed_values for one in causes}
+    except InputError as err:
+        raise ActuatorError(str(err)) from err
+    named = {name: content for name, content in known.items() if name != "expression"}
+    listed = _effects(named if isinstance(effects, dict) else effects, where=str(path))
+    return ExtendedModel(parse_actuator(content, file=file), EffectValues({**listed.stated, **own}))
 
 
 def write_extended_model(model: ExtendedModel, path: str | Path) -> Path:
@@ -58,12 +70,22 @@ def write_extended_model(model: ExtendedModel, path: str | Path) -> Path:
     for section, key in _file_names(content):
         name = model.actuator.folder / section[key]
         section[key] = Path(os.path.relpath(name.resolve(), target.parent.resolve())).as_posix()
-    content["effects"] = {effect: _written(effect, stated) for effect, stated in model.effects.stated.items() if stated}
-    if not content["effects"]:
-        del content["effects"]
+    effects, own = _written_effects(model.effects)
+    if effects or own:
+        content["effects"] = effects | ({"expression": own} if own else {})
     with whole_file(target) as partial:
         partial.write_text(toml_text(content), encoding="utf-8")
     return target
+
+
+def _written_effects(values: EffectValues) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """(a table for each effect of the catalogue, an entry for each cause that the user stated)."""
+    own = {one.effect: one for one in DECLARED.values()}
+    listed = {
+        effect: _written(effect, stated) for effect, stated in values.stated.items() if stated and effect not in own
+    }
+    stated = [own[effect].with_values(known).to_toml() for effect, known in values.stated.items() if effect in own]
+    return listed, stated
 
 
 def _effects(content: object, *, where: str) -> EffectValues:

@@ -21,7 +21,9 @@ from msl_fem.plant.drive import (
     take_command,
 )
 from msl_fem.plant.effects import electrical, magnetic, sensing
+from msl_fem.plant.effects.expressions import LAW_READING
 from msl_fem.plant.layout import (
+    ADDED_READING,
     AT_CURRENT_LIMIT_1,
     AT_VOLTAGE_LIMIT_1,
     CIRCUIT_1,
@@ -71,6 +73,7 @@ from msl_fem.plant.mutual_flux import set_mutual_flux
 from msl_fem.plant.plant import CURRENT_DRIVE, EndStop, PlantParameters, Surface
 from msl_fem.plant.side import Cells, cells_of, side_flux, side_gap
 from msl_fem.plant.step import keep_step, look_at, seen, slopes, step_with_stop, try_step
+from msl_fem.plant.user_laws import set_added_reading
 
 
 @compiled
@@ -159,6 +162,9 @@ def run_rows(
 ) -> tuple[int, int]:  # fmt: skip
     """The time loop of `run`, for one run or for lanes, n_sample * N_OUT rows; beyond `reach` (m) a lane ends."""
     set_timing(p, e, step, work)
+    if e is not None:
+        look_at(e, state, work)
+        set_added_reading(p, e, state, work)
     status, done = OK, 0
     while done < commands.shape[0] and status == OK:
         row = done * N_OUT
@@ -270,6 +276,7 @@ def settle(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -
     """Moves the memory of iron and friction to the state, and finds the coils' currents there."""
     look_at(e, state, work)
     slopes(cells, p, e, state, work, 0, 2, True)
+    state[ADDED_READING] = work[LAW_READING]
     for j in range(p.sides):
         state[COIL_1 + j] = work[CIRCUIT_1 + j * N_CIRCUIT + COIL_CURRENT]
         state[COIL_SLOPE_1 + j] = work[SLOPES + I1 + j]
@@ -284,7 +291,11 @@ def write_row(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows
     for n in range(N_OUT):
         row[start + n] = 0.0
     row[start + OUT_I1], row[start + OUT_I2] = state[COIL_1], state[COIL_2]
-    row[start + OUT_X], row[start + OUT_V], row[start + OUT_SENSOR] = state[X], state[V], state[SENSOR]
+    row[start + OUT_X], row[start + OUT_V], row[start + OUT_SENSOR] = (
+        state[X],
+        state[V],
+        state[SENSOR] + state[ADDED_READING],
+    )
     row[start + OUT_SENSOR_SLOPE] = v if np.isinf(first(bandwidth)) else bandwidth * (x - state[SENSOR])
     inside = x == x
     if p.sides == 2:

@@ -19,7 +19,7 @@ from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import LANES, keep, rows_of
 from msl_fem.errors import InputError
 from msl_fem.plant import kernel
-from msl_fem.plant.effects import N_PARAMETER, PARAMETER_INDEX, kernel_coefficients, neutral_vector
+from msl_fem.plant.effects import PARAMETER_INDEX, kernel_coefficients, neutral_vector
 from msl_fem.plant.effects.mechanisms import position_delay
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.instruments import Channels, currents_before_noise, position_before_noise
@@ -55,7 +55,7 @@ class LaneSettings:
 
     Attributes
     ----------
-    effects : (n_lane, N_PARAMETER) of the catalogue, or None: plain models
+    effects : (n_lane, n_parameter) of the catalogue, or None: plain models
     starts : (n_lane, 4) or (4,) currents of the sides (A), position (m), velocity (m/s); of several stretches
         (n_lane, n_stretch, 4)
     begins : (n_stretch,) samples at which the runs are put to starts of their own, the first is 0; what else a state
@@ -93,7 +93,7 @@ class LaneRun:
     ----------
     blocks : of eight different lanes each, (n_sample, N_OUT, LANES) as the kernel wrote them; a last one may be of one
     place : (n_lane,) where each lane stands in them
-    effects : (n_lane, N_PARAMETER), or (N_PARAMETER,) neutral ones of all
+    effects : (n_lane, n_parameter), or (n_parameter,) neutral ones of all
     position : (n_lane, n_sample) m, as the sensor reads it
     current, voltage, flux_linkage : (n_lane, n_sample, n_side) A, V, Wb; voltages are means until the next sample
     true_position : (n_lane, n_sample) m
@@ -324,7 +324,7 @@ def _check(surface: Surface, plants: Sequence[PlantParameters], settings: LaneSe
         )
     n_surface = 1 if surface.coefficients.ndim == 4 else surface.coefficients.shape[0]
     shapes = {
-        "effects": (settings.effects, (len(plants), N_PARAMETER)),
+        "effects": (settings.effects, (len(plants), len(PARAMETER_INDEX))),
         "surface_index": (settings.surface_index, (len(plants),)),
         "starts": (settings.starts if settings.starts.ndim > 1 else None, _shape_of_starts(len(plants), settings)),
     }

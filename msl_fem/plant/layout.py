@@ -10,6 +10,7 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import LANES, RowLayout
+from msl_fem.plant.effects import expressions
 from msl_fem.plant.effects.electrical import N_QUEUE
 from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.effects.mechanisms import N_STOP
@@ -45,6 +46,7 @@ HELD, ENERGY_IMPACT = _STATE.rows(2)  # the end stop that the mover lies on (-1,
 COIL_1, COIL_2, COIL_SLOPE_1, COIL_SLOPE_2, COIL_START_1, COIL_START_2 = _STATE.rows(6)
 SLEW_1, SLEW_2, LAG_1, LAG_2 = _STATE.rows(4)  # the amplifier: command behind its slew limit, behind its lag
 PHASE_COSINE, PHASE_SINE = _STATE.rows(2)  # of the periodic disturbance
+ADDED_READING = _STATE.row()  # what laws add to the position reading, m
 # Memory: where the stops stand that follow (Wb, Wb, m), losses of hysteresis and friction (J), whether the eddy
 # currents have settled at the start (0 before the first evaluation), then the stops
 ANCHOR_1, ANCHOR_2, ANCHOR_X, ENERGY_HYSTERESIS, ENERGY_FRICTION, ANCHORED = _STATE.rows(6)
@@ -87,7 +89,7 @@ INDUCTANCE, EMF, MMF, RESISTANCE, SLOPE, VOLTAGE, COIL_CURRENT, MODE_LOSS, PULL_
 SHARED_INDUCTANCE, SHARED_FLUX, SHARED_SLOPE = _CIRCUIT.rows(3)
 N_CIRCUIT = _CIRCUIT.size
 
-_WORK = RowLayout()
+_WORK = RowLayout(after=expressions.ROWS)
 BLOCK_1, BLOCK_2 = _WORK.rows(2, N_BLOCK)  # the cells of both sides
 SLOPES, SLOPES_2, SLOPES_3, SLOPES_4 = _WORK.rows(4, N_INTEGRATED)  # of the stages of Runge-Kutta
 Y = _WORK.row(N_INTEGRATED)  # the integrated states at which slopes are taken

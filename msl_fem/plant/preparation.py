@@ -7,12 +7,14 @@ from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Rows, keep, rows_of
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import CATALOGUE, LAGGING, EffectValues, electrical, kernel_coefficients, magnetic
+from msl_fem.plant.effects.expressions import LAWS
 from msl_fem.plant.effects.mechanisms import SUM_OF_WIDTHS
 from msl_fem.plant.equations import series_iron
 from msl_fem.plant.layout import COIL_1, CORE_1, HEAT_1, HEAT_2, I1, workspace
 from msl_fem.plant.plant import PlantParameters, Surface, drive_lags
 from msl_fem.plant.side import Cells, cells_of, side_gap, side_with_effects
 from msl_fem.plant.step import look_at
+from msl_fem.plant.user_laws import begin_reading
 from msl_fem.table.coenergy_surface import CoenergySurface
 
 _LACKING = {
@@ -65,6 +67,8 @@ def start_effects(surface: Surface, plant: PlantParameters, coefficients: Array,
     begin_effects(coefficients, state)
     if plant.sides and (coefficients[magnetic.IRON_LOW] or coefficients[magnetic.IRON_KNEE]):
         _share(surface, plant._replace(end_stop=None), coefficients, state)
+    if coefficients[LAWS]:
+        begin_reading(plant._replace(end_stop=None), coefficients, state)
 
 
 def begin_effects(e: Array, state: Array) -> None:

@@ -37,6 +37,7 @@ from msl_fem.plant.instruments import (
 )
 from msl_fem.plant.kernel import advance
 from msl_fem.plant.layout import (
+    ADDED_READING,
     AT_CURRENT_LIMIT_1,
     COIL_1,
     COIL_SLOPE_1,
@@ -131,7 +132,7 @@ def remember_sample(p: PlantParameters, effects: Array | None, state: Array, his
     """Puts the channels at sample k into the history."""
     depth = history.shape[0]
     row, before = history[k % depth], history[(k - 1) % depth]
-    row[0] = state[SENSOR]
+    row[0] = state[SENSOR] + state[ADDED_READING]
     row[AFTER] = row[BEFORE] = _sensor_slope(p, effects, state)
     for j in range(2):
         row[1 + j] = state[COIL_1 + j]

@@ -13,6 +13,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import CostWarning, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.effects.expressions import DECLARED, steepest
 from msl_fem.plant.effects.mechanisms import N_STOP
 from msl_fem.plant.plant import CURRENT_DRIVE, VOLTAGE_DRIVE, PlantParameters
 from msl_fem.plant.poles import FAST
@@ -94,8 +95,23 @@ def rates_of_effects(plant: PlantParameters, effects: EffectValues) -> dict[str,
         rates["coulomb_friction"] = math.sqrt(stiffness / plant.mass)
     if "periodic_disturbance" in present:
         rates["periodic_disturbance"] = 2 * math.pi * effects.get("periodic_disturbance", "frequency")
+    for one in DECLARED.values():
+        if one.effect in present and one.equation == "force":
+            slopes = steepest(one, plant, {p.name: effects.get(one.effect, p.name) for p in one.parameters})
+            sprung = math.sqrt((plant.stiffness + slopes.get("x", 0.0)) / plant.mass)
+            rates[one.effect] = max(slopes.get("v", 0.0) / plant.mass, sprung)
     rates["motion.stiffness with the effects over motion.moving_mass"] = math.sqrt(stiffness / plant.mass)
     return rates
+
+
+def _resistance_of_laws(plant: PlantParameters, effects: EffectValues) -> float:
+    """The largest slope over the current, in ohm, of users' laws of voltage."""
+    total = 0.0
+    for one in DECLARED.values():
+        if one.equation == "voltage" and one.effect in effects.present:
+            slopes = steepest(one, plant, {p.name: effects.get(one.effect, p.name) for p in one.parameters})
+            total += slopes.get("i", 0.0)
+    return total
 
 
 def fastest_rate(plant: PlantParameters, table: MagneticTable | None) -> float:
@@ -129,6 +145,8 @@ def default_substeps(
     rates = plant_rates(plant, table, commands=commands)
     if effects is not None:
         rates |= rates_of_effects(plant, effects)
+        if _LEAST_INDUCTANCE in rates:
+            rates[_LEAST_INDUCTANCE] *= 1.0 + _resistance_of_laws(plant, effects) / plant.resistance
     steps = steps_a_sample(rates, rate=rate, largest_step=largest_step)
     if plant.drive != CURRENT_DRIVE or not math.isfinite(plant.bandwidth):
         return steps

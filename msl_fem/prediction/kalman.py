@@ -19,6 +19,7 @@ from msl_fem.plant.effects.mechanisms import position_delay
 from msl_fem.plant.instruments import Channels, currents_before_noise, position_before_noise
 from msl_fem.plant.kernel import advance
 from msl_fem.plant.layout import (
+    ADDED_READING,
     BASE,
     BASE_RATE,
     COIL_1,
@@ -219,7 +220,7 @@ def state_readings(state, which, delay, y):  # type: ignore[no-untyped-def]
     """The readings y of a state: `which` 0, 1 currents, 2 the position sensor, each `delay` s ago to first order."""
     for m in range(which.size):
         if which[m] == _POSITION_SENSOR:
-            y[m] = state[SENSOR] - delay[m] * state[V]
+            y[m] = state[SENSOR] + state[ADDED_READING] - delay[m] * state[V]
         else:
             y[m] = state[COIL_1 + which[m]] - delay[m] * state[COIL_SLOPE_1 + which[m]]
 

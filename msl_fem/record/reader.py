@@ -58,6 +58,7 @@ def load_record(folder: str | Path) -> Record:
         controller=rig.controller,
         runs=runs,
         static=static,
+        causes=rig.causes(folder),
         warnings=_warnings(runs, static, actuator),
         folder=folder,
     )

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
+from msl_fem.laws import Expression
 from msl_fem.record.rig_file import GapZero, Noise, Origin, Role, Sampling, StatedLaw, Tolerance, law_of, linear_laws
 
 
@@ -130,6 +131,7 @@ class Record:
     noise, tolerance : one sigma
     controller : law and gains as rig.toml states them (texts with units), None where not known
     runs, static : the data; one of both is there
+    causes : that the user states in [[effects.expression]] of rig.toml
     warnings : what is odd about the data without being refused
     folder : where it was read from
     """
@@ -143,6 +145,7 @@ class Record:
     runs: tuple[Run, ...] = ()
     static: StaticMap | None = None
     warnings: tuple[str, ...] = ()
+    causes: tuple[Expression, ...] = ()
     folder: Path | None = None
 
     def runs_of(self, role: Role) -> tuple[Run, ...]:

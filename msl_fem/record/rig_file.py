@@ -11,8 +11,9 @@ from pydantic_core import CoreSchema, core_schema
 
 from msl_fem.actuator import PURE_NUMBERS, Actuator, CurrentNoise, Frequency, PositionNoise, load_actuator
 from msl_fem.computing.arrays import Array
-from msl_fem.errors import RecordError
+from msl_fem.errors import InputError, RecordError
 from msl_fem.files.schema import FrozenModel, In, bare_number, first_complaint, read_toml
+from msl_fem.laws import Expression, expressions_of_table
 from msl_fem.record.columns import CHANNELS
 
 Role = Literal["fit", "held-out"]
@@ -116,6 +117,12 @@ class StaticEntry(FrozenModel):
     gap: GapZero = "gauge"
 
 
+class StatedEffects(FrozenModel):
+    """The `[[effects.expression]]` of rig.toml: causes of the user's own that a diagnosis tries too."""
+
+    expression: tuple[dict[str, Any], ...] = ()
+
+
 class RigFile(FrozenModel):
     """rig.toml as it stands, quantities in SI units."""
 
@@ -128,7 +135,20 @@ class RigFile(FrozenModel):
     controller: dict[str, Any] | None = None
     run: tuple[RunEntry, ...] = ()
     static: StaticEntry | None = None
+    effects: StatedEffects = StatedEffects()
     overrides: dict[str, dict[str, Any]] = Field(default_factory=dict, exclude=True)
+
+    def causes(self, folder: Path) -> tuple[Expression, ...]:
+        """The causes that the user states.
+
+        Raises
+        ------
+        RecordError : one of them is none; names the place
+        """
+        try:
+            return expressions_of_table({"expression": self.effects.expression}, where=str(folder / RIG_FILE))
+        except InputError as err:
+            raise RecordError(str(err)) from err
 
 
 def read_rig(folder: Path) -> RigFile:

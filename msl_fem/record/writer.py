@@ -149,6 +149,8 @@ def _rig_text(record: Record, folder: Path) -> str:
         content["run"] = [run_entry(run) for run in record.runs]
     if record.static is not None:
         content["static"] = {"gap": record.static.gap_zero}
+    if record.causes:
+        content["effects"] = {"expression": [one.to_toml() for one in record.causes]}
     try:
         RigFile.model_validate(content)
         return toml_text(content)

@@ -16,9 +16,10 @@ from msl_fem.errors import InputError
 from msl_fem.export import fmu, fmu_library
 from msl_fem.export.c_controller import ControllerSource, controller_header
 from msl_fem.export.formats import ModelSource
+from msl_fem.laws import parse_expression
 from msl_fem.maps import operating_map
 from msl_fem.plant import Inputs, Options, plant_parameters, simulate
-from msl_fem.plant.effects import CATALOGUE, EffectValues
+from msl_fem.plant.effects import CATALOGUE, EffectValues, declared
 from msl_fem.plant.extended_model import ExtendedModel, write_extended_model
 from msl_fem.table.magnetic_table import write_table
 
@@ -175,3 +176,27 @@ def test_an_effect_that_the_plant_cannot_have_is_refused(servo, table):
     ideal = changed(servo, drive={"bandwidth": None})
     with pytest.raises(InputError, match=r"state drive\.bandwidth, or leave the effect out"):
         fmu.fmu_files(ModelSource(ideal, table, ALL_EFFECTS))
+
+
+def test_users_laws_leave_with_the_model(servo, quiet, table, tmp_path):
+    """Force, voltage and reading: the printed laws run as the compiled ones, their parameters are the unit's."""
+    causes = [
+        parse_expression("drag: force = -a*v*abs(v) + b*tanh(x/p); a: 0..5000 N s2/m2; b: -2..2 N; p: 0.01..1 mm"),
+        parse_expression("resistor: voltage = r*i; r: 0..2 ohm"),
+        parse_expression("crosstalk: position_reading = c*i1*sin(g1/q)**2; c: -1..1 um/A; q: 0.1..1 mm"),
+    ]
+    values = {"a": 900.0, "b": 1.0, "p": 1e-4}
+    with declared(*causes):
+        effects = EffectValues(
+            {"expression:drag": values, "expression:resistor": {"r": 0.7}, "expression:crosstalk": {"c": 3e-7}}
+        )
+        archive = exported(servo, table, tmp_path, effects=effects)
+        assert validate_fmu(str(archive)) == []
+        master = Master(archive).initialise()
+        wanted = assert_is_simulated(master, quiet, table, effects, rough(N_SAMPLE).commands)
+        changed_drag = EffectValues(dict(effects.stated) | {"expression:drag": values | {"a": 100.0}})
+        again = Master(archive).initialise(expression_drag_a=100.0)
+        other = assert_is_simulated(again, quiet, table, changed_drag, rough(N_SAMPLE).commands)
+    assert np.abs(other.position - wanted.position).max() > 1e-6 * np.abs(wanted.position).max()
+    units = {v.name: v.unit for v in read_model_description(str(archive)).modelVariables}
+    assert (units["expression_drag_a"], units["expression_drag_b"]) == ("kg1.m-1", "N")

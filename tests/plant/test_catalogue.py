@@ -8,7 +8,6 @@ from msl_fem.files.quantity import parse_quantity
 from msl_fem.files.toml_text import quantity_text
 from msl_fem.plant.effects import (
     CATALOGUE,
-    N_PARAMETER,
     PARAMETER_INDEX,
     EffectValues,
     find_effect,
@@ -74,7 +73,7 @@ def test_a_parameter_is_consistent(effect: str, parameter) -> None:
 def test_values_go_through_a_vector_and_back() -> None:
     values = EffectValues({"eddy_currents": {"time_constant": 1e-4}, "coulomb_friction": {"force": 0.2}})
     vector = values.vector()
-    assert vector.shape == (N_PARAMETER,)
+    assert vector.shape == (len(PARAMETER_INDEX),)
     assert vector[PARAMETER_INDEX["coulomb_friction", "presliding"]] == 1e-6
     assert from_vector(vector) == values
     assert values.present == ("eddy_currents", "coulomb_friction")
@@ -103,5 +102,5 @@ def test_what_is_not_there_is_not_found() -> None:
     assert find_parameter("fringing", "growth").unit == "m^-1"
     with pytest.raises(InputError, match="no effect"):
         find_effect("gravity")
-    with pytest.raises(InputError, match=f"has {N_PARAMETER} entries"):
+    with pytest.raises(InputError, match=f"has {len(PARAMETER_INDEX)} entries"):
         from_vector(np.zeros(3))

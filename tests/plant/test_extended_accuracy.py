@@ -9,7 +9,7 @@ from extended_twin import SMOOTH, twin
 from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
 from msl_fem.plant import kernel, layout
-from msl_fem.plant.effects import N_PARAMETER, EffectValues, kernel_coefficients, neutral_vector
+from msl_fem.plant.effects import PARAMETER_INDEX, EffectValues, kernel_coefficients, neutral_vector
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_run import LaneSettings, run_lanes
 from msl_fem.plant.layout import (
@@ -155,7 +155,7 @@ def test_lanes_that_do_not_fit_are_refused(servo: Actuator, table: MagneticTable
     plant, surface, inputs = plant_parameters(servo), surface_of(table), rough(20)
     with pytest.raises(InputError, match="the lanes' plants differ in sides, magnets, drive"):
         run_lanes(surface, [plant, plant._replace(drive=1)], inputs, substeps=10)
-    with pytest.raises(InputError, match=rf"effects has the shape \(3,\); 1 lanes need \(1, {N_PARAMETER}\)"):
+    with pytest.raises(InputError, match=rf"effects has the shape \(3,\); 1 lanes need \(1, {len(PARAMETER_INDEX)}\)"):
         run_lanes(surface, [plant], inputs, substeps=10, settings=LaneSettings(effects=np.zeros(3)))
     with pytest.raises(InputError, match="surface_index goes from 1 to 1; there are 1 surfaces"):
         run_lanes(surface, [plant], inputs, substeps=10, settings=LaneSettings(surface_index=np.array([1])))

@@ -6,7 +6,8 @@ kernel, what the other rooms take of it and why not the rest. What needs the ord
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -14,7 +15,8 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
-from msl_fem.plant.effects import sensing
+from msl_fem.laws import Expression
+from msl_fem.plant.effects import expressions
 from msl_fem.plant.effects.electrical import ELECTRICAL, check_delay
 from msl_fem.plant.effects.entry import DesignChange, Effect, KernelSetting, MoverMotion, Parameter, Part, Values
 from msl_fem.plant.effects.magnetic import MAGNETIC
@@ -26,7 +28,6 @@ __all__ = [
     "CATALOGUE",
     "LAGGING",
     "N_COEFFICIENT",
-    "N_PARAMETER",
     "PARAMETER_INDEX",
     "DesignChange",
     "Effect",
@@ -35,6 +36,8 @@ __all__ = [
     "MoverMotion",
     "Parameter",
     "Part",
+    "declare",
+    "declared",
     "design_change",
     "find_effect",
     "find_parameter",
@@ -42,6 +45,7 @@ __all__ = [
     "kernel_coefficients",
     "needed_force",
     "neutral_vector",
+    "stated_causes",
 ]
 
 CATALOGUE: dict[str, Effect] = {effect.name: effect for effect in MAGNETIC + ELECTRICAL + MECHANICAL + SENSING}
@@ -49,14 +53,51 @@ CATALOGUE: dict[str, Effect] = {effect.name: effect for effect in MAGNETIC + ELE
 PARAMETER_INDEX: dict[tuple[str, str], int] = {
     key: n for n, key in enumerate((e.name, p.name) for e in CATALOGUE.values() for p in e.parameters)
 }
-"""Where the parameter (effect, name) stands in a vector of all parameters."""
-N_PARAMETER = len(PARAMETER_INDEX)
+"""Where the parameter (effect, name) stands in a vector of all parameters; those of declared causes are the last."""
 LAGGING = tuple((e.name, p.name) for e in CATALOGUE.values() for p in e.parameters if p.lagging)
 """Parameters that need a drive whose current cannot jump, of effects that do without."""
-RULES = tuple(dict.fromkeys(e.coefficients for e in CATALOGUE.values() if e.coefficients is not None))
+RULES = (
+    *dict.fromkeys(e.coefficients for e in CATALOGUE.values() if e.coefficients is not None),
+    expressions.set_laws,
+)
 """What sets the kernel's coefficients; effects of one mechanism share a rule."""
-N_COEFFICIENT = sensing.LAYOUT.size
+N_COEFFICIENT = expressions.LAYOUT.size
 """Rows of the kernel's coefficients that the groups of effects have named."""
+
+
+def declare(*causes: Expression) -> None:
+    """Adds causes that users state to the catalogue of this process; one that is there already is left.
+
+    Raises
+    ------
+    InputError : a cause of that name has another law; all laws together have too many parameters
+    """
+    new = {one.name: one.bare for one in causes if expressions.DECLARED.get(one.name) != one.bare}
+    for name in new:
+        if name in expressions.DECLARED:
+            raise InputError(
+                f"'{name}' is declared already as {expressions.DECLARED[name].text}; give the other cause another name"
+            )
+    expressions.check_room(expressions.DECLARED | new)
+    for one in new.values():
+        expressions.DECLARED[one.name] = one
+        effect = CATALOGUE[one.effect] = expressions.effect_of(one)
+        for parameter in effect.parameters:
+            PARAMETER_INDEX[one.effect, parameter.name] = len(PARAMETER_INDEX)
+
+
+@contextmanager
+def declared(*causes: Expression) -> Iterator[None]:
+    """The causes are in the catalogue inside a `with`, and gone behind it if they were not there before."""
+    kept = len(expressions.DECLARED)
+    try:
+        declare(*causes)
+        yield
+    finally:
+        for name in list(expressions.DECLARED)[kept:]:
+            effect = CATALOGUE.pop(expressions.DECLARED.pop(name).effect)
+            for parameter in effect.parameters:
+                del PARAMETER_INDEX[effect.name, parameter.name]
 
 
 def find_effect(name: str) -> Effect:
@@ -113,7 +154,7 @@ class EffectValues:
         return stated[name] if name in stated else CATALOGUE[effect].parameter(name).neutral
 
     def vector(self) -> Array:
-        """All parameters of the catalogue, (N_PARAMETER,), in the order of `PARAMETER_INDEX`."""
+        """All parameters of the catalogue, (n_parameter,), in the order of `PARAMETER_INDEX`."""
         return np.array([self.get(effect, name) for effect, name in PARAMETER_INDEX])
 
     @property
@@ -127,19 +168,21 @@ class EffectValues:
 
 
 def neutral_vector() -> Array:
-    """All parameters at their neutral values, (N_PARAMETER,)."""
+    """All parameters at their neutral values, (n_parameter,)."""
     return EffectValues().vector()
 
 
 def from_vector(vector: Array) -> EffectValues:
-    """The values of a vector of all parameters (N_PARAMETER,); effects at their neutral values are left out.
+    """The values of a vector of all parameters (n_parameter,); effects at their neutral values are left out.
 
     Raises
     ------
     InputError : it has another length; a value outside its bounds
     """
-    if np.shape(vector) != (N_PARAMETER,):
-        raise InputError(f"a vector of effects has {N_PARAMETER} entries, this one the shape {np.shape(vector)}")
+    if np.shape(vector) != (len(PARAMETER_INDEX),):
+        raise InputError(
+            f"a vector of effects has {len(PARAMETER_INDEX)} entries, this one the shape {np.shape(vector)}"
+        )
     stated: dict[str, dict[str, float]] = {}
     for (effect, name), n in PARAMETER_INDEX.items():
         if float(vector[n]) != CATALOGUE[effect].parameter(name).neutral:
@@ -162,7 +205,7 @@ def kernel_coefficients(
 
     Parameters
     ----------
-    effects : (N_PARAMETER,) of the catalogue
+    effects : (n_parameter,) of the catalogue
     inductance : of a side at the nominal gap without current, H; any number without magnets
 
     Raises
@@ -171,6 +214,7 @@ def kernel_coefficients(
     """
     coefficients, setting = np.zeros(N_COEFFICIENT), KernelSetting(plant, inductance, step, n_step)
     set_coefficients(coefficients, values_of(effects), setting)
+    expressions.set_addresses(coefficients)
     check_delay(coefficients, setting)
     return coefficients
 
@@ -182,7 +226,7 @@ def set_coefficients(e: Array, values: Values, setting: KernelSetting) -> None:
 
 
 def values_of(vector: Array) -> dict[tuple[str, str], float]:
-    """Every parameter of the catalogue, by effect and name, of a vector (N_PARAMETER,)."""
+    """Every parameter of the catalogue, by effect and name, of a vector (n_parameter,)."""
     return {key: float(vector[n]) for key, n in PARAMETER_INDEX.items()}
 
 
@@ -202,3 +246,15 @@ def needed_force(plant: PlantParameters, values: Mapping[tuple[str, str], float]
         if effect.needed_force is not None:
             force = force + effect.needed_force(values, plant, motion)
     return force
+
+
+def stated_causes(causes: Sequence[Expression], beside: EffectValues | None = None) -> EffectValues:
+    """The causes, declared, with their stated values, and the effects `beside`.
+
+    Raises
+    ------
+    InputError : as `declare`; an amount has no value
+    """
+    declare(*causes)
+    stated = {one.effect: one.needed_values for one in causes}
+    return EffectValues({**(beside.stated if beside else {}), **stated})

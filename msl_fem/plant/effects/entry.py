@@ -47,6 +47,7 @@ class DesignChange:
     sides : of the plant
     gap_1, gap_2 : m, by which the gaps are wider
     current_scale, depth, growth : of a magnet's coenergy, W'(i, g) -> (depth + growth g) W'(current_scale i, g)
+    stiffness : N/m, beside the suspension's
     cubic : N/m^3, of the spring
     constant_force : N, along +x
     damping : N s/m
@@ -61,6 +62,7 @@ class DesignChange:
     current_scale: float = 1.0
     depth: float = 1.0
     growth: float = 0.0
+    stiffness: float = 0.0
     cubic: float = 0.0
     constant_force: float = 0.0
     damping: float = 0.0
