@@ -14,7 +14,7 @@ from msl_fem.bench.rig import Rig
 from msl_fem.bench.setting import BenchEffect, BenchSetting, RigWithEffect, lag_to_start_with
 from msl_fem.bench.user_laws import effect_of_law
 from msl_fem.errors import InputError
-from msl_fem.laws import Expression
+from msl_fem.laws import LawExpression
 
 STRETCH_LENGTH = 5e-3  # m: far above the range, so that the force goes with the cube of the displacement
 HUMS = (50.0, 60.0)  # Hz
@@ -295,7 +295,7 @@ class Request:
     size: float
 
 
-def parse_requests(texts: Sequence[str], causes: Sequence[Expression] = ()) -> tuple[Request, ...]:
+def parse_requests(texts: Sequence[str], causes: Sequence[LawExpression] = ()) -> tuple[Request, ...]:
     """The requests of texts "NAME=3%", "outside", "outside:NAME=2%" or "none"; without a size three per cent.
     `causes` are those that the user states, "expression:NAME".
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from msl_fem.bench.plant import LONGEST_PROGRAM, Array, BenchPlant, UserLaws, V, X
 from msl_fem.computing.compiled import compiled
-from msl_fem.laws import Expression
+from msl_fem.laws import LawExpression
 from msl_fem.laws.grammar import Node
 
 FORCE, VOLTAGE, READING = 0.0, 1.0, 2.0
@@ -129,7 +129,7 @@ def program_of(law: Node, values: dict[str, float]) -> tuple[list[float], list[f
     return [*code, _OPERATIONS[law.kind]], [*numbers, 0.0]
 
 
-def with_law(laws: UserLaws, expression: Expression, values: dict[str, float]) -> UserLaws:
+def with_law(laws: UserLaws, expression: LawExpression, values: dict[str, float]) -> UserLaws:
     """The laws and one more."""
     code, numbers = program_of(expression.law, values)
     n = laws.number_of_laws

@@ -3,10 +3,10 @@
 from msl_fem.bench.law_program import with_law
 from msl_fem.bench.rig import Rig
 from msl_fem.bench.setting import BenchEffect, BenchSetting, RigWithEffect
-from msl_fem.laws import Expression
+from msl_fem.laws import LawExpression
 
 
-def effect_of_law(expression: Expression) -> BenchEffect:
+def effect_of_law(expression: LawExpression) -> BenchEffect:
     """A user's cause that can be hidden: its strength is the share of the amounts' ranges, or of their stated values.
 
     A shape that is not stated is drawn within its range.

@@ -7,7 +7,7 @@ import typer
 
 from msl_fem.errors import InputError, QuantityError
 from msl_fem.files.quantity import parse_quantities
-from msl_fem.laws import Expression, causes_of
+from msl_fem.laws import LawExpression, causes_of
 
 ActuatorFile = Annotated[Path, typer.Argument(metavar="ACTUATOR", help="Actuator file (TOML).")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
@@ -37,7 +37,7 @@ DEFAULT_RISE, DEFAULT_AMBIENT = "80 K", "20 degC"
 """Of the thermal limit of `losses` and `map`, as they are written."""
 
 
-def read_causes(texts: list[str] | None) -> tuple[Expression, ...]:
+def read_causes(texts: list[str] | None) -> tuple[LawExpression, ...]:
     """The causes that the user states; the error names the option."""
     try:
         return tuple(one for text in texts or [] for one in causes_of(text))

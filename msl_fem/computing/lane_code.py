@@ -168,12 +168,12 @@ def square_root(context: Any, a: Any) -> Any:
 
 
 @intrinsic
-def sine(context: Any, a: Any) -> Any:
+def sine_of(context: Any, a: Any) -> Any:
     return _result(a)(a), _call("sin", 1)
 
 
 @intrinsic
-def cosine(context: Any, a: Any) -> Any:
+def cosine_of(context: Any, a: Any) -> Any:
     return _result(a)(a), _call("cos", 1)
 
 

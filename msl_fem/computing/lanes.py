@@ -61,9 +61,9 @@ logarithm: Any = _Generated("logarithm")
 """Natural, of a positive number."""
 square_root: Any = _Generated("square_root")
 """Of a number that is not negative."""
-sine: Any = _Generated("sine")
+sine_of: Any = _Generated("sine_of")
 """sin(a)"""
-cosine: Any = _Generated("cosine")
+cosine_of: Any = _Generated("cosine_of")
 """cos(a)"""
 choose: Any = _Generated("choose")
 """a where the flag is up, else b; both are computed."""
@@ -84,7 +84,7 @@ some: Any = _Generated("some")
 first: Any = _Generated("first")
 """The number of the first lane, where all lanes are of one kind."""
 call_at: Any = _Generated("call_at")
-"""Calls the function of two rows that stands at an address, a number of `machine_code.address_of`."""
+"""Calls the function of two rows that stands at an address, a number of `addresses.address_of`."""
 
 
 @compiled

@@ -14,33 +14,21 @@ from importlib import import_module
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
-from numba import cfunc, njit, types
+from numba import njit, types
 from numba.core.caching import FunctionCache, NullCache
 
 OPTIONS = {"nogil": True, "error_model": "numpy"}
-OPTIONS_OF_C = {"error_model": "numpy"}
 _PACKAGE = __name__.partition(".")[0]
 
 
 def dispatcher_of(function: Callable[..., object]) -> Any:
     """Numba's compiler of one function, with our cache; what the function names is there before it compiles."""
-    for _, value in _named_values(function):
+    for _, value in named_values(function):
         if getattr(value, "py_func", None) is not function:
             getattr(value, "_numba_type_", None)
     dispatcher = njit(**OPTIONS)(function)
     dispatcher._cache = _LazyCache(function)
     return dispatcher
-
-
-def address_of(function: Callable[..., None], width: int) -> tuple[float, Any]:
-    """(address as a number, what must live as long as it is called) of a function of two `Rows` of that many lanes."""
-    from msl_fem.computing.lane_code import RowsType
-
-    for _, value in _named_values(function):
-        getattr(value, "_numba_type_", None)
-    rows = RowsType(width)
-    made = cfunc(types.void(rows, rows), **OPTIONS_OF_C)(function)
-    return float(made.address), made
 
 
 def digest(function: Any) -> str:
@@ -105,7 +93,7 @@ def _name(function: Any) -> str:
 
 def _callees(function: Any) -> Iterator[Any]:
     """The Python functions behind the compiled functions that a function names."""
-    values = [value for _, value in _named_values(function)]
+    values = [value for _, value in named_values(function)]
     for value in values:  # grows by what lies in tuples
         if hasattr(value, "py_func"):
             yield value.py_func
@@ -118,7 +106,7 @@ def _own_digest(function: Any) -> bytes:
     """A digest of a function's byte code, and of the values it names that are no compiled functions."""
     content = hashlib.sha256("".join(_code_texts(function.__code__)).encode())
     content.update(f"{function.__defaults__}{function.__kwdefaults__}".encode())
-    for name, value in _named_values(function):
+    for name, value in named_values(function):
         content.update(name.encode() + _value_bytes(value))
     return content.digest()
 
@@ -138,7 +126,7 @@ def _names(code: CodeType) -> set[str]:
     return set(code.co_names).union(*(_names(c) for c in code.co_consts if isinstance(c, CodeType)))
 
 
-def _named_values(function: Any) -> list[tuple[str, Any]]:
+def named_values(function: Any) -> list[tuple[str, Any]]:
     """What a function's names mean: its closure, its globals, and attributes of modules among these."""
     names = sorted(_names(function.__code__))
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)

@@ -32,7 +32,7 @@ _FUNCTIONS = {
     math.sqrt: "sqrt", math.floor: "floor", np.floor: "floor", np.ceil: "ceil",
 }  # fmt: skip
 _GENERATED = {"size": "fabs", "exponential": "exp", "logarithm": "log", "square_root": "sqrt",
-              "sine": "sin", "cosine": "cos"}  # fmt: skip
+              "sine_of": "sin", "cosine_of": "cos"}  # fmt: skip
 _SAME = ("every", "some", "first", "rows_of")
 
 

@@ -3,7 +3,7 @@
 from msl_fem.laws.expression import (
     UNIT_OF,
     VARIABLES,
-    Expression,
+    LawExpression,
     LawParameter,
     expression,
     expression_of_toml,
@@ -14,7 +14,7 @@ from msl_fem.laws.reading import causes_of, expressions_of_table
 __all__ = [
     "UNIT_OF",
     "VARIABLES",
-    "Expression",
+    "LawExpression",
     "LawParameter",
     "causes_of",
     "expression",

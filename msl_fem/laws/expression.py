@@ -66,7 +66,7 @@ class LawParameter:
 
 
 @dataclass(frozen=True)
-class Expression:
+class LawExpression:
     """A user's cause.
 
     Attributes
@@ -93,11 +93,11 @@ class Expression:
         return {p.name: p.value for p in self.parameters if p.value is not None}
 
     @property
-    def bare(self) -> "Expression":
+    def bare(self) -> "LawExpression":
         """Without stated values: what the catalogue keeps."""
         return replace(self, parameters=tuple(replace(p, value=None) for p in self.parameters))
 
-    def with_values(self, values: Mapping[str, float]) -> "Expression":
+    def with_values(self, values: Mapping[str, float]) -> "LawExpression":
         """With these values stated."""
         stated = (replace(p, value=values.get(p.name, p.value)) for p in self.parameters)
         return replace(self, parameters=tuple(stated))
@@ -126,7 +126,7 @@ class Expression:
         return {"name": self.name, "equation": self.equation, "law": self.text, "parameters": parameters}
 
 
-def parse_expression(text: str) -> Expression:
+def parse_expression(text: str) -> LawExpression:
     """The cause of a text "NAME: EQUATION = LAW; PARAMETER: RANGE UNIT; ...".
 
     Raises
@@ -153,7 +153,7 @@ def parse_expression(text: str) -> Expression:
     return expression(name.strip(), equation.strip(), law.strip(), parameters)
 
 
-def expression_of_toml(content: object, *, where: str) -> Expression:
+def expression_of_toml(content: object, *, where: str) -> LawExpression:
     """The cause of an entry of `[[effects.expression]]`; `where` is the entry's place for messages.
 
     Raises
@@ -178,7 +178,7 @@ def expression_of_toml(content: object, *, where: str) -> Expression:
         raise InputError(f"{where}: {err}") from err
 
 
-def expression(name: str, equation: str, law: str, parameters: Mapping[str, str]) -> Expression:
+def expression(name: str, equation: str, law: str, parameters: Mapping[str, str]) -> LawExpression:
     """The cause of that name, checked.
 
     Raises
@@ -203,7 +203,7 @@ def expression(name: str, equation: str, law: str, parameters: Mapping[str, str]
     for one in found:
         if one.name not in tree.names:
             raise InputError(f"{name}: the law has no {one.name}; leave the parameter out")
-    return Expression(name, equation, tree, law, _with_amounts(name, tree, found))
+    return LawExpression(name, equation, tree, law, _with_amounts(name, tree, found))
 
 
 def _parameter(name: str, spec: str, equation: str) -> LawParameter:

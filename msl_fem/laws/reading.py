@@ -7,14 +7,14 @@ from typing import Any
 
 from msl_fem.errors import InputError
 from msl_fem.files.schema import read_toml
-from msl_fem.laws.expression import Expression, expression_of_toml, parse_expression
+from msl_fem.laws.expression import LawExpression, expression_of_toml, parse_expression
 
 GROUP = "msl_fem.effects"
-"""Of the entry points: each names a text, an `Expression`, or several of them, in a Python file of an installed
+"""Of the entry points: each names a text, an `LawExpression`, or several of them, in a Python file of an installed
 package."""
 
 
-def causes_of(text: str) -> tuple[Expression, ...]:
+def causes_of(text: str) -> tuple[LawExpression, ...]:
     """The causes of a text "NAME: EQUATION = LAW; ...", of a TOML file, or of the entry point of that name.
 
     Raises
@@ -32,7 +32,7 @@ def causes_of(text: str) -> tuple[Expression, ...]:
     return _of_entry_point(text.strip())
 
 
-def expressions_of_table(effects: object, *, where: str) -> tuple[Expression, ...]:
+def expressions_of_table(effects: object, *, where: str) -> tuple[LawExpression, ...]:
     """The causes of the key `expression` of a file's table `effects`.
 
     Raises
@@ -45,7 +45,7 @@ def expressions_of_table(effects: object, *, where: str) -> tuple[Expression, ..
     return tuple(expression_of_toml(one, where=f"{where}: effects.expression.{n}") for n, one in enumerate(listed))
 
 
-def _of_entry_point(name: str) -> tuple[Expression, ...]:
+def _of_entry_point(name: str) -> tuple[LawExpression, ...]:
     known = {point.name: point for point in entry_points(group=GROUP)}
     if name not in known:
         offered = f"; installed are {', '.join(sorted(known))}" if known else ""
@@ -64,9 +64,9 @@ def _listed(loaded: Any) -> Iterable[Any]:
     return loaded if isinstance(loaded, list | tuple) else (loaded,)
 
 
-def _of_object(name: str, one: object) -> Expression:
-    if isinstance(one, Expression):
+def _of_object(name: str, one: object) -> LawExpression:
+    if isinstance(one, LawExpression):
         return one
     if isinstance(one, str):
         return parse_expression(one)
-    raise InputError(f"the entry point {name} of {GROUP} gives a {type(one).__name__}; give texts or Expressions")
+    raise InputError(f"the entry point {name} of {GROUP} gives a {type(one).__name__}; give texts or LawExpressions")

@@ -10,12 +10,12 @@ from hashlib import sha256
 from typing import Any
 
 from msl_fem.computing import lanes
-from msl_fem.laws.expression import Expression
+from msl_fem.laws.expression import LawExpression
 from msl_fem.laws.grammar import Node
 
 _CALLS = {
-    "abs": "size", "sign": "sign_of", "sqrt": "square_root", "exp": "exponential", "log": "logarithm", "sin": "sine",
-    "cos": "cosine", "tanh": "hyperbolic_tangent", "min": "smaller", "max": "larger",
+    "abs": "size", "sign": "sign_of", "sqrt": "square_root", "exp": "exponential", "log": "logarithm", "sin": "sine_of",
+    "cos": "cosine_of", "tanh": "hyperbolic_tangent", "min": "smaller", "max": "larger",
 }  # fmt: skip
 _USED = {name: getattr(lanes, name) for name in (*_CALLS.values(), "choose")}
 
@@ -80,7 +80,7 @@ class Places:
 def sum_of_laws(
     name: str,
     meaning: str,
-    groups: Sequence[tuple[Sequence[Expression], Places]],
+    groups: Sequence[tuple[Sequence[LawExpression], Places]],
     parameter_rows: Mapping[tuple[str, str], int],
 ) -> Callable[[Any, Any], None]:
     """The function (coefficients, workspace) that puts the sum of each group's laws where its places say.
@@ -95,7 +95,7 @@ def sum_of_laws(
 
 
 def _write_group(
-    body: Lines, expressions: Sequence[Expression], places: Places, rows: Mapping[tuple[str, str], int]
+    body: Lines, expressions: Sequence[LawExpression], places: Places, rows: Mapping[tuple[str, str], int]
 ) -> None:
     total = "0.0"
     for one in expressions:

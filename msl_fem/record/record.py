@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
-from msl_fem.laws import Expression
+from msl_fem.laws import LawExpression
 from msl_fem.record.rig_file import GapZero, Noise, Origin, Role, Sampling, StatedLaw, Tolerance, law_of, linear_laws
 
 
@@ -145,7 +145,7 @@ class Record:
     runs: tuple[Run, ...] = ()
     static: StaticMap | None = None
     warnings: tuple[str, ...] = ()
-    causes: tuple[Expression, ...] = ()
+    causes: tuple[LawExpression, ...] = ()
     folder: Path | None = None
 
     def runs_of(self, role: Role) -> tuple[Run, ...]:

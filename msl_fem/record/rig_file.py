@@ -13,7 +13,7 @@ from msl_fem.actuator import PURE_NUMBERS, Actuator, CurrentNoise, Frequency, Po
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError, RecordError
 from msl_fem.files.schema import FrozenModel, In, bare_number, first_complaint, read_toml
-from msl_fem.laws import Expression, expressions_of_table
+from msl_fem.laws import LawExpression, expressions_of_table
 from msl_fem.record.columns import CHANNELS
 
 Role = Literal["fit", "held-out"]
@@ -138,7 +138,7 @@ class RigFile(FrozenModel):
     effects: StatedEffects = StatedEffects()
     overrides: dict[str, dict[str, Any]] = Field(default_factory=dict, exclude=True)
 
-    def causes(self, folder: Path) -> tuple[Expression, ...]:
+    def causes(self, folder: Path) -> tuple[LawExpression, ...]:
         """The causes that the user states.
 
         Raises

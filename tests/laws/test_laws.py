@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from msl_fem.errors import InputError
-from msl_fem.laws import Expression, causes_of, expression_of_toml, parse_expression, reading
+from msl_fem.laws import LawExpression, causes_of, expression_of_toml, parse_expression, reading
 from msl_fem.laws.calculus import derivative, value_of
 from msl_fem.laws.grammar import parse_law
 from msl_fem.laws.units import parse_unit
@@ -190,8 +190,8 @@ def test_causes_from_files_and_entry_points(tmp_path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(reading, "entry_points", lambda group: points if group == "msl_fem.effects" else [])
     found = causes_of("texts")
     assert found == (drag, drag)
-    assert all(isinstance(one, Expression) for one in found)
-    with pytest.raises(InputError, match=r"gives a int; give texts or Expressions"):
+    assert all(isinstance(one, LawExpression) for one in found)
+    with pytest.raises(InputError, match=r"gives a int; give texts or LawExpressions"):
         causes_of("broken")
     with pytest.raises(InputError, match=r"'nothing' is no cause: .*installed are broken, texts"):
         causes_of("nothing")

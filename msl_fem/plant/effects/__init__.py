@@ -15,7 +15,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
-from msl_fem.laws import Expression
+from msl_fem.laws import LawExpression
 from msl_fem.plant.effects import expressions
 from msl_fem.plant.effects.electrical import ELECTRICAL, check_delay
 from msl_fem.plant.effects.entry import DesignChange, Effect, KernelSetting, MoverMotion, Parameter, Part, Values
@@ -65,7 +65,7 @@ N_COEFFICIENT = expressions.LAYOUT.size
 """Rows of the kernel's coefficients that the groups of effects have named."""
 
 
-def declare(*causes: Expression) -> None:
+def declare(*causes: LawExpression) -> None:
     """Adds causes that users state to the catalogue of this process; one that is there already is left.
 
     Raises
@@ -87,7 +87,7 @@ def declare(*causes: Expression) -> None:
 
 
 @contextmanager
-def declared(*causes: Expression) -> Iterator[None]:
+def declared(*causes: LawExpression) -> Iterator[None]:
     """The causes are in the catalogue inside a `with`, and gone behind it if they were not there before."""
     kept = len(expressions.DECLARED)
     try:
@@ -248,7 +248,7 @@ def needed_force(plant: PlantParameters, values: Mapping[tuple[str, str], float]
     return force
 
 
-def stated_causes(causes: Sequence[Expression], beside: EffectValues | None = None) -> EffectValues:
+def stated_causes(causes: Sequence[LawExpression], beside: EffectValues | None = None) -> EffectValues:
     """The causes, declared, with their stated values, and the effects `beside`.
 
     Raises

@@ -16,7 +16,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import RowLayout, Rows, call_at, first, width
 from msl_fem.errors import InputError
-from msl_fem.laws import UNIT_OF, Expression, LawParameter
+from msl_fem.laws import UNIT_OF, LawExpression, LawParameter
 from msl_fem.laws.calculus import derivative, value_of
 from msl_fem.laws.expression import MOST_PARAMETERS
 from msl_fem.laws.grammar import Node
@@ -52,10 +52,10 @@ _TERM = {"force": "m x'' = ... + ", "voltage": "v_j = R i_j + d lambda_j/dt + ",
 _USUAL = 30.0  # of an amount's range, what its usual scale is: ten of them are a third of it
 _DECADE = 10.0  # of a shape's range, that one start of a search covers
 _TRIED_SPEED = 2 * math.pi * 100.0  # rad/s, of a travel's amplitude where no spring says how fast a mover is
-DECLARED: dict[str, Expression] = {}
+DECLARED: dict[str, LawExpression] = {}
 
 
-def effect_of(expression: Expression) -> Effect:
+def effect_of(expression: LawExpression) -> Effect:
     """The catalogue's entry of a user's cause."""
     believed, undone = _believed_amounts(expression), _undone_amounts(expression)
     of_force = expression.equation == "force"
@@ -93,7 +93,7 @@ def _parameter(p: LawParameter) -> Parameter:
     )
 
 
-def _needs(expression: Expression) -> tuple[Need, ...]:
+def _needs(expression: LawExpression) -> tuple[Need, ...]:
     if expression.equation == "voltage":
         return ("magnets",)
     if expression.variables & {"i2", "g2"}:
@@ -101,7 +101,7 @@ def _needs(expression: Expression) -> tuple[Need, ...]:
     return ("magnets",) if expression.variables & {"i1", "g1"} else ()
 
 
-def _middle(expression: Expression) -> tuple[Node, Node, Node] | None:
+def _middle(expression: LawExpression) -> tuple[Node, Node, Node] | None:
     """(law, its slopes over position and velocity) where a design can believe them; else None."""
     if expression.equation != "force" or not expression.variables <= {"x", "v"}:
         return None
@@ -114,7 +114,7 @@ def _at_rest(nodes: tuple[Node, ...], values: Mapping[str, float]) -> list[float
     return [value if math.isfinite(value) else 0.0 for value in found]
 
 
-def _believed_amounts(expression: Expression) -> tuple[str, ...]:
+def _believed_amounts(expression: LawExpression) -> tuple[str, ...]:
     nodes = _middle(expression)
     if nodes is None:
         return ()
@@ -124,7 +124,7 @@ def _believed_amounts(expression: Expression) -> tuple[str, ...]:
     )
 
 
-def _believe(expression: Expression) -> Callable[[DesignChange, Values], None]:
+def _believe(expression: LawExpression) -> Callable[[DesignChange, Values], None]:
     nodes = _middle(expression)
     assert nodes is not None
 
@@ -139,13 +139,13 @@ def _believe(expression: Expression) -> Callable[[DesignChange, Values], None]:
     return believe
 
 
-def _undone_amounts(expression: Expression) -> tuple[str, ...]:
+def _undone_amounts(expression: LawExpression) -> tuple[str, ...]:
     if _middle(expression) is None:
         return ()
     return tuple(p.name for p in expression.parameters if p.amount)
 
 
-def _needed_force(expression: Expression) -> Callable[[Values, PlantParameters, MoverMotion], Array | float]:
+def _needed_force(expression: LawExpression) -> Callable[[Values, PlantParameters, MoverMotion], Array | float]:
     def force(v: Values, plant: PlantParameters, motion: MoverMotion) -> Array | float:
         parameters = {p.name: v[expression.effect, p.name] for p in expression.parameters}
         if not any(parameters[p.name] for p in expression.parameters if p.amount):
@@ -156,7 +156,7 @@ def _needed_force(expression: Expression) -> Callable[[Values, PlantParameters, 
     return force
 
 
-def steepest(expression: Expression, plant: PlantParameters, values: Mapping[str, float]) -> dict[str, float]:
+def steepest(expression: LawExpression, plant: PlantParameters, values: Mapping[str, float]) -> dict[str, float]:
     """The largest slopes of a law, by variable in SI units, over where a plant can go: on a grid of five a variable."""
     reach = {"x": plant.travel if math.isfinite(plant.travel) else 1e-3}
     speed = max(math.sqrt(plant.stiffness / plant.mass), _TRIED_SPEED)
@@ -178,7 +178,7 @@ def parameter_rows() -> dict[tuple[str, str], int]:
     return {key: PARAMETERS + n for n, key in enumerate(names)}
 
 
-def check_room(expressions: Mapping[str, Expression]) -> None:
+def check_room(expressions: Mapping[str, LawExpression]) -> None:
     """Returns where the kernel has rows for all parameters.
 
     Raises
@@ -199,7 +199,7 @@ def law_functions() -> tuple[Callable[..., None], Callable[..., None], Callable[
 
 @cache
 def _functions(
-    expressions: tuple[Expression, ...],
+    expressions: tuple[LawExpression, ...],
 ) -> tuple[Callable[..., None], Callable[..., None], Callable[..., None]]:
     rows = parameter_rows()
     by = {equation: [one for one in expressions if one.equation == equation] for equation in UNIT_OF}
@@ -233,10 +233,10 @@ def set_addresses(e: Array) -> None:
 
 
 @cache
-def _machine_code(expressions: tuple[Expression, ...]) -> tuple[tuple[float, Any], ...]:
+def _machine_code(expressions: tuple[LawExpression, ...]) -> tuple[tuple[float, Any], ...]:
     """(address, what keeps it alive) of the laws: voltages for one run and for lanes, motion alike."""
+    from msl_fem.computing.addresses import address_of
     from msl_fem.computing.lanes import LANES
-    from msl_fem.computing.machine_code import address_of
 
     _, voltages, motion = _functions(expressions)
     return tuple(address_of(function, count) for function in (voltages, motion) for count in (1, LANES))

@@ -1,0 +1,20 @@
+"""Compiled functions by their address: what is called without being known when the caller is compiled."""
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import cfunc, types
+
+from msl_fem.computing.lane_code import RowsType
+from msl_fem.computing.machine_code import named_values
+
+_OPTIONS = {"error_model": "numpy"}
+
+
+def address_of(function: Callable[..., None], width: int) -> tuple[float, Any]:
+    """(address as a number, what must live as long as it is called) of a function of two `Rows` of that many lanes."""
+    for _, value in named_values(function):
+        getattr(value, "_numba_type_", None)  # what it names is there before it is compiled
+    rows = RowsType(width)
+    made = cfunc(types.void(rows, rows), **_OPTIONS)(function)
+    return float(made.address), made
