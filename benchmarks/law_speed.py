@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from msl_fem.actuator import load_actuator
-from msl_fem.laws import parse_expression
+from msl_fem.computing.laws import parse_expression
 from msl_fem.plant import Inputs, kernel, layout, plant_parameters, surface_of
 from msl_fem.plant.effects import EffectValues, declared
 from msl_fem.plant.lane_run import LaneSettings, run_lanes

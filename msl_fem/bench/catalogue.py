@@ -13,8 +13,8 @@ from msl_fem.bench.plant import MOST_BRANCHES, Array, Attached, Film, FlexureLaw
 from msl_fem.bench.rig import Rig
 from msl_fem.bench.setting import BenchEffect, BenchSetting, RigWithEffect, lag_to_start_with
 from msl_fem.bench.user_laws import effect_of_law
+from msl_fem.computing.laws import LawExpression
 from msl_fem.errors import InputError
-from msl_fem.laws import LawExpression
 
 STRETCH_LENGTH = 5e-3  # m: far above the range, so that the force goes with the cube of the displacement
 HUMS = (50.0, 60.0)  # Hz

@@ -8,8 +8,8 @@ import numpy as np
 
 from msl_fem.bench.plant import LONGEST_PROGRAM, Array, BenchPlant, UserLaws, V, X
 from msl_fem.computing.compiled import compiled
-from msl_fem.laws import LawExpression
-from msl_fem.laws.grammar import Node
+from msl_fem.computing.laws import LawExpression
+from msl_fem.computing.laws.grammar import Node
 
 FORCE, VOLTAGE, READING = 0.0, 1.0, 2.0
 _EQUATIONS = {"force": FORCE, "voltage": VOLTAGE, "position_reading": READING}

@@ -3,7 +3,7 @@
 from msl_fem.bench.law_program import with_law
 from msl_fem.bench.rig import Rig
 from msl_fem.bench.setting import BenchEffect, BenchSetting, RigWithEffect
-from msl_fem.laws import LawExpression
+from msl_fem.computing.laws import LawExpression
 
 
 def effect_of_law(expression: LawExpression) -> BenchEffect:

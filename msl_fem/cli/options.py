@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
+from msl_fem.computing.laws import LawExpression, causes_of
 from msl_fem.errors import InputError, QuantityError
 from msl_fem.files.quantity import parse_quantities
-from msl_fem.laws import LawExpression, causes_of
 
 ActuatorFile = Annotated[Path, typer.Argument(metavar="ACTUATOR", help="Actuator file (TOML).")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]

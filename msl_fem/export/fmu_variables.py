@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from msl_fem.laws.units import BASES, parse_unit
+from msl_fem.computing.laws.units import BASES, parse_unit
 from msl_fem.plant import PlantParameters
 from msl_fem.plant.effects import CATALOGUE, LAGGING, PARAMETER_INDEX, EffectValues
 from msl_fem.plant.effects.expressions import DECLARED

@@ -17,12 +17,12 @@ from pathlib import Path
 from typing import Any
 
 from msl_fem.actuator import Actuator, parse_actuator
+from msl_fem.computing.laws import expressions_of_table
 from msl_fem.errors import ActuatorError, InputError, QuantityError
 from msl_fem.files.quantity import parse_quantity
 from msl_fem.files.schema import document, read_toml
 from msl_fem.files.toml_text import quantity_text, toml_text
 from msl_fem.files.whole_file import whole_file
-from msl_fem.laws import expressions_of_table
 from msl_fem.plant.effects import EffectValues, Parameter, declare, find_effect, find_parameter
 from msl_fem.plant.effects.expressions import DECLARED
 

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
+from msl_fem.computing.laws import LawExpression
 from msl_fem.errors import RecordError
-from msl_fem.laws import LawExpression
 from msl_fem.record.rig_file import GapZero, Noise, Origin, Role, Sampling, StatedLaw, Tolerance, law_of, linear_laws
 
 

@@ -11,9 +11,9 @@ from pydantic_core import CoreSchema, core_schema
 
 from msl_fem.actuator import PURE_NUMBERS, Actuator, CurrentNoise, Frequency, PositionNoise, load_actuator
 from msl_fem.computing.arrays import Array
+from msl_fem.computing.laws import LawExpression, expressions_of_table
 from msl_fem.errors import InputError, RecordError
 from msl_fem.files.schema import FrozenModel, In, bare_number, first_complaint, read_toml
-from msl_fem.laws import LawExpression, expressions_of_table
 from msl_fem.record.columns import CHANNELS
 
 Role = Literal["fit", "held-out"]

@@ -8,8 +8,8 @@ from msl_fem.bench.law_program import VOLTAGE, law_sum, with_law
 from msl_fem.bench.plant import NO_LAWS
 from msl_fem.bench.rig import true_rig
 from msl_fem.bench.running import run_rig
+from msl_fem.computing.laws import parse_expression
 from msl_fem.errors import InputError
-from msl_fem.laws import parse_expression
 from msl_fem.plant.excitation import parse_excitation
 
 DRAG = parse_expression("drag: force = -a*v*abs(v); a: 0..5000 N s2/m2")

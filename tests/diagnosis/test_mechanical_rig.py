@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from msl_fem.computing.laws import parse_expression
 from msl_fem.diagnosis import diagnose
 from msl_fem.diagnosis.carriages import attenuation, smoothed
 from msl_fem.diagnosis.inverse_force import ZeroPhaseLowPass, missing_force, usual_low_pass
-from msl_fem.laws import parse_expression
 from msl_fem.plant import plant_parameters
 from msl_fem.plant.effects import declared, neutral_vector
 from msl_fem.plant.effects.mechanical import stops_along

@@ -9,6 +9,7 @@ from fmpy.validation import validate_fmu
 from fmu_master import PAIRS, RATE, SINGLE, Master, cases, changed, exported, steps
 from printed_library import AS_COMPILED
 
+from msl_fem.computing.laws import parse_expression
 from msl_fem.control import ControllerChoice
 from msl_fem.control.design_model import design_model_with_effects
 from msl_fem.control.designs import designed
@@ -16,7 +17,6 @@ from msl_fem.errors import InputError
 from msl_fem.export import fmu, fmu_library
 from msl_fem.export.c_controller import ControllerSource, controller_header
 from msl_fem.export.formats import ModelSource
-from msl_fem.laws import parse_expression
 from msl_fem.maps import operating_map
 from msl_fem.plant import Inputs, Options, plant_parameters, simulate
 from msl_fem.plant.effects import CATALOGUE, EffectValues, declared

@@ -13,10 +13,10 @@ from msl_fem.bench.law_program import FORCE, law_sum, with_law
 from msl_fem.bench.plant import NO_LAWS
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import keep, rows_of
+from msl_fem.computing.laws import parse_expression
+from msl_fem.computing.laws.calculus import value_of
 from msl_fem.control import design_model_with_effects
 from msl_fem.errors import ActuatorError, InputError
-from msl_fem.laws import parse_expression
-from msl_fem.laws.calculus import value_of
 from msl_fem.maps import operating_map
 from msl_fem.plant import Inputs, simulate
 from msl_fem.plant.effects import CATALOGUE, EffectValues, MoverMotion, declare, declared, needed_force, values_of

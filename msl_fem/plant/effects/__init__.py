@@ -14,8 +14,8 @@ from types import MappingProxyType
 import numpy as np
 
 from msl_fem.computing.arrays import Array
+from msl_fem.computing.laws import LawExpression
 from msl_fem.errors import InputError
-from msl_fem.laws import LawExpression
 from msl_fem.plant.effects import expressions
 from msl_fem.plant.effects.electrical import ELECTRICAL, check_delay
 from msl_fem.plant.effects.entry import DesignChange, Effect, KernelSetting, MoverMotion, Parameter, Part, Values

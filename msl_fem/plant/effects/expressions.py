@@ -1,4 +1,4 @@
-"""Causes that users state by a law (`msl_fem.laws`), as entries of the catalogue and as functions of the kernel.
+"""Causes that users state by a law (`computing.laws`), as entries of the catalogue and as functions of the kernel.
 
 Their laws are compiled by themselves and called by their address, so that a new law compiles no kernel. What is
 declared holds for this process, as an import does; a name keeps its law.
@@ -15,12 +15,12 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import RowLayout, Rows, call_at, first, width
+from msl_fem.computing.laws import UNIT_OF, LawExpression, LawParameter
+from msl_fem.computing.laws.calculus import derivative, value_of
+from msl_fem.computing.laws.expression import MOST_PARAMETERS
+from msl_fem.computing.laws.grammar import Node
+from msl_fem.computing.laws.source import Places, made, sum_of_laws
 from msl_fem.errors import InputError
-from msl_fem.laws import UNIT_OF, LawExpression, LawParameter
-from msl_fem.laws.calculus import derivative, value_of
-from msl_fem.laws.expression import MOST_PARAMETERS
-from msl_fem.laws.grammar import Node
-from msl_fem.laws.source import Places, made, sum_of_laws
 from msl_fem.plant.effects import sensing
 from msl_fem.plant.effects.entry import (
     DesignChange,

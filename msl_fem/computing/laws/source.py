@@ -10,8 +10,8 @@ from hashlib import sha256
 from typing import Any
 
 from msl_fem.computing import lanes
-from msl_fem.laws.expression import LawExpression
-from msl_fem.laws.grammar import Node
+from msl_fem.computing.laws.expression import LawExpression
+from msl_fem.computing.laws.grammar import Node
 
 _CALLS = {
     "abs": "size", "sign": "sign_of", "sqrt": "square_root", "exp": "exponential", "log": "logarithm", "sin": "sine_of",

@@ -5,9 +5,9 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
+from msl_fem.computing.laws.expression import LawExpression, expression_of_toml, parse_expression
 from msl_fem.errors import InputError
 from msl_fem.files.schema import read_toml
-from msl_fem.laws.expression import LawExpression, expression_of_toml, parse_expression
 
 GROUP = "msl_fem.effects"
 """Of the entry points: each names a text, an `LawExpression`, or several of them, in a Python file of an installed

@@ -1,6 +1,6 @@
 """Laws that users write: text to a checked tree, its units, values, derivatives and source as compiled Python."""
 
-from msl_fem.laws.expression import (
+from msl_fem.computing.laws.expression import (
     UNIT_OF,
     VARIABLES,
     LawExpression,
@@ -9,7 +9,7 @@ from msl_fem.laws.expression import (
     expression_of_toml,
     parse_expression,
 )
-from msl_fem.laws.reading import causes_of, expressions_of_table
+from msl_fem.computing.laws.reading import causes_of, expressions_of_table
 
 __all__ = [
     "UNIT_OF",

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from msl_fem.computing.laws import LawExpression, causes_of, expression_of_toml, parse_expression, reading
+from msl_fem.computing.laws.calculus import derivative, value_of
+from msl_fem.computing.laws.grammar import parse_law
+from msl_fem.computing.laws.units import parse_unit
 from msl_fem.errors import InputError
-from msl_fem.laws import LawExpression, causes_of, expression_of_toml, parse_expression, reading
-from msl_fem.laws.calculus import derivative, value_of
-from msl_fem.laws.grammar import parse_law
-from msl_fem.laws.units import parse_unit
 
 DRAG = "drag: force = -a*v*abs(v); a: 0..1 N s2/m2"
 NAMES = frozenset({"a", "x", "v"})

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
+from msl_fem.computing.laws.calculus import dimension_of, replaced
+from msl_fem.computing.laws.grammar import CONSTANTS, FUNCTIONS, Node, number, parse_law
+from msl_fem.computing.laws.units import Dimension, parse_unit
 from msl_fem.errors import InputError
-from msl_fem.laws.calculus import dimension_of, replaced
-from msl_fem.laws.grammar import CONSTANTS, FUNCTIONS, Node, number, parse_law
-from msl_fem.laws.units import Dimension, parse_unit
 
 _OF_THE_PLANT = {"x": "m", "v": "m/s", "i1": "A", "i2": "A", "g1": "m", "g2": "m"}
 VARIABLES: dict[str, dict[str, str]] = {

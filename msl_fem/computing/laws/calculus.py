@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from msl_fem.computing.laws.grammar import Node, number
+from msl_fem.computing.laws.units import NUMBER, Dimension
 from msl_fem.errors import InputError
-from msl_fem.laws.grammar import Node, number
-from msl_fem.laws.units import NUMBER, Dimension
 
 _VALUES: dict[str, Callable[..., Any]] = {
     "+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "**": np.power, "negative": np.negative,
