@@ -31,7 +31,7 @@ from msl_fem.diagnosis.decision import (
 from msl_fem.diagnosis.equilibria import told_by_equilibria
 from msl_fem.diagnosis.fit import FitPlan, believed_estimates, effect_estimates, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
-from msl_fem.diagnosis.kind import Kind, PredictionError, held_out_gains, held_out_worse
+from msl_fem.diagnosis.kind import Kind, PredictionError, held_out_gains, held_out_worse, worse_than_belief
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.outside import WORTH_NAMING, Dependence, named_dependence
 from msl_fem.diagnosis.refits import ROUGH
@@ -57,6 +57,7 @@ from msl_fem.prediction import ModelHypothesis, run_data
 from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable
 
+NO_EXTENDED_MODEL = "held-out runs are followed worse than by the believed model, so there is no extended model"
 WORSE_THAN = 1.02
 """How many times the belief's largest residual a fit within the tolerances may leave."""
 
@@ -215,6 +216,9 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
     nominal = kind.errors(kind.belief, None)
     believed = [signal.summary for signal in nominal]
     accuracy = tuple(Accuracy(*three, kind.prediction) for three in zip(believed, errors[0], errors[n], strict=True))
+    extended = None if worse_than_belief(nominal, signals[n]) else models[n]
+    if extended is None:
+        notes.append(NO_EXTENDED_MODEL)
     unfaithful = _unfaithful(errors[n], kind) if n else ""
     explained = white(result.excesses[n]) and not compensating
     unexplained = Unexplained(0.0)
@@ -233,7 +237,7 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
         accuracy,
         believed_estimates(kind.belief, result.final),
         models[0],
-        models[n],
+        extended,
         how.rule.threshold,
         result.stages[0].null,
         main,

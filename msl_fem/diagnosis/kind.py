@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from msl_fem.computing.arrays import Array
-from msl_fem.diagnosis.decision import Rule
+from msl_fem.diagnosis.decision import WORSE, Rule
 from msl_fem.diagnosis.fit import extended_belief
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.outside import Dependence
@@ -77,7 +77,7 @@ class ErrorSignal:
     def summary(self) -> PredictionError:
         rms = float(np.sqrt(np.mean(self.values**2))) if np.isfinite(self.values).all() else float("inf")
         samples = self.values.size if self.samples is None else self.samples
-        nrmse = rms / self.deviation
+        nrmse = rms / self.deviation if self.deviation else float("inf")
         return PredictionError(self.run, self.role, self.channel, rms, nrmse, self.floor, samples, self.deviation)
 
 
@@ -116,6 +116,13 @@ def held_out_worse(before: Sequence[ErrorSignal], after: Sequence[ErrorSignal]) 
         return False
     error = float(np.std(changes, ddof=1)) / np.sqrt(len(changes))
     return float(np.mean(changes)) > STANDARD_ERRORS * error
+
+
+def worse_than_belief(believed: Sequence[ErrorSignal], extended: Sequence[ErrorSignal]) -> bool:
+    """Whether held-out data speak for the believed model and against another one: its errors are larger block by block,
+    and the data less probable under it by more than `WORSE` nats."""
+    held = [[one.summary for one in signals if one.role == "held-out"] for signals in (believed, extended)]
+    return held_out_worse(believed, extended) and log_likelihood_gain(*held) < -WORSE
 
 
 def _block_changes(first: ErrorSignal, second: ErrorSignal) -> list[float]:

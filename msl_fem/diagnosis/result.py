@@ -121,7 +121,7 @@ class Accuracy:
             "nominal_nrmse": json_value(self.nominal.nrmse),
             "refitted_nrmse": json_value(self.refitted.nrmse),
             "extended_nrmse": json_value(self.extended.nrmse),
-            "noise_floor_nrmse": self.nominal.floor / self.nominal.deviation,
+            "noise_floor_nrmse": self.nominal.floor / self.nominal.deviation if self.nominal.deviation else None,
         }
 
 
@@ -195,7 +195,8 @@ class Diagnosis:
     Attributes
     ----------
     reason : where undecidable; else what the verdict rests on, in a sentence
-    refitted, extended : the model within its tolerances, and with the effects; None where nothing was fitted
+    refitted, extended : the model within its tolerances, and with the effects; None where nothing was fitted, or where
+        held-out data are followed worse than by the believed model
     threshold : nats that a first effect had to bring
     null : what any effect brings by chance on this record
     main_cause : None where no effect accounts for most of the excess

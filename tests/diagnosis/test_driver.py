@@ -1,12 +1,12 @@
 """One driver for all kinds of records: what holds for one kind holds for every other."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from msl_fem.diagnosis.driver import DiagnosisSettings, diagnosis_of
+from msl_fem.diagnosis.driver import NO_EXTENDED_MODEL, DiagnosisSettings, diagnosis_of
 from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.kind import ErrorSignal, Kind
 from msl_fem.diagnosis.likelihood import Fit
@@ -14,6 +14,7 @@ from msl_fem.diagnosis.noise import NoiseWeights, weights_of
 from msl_fem.diagnosis.null import SURROGATES
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.problem import Points
+from msl_fem.diagnosis.result import Accuracy
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
 
@@ -110,3 +111,29 @@ def test_an_unexplained_rest_is_looked_into_by_the_kind() -> None:
     found = diagnosed(Explaining, EffectUnknown("force_offset", "force"))
     assert found.verdict == "unexplained"
     assert (found.unexplained.equation, found.unexplained.depends_on) == ("force", ("velocity",))
+
+
+def test_no_model_is_handed_on_that_follows_held_out_data_worse_than_the_belief() -> None:
+    class Misled(ToyKind):
+        """Whose fit is worse than the belief, with or without an effect."""
+
+        def errors(self, belief: Any, fit: Fit | None) -> list[ErrorSignal]:
+            size = 1.0 if fit is None else 1.5
+            signals = super().errors(belief, None)
+            return [signals[0], replace(signals[1], values=size * signals[1].values)]
+
+    for kind, effect, handed_on in (
+        (ToyKind, "force_offset", True),
+        (ToyKind, "sensor_drift", False),
+        (Misled, "force_offset", False),
+    ):
+        found = diagnosed(kind, EffectUnknown(effect, "force" if effect == "force_offset" else "rate"))
+        assert (found.extended is not None) == handed_on
+        assert (NO_EXTENDED_MODEL in found.notes) != handed_on
+
+
+def test_a_channel_that_never_changes_has_errors_and_no_division_by_its_deviation() -> None:
+    still = ErrorSignal("run", "held-out", "current_1_A", np.ones(10), deviation=0.0, floor=0.5, rate=1e3).summary
+    assert (still.rms, still.nrmse) == (1.0, float("inf"))
+    entry = Accuracy(still, still, still).to_json()
+    assert (entry["nominal_nrmse"], entry["noise_floor_nrmse"]) == (None, None)
