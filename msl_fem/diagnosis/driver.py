@@ -49,6 +49,7 @@ from msl_fem.diagnosis.result import (
 )
 from msl_fem.diagnosis.runs import dynamic_runs
 from msl_fem.diagnosis.search import SearchStage, search_stage, statistics_of
+from msl_fem.diagnosis.statements import restated
 from msl_fem.diagnosis.static_maps import map_alone, why_no_map
 from msl_fem.errors import InputError
 from msl_fem.plant import plant_parameters
@@ -145,6 +146,10 @@ def diagnosis_of(kind: Kind, how: DiagnosisSettings) -> Diagnosis:
     """The diagnosis of a record that was made ready."""
     kind = kind.settled()
     result = search_effects(kind, how)
+    other = restated(kind, result.stages[0])
+    if other is not None:
+        how.progress("a statement of rig.toml turned round")
+        kind, result = other, search_effects(other, replace(how, memory=FitMemory()))
     how.progress("held-out runs")
     return conclude(kind, result, how)
 

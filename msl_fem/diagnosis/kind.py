@@ -183,6 +183,10 @@ class Kind(ABC):
         """As it is after the model without effects has been looked at."""
         return self
 
+    def restatements(self) -> "Sequence[Kind]":
+        """The record with one thing at a time turned round that is stated about it, and a note that says so."""
+        return ()
+
     def rule(self, rule: Rule) -> Rule:
         """The rule by which this kind is decided. What an equation leaves out was measured on free runs alone."""
         return replace(rule, share=0.0)

@@ -25,10 +25,12 @@ from msl_fem.diagnosis.variants import variables_of
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import ModelHypothesis, RunData, Start, free_parameters, free_run, kernel_plant, measured_start
 from msl_fem.prediction.free_run import counted, start_sigmas
+from msl_fem.prediction.run_data import Hold
 from msl_fem.record import Record, Tolerance
 
 ROUNDS = 3
 """How often stretches are chosen anew at a better model."""
+OTHER_HOLD: Mapping[Hold, Hold] = {"zero-order": "linear", "linear": "zero-order"}
 Cuts = tuple[Stretches | None, ...]
 
 
@@ -85,6 +87,20 @@ class Runs(Kind):
             values = _missed(belief, run, cut, self.tolerance)
             signals += [ErrorSignal.of_run(run, name, values[name]) for name in counted(run)]
         return signals
+
+    def restatements(self) -> "Sequence[Runs]":
+        """With commands held the other way than stated."""
+        stated = self.runs[0].hold
+        other = OTHER_HOLD[stated]
+        problem = self.likelihood.problem
+        turned = tuple(replace(run, hold=other) for run in problem.runs)
+        likelihood = replace(self.likelihood, problem=replace(problem, runs=turned))
+        note = (
+            f'the commands of the runs act as held "{other}" and not "{stated}" as rig.toml says, which explains more '
+            "than any effect does; that is taken for true here: correct hold"
+        )
+        runs = tuple(replace(run, hold=other) for run in self.runs)
+        return (replace(self, likelihood=likelihood, runs=runs, notes=(*self.notes, note)),)
 
     def rule(self, rule: Rule) -> Rule:
         return rule

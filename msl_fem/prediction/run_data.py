@@ -16,6 +16,7 @@ from msl_fem.record.columns import Channel, side_columns
 from msl_fem.record.rig_file import READINGS
 
 POSITION_COLUMN = "position_m"
+Hold = Literal["zero-order", "linear"]
 HIGHEST_BAND = 0.8  # of half the sampling rate: from here on, a channel is taken to hold noise alone
 LOWEST = 1e-9  # of a channel's span: noise below is none
 
@@ -70,7 +71,7 @@ class RunData:
     ideal_current: bool = False
     law: LoopLaw | None = None
     read: Array | None = None
-    hold: Literal["zero-order", "linear"] = "zero-order"
+    hold: Hold = "zero-order"
 
     @property
     def held(self) -> Array:

@@ -137,3 +137,25 @@ def test_a_channel_that_never_changes_has_errors_and_no_division_by_its_deviatio
     assert (still.rms, still.nrmse) == (1.0, float("inf"))
     entry = Accuracy(still, still, still).to_json()
     assert (entry["nominal_nrmse"], entry["noise_floor_nrmse"]) == (None, None)
+
+
+def test_a_wrong_statement_is_turned_round_where_that_explains_more_than_every_effect() -> None:
+    """What a wrong statement leaves looks like the effect in part; where the effect is there, the statement stays."""
+    effect = EffectUnknown("sensor_drift", "rate")
+    stated, turned = LinearRecord(effect), LinearRecord(effect)
+    chance = np.random.default_rng(8)
+
+    class Stated(ToyKind):
+        def restatements(self) -> list[Kind]:
+            return [ToyKind(SimpleNamespace(), turned, Unknowns((), 2, (0,)), ("turned",))]  # type: ignore[arg-type]
+
+    turned.data = chance.standard_normal(N)
+    stated.data = turned.data + 2 * chance.standard_normal(N) + turned.column
+    stated.column = turned.column
+    made = Stated(SimpleNamespace(), stated, Unknowns((), 2, (0,)), ("stated",))  # type: ignore[arg-type]
+    found = diagnosis_of(made, DiagnosisSettings())
+    assert (found.names, found.notes) == ((), ("turned",))
+    stated.data = turned.data + 2 * turned.column
+    turned.data = turned.data + chance.standard_normal(N)
+    found = diagnosis_of(made, DiagnosisSettings())
+    assert (found.names, found.notes[0]) == (("sensor_drift",), "stated")

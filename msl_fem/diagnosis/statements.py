@@ -1,0 +1,29 @@
+"""What rig.toml states about a record that is either so or not, like the hold of its commands, judged by the record.
+
+A wrong statement is an error of the model: at low rates as large as an effect, and one effect or another makes up for
+part of it. Each is tried the other way round, with everything fitted anew as for an effect; it has no number of its
+own, so its evidence is that of the fit.
+"""
+
+from msl_fem.diagnosis.decision import QUIET, TIE
+from msl_fem.diagnosis.fit import FitPlan, fit
+from msl_fem.diagnosis.kind import Kind
+from msl_fem.diagnosis.search import SearchStage
+
+STEPS = 8  # of a fit: beside what a wrong statement costs, what further ones would bring is little
+
+
+def restated(kind: Kind, stage: SearchStage) -> Kind | None:
+    """The record with the statement turned round that explains it better than every effect of the first stage, by more
+    than a tie; None where none does, or nothing but noise is to be explained."""
+    base = stage.base
+    if max(base.excess.values(), default=0.0) <= QUIET:
+        return None
+    columns = base.jacobian[:, : base.unknowns.n_nuisance]
+    best = max(stage.best.gain if stage.best is not None else 0.0, 0.0)
+    for other in kind.restatements():
+        plan = FitPlan(most_steps=STEPS, renew=False)
+        found = fit(other.likelihood, base.unknowns, base.z, plan=plan, nuisance_columns=columns)
+        if found.log_evidence - base.log_evidence > best + TIE:
+            return other
+    return None
