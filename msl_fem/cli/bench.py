@@ -7,9 +7,10 @@ import typer
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.bench import BenchOptions, ClosedLoop, parse_nuisances, parse_requests, sealed_record, usual_unit
-from msl_fem.cli.options import ActuatorFile, Causes, Json, TableFile, read_causes, read_option
+from msl_fem.cli.options import ActuatorFile, Causes, Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar, write_json
 from msl_fem.cli.simulate import usual_loop
+from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for
 from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run

@@ -10,8 +10,9 @@ import typer
 
 from msl_fem.actuator import Actuator
 from msl_fem.cli.given_map import given_map
-from msl_fem.cli.options import Causes, Json, TableFile, read_causes, read_option
+from msl_fem.cli.options import Causes, Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar
+from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.control import (
     ControllerChoice,

@@ -13,8 +13,9 @@ import numpy as np
 import typer
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from msl_fem.cli.options import Causes, Json, TableFile, read_causes
+from msl_fem.cli.options import Causes, Json, TableFile
 from msl_fem.cli.output import ERRORS, print_columns, print_result, say
+from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for
 from msl_fem.diagnosis import Diagnosis, DiagnosisSettings, diagnose
 from msl_fem.diagnosis.fit_memory import FitMemory

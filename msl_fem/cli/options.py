@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from msl_fem.computing.laws import LawExpression, causes_of
-from msl_fem.errors import InputError, QuantityError
+from msl_fem.errors import QuantityError
 from msl_fem.files.quantity import parse_quantities
 
 ActuatorFile = Annotated[Path, typer.Argument(metavar="ACTUATOR", help="Actuator file (TOML).")]
@@ -35,14 +34,6 @@ Causes = Annotated[
 ]
 DEFAULT_RISE, DEFAULT_AMBIENT = "80 K", "20 degC"
 """Of the thermal limit of `losses` and `map`, as they are written."""
-
-
-def read_causes(texts: list[str] | None) -> tuple[LawExpression, ...]:
-    """The causes that the user states; the error names the option."""
-    try:
-        return tuple(one for text in texts or [] for one in causes_of(text))
-    except InputError as err:
-        raise InputError(f"--effect: {err}") from err
 
 
 def read_option(name: str, text: str, unit: str) -> float:

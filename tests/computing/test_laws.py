@@ -149,9 +149,15 @@ def test_a_derivative_s_error_goes_with_the_step_squared() -> None:
     assert np.log2(rest[1] / rest[2]) == pytest.approx(2.0, abs=0.03)
 
 
+def test_nothing_is_of_any_unit() -> None:
+    one_way = parse_expression("one_way: force = -a*max(v, 0) + a*min(0, v)/2; a: 0..1 N s/m")
+    assert value_of(one_way.law, {"a": 2.0, "v": np.array([-4.0, 4.0])}) == pytest.approx([-4.0, -8.0])
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
+        ("b: force = a*max(x, 1); a: 0..1 N/m", "puts together 'x' in m and '1.0' in 1"),
         ("b: force = a*x; a: 0..1 N", "a factor in m^-1 is missing"),
         ("b: force = a*x + v; a: 0..1 N/m", "puts together '(a * x)' in kg m s^-2 and 'v' in m s^-1"),
         ("b: force = a*exp(x); a: 0..1 N", "exp takes a pure number, 'x' is in m"),

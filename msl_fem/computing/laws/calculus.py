@@ -126,6 +126,8 @@ def dimension_of(node: Node, known: Mapping[str, Dimension]) -> Dimension:
         return known[node.name]
     inner = [dimension_of(one, known) for one in node.inner]
     if node.kind in ("+", "-", "min", "max"):
+        if _ZERO in node.inner:  # nothing is nothing in any unit
+            return inner[0] if node.inner[1] == _ZERO else inner[1]
         if inner[0] != inner[1]:
             raise InputError(
                 f"'{node.text}' puts together '{node.inner[0].text}' in {inner[0].text} and '{node.inner[1].text}' in "
