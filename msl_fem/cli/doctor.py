@@ -4,6 +4,7 @@ import os
 import platform
 import re
 import shutil
+import stat
 import subprocess
 import sys
 import tempfile
@@ -31,7 +32,7 @@ def command(json: Json = False) -> None:
         print_result(found, as_json=True, title="")
         return
     print_result(findings(found), as_json=False, title=f"msl-fem {found['msl_fem']}")
-    for name in ("missing", "slow"):
+    for name in ("missing", "slow", "unsafe"):
         for sentence in found[name] or ["nothing"]:
             typer.echo(f"{name}: {sentence}")
 
@@ -53,7 +54,7 @@ def findings(found: dict[str, Any]) -> dict[str, str]:
 
 
 def installation() -> dict[str, Any]:
-    """All that is known of this installation, and `missing` and `slow` as sentences."""
+    """All that is known of this installation, and `missing`, `slow` and `unsafe` as sentences."""
     found: dict[str, Any] = {
         "msl_fem": installed_version("msl-fem"),
         "python": python_itself(),
@@ -64,7 +65,7 @@ def installation() -> dict[str, Any]:
         "blas": blas(),
         "compiled_cache": compiled_cache(),
     }
-    return found | {"missing": missing(found), "slow": slow(found)}
+    return found | {"missing": missing(found), "slow": slow(found), "unsafe": unsafe(found)}
 
 
 def missing(found: dict[str, Any]) -> list[str]:
@@ -80,6 +81,14 @@ def missing(found: dict[str, Any]) -> list[str]:
     if not found["rendering"]["pyvista"]:
         said.append("pyvista: draws solid scenes; pip install -e '.[scenes]' brings it, pictures come without it")
     return said
+
+
+def unsafe(found: dict[str, Any]) -> list[str]:
+    """Where others of this machine could make commands run what they like: numba's cache is code that it loads."""
+    folder = found["compiled_cache"].get("open_to_others")
+    if folder is None:
+        return []
+    return [f"{folder} holds compiled code and may be written by others; take that right away (chmod go-w)"]
 
 
 def slow(found: dict[str, Any]) -> list[str]:
@@ -223,6 +232,7 @@ def compiled_cache() -> dict[str, Any]:
         "megabytes": sum(path.stat().st_size for path in files) / 1e6,
         "folder": str(folders[0]) if folders else None,
         "writable": _writable(_package()),
+        "open_to_others": next((str(folder) for folder in folders if _open_to_others(folder)), None),
     }
 
 
@@ -244,6 +254,11 @@ def _cache_folders() -> Iterator[Path]:
         yield from sorted(path for path in Path(chosen).glob("*") if path.is_dir())
         return
     yield from sorted(_package().rglob("__pycache__"))
+
+
+def _open_to_others(folder: Path) -> bool:
+    """Whether the folder's group or everyone may write into it; never on Windows, whose rights lie elsewhere."""
+    return os.name == "posix" and bool(folder.stat().st_mode & (stat.S_IWGRP | stat.S_IWOTH))
 
 
 def _writable(folder: Path) -> bool:

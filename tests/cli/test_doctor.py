@@ -103,6 +103,17 @@ def test_what_is_slow_is_said_with_its_cause(changes: dict[str, Any], said: str)
     assert said in sentence
 
 
+def test_a_cache_that_others_may_write_is_unsafe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What numba keeps there is code, and run by whoever loads it."""
+    folder = tmp_path / "kernel_0123"
+    folder.mkdir(mode=0o755)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert doctor.unsafe(examined(compiled_cache=doctor.compiled_cache())) == []
+    folder.chmod(0o777)
+    [said] = doctor.unsafe(examined(compiled_cache=doctor.compiled_cache()))
+    assert said.startswith(f"{folder} holds compiled code and may be written by others")
+
+
 def test_the_cache_counts_the_functions_of_the_sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A function is counted once however often it was compiled; what no source holds is stale."""
     folder = tmp_path / "maps_x"
