@@ -9,8 +9,9 @@ from sizing_requirements import envelope, evaluator
 from msl_fem.actuator import Actuator
 from msl_fem.design.sizing import Design, DesignEvaluator
 from msl_fem.design.sizing import evaluation as evaluation_module
-from msl_fem.design.sizing.design import SectionPoint, masses, wound
+from msl_fem.design.sizing.design import SectionPoint, wound
 from msl_fem.design.sizing.evaluation import NOT_BUILT, SOLVED
+from msl_fem.design.sizing.masses import masses
 from msl_fem.magnetics.field.magnet_field import solve
 
 GOOD = Design(14e-3, 7e-3, 7e-3, 7e-3, 16e-3, 28e-3, 1.2, 150.0)
