@@ -13,6 +13,7 @@ from small_record import RATE, columns
 
 import msl_fem.record.writer
 from msl_fem.actuator import Actuator, MeshMagnet, TableMagnet
+from msl_fem.computing.laws import parse_expression
 from msl_fem.errors import InputError, RecordError
 from msl_fem.materials.material import LIBRARY
 from msl_fem.record.columns import Column
@@ -333,3 +334,17 @@ def test_a_run_never_takes_the_place_of_another_file(name: str, servo: Actuator,
     with pytest.raises(InputError, match="have this name"):
         write_record(twice, tmp_path / "out")
     assert written(tmp_path) == ["lab/mine.csv"]
+
+
+def test_causes_of_the_user_go_with_the_record(record: Record, tmp_path: Path) -> None:
+    drag = parse_expression("drag: force = -a*v*abs(v); a: 0..1 N s2/m2")
+    write_record(dataclasses.replace(record, causes=(drag,)), tmp_path / "mine")
+    assert load_record(tmp_path / "mine").causes == (drag,)
+    rig = tmp_path / "mine" / "rig.toml"
+    text = rig.read_text()
+    rig.write_text(text.replace("-a*v*abs(v)", "-a*v*open(v)"))
+    with pytest.raises(RecordError, match=r"rig.toml: effects.expression.0: drag: 'open' is not allowed in a law"):
+        load_record(tmp_path / "mine")
+    rig.write_text(text.replace("[[effects.expression]]", "[[effects.expressions]]"))
+    with pytest.raises(RecordError, match=r"effects.expressions"):
+        load_record(tmp_path / "mine")
