@@ -96,8 +96,8 @@ class Runs(Kind):
         turned = tuple(replace(run, hold=other) for run in problem.runs)
         likelihood = replace(self.likelihood, problem=replace(problem, runs=turned))
         note = (
-            f'the commands of the runs act as held "{other}" and not "{stated}" as rig.toml says, which explains more '
-            "than any effect does; that is taken for true here: correct hold"
+            f'the commands of the runs act as held "{other}" and not "{stated}" as rig.toml says, which explains '
+            "the record better; that is taken for true here: correct hold"
         )
         runs = tuple(replace(run, hold=other) for run in self.runs)
         return (replace(self, likelihood=likelihood, runs=runs, notes=(*self.notes, note)),)
