@@ -16,7 +16,17 @@ from msl_fem.control.designs import designed
 from msl_fem.errors import InputError
 from msl_fem.export.c_controller import ControllerSource
 from msl_fem.export.fmu import platforms
-from msl_fem.export.formats import ACTUATOR, CONTROLLER, MAP, MODEL, PAIR_MAP, TABLE, ModelSource, find_format
+from msl_fem.export.formats import (
+    ACTUATOR,
+    CONTROLLER,
+    MAP,
+    MODEL,
+    PAIR_MAP,
+    PAIR_TABLE,
+    TABLE,
+    ModelSource,
+    find_format,
+)
 from msl_fem.files.schema import reason, refuse_what_never_ends
 from msl_fem.files.whole_file import check_target
 from msl_fem.maps import OperatingMap, operating_map
@@ -24,9 +34,10 @@ from msl_fem.maps.pair_limits import PairMap
 from msl_fem.maps.pair_map_file import is_pair_map, read_pair_map
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.table.magnetic_table import MagneticTable, read_table
+from msl_fem.table.pair_table import PairTable, is_pair_table, read_pair_table
 
 _HDF5 = b"\x89HDF"
-Source = Actuator | MagneticTable | OperatingMap | PairMap | ModelSource | ControllerSource
+Source = Actuator | MagneticTable | PairTable | OperatingMap | PairMap | ModelSource | ControllerSource
 
 
 def command(
@@ -69,12 +80,12 @@ def _kind(path: Path) -> str:
     if path.suffix == ".toml":
         return ACTUATOR
     if path.suffix == ".nc":
-        return TABLE
+        return PAIR_TABLE if is_pair_table(path) else TABLE
     try:
         refuse_what_never_ends(path)
         with path.open("rb") as stream:
             if stream.read(len(_HDF5)) == _HDF5:
-                return TABLE
+                return PAIR_TABLE if is_pair_table(path) else TABLE
         return PAIR_MAP if is_pair_map(path) else MAP
     except (OSError, ValueError) as err:
         raise InputError(f"{path}: cannot be read ({reason(err)}); give a table, an actuator file or a map") from err
@@ -86,12 +97,14 @@ def _record(path: Path, kind: str, needs: str, *, table: Path | None) -> Source:
         return given_map(path)
     if kind == PAIR_MAP:
         return read_pair_map(path)
+    if kind == PAIR_TABLE:
+        return read_pair_table(path)
     if needs == ACTUATOR:
         return load_actuator(path)
     if needs == MODEL:
         model = load_extended_model(path)
         effects = model.effects if model.effects.present else None
-        return ModelSource(model.actuator, table_for(model.actuator, table), effects)
+        return ModelSource(model.actuator, _apart(table_for(model.actuator, table), table), effects)
     if needs == CONTROLLER:
         return _controller(load_extended_model(path), table)
     magnet = read_table(path) if kind == TABLE else _table_of(load_actuator(path), table)
@@ -116,8 +129,18 @@ def _controller(model: ExtendedModel, table: Path | None) -> ControllerSource:
     return ControllerSource(designed(known, ControllerChoice()), regions)
 
 
+def _apart(table: MagneticTable | None, given: Path | None) -> MagneticTable | None:
+    """The table, where it knows one magnet alone."""
+    if table is not None and table.shared is not None:
+        raise InputError(
+            f"{given or 'the table'} is of two magnets with one armature; models and controllers leave with the table "
+            "of one magnet alone: give that, or export the pair's own table (mat, csv) and its map (c)"
+        )
+    return table
+
+
 def _table_of(actuator: Actuator, given: Path | None) -> MagneticTable:
-    table = table_for(actuator, given)
+    table = _apart(table_for(actuator, given), given)
     if table is None:
         raise InputError(f"{actuator.name} has no [magnet], so there is no table to export")
     return table

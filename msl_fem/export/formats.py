@@ -12,7 +12,7 @@ from msl_fem.plant.effects import EffectValues
 from msl_fem.table.magnetic_table import MagneticTable
 
 ACTUATOR, TABLE, MAP, MODEL, CONTROLLER = "actuator", "table", "map", "model", "controller"
-PAIR_MAP = "pair map"
+PAIR_MAP, PAIR_TABLE = "pair map", "pair table"
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +62,14 @@ FORMATS = (
     Format("c", "controller", CONTROLLER, "msl_fem.export.c_controller:write", named=True, asked=True),
     Format("csv", "table", TABLE, "msl_fem.export.table_formats:write_csv"),
     Format("mat", "table", TABLE, "msl_fem.export.table_formats:write_mat"),
+    Format("csv", "table", PAIR_TABLE, "msl_fem.export.pair_formats:write_csv"),
+    Format("mat", "table", PAIR_TABLE, "msl_fem.export.pair_formats:write_mat"),
     Format("modelica", "table", TABLE, "msl_fem.export.table_formats:write_modelica"),
     Format("fmu", "model", MODEL, "msl_fem.export.fmu:write", named=True),
 )
 _MADE_FROM = {
     ACTUATOR: (ACTUATOR,), MODEL: (ACTUATOR,), CONTROLLER: (ACTUATOR,), TABLE: (TABLE, ACTUATOR),
-    MAP: (MAP, TABLE, ACTUATOR), PAIR_MAP: (PAIR_MAP,),
+    MAP: (MAP, TABLE, ACTUATOR), PAIR_MAP: (PAIR_MAP,), PAIR_TABLE: (PAIR_TABLE,),
 }  # fmt: skip
 """The sources from which each record can be had."""
 
