@@ -9,6 +9,7 @@ Chromium, as the tests do it.
 import sys
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
@@ -33,6 +34,8 @@ from msl_fem.magnetics.field.magnet_field import solve_with_field  # noqa: E402
 from msl_fem.magnetics.field.plunger import solve_plunger  # noqa: E402
 from msl_fem.magnetics.field_map import decoupling_map  # noqa: E402
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep  # noqa: E402
+from msl_fem.plant.operating_point import net_force  # noqa: E402
+from msl_fem.plant.plant import plant_parameters  # noqa: E402
 from msl_fem.record import load_record  # noqa: E402
 from msl_fem.report.field_picture import draw_field  # noqa: E402
 from msl_fem.report.figures import BLUE, GREY, ORANGE  # noqa: E402
@@ -40,6 +43,8 @@ from msl_fem.report.page import write_page  # noqa: E402
 from msl_fem.report.pictures import draw_decoupling  # noqa: E402
 from msl_fem.report.study_page import study_page  # noqa: E402
 from msl_fem.study import run_study  # noqa: E402
+from msl_fem.table.magnetic_table import MagneticTable  # noqa: E402
+from msl_fem.table.pair_table import load_table  # noqa: E402
 
 SERVO = ROOT / "geometries" / "fast_tool_servo.toml"
 REFERENCE = ROOT / "tests" / "reference"
@@ -105,6 +110,34 @@ def decoupling() -> None:
     save(draw_decoupling(decoupling_map(load_actuator(SERVO))), "decoupling")
 
 
+def biased_pair() -> None:
+    """Force of both sides about 3 A, and what two magnets taken apart get wrong of it, by polarity."""
+    pair, bias = load_table(ROOT / "lookup_tables" / "fast_tool_servo_pair.nc"), 3.0
+    plant = plant_parameters(load_actuator(SERVO))
+    control = np.linspace(-bias, bias, 121)
+
+    def force(table: MagneticTable, polarity: float, x: float) -> np.ndarray:
+        turned, at = plant._replace(polarity=polarity), np.array(x)
+        held = [net_force(turned, table, currents=(bias + d, bias - d), position=at)[0] for d in control]
+        return np.array(held) + plant.stiffness * x
+
+    figure, (whole, wrong) = subplots(1, 2, figsize=(9, 3.6))
+    for x, colour in ((0.0, BLUE), (0.1e-3, GREY), (0.2e-3, ORANGE)):
+        for polarity, style, name in ((-1.0, "-", "opposing"), (1.0, "--", "aiding")):
+            label = f"x = {1e3 * x:.1f} mm, {name}"
+            both = force(pair, polarity, x)
+            apart = force(replace(pair, shared=None), polarity, x)
+            whole.plot(control, both, style, color=colour, label=label)
+            wrong.plot(control, apart - both, style, color=colour, label=label)
+    whole.set(title="bias 3 A: force of both sides", xlabel="control current d in A", ylabel="N")
+    wrong.set(title="two magnets apart: force too large by", xlabel="control current d in A", ylabel="N")
+    wrong.legend(frameon=False, fontsize=8)
+    for axis in (whole, wrong):
+        axis.grid(color="0.9")
+    figure.tight_layout()
+    save(figure, "biased_pair")
+
+
 def emps() -> None:
     """The measured drive of the EMPS benchmark: the loop simulated with the model fitted on the other record."""
     fit, test = load_record(ROOT / "measurements" / "emps").runs
@@ -147,7 +180,7 @@ def report() -> None:
 
 ALL: dict[str, Callable[[], None]] = {
     "field": field, "e1": e1, "solenoid": solenoid_force, "roters": roters_force, "decoupling": decoupling,
-    "emps": emps, "report": report,
+    "biased_pair": biased_pair, "emps": emps, "report": report,
 }  # fmt: skip
 
 if __name__ == "__main__":
