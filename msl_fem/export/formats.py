@@ -62,8 +62,8 @@ FORMATS = (
     Format("c", "controller", CONTROLLER, "msl_fem.export.c_controller:write", named=True, asked=True),
     Format("csv", "table", TABLE, "msl_fem.export.table_formats:write_csv"),
     Format("mat", "table", TABLE, "msl_fem.export.table_formats:write_mat"),
-    Format("csv", "table", PAIR_TABLE, "msl_fem.export.pair_formats:write_csv"),
-    Format("mat", "table", PAIR_TABLE, "msl_fem.export.pair_formats:write_mat"),
+    Format("csv", "table", PAIR_TABLE, "msl_fem.export.pair_formats:write_pair_csv"),
+    Format("mat", "table", PAIR_TABLE, "msl_fem.export.pair_formats:write_pair_mat"),
     Format("modelica", "table", TABLE, "msl_fem.export.table_formats:write_modelica"),
     Format("fmu", "model", MODEL, "msl_fem.export.fmu:write", named=True),
 )

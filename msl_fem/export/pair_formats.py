@@ -31,7 +31,7 @@ _NAMES = {
 }
 
 
-def write_csv(table: PairTable, target: Path, *, name: str | None = None) -> tuple[Path, ...]:
+def write_pair_csv(table: PairTable, target: Path, *, name: str | None = None) -> tuple[Path, ...]:
     """The file written, a row a node, position outermost. Raises InputError where the folder cannot be written."""
     axes = np.meshgrid(*table.axes, indexing="ij")
     columns = dict(zip(("position_m", "current_1_A", "current_2_A"), axes, strict=True))
@@ -47,15 +47,15 @@ def write_csv(table: PairTable, target: Path, *, name: str | None = None) -> tup
     return (target,)
 
 
-def write_mat(table: PairTable, target: Path, *, name: str | None = None) -> tuple[Path, ...]:
+def write_pair_mat(table: PairTable, target: Path, *, name: str | None = None) -> tuple[Path, ...]:
     """The file written (MAT-file level 5). Raises InputError where the folder cannot be written."""
-    variables = mat_variables(table)
+    variables = pair_mat_variables(table)
     with whole_file(target) as partial:
         savemat(partial, variables, appendmat=False, oned_as="row", do_compression=True)
     return (target,)
 
 
-def mat_variables(table: PairTable, *, parts: int = PARTS) -> dict[str, Any]:
+def pair_mat_variables(table: PairTable, *, parts: int = PARTS) -> dict[str, Any]:
     """Variable to value: x, i_1, i_2 (1, n), arrays (n_x, n_1, n_2) and what they mean.
 
     `linear_interpolation_error` is the largest one in the middles of the cells, of force and of flux linkage, each over

@@ -82,7 +82,7 @@ def designs() -> dict[str, ControllerDesign]:
     """Every branch of the template: laws, stages, delays, sides, two surfaces."""
     plain = servo_design()
     inverse = plain.parameters.inverse
-    weaker = Surface(*(np.array(a) for a in inverse.surface_1))
+    weaker = Surface(*(np.array(a) for a in inverse.surface_1[:3]))
     weaker = weaker._replace(coefficients=0.8 * weaker.coefficients)
     shape = np.array([1.1, -0.3, 0.2, -0.4, 0.15])
     return {

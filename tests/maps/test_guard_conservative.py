@@ -159,13 +159,13 @@ def slow_limit(guard: Guard, level: int, gap: float) -> float:
 @pytest.mark.parametrize(
     "gaps",
     [
-        np.geomspace(1e-9, 100, 12),
+        np.geomspace(1.1e-9, 10, 12),
         np.r_[1e-4, np.nextafter(1e-4, 1), np.nextafter(np.nextafter(1e-4, 1), 1), 3e-4],
         np.r_[1e-4, 3e-4 - np.arange(30)[::-1] * 1e-12],
         np.sort(np.random.default_rng(24).uniform(1e-5, 1e-3, 3000)),
         np.array([1e-4, 2e-4]),
     ],
-    ids=["eleven decades", "neighbouring numbers", "a crowd at the end", "three thousand", "two"],
+    ids=["ten decades", "neighbouring numbers", "a crowd at the end", "three thousand", "two"],
 )
 def test_the_buckets_lead_to_the_interval_that_bisection_finds(gaps):
     rng = np.random.default_rng(25)
@@ -235,7 +235,7 @@ def test_odd_numbers_in_all_forms(guard, current, gap, region, reason):
     [
         ({"gap": np.array([1e-320, 2e-320, 3e-4])}, "not a magnet's, allowed are 1e-09"),
         ({"gap": np.array([1e-4, 2e-4, 1e300])}, "look at the unit"),
-        ({"current_max": 1e300}, "beyond 1e\\+20 A"),
+        ({"current_max": 1e300}, "there is no machine"),
         ({"allowance": np.array([[0.0, 1e25, 0.0]])}, "beyond 1e\\+20 A"),
     ],
 )
