@@ -80,11 +80,8 @@ def _in_common(
     if mutual is None:
         return u_1 == u_1
     else:
-        share, depth = p.current_share, 1.0 * p.magnets
         gap_1, gap_2 = side_gap(p, e, work, 0), side_gap(p, e, work, 1)
-        if e is not None:
-            share = share * e[magnetic.CURRENT_SCALE]
-            depth = depth * (e[magnetic.DEPTH] + e[magnetic.GROWTH] * (0.5 * (gap_1 + gap_2)))
+        share, depth = _share_and_depth(p, e, 0.5 * (gap_1 + gap_2))
         share_2 = share * p.polarity
         point = 0.5 * (gap_2 - gap_1), share * u_1, share_2 * u_2
         inside = _enter_cell(mutual, work, point)
@@ -101,6 +98,16 @@ def _in_common(
         work[CIRCUIT_2 + SHARED_FLUX] = work[CIRCUIT_2 + SHARED_FLUX] + flux_2
         work[SHARED_ENERGY] = work[SHARED_ENERGY] + (flux_1 * u_1 + flux_2 * u_2 - depth * w)
         return inside
+
+
+@compiled
+def _share_and_depth(p: PlantParameters, e: Rows, mean_gap: Value) -> tuple[Value, Value]:
+    """A magnet's current over its side's, and by how many magnets the coenergy of one of each side is taken."""
+    if e is None:
+        return p.current_share, p.magnets + (mean_gap - mean_gap)
+    else:
+        depth = e[magnetic.DEPTH] + e[magnetic.GROWTH] * mean_gap
+        return p.current_share * e[magnetic.CURRENT_SCALE], p.magnets * depth
 
 
 @compiled

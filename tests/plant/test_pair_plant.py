@@ -156,6 +156,15 @@ def test_lanes_change_no_bit_and_neutral_effects_nothing(servo: Actuator, pair: 
         assert np.array_equal(out[:, column], lanes.blocks[0][:, column, 0])
 
 
+def test_lanes_with_effects_change_no_bit(servo: Actuator, pair: MagneticTable) -> None:
+    inputs = rough(30)
+    out, _, plant = run(servo, pair, inputs, ALL_EFFECTS, 5)
+    rows = np.array([ALL_EFFECTS.vector(), EffectValues().vector()])
+    lanes = run_lanes(surface_of(pair), [plant, plant], inputs, substeps=5, settings=LaneSettings(effects=rows))
+    for column in (layout.OUT_X, layout.OUT_I1, FLUX, layout.OUT_VOLTAGE_1):
+        assert np.array_equal(out[:, column], lanes.blocks[0][:, column, 0])
+
+
 def test_force_and_its_slopes_at_a_point_are_those_of_the_kernel(servo: Actuator, pair: MagneticTable) -> None:
     """The linear model against differences of the kernel's rates: voltage drive, so that inductances count."""
     bench = changed(servo, drive={"kind": "voltage", "bandwidth": None})
