@@ -1,6 +1,5 @@
 """The table of a pair in formats of other programs: CSV, and a MAT-file for three-dimensional lookups (Simscape)."""
 
-import csv
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 from scipy.io import savemat
 
 from msl_fem.computing.arrays import Array
+from msl_fem.export.table_formats import cut, origin, write_csv_columns
 from msl_fem.files.whole_file import whole_file
 from msl_fem.table.pair_table import PAIR_NODES, PairTable
 
@@ -38,13 +38,7 @@ def write_pair_csv(table: PairTable, target: Path, *, name: str | None = None) -
     for quantity, (unit, _) in PAIR_NODES.items():
         columns[f"{quantity}_{unit.replace('/', '_per_')}"] = table.nodes[quantity]
     columns |= {f"{quantity}_T": values for quantity, values in table.extras.items()}
-    with whole_file(target) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(columns)
-        rows.writerows(
-            [repr(float(v)) for v in row] for row in zip(*(c.ravel() for c in columns.values()), strict=True)
-        )
-    return (target,)
+    return write_csv_columns({name: values.ravel().tolist() for name, values in columns.items()}, target)
 
 
 def write_pair_mat(table: PairTable, target: Path, *, name: str | None = None) -> tuple[Path, ...]:
@@ -61,31 +55,20 @@ def pair_mat_variables(table: PairTable, *, parts: int = PARTS) -> dict[str, Any
     `linear_interpolation_error` is the largest one in the middles of the cells, of force and of flux linkage, each over
     the largest value.
     """
-    axes = [_cut(nodes, parts) for nodes in table.axes]
+    axes = [cut(nodes, parts) for nodes in table.axes]
     values = table.evaluate(*np.meshgrid(*axes, indexing="ij"))
     middles = table.evaluate(*np.meshgrid(*((a[1:] + a[:-1]) / 2 for a in axes), indexing="ij"))
     errors = [
         float(np.abs(_linear(values[name]) - middles[name]).max() / np.abs(values[name]).max())
         for name in ("force", "flux_linkage_1")
     ]
-    provenance = dict(table.provenance)
     return dict(zip(("x", "i_1", "i_2"), (a[None, :] for a in axes), strict=True)) | {
         **{short: values[quantity] + 0.0 for quantity, short in _NAMES.items()},
         "rule": RULE,
         "units": "x: m, i: A, F: N, Phi: Wb, dPhi_di: H, dPhi_dx: Wb/m, coenergy: J",
-        "actuator": str(provenance.get("actuator") or "not known"),
-        "digest": str(provenance.get("actuator_sha256") or "not known"),
         "gap_sum": table.gap_sum,
-        "mesh_error": table.mesh_error,
-        "interpolation_error": table.interpolation_error,
-        "linear_interpolation_error": max(errors),
+        **origin(table, linear_error=max(errors)),
     }
-
-
-def _cut(nodes: Array, parts: int) -> Array:
-    """The nodes themselves, to the last bit, and `parts` - 1 points between any two."""
-    shares = np.arange(parts) / parts
-    return np.r_[(nodes[:-1, None] + shares * np.diff(nodes)[:, None]).ravel(), nodes[-1]]
 
 
 def _linear(values: Array) -> Array:

@@ -1,6 +1,7 @@
 """A table in formats of other programs: CSV, MAT-file, Modelica; the last two hold a refined grid, read linearly."""
 
 import csv
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from scipy.io import savemat
 from msl_fem.export.c_text import c_comment
 from msl_fem.files.whole_file import whole_file
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION, MagneticTable
+from msl_fem.table.pair_table import PairTable
 
 _FIRST = ("force", "flux_linkage")
 
@@ -38,7 +40,11 @@ def csv_columns(table: MagneticTable) -> dict[str, tuple[float, ...]]:
 
 def write_csv(table: MagneticTable, target: Path, *, name: str | None = None) -> tuple[Path, ...]:
     """The file written. Raises InputError where the folder cannot be written."""
-    columns = csv_columns(table)
+    return write_csv_columns(csv_columns(table), target)
+
+
+def write_csv_columns(columns: Mapping[str, Sequence[float]], target: Path) -> tuple[Path, ...]:
+    """The CSV file written, each number so that it reads back to the last bit."""
     with whole_file(target) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(columns)
@@ -76,7 +82,7 @@ class RefinedGrid:
 
 def refined_grid(table: MagneticTable, *, parts: int = PARTS) -> RefinedGrid:
     """The table's surface with every interval of gap and current cut into `parts`."""
-    gap, current = _cut(table.gap, parts), _cut(table.current, parts)
+    gap, current = cut(table.gap, parts), cut(table.current, parts)
     values = table.evaluate(*np.meshgrid(current, gap))
     for name in _AT_REST:
         values[name] = np.where(current == 0.0, 0.0, values[name])
@@ -89,7 +95,7 @@ def refined_grid(table: MagneticTable, *, parts: int = PARTS) -> RefinedGrid:
     return RefinedGrid(gap, current, {name: values[name] for name in NODES}, errors)
 
 
-def _cut(nodes: Array, parts: int) -> Array:
+def cut(nodes: Array, parts: int) -> Array:
     """The nodes themselves, to the last bit, and `parts` - 1 points between any two."""
     shares = np.arange(parts) / parts
     inner = nodes[:-1, None] + shares * np.diff(nodes)[:, None]
@@ -120,7 +126,7 @@ def mat_variables(table: MagneticTable) -> dict[str, Any]:
     def over_current(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.ascontiguousarray(values.T) + 0.0  # no negative zeros
 
-    v, provenance = grid.values, dict(table.provenance)
+    v = grid.values
     return {
         "i": grid.current[None, :],
         "x": grid.gap[None, :],
@@ -131,11 +137,19 @@ def mat_variables(table: MagneticTable) -> dict[str, Any]:
         "coenergy": over_current(v["coenergy"]),
         "rule": RULE,
         "units": "i: A, x: m, Phi: Wb, dPhi_di: H, dPhi_dx: Wb/m, F: N, coenergy: J",
+        **origin(table, linear_error=max(grid.linear_error.values())),
+    }
+
+
+def origin(table: MagneticTable | PairTable, *, linear_error: float) -> dict[str, Any]:
+    """What a MAT-file says of where a table comes from, and of its errors."""
+    provenance = dict(table.provenance)
+    return {
         "actuator": str(provenance.get("actuator") or "not known"),
         "digest": str(provenance.get("actuator_sha256") or "not known"),
         "mesh_error": table.mesh_error,
         "interpolation_error": table.interpolation_error,
-        "linear_interpolation_error": max(grid.linear_error.values()),
+        "linear_interpolation_error": linear_error,
     }
 
 
