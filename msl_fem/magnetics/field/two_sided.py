@@ -347,11 +347,21 @@ def decoupling(
     ------
     InputError : a current is zero, and as `solve_two_sided`
     """
+    return _decoupling_of(_field_of_both(actuator, currents, position, accuracy), currents)
+
+
+def _field_of_both(
+    actuator: Actuator, currents: tuple[float, float], position: TwoSidedPosition, accuracy: Accuracy
+) -> TwoSidedField:
+    """The field in which the sides are compared; InputError as `decoupling`."""
     if not all(currents):
         raise InputError(f"currents {currents[0]:g} A and {currents[1]:g} A: decoupling needs both, not zero")
     for current, gap in zip(currents, (position.gap_1, position.gap_2), strict=True):
         check_point(actuator, current, gap)
-    field = TwoSidedField(actuator, position, accuracy=accuracy)
+    return TwoSidedField(actuator, position, accuracy=accuracy)
+
+
+def _decoupling_of(field: TwoSidedField, currents: tuple[float, float]) -> Decoupling:
     both = field.solve(*currents)[0]
     first, second = (field.solve(*alone)[0] for alone in _alone(currents))
     force = first.net_force + second.net_force - both.net_force
@@ -374,8 +384,9 @@ def polarity_costs(
     InputError : as `decoupling`
     """
     first, second = abs(sizes[0]), abs(sizes[1])
+    field = _field_of_both(actuator, (first, second), position, accuracy)
     signs = (("opposing", -1.0), ("aiding", 1.0))
-    return {name: decoupling(actuator, (first, sign * second), position, accuracy=accuracy) for name, sign in signs}
+    return {name: _decoupling_of(field, (first, sign * second)) for name, sign in signs}
 
 
 def _alone(currents: tuple[float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
