@@ -4,8 +4,13 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from msl_fem.actuator import Actuator, parse_actuator
+from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.energy import energy_audit
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.plant import plant_parameters
+from msl_fem.plant.layout import initial_state
+from msl_fem.plant.plant import PlantParameters, plant_parameters, surface_of
+from msl_fem.plant.preparation import effect_coefficients, start_effects
+from msl_fem.plant.simulate import integrate
 from msl_fem.table.magnetic_table import MagneticTable
 
 
@@ -79,3 +84,19 @@ def reference_run(actuator: Actuator, table: MagneticTable, inputs: Inputs) -> d
         "current": table_of_rows[:, :2], "position": table_of_rows[:, 2], "velocity": table_of_rows[:, 3],
         "measured_position": table_of_rows[:, 4], "voltage": table_of_rows[:, 5:],
     }  # fmt: skip
+
+
+def kernel_run(
+    actuator: Actuator, table: MagneticTable, inputs: Inputs, effects: EffectValues | None = None, steps: int = 20,
+    **numbers: float,
+) -> tuple[np.ndarray, float, PlantParameters]:  # fmt: skip
+    """(rows of the kernel, imbalance of its energies, plant) with further numbers of the plant."""
+    plant, surface = plant_parameters(actuator)._replace(**numbers), surface_of(table)
+    state, e = initial_state(plant, 0.0, 0.0, 0.0, 0.0), None
+    if effects is not None:
+        e = effect_coefficients(plant, surface, effects, step=1 / (inputs.rate * steps), n_step=steps)
+        start_effects(surface, plant, e, state)
+    start = state.copy()
+    out = integrate(surface, plant, inputs, state=state, substeps=steps, effects=e)[1]
+    assert len(out) == inputs.time.size
+    return out, energy_audit(surface, plant, e, start=start, end=state).imbalance, plant

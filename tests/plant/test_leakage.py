@@ -3,38 +3,20 @@
 import numpy as np
 import pytest
 from coupled_twin import changed, linear_table, locked
+from coupled_twin import kernel_run as run
 from effect_sets import ALL_EFFECTS, rough
 
 from msl_fem.actuator import Actuator
 from msl_fem.plant.effects import EffectValues
-from msl_fem.plant.energy import energy_audit
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_run import LaneSettings, run_lanes
-from msl_fem.plant.layout import OUT_FLUX_1, OUT_I1, OUT_VOLTAGE_1, OUT_X, initial_state
-from msl_fem.plant.plant import PlantParameters, plant_parameters, surface_of
-from msl_fem.plant.preparation import effect_coefficients, start_effects
-from msl_fem.plant.simulate import integrate
+from msl_fem.plant.layout import OUT_FLUX_1, OUT_I1, OUT_VOLTAGE_1, OUT_X
+from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.table.magnetic_table import MagneticTable
 
 L_0 = 2 * 1.08e-5 / 6.3e-4
 NUISANCES = {"leakage_1": 0.03 * L_0, "leakage_2": -0.02 * L_0, "mutual": 0.05 * L_0}
 DRIVES = [{"bandwidth": None}, {"bandwidth": 1e3}, {"bandwidth": 2e4}, {"kind": "voltage", "bandwidth": None}]
-
-
-def run(
-    actuator: Actuator, table: MagneticTable, inputs: Inputs, effects: EffectValues | None = None, steps: int = 20,
-    **numbers: float,
-) -> tuple[np.ndarray, float, PlantParameters]:  # fmt: skip
-    """(rows of the kernel, imbalance of its energies, plant) with further numbers of the plant."""
-    plant, surface = plant_parameters(actuator)._replace(**numbers), surface_of(table)
-    state, e = initial_state(plant, 0.0, 0.0, 0.0, 0.0), None
-    if effects is not None:
-        e = effect_coefficients(plant, surface, effects, step=1 / (inputs.rate * steps), n_step=steps)
-        start_effects(surface, plant, e, state)
-    start = state.copy()
-    out = integrate(surface, plant, inputs, state=state, substeps=steps, effects=e)[1]
-    assert len(out) == inputs.time.size
-    return out, energy_audit(surface, plant, e, start=start, end=state).imbalance, plant
 
 
 def test_two_locked_coils_with_mutual_flux_have_a_closed_form(servo: Actuator) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from coupled_twin import changed, linear_table
+from coupled_twin import kernel_run as run
 from effect_sets import ALL_EFFECTS, rough
 from scipy.integrate import solve_ivp
 
@@ -13,14 +14,12 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError, OutOfTable
 from msl_fem.plant import kernel, layout
 from msl_fem.plant.effects import EffectValues
-from msl_fem.plant.energy import energy_audit
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_run import LaneSettings, run_lanes
 from msl_fem.plant.linearisation import linearise
 from msl_fem.plant.operating_point import equilibria, net_force
-from msl_fem.plant.plant import PlantParameters, plant_parameters, surface_of
-from msl_fem.plant.preparation import effect_coefficients, start_effects
-from msl_fem.plant.simulate import Options, integrate, simulate
+from msl_fem.plant.plant import plant_parameters, surface_of
+from msl_fem.plant.simulate import Options, simulate
 from msl_fem.table.magnetic_table import MagneticTable
 from msl_fem.table.pair_surface import CORNERS, SharedCoenergy, fit_pair_surface
 
@@ -54,22 +53,6 @@ def together(shape: str) -> SharedCoenergy:
 @pytest.fixture(scope="module")
 def pair(table: MagneticTable) -> MagneticTable:
     return replace(table, shared=together("curved"))
-
-
-def run(
-    actuator: Actuator, table: MagneticTable, inputs: Inputs, effects: EffectValues | None = None, steps: int = 20,
-    **numbers: float,
-) -> tuple[Array, float, PlantParameters]:  # fmt: skip
-    """(rows of the kernel, imbalance of its energies, plant)."""
-    plant, surface = plant_parameters(actuator)._replace(**numbers), surface_of(table)
-    state, e = layout.initial_state(plant, 0.0, 0.0, 0.0, 0.0), None
-    if effects is not None:
-        e = effect_coefficients(plant, surface, effects, step=1 / (inputs.rate * steps), n_step=steps)
-        start_effects(surface, plant, e, state)
-    start = state.copy()
-    out = integrate(surface, plant, inputs, state=state, substeps=steps, effects=e)[1]
-    assert len(out) == inputs.time.size
-    return out, energy_audit(surface, plant, e, start=start, end=state).imbalance, plant
 
 
 @pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
