@@ -227,7 +227,8 @@ def _simulated(actuator: Actuator, table: MagneticTable, *, seed: int) -> ModelS
     channels = ("independent", "differential") if _n_sides(actuator) == 2 else ("1", "1")
     same = f"bias={bias} A,duration=4 s"
     noise_spec = f"band-limited-noise:channel={channels[0]},band={9 * natural:.0f} Hz,seed={seed},{same}"
-    sweep_spec = f"swept-sine:channel={channels[1]},start={natural / 10:.1f} Hz,stop={2.5 * natural:.0f} Hz,{same}"
+    band = f"start={natural / 10:.1f} Hz,stop={2.5 * natural:.0f} Hz"
+    sweep_spec = f"swept-sine:role=held-out,channel={channels[1]},{band},{same}"
     runs = [
         bearable_run(
             actuator, table, parse_excitation(f"{spec},amplitude={a:.3g} A"), rate=RECORD_RATE, generator=generator
@@ -238,7 +239,7 @@ def _simulated(actuator: Actuator, table: MagneticTable, *, seed: int) -> ModelS
     specs = noise_excitation.spec, sweep_excitation.spec
     record = simulation_record(
         actuator,
-        [NamedRun("noise", specs[0], "fit", noise), NamedRun("swept_sine", specs[1], "held-out", swept)],
+        [NamedRun("noise", specs[0], "fit", noise), NamedRun("swept_sine", specs[1], sweep_excitation.role, swept)],
     )
     return ModelStage(at_bias, limit, bias, noise, swept, record, specs)
 

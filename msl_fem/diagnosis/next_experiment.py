@@ -163,7 +163,7 @@ def next_experiment(
             plan, borne = planned(question, entry.excitation, locked=entry.locked)
         except (InputError, ComputationError):
             continue
-        excitation = spec_of(borne)
+        excitation = borne.spec
         beside = () if judged else tuple(beside_a_run(question.problem))
         judged.append(JudgedOption(Option(entry.words, excitation, plan.distance(truth, other)), plan))
         for measure in beside:
@@ -299,11 +299,6 @@ def at_planned_length(excitation: Excitation) -> Excitation:
     return excitation.model_copy(update=update)
 
 
-def spec_of(excitation: Excitation) -> str:
-    """The text of an excitation without what is usual."""
-    return excitation.spec.replace(",role=fit", "").replace(",loop=open", "")
-
-
 def farther(question: Question, variables: Sequence[str]) -> str:
     """What to do next, in words and as an excitation.
 
@@ -322,7 +317,7 @@ def farther(question: Question, variables: Sequence[str]) -> str:
     factor = spread(simulation, name) / base
     if factor < WIDER:
         return f"nothing on the menu moves {name} farther than this record did; a longer record narrows the curve"
-    return f'{words}, simulate --excitation "{spec_of(excitation)}": {name} moves {factor:.2g} times as far'
+    return f'{words}, simulate --excitation "{excitation.spec}": {name} moves {factor:.2g} times as far'
 
 
 def spread(run: Simulation, variable: str) -> float:
@@ -352,6 +347,6 @@ def _smaller(runs: Sequence[tuple[str, Excitation, Simulation]]) -> str:
     if half is None:
         return ""
     return (
-        f'half the amplitude, simulate --excitation "{spec_of(half)}": a rest that halves is linear in the motion, one '
+        f'half the amplitude, simulate --excitation "{half.spec}": a rest that halves is linear in the motion, one '
         "that falls faster is not, one that stays is a disturbance from elsewhere"
     )

@@ -165,10 +165,13 @@ class Excitation(FrozenModel):
 
     @property
     def spec(self) -> str:
-        """The text that reads back to this excitation."""
+        """The text that reads back to this excitation; a usual `role` (fit) and `loop` (open) are left out."""
         content = document(self)
         content |= {key: quantity_text(content[key], self.unit) for key in ("amplitude", "bias")}
-        stated = {key: content[key] for key in content if key not in ("name", "unit")}
+        usual = {"role": "fit", "loop": "open"}
+        stated = {
+            key: content[key] for key in content if key not in ("name", "unit") and usual.get(key) != content[key]
+        }
         return f"{self.name}:" + ",".join(f"{key}={value}" for key, value in stated.items())
 
     @property

@@ -168,7 +168,8 @@ def field_plot(field: MagnetField, solution: FieldSolution) -> go.Figure:
     painted = painted_field(field, solution)
     left, right, bottom, top = painted.area
     across, up = painted.axes
-    made = figure(x=f"{across} in mm", y=f"{up} in mm", height=520)
+    made = figure(x=f"{across} in mm", y=f"{up} in mm", height=560)
+    made.update_layout(meta={"shape": (top - bottom) / (right - left)}, margin={"t": 70})
     made.add_layout_image(
         source=f"data:image/png;base64,{_picture(painted)}", xref="x", yref="y", x=left, y=top,
         sizex=right - left, sizey=top - bottom, sizing="stretch", layer="below",
@@ -215,6 +216,7 @@ def _picture(painted: PaintedField) -> str:
 
 def _colour_bar() -> go.Scatter:
     """An empty trace that carries the picture's colours as a scale."""
-    bar = {"title": {"text": "|B| in T", "side": "right"}, "thickness": 14, "outlinewidth": 0}
+    bar = {"title": {"text": "|B| in T", "side": "top"}, "thickness": 12, "outlinewidth": 0, "orientation": "h"}
+    bar |= {"y": 1.02, "yanchor": "bottom", "len": 0.6, "x": 0.5}
     marker = {"color": [0.0, HIGHEST], "cmin": 0, "cmax": HIGHEST, "colorscale": COLOURS.capitalize(), "colorbar": bar}
     return go.Scatter(x=[None], y=[None], mode="markers", marker=marker, showlegend=False, hoverinfo="skip")

@@ -70,7 +70,14 @@ def logarithmic(made: go.Figure, values: Any, *, along: str, row: int | None = N
     low, high = (int(n) for n in (np.floor(np.log10(known.min())), np.ceil(np.log10(known.max()))))
     steps = (1, 2, 5) if np.log10(known.max() / known.min()) <= 3 else (1,)
     ticks = [step * 10.0**power for power in range(low, high + 1) for step in steps]
-    update(tickvals=ticks, ticktext=[f"{tick:g}" for tick in ticks], **place)
+    many = len(ticks) > 4 and max(ticks) >= 1e4
+    update(tickvals=ticks, ticktext=[_power(tick) if many else f"{tick:g}" for tick in ticks], **place)
+
+
+def _power(tick: float) -> str:
+    """A power of ten as 10 with its exponent; others as they are."""
+    exponent = round(np.log10(tick))
+    return f"10<sup>{exponent}</sup>" if np.isclose(tick, 10.0**exponent) else f"{tick:g}"
 
 
 def line(x: Any, y: Any, *, name: str, colour: str, **more: Any) -> go.Scatter:
@@ -128,21 +135,86 @@ def operating_regions(operating_map: OperatingMap) -> go.Figure:
     return made
 
 
-def predicted_position(time: Array, measured: Array, predicted: Array) -> go.Figure:
-    """Measured and free-run position of a run above, their difference below (the paper's Fig. 5)."""
-    made = _two_rows("position in µm", "error in µm")
-    t, keep = _thinned(time)
-    made.add_trace(line(t, measured[keep] * 1e6, name="measured", colour=BLUE), row=1, col=1)
-    made.add_trace(
-        line(t, predicted[keep] * 1e6, name="ARMAX, free run", colour=ORANGE, line={"dash": "dot"}), row=1, col=1
-    )
-    made.add_trace(line(t, (measured - predicted)[keep] * 1e6, name="measured - free run", colour=GREY), row=2, col=1)
+def predicted_position(time: Array, given: Array, predicted: Array, *, origin: str) -> go.Figure:
+    """Position of a run and its free-run prediction, the same magnified where it moves most, and their difference.
+
+    The paper's Fig. 5. `origin` says what the position is, "measured" or "simulated". Where there are more periods
+    than a screen can show, the whole run is its envelope: the largest and smallest value in each of its parts.
+    """
+    made = two_rows("position in µm", "magnified, µm", third="error in µm")
+    for row in (2, 3):
+        made.update_xaxes(matches=None, showticklabels=True, row=row, col=1)
+    made.update_xaxes(matches="x", row=3, col=1)
+    error = (given - predicted) * 1e6
+    style = {"dash": "dot"}
+    if _periods(given) > MOST_PERIODS:
+        _add_envelope(made, (time, given * 1e6), (origin, BLUE), row=1)
+        _add_envelope(made, (time, error), (f"{origin} - free run", GREY), row=3)
+    else:
+        t, keep = _thinned(time)
+        made.add_trace(line(t, given[keep] * 1e6, name=origin, colour=BLUE), row=1, col=1)
+        made.add_trace(
+            line(t, predicted[keep] * 1e6, name="ARMAX, free run", colour=ORANGE, line=style, showlegend=False),
+            row=1, col=1,
+        )  # fmt: skip
+        made.add_trace(line(t, error[keep], name=f"{origin} - free run", colour=GREY), row=3, col=1)
+    part = _around_largest(given)
+    near = {"row": 2, "col": 1}
+    made.add_trace(line(time[part], given[part] * 1e6, name=origin, colour=BLUE, showlegend=False), **near)
+    made.add_trace(line(time[part], predicted[part] * 1e6, name="ARMAX, free run", colour=ORANGE, line=style), **near)
+    made.update_yaxes(domain=[0.66, 1.0], row=1, col=1)
+    made.update_yaxes(domain=[0.31, 0.56], row=2, col=1)
+    made.update_yaxes(domain=[0.0, 0.21], row=3, col=1)
+    made.update_layout(height=660)
     return made
+
+
+MOST_PERIODS = 60
+ENVELOPE_PARTS = 160
+
+
+def _periods(values: Array) -> int:
+    """How often a signal passes its mean upwards, counted above a tenth of its size so that noise does not count."""
+    high = values - values.mean() > 0.1 * np.std(values)
+    low = values - values.mean() < -0.1 * np.std(values)
+    state = np.where(high, 1, np.where(low, -1, 0))
+    state = state[state != 0]
+    return int(np.count_nonzero(np.diff(state) > 0))
+
+
+def _add_envelope(made: go.Figure, signal: tuple[Array, Array], dressed: tuple[str, str], *, row: int) -> None:
+    """The band between smallest and largest values of a signal (time, values), in equal parts, each with its next."""
+    (time, values), (name, colour) = signal, dressed
+    starts = np.linspace(0, time.size, min(ENVELOPE_PARTS, time.size) + 1).astype(int)[:-1]
+    low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
+    low, high = np.minimum(low, np.r_[low[1:], low[-1]]), np.maximum(high, np.r_[high[1:], high[-1]])
+    ends = np.r_[starts[1:], time.size] - 1
+    middle = (time[starts] + time[ends]) / 2
+    red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
+    edge = {"width": 1.2}
+    made.add_trace(line(middle, low, name=name, colour=colour, line=edge, showlegend=False), row=row, col=1)
+    band = {"fill": "tonexty", "fillcolor": f"rgba({red},{green},{blue},0.22)"}
+    made.add_trace(line(middle, high, name=f"{name}, envelope", colour=colour, line=edge, **band), row=row, col=1)
+
+
+def _around_largest(values: Array) -> slice:
+    """About eight periods round the largest deviation of a signal."""
+    largest = int(np.argmax(np.abs(values - values.mean())))
+    centred = np.sign(values - values.mean())
+    passes = np.flatnonzero(np.diff(centred) > 0)
+    if passes.size < 10:
+        return slice(0, values.size)
+    at = int(np.clip(np.searchsorted(passes, largest), 4, passes.size - 5))
+    start, stop = int(passes[at - 4]), int(passes[at + 4])
+    if stop - start < 60:  # noise about the mean
+        half = min(values.size // 2, max(30, values.size // 100))
+        start, stop = max(0, largest - half), min(values.size, largest + half)
+    return slice(start, stop)
 
 
 def tracking(run: Tracking) -> go.Figure:
     """Reference and position, tracking error, side currents of a closed-loop run (the paper's Figs. 6, 8, 9)."""
-    made = _two_rows("position in mm", "error in µm", third="current in A")
+    made = two_rows("position in mm", "error in µm", third="current in A")
     t, keep = _thinned(run.time)
     made.add_trace(
         line(t, run.reference[keep] * 1e3, name="reference", colour=GREY, line={"dash": "dash"}), row=1, col=1
@@ -157,7 +229,7 @@ def tracking(run: Tracking) -> go.Figure:
 
 def frequency_response_figure(frequency: Array, curves: Mapping[str, tuple[Array, Array]]) -> go.Figure:
     """Gain in dB and phase in degrees over frequency (the paper's Fig. 11); curves: name to (gain, phase in rad)."""
-    made = _two_rows("gain in dB", "phase in °", x="frequency in Hz")
+    made = two_rows("gain in dB", "phase in °", x="frequency in Hz")
     for (name, (gain, phase)), colour in zip(curves.items(), SERIES, strict=False):
         made.add_trace(
             line(frequency, 20 * np.log10(gain), name=name, colour=colour, mode="lines+markers"), row=1, col=1
@@ -171,7 +243,8 @@ def frequency_response_figure(frequency: Array, curves: Mapping[str, tuple[Array
     return made
 
 
-def _two_rows(first: str, second: str, *, third: str | None = None, x: str = "time in s") -> go.Figure:
+def two_rows(first: str, second: str, *, third: str | None = None, x: str = "time in s") -> go.Figure:
+    """An empty figure of two or three panels over one axis, labelled; sizes 65:35 or 50:25:25."""
     labels = [first, second] + ([third] if third else [])
     heights = [0.65, 0.35] if third is None else [0.5, 0.25, 0.25]
     made = make_subplots(rows=len(labels), cols=1, shared_xaxes=True, row_heights=heights, vertical_spacing=0.06)

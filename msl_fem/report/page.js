@@ -33,6 +33,13 @@ const report = (() => {
     return made;
   }
 
+  // A picture of a fixed shape on a narrow screen: as high as it needs, no more.
+  function fitHeight(layout) {
+    const margin = layout.margin || {};
+    const wide = Math.min(window.innerWidth - 40, 740) - (margin.l || 0) - (margin.r || 0);
+    layout.height = Math.min(layout.height, Math.round(wide * layout.meta.shape) + (margin.t || 0) + (margin.b || 0));
+  }
+
   function dressLayout(layout, keep) {
     const made = { ...layout, font: { ...layout.font, color: colour("--ink") } };
     for (const key of Object.keys(layout).filter((name) => /^[xy]axis\d*$/.test(name))) {
@@ -42,6 +49,7 @@ const report = (() => {
     }
     made.hoverlabel = { bgcolor: colour("--panel"), bordercolor: colour("--rule"), font: { color: colour("--ink") } };
     made.modebar = { ...layout.modebar, color: colour("--soft"), activecolor: colour("--accent") };
+    if (made.meta && made.meta.shape) fitHeight(made);
     if (onPaper) made.width = PAPER_WIDTH * Math.min(1, made.paperShare || 1);
     delete made.paperShare;
     return made;
@@ -54,6 +62,7 @@ const report = (() => {
   function draw(figure) {
     const config = onPaper ? { ...CONFIG, responsive: false } : CONFIG;
     const layout = dressLayout(figure.layout, figure.div._fullLayout);
+    if (layout.meta && layout.meta.shape) figure.div.style.height = layout.height + "px";
     return Plotly.react(figure.div, figure.data.map(dressTrace), layout, config);
   }
 

@@ -49,6 +49,8 @@ class Stage:
     image : a picture
     table : a table as wide as the page, above the figure
     widget : something to work with, above the figure
+    drawing : SVG in the page's colours, its texts escaped
+    listing : a title and a text that unfolds below it, as it is
     """
 
     title: str
@@ -58,6 +60,8 @@ class Stage:
     image: Figure | None = None
     table: Grid | None = None
     widget: Widget | None = None
+    drawing: str = ""
+    listing: tuple[str, str] | None = None
 
     def figure(self, number: int) -> str:
         """The figure's place in the page and its data, named by the section's number; '' without a figure."""

@@ -10,16 +10,16 @@ import numpy as np
 from msl_fem.control import ClosedLoopRun
 from msl_fem.files.quantity import format_quantity
 from msl_fem.identification import sampled_run, simulate_armax
+from msl_fem.report.design_stages import magnet_stages, operation_stages
 from msl_fem.report.explorer import explorer
 from msl_fem.report.field_picture import field_plot
 from msl_fem.report.figures import (
-    Tracking,
     force_over_current,
-    frequency_response_figure,
     predicted_position,
-    tracking,
 )
 from msl_fem.report.page import Page, Stage
+from msl_fem.report.page_words import fit_text, millimetres, percent, round_values, words
+from msl_fem.report.study_loop import loop_stages, response_stage
 from msl_fem.study import Study
 
 Numbers = tuple[tuple[str, str], ...]
@@ -83,13 +83,22 @@ def study_page(study: Study) -> Page:
     nominal = _nominal_gap(study)
     preferred = float(np.interp(nominal, study.operating_map.gap, study.operating_map.current[0]))
     headline = (
-        (f"{preferred:.3g} A", f"brings {first:g} T at the nominal gap of {_millimetres(nominal)}"),
-        (_percent(study.field.report.mesh_error + study.field.report.interpolation_error), "error of the force table"),
-        (_fit(fit.free_run), "ARMAX free-run fit, held-out swept sine"),
+        (f"{preferred:.3g} A", f"brings {first:g} T at the nominal gap of {millimetres(nominal)}"),
+        (percent(table_force_error(study)), "error of the force table, of its largest force"),
+        (fit_text(fit.free_run), "ARMAX free-run fit, held-out swept sine"),
         (format_quantity(sine.tracking_rms, "m", digits=3), "RMS tracking error, 2 Hz sine"),
         (str(violations), "guard violations in all closed-loop runs"),
     )
-    stages = (_field(study), _table(study), _map(study), _model(study), *_loop(study), _response(study))
+    stages = (
+        *magnet_stages(study.actuator),
+        _field(study),
+        _table(study),
+        _map(study),
+        *operation_stages(study.actuator, study.field.table),
+        _model(study),
+        *loop_stages(study),
+        response_stage(study),
+    )
     notes = (
         *study.field.report.notes,
         *study.operating_map.warnings,
@@ -120,8 +129,8 @@ def _polarity_sentence(study: Study) -> str:
     level = study.operating_map.levels[0]
     return (
         f" With both sides on, each at the current that brings {level:g} T, half the range off the middle, two magnets "
-        f"taken apart give {_percent(abs(costs['opposing'].force_error))} too much or too little force where their "
-        f"fluxes oppose and add up in the armature, {_percent(abs(costs['aiding'].force_error))} where they aid; the "
+        f"taken apart give {percent(abs(costs['opposing'].force_error))} too much or too little force where their "
+        f"fluxes oppose and add up in the armature, {percent(abs(costs['aiding'].force_error))} where they aid; the "
         f"actuator states {sides.polarity}."
     )
 
@@ -129,22 +138,22 @@ def _polarity_sentence(study: Study) -> str:
 def _field(study: Study) -> Stage:
     point = study.field.point
     q = point.quantities
-    at = f"{point.current:.3g} A and a gap of {_millimetres(point.gap)}"
+    at = f"{point.current:.3g} A and a gap of {millimetres(point.gap)}"
     loaded = max(q.flux_density, key=lambda name: q.flux_density[name].mean)
     sentence = (
-        f"At {at} the most loaded section is the {_words(loaded)} with {q.flux_density[loaded].mean:.3f} T "
+        f"At {at} the most loaded section is the {words(loaded)} with {q.flux_density[loaded].mean:.3f} T "
         "in the iron; "
         f"each magnet pulls with {q.force:.1f} N, and virtual work and stress tensor agree to "
-        f"{_percent(abs(q.force_stress_tensor / q.force - 1))}."
+        f"{percent(abs(q.force_stress_tensor / q.force - 1))}."
         f"{_polarity_sentence(study)}"
     )
     numbers = (
         ("force, virtual work", f"{q.force:.2f} N"),
         ("force, stress tensor", f"{q.force_stress_tensor:.2f} N"),
-        ("force error estimate", _percent(point.force_error_estimate)),
+        ("force error estimate", percent(point.force_error_estimate)),
         ("flux linkage", f"{q.flux_linkage * 1e3:.3f} mWb"),
         ("incremental inductance", f"{q.incremental_inductance * 1e3:.3f} mH"),
-        *((f"{_words(name)}, mean in the iron", f"{b.mean:.3f} T") for name, b in q.flux_density.items()),
+        *((f"{words(name)}, mean in the iron", f"{b.mean:.3f} T") for name, b in q.flux_density.items()),
         ("unknowns", f"{point.unknowns}"),
         ("Newton steps", f"{point.newton_iterations}"),
     )
@@ -154,20 +163,22 @@ def _field(study: Study) -> Stage:
 
 def _table(study: Study) -> Stage:
     table, report = study.field.table, study.field.report
-    gaps = [float(g) for g in table.gap[:: max(1, table.gap.size // 6)]]
+    gaps = round_values(float(table.gap[0]), float(table.gap[-1]))
     top = float(table.force(table.current[-1], table.gap[0]))
     sentence = (
         f"The force rises with the square of the current until the iron saturates, up to {top:.0f} N a magnet at "
-        f"{_millimetres(float(table.gap[0]))}; between the {report.points} solved points it is the "
+        f"{millimetres(float(table.gap[0]))}; between the {report.points} solved points it is the "
         "derivative of "
-        f"one smooth coenergy surface, off by at most {_percent(report.interpolation_error)} of full scale."
+        f"one smooth coenergy surface. Its error is at most {percent(table_force_error(study))} of the largest force: "
+        f"{percent(report.mesh_error)} from the mesh and {percent(report.interpolation_error)} from interpolation."
     )
     numbers = (
         ("gaps", f"{table.gap[0] * 1e3:.3g} ... {table.gap[-1] * 1e3:.3g} mm ({table.gap.size})"),
         ("currents", f"0 ... {table.current[-1]:.3g} A ({table.current.size})"),
-        ("mesh error", _percent(report.mesh_error)),
-        ("interpolation error", _percent(report.interpolation_error)),
-        ("reciprocity error", _percent(report.reciprocity_error)),
+        ("error of the table, both together", percent(table_force_error(study))),
+        ("of it, mesh", percent(report.mesh_error)),
+        ("of it, interpolation", percent(report.interpolation_error)),
+        ("reciprocity error", percent(report.reciprocity_error)),
         ("unknowns", f"{report.unknowns}"),
         ("CPU seconds", f"{report.cpu_seconds:.1f}"),
     )
@@ -189,10 +200,10 @@ def _map(study: Study) -> Stage:
     )
     numbers = (
         *((f"{level:g} T at nominal gap", f"{i:.3f} A") for level, i in zip(made.levels, at, strict=True)),
-        ("loading section", ", ".join(dict.fromkeys(_words(s) for row in made.section for s in row))),
+        ("loading section", ", ".join(dict.fromkeys(words(s) for row in made.section for s in row))),
         ("largest error of a current", f"{np.nanmax(made.error) * 1e3:.2g} mA"),
         *(
-            (f"{made.levels[k]:g} T not reached from", _millimetres(float(made.gap[m])))
+            (f"{made.levels[k]:g} T not reached from", millimetres(float(made.gap[m])))
             for k, m in _missed(made.current)
         ),
     )
@@ -218,109 +229,27 @@ def _model(study: Study) -> Stage:
     sentence = (
         f"ARMAX with the inputs {', '.join(model.input_names)}, identified on band-limited noise, "
         "reproduces the held-out "
-        f"swept sine in free run to {_fit(held.free_run)} (one step ahead to {_fit(held.one_step)}); "
+        f"swept sine in free run to {fit_text(held.free_run)} (one step ahead to {fit_text(held.one_step)}); "
         "one-step errors of "
         f"{format_quantity(model.noise_variance**0.5, 'm', digits=3)} stand against "
         f"{format_quantity(noise, 'm')} of sensor "
-        "noise. The record is simulated with the coupled model."
+        "noise. Nothing here is measured: the record is simulated with the coupled model and its sensors' noise."
     )
     delta = model.rational.delta if model.rational else 0.0
     numbers = (
-        ("free-run fit, swept sine (held out)", _fit(held.free_run)),
-        ("one-step fit, swept sine", _fit(held.one_step)),
-        ("free-run fit, noise (fitted)", _fit(fits["noise"].free_run)),
-        ("one-step fit, noise", _fit(fits["noise"].one_step)),
+        ("free-run fit, swept sine (held out)", fit_text(held.free_run)),
+        ("one-step fit, swept sine", fit_text(held.one_step)),
+        ("free-run fit, noise (fitted)", fit_text(fits["noise"].free_run)),
+        ("one-step fit, noise", fit_text(fits["noise"].one_step)),
         ("gap offset delta", format_quantity(delta, "m", digits=3)),
         ("bias of both sides", f"{study.model.bias:.2f} A"),
         ("open loop stable up to", f"{study.model.stability_limit:.2f} A"),
         ("natural frequency at bias", f"{study.model.linearisation.natural_frequency:.1f} Hz"),
         ("converged", "yes" if model.convergence.converged else "no"),
     )
-    plot = predicted_position(run.time, run["position_m"], free.output)
-    return Stage("Measured against predicted position (Fig. 5)", sentence, numbers, plot=plot)
-
-
-def _loop(study: Study) -> list[Stage]:
-    titles = {
-        "sine": "Sine of 2 Hz (Fig. 6)",
-        "step": "Step of 3 Hz (Fig. 8)",
-        "ramp": "Ramp of 5 Hz (Fig. 9)",
-    }
-    stages = []
-    for name, run in study.loop.runs.items():
-        regions = run.region_counts
-        cut = "forbids no command" if not run.guard_violations else f"cut {run.guard_violations} commands"
-        sentence = f"{_followed(name, run)}; one side pulls at a time, and the guard {cut}."
-        numbers = (
-            ("tracking error, RMS", format_quantity(run.tracking_rms, "m", digits=3)),
-            ("largest error", format_quantity(float(np.abs(run.reference - run.position).max()), "m", digits=3)),
-            ("peak current", f"{run.peak_current:.2f} A"),
-            ("copper loss", f"{run.copper_loss:.2f} W"),
-            ("commands preferred", f"{regions['preferred']}"),
-            ("commands discouraged", f"{regions['discouraged']}"),
-            ("commands unacceptable", f"{regions['unacceptable']}"),
-        )
-        shown = Tracking(run.time, run.reference, run.position, run.current)
-        stages.append(Stage(titles[name], sentence, numbers, plot=tracking(shown)))
-    return stages
-
-
-def _followed(name: str, run: ClosedLoopRun) -> str:
-    """What is seen of the tracking: for steps overshoot and settling, else the error against the amplitude."""
-    if name == "step":
-        overshoot, settling = _step_figures(run)
-        settled = (
-            f"settles to 2 % within {settling * 1e3:.1f} ms" if np.isfinite(settling) else "does not settle to 2 %"
-        )
-        size = _millimetres(float(np.ptp(run.reference)))
-        return f"After each step of {size} the position {settled}, with an overshoot of {_percent(overshoot)}"
-    span = float(np.ptp(run.reference)) / 2
-    error = format_quantity(run.tracking_rms, "m", digits=3)
-    share = _percent(run.tracking_rms / span)
-    return f"The position follows within {error} RMS, {share} of the amplitude of {_millimetres(span)}"
-
-
-def _step_figures(run: ClosedLoopRun) -> tuple[float, float]:
-    """Largest overshoot, of the step, and longest time in s until the error stays below 2 % of it."""
-    jumps = np.flatnonzero(np.diff(run.reference)) + 1
-    overshoot, settling = 0.0, 0.0
-    for start, end in zip(jumps, [*jumps[1:], run.time.size], strict=True):
-        size = run.reference[start] - run.reference[start - 1]
-        error = (run.position[start:end] - run.reference[start]) / size
-        outside = np.flatnonzero(np.abs(error) > 0.02)
-        overshoot = max(overshoot, float(error.max()))
-        if outside.size and outside[-1] + 1 == end - start and end < run.time.size:
-            settling = np.inf
-        elif outside.size and outside[-1] + 1 < end - start:
-            settling = max(settling, float(run.time[start + outside[-1] + 1] - run.time[start]))
-    return overshoot, settling
-
-
-def _response(study: Study) -> Stage:
-    response, design = study.loop.response, study.loop.design
-    sentence = (
-        f"From reference to position the gain stays within 1 dB of 0 dB up to {_hertz(response.flat_band)} "
-        "and falls by 3 dB at "
-        f"{_hertz(response.bandwidth)}, at {format_quantity(response.amplitude, 'm')} amplitude; the "
-        "linear prediction lies "
-        f"beside it. The peak sensitivity in mid-travel is {design.peak_sensitivity:.2f}."
-    )
-    highest = int(np.argmax(response.gain))
-    numbers = (
-        ("largest gain", f"{response.gain[highest]:.1f} dB at {response.frequency[highest]:.0f} Hz"),
-        ("0 dB ± 1 dB up to", _hertz(response.flat_band)),
-        ("-3 dB", _hertz(response.bandwidth)),
-        ("feedback alone, -3 dB", _hertz(design.feedback_bandwidth)),
-        ("peak sensitivity", f"{design.peak_sensitivity:.2f}"),
-        ("reach", f"{design.reach[0] * 1e3:.3g} ... {design.reach[1] * 1e3:.3g} mm"),
-        ("loop rate", f"{1 / design.law.plant.period:.0f} Hz"),
-    )
-    curves = {
-        "simulated loop": (np.abs(response.response), np.angle(response.response)),
-        "linear prediction": (np.abs(response.predicted), np.angle(response.predicted)),
-    }
-    plot = frequency_response_figure(response.frequency, curves)
-    return Stage("Closed-loop frequency response (Fig. 11)", sentence, numbers, plot=plot)
+    origin = "simulated" if record.origin == "simulated" else "measured"
+    plot = predicted_position(run.time, run["position_m"], free.output, origin=origin)
+    return Stage(f"{origin.capitalize()} against predicted position (Fig. 5)", sentence, numbers, plot=plot)
 
 
 def _provenance(study: Study) -> Numbers:
@@ -338,28 +267,13 @@ def _provenance(study: Study) -> Numbers:
     )
 
 
+def table_force_error(study: Study) -> float:
+    """Bound of the table's force, of its largest force: that of the mesh and that of interpolation together."""
+    return study.field.report.mesh_error + study.field.report.interpolation_error
+
+
 def _nominal_gap(study: Study) -> float:
     motion = study.actuator.motion
     assert motion is not None
     assert motion.nominal_gap is not None
     return motion.nominal_gap
-
-
-def _millimetres(length: float) -> str:
-    return f"{length * 1e3:.3g} mm"
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
-
-
-def _fit(percent: float | None) -> str:
-    return "diverged" if percent is None else f"{percent:.2f} %"
-
-
-def _hertz(frequency: float) -> str:
-    return f"{frequency:.0f} Hz" if np.isfinite(frequency) else "beyond the frequencies tried"

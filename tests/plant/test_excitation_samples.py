@@ -271,3 +271,13 @@ def test_single_step_and_ramp() -> None:
 def test_a_reference_is_a_position() -> None:
     with pytest.raises(InputError, match="a reference needs one in m"):
         reference(parse_excitation("sine:frequency=2 Hz,amplitude=1 A,duration=1 s"), rate=RATE)
+
+
+def test_a_spec_states_role_and_loop_only_where_they_are_not_the_usual_ones() -> None:
+    """A record states the role of a run itself; a default in the excitation's text would contradict it."""
+    plain = parse_excitation("sine:amplitude=0.1 A,frequency=2 Hz,duration=1 s,bias=0.2 A")
+    assert "role" not in plain.spec
+    assert "loop" not in plain.spec
+    held = parse_excitation("sine:amplitude=0.1 mm,frequency=2 Hz,duration=1 s,role=held-out,loop=closed")
+    assert "role=held-out" in held.spec
+    assert "loop=closed" in held.spec

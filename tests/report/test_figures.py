@@ -32,13 +32,27 @@ def test_regions_are_bounded_by_the_curves(table: MagneticTable) -> None:
 
 def test_long_runs_are_thinned_and_rows_do_not_overlap() -> None:
     time = np.arange(50_000) * 1e-4
-    made = predicted_position(time, np.sin(time), np.sin(time) + 1e-3)
-    assert all(len(trace.x) <= MOST_POINTS for trace in made.data)
-    assert made.layout.yaxis.domain[0] > made.layout.yaxis2.domain[1]
+    made = predicted_position(time, np.sin(time), np.sin(time) + 1e-3, origin="measured")
+    assert all(len(trace.x) <= MOST_POINTS for trace in (made.data[0], made.data[1], made.data[2]))
+    assert made.layout.yaxis.domain[0] > made.layout.yaxis2.domain[1] > made.layout.yaxis3.domain[1]
     run = Tracking(time[:100], np.ones(100), np.zeros(100), np.zeros((100, 2)))
     three = tracking(run)
     assert three.layout.yaxis2.domain[0] > three.layout.yaxis3.domain[1]
     assert three.data[2].y[0] == pytest.approx(1e6)
+
+
+def test_many_periods_are_an_envelope_that_holds_every_sample_and_a_few_magnified() -> None:
+    time = np.arange(40_000) * 1e-4
+    position = 1e-6 * (1 + time) * np.sin(2 * np.pi * 100 * time)
+    made = predicted_position(time, position, 0.9 * position, origin="simulated")
+    named = {trace.name: trace for trace in made.data}
+    assert {"simulated, envelope", "simulated - free run, envelope", "ARMAX, free run"} <= named.keys()
+    high = np.interp(time, named["simulated, envelope"].x, named["simulated, envelope"].y)
+    assert (high > 1e6 * position - 0.05).all(), "no peak is left out"
+    np.testing.assert_allclose(high, 1 + time, rtol=0.1)
+    magnified = named["ARMAX, free run"]
+    assert 0.06 < np.ptp(magnified.x) < 0.12, "eight periods of 10 ms"
+    assert np.abs(magnified.y).max() == pytest.approx(0.9 * 1e6 * np.abs(position).max(), rel=0.05)
 
 
 def test_gain_is_in_decibel() -> None:
