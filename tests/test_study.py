@@ -72,7 +72,7 @@ def test_the_report_is_self_contained_and_complete(folder: Path) -> None:
     page = _Page()
     page.feed(text)
     assert all(source.startswith(("data:", "#")) for source in page.sources), "no request leaves the page"
-    assert page.plots == 10, "seven of the stages, three of the explorer"
+    assert page.plots == 13, "ten of the stages, three of the explorer"
     for figure in ("Fig. 2", "Fig. 5", "Fig. 6", "Fig. 8", "Fig. 9", "Fig. 11"):
         assert any(figure in title for title in page.titles), figure
     found = json.loads((folder / "study.json").read_text())

@@ -255,6 +255,7 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
             kind.variables(),
             tuple(kind.sizes(models[n], result.effects)),
             tuple(ranked),
+            kind.likelihood.noise_spectra(result.final.weights.density),
         ),
     )
     return _undecided(found, result, unfaithful, kind) if unfaithful else found

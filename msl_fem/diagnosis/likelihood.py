@@ -199,6 +199,13 @@ class Likelihood:
         """The most probable densities given a residual (n_number,)."""
         return weights_of(residual, self.labels, self.ceilings, self.spent)
 
+    def noise_spectra(self, density: Array) -> dict[str, tuple[Array, Array]]:
+        """By channel the edges of the bands (n_band + 1,) in Hz, and in each the power density of a fit's
+        noise over the stated white one (n_band,); `density` is that of the labels, as `NoiseWeights` has it."""
+        n = self.bands.n_band
+        rows = {name: density[k * n : (k + 1) * n] for k, name in enumerate(self.channel_names)}
+        return {name: (self.bands.edges, row) for name, row in rows.items() if row.size == n}
+
     @property
     def channel_names(self) -> list[str]:
         found: list[str] = []

@@ -124,14 +124,16 @@ class Proposal:
             return f"no run of the menu is borne by the rig; {self.first} and {self.second} stay together"
         best = self.options[0]
         said = f'{best.words}: simulate --excitation "{best.excitation}"'
-        both, d2 = f"{self.first} from {self.second}", f"d2 = {best.noncentrality:.3g}"
+        both = f"{self.first} from {self.second}"
+        apart = f"the two models then lie {best.noncentrality**0.5:.3g} sigma of the noise apart"
         name, value, unit = self.amount
         limit = f"{name} = {format_quantity(value, unit, digits=2) if unit else f'{value:.2g}'}"
         if self.decides:
-            return f"{said}; it tells {both} from {limit} on ({d2}; {DECIDES:.3g} is enough)"
-        from_where = f", enough from {limit} on" if np.isfinite(value) else ""
+            return f"{said}; it tells {both} from {limit} on ({apart}, {DECIDES**0.5:.2g} are enough)"
+        from_where = f", which it reaches from {limit} on" if np.isfinite(value) else ""
         return (
-            f"no run of the menu tells {both} at this size ({DECIDES:.3g} is enough). Nearest, {d2}{from_where}: {said}"
+            f"no run that was tried tells {both} at this size. The nearest one: {said}; {apart}, "
+            f"{DECIDES**0.5:.2g} are needed{from_where}"
         )
 
 

@@ -179,6 +179,8 @@ class Evidence:
     variables : run to name (with unit) to (n_sample,): what a residual may depend on
     sizes : of the named effects
     dependences : of what is left on each variable in each equation, the most probable first
+    noise : of channels the spectrum that the last fit takes for noise: edges of bands in Hz (n_band + 1,), and the
+        power density in each over that of white noise of the stated sigma (n_band,)
     """
 
     tried: tuple[TriedVariant, ...]
@@ -186,6 +188,7 @@ class Evidence:
     variables: Mapping[str, Mapping[str, Array]]
     sizes: tuple[Size, ...]
     dependences: tuple[Dependence, ...] = ()
+    noise: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from msl_fem.diagnosis.fit import Estimate
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.result import Accuracy, ChannelResiduals
 from msl_fem.report.diagnosis_words import FAR, called, channel_name, floors
-from msl_fem.report.figures import BLUE, GREY, ORANGE, SKY, dress, figure, line, logarithmic
+from msl_fem.report.figures import BLUE, GREEN, GREY, ORANGE, SKY, dress, figure, line, logarithmic
 
 Array = NDArray[np.float64]
 BINS = 700  # of time, each drawn as the least and the largest residual in it
@@ -48,24 +48,23 @@ def shown_unit(channel: str) -> tuple[str, float]:
 
 
 def gain_figure(judged: Sequence[Accuracy], *, named: bool) -> go.Figure:
-    """The errors of the models on each run and channel, times the noise."""
+    """The errors of the models on each run and channel, times the noise, as dots: a logarithmic axis has no zero."""
     made = figure(x="error over noise, 1 is the noise itself", y="", height=120 + 66 * len(judged))
     labels = [f"{channel_name(a.nominal.channel)}, {a.nominal.run}" for a in judged]
     values = np.array([floors(a) for a in judged])
     for k, (name, colour) in enumerate(MODELS if named else MODELS[:2]):
         shown = np.where(np.isfinite(values[:, k]), values[:, k], np.nan)
-        bar = go.Bar(
+        dot = go.Scatter(
             x=shown,
             y=labels,
-            orientation="h",
             name=name,
-            marker={"color": colour},
+            mode="markers+text",
+            marker={"color": colour, "size": 12},
             text=[f"{v:.3g}" for v in values[:, k]],
-            textposition="outside",
+            textposition=("top center", "bottom center", "top center")[k],
             cliponaxis=False,
         )
-        made.add_trace(bar)
-    made.update_layout(barmode="group", bargap=0.25)
+        made.add_trace(dot)
     finite = values[np.isfinite(values)]
     logarithmic(made, [finite], along="x")
     top = float(np.log10(max(finite.max(initial=1.0), 2.0)))
@@ -104,8 +103,12 @@ def _place(piece: Array, chosen: object) -> NDArray[np.intp]:
     return np.asarray(filled.argmin(axis=1) if chosen is np.argmin else filled.argmax(axis=1))
 
 
-def over_frequency(left: ChannelResiduals, *, named: bool) -> go.Figure:
-    """Amplitude spectral density of the residual before and after, and that of the instrument's noise."""
+def over_frequency(left: ChannelResiduals, noise: tuple[Array, Array] | None = None, *, named: bool) -> go.Figure:
+    """Amplitude spectral density of the residual before and after, of the instrument's noise, and of the fitted noise.
+
+    `noise`: edges of bands in Hz and the power density over the white one in each, as `Evidence.noise`; beyond the
+    bands nothing was fitted.
+    """
     unit, scale = shown_unit(left.channel)
     made = figure(x="frequency in Hz", y=f"{unit}/√Hz")
     shown = []
@@ -119,9 +122,19 @@ def over_frequency(left: ChannelResiduals, *, named: bool) -> go.Figure:
         made.add_trace(
             line(f, np.full(f.size, white), name="the instrument's noise", colour=GREY, line={"dash": "dash"})
         )
+        if noise is not None:
+            made.add_trace(_noise_steps(noise, white, lowest=float(f[0])))
         logarithmic(made, [f for f, _ in shown], along="x")
         logarithmic(made, [*(d for _, d in shown), np.array([white])], along="y")
     return made
+
+
+def _noise_steps(noise: tuple[Array, Array], white: float, *, lowest: float) -> go.Scatter:
+    """The fitted noise as a line of steps, one a band."""
+    edges, density = noise
+    x = np.repeat(np.maximum(edges, lowest), 2)[1:-1]
+    y = np.repeat(white * np.sqrt(density), 2)
+    return line(x, y, name="noise as fitted", colour=GREEN, line={"dash": "dot", "width": 2.4})
 
 
 def amplitude_density(values: Array, rate: float) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from msl_fem.actuator import Actuator, TableMagnet
+from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.kind import Size
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.result import ChannelResiduals, Diagnosis, Evidence, TriedVariant
@@ -156,7 +157,8 @@ def diagnosis_page(record: Record, found: Diagnosis) -> Page:
 
 
 def _headline(found: Diagnosis) -> tuple[tuple[str, str], ...]:
-    shown = [(headline_word(found), "what was found")]
+    apart = any(cause.rivals for cause in found.causes)
+    shown = [(headline_word(found), "not told apart by this record" if apart else "what was found")]
     if found.causes:
         shown.append((nats_text(found.causes[0].statistic), f"evidence; {found.threshold:.3g} are asked for"))
     if found.null.gains.size:
@@ -208,7 +210,7 @@ def _how_sure(found: Diagnosis) -> Stage:
         "(5 nats are 150 to 1). It is worth that only if the catalogue holds the cause; that what is left is noise, on "
         "runs too that no fit has seen, speaks for it."
     )
-    return Stage("How sure", sentence, tuple(sure_rows(found)))
+    return Stage("How sure", sentence, (), table=Grid(("", ""), sure_rows(found)))
 
 
 def _how_much_better(found: Diagnosis) -> Stage:
@@ -257,7 +259,11 @@ def _evidence(found: Diagnosis, evidence: Evidence) -> list[Stage]:
                 plot=over_time(left, named=named),
             )
         )
-        stages += [_over_frequency(one, named=named) for one in evidence.residuals if one.run == left.run]
+        stages += [
+            _over_frequency(one, evidence.noise.get(one.channel), named=named)
+            for one in evidence.residuals
+            if one.run == left.run
+        ]
         stages.append(
             Stage(
                 "Evidence: over position, velocity and current",
@@ -294,13 +300,19 @@ def _shown(found: Diagnosis, evidence: Evidence) -> ChannelResiduals | None:
     return chosen[0] if chosen else None
 
 
-def _over_frequency(left: ChannelResiduals, *, named: bool) -> Stage:
+def _over_frequency(left: ChannelResiduals, noise: tuple[Array, Array] | None, *, named: bool) -> Stage:
     sentence = (
-        f"Spectrum of the residual of the {channel_name(left.channel)} of run {left.run} ({left.role}); dashed: the "
-        "instrument's noise, were it white."
+        f"Spectrum of the residual of the {channel_name(left.channel)} of run {left.run} ({left.role}). Dashed: the "
+        "instrument's stated noise, were it white."
+        + (
+            " Dotted: the noise as fitted, in octaves, from the runs with the role fit; a residual on "
+            "the dotted line is no evidence of an effect, one that is above it is."
+            if noise is not None
+            else ""
+        )
     )
     title = f"Evidence: {channel_name(left.channel)} over frequency"
-    return Stage(title, sentence, (), plot=over_frequency(left, named=named))
+    return Stage(title, sentence, (), plot=over_frequency(left, noise, named=named))
 
 
 def _tried(tried: Sequence[TriedVariant]) -> Stage:

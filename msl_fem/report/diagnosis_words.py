@@ -42,7 +42,7 @@ def called(effect: str) -> str:
 
 def headline_word(found: Diagnosis) -> str:
     """The verdict in a few words."""
-    names = " and ".join(called(name) for name in found.names)
+    names = " and ".join(either(cause) for cause in found.causes)
     return {
         "nothing-found": "nothing found",
         "named": names,
@@ -54,7 +54,7 @@ def headline_word(found: Diagnosis) -> str:
 
 def verdict_sentence(found: Diagnosis) -> str:
     """What the record says of the model."""
-    names = " and ".join(f"{called(c.effect)} ({CATALOGUE[c.effect].sentence})" for c in found.causes)
+    names = " and ".join(explained_name(c) for c in found.causes)
     share = f"{100 * found.unexplained.share:.3g} %"
     if found.verdict == "nothing-found":
         return (
@@ -62,7 +62,7 @@ def verdict_sentence(found: Diagnosis) -> str:
             "record down to the noise."
         )
     if found.verdict == "named":
-        return f"What the model misses is {names}. With it the residuals are noise."
+        return f"What the model misses is {names}. {_rests_on(found)}"
     if found.verdict == "named-and-unexplained":
         return (
             f"What the model misses is {names}, and something that no effect of the catalogue explains: {share} of the "
@@ -74,6 +74,28 @@ def verdict_sentence(found: Diagnosis) -> str:
             f"Of the residual power of the re-fitted model {share} is without a name.{_main_cause(found)}"
         )
     return f"This record cannot decide: {found.reason}."
+
+
+def either(cause: Cause) -> str:
+    """The name, or all names that the record leaves: "time delay or amplifier bandwidth"."""
+    return " or ".join(called(name) for name in (cause.effect, *cause.rivals))
+
+
+def explained_name(cause: Cause) -> str:
+    """The name with what it is; where the record leaves several, that it does."""
+    if not cause.rivals:
+        return f"{called(cause.effect)} ({CATALOGUE[cause.effect].sentence})"
+    return f"{either(cause)}, which this record does not tell apart"
+
+
+def _rests_on(found: Diagnosis) -> str:
+    """What is left with the causes in the model, and what it is judged against."""
+    several = any(cause.rivals for cause in found.causes)
+    start = "With one of them in the model" if several else "With it in the model"
+    return (
+        f"{start} nothing is left that differs from the noise; how loud that is over frequency was estimated with the "
+        "fit and is drawn below."
+    )
 
 
 def _main_cause(found: Diagnosis) -> str:
@@ -110,17 +132,17 @@ def sure_rows(found: Diagnosis) -> list[tuple[str, str]]:
     rows = []
     for cause in found.causes:
         name = called(cause.effect)
-        rows.append((name, f"{nats_text(cause.statistic)} over the model without it"))
+        rows.append((name, f"{nats_text(cause.statistic)} more probable than without it"))
         gain = nats_text(cause.gain, sign=True)
-        rows.append((f"{name}, on runs of which no fit knew", f"{gain} of log likelihood"))
+        rows.append((f"{name}, on held-out runs", f"{gain} of log likelihood"))
         if cause.p_value is not None:
-            share = f"{100 * cause.p_value:.2g} %, this one counted"
+            share = f"{100 * cause.p_value:.2g} % of them, this record counted among them"
             rows.append((f"{name}, surrogates with as much", share))
         if cause.rivals:
             rows.append((f"{name}, not told apart from", ", ".join(called(other) for other in cause.rivals)))
     if found.threshold == found.threshold:
         rows.append(("threshold of the first effect", nats_text(found.threshold)))
-    rows.append(("what chance brings", by_chance_text(found)))
+    rows.append(("what chance alone brings", by_chance_text(found)))
     return rows
 
 

@@ -72,7 +72,7 @@ def test_the_page_opens_without_a_complaint_and_asks_for_nothing(report: Browser
     drawn = report.run(
         "[...document.querySelectorAll('.plotly-graph-div')].map(d => d.querySelectorAll('.main-svg').length)"
     )
-    assert len(drawn) == 10
+    assert len(drawn) == 13
     assert min(drawn) > 0
     assert report.run("document.documentElement.scrollWidth") == 1200, "nothing is wider than the window"
 
@@ -175,7 +175,7 @@ def test_a_click_into_the_map_goes_there(report: Browser) -> None:
 
 
 def test_the_pointer_reads_values(report: Browser, study_table: MagneticTable) -> None:
-    figure = "document.getElementById('figure-2')"
+    figure = "document.getElementById('figure-4')"
     report.run(f"{figure}.scrollIntoView({{block: 'center', behavior: 'instant'}})")
     x, y = report.run(
         f"(() => {{ const d = {figure}, f = d._fullLayout, b = d.getBoundingClientRect(), t = d._fullData[0];"
@@ -183,10 +183,10 @@ def test_the_pointer_reads_values(report: Browser, study_table: MagneticTable) -
     )
     for _ in range(50):  # the first move may come before the figure listens
         report.point_at(x, y)
-        if report.text("#figure-2 .hoverlayer"):
+        if report.text("#figure-4 .hoverlayer"):
             break
         report.run("new Promise(done => setTimeout(done, 50))")
-    said = report.text("#figure-2 .hoverlayer").replace("\u2212", "-")
+    said = report.text("#figure-4 .hoverlayer").replace("\u2212", "-")
     read = re.search(r"\(([\d.]+), ([\d.]+)\)", said)
     assert read, said
     current, force = float(read[1]), float(read[2])
@@ -200,7 +200,7 @@ def test_light_and_dark(report: Browser) -> None:
         return float(np.mean([int(n) for n in re.findall(r"\d+", colour)[:3]]))
 
     def ink() -> str:
-        return str(report.run("document.querySelector('#figure-2 .xtitle').style.fill"))
+        return str(report.run("document.querySelector('#figure-4 .xtitle').style.fill"))
 
     assert ground() > 240
     light_ink = ink()
@@ -216,16 +216,16 @@ def test_light_and_dark(report: Browser) -> None:
 
 
 def test_paper_is_light_and_the_screen_comes_back(report: Browser, tmp_path: Path) -> None:
-    width = report.run("document.querySelector('#figure-2 .main-svg').clientWidth")
+    width = report.run("document.querySelector('#figure-4 .main-svg').clientWidth")
     made = report.paper(tmp_path / "report.pdf").read_bytes()
     assert made.startswith(b"%PDF")
-    assert 5 <= len(re.findall(rb"/Type\s*/Page[^s]", made)) <= 14
-    assert report.run("document.querySelector('#figure-2 .main-svg').clientWidth") == width
+    assert 5 <= len(re.findall(rb"/Type\s*/Page[^s]", made)) <= 17
+    assert report.run("document.querySelector('#figure-4 .main-svg').clientWidth") == width
     assert report.complaints == []
 
 
 @pytest.mark.parametrize("width", [700, 390])
 def test_narrow_windows_show_all(report: Browser, width: int) -> None:
     report.size(width)
-    report.until(f"document.querySelector('#figure-2 .main-svg').clientWidth < {width}")
+    report.until(f"document.querySelector('#figure-4 .main-svg').clientWidth < {width}")
     report.until(f"document.documentElement.scrollWidth <= {width}")

@@ -164,6 +164,25 @@ def test_the_figures_show_the_peak_and_what_is_left() -> None:
     assert max(shown.data[0].y) > 10 * max(shown.data[1].y)
 
 
+def test_the_noise_that_the_fit_took_is_drawn_beside_the_stated_one() -> None:
+    """Where the noise is coloured, the white line alone would show a residual far above 'the noise'."""
+    edges, density = np.array([0.0, 50.0, 100.0, 5000.0]), np.array([100.0, 4.0, 1.0])
+    steps = over_frequency(residuals(), (edges, density), named=True).data[-1]
+    white = SIGMA * 1e6 * np.sqrt(2 / RATE)
+    assert np.interp(75.0, steps.x, steps.y) == pytest.approx(2 * white, rel=1e-5)
+    assert steps.y[0] == pytest.approx(10 * white, rel=1e-5)
+    assert steps.y[-1] == pytest.approx(white, rel=1e-5)
+    assert max(steps.x) == 5000.0
+
+
+def test_what_is_not_told_apart_is_no_headline_of_one_name(record: Record, named: Diagnosis) -> None:
+    cause = replace(named.causes[0], rivals=("amplifier_bandwidth",), next_experiment="a wider band")
+    page = diagnosis_page(record, replace(named, causes=(cause,)))
+    assert page.headline[0] == ("time delay or amplifier bandwidth", "not told apart by this record")
+    assert "time delay or amplifier bandwidth, which this record does not tell apart" in page.subtitle
+    assert "With it in the model" not in page.subtitle
+
+
 def test_an_envelope_keeps_the_extremes() -> None:
     time, values = np.arange(50000) / RATE, np.zeros(50000)
     values[31415], values[27182] = 7.0, -8.0
@@ -174,7 +193,7 @@ def test_an_envelope_keeps_the_extremes() -> None:
     assert (np.diff(t) >= 0).all()
 
 
-def test_a_model_that_left_its_table_is_drawn_as_no_bar() -> None:
+def test_a_model_that_left_its_table_is_drawn_as_no_dot() -> None:
     made = gain_figure([Accuracy(followed(float("inf")), followed(1e-6), followed(5e-8))], named=True)
     assert np.isnan(made.data[0].x[0])
     assert made.data[1].x[0] == pytest.approx(20)
