@@ -10,6 +10,7 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import LANES, RowLayout
+from msl_fem.computing.quintic_cell import N_CELL, PADDED
 from msl_fem.plant.effects import expressions
 from msl_fem.plant.effects.electrical import N_QUEUE
 from msl_fem.plant.effects.magnetic import N_EDDY
@@ -64,9 +65,6 @@ N_BLOCK = _BLOCK.size
 _MUTUAL = RowLayout()
 # The cell of the coenergy of both sides: coefficients, lower and upper edge of each variable, what a lane looks for;
 # then what is left of the coefficients at a position, value and slope over it; and at current 2 too (`mutual_flux.py`).
-# The six powers of current 1 are filled up with zeros, so that the machine takes them at once.
-PADDED = 8
-N_CELL = 36 * PADDED
 MUTUAL_CELL = _MUTUAL.row(N_CELL)
 MUTUAL_LOW, MUTUAL_HIGH, MUTUAL_POINT = _MUTUAL.rows(3, 3)
 MUTUAL_VALUE, MUTUAL_RISE = _MUTUAL.rows(2, 6 * PADDED)

@@ -10,6 +10,7 @@ same factor as theirs; a tilted armature's is that of a parallel one.
 
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Flag, Rows, Value, every, fma, lane_of, set_lane, width
+from msl_fem.computing.quintic_cell import N_CELL, PADDED
 from msl_fem.plant.effects import magnetic
 from msl_fem.plant.layout import (
     CIRCUIT_1,
@@ -22,8 +23,6 @@ from msl_fem.plant.layout import (
     MUTUAL_POINT,
     MUTUAL_RISE,
     MUTUAL_VALUE,
-    N_CELL,
-    PADDED,
     SHARED,
     SHARED_ENERGY,
     SHARED_FLUX,

@@ -7,6 +7,7 @@ import numpy as np
 
 from msl_fem.actuator import Actuator, Motion
 from msl_fem.computing.arrays import Array
+from msl_fem.computing.quintic_cell import expanded
 from msl_fem.errors import ActuatorError
 from msl_fem.table.coenergy_surface import CoenergySurface
 from msl_fem.table.magnetic_table import MagneticTable
@@ -19,8 +20,7 @@ _DRIVE_CODE = {"current": CURRENT_DRIVE, "voltage": VOLTAGE_DRIVE, "force": FORC
 class MutualSurface(NamedTuple):
     """The arrays of a `PairSurface`: nodes of the position (m) and of both magnets' currents (A), (n,) each.
 
-    `coefficients` (n_cell, 6 x 6 x 8) by position, current 1, current 2, each cell's by powers of position, current 2,
-    current 1, the order in which the kernel sums them; zeros behind the last ones.
+    `coefficients` (n_cell, N_CELL) are those of `computing.quintic_cell.expanded`.
     """
 
     position: Array
@@ -141,13 +141,10 @@ def as_surface(fitted: CoenergySurface) -> Surface:
 
 
 def _mutual_surface(surface: PairSurface) -> MutualSurface:
-    """The surface, its cells' coefficients in the order in which the kernel sums them."""
-    powers = surface.coefficients.reshape(-1, 6, 6, 6)  # current 2, current 1, position
-    cells = np.zeros((len(powers), 6, 6, 8))  # zeros behind the six powers of current 1
-    cells[..., :6] = powers.transpose(0, 3, 1, 2)
+    """The arrays of the surface, for compiled functions."""
     nodes = surface.position, surface.current_1, surface.current_2
     x, i, j = (np.array(a, dtype=np.float64, order="C") for a in nodes)
-    return MutualSurface(x, i, j, cells.reshape(len(powers), -1))
+    return MutualSurface(x, i, j, expanded(x, i, j, surface.hermite))
 
 
 def _angular(frequency: float | None) -> float:

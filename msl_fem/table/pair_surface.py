@@ -13,12 +13,13 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled, for_few
+from msl_fem.computing.quintic_cell import AT_NODE, N_CELL, ORDERS, PADDED, expand_cell
 from msl_fem.computing.splines import spline_derivative
 from msl_fem.errors import OutOfTable
 from msl_fem.files.quantity import format_quantity
-from msl_fem.table.coenergy_surface import FEW, HermiteSpline, cell_of
+from msl_fem.table.coenergy_surface import HermiteSpline, cell_of
 
-N = 6  # coefficients a direction of a cell: quintic
+FEW = 4  # points that Python evaluates sooner than it loads the compiler
 DERIVATIVES = ("", "1", "2", "x", "11", "22", "12", "x1", "x2", "xx")
 """Rows of an evaluation: the value, then its derivatives along the position x and the currents 1 and 2."""
 CORNERS = ("", "x", "1", "2", "x1", "x2", "12", "x12")
@@ -34,13 +35,14 @@ class PairSurface:
     Attributes
     ----------
     position, current_1, current_2 : (n_x,), (n_1,), (n_2,) nodes
-    coefficients : (n_x - 1, n_1 - 1, n_2 - 1, 6, 36): powers of current 2, then those of current 1 and position
+    hermite : (n_x, n_1, n_2, 27): derivatives of order 0, 1, 2 along the position, current 2 and current 1, the last
+        the fastest; they determine the polynomial of each cell (`computing.quintic_cell`)
     """
 
     position: Array
     current_1: Array
     current_2: Array
-    coefficients: Array
+    hermite: Array
 
     def __call__(self, position: Array, current_1: Array, current_2: Array) -> Array:
         """(10, ...) `DERIVATIVES`; nan outside the block of nodes."""
@@ -48,7 +50,7 @@ class PairSurface:
         x, i, j = (np.array(v).ravel() for v in points)
         out = np.empty((len(DERIVATIVES), x.size))
         evaluated = for_few(evaluate_many_pairs) if x.size <= FEW else evaluate_many_pairs
-        evaluated(self.position, self.current_1, self.current_2, self.coefficients, x, i, j, out)
+        evaluated(self.position, self.current_1, self.current_2, self.hermite, x, i, j, out)
         return out.reshape(len(DERIVATIVES), *points[0].shape)
 
 
@@ -64,10 +66,19 @@ def fit_pair_surface(position: Array, current_1: Array, current_2: Array, nodes:
     data: dict[Orders, Array] = {_orders(name): nodes[name] for name in CORNERS}
     for axis, places in enumerate(axes):
         data = _stacked_along(axis, places, data)
-    taylor = [HermiteSpline(places, symmetric_start=False).taylor for places in axes]
-    coefficients = np.einsum("apx,bqy,crz,xyz->abcrqp", *taylor, data[0, 0, 0], optimize=True)
-    shape = (*(places.size - 1 for places in axes), N, N * N)
-    return PairSurface(*axes, np.ascontiguousarray(coefficients).reshape(shape))
+    at_nodes = [_derivatives_at_nodes(places) for places in axes]
+    hermite = np.einsum("apx,bqy,crz,xyz->pqracb", *at_nodes, data[0, 0, 0], optimize=True)
+    return PairSurface(*axes, np.ascontiguousarray(hermite).reshape(*(places.size for places in axes), AT_NODE))
+
+
+def _derivatives_at_nodes(places: Array) -> Array:
+    """(3, n, 2 n + 2): value, slope and second derivative of a `HermiteSpline` at its nodes, by what it takes."""
+    n = places.size
+    to_nodes = np.zeros((ORDERS, n, 2 * n + 2))
+    to_nodes[0, :, :n] = to_nodes[1, :, n : 2 * n] = np.eye(n)
+    to_nodes[2, :-1] = 2 * HermiteSpline(places, symmetric_start=False).taylor[:, 2]
+    to_nodes[2, -1, -1] = 1.0  # the condition at the end
+    return to_nodes
 
 
 def _orders(name: str) -> Orders:
@@ -132,25 +143,18 @@ class SharedCoenergy:
 
 
 @compiled
-def evaluate_pair(position, current_1, current_2, coefficients, x, i, j, across, along, out):  # type: ignore[no-untyped-def]
-    """The `DERIVATIVES` at (x, i, j) into out (10,), by scratch across (3, 36), along (6, 6); False, nan outside."""
-    inside = position[0] <= x <= position[-1]
-    inside = inside and current_1[0] <= i <= current_1[-1] and current_2[0] <= j <= current_2[-1]
-    if not inside:
-        out[:] = np.nan
-        return False
-    k, m, n = cell_of(position, x), cell_of(current_1, i), cell_of(current_2, j)
-    y, u, v = x - position[k], i - current_1[m], j - current_2[n]
-    powers = coefficients[k, m, n]
-    for k in range(36):  # along current 2: value, first and half the second derivative
-        a = b = c = 0.0
-        for r in range(5, -1, -1):
-            c = c * v + b
-            b = b * v + a
-            a = a * v + powers[r, k]
-        across[0, k] = a
-        across[1, k] = b
-        across[2, k] = c
+def evaluate_cell(cell, y, u, v, across, along, out):  # type: ignore[no-untyped-def]
+    """The `DERIVATIVES` at local coordinates into out (10,), by scratch across (3, 36), along (6, 6)."""
+    for p in range(6):
+        for q in range(6):  # along current 2: value, first and half the second derivative
+            a = b = c = 0.0
+            for r in range(5, -1, -1):
+                c = c * v + b
+                b = b * v + a
+                a = a * v + cell[(6 * p + r) * PADDED + q]
+            across[0, 6 * q + p] = a
+            across[1, 6 * q + p] = b
+            across[2, 6 * q + p] = c
     for p in range(6):  # along current 1
         a = b = c = 0.0
         a_2 = b_2 = a_22 = 0.0
@@ -190,13 +194,22 @@ def evaluate_pair(position, current_1, current_2, coefficients, x, i, j, across,
     out[7] = w_1x
     out[8] = w_2x
     out[9] = 2.0 * w_xx
-    return True
 
 
 @compiled
-def evaluate_many_pairs(position, current_1, current_2, coefficients, x, i, j, out):  # type: ignore[no-untyped-def]
-    """`evaluate_pair` for arrays x, i, j (n,) into out (10, n)."""
-    across = np.empty((3, 36))
-    along = np.empty((6, 6))
-    for k in range(x.size):
-        evaluate_pair(position, current_1, current_2, coefficients, x[k], i[k], j[k], across, along, out[:, k])
+def evaluate_many_pairs(position, current_1, current_2, hermite, x, i, j, out):  # type: ignore[no-untyped-def]
+    """The `DERIVATIVES` at points x, i, j (n,) into out (10, n); nan outside the nodes."""
+    across, along, cell = np.empty((3, 36)), np.empty((6, 6)), np.zeros(N_CELL)
+    last = (-1, -1, -1)
+    for r in range(x.size):
+        inside = position[0] <= x[r] <= position[-1]
+        inside = inside and current_1[0] <= i[r] <= current_1[-1] and current_2[0] <= j[r] <= current_2[-1]
+        if not inside:
+            out[:, r] = np.nan
+            continue
+        at = cell_of(position, x[r]), cell_of(current_1, i[r]), cell_of(current_2, j[r])
+        if at != last:
+            expand_cell(position, current_1, current_2, hermite, at[0], at[1], at[2], cell)
+            last = at
+        y, u, v = x[r] - position[at[0]], i[r] - current_1[at[1]], j[r] - current_2[at[2]]
+        evaluate_cell(cell, y, u, v, across, along, out[:, r])
