@@ -28,9 +28,9 @@ from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.table.magnetic_table import SECTION
 from msl_fem.table.pair_table import MIRRORED, PAIR_NODES, PairTable
 
-DEFAULT_POSITIONS, DEFAULT_CURRENTS = 13, 14
+DEFAULT_POSITIONS, DEFAULT_CURRENTS = 19, 16
 """Of the whole travel, and of one sign of a current, 0 included."""
-_DENSER_ENDS, _PROBED, _TRIED = 0.23, 33, (0.0, 0.4, 0.8, 1.0)
+_DENSER_ENDS, _PROBED, _TRIED = 0.4, 33, (0.0, 0.4, 0.8, 1.0)
 _EVEN = 0.3
 CHECKS = 6
 """Every so many midpoints of the second current are solved to state the interpolation error."""
