@@ -284,7 +284,7 @@ def thermal_to_json(
 
 def thermal_columns(fields: dict[str, Any]) -> dict[str, list[str]]:
     """The limit as columns of the map's table for people; none where it is not known."""
-    rows = {"bears in A": fields.get("continuous_current_A")}
+    rows = {"continuous in A": fields.get("continuous_current_A")}
     if fields.get("thermal", {}).get("duty", 1.0) < 1:
         rows["at duty in A"] = fields.get("duty_current_A")
     return {

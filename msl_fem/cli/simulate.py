@@ -25,6 +25,7 @@ from msl_fem.plant.excitation import DRIVE_UNIT, Reference, load_excitations, re
 from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.plant.sampled_plant import clock_of, simulate_closed
+from msl_fem.plant.simulate import Options
 from msl_fem.record import check_record_folder, write_record
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -89,12 +90,25 @@ def command(
     map_file: Annotated[
         Path | None, typer.Option("--map", help="Operating map (JSON); a run that leaves it is refused.")
     ] = None,
-    rate: Annotated[str, typer.Option(help="Samples a second.")] = "10 kHz",
-    seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise.")] = 1,
+    rate: Annotated[str, typer.Option(help="Sampling rate of the record.")] = "10 kHz",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the sensors' noise.")] = 1,
+    locked: Annotated[bool, typer.Option("--locked", help="Hold the mover where it starts.")] = False,
+    position: Annotated[
+        str, typer.Option(help='Where the mover starts, towards side 1, like "0.2 mm" or "-0.5 mm".')
+    ] = "0 mm",
     effect: Causes = None,
     json: Json = False,
 ) -> None:
-    """The coupled model under an excitation, written as a record."""
+    """The coupled model under an excitation, written as a record.
+
+    Commands are in A, V or N, by the drive. With --locked the mover is held: a voltage step then shows R and L. Where
+    the actuator file states motion.end_stop, the mover may be pulled in: the run goes on at the stop.
+
+    Examples:
+      msl-fem simulate servo.toml --excitation "sine:bias=0.6 A,amplitude=50 mA,frequency=20 Hz,duration=1 s" -o run
+      msl-fem simulate relay.toml --excitation "step:amplitude=4 V,duration=0.5 s" --locked -o step
+      msl-fem simulate relay.toml --excitation "step:amplitude=12 V,duration=0.2 s" --position "-0.8 mm" -o pull_in
+    """
     model = load_extended_model(actuator)
     model = replace(model, effects=stated_causes(read_causes(effect), model.effects))
     it = model.actuator
@@ -103,6 +117,7 @@ def command(
     unit = DRIVE_UNIT[it.drive.kind]
     excitations = [one for text in excitation for one in load_excitations(text, unit=unit)]
     sampling = read_option("--rate", rate, "Hz")
+    start = Options(position=read_option("--position", position, "m"), locked=locked)
     if not sampling > 0:
         raise InputError(f'--rate {rate} is not allowed; it must be above 0 Hz, like "10 kHz"')
     with sole_run(output):
@@ -119,13 +134,18 @@ def command(
                 progress(n, len(excitations))
                 name = one.name.replace("-", "_") + (f"_{n + 1}" if len(excitations) > 1 else "")
                 if one.loop == "closed":
+                    _refuse_beside_loop(start)
                     assert loop is not None
                     runs.append(
                         _closed_loop(model, magnet_table, one, name, rate=sampling, loop=loop, generator=generator)
                     )
                 else:
-                    run = _open_loop(model, magnet_table, one, rate=sampling, guard=guard, generator=generator)
-                    runs.append(NamedRun(name, one.spec, one.role, run))
+                    run = refused_unless_borne(
+                        it, magnet_table, one, rate=sampling, effects=model.effects if model.effects.stated else None,
+                        guard=guard, generator=generator, options=start,
+                    )  # fmt: skip
+                    words = f"{one.spec}; mover locked at {position}" if locked else one.spec
+                    runs.append(NamedRun(name, words, one.role, run))
             progress(len(excitations), len(excitations))
         record = simulation_record(it, runs, controller=None if loop is None else loop.section)
         write_record(record, output)
@@ -140,25 +160,34 @@ def command(
                 "samples_at_current_limit": run.simulation.samples_at_current_limit,
                 "samples_at_voltage_limit": run.simulation.samples_at_voltage_limit,
             }
+            | _at_the_stop(it, run.simulation)
             for run in runs
         },
     }
     print_result(fields, as_json=json, title=f"{it.name}: record {output}")
 
 
-def _open_loop(
-    model: ExtendedModel,
-    table: MagneticTable | None,
-    excitation: Excitation,
-    *,
-    rate: float,
-    guard: Guard | None,
-    generator: np.random.Generator,
-) -> Simulation:
-    return refused_unless_borne(
-        model.actuator, table, excitation, rate=rate, effects=model.effects if model.effects.stated else None,
-        guard=guard, generator=generator,
-    )  # fmt: skip
+def _refuse_beside_loop(start: Options) -> None:
+    if start.locked or start.position:
+        raise InputError("loop=closed starts at its reference, free to move; leave out --locked and --position")
+
+
+def _at_the_stop(actuator: Actuator, run: Simulation) -> dict[str, Any]:
+    """Of a run with end stops: when the mover first touched one, how fast it came (a sample before), what was lost."""
+    stop = actuator.motion.end_stop if actuator.motion is not None else None
+    if stop is None:
+        return {}
+    away = np.flatnonzero(np.abs(run.position) < stop * (1 - 1e-9))
+    first = int(away[0]) if away.size else run.time.size
+    touching = first + np.flatnonzero(np.abs(run.position[first:]) >= stop * (1 - 1e-9))
+    if not touching.size:
+        return {"first_contact_s": None, "contact_speed_m_per_s": None, "impact_loss_J": float(run.audit.impact)}
+    k = int(touching[0])
+    return {
+        "first_contact_s": float(run.time[k]),
+        "contact_speed_m_per_s": float(abs(run.velocity[k - 1])),
+        "impact_loss_J": float(run.audit.impact),
+    }
 
 
 def _closed_loop(

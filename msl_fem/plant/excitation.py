@@ -73,8 +73,16 @@ def _excitation_of(content: dict[str, Any], *, unit: Unit, where: str) -> Excita
     try:
         return kind.model_validate({**content, "unit": "m" if content.get("loop") == "closed" else unit})
     except ValidationError as err:
-        keys = f"; {content['name']} takes {_keys(kind)}" if has_unknown_key(err) else ""
-        raise InputError(f"{where}: {first_complaint(err)}{keys}") from err
+        if not has_unknown_key(err):
+            raise InputError(f"{where}: {first_complaint(err)}") from err
+        kinds: dict[str, list[str]] = {"extra_forbidden": [], "missing": []}
+        for one in err.errors():
+            if one["type"] in kinds:
+                kinds[one["type"]].append(str(one["loc"][-1]))
+        lacking = f", {' and '.join(kinds['missing'])} missing" if kinds["missing"] else ""
+        raise InputError(
+            f"{where}: {' and '.join(kinds['extra_forbidden'])} unknown{lacking}; {content['name']} takes {_keys(kind)}"
+        ) from err
 
 
 def _keys(kind: type[Excitation]) -> str:

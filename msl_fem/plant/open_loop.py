@@ -14,7 +14,7 @@ from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.plant.layout import OK, OUT_I1, OUT_I2, initial_state
 from msl_fem.plant.operating_point import resting_point, stability_limit
 from msl_fem.plant.plant import PlantParameters, plant_parameters, surface_of
-from msl_fem.plant.simulate import Simulation, integrate, simulate
+from msl_fem.plant.simulate import Options, Simulation, integrate, simulate
 from msl_fem.plant.step_count import default_substeps
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -44,14 +44,24 @@ def check_open_loop(actuator: Actuator, table: MagneticTable | None, inputs: Inp
     window = int(min(max(1, round(min(period, inputs.time.size / inputs.rate) * inputs.rate)), inputs.time.size))
     for start, rms in _telling_windows(currents, window):
         if not _rests(actuator, table, rms, 1.0):
-            limit = stability_limit(actuator, table)
-            known = f"up to {limit:.3g} A RMS on all sides at x = 0" if math.isfinite(limit) else "for smaller currents"
+            stated = f"{rms[0]:.3g} A RMS" + ("" if plant.sides == 1 else f" on side 1 and {rms[1]:.3g} A on side 2")
             raise InputError(
-                f"{actuator.name}: from t = {start / inputs.rate:.4g} s the inputs make {rms[0]:.3g} A RMS on side 1 "
-                f"and {rms[1]:.3g} A on side 2 (over {window / inputs.rate * 1e3:.3g} ms); the open loop is stable "
-                f"{known}; scale the currents by {_bearable(actuator, table, rms):.2g}, or follow a "
-                "reference in closed loop ('msl-fem control')"
+                f"{actuator.name}: from t = {start / inputs.rate:.4g} s the inputs make {stated} (over "
+                f"{window / inputs.rate * 1e3:.3g} ms); {_way_out(actuator, table, rms)}"
             )
+
+
+def _way_out(actuator: Actuator, table: MagneticTable, rms: tuple[float, float]) -> str:
+    """What the open loop bears, and what to do; a mover that nothing holds has other ways than smaller currents."""
+    limit, factor = stability_limit(actuator, table), _bearable(actuator, table, rms)
+    others = (
+        "hold the mover (simulate --locked), state motion.end_stop so that it has something to be pulled against, or "
+        "follow a reference in closed loop ('msl-fem control')"
+    )
+    if factor <= 0:
+        return f"no such current leaves the mover at rest in open loop, for nothing holds it; {others}"
+    known = f"up to {limit:.3g} A RMS on all sides at x = 0" if math.isfinite(limit) else "for smaller currents"
+    return f"the open loop is stable {known}; scale the currents by {factor:.2g}, {others}"
 
 
 def _locked_currents(actuator: Actuator, plant: PlantParameters, table: MagneticTable, inputs: Inputs) -> Array:
@@ -140,8 +150,11 @@ def refused_unless_borne(
     effects: EffectValues | None = None,
     guard: Guard | None = None,
     generator: np.random.Generator | None = None,
+    options: Options | None = None,
 ) -> Simulation:
     """The run of an excitation as it stands.
+
+    A mover that is locked, or that has end stops to be pulled against, bears every excitation: a pull-in is a run.
 
     Raises
     ------
@@ -149,9 +162,14 @@ def refused_unless_borne(
         amplitude that is borne
     """
     inputs = excitation_inputs(actuator, excitation, rate=rate)
+    options = options or Options()
+    if options.locked or (actuator.motion is not None and actuator.motion.end_stop is not None):
+        run = simulate(actuator, table, inputs, effects=effects, generator=generator, options=options)
+        check_map(actuator, run, guard)
+        return run
     try:
         check_open_loop(actuator, table, inputs)
-        run = simulate(actuator, table, inputs, effects=effects, generator=generator)
+        run = simulate(actuator, table, inputs, effects=effects, generator=generator, options=options)
         check_map(actuator, run, guard)
         return run
     except (InputError, ComputationError) as err:

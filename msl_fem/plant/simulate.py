@@ -60,6 +60,7 @@ class Options:
     currents, position, velocity : where it starts, A of each side, m, m/s
     substeps : Runge-Kutta steps a sample; None: `default_substeps`
     partial : give what was reached instead of raising where a run cannot go on
+    locked : the mover is held where it starts, whatever pulls at it; effects act all the same
     """
 
     currents: tuple[float, float] = (0.0, 0.0)
@@ -67,6 +68,7 @@ class Options:
     velocity: float = 0.0
     substeps: int | None = None
     partial: bool = False
+    locked: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +151,8 @@ def simulate(
         e = effect_coefficients(plant, surface, effects, step=1.0 / (inputs.rate * substeps), n_step=substeps)
         start_effects(surface, plant, e, state)
     start = state.copy()
-    status, out = integrate(surface, plant, inputs, state=state, substeps=substeps, effects=e)
+    moved = plant._replace(mass=math.inf, end_stop=None) if options.locked else plant
+    status, out = integrate(surface, moved, inputs, state=state, substeps=substeps, effects=e)
     if status != OK and not options.partial:
         raise ComputationError(_complaint(actuator, table, status, time=len(out) / inputs.rate, state=state))
     n = len(out)
