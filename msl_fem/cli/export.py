@@ -104,7 +104,7 @@ def _record(path: Path, kind: str, needs: str, *, table: Path | None) -> Source:
     if needs == MODEL:
         model = load_extended_model(path)
         effects = model.effects if model.effects.present else None
-        return ModelSource(model.actuator, _apart(table_for(model.actuator, table), table), effects)
+        return ModelSource(model.actuator, table_for(model.actuator, table), effects)
     if needs == CONTROLLER:
         return _controller(load_extended_model(path), table)
     magnet = read_table(path) if kind == TABLE else _table_of(load_actuator(path), table)
@@ -121,7 +121,8 @@ def _controller(model: ExtendedModel, table: Path | None) -> ControllerSource:
     actuator = model.actuator
     if lacking := actuator.lacking("magnet", "controller"):
         raise InputError(f"{actuator.name} has no {lacking}; a controller needs [magnet] and [controller]")
-    magnet = _table_of(actuator, table)
+    magnet = table_for(actuator, table)
+    assert magnet is not None
     regions = operating_map(magnet)
     if not model.effects.present:
         return ControllerSource(design_controller(actuator, magnet, regions), regions)
@@ -129,18 +130,13 @@ def _controller(model: ExtendedModel, table: Path | None) -> ControllerSource:
     return ControllerSource(designed(known, ControllerChoice()), regions)
 
 
-def _apart(table: MagneticTable | None, given: Path | None) -> MagneticTable | None:
-    """The table, where it knows one magnet alone."""
-    if table is not None and table.shared is not None:
-        raise InputError(
-            f"{given or 'the table'} is of two magnets with one armature; models and controllers leave with the table "
-            "of one magnet alone: give that, or export the pair's own table (mat, csv) and its map (c)"
-        )
-    return table
-
-
 def _table_of(actuator: Actuator, given: Path | None) -> MagneticTable:
-    table = _apart(table_for(actuator, given), given)
+    table = table_for(actuator, given)
     if table is None:
         raise InputError(f"{actuator.name} has no [magnet], so there is no table to export")
+    if table.shared is not None:
+        raise InputError(
+            f"{given or 'the table'} is of two magnets with one armature and this is of one magnet alone: give its "
+            "table, or export the pair's own table (mat, csv, c) and its map (c)"
+        )
     return table

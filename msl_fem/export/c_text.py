@@ -28,7 +28,8 @@ def c_number(value: float) -> str:
         return "NAN"
     if math.isinf(value):
         return "INFINITY" if value > 0 else "-INFINITY"
-    return re.sub(r"\.?0*p", "p", value.hex(), count=1)
+    mantissa, _, exponent = value.hex().partition("p")
+    return f"{mantissa.rstrip('0').rstrip('.')}p{exponent}"
 
 
 def c_rows(values: ArrayLike, *, of: str = "double") -> str:
@@ -43,10 +44,12 @@ def c_rows(values: ArrayLike, *, of: str = "double") -> str:
 def _lines(texts: list[str]) -> Iterable[list[str]]:
     """As many on a line as fit."""
     line: list[str] = []
+    length = -len(", ")
     for text in texts:
-        if line and len(", ".join([*line, text])) > _LONGEST_LINE:
+        length += len(", ") + len(text)
+        if line and length > _LONGEST_LINE:
             yield line
-            line = []
+            line, length = [], len(text)
         line.append(text)
     yield line
 

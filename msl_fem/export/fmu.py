@@ -16,6 +16,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from msl_fem.errors import InputError
+from msl_fem.export.c_pair_table import shared_header
 from msl_fem.export.c_table import table_header
 from msl_fem.export.c_text import c_prefix, c_source
 from msl_fem.export.fmu_library import FLAGS, compile_library
@@ -66,7 +67,9 @@ def fmu_files(source: ModelSource, *, name: str | None = None) -> dict[str, byte
     texts["sources/actuator.h"] = c_source("actuator.h.j2", content)
     if source.table is not None and content["plant"].sides:
         texts["sources/magnet_table.h"] = table_header(source.table, name="magnet")
-    printed = plant_source(content["plant"], effects=source.effects is not None)
+        if source.table.shared is not None:
+            texts["sources/shared_table.h"] = shared_header(source.table, name="pair")
+    printed = plant_source(content["plant"], effects=source.effects is not None, pair=content["pair"])
     texts |= {f"sources/{path}": _BEFORE + text for path, text in printed.items()}
     unnamed = c_source("fmu_variables.h.j2", content)
     content["guid"] = _guid([*texts.values(), unnamed])
@@ -102,6 +105,7 @@ def _content(source: ModelSource, name: str | None) -> dict[str, Any]:
         "guid": "",
         "plant": plant,
         "channels": channel_count(plant),
+        "pair": table is not None and plant.sides > 0 and table.shared is not None,
         "rectangle": table.rectangle if table is not None and plant.sides else "",
         "kinds": kinds,
         "effects": [] if effects is None else effect_variables(plant, effects),

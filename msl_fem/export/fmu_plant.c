@@ -5,9 +5,25 @@
 #if SIDES > 0
 #include "magnet_table.h"
 #endif
+#if PAIR
+#include "shared_table.h"
+#endif
 #include "plant_functions.h"
 
-#if SIDES > 0
+#if PAIR
+enum {
+    N_POSITION = sizeof pair_shared_position_ / sizeof *pair_shared_position_,
+    N_FIRST = sizeof pair_shared_current_1_ / sizeof *pair_shared_current_1_,
+    N_SECOND = sizeof pair_shared_current_2_ / sizeof *pair_shared_current_2_
+};
+/* The cells of what both sides have in common, expanded before the first model begins; every model has the same. */
+static double shared_cells[(N_POSITION - 1) * (N_FIRST - 1) * (N_SECOND - 1)][36 * PADDED];
+static int expanded;
+static const Cells cells = {
+    magnet_table_gap_, magnet_table_current_, &magnet_table_coenergy_[0][0][0][0], MAGNET_TABLE_GAPS, MAGNET_TABLE_CURRENTS,
+    {pair_shared_position_, pair_shared_current_1_, pair_shared_current_2_, &shared_cells[0][0], N_POSITION, N_FIRST, N_SECOND,
+     PADDED}};
+#elif SIDES > 0
 static const Cells cells = {
     magnet_table_gap_, magnet_table_current_, &magnet_table_coenergy_[0][0][0][0], MAGNET_TABLE_GAPS, MAGNET_TABLE_CURRENTS};
 #else
@@ -70,6 +86,12 @@ static void begin(const PlantParameters *p, PlantState *state, const double curr
 int plant_start(const PlantParameters *p, PlantState *state, const double current[2], double position, double velocity)
 {
     double row[N_OUT];
+#if PAIR
+    if (!expanded)
+        pair_shared_expand_all_(
+            pair_shared_position_, pair_shared_current_1_, pair_shared_current_2_, pair_shared_nodes_, shared_cells);
+    expanded = 1;
+#endif
     begin(p, state, current, position, velocity);
 #if EFFECTS
     {

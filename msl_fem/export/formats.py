@@ -62,6 +62,7 @@ FORMATS = (
     Format("c", "controller", CONTROLLER, "msl_fem.export.c_controller:write", named=True, asked=True),
     Format("csv", "table", TABLE, "msl_fem.export.table_formats:write_csv"),
     Format("mat", "table", TABLE, "msl_fem.export.table_formats:write_mat"),
+    Format("c", "table", PAIR_TABLE, "msl_fem.export.c_pair_table:write", named=True),
     Format("csv", "table", PAIR_TABLE, "msl_fem.export.pair_formats:write_pair_csv"),
     Format("mat", "table", PAIR_TABLE, "msl_fem.export.pair_formats:write_pair_mat"),
     Format("modelica", "table", TABLE, "msl_fem.export.table_formats:write_modelica"),

@@ -15,15 +15,22 @@ from msl_fem.plant.step import look_at
 HISTORY_DEPTH = 256
 """Samples that are kept of the channels: a reading can be late by two less."""
 ROWS = Pointer()
-CELLS = RecordType(
-    "Cells",
-    (
-        *((name, Pointer(fixed=True)) for name in ("gap", "current", "coefficients")),
-        ("n_gap", WHOLE),
-        ("n_current", WHOLE),
-    ),
-    (("mutual", None),),
+_CELLS = (
+    *((name, Pointer(fixed=True)) for name in ("gap", "current", "coefficients")),
+    ("n_gap", WHOLE),
+    ("n_current", WHOLE),
 )
+CELLS = RecordType("Cells", _CELLS, (("mutual", None),))
+"""Of one magnet's table."""
+_MUTUAL_CELLS = RecordType(
+    "MutualCells",
+    (
+        *((name, Pointer(fixed=True)) for name in ("position", "current_1", "current_2", "coefficients")),
+        *((name, WHOLE) for name in ("n_position", "n_current_1", "n_current_2", "n_power")),
+    ),
+)
+CELLS_OF_PAIR = RecordType("Cells", (*_CELLS, ("mutual", _MUTUAL_CELLS)))
+"""Of the table of a pair."""
 END_STOP = RecordType("EndStop", tuple((name, REAL) for name in EndStop._fields), optional=True)
 _HISTORY = Pointer((HISTORY_DEPTH, N_HISTORY))
 _READ = {"delay": (N_READING,), "polynomial": (N_READING, 4), "drift": (N_READING, 3), "hum": (N_READING, 2)}
@@ -49,6 +56,7 @@ _NAMED = (
     "N_STATE", "N_WORK", "N_OUT", "OK", "OUTSIDE_TABLE", "NOT_FINITE", "OUTSIDE_RANGE", "I1", "I2", "X", "V", "SENSOR",
     "ENERGY_ELECTRICAL", "ENERGY_COPPER", "ENERGY_DAMPING", "ENERGY_EXTERNAL", "ENERGY_IMPACT", "AT_CURRENT_LIMIT_1",
     "AT_VOLTAGE_LIMIT_1", "COIL_1", "MEAN_VOLTAGE_1", "STEPS_DONE", "CIRCUIT_2", "INDUCTANCE", "OUT_I1", "OUT_FLUX_1",
+    "PADDED",
 )  # fmt: skip
 """Names of the layout that fmu_plant.c takes."""
 
@@ -67,15 +75,17 @@ def setting_record(plant: RecordType) -> RecordType:
     return RecordType("KernelSetting", tuple((n, plant if n == "plant" else REAL) for n in KernelSetting._fields))
 
 
-def plant_source(plant: PlantParameters, *, effects: bool) -> dict[str, str]:
-    """File name to C: declarations, and the functions of a plant of that build, plain or with every effect."""
+def plant_source(plant: PlantParameters, *, effects: bool, pair: bool = False) -> dict[str, str]:
+    """File name to C: declarations, and the functions of a plant of that build, plain or with every effect; `pair`
+    says whether its sides have a table in common."""
     rule, voltages, motion = expressions.law_functions()
     laws = {expressions.set_laws: rule, expressions.voltage_laws: voltages, expressions.motion_laws: motion}
     printer, p = Printer(instead=laws), plant_record(plant)
     for name in _NAMED:
         printer.named(name, getattr(layout, name))
     e: Any = ROWS if effects else None
-    common = {"cells": CELLS, "p": p, "e": e}
+    cells = CELLS_OF_PAIR if pair else CELLS
+    common = {"cells": cells, "p": p, "e": e}
     at = {"j": WHOLE, "current": REAL, "gap": REAL}
     printer.add(layout.begin_at, {"p": p, "state": ROWS, "current_1": REAL, "current_2": REAL, "position": REAL,
                                   "velocity": REAL})  # fmt: skip
@@ -87,11 +97,11 @@ def plant_source(plant: PlantParameters, *, effects: bool) -> dict[str, str]:
         printer.add(side_gap, {"p": p, "e": e, "work": ROWS, "j": WHOLE})
         printer.add(side_pull, common | {"work": ROWS} | at)
     if effects:
-        _add_effects(printer, p)
+        _add_effects(printer, p, cells)
     return {"plant_records.h": printer.declarations, "plant_functions.h": printer.definitions}
 
 
-def _add_effects(printer: Printer, p: RecordType) -> None:
+def _add_effects(printer: Printer, p: RecordType, cells: RecordType) -> None:
     """What a run with effects needs beside: coefficients, the start, what the instruments read."""
     setting = setting_record(p)
     sizes = {"N_COEFFICIENT": N_COEFFICIENT, "N_PARAMETER": len(PARAMETER_INDEX), "HISTORY_DEPTH": HISTORY_DEPTH}
@@ -103,7 +113,7 @@ def _add_effects(printer: Printer, p: RecordType) -> None:
     printer.add(user_laws.set_added_reading, {"p": p, "e": ROWS, "state": ROWS, "work": ROWS})
     printer.add(look_at, {"e": ROWS, "state": ROWS, "work": ROWS})
     if dict(p.known)["sides"]:
-        printer.add(preparation.share_with_iron, {"cells": CELLS, "p": p, "e": ROWS, "rows": ROWS, "work": ROWS})
+        printer.add(preparation.share_with_iron, {"cells": cells, "p": p, "e": ROWS, "rows": ROWS, "work": ROWS})
     printer.add(set_instruments, {"v": values, "rate": REAL, **{n: Pointer(s) for n, s in _READ.items()}})
     printer.add(hum_frequency, {"v": values})
     printer.add(

@@ -197,19 +197,41 @@ def evaluate_cell(cell, y, u, v, across, along, out):  # type: ignore[no-untyped
 
 
 @compiled
+def cell_at(position, current_1, current_2, x, i, j):  # type: ignore[no-untyped-def]
+    """The nodes (k, m, n) at which the cell of a point begins; (-1, -1, -1) outside the nodes, or for no number."""
+    inside = position[0] <= x <= position[-1]
+    inside = inside and current_1[0] <= i <= current_1[-1] and current_2[0] <= j <= current_2[-1]
+    if not inside:
+        return -1, -1, -1
+    return cell_of(position, x), cell_of(current_1, i), cell_of(current_2, j)
+
+
+@compiled
+def evaluate_pair(position, current_1, current_2, hermite, x, i, j, cell, across, along, out):  # type: ignore[no-untyped-def]
+    """The `DERIVATIVES` at a point into out (10,), by scratch cell (N_CELL,), across (3, 36), along (6, 6); False
+    outside the nodes."""
+    k, m, n = cell_at(position, current_1, current_2, x, i, j)
+    if k < 0:
+        return False
+    expand_cell(position, current_1, current_2, hermite, k, m, n, cell)
+    evaluate_cell(cell, x - position[k], i - current_1[m], j - current_2[n], across, along, out)
+    return True
+
+
+@compiled
 def evaluate_many_pairs(position, current_1, current_2, hermite, x, i, j, out):  # type: ignore[no-untyped-def]
-    """The `DERIVATIVES` at points x, i, j (n,) into out (10, n); nan outside the nodes."""
+    """The `DERIVATIVES` at points x, i, j (n,) into out (10, n); nan outside the nodes. A cell is expanded once for the
+    points in it that follow one another."""
     across, along, cell = np.empty((3, 36)), np.empty((6, 6)), np.zeros(N_CELL)
     last = (-1, -1, -1)
     for r in range(x.size):
-        inside = position[0] <= x[r] <= position[-1]
-        inside = inside and current_1[0] <= i[r] <= current_1[-1] and current_2[0] <= j[r] <= current_2[-1]
-        if not inside:
+        at = cell_at(position, current_1, current_2, x[r], i[r], j[r])
+        k, m, n = at
+        if k < 0:
             out[:, r] = np.nan
             continue
-        at = cell_of(position, x[r]), cell_of(current_1, i[r]), cell_of(current_2, j[r])
         if at != last:
-            expand_cell(position, current_1, current_2, hermite, at[0], at[1], at[2], cell)
+            expand_cell(position, current_1, current_2, hermite, k, m, n, cell)
             last = at
-        y, u, v = x[r] - position[at[0]], i[r] - current_1[at[1]], j[r] - current_2[at[2]]
+        y, u, v = x[r] - position[k], i[r] - current_1[m], j[r] - current_2[n]
         evaluate_cell(cell, y, u, v, across, along, out[:, r])

@@ -51,8 +51,8 @@ def test_a_row_of_the_csv_is_a_node(msl_fem: Run, tmp_path: Path) -> None:
     assert float(row["force_N"]) == pytest.approx(float(pair().evaluate(*at)["force"]), rel=1e-9)
 
 
-@pytest.mark.parametrize("what", [("fmu",), ("c", "--what", "controller")])
-def test_models_leave_with_the_table_of_one_magnet(msl_fem: Run, tmp_path: Path, what: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("what", [("mat",), ("c", "--what", "table"), ("c", "--what", "guard")])
+def test_what_is_of_one_magnet_is_made_of_its_table(msl_fem: Run, tmp_path: Path, what: tuple[str, ...]) -> None:
     target = tmp_path / "made"
     complaint = msl_fem("export", SERVO, "--table", PAIR, "--to", *what, "-o", str(target)).complaint
     assert "is of two magnets with one armature" in complaint

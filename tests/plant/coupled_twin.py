@@ -12,6 +12,9 @@ from msl_fem.plant.plant import PlantParameters, plant_parameters, surface_of
 from msl_fem.plant.preparation import effect_coefficients, start_effects
 from msl_fem.plant.simulate import integrate
 from msl_fem.table.magnetic_table import MagneticTable
+from msl_fem.table.pair_surface import CORNERS, SharedCoenergy, fit_pair_surface
+
+MUTUAL = 4e-4  # H, of one magnet of each side
 
 
 def changed(actuator: Actuator, **sections: dict[str, object]) -> Actuator:
@@ -100,3 +103,25 @@ def kernel_run(
     out = integrate(surface, plant, inputs, state=state, substeps=steps, effects=e)[1]
     assert len(out) == inputs.time.size
     return out, energy_audit(surface, plant, e, start=start, end=state).imbalance, plant
+
+
+def shared_coenergy(shape: str, *, largest: float = 13.0) -> SharedCoenergy:
+    """D = M i j, "constant"; or with a mutual flux that position and currents change, "curved"."""
+    currents = np.linspace(-largest, largest, 9)
+    axes = np.linspace(-5e-4, 5e-4, 5), currents, currents
+    x, i, j = np.meshgrid(*axes, indexing="ij")
+    one, none = np.ones(x.shape), np.zeros(x.shape)
+    if shape == "constant":
+        nodes = {"": i * j, "1": j, "2": i, "12": one, "x": none, "x1": none, "x2": none, "x12": none}
+        return SharedCoenergy(fit_pair_surface(*axes, {name: MUTUAL * nodes[name] for name in CORNERS}), 1.2e-3)
+    u, v, k = i / 10, j / 10, 2e6
+    f, f_x = 1 - k * x**2 + 300 * x, 300 - 2 * k * x
+    h, h_1, h_2, h_12 = (
+        u * v - 0.2 * (u + v) ** 4 / 12,
+        v - 0.2 * (u + v) ** 3 / 3,
+        u - 0.2 * (u + v) ** 3 / 3,
+        1 - 0.2 * (u + v) ** 2,
+    )
+    nodes = {"": f * h, "1": f * h_1 / 10, "2": f * h_2 / 10, "12": f * h_12 / 100}
+    nodes |= {"x": f_x * h, "x1": f_x * h_1 / 10, "x2": f_x * h_2 / 10, "x12": f_x * h_12 / 100}
+    return SharedCoenergy(fit_pair_surface(*axes, {name: 100 * MUTUAL * nodes[name] for name in CORNERS}), 1.2e-3)

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from coupled_twin import changed, linear_table
+from coupled_twin import MUTUAL as M
+from coupled_twin import changed, linear_table, shared_coenergy
 from coupled_twin import kernel_run as run
 from effect_sets import ALL_EFFECTS, rough
 from scipy.integrate import solve_ivp
@@ -21,38 +22,15 @@ from msl_fem.plant.operating_point import equilibria, net_force
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.plant.simulate import Options, simulate
 from msl_fem.table.magnetic_table import MagneticTable
-from msl_fem.table.pair_surface import CORNERS, SharedCoenergy, fit_pair_surface
 
-M = 4e-4  # H, of one magnet of each side
 FLUX = layout.OUT_FLUX_1
 DRIVES = [{"bandwidth": None}, {"bandwidth": 1e3}, {"bandwidth": 2e4}, {"kind": "voltage", "bandwidth": None}]
 NAMES = ["ideal", "loop", "fast loop", "voltage"]
 
 
-def together(shape: str) -> SharedCoenergy:
-    """D = M i j, "constant"; or with a mutual flux that position and currents change, "curved"."""
-    axes = np.linspace(-5e-4, 5e-4, 5), np.linspace(-13.0, 13.0, 9), np.linspace(-13.0, 13.0, 9)
-    x, i, j = np.meshgrid(*axes, indexing="ij")
-    one, none = np.ones(x.shape), np.zeros(x.shape)
-    if shape == "constant":
-        nodes = {"": i * j, "1": j, "2": i, "12": one, "x": none, "x1": none, "x2": none, "x12": none}
-        return SharedCoenergy(fit_pair_surface(*axes, {name: M * nodes[name] for name in CORNERS}), 1.2e-3)
-    u, v, k = i / 10, j / 10, 2e6
-    f, f_x = 1 - k * x**2 + 300 * x, 300 - 2 * k * x
-    h, h_1, h_2, h_12 = (
-        u * v - 0.2 * (u + v) ** 4 / 12,
-        v - 0.2 * (u + v) ** 3 / 3,
-        u - 0.2 * (u + v) ** 3 / 3,
-        1 - 0.2 * (u + v) ** 2,
-    )
-    nodes = {"": f * h, "1": f * h_1 / 10, "2": f * h_2 / 10, "12": f * h_12 / 100}
-    nodes |= {"x": f_x * h, "x1": f_x * h_1 / 10, "x2": f_x * h_2 / 10, "x12": f_x * h_12 / 100}
-    return SharedCoenergy(fit_pair_surface(*axes, {name: 100 * M * nodes[name] for name in CORNERS}), 1.2e-3)
-
-
 @pytest.fixture(scope="module")
 def pair(table: MagneticTable) -> MagneticTable:
-    return replace(table, shared=together("curved"))
+    return replace(table, shared=shared_coenergy("curved"))
 
 
 @pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
@@ -62,7 +40,7 @@ def test_a_constant_mutual_inductance_is_that_of_the_plain_model(
     bench, inputs = changed(servo, drive=drive | {"voltage_limit": None}), rough(100)
     plant = plant_parameters(bench)
     by_number = run(bench, table, inputs, mutual=plant.polarity * plant.magnets * M)
-    by_table = run(bench, replace(table, shared=together("constant")), inputs)
+    by_table = run(bench, replace(table, shared=shared_coenergy("constant")), inputs)
     largest = np.abs(by_number[0]).max(axis=0)
     assert (np.abs(by_table[0] - by_number[0]).max(axis=0) <= 1e-10 * largest).all()
     alone = run(bench, table, inputs)[0]
@@ -189,7 +167,7 @@ def test_a_table_of_another_pair_is_refused(servo: Actuator, pair: MagneticTable
         simulate(changed(servo, sides={"count": 1}), pair, inputs)
     with pytest.raises(InputError, match=r"gaps are 1.2 mm together, the actuator's\s+are 1.4 mm"):
         simulate(changed(servo, motion={"nominal_gap": 7e-4}), pair, inputs)
-    shared = together("curved")
+    shared = shared_coenergy("curved")
     short = replace(shared, surface=replace(shared.surface, current_2=shared.surface.current_2 / 20))
     with pytest.raises(OutOfTable, match="current_2 -900 mA lies outside the table's block"):
         simulate(servo, replace(pair, shared=short), inputs, options=Options(currents=(0.5, 0.9)))
@@ -200,7 +178,7 @@ def test_a_pair_of_straight_magnets_has_a_closed_form(servo: Actuator) -> None:
     bench = changed(servo, motion={"moving_mass": 1e16}, drive={"kind": "voltage", "bandwidth": None})
     own, plant = 2 * 1.08e-5 / 6.3e-4, plant_parameters(bench)
     inputs = Inputs(np.full((100, 2), [10.0, 4.0]), 1e3)
-    out = run(bench, replace(linear_table(), shared=together("constant")), inputs)[0]
+    out = run(bench, replace(linear_table(), shared=shared_coenergy("constant")), inputs)[0]
     both = out[:, layout.OUT_I1 : layout.OUT_I1 + 2]
     for sign, volts in ((1, 14.0), (-1, 6.0)):
         inductance = own + sign * plant.polarity * plant.magnets * M
