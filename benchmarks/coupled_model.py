@@ -60,7 +60,7 @@ def single(surface: Surface, plant: PlantParameters, inputs: Inputs, effects: Ef
         state = initial_state(plant, 0.0, 0.0, 0.0, 0.0)
         if e is not None:
             start_effects(surface, plant, e, state)
-        status, done = kernel.run(surface, plant, e, state, commands, push, step, SUBSTEPS, out)
+        status, done = kernel.run(surface, plant, e, state, commands, push, step, SUBSTEPS, out, False)
         assert (status, done) == (0, commands.shape[0])
         return out
 

@@ -8,8 +8,8 @@ and the source of whatever else of the package they use. What it does not use ma
 
 import hashlib
 import inspect
-from collections.abc import Callable, Iterator
-from functools import cache, cached_property
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache, cached_property, partial
 from importlib import import_module
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -28,7 +28,17 @@ def dispatcher_of(function: Callable[..., object]) -> Any:
             getattr(value, "_numba_type_", None)
     dispatcher = njit(**OPTIONS)(function)
     dispatcher._cache = _LazyCache(function)
+    dispatcher.get_call_template = partial(_call_template, dispatcher.get_call_template)
     return dispatcher
+
+
+def _call_template(numba_s: Callable[..., Any], kinds: Sequence[Any], named: dict[str, Any]) -> Any:
+    """What a compiled function calls: one machine code for all constants of a type.
+
+    Numba would compile the function once for `slopes(0)`, once for `slopes(2)` and once for `slopes(n)`; constants are
+    followed all the same where the optimiser inlines the call.
+    """
+    return numba_s(tuple(map(types.unliteral, kinds)), {name: types.unliteral(kind) for name, kind in named.items()})
 
 
 def digest(function: Any) -> str:

@@ -138,7 +138,7 @@ def rates_at(
 @compiled
 def run(
     surface: Surface, parameters: PlantParameters, effects: Rows, state: Array, commands: Array, disturbance: Array,
-    step: float, n_sub: int, out: Array, linear: bool = False,
+    step: float, n_sub: int, out: Array, linear: bool,
 ) -> tuple[int, int]:  # fmt: skip
     """(status, whole samples done) of an open-loop run of n samples of n_sub steps each.
 

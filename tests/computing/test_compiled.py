@@ -10,6 +10,7 @@ import pytest
 
 import msl_fem
 from msl_fem.computing import lanes, machine_code
+from msl_fem.computing.compiled import compiled
 from msl_fem.computing.machine_code import digest
 from msl_fem.table.coenergy_surface import evaluate, evaluate_slopes
 from msl_fem.table.magnetic_table import MagneticTable
@@ -120,3 +121,19 @@ def test_the_cheap_evaluation_agrees_with_the_whole_one(table: MagneticTable) ->
         assert not evaluate(*arrays, i, g, out)
     for edge in surface.gap:
         assert evaluate_slopes(*arrays, 1.0, edge)[0]
+
+
+@compiled
+def _shifted(value: float, steps: int, back: bool) -> float:
+    return value - steps if back else value + steps
+
+
+@compiled
+def _there_and_back(value: float, steps: int) -> float:
+    return _shifted(_shifted(_shifted(value, 1, False), 2, True), steps, steps > 3)
+
+
+def test_constants_are_no_types_of_their_own() -> None:
+    """Numba alone would compile what is called with 1, with 2 and with n three times."""
+    assert _there_and_back(1.0, 5) == -5.0
+    assert len(_shifted.dispatcher.signatures) == 1

@@ -94,7 +94,7 @@ def test_lanes_equal_single_runs_to_the_last_bit(
             start_effects(surface, plant, e, state)
         out = np.empty((150, layout.N_OUT))
         push = np.asarray(inputs.disturbance)
-        assert kernel.run(surface, plant, e, state, inputs.for_sides(2), push, 1e-5, 10, out) == (OK, 150)
+        assert kernel.run(surface, plant, e, state, inputs.for_sides(2), push, 1e-5, 10, out, False) == (OK, 150)
         assert np.array_equal(run.true_position[lane], out[:, layout.OUT_X])
         assert np.array_equal(run.voltage[lane], out[:, [layout.OUT_VOLTAGE_1, layout.OUT_VOLTAGE_2]])
         assert np.array_equal(run.flux_linkage[lane], out[:, [layout.OUT_FLUX_1, layout.OUT_FLUX_2]])

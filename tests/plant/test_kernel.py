@@ -83,7 +83,7 @@ def test_run_is_advance_repeated(servo: Actuator, table: MagneticTable) -> None:
     together = state.copy()
     out = np.empty((50, layout.N_OUT))
     push = np.asarray(inputs.disturbance)
-    assert kernel.run(surface, plant, None, together, inputs.commands, push, 2e-5, 5, out) == (OK, 50)
+    assert kernel.run(surface, plant, None, together, inputs.commands, push, 2e-5, 5, out, False) == (OK, 50)
     for k in range(50):
         assert out[k, layout.OUT_X] == state[X]
         assert kernel.advance(surface, plant, None, state, inputs.commands[k], push[k], 2e-5, 5, voltage) == OK
