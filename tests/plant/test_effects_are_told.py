@@ -7,6 +7,7 @@ silently does nothing.
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,9 +19,10 @@ from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.control import design_model_with_effects
 from msl_fem.diagnosis.carriages import offered
 from msl_fem.diagnosis.inverse_force import ZeroPhaseLowPass, missing_force
-from msl_fem.diagnosis.static_maps import prepared_map
+from msl_fem.diagnosis.static_maps import StaticLikelihood, prepared_map
+from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import RecordFeatures, possible, variants
-from msl_fem.maps import operating_map
+from msl_fem.maps import OperatingMap, operating_map
 from msl_fem.plant import plant_parameters, surface_of
 from msl_fem.plant.effects import CATALOGUE, Effect, EffectValues, Parameter, kernel_coefficients
 from msl_fem.plant.effects.entry import Part
@@ -72,20 +74,31 @@ def in_the_inverse(values: EffectValues) -> tuple[np.ndarray, ...]:
     return (missing_force(plant, data, values.vector(), gain=1.0, low_pass=low_pass),)
 
 
-def at_rest(values: EffectValues) -> tuple[np.ndarray, ...]:
-    """Force and flux of a magnet, measured point after point."""
+@cache
+def map_at_rest() -> tuple[StaticLikelihood, Unknowns]:
+    """The likelihood of force and flux of a magnet, measured point after point."""
     gap, current = (a.ravel() for a in np.meshgrid([2e-4, 4e-4, 7e-4], [0.5, 2.0, 5.0, 1.0]))
     rows = StaticMap(gap, current, np.ones(gap.size), np.ones(gap.size), np.full(gap.size, "fit"))
     noise = Noise(position=1e-9, force=0.1, flux_linkage=1e-5)
     record = Record("simulated", SERVO, sampling=Sampling(rate=1e4), noise=noise, static=rows, runs=())
-    likelihood, unknowns = prepared_map(record, TABLE)
-    z = np.zeros(unknowns.size)
-    return tuple(likelihood.missed(unknowns, z, values.vector()).values())
+    return prepared_map(record, TABLE)
+
+
+def at_rest(values: EffectValues) -> tuple[np.ndarray, ...]:
+    """What a measured map misses."""
+    likelihood, unknowns = map_at_rest()
+    return tuple(likelihood.missed(unknowns, np.zeros(unknowns.size), values.vector()).values())
+
+
+@cache
+def regions() -> OperatingMap:
+    """The map of the table, the same for every effect."""
+    return operating_map(TABLE, levels=(1.2, 1.6))
 
 
 def in_the_design(values: EffectValues) -> tuple[object, ...]:
     """What a controller believes."""
-    belief = design_model_with_effects(SERVO, TABLE, operating_map(TABLE, levels=(1.2, 1.6)), values)
+    belief = design_model_with_effects(SERVO, TABLE, regions(), values)
     inverse = belief.inverse
     return (
         np.array([belief.cubic, belief.coupled.constant_force, inverse.gap_1, inverse.gap_2]),
