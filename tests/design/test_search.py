@@ -254,6 +254,28 @@ def wait_until(condition: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.parametrize("killed_at", [0, 3, 6])
+def test_a_search_that_was_killed_ends_as_an_undisturbed_one(
+    killed_at: int, small: tuple[DesignEvaluator, SearchResult, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The design in flight, a first one or a drawn one, is judged under its own number; nothing is drawn otherwise."""
+    it, undisturbed, _ = small
+    solve, judged = DesignEvaluator.solve, []
+
+    def killed(evaluator: DesignEvaluator, design: Any) -> Any:
+        judged.append(design)
+        if len(judged) == killed_at + 1:
+            raise KeyboardInterrupt
+        return solve(evaluator, design)
+
+    monkeypatch.setattr(DesignEvaluator, "solve", killed)
+    with pytest.raises(KeyboardInterrupt):
+        search_designs(it, settings(tmp_path / "t.sqlite3", 8))
+    found = search_designs(it, settings(tmp_path / "t.sqlite3", 8))
+    assert found.reused == killed_at
+    assert found.trials == undisturbed.trials[:8]
+
+
 def test_killed_with_all_its_processes_it_loses_at_most_the_trials_in_flight(tmp_path: Path) -> None:
     """SIGKILL to the group while two workers judge; the same command goes on, and nothing is judged twice."""
     process, file = start(tmp_path, "--trials", "60", "--workers", "2"), tmp_path / ".g.toml.trials.sqlite3"

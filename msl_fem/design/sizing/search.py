@@ -22,6 +22,7 @@ from msl_fem.design.sizing.evaluation import (
     direction,
     objective_values,
 )
+from msl_fem.design.sizing.in_flight import at_work, in_flight
 from msl_fem.design.sizing.parameters import SearchSpace, design_from, parameters_of, space_around, textbook_guess
 from msl_fem.design.sizing.requirement import Objective
 from msl_fem.design.sizing.trials import (
@@ -170,7 +171,8 @@ def search_designs(
 ) -> SearchResult:
     """So many evaluated designs, beginning with the closed equations' guess and their best design for each objective.
 
-    Designs in flight are lost with the process, nothing else: each verdict is in the storage as soon as it is there.
+    Nothing is lost with the process: each verdict is in the storage as soon as it is there, and designs in flight are
+    gone on with, once no other search works in the storage's folder; of a database server they are lost.
 
     Raises
     ------
@@ -178,7 +180,7 @@ def search_designs(
     RequirementError : no first guess
     ComputationError : processes, cluster or storage were lost on the way; judged designs are kept
     """
-    with quiet_optuna(), storage_trouble(settings.storage):
+    with quiet_optuna(), storage_trouble(settings.storage), at_work(settings.storage) as alone:
         # before a file is made, so that a requirement that cannot be met leaves none
         begin = first_designs(evaluator) if new_file(settings.storage) else None
         storage = open_storage(settings.storage)
@@ -186,11 +188,15 @@ def search_designs(
             begun_by_one(lambda: check_content(open_study(storage, evaluator), evaluator))
         study, space = begun_by_one(lambda: _begun(open_study(storage, evaluator), evaluator, begin))
         study.sampler = settings.sampler(settings.seed, distributions(space))
-        clear_abandoned(study)
+        with only_our_content(settings.storage):
+            begun = in_flight(study, space) if alone else []
+        if not alone:
+            clear_abandoned(study)
+        enqueue_first(study, study.user_attrs[FIRST])
         reused = count_evaluated(study)
         if reused < settings.trials:
             with _executor(settings).open(evaluator, settings.trials - reused) as workers:
-                _Run(study, evaluator, space, settings.trials, progress or (lambda *_: None)).go(workers)
+                _Run(study, evaluator, space, settings.trials, progress or (lambda *_: None), begun).go(workers)
         trials = evaluated_trials(study)
         return SearchResult(space, tuple(trials), count_evaluated(study) - len(trials), reused)
 
@@ -202,13 +208,12 @@ def _executor(settings: SearchSettings) -> Executor:
 def _begun(
     study: "optuna.Study", evaluator: DesignEvaluator, begin: tuple[SearchSpace, dict[str, Design]] | None
 ) -> tuple["optuna.Study", SearchSpace]:
-    """The study and its space; at its beginning it is made, and the first designs are put in front."""
+    """The study and its space; at its beginning it is made, with the first designs."""
     space = stored_space(study)
     if space is None:
         space, designs = begin or first_designs(evaluator)
         study.set_user_attr(FIRST, {n: parameters_of(d, space, evaluator) for n, d in designs.items()})
         store_space(study, space)
-    enqueue_first(study, study.user_attrs[FIRST])
     return study, space
 
 
@@ -260,6 +265,8 @@ class _Run:
     space: SearchSpace
     trials: int
     tell_progress: Progress
+    begun: list["optuna.Trial"]
+    """Trials of an earlier run that was killed."""
 
     def go(self, workers: Workers[Design, Outcome]) -> None:
         """Ask, evaluate and tell until there are enough trials."""
@@ -269,7 +276,7 @@ class _Run:
         self.tell_progress(n_evaluated, self.trials)
         while n_evaluated < self.trials or waiting:
             while len(waiting) < workers.capacity and n_evaluated + len(waiting) < self.trials:
-                trial = self.study.ask(ranges)
+                trial = self.begun.pop(0) if self.begun else self.study.ask(ranges)
                 design = design_from(trial.params, self.space, self.evaluator)
                 refused = self.evaluator.not_built(design)
                 if refused is None:

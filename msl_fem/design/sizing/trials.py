@@ -227,7 +227,7 @@ def check_content(study: "optuna.Study", evaluator: DesignEvaluator) -> None:
             _check_numbers(f"trial {trial.number}", trial.values, len(study.directions))
         if space is not None and trial.state.is_finished() and VERDICT in trial.user_attrs:
             _check_numbers(f"trial {trial.number}", [trial.params[name] for name in space.spans])
-        _runs(trial)
+        _begun_long_ago(trial)
     for evaluated in evaluated_trials(study):
         _check_numbers(f"constraints of trial {evaluated.number}", [c.violation for c in evaluated.constraints])
         dict(evaluated.figures)
@@ -314,26 +314,23 @@ def count_evaluated(study: "optuna.Study") -> int:
 
 
 def enqueue_first(study: "optuna.Study", designs: dict[str, dict[str, float]]) -> None:
-    """Put designs by name before all others, unless they were judged or wait already; lost ones are put again."""
+    """Put designs by name before all others, unless they were judged, wait or run; lost ones are put again."""
     alive = {
         trial.user_attrs.get(FIRST_DESIGN)
         for trial in study.get_trials(deepcopy=False)
-        if VERDICT in trial.user_attrs or trial.state == TrialState.WAITING or _runs(trial)
+        if VERDICT in trial.user_attrs or trial.state in (TrialState.WAITING, TrialState.RUNNING)
     }
     for name, parameters in designs.items():
         if name not in alive:
             study.enqueue_trial(parameters, user_attrs={FIRST_DESIGN: name})
 
 
-def _runs(trial: Any) -> bool:
-    if trial.state != TrialState.RUNNING or trial.datetime_start is None:
-        return False
-    return bool(datetime.datetime.now() - trial.datetime_start < ABANDONED)
+def clear_abandoned(study: "optuna.Study") -> None:
+    """Mark trials failed whose process was lost long ago."""
+    for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
+        if _begun_long_ago(trial):
+            study.tell(trial.number, state=TrialState.FAIL, skip_if_finished=True)
 
 
-def clear_abandoned(study: "optuna.Study") -> int:
-    """Mark trials failed whose process was lost long ago; their number."""
-    lost = [trial for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)) if not _runs(trial)]
-    for trial in lost:
-        study.tell(trial.number, state=TrialState.FAIL, skip_if_finished=True)
-    return len(lost)
+def _begun_long_ago(trial: FrozenTrial) -> bool:
+    return trial.datetime_start is None or datetime.datetime.now() - trial.datetime_start >= ABANDONED
