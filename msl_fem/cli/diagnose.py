@@ -95,8 +95,9 @@ def memory_in(folder: Path, mark: str, *, resume: bool) -> FitMemory:
     if resume and path.is_file():
         try:
             state = json_text.loads(path.read_text(encoding="utf-8"))
-            known = dict(state["fits"]) if state["record"] == mark else {}
-        except (ValueError, KeyError, TypeError) as err:
+            known = {str(name): [float(z) for z in end] for name, end in state["fits"].items()}
+            known = known if state["record"] == mark else {}
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as err:
             raise InputError(f"{path}: is no state of a diagnosis ({err}); leave --resume out to begin anew") from err
         if not known:
             say(f"note: {path} is of another record or table; it is diagnosed anew")

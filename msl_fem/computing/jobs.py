@@ -210,7 +210,8 @@ class RowCache:
     def get(self, key: str) -> Arrays | None:
         """The row stored under a key, marked `reused`; None where there is none or it cannot be read."""
         try:
-            with np.load(self.folder / f"{key}.npz", allow_pickle=False) as stored:
+            # opened here: numpy leaves a damaged file open
+            with (self.folder / f"{key}.npz").open("rb") as file, np.load(file, allow_pickle=False) as stored:
                 return {name: stored[name] for name in stored.files} | {"reused": np.array(True)}
         except (OSError, ValueError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile):
             return None

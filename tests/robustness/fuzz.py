@@ -30,11 +30,14 @@ from typing import Any
 
 import numpy as np
 from hostile_values import CANARY
-from targets import TARGETS, Target
+from later_targets import LATER_TARGETS
+from targets import TARGETS as FIRST_TARGETS
+from targets import Target
 
 from msl_fem.cli import output
 from msl_fem.cli.output import run_guarded
 
+TARGETS = (*FIRST_TARGETS, *LATER_TARGETS)
 LONGEST = 30.0  # seconds of CPU time that an input may take
 SILENT = 900.0  # seconds after which a process that says nothing is taken for hung, on a busy machine too
 MEMORY = 4 * 2**30  # bytes of address space: a file that asks for more must be refused
@@ -151,14 +154,6 @@ def judgements(
         target, verdict = chosen[k % len(chosen)], Verdict()
         judge(target, seed * 1_000_003 + k, root, verdict)
         yield target.name, verdict
-
-
-def _child(pipe: Any, n: int, seed: int, names: list[str] | None, first: int) -> None:
-    """Judges inputs and tells the parent of each, until an input kills it."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    with tempfile.TemporaryDirectory() as folder:
-        for told in judgements(n, seed=seed, names=names, root=Path(folder), first=first):
-            pipe.send(told)
 
 
 def warm_up(names: list[str] | None, root: Path) -> None:

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fuzz import Verdict, fuzz, judge, warm_up
+from fuzz import TARGETS, Verdict, fuzz, judge, warm_up
 from hostile_values import CANARY
-from targets import SERVO, TARGETS, Target, _one_file, _toml
+from targets import SERVO, Target, _one_file, _toml
 
 from msl_fem.errors import InputError
 
