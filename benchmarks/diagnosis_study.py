@@ -1,13 +1,14 @@
 """The diagnosis on four actuators with what real instruments do: rates on seeds that settled no threshold.
 
-    python benchmarks/diagnosis_study.py [--limit N] [--kinds clean,single] [--fastest "5 kHz"]   # goes on
+    python benchmarks/diagnosis_study.py [--limit N] [--kinds clean,single] [--rigs servo] [--fastest "5 kHz"]
     python benchmarks/diagnosis_study.py --tables [--docs]
 
 Records of the bench hold nothing, one to four effects, or what lies outside the catalogue, and beside it zeros, gains
 and stray flux of one to two tolerances; some a wrong statement of the noise (half, twice) or of the hold, a static map
 with a zero of its own, steps of half again the amplitude, or "10 MHz" for a drive without a pole. Each case is a
-line of `diagnosis_study.jsonl`. A case's seed says to which half it belongs: thresholds may be settled on even seeds,
-rates count on odd ones. Cases come in an order in which any beginning is a fair share.
+line of `diagnosis_study.jsonl`, and a run goes on where the last one stopped. A case's number says to which half it
+belongs: thresholds may be settled on even ones, rates count on odd ones. Cases come in an order in which any beginning
+is a fair share. `--seed` draws other cases: those of a seed that nobody has looked at set nothing, odd or even.
 """
 
 import argparse
@@ -66,15 +67,17 @@ class Case:
     static: bool
     pulses: bool
     fast_pole: bool
+    study: int = SEED
 
     @property
     def key(self) -> str:
-        return f"{self.seed}/{self.kind}/{self.rig}/{self.drive}/{self.rate:g}/{'+'.join(self.hidden) or 'nothing'}"
+        hidden = "+".join(self.hidden) or "nothing"
+        return f"{self.study}/{self.seed}/{self.kind}/{self.rig}/{self.drive}/{self.rate:g}/{hidden}"
 
 
-def case_of(seed: int) -> Case:
+def case_of(seed: int, study: int = SEED) -> Case:
     """The case of a seed; kinds and rigs go round, everything else is chance."""
-    chance = np.random.default_rng([SEED, seed])
+    chance = np.random.default_rng([study, seed])
     kind = str(chance.choice(list(KINDS), p=list(KINDS.values())))
     rig, drive = RIGS[(seed // 2) % len(RIGS)]
     names = chance.permutation(list(CATALOGUE))[: EFFECTS_OF[kind]]
@@ -89,7 +92,7 @@ def case_of(seed: int) -> Case:
     hold = str(chance.choice(["zero-order", "linear"], p=[0.9, 0.1]))
     static, pulses, fast = (bool(chance.random() < share) for share in (0.15, 0.15, 0.2))
     fast &= drive == "voltage"
-    return Case(seed, kind, rig, drive, samples, hidden, nuisance, noise, hold, static, pulses, fast)
+    return Case(seed, kind, rig, drive, samples, hidden, nuisance, noise, hold, static, pulses, fast, study)
 
 
 @cache
@@ -112,7 +115,7 @@ def options_of(case: Case) -> BenchOptions:
         at = f"step:bias={first.bias:g} {unit},amplitude={1.5 * first.amplitude:g} {unit},frequency=5 Hz,duration=1 s"
         excitations = (*excitations, parse_excitation(at, unit=unit))
     return BenchOptions(
-        seed=case.seed,
+        seed=case.seed if case.study == SEED else case.study + case.seed,
         rate=case.rate,
         excitations=excitations,
         static=case.static,
@@ -171,12 +174,26 @@ def done(path: Path) -> list[Row]:
     return rows
 
 
-def run(path: Path, limit: int, kinds: Sequence[str], fastest: float) -> None:
-    """Makes cases of some kinds, sampled at most at `fastest` Hz, that are not there, each line written as soon as it
-    is known."""
-    known = {row["seed"] for row in done(path)}
-    cases = [case_of(seed) for seed in range(COUNT) if seed not in known]
-    left = [case for case in cases if case.kind in kinds and case.rate <= fastest][:limit]
+@dataclass(frozen=True)
+class Portion:
+    """Which cases of a study are made: of these kinds and rigs, sampled at most at `fastest` Hz, so many."""
+
+    study: int
+    kinds: Sequence[str]
+    rigs: Sequence[str]
+    fastest: float
+    limit: int
+
+    def left(self, known: set[int]) -> list[Case]:
+        """Those that are not known yet."""
+        cases = [case_of(seed, self.study) for seed in range(COUNT) if seed not in known]
+        own = [case for case in cases if case.kind in self.kinds and case.rig in self.rigs]
+        return [case for case in own if case.rate <= self.fastest][: self.limit]
+
+
+def run(path: Path, portion: Portion) -> None:
+    """Makes the cases of a portion that are not there, each line written as soon as it is known."""
+    left = portion.left({row["seed"] for row in done(path) if row.get("study", SEED) == portion.study})
     begin = time.monotonic()
     with path.open("a", encoding="utf-8") as out:
         for n, case in enumerate(left, 1):
@@ -300,14 +317,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--limit", type=int, default=COUNT, help="cases of this run at most")
     parser.add_argument("--kinds", default=",".join(KINDS), help="of these kinds alone, with commas between them")
+    parser.add_argument("--rigs", default=",".join(dict.fromkeys(rig for rig, _ in RIGS)), help="of these rigs alone")
     parser.add_argument("--fastest", default="20 kHz", help="sampled at this rate at most")
+    parser.add_argument("--seed", type=int, default=SEED, help="from which the cases are drawn")
     parser.add_argument("--results", type=Path, default=RESULTS)
     parser.add_argument("--tables", action="store_true", help="print the rates of what is there")
     parser.add_argument("--docs", action="store_true", help="with --tables: write them to docs/diagnosis.md")
     options = parser.parse_args()
     if not options.tables:
         fastest = parse_quantity(options.fastest, "Hz")
-        run(options.results, options.limit, options.kinds.split(","), fastest)
+        kinds, rigs = options.kinds.split(","), options.rigs.split(",")
+        run(options.results, Portion(options.seed, kinds, rigs, fastest, options.limit))
         return
     rows = done(options.results)
     text = "\n\n".join([extent(rows), totals_table(rows), rigs_table(rows), wrong_names(rows)])
