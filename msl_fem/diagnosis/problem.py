@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.spikes import bridged
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.table_error import TableErrorModes
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -126,7 +127,8 @@ def missed(problem: FitProblem, points: Points, run: int, found: LaneRun) -> lis
         lines = np.array([line_of(name, together(problem.plant.instruments, f)) for f in factors])
         if name == POSITION_COLUMN:
             lines[:, 0] = gains
-        residuals.append(data.measured[name] - (lines[:, :1] * reading(found, name) + lines[:, 1:]))
+        values = data.measured[name] - (lines[:, :1] * reading(found, name) + lines[:, 1:])
+        residuals.append(bridged(values, data.spikes[name]) if name in data.spikes else values)
     return residuals
 
 

@@ -17,6 +17,7 @@ from msl_fem.diagnosis.problem import START, FitProblem, Points, simulated_resid
 from msl_fem.diagnosis.refits import ROUGH
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
+from msl_fem.diagnosis.spikes import about_spikes, bridged, without_spikes
 from msl_fem.diagnosis.static_maps import MAP_BESIDE, JointLikelihood, joined
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.table_error import Visited, table_error
@@ -144,8 +145,9 @@ class Runs(Kind):
 
 
 def dynamic_runs(record: Record, belief: ModelHypothesis, runs: Sequence[RunData], *, threads: int = 1) -> Runs:
-    """A record of runs, made ready; a static map that a fit can use stands beside them."""
-    return _made(record, belief, runs, None, None, threads=threads)
+    """A record of runs, made ready; a static map that a fit can use stands beside them. Spikes of readings do not
+    count."""
+    return _made(record, belief, [without_spikes(run) for run in runs], None, None, threads=threads)
 
 
 def _made(
@@ -171,7 +173,7 @@ def _made(
     likelihood, unknowns = _likelihood(fitted, unknowns)
     likelihood, unknowns = joined(record, belief, likelihood, unknowns)
     notes = [MAP_BESIDE] if isinstance(likelihood, JointLikelihood) else []
-    notes += _told(runs, cuts)
+    notes += [*_told(runs, cuts), *about_spikes(runs)]
     begin = None
     if at is not None:
         begin = np.pad(at, (0, unknowns.size - at.size))
@@ -237,7 +239,8 @@ def _missed(
     plant = kernel_plant(model, rate=run.rate, ideal_current=run.ideal_current)
     if cut is None:
         readings = free_run(plant, run, measured_start(plant, run)).readings
-        return {name: run.measured[name] - readings[name] for name in run.measured}
+        missed = {name: run.measured[name] - readings[name] for name in run.measured}
+        return missed | {name: bridged(missed[name], at) for name, at in run.spikes.items()}
     problem = FitProblem(plant, (run,), (), (), None, tolerance=tolerance)
     shot = Shooting(
         problem, 0, ModelSpread(Unknowns((), 0, ()), np.zeros(0), np.zeros((0, 0))), substeps=plant.substeps

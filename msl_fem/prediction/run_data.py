@@ -1,7 +1,7 @@
 """A run of a record as the coupled model takes it: what drives it, and what it should read."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -60,6 +60,7 @@ class RunData:
     ideal_current : the commands are measured currents
     law : what drove the run in closed loop, where it is linear and known
     read : (n_sample, 3) position and currents as recorded, for the law; columns that it does not read are 0
+    spikes : channel to the samples of readings that do not count
     """
 
     name: str
@@ -72,6 +73,7 @@ class RunData:
     law: LoopLaw | None = None
     read: Array | None = None
     hold: Hold = "zero-order"
+    spikes: Mapping[str, NDArray[np.intp]] = field(default_factory=dict)
 
     @property
     def held(self) -> Array:
@@ -95,7 +97,8 @@ class RunData:
         """Its first n samples."""
         measured = {k: v[:n] for k, v in self.measured.items()}
         read = None if self.read is None else self.read[:n]
-        return replace(self, commands=self.commands[:n], measured=measured, read=read)
+        spikes = {k: at[at < n] for k, at in self.spikes.items()}
+        return replace(self, commands=self.commands[:n], measured=measured, read=read, spikes=spikes)
 
 
 def run_data(record: Record, run: Run) -> RunData:
