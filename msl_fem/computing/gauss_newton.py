@@ -92,6 +92,8 @@ VAIN = 0.1
 """Share of its promise below which the step of a new model was in vain."""
 MOST_VAIN = 2
 """Such steps in a row, after which models are renewed no more."""
+MOST_IDLE = 2
+"""Trials in a row after that, which bring less than is enough to go on, with which a descent ends."""
 
 
 def halved(move: Array, mu: float) -> Array:
@@ -110,7 +112,8 @@ class DescentSettings:
     most_steps : accepted steps; None: as many as trials
     renewal : the next model is computed wholly anew where a step brings less than this share of its promise, and where
         a stale one fails or promises too little; None: never. Where steps of new models bring next to nothing of what
-        they promise (`VAIN`), as at a kink, no new one helps, and what is taken over has to do
+        they promise (`VAIN`), as at a kink, no new one helps, and what is taken over has to do, until it brings nothing
+        either (`MOST_IDLE`)
     fresh_end : whether a stale model that promises too little is computed anew before the descent ends
     """
 
@@ -125,11 +128,12 @@ class DescentSettings:
 
 @dataclass(frozen=True, eq=False)
 class Descent(Generic[P, M]):
-    """Where a descent ended: the model there, and why: no step leads down, or no more are allowed."""
+    """Where a descent ended: the model there, and why: no step leads down, promises are not kept, or no more steps are
+    allowed."""
 
     point: P
     model: M
-    ending: Literal["converged", "no descent", "no more steps"]
+    ending: Literal["converged", "no descent", "in vain", "no more steps"]
     steps: int
 
 
@@ -140,7 +144,7 @@ def descend(
     how, point, steps = settings, start, 0
     model = first or objective.model(start, None)
     mu = settings.damping.first
-    renewal, vain = how.renewal, 0
+    renewal, vain, idle = how.renewal, 0, 0
     for _ in range(how.most_trials):
         if model.promised < max(how.enough, how.enough_share * point.objective):
             if how.renewal is None or not model.stale or not how.fresh_end:
@@ -152,6 +156,9 @@ def descend(
         move, promised = model.step(mu)
         trial = objective.moved(point, move)
         gain = point.objective - trial.objective
+        idle = idle + 1 if vain >= MOST_VAIN and not gain >= how.enough else 0
+        if idle >= MOST_IDLE:
+            return Descent(point, model, "in vain", steps)
         if gain > 0.0:  # not of nan
             if not model.stale:
                 vain = 0 if gain >= VAIN * promised else vain + 1

@@ -119,7 +119,8 @@ def fit(
             break
         nearer = likelihood.followed(unknowns, point.z)
         again = nearer.objective(unknowns, point.z)
-        if end.ending == "converged" and abs(again - point.objective) < max(RESTARTED, how.enough):
+        settled = end.ending in {"converged", "in vain"}
+        if settled and abs(again - point.objective) < max(RESTARTED, how.enough):
             break
         if not np.isfinite(again):
             break

@@ -43,6 +43,7 @@ class Fit:
     objective, log_evidence : nats
     predicted : nats that a further step would gain
     likelihood : that of the fit, the starts of its stretches those that suit it
+    finished : whether it was led to its end, so that more steps are not worth trying, whatever they promise
     """
 
     unknowns: Unknowns
@@ -55,6 +56,7 @@ class Fit:
     predicted: float
     simulations: int
     likelihood: "Likelihood"
+    finished: bool = False
 
     @property
     def converged(self) -> bool:

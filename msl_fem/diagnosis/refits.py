@@ -123,12 +123,22 @@ class Refinement:
         best = max((refit.gain for refit in screened), default=0.0)
         eliminated = [refit for refit in screened if best > 0 and refit.gain < ELIMINATED * best]
         refined = sorted(self.raced([refit for refit in screened if refit not in eliminated]), key=_by_gain)
+        leader = self.converged(refined[0], leads=True) if refined and refined[0].gain > 0 else None
+        if leader is None:
+            return sorted([*refined, *eliminated], key=_by_gain)
         near: list[Refit] = []
         far = list(eliminated)
-        for refit in refined:
-            is_near = refit.gain > 0 and refit.gain + refit.fit.predicted > refined[0].gain - NEAR
+        for refit in refined[1:]:
+            is_near = refit.gain > 0 and refit.gain + refit.fit.predicted > leader.gain - NEAR
             (near if is_near else far).append(refit)
-        converged = self._together(lambda refit: self.converged(refit, leads=refit is refined[0]), near)
+        converged = self._together(lambda refit: self.converged(refit, leads=False), near)
+        return self._led([leader, *converged], far)
+
+    def _led(self, converged: list[Refit], far: list[Refit]) -> list[Refit]:
+        """All refits, best first; one that overtook the first is led to its end as well."""
+        best = min(converged, key=_by_gain)
+        if best is not converged[0]:
+            converged[converged.index(best)] = self.converged(best, leads=True)
         return sorted([*converged, *far], key=_by_gain)
 
     def _together(self, step: Callable[[Item], Stepped], items: Sequence[Item]) -> list[Stepped]:
@@ -177,7 +187,9 @@ class Refinement:
     def converged(self, refit: Refit, *, leads: bool) -> Refit:
         """A candidate in front, with all columns of its own, of which a further step would gain next to nothing."""
         enough = CONVERGED if leads else max(ROUGHLY_CONVERGED, FRACTION * refit.gain)
-        return self._refit(refit.fit, refit.variant, refit.fit.z, FitPlan(most_steps=LAST_STEPS, enough=enough), None)
+        plan = FitPlan(most_steps=LAST_STEPS, enough=enough)
+        led = self._refit(refit.fit, refit.variant, refit.fit.z, plan, None)
+        return replace(led, fit=replace(led.fit, finished=leads))
 
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
         unknowns = extended(self.base.unknowns, variant)

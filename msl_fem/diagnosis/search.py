@@ -85,10 +85,10 @@ def search_stage(
 
 def converged_base(start: Fit) -> Fit:
     """A fit from where it is to its end."""
-    if start.converged:
+    if start.converged or start.finished:
         return start
     columns = start.jacobian[:, : start.unknowns.n_nuisance]
-    plan = FitPlan(most_steps=LAST_STEPS) if start.unknowns.effects else FitPlan()  # a refit was led to its end before
+    plan = FitPlan(most_steps=LAST_STEPS) if start.unknowns.effects else FitPlan()
     return fit(start.likelihood, start.unknowns, start.z, plan=plan, nuisance_columns=columns)
 
 

@@ -193,3 +193,11 @@ def test_models_are_renewed_no_more_where_new_ones_bring_nothing() -> None:
     end = descend(promises, Kinked(1.0), DescentSettings(renewal=0.6, most_trials=20))
     assert end.steps == 20
     assert promises.models == [False, False, *[True] * 19]
+
+
+def test_a_descent_ends_where_promises_are_not_kept() -> None:
+    """Two new models whose steps bring a hundredth of what they promise, then two steps that are not worth a trial."""
+    settings = DescentSettings(enough=0.02, renewal=0.6, most_trials=20)
+    end = descend(Promises(), Kinked(1.0), settings)
+    assert (end.ending, end.steps) == ("in vain", 3)
+    assert descend(Promises(), Kinked(1.0), replace(settings, enough=0.005)).ending == "no more steps"
