@@ -226,6 +226,7 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
         notes.append(NO_EXTENDED_MODEL)
     unfaithful = _unfaithful(errors[n], kind) if n else ""
     explained = white(result.excesses[n]) and not compensating
+    notes += kind.above_noise(result.final) if explained else []
     unexplained = Unexplained(0.0)
     ranked: list[Dependence] = []
     if unfaithful:

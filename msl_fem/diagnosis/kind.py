@@ -213,6 +213,10 @@ class Kind(ABC):
             return ""
         return CATALOGUE[stage.best.variant.effect].separating
 
+    def above_noise(self, fit: Fit) -> list[str]:
+        """Where what a fit leaves is more than noise can be, in words; empty where noise has no octaves."""
+        return []
+
     def look_further(self, variables: Sequence[str]) -> str:
         """What would show more of what is left, which depends on these variables."""
         return self.advice

@@ -156,6 +156,20 @@ class Likelihood:
                 loud[name] = min(loud.get(name, np.inf), loudness(values[0]))
         return {name: float(np.sqrt(np.mean(values))) / loud[name] for name, values in power.items()}
 
+    def above_noise(self, found: Fit) -> list[str]:
+        """In which octaves what is left is more than an instrument's noise can be, in words."""
+        count = np.maximum(np.bincount(self.labels) - self.spent, 1.0)
+        density = np.bincount(self.labels, weights=found.residual**2) / count
+        names, n_band = self.channel_names, self.bands.n_band
+        told = []
+        for label in np.flatnonzero(density > ceilings(n_band, len(names), strict=True)):
+            low, high = self.bands.edges[label % n_band : label % n_band + 2]
+            told.append(
+                f"{names[label // n_band]}: from {low:.3g} to {high:.3g} Hz {np.sqrt(density[label]):.3g} times the "
+                "noise is left, which is an error of the model and no noise"
+            )
+        return told
+
     def runs_part(self, found: Fit) -> tuple["Likelihood", Fit]:
         """The runs alone, and a fit as they see it: all there is, where nothing stands beside them."""
         return self, found

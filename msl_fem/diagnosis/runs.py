@@ -114,6 +114,10 @@ class Runs(Kind):
     def separating(self, stage: SearchStage, rivals: Sequence[str]) -> str:
         return separating(self._question, stage, rivals) if self.whole else super().separating(stage, rivals)
 
+    def above_noise(self, fit: Fit) -> list[str]:
+        likelihood, own = fit.likelihood.runs_part(fit)
+        return likelihood.above_noise(own)
+
     def look_further(self, variables: Sequence[str]) -> str:
         return farther(self._question, variables) if self.whole else ""
 

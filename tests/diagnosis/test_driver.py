@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
+import pytest
 
 from msl_fem.diagnosis.driver import NO_EXTENDED_MODEL, DiagnosisSettings, diagnosis_of
 from msl_fem.diagnosis.gathered import GatheredRuns
@@ -97,6 +98,10 @@ def test_chance_is_told_by_surrogates_of_any_kind_of_record_and_what_was_tried_i
     found = diagnosed(ToyKind, EffectUnknown("sensor_drift", "rate"))
     assert found.causes[0].p_value == 1 / (1 + SURROGATES)
     assert found.to_json()["null"]["surrogates"] == SURROGATES
+    assert found.causes[0].explained_power == pytest.approx(1.0, abs=0.1), (
+        "a column of the noise's size in the readings"
+    )
+    assert found.main_cause is None, "held-out data are followed worse with it"
     assert [(tried.effect, tried.taken) for tried in found.evidence.tried] == [("sensor_drift", True)]
     assert [residuals.run for residuals in found.evidence.residuals] == ["fit", "held-out"]
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ from linear_record import CUBIC, OFFSET, LinearRecord, record, with_effect
 
 from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.fit_memory import FitMemory
+from msl_fem.diagnosis.likelihood import Likelihood
 from msl_fem.diagnosis.noise import MISSTATED, PRIOR, ceilings, loudness, make_bands, transformed, weights_of
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.scores import scores
-from msl_fem.diagnosis.search import ranked, search_stage
+from msl_fem.diagnosis.search import converged_base, ranked, search_stage
 from msl_fem.diagnosis.unknowns import CAUCHY, EffectUnknown, Unknowns, factor
 from msl_fem.diagnosis.variants import Variant
 from msl_fem.errors import ComputationError
@@ -123,6 +125,36 @@ def test_of_two_effects_the_one_that_is_there_wins_and_nothing_costs_evidence() 
     assert found.refits[1].gain < -2
     assert [s.variant.effect for s in ranked(found.scores)] == ["stiffness_nonlinearity", "force_offset"]
     assert found.rivals(5.0) == []
+
+
+def test_the_best_refit_alone_is_led_to_its_end_and_no_further_later() -> None:
+    it, unknowns = record(seed=7, size=0.15, of="stiffness_nonlinearity")
+    base = fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
+    refits = search_stage(base, [Variant(one.effect, (one,)) for one in (OFFSET, CUBIC)], tell=str).refits
+    assert [refit.fit.finished for refit in refits] == [True, False]
+    promising = replace(refits[0].fit, predicted=40.0)
+    assert converged_base(promising) is promising, "whatever it promises"
+    assert converged_base(replace(promising, finished=False)) is not promising
+
+
+def test_what_no_instrument_s_noise_can_be_is_told_octave_by_octave() -> None:
+    """White noise of unit sigma, and in one octave a sine of ten times the least ceiling; what is below it is none."""
+    bands = make_bands([8000], 1000.0, highest=500.0)
+    sine = np.sin(2 * np.pi * 40.0 * np.arange(8000) / 1000.0)
+    noise = np.random.default_rng(5).standard_normal(8000)
+
+    def told(size: float) -> list[str]:
+        class Channels(Likelihood):
+            labels, spent, channel_names = bands.band_of[0].repeat(2), 0.0, ["position_m"]  # type: ignore[assignment]
+
+        lines = transformed(noise + size * sine, bands.lines[0]).reshape(2, -1).T.ravel()
+        return Channels(None, bands, 1).above_noise(SimpleNamespace(residual=lines))  # type: ignore[arg-type]
+
+    octave = bands.band_of[0] == bands.band_of[0][320]  # that of 40 Hz
+    power = np.sum(octave) * 2 / 8000  # share of its numbers
+    assert told(np.sqrt(2 * power * 5)) == []
+    (said,) = told(np.sqrt(2 * power * 100))
+    assert said.startswith("position_m: from 31.2 to 62.5 Hz 10 times the noise is left")
 
 
 def test_an_interrupted_search_goes_on_where_its_fits_ended(monkeypatch: pytest.MonkeyPatch) -> None:
