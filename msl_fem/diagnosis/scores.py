@@ -82,7 +82,7 @@ def _held(g: Array, b: Array, one_sided: NDArray[np.bool_]) -> Array:
     """The best point with one-sided numbers at least 0, by leaving out those below."""
     kept = np.ones(b.size, dtype=bool)
     guess = np.zeros(b.size)
-    for _ in range(b.size):
+    for _ in range(b.size + 1):  # one may be left out each time, and the rest is to be solved for after the last
         guess = np.zeros(b.size)
         if not kept.any():
             return guess

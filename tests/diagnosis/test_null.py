@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from linear_record import OFFSET, record
+from scipy.optimize import nnls
 
 from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
-from msl_fem.diagnosis.scores import scored
+from msl_fem.diagnosis.scores import _held, scored
 from msl_fem.diagnosis.variants import Variant
 
 VARIANT = Variant("force_offset", (OFFSET,))
@@ -52,3 +53,18 @@ def test_scales_of_amounts_change_nothing_but_the_price_of_their_prior() -> None
     pairs = [AmountPlaces((n, n + 1), (False, False)) for n in range(0, 6, 2)]
     found = null_distribution(own * scale[:, None] * scale, pairs)
     assert found.quantile(0.99) < 10.0
+
+
+def test_a_one_sided_amount_that_would_be_negative_is_nothing_at_all() -> None:
+    """Against nonnegative least squares where there is one amount; of several none is left on the wrong side."""
+    chance = np.random.default_rng(2)
+    for size in (1, 2, 3):
+        for _ in range(50):
+            mixed, b = chance.standard_normal((size, size)), chance.standard_normal(size)
+            g = mixed @ mixed.T + np.eye(size)
+            held = _held(g, b, np.ones(size, dtype=bool))
+            assert (held >= 0).all()
+            if size == 1:
+                root = np.linalg.cholesky(g).T
+                assert held == pytest.approx(nnls(root, np.linalg.solve(root.T, b))[0], abs=1e-9)
+            assert _held(g, b, np.zeros(size, dtype=bool)) == pytest.approx(np.linalg.solve(g, b), rel=1e-6)
