@@ -12,6 +12,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from msl_fem.cli.help_texts import GROUPS, epilogue
 from msl_fem.errors import InputError
 
 COMMANDS = {
@@ -57,8 +58,15 @@ class LazyCommands(TyperGroup):
         if cmd_name not in COMMANDS:
             return None
         single = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, add_completion=False)
-        single.command(cmd_name, context_settings=SETTINGS)(stand_in(COMMANDS[cmd_name]))
+        single.command(cmd_name, context_settings=SETTINGS, epilog=epilogue(cmd_name))(stand_in(COMMANDS[cmd_name]))
         return typer.main.get_command(single)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """All commands in their groups, each with its whole first sentence."""
+        for group, names in GROUPS.items():
+            rows = [(name, _first_sentence(self.get_command(ctx, name).help)) for name in names]
+            with formatter.section(group):
+                formatter.write_dl(rows)
 
     def main(self, *args: Any, **extra: Any) -> Any:
         """Run the command; a wrong option is an InputError like any other wrong input: one line."""
@@ -92,6 +100,11 @@ def stand_in(place: str) -> Any:
 
 def _imported(node: ast.Import | ast.ImportFrom) -> set[str]:
     return {str(node.module)} if isinstance(node, ast.ImportFrom) else {alias.name for alias in node.names}
+
+
+def _first_sentence(text: str) -> str:
+    """The first sentence of a docstring, without its full stop."""
+    return re.split(r"\.(?:\s|$)", " ".join(text.split()), maxsplit=1)[0]
 
 
 def _usage(err: Any) -> str:

@@ -9,9 +9,10 @@ import numpy as np
 import typer
 
 from msl_fem.actuator import Actuator
+from msl_fem.cli.closing import control_closing
 from msl_fem.cli.given_map import given_map
 from msl_fem.cli.options import Causes, Json, TableFile, read_option
-from msl_fem.cli.output import print_result, progress_bar
+from msl_fem.cli.output import print_closing, print_result, progress_bar
 from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.control import (
@@ -61,7 +62,7 @@ def command(
     bandwidth: Annotated[str | None, typer.Option(help="Of the feedback.")] = None,
     peak_sensitivity: Annotated[float | None, typer.Option(help="Bound on max |S|.")] = None,
     feedforward: Annotated[bool, typer.Option(help="Two degrees of freedom, or the paper's integral alone.")] = True,
-    bias: Annotated[str | None, typer.Option(help="Of the biased design, a side.")] = None,
+    bias: Annotated[str | None, typer.Option(help="Bias current of a side, of the biased design.")] = None,
     overlap: Annotated[str, typer.Option(help="Force with which both sides pull at zero force.")] = "0 N",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Record folder of the run.")] = None,
     report: Annotated[
@@ -124,6 +125,7 @@ def command(
             fields |= {"report": str(report)}
     title = f"{plant.actuator.name}: {controller.kind} in closed loop on {wanted[0].spec}"
     print_result(fields, as_json=json, title=title)
+    print_closing(control_closing(run, controller), as_json=json)
 
 
 def _known(file: Path) -> ExtendedModel | ArmaxModel:

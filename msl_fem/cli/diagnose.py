@@ -13,8 +13,9 @@ import numpy as np
 import typer
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from msl_fem.cli.closing import diagnosis_closing
 from msl_fem.cli.options import Causes, Json, TableFile
-from msl_fem.cli.output import ERRORS, print_columns, print_result, say
+from msl_fem.cli.output import ERRORS, print_closing, print_columns, print_result, say
 from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for
 from msl_fem.diagnosis import Diagnosis, DiagnosisSettings, diagnose
@@ -28,10 +29,10 @@ from msl_fem.report.diagnosis_words import (
     channel_name,
     estimate_text,
     floors,
+    headline_word,
     next_steps,
     one_of,
     sure_rows,
-    verdict_sentence,
 )
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -141,7 +142,7 @@ def tried_line() -> Iterator[Callable[[str], None]]:
 
 def print_diagnosis(found: Diagnosis) -> None:
     """The outcome for people."""
-    print_columns({"": [found.reason]}, title=verdict_sentence(found))
+    print_columns({"": [found.reason]}, title=headline_word(found))
     if found.causes:
         causes: dict[str, list[str]] = {"cause": [], "parameter": [], "value (95 %)": []}
         for cause in found.causes:
@@ -161,7 +162,8 @@ def print_diagnosis(found: Diagnosis) -> None:
         }
         shown |= {name: [f"{e[k]:.4g}" for e in errors] for k, name in enumerate(names)}
         print_columns(shown, title="RMS error over the noise; * held-out")
-    for why, what_to_do in next_steps(found):
+    for why, what_to_do in next_steps(found)[1:]:
         say(f"{why}: {what_to_do}")
     for note in found.notes:
         say(f"note: {note}")
+    print_closing(diagnosis_closing(found), as_json=False)

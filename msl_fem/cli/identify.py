@@ -5,11 +5,12 @@ from typing import Annotated, Literal, cast, get_args
 
 import typer
 
+from msl_fem.cli.closing import identify_closing
 from msl_fem.cli.options import Json
-from msl_fem.cli.output import print_result, say, write_json
+from msl_fem.cli.output import print_closing, print_columns, print_result, say, write_json
 from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
-from msl_fem.identification import ArmaxOrders, ModelChoice, identify
+from msl_fem.identification import ArmaxOrders, Identification, ModelChoice, identify
 from msl_fem.identification.record_model import Structure
 from msl_fem.record import load_record
 
@@ -53,7 +54,37 @@ def command(
     if output is not None:
         write_json(identified.model.to_json(), output)
     title = f"{structure.replace('armax', 'ARMAX')} of {record}"
-    print_result(identified.to_json(), as_json=json, title=title)
+    if json:
+        print_result(identified.to_json(), as_json=True, title=title)
+        return
+    print_model(identified, title=title)
+    print_closing(identify_closing(identified), as_json=False)
+
+
+def print_model(found: Identification, *, title: str) -> None:
+    """Fits, physical parameters and residual tests as tables; the coefficients go into the file of -o and --json."""
+    shown = {
+        "run": [fit.run for fit in found.fits],
+        "role": list(found.roles),
+        "one step ahead": [f"{fit.one_step:.2f} %" for fit in found.fits],
+        "free run": ["left all bounds" if fit.free_run is None else f"{fit.free_run:.2f} %" for fit in found.fits],
+    }
+    print_columns(shown, title=title)
+    if found.physical:
+        parameters = {
+            "parameter": [name.replace("_", " ") for name in found.physical],
+            "value": [f"{p.value:.4g} {p.unit}".rstrip() for p in found.physical.values()],
+            "95 % interval": [f"{p.interval[0]:.4g} ... {p.interval[1]:.4g}" for p in found.physical.values()],
+        }
+        print_columns(parameters, title="Physical parameters")
+    tests = {
+        "residuals against": ["themselves" if t.name == "residuals" else t.name for t in found.residual_tests],
+        "inside the band": ["yes" if t.inside_band else "no" for t in found.residual_tests],
+        "p value": [f"{t.p_value:.2g}" for t in found.residual_tests],
+    }
+    print_columns(tests, title="Are the residuals noise?")
+    for note in found.notes:
+        say(f"note: {note}")
 
 
 def _terms(text: str) -> tuple[tuple[str, ...], bool]:

@@ -9,13 +9,14 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from msl_fem.cli.readable import readable_name, readable_number
 from msl_fem.errors import ComputationError, CostWarning, InputError
 from msl_fem.files.numbers import json_value
 from msl_fem.files.whole_file import NO_ROOM, whole_file
@@ -30,15 +31,15 @@ INTERRUPTED_LINE = (
 
 
 def print_result(result: Mapping[str, Any], *, as_json: bool, title: str) -> None:
-    """One JSON object on stdout, or a table of its fields for people."""
+    """One JSON object on stdout, or a table of its fields for people, in words and units that are read."""
     if as_json:
         print_line(json.dumps(json_value(result), allow_nan=False))
         return
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-    table.add_column(no_wrap=True)  # a name is searched for and goes into scripts: whole, however narrow the window
+    table.add_column(no_wrap=True)  # a name is searched for: whole, however narrow the window
     table.add_column(overflow="fold")
     for name, value in _rows(json_value(result)):
-        table.add_row(name, value)
+        table.add_row(readable_name(name), value)
     _print_table(title, table)
 
 
@@ -61,6 +62,12 @@ def _print_table(title: str, table: Table) -> None:
     console.print(title, style="italic", soft_wrap=True)
     console.print(table)
     _write(text.getvalue())
+
+
+def print_closing(lines: Sequence[str], *, as_json: bool) -> None:
+    """What a result means and what to do next, below its table; nothing beside JSON."""
+    if not as_json:
+        _write("\n" + "".join(f"{line}\n" for line in lines))
 
 
 def print_line(text: str) -> None:
@@ -123,17 +130,22 @@ def _rows(result: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, st
         elif isinstance(value, list) and not value:
             yield prefix + name, "-"
         elif isinstance(value, list) and len(value) > 8:
-            yield prefix + name, f"{_text(value[0])} ... {_text(value[-1])} ({len(value)} values)"
+            yield (
+                prefix + name,
+                f"{_text(value[0], prefix + name)} ... {_text(value[-1], prefix + name)} ({len(value)} values)",
+            )
         elif isinstance(value, list):
-            yield prefix + name, ", ".join(map(_text, value))
+            yield prefix + name, ", ".join(_text(each, prefix + name) for each in value)
         else:
-            yield prefix + name, _text(value)
+            yield prefix + name, _text(value, prefix + name)
 
 
-def _text(value: Any) -> str:
+def _text(value: Any, path: str) -> str:
     if value is None:
         return "-"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return readable_number(value, path) if isinstance(value, float) else str(value)
 
 
 @contextlib.contextmanager

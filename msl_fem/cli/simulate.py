@@ -103,11 +103,6 @@ def command(
 
     Commands are in A, V or N, by the drive. With --locked the mover is held: a voltage step then shows R and L. Where
     the actuator file states motion.end_stop, the mover may be pulled in: the run goes on at the stop.
-
-    Examples:
-      msl-fem simulate servo.toml --excitation "sine:bias=0.6 A,amplitude=50 mA,frequency=20 Hz,duration=1 s" -o run
-      msl-fem simulate relay.toml --excitation "step:amplitude=4 V,duration=0.5 s" --locked -o step
-      msl-fem simulate relay.toml --excitation "step:amplitude=12 V,duration=0.2 s" --position "-0.8 mm" -o pull_in
     """
     model = load_extended_model(actuator)
     model = replace(model, effects=stated_causes(read_causes(effect), model.effects))

@@ -95,7 +95,7 @@ def test_a_records_run(msl_fem: Command, tmp_path: Path) -> None:
 def test_people_get_a_table(msl_fem: Command) -> None:
     found = msl_fem("losses", SERVO, "--current", "1 A", "--duty", "0.5", "--period", "10 s", "--wire", "awg")
     assert found.status == 0
-    assert "thermal.duty_current_A" in found.stdout
+    assert "thermal: duty current" in found.stdout
     assert "AWG 21" in found.stdout
     assert "note: two nodes" in found.stderr
 

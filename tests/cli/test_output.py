@@ -35,9 +35,17 @@ def test_a_defect_of_the_program_is_not_hidden() -> None:
 
 
 def test_people_get_a_table(capsys: pytest.CaptureFixture[str]) -> None:
-    print_result({"force_N": 1.5, "flux": {"yoke": [1.0, 2.0]}, "many": list(range(9))}, as_json=False, title="t")
-    printed = capsys.readouterr().out
-    assert "flux.yoke" in printed
+    fields = {"force_N": 1.5, "flux": {"yoke": [1.0, 2.0]}, "many": list(range(9)), "mesh_error": 0.00108}
+    fields |= {"gap_m": 0.0007, "slope_N_per_m": -229218.0, "runs": {"step": {"position_rms_m": 3.2e-6}}, "done": True}
+    fields |= {"winding_temperature_K": 353.15, "standard_error": 0.02, "zone_reach_m": {"A": 3.5e-4}}
+    print_result(fields, as_json=False, title="t")
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "flux: yoke 1, 2" in printed
+    for line in (
+        "force 1.5 N", "mesh error 0.108 %", "gap 0.7 mm", "slope -229.2 kN/m", "runs, step: position RMS 3.2 µm",
+        "done yes", "winding temperature 80 °C", "standard error 0.02", "zone reach: A 0.35 mm",
+    ):  # fmt: skip
+        assert line in printed, line
     assert "0 ... 8 (9 values)" in printed
 
 
@@ -45,9 +53,9 @@ def test_a_long_name_stands_whole_in_a_narrow_window(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "60")
-    name = "inverse_domain.known_but_left_to_feedback"
+    name = "inverse domain known but left to feedback"
     print_result({name: ["a" * 12, "b" * 12], "force_N": 1.0}, as_json=False, title="t")
     printed = capsys.readouterr().out
     assert name in printed
     assert "…" not in printed
-    assert printed.count("a") - name.count("a") == 12 + "force_N".count("a")
+    assert printed.count("a") - name.count("a") == 12 + "force".count("a")

@@ -1,0 +1,84 @@
+"""The three lines below a result: what it means, how sure that is, what to do next."""
+
+import numpy as np
+
+from msl_fem.control import ClosedLoopRun
+from msl_fem.control.design import ControllerDesign
+from msl_fem.diagnosis.result import Diagnosis
+from msl_fem.files.quantity import format_quantity
+from msl_fem.identification import Identification
+from msl_fem.report.diagnosis_words import gain_sentence, nats_text, next_steps, verdict_sentence
+
+ZONE_A = 3.0
+"""ISO 14839-3 (2006): up to this largest sensitivity a new machine is in zone A."""
+GOOD_FIT = 90.0  # % in free run: what is left is a third of a tenth of the power
+
+
+def diagnosis_closing(found: Diagnosis) -> tuple[str, str, str]:
+    """The verdict, the gain and the evidence behind it, the first step."""
+    if found.causes:
+        first = found.causes[0]
+        sure = f"{nats_text(first.statistic)} of evidence where {found.threshold:.3g} are asked for. "
+    else:
+        sure = ""
+    steps = next_steps(found)
+    next_step = f"{steps[0][0]}: {steps[0][1]}" if steps else "nothing; the model may be used as it is"
+    return (
+        f"What it means: {verdict_sentence(found)}",
+        f"How sure: {sure}{gain_sentence(found)}",
+        f"What to do: {next_step}.",
+    )
+
+
+def control_closing(run: ClosedLoopRun, design: ControllerDesign) -> tuple[str, str, str]:
+    """How well it follows, how robust the loop is, and the way on."""
+    span = float(np.ptp(run.reference)) / 2
+    share = f", {100 * run.tracking_rms / span:.2g} % of the amplitude" if span > 0 else ""
+    follows = f"{format_quantity(run.tracking_rms, 'm', digits=3)} RMS{share}"
+    peak = f"{run.peak_current:.3g} A"
+    sensitivity = design.peak_sensitivity
+    good = sensitivity <= ZONE_A
+    robust = "zone A of ISO 14839-3, as new machines should be" if good else "beyond zone A of ISO 14839-3 (3)"
+    cut = run.guard_violations + run.force_limited
+    if cut:
+        way = f"{cut} commands were cut: take a smaller or slower reference, or more current"
+    elif not good:
+        way = 'lower the wish, like --bandwidth "40 Hz", until the peak sensitivity is below 3'
+    else:
+        way = "look at its trials (--report loop.html), then take it along as C: msl-fem export ... --what controller"
+    return (
+        f"What it means: the position follows the reference within {follows}; the largest current is {peak}.",
+        f"How sure: largest sensitivity in mid-travel {sensitivity:.3g}, {robust}. All of it is simulated.",
+        f"What to do: {way}.",
+    )
+
+
+def identify_closing(found: Identification) -> tuple[str, str, str]:
+    """How well unseen runs are followed, what the residuals still hold, and the way on."""
+    judged = [(fit, role) for fit, role in zip(found.fits, found.roles, strict=True) if role == "held-out"]
+    fit, role = (judged or list(zip(found.fits, found.roles, strict=True)))[0]
+    diverged = fit.free_run is None
+    reached = "leaves all bounds" if diverged else f"is followed to {fit.free_run:.2f} %"
+    outside = [test for test in found.residual_tests if not test.inside_band]
+    if outside:
+        names = " and ".join(test.name for test in outside)
+        left = (
+            f"the residuals of the fitted run still depend on {names} (p = {min(t.p_value for t in outside):.1g}): "
+            "a small part of the plant is not in the model; the error in free run says how much it matters"
+        )
+    else:
+        left = "the residuals of the fitted run are white and depend on no input: nothing linear is left to find"
+    good = fit.free_run is not None and fit.free_run >= GOOD_FIT
+    if good and outside:
+        way = (
+            "use it; msl-fem diagnose says which effect the rest could be, --orders auto --terms auto try richer models"
+        )
+    elif good:
+        way = "use it: msl-fem control --model takes what -o wrote"
+    else:
+        way = "try --orders auto and --terms auto; if that does not help, msl-fem diagnose says what the model lacks"
+    return (
+        f"What it means: in free run {fit.run} ({role}) {reached}, one step ahead to {fit.one_step:.2f} %.",
+        f"How sure: {left}.",
+        f"What to do: {way}.",
+    )
