@@ -5,8 +5,10 @@ from typing import Annotated, Any
 
 import typer
 
+from msl_fem.actuator import load_actuator
 from msl_fem.cli.options import Json
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say
+from msl_fem.cli.polarity import polarity_off_the_middle, polarity_sentence
 from msl_fem.cli.sweeping import default_workers
 from msl_fem.design.sizing import (
     RULE,
@@ -72,10 +74,14 @@ def command(
     write_sized_actuator(sized_actuator(choice.evaluation.performance, wanted, target=target), target)
     save_picture(draw_front(_points(choice, found, wanted), wanted.objectives, title=wanted.name), drawn)
     _say_warm(choice, wanted)
+    costs = polarity_off_the_middle(load_actuator(target), choice.evaluation.performance.current)
+    if costs:
+        say(f"note: {polarity_sentence(costs['polarity'])}")
     if found.failed:
         say(f"note: {found.failed} designs had no field solution and were left out")
     result = sizing_to_json(choice, found, wanted) | {
         "geometry": str(target), "picture": str(drawn), "storage": storage, "rule": RULE,
+        **costs,
     }  # fmt: skip
     if json:
         print_result(result, as_json=True, title="")

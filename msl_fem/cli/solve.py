@@ -5,16 +5,17 @@ from typing import Annotated, Any
 
 import typer
 
-from msl_fem.actuator import Actuator, MeshMagnet, load_actuator
+from msl_fem.actuator import MeshMagnet, load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Current, Json, read_option
 from msl_fem.cli.output import print_result, say
+from msl_fem.cli.polarity import what_a_polarity_costs
 from msl_fem.cli.sweeping import checked_accuracy
 from msl_fem.errors import InputError
 from msl_fem.export.vtu import write_vtu
 from msl_fem.files.whole_file import check_target
-from msl_fem.magnetics.field.accuracy import Accuracy, PointResult
+from msl_fem.magnetics.field.accuracy import PointResult
 from msl_fem.magnetics.field.magnet_field import solve_with_field
-from msl_fem.magnetics.field.two_sided import TwoSidedPosition, TwoSidedResult, polarity_costs, solve_two_sided
+from msl_fem.magnetics.field.two_sided import TwoSidedPosition, TwoSidedResult, solve_two_sided
 from msl_fem.report.field_picture import draw_field, save_picture
 from msl_fem.report.scene import render_scene
 
@@ -96,26 +97,6 @@ def _position(gap_1: float | None, gap_2: str | None, tilt: str | None) -> TwoSi
 def _say_notes(notes: tuple[str, ...]) -> None:
     for note in notes:
         say(f"note: {note}")
-
-
-def what_a_polarity_costs(
-    actuator: Actuator, currents: tuple[float, float], position: TwoSidedPosition, *, accuracy: Accuracy
-) -> dict[str, Any]:
-    """The JSON field `polarity`: what two magnets apart miss of force and flux linkage, by how the fluxes meet.
-
-    Opposing ones add up in the armature, aiding ones go straight through it. Empty where one side has no current.
-    """
-    if not all(currents):
-        return {}
-    costs: dict[str, Any] = {"of_these_currents": "aiding" if currents[0] * currents[1] > 0 else "opposing"}
-    if actuator.sides is not None:
-        costs["of_the_actuator"] = actuator.sides.polarity
-    for name, apart in polarity_costs(actuator, currents, position, accuracy=accuracy).items():
-        costs[name] = {
-            "force_error_of_sides_apart": apart.force_error,
-            "flux_error_of_sides_apart": [apart.flux_error_1, apart.flux_error_2],
-        }
-    return {"polarity": costs}
 
 
 def two_sided_to_json(result: TwoSidedResult) -> dict[str, Any]:

@@ -58,6 +58,14 @@ def test_a_requirement_becomes_an_actuator_file_that_solves(msl_fem: Run, file: 
     point = msl_fem("solve", str(target), "--current", current, "--gap", "0.5 mm", "--accuracy", "fine", "--json").json
     assert point["force_N"] == pytest.approx(said["force_N"], rel=1e-6)
     assert point["force_N"] >= 150.0
+    # and what both polarities cost on its armature, at that current: a second run of another command
+    off = ("--gap", "0.4 mm", "--gap-2", "0.8 mm", "--current-2", current)
+    costs = msl_fem("solve", str(target), "--current", current, *off, "--json").json["polarity"]
+    for name in ("opposing", "aiding"):
+        for key, value in costs[name].items():
+            assert said["polarity"][name][key] == pytest.approx(value, rel=1e-2, abs=1e-5)
+    opposing, aiding = (abs(costs[name]["force_error_of_sides_apart"]) for name in ("opposing", "aiding"))
+    assert opposing > 10 * aiding
     assert max(section["mean"] for section in point["flux_density_T"].values()) <= 1.2
     # and it is a whole actuator: sides, motion, drive, controller, a default grid
     actuator = load_actuator(target)
