@@ -73,15 +73,29 @@ def servo() -> Actuator:
 
 @pytest.fixture(scope="session")
 def study_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a study that `msl-fem study` made, on a grid of 8 by 14 at accuracy fast."""
-    made = tmp_path_factory.mktemp("study")
+    """The folder of a study that `msl-fem study` made, on a grid of 8 by 14 at accuracy fast; one for all workers of
+    pytest-xdist, the first that needs it makes it."""
+    import fcntl  # not on Windows, where the other tests run
+
+    base = tmp_path_factory.getbasetemp()
+    common = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    folder, whole = common / "study", common / "study.whole"
+    with (common / "study.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not whole.exists():
+            make_study(folder)
+            whole.touch()
+    return folder
+
+
+def make_study(folder: Path) -> None:
+    """A small study of the reference actuator."""
     servo = ROOT / "geometries" / "fast_tool_servo.toml"
     with pytest.MonkeyPatch.context() as patch:
         gaps, currents = np.geomspace(5e-5, 1.2e-3, 8), 12 * np.linspace(0, 1, 14) ** 2
         patch.setattr(study_module, "default_grid", lambda actuator: (gaps, currents))
-        arguments = ["study", str(servo), "-o", str(made), "--accuracy", "fast", "--workers", "1", "--json"]
+        arguments = ["study", str(servo), "-o", str(folder), "--accuracy", "fast", "--workers", "1", "--json"]
         assert run_guarded(lambda: app(arguments)) == 0
-    return made
 
 
 @pytest.fixture(scope="session")
