@@ -29,7 +29,7 @@ def test_parameter_error_is_at_the_cramer_rao_bound(case):
 def test_intervals_of_c_are_calibrated_next_to_the_unit_circle():
     """38 memories long: mean square of C's errors over standard errors; from the information at the point, over 2."""
     case, scores = CASES[3], []
-    for seed in range(30):
+    for seed in range(15):
         run, _ = case.run(20_000, np.random.default_rng(7_000 + seed))
         model = fit_armax([run], case.orders)
         assert model.convergence.converged, model.convergence.reason
