@@ -62,9 +62,9 @@ class Fit:
     def converged(self) -> bool:
         return self.predicted < CONVERGED
 
-    @property
+    @cached_property
     def excess(self) -> dict[str, float]:
-        """Channel to RMS residual over the noise's sigma."""
+        """Channel to RMS residual over the noise's sigma; simulated once, since search and verdict ask often."""
         return self.likelihood.excess(self)
 
     @property
