@@ -22,7 +22,15 @@ PURE_NUMBERS = frozenset({
 
 
 class Drive(FrozenModel):
-    """The power amplifier of a side; limits are per side, the resistance is that of one magnet's coil."""
+    """The power amplifier of a side; limits are per side, the resistance is that of one magnet's coil.
+
+    Attributes
+    ----------
+    kind : what is commanded: the current of a side (by a current loop), its voltage, or a force without magnets
+    bandwidth : first order, -3 dB; ideal without it
+    voltage_limit, current_limit : of a side, in size
+    coil_resistance : of one magnet's coil at 20 degC; from the winding without it
+    """
 
     kind: Literal["current", "voltage", "force"]
     bandwidth: Frequency | None = None
@@ -32,22 +40,53 @@ class Drive(FrozenModel):
 
 
 class PositionSensor(FrozenModel):
+    """The reading of the position.
+
+    Attributes
+    ----------
+    noise : one sigma of white noise
+    bandwidth : first order, -3 dB; ideal without it
+    resolution : readings are whole multiples of it; 0: none
+    """
+
     noise: PositionNoise = 0.0
     bandwidth: Frequency | None = None
     resolution: PositionNoise = 0.0
 
 
 class CurrentSensor(FrozenModel):
+    """The reading of the sides' currents.
+
+    Attributes
+    ----------
+    noise : one sigma of white noise
+    """
+
     noise: CurrentNoise = 0.0
 
 
 class Controller(FrozenModel):
+    """The controller's clock.
+
+    Attributes
+    ----------
+    rate : samples a second of the control loop
+    delay_samples : from a reading to the command that it makes, in samples beside the hold
+    """
+
     rate: Frequency
     delay_samples: Annotated[int, Field(ge=0, le=20)] = 0
 
 
 class Actuator(FrozenModel):
-    """An actuator file. Sections that an actuator lacks are None; SI units throughout."""
+    """An actuator file. Sections that an actuator lacks are None; SI units throughout.
+
+    Attributes
+    ----------
+    schema_version : of the file's format; always 1
+    name : letters, digits, spaces and _ . -
+    sources : free texts: where the numbers come from
+    """
 
     schema_version: Literal[1] = Field(alias="schema")
     name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9_. -]+$")]
@@ -130,7 +169,7 @@ def parse_actuator(content: dict[str, Any], *, file: Path | None = None) -> Actu
         actuator = Actuator.model_validate({**content, "file": file})
     except ValidationError as err:
         if complaint is None or has_unknown_key(err):  # the number of a misspelt key needs a name first, then a unit
-            complaint = first_complaint(err, unions=("magnet",))
+            complaint = first_complaint(err, unions=("magnet",), of=Actuator)
         raise ActuatorError(f"{file or 'actuator'}: {complaint}") from err
     if complaint:
         raise ActuatorError(f"{file or 'actuator'}: {complaint}")

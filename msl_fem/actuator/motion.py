@@ -122,7 +122,15 @@ class Flexure(FrozenModel):
 
 
 class Sides(FrozenModel):
-    """How many magnets pull, and how those of a side are connected."""
+    """How many magnets pull, and how those of a side are connected.
+
+    Attributes
+    ----------
+    count : of sides: 1 pulls towards +x alone, 2 pull against each other
+    magnets_per_side : alike, facing the same armature
+    connection : of the coils of a side
+    polarity : how the fluxes of both sides meet in the armature
+    """
 
     count: Literal[1, 2]
     magnets_per_side: Annotated[int, Field(gt=0, le=1000)]
@@ -139,6 +147,17 @@ class Motion(FrozenModel):
 
     Where `stiffness` is left out and `flexure` is there, it is that of the flexure; where both are stated, the stated
     one counts, and `notes` tells the difference.
+
+    Attributes
+    ----------
+    moving_mass : all that moves, armature included
+    stiffness : of the suspension; that of the flexure where it is left out
+    damping : viscous
+    nominal_gap : of both sides at x = 0; needed with a magnet
+    range : largest |x|; beyond it a run ends
+    constant_force : along +x, towards side 1: gravity is "-4.9 N" for 0.5 kg that hangs below the magnet
+    end_stop : |x| at which the mover meets a stop; pull-in runs need one
+    end_stop_restitution : velocity after over velocity before an impact, 0 (stays) to 1
     """
 
     moving_mass: Mass

@@ -4,13 +4,13 @@ import math
 import os
 import stat
 import tomllib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_args
 
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
 from pydantic_core import CoreSchema, core_schema
 
 from msl_fem.errors import QuantityError
@@ -21,6 +21,8 @@ LARGEST = 1e18  # of any quantity in SI units
 LARGEST_OF_UNIT = {"m": 1e3, "A": 1e6, "V": 1e7, "N": 1e9, "kg": 1e7, "Hz": 1e12, "T": 1e3, "N/m": 1e12, "ohm": 1e9}
 """More than any machine of this kind has."""
 LARGEST_TEXT = 16_000_000  # bytes of a file that people write: a device or a wrong file ends here, not the memory
+NUMBER = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*"
+"""The number that begins a quantity."""
 DEEPEST = 40  # levels of nesting: no file of ours has more than five
 
 
@@ -52,6 +54,14 @@ class In:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """What editors are told: a text, a number and a unit; of a pure number the number alone will do."""
+        del core, handler
+        text = {"type": "string", "pattern": NUMBER + (r"\S.*$" if self.unit else r"%?\s*$")}
+        return (
+            text | {"description": f"a quantity in {self.unit}"} if self.unit else {"anyOf": [{"type": "number"}, text]}
+        )
 
 
 class FrozenModel(BaseModel):
@@ -169,10 +179,11 @@ def has_unknown_key(err: ValidationError) -> bool:
     return any(one["type"] == "extra_forbidden" for one in err.errors())
 
 
-def first_complaint(err: ValidationError, *, unions: Collection[str] = ()) -> str:
+def first_complaint(err: ValidationError, *, unions: Collection[str] = (), of: type[BaseModel] | None = None) -> str:
     """One line: the key path, what is wrong with it, and how many complaints more there are.
 
     `unions` names the keys that hold one of several kinds: pydantic puts the kind into the path, the file does not.
+    `of` is the record of the file: of an unknown key those that are known beside it are then told.
     """
     errors, explained = err.errors(), 1
     first = min(errors, key=lambda one: one["type"] != "extra_forbidden")  # a misspelt key explains a missing one
@@ -183,7 +194,10 @@ def first_complaint(err: ValidationError, *, unions: Collection[str] = ()) -> st
         missing = [str(one["loc"][-1]) for one in errors if one["type"] == "missing" and one["loc"][:-1] == loc[:-1]]
         meant = get_close_matches(str(loc[-1]), missing, n=1)
         explained += len(meant)
-        said = f"unknown key; is {meant[0]} meant?" if meant else "unknown key; check its spelling or remove it"
+        known = known_keys(of, loc[:-1]) if of is not None else []
+        meant = meant or get_close_matches(str(loc[-1]), known, n=1, cutoff=0.75)
+        there = f"; there are {', '.join(known)}" if known else "; check its spelling or remove it"
+        said = f"unknown key; is {meant[0]} meant?" if meant else f"unknown key{there}"
     elif kind == "missing":
         said = "is missing; write schema = 1" if loc == ("schema",) else "is missing"
     elif kind == "union_tag_invalid":
@@ -198,6 +212,33 @@ def first_complaint(err: ValidationError, *, unions: Collection[str] = ()) -> st
             said += f", not {first['input']!r}"
     more = f" (and {err.error_count() - explained} more)" if err.error_count() > explained else ""
     return f"{path + ': ' if path else ''}{said}{more}"
+
+
+def known_keys(model: type[BaseModel], place: Sequence[int | str]) -> list[str]:
+    """The keys of the section at a place of a file, as pydantic names it: keys, numbers in lists, kinds of unions."""
+    records = [model]
+    for step in place:
+        if isinstance(step, int):
+            continue
+        inner = [info.annotation for record in records for name, info in record.model_fields.items()
+                 if step in (name, info.alias)]  # fmt: skip
+        chosen = [one for annotation in inner for one in _records_in(annotation)]
+        of_kind = [one for one in records if step in _kinds_of(one)]
+        records = chosen or of_kind or []
+    return sorted(
+        {info.alias or name for one in records for name, info in one.model_fields.items() if not info.exclude}
+    )
+
+
+def _records_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [one for part in get_args(annotation) for one in _records_in(part)]
+
+
+def _kinds_of(model: type[BaseModel]) -> tuple[Any, ...]:
+    kind = model.model_fields.get("kind")
+    return () if kind is None else get_args(kind.annotation)
 
 
 def reason(err: Exception) -> str:

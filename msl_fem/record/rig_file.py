@@ -172,7 +172,7 @@ def read_rig(folder: Path) -> RigFile:
     try:
         return RigFile.model_validate({**content, "overrides": overrides})
     except ValidationError as err:
-        raise RecordError(f"{file}: {first_complaint(err)}") from err
+        raise RecordError(f"{file}: {first_complaint(err, of=RigFile)}") from err
 
 
 def rig_actuator(rig: RigFile, folder: Path) -> Actuator:

@@ -127,7 +127,7 @@ def put(content: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
         ("magnet.window_width", "1e999 m", "not finite"),
         ("magnet.window_with", "10 mm", "unknown key"),
         ("magnet.coil.windings", 3, "unknown key"),
-        ("magnet.coil.fil_factor", 0.5, r"fil_factor: unknown key; check its spelling"),
+        ("magnet.coil.fil_factor", 0.5, r"fil_factor: unknown key; is fill_factor meant"),
         ("magnet.window_width", 10**400, "no unit"),
         ("motor", {"power": "3 W"}, "unknown key"),
         ("file", "x.toml", "unknown key"),

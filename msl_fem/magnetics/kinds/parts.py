@@ -16,6 +16,13 @@ class Coil(FrozenModel):
     """A coil round a leg: in the window a rectangle, `width` away from the leg by `height` along it.
 
     `turns` counts those of all coils of the magnet in series.
+
+    Attributes
+    ----------
+    turns : of all coils of a magnet in series
+    width, height : of the winding's cross section, away from the leg and along it
+    leg_clearance, face_clearance : from leg and pole faces to the winding: bobbin, insulation
+    fill_factor : copper over the winding's cross section
     """
 
     turns: Turns
@@ -27,7 +34,14 @@ class Coil(FrozenModel):
 
 
 class IronSpec(FrozenModel):
-    """Names of irons (see `msl_fem.materials.material.load_iron`) and the stacking factors of their laminations."""
+    """Names of irons (see `msl_fem.materials.material.load_iron`) and the stacking factors of their laminations.
+
+    Attributes
+    ----------
+    core, armature : a name of the library ("m19"), "linear:1000", "analytic:e1", or a file of points ("steel.csv")
+    stacking_factor : iron over the stack's depth
+    core_stacking_factor, armature_stacking_factor : in its place for one part
+    """
 
     core: str
     armature: str
@@ -50,7 +64,12 @@ class IronSpec(FrozenModel):
 
 
 class Air(FrozenModel):
-    """The air box, A = 0 on it: beyond the core's half width, below the armature, above the yoke."""
+    """The air box, A = 0 on it: beyond the core's half width, below the armature, above the yoke.
+
+    Attributes
+    ----------
+    side, bottom, top : beyond the core's half width, below the armature, above the yoke
+    """
 
     side: Length
     bottom: Length
