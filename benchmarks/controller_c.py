@@ -23,9 +23,9 @@ from marked_text import rewrite
 
 from msl_fem.actuator import load_actuator
 from msl_fem.control import ControllerDesign, design_controller
-from msl_fem.control.design import Stepper
 from msl_fem.control.design_model import design_model_of
 from msl_fem.control.lqr_design import LqrOptions, lqr_design
+from msl_fem.control.stepper import Stepper, reference_rows
 from msl_fem.export.c_controller import ControllerSource, controller_header
 from msl_fem.maps import operating_map
 from msl_fem.plant.excitation import parse_excitation, reference
@@ -53,12 +53,12 @@ static double now(void)
 int main(int argc, char **argv)
 {
     long n = atol(argv[1]), repeats = atol(argv[2]), k, r;
-    double *in = malloc(4 * (size_t)n * sizeof *in), *least = malloc((size_t)n * sizeof *least);
+    double *in = malloc(7 * (size_t)n * sizeof *in), *least = malloc((size_t)n * sizeof *least);
     double largest = 0.0, clock = 1e9, sum = 0.0;
     FILE *file = fopen(argv[3], "rb");
     m_controller c;
     if (argc != 4 || !in || !least || !file || m_controller_self_check()) return 1;
-    if (fread(in, sizeof *in, 4 * (size_t)n, file) != 4 * (size_t)n) return 1;
+    if (fread(in, sizeof *in, 7 * (size_t)n, file) != 7 * (size_t)n) return 1;
     for (k = 0; k < 100000; ++k) {
         const double start = now(), spent = now() - start;
         clock = spent < clock ? spent : clock;
@@ -68,7 +68,7 @@ int main(int argc, char **argv)
         m_controller_start(&c);
         for (k = 0; k < n; ++k) {
             double out[2], spent, start = now();
-            m_controller_step(&c, in + 4 * k, in[4 * k + 3], out);
+            m_controller_step_ahead(&c, in + 7 * k, in[7 * k + 6], out);
             spent = now() - start - clock;
             sum += out[0];
             least[k] = spent < least[k] ? spent : least[k];
@@ -84,18 +84,19 @@ int main(int argc, char **argv)
 
 
 def tracking(design: ControllerDesign, table) -> np.ndarray:
-    """(n, 4) references and readings of a loop that tracks."""
+    """(n, 7) references, now and a lead later, and readings of a loop that tracks."""
     spec = "sine:frequency=2 Hz,amplitude=0.4 mm,duration=1 s,loop=closed"
     wanted = reference(parse_excitation(spec), rate=2500.0)
     run = simulate_closed(design.actuator, table, wanted, Stepper(design), generator=np.random.default_rng(1))
-    return np.column_stack([wanted.position, wanted.velocity, wanted.acceleration, run.measured_position])
+    samples = np.column_stack([wanted.position, wanted.velocity, wanted.acceleration])
+    return np.column_stack([reference_rows(design, samples, period=1 / 2500.0), run.measured_position])
 
 
 def wild(design: ControllerDesign) -> np.ndarray:
-    """(n, 4) references and readings that do not belong together, up to 1.3 times the reach."""
+    """(n, 7) references, now and a lead later, and readings that do not belong together, up to 1.3 times the reach."""
     rng, n, span = np.random.default_rng(5), 4000, 0.5 * (design.reach[1] - design.reach[0])
     wanted = [span * rng.uniform(-1, 1, n), 0.1 * rng.standard_normal(n), 30 * rng.standard_normal(n)]
-    return np.column_stack([*wanted, 1.3 * span * rng.uniform(-1, 1, n)])
+    return np.column_stack([*wanted, *wanted, 1.3 * span * rng.uniform(-1, 1, n)])
 
 
 def measured(design: ControllerDesign, regions, steps: np.ndarray, *, flags: list[str], repeats: int) -> np.ndarray:

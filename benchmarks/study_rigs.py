@@ -17,7 +17,7 @@ import numpy as np
 from msl_fem.actuator import Actuator, ECore, load_actuator
 from msl_fem.bench import BenchOptions, ClosedLoop, parse_nuisances, parse_requests, sealed_record
 from msl_fem.control import design_controller
-from msl_fem.control.design import Stepper, stated
+from msl_fem.control.stepper import Stepper, stated
 from msl_fem.maps import operating_map
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.excitation_kinds import Excitation

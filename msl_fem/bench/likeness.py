@@ -82,7 +82,8 @@ def _asked(actuator: Actuator, run: Run, controller: BenchController | None) -> 
         position, time = run.columns[REFERENCE], run.time
         velocity = np.gradient(position, time)
         followed = np.column_stack([position, velocity, np.gradient(velocity, time)])
-        return Following(followed, controller, resolution=actuator.position_sensor.resolution)
+        rows = controller.rows(followed, period=float(time[1] - time[0]))
+        return Following(rows, controller, resolution=actuator.position_sensor.resolution)
     kind = actuator.drive.kind if actuator.drive is not None else "none"
     sides = actuator.sides.count if actuator.sides is not None else 1
     word = {"voltage": "voltage_{}_V", "current": "command_{}_A"}.get(kind, "")

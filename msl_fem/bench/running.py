@@ -211,6 +211,7 @@ class BenchController(Protocol):
     @property
     def delay_samples(self) -> int: ...
     def start(self) -> None: ...
+    def rows(self, samples: Array, *, period: float) -> Array: ...
     def command(self, reference: Array, measured: float) -> Array: ...
 
 
@@ -220,7 +221,7 @@ class Following:
 
     Attributes
     ----------
-    reference : (n_sample, 3) position, velocity, acceleration wanted
+    reference : (n_sample, n) of position, velocity, acceleration wanted, as the controller's `rows` has it
     controller : knows the belief, and what it reads
     noise : (n_sample,) m, of the position's reading in the loop; None: none
     resolution : m, of the reading; 0: none

@@ -273,7 +273,9 @@ def _asked(actuator: Actuator, excitation: Excitation, options: BenchOptions) ->
         raise InputError(f"{excitation.name}: loop=closed needs a controller; leave it out for open loop")
     path = reference(excitation, rate=options.rate)
     followed = np.column_stack([path.position, path.velocity, path.acceleration])
-    return Following(followed, options.loop.controller, resolution=actuator.position_sensor.resolution)
+    controller = options.loop.controller
+    rows = controller.rows(followed, period=1.0 / options.rate)
+    return Following(rows, controller, resolution=actuator.position_sensor.resolution)
 
 
 def _with_noise(asked: Array | Following, actuator: Actuator, options: BenchOptions, run: int) -> Array | Following:

@@ -30,7 +30,7 @@ from msl_fem.control import (
     examine_design,
     run_closed_loop,
 )
-from msl_fem.control.design import stated
+from msl_fem.control.stepper import stated
 from msl_fem.errors import InputError
 from msl_fem.files.schema import reason, small_text
 from msl_fem.files.sole_run import sole_run
@@ -62,6 +62,7 @@ def command(
     bandwidth: Annotated[str | None, typer.Option(help="Of the feedback.")] = None,
     peak_sensitivity: Annotated[float | None, typer.Option(help="Bound on max |S|.")] = None,
     feedforward: Annotated[bool, typer.Option(help="Two degrees of freedom, or the paper's integral alone.")] = True,
+    preview: Annotated[bool, typer.Option(help="The reference is known ahead, or carried on from now.")] = True,
     bias: Annotated[str | None, typer.Option(help="Bias current of a side, of the biased design.")] = None,
     overlap: Annotated[str, typer.Option(help="Force with which both sides pull at zero force.")] = "0 N",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Record folder of the run.")] = None,
@@ -92,6 +93,7 @@ def command(
         feedforward,
         read_option("--overlap", overlap, "N"),
         None if bias is None else read_option("--bias", bias, "A"),
+        preview,
     )
     with sole_run(output):
         if output is not None:

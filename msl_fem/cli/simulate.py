@@ -15,7 +15,8 @@ from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for
 from msl_fem.control import design_controller
 from msl_fem.control.closed_loop import checked_reference
-from msl_fem.control.design import ControllerDesign, Stepper, stated
+from msl_fem.control.design import ControllerDesign
+from msl_fem.control.stepper import Stepper, stated
 from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
 from msl_fem.maps import Guard, OperatingMap, operating_map

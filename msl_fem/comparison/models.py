@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike
 
 from msl_fem.actuator import Actuator, ECore, MagnetKind
 from msl_fem.computing.arrays import Array
-from msl_fem.control.design import ControllerChoice, ControllerDesign, Stepper
+from msl_fem.control.design import ControllerChoice, ControllerDesign
 from msl_fem.control.design_model import design_model_of
 from msl_fem.control.designs import designed
+from msl_fem.control.stepper import Stepper
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.schema import In
 from msl_fem.identification import ArmaxModel, identify
@@ -225,7 +226,8 @@ class OwnLoop:
             return None
         simulated, recorded = Stepper(self.design), Stepper(self.design)
         every, delay = clock_of(simulated, rate=data.rate)
-        followed, measured = _reference(run, data), run["position_m"]
+        followed = simulated.rows(_reference(run, data), period=1 / data.rate)
+        measured = run["position_m"]
         commands = np.zeros(2)
 
         def answer(k: int, reading: float) -> Array:

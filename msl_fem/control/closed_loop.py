@@ -24,6 +24,7 @@ from msl_fem.control.controller import (
 )
 from msl_fem.control.design import ControllerDesign
 from msl_fem.control.inverse import force_limits
+from msl_fem.control.stepper import reference_rows
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import EffectValues
@@ -117,6 +118,11 @@ class ClosedLoopRun:
         """Commands that the guard forbade."""
         return self.region_counts["unacceptable"]
 
+    @property
+    def guard_share(self) -> float:
+        """Share of the commands beyond the guard's first level."""
+        return 1.0 - self.region_counts["preferred"] / self.time.size
+
     def to_json(self) -> dict[str, Any]:
         """The JSON object of the run's figures."""
         return {
@@ -130,7 +136,7 @@ class ClosedLoopRun:
 
 
 class _Inputs(NamedTuple):
-    """What comes from outside: reference (n, 3), noise of the readings (n, N_READING), disturbance (n,) N."""
+    """What comes from outside: reference (n, 6), noise of the readings (n, N_READING), disturbance (n,) N."""
 
     reference: Array
     noise: Array
@@ -167,7 +173,7 @@ def run_closed_loop(
     if true.parameters.drive != CURRENT_DRIVE:
         raise InputError(f'{plant.actuator.name}: the controller commands currents; use drive.kind = "current"')
     inputs = _Inputs(
-        reference=samples,
+        reference=reference_rows(design, samples, period=period),
         noise=reading_noise(plant.actuator, n, generator=generator),
         disturbance=np.zeros(n) if disturbance is None else np.ascontiguousarray(disturbance, dtype=float),
     )

@@ -4,11 +4,11 @@
     u = B(-K xi_hat - K_i sum(y - r)) + K_r (r, r', r'')              without: K_r = 0 is the source paper's LQR
 
 With the feedforward the loop has two degrees of freedom: xi_model is the believed plant under u_model = u_ff +
-K_model (xi_ref - xi_model), where u_ff = m r'' + c r' + k r, taken one `lead` ahead, is the force that the reference
-needs. Regulator and integral act on deviations from this promised response and not on the reference's own jumps (model
-following: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sec. 4.5). B is a second-order section on what
-is fed back. Positive u pulls towards +x and is side 1's, negative side 2's. All designs are this step with other
-numbers; PID is the law without feedforward whose filter is a difference quotient.
+K_model (xi_ref - xi_model), where u_ff = m r'' + c r' + k r is the force that the reference needs one `lead` ahead
+(see `preview`). Regulator and integral act on deviations from this promised response and not on the reference's own
+jumps (model following: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sec. 4.5). B is a second-order
+section on what is fed back. Positive u pulls towards +x and is side 1's, negative side 2's. All designs are this step
+with other numbers; PID is the law without feedforward whose filter is a difference quotient.
 """
 
 from typing import NamedTuple
@@ -50,10 +50,10 @@ class ControllerParameters(NamedTuple):
     stiffness: float
     damping: float
     constant_force: float  # N, believed to act along +x
-    cubic: float  # N/m^3, of the believed suspension; carried at the measured position
+    cubic: float  # N/m^3, of the believed suspension; carried at the position to come
     delay: int
     lead: float  # s, of the feedforward
-    gap_lead: float  # s: the inverse takes the gap as it will be then; 0 takes the measured gap
+    gap_row: Array  # (n + 2,) the position that the inverse uses, as `gap_to_come.position_after`
     feedforward: bool
 
 
@@ -73,7 +73,7 @@ def controller_step(
 
     Parameters
     ----------
-    reference : (3,) position, velocity, acceleration wanted now
+    reference : (6,) position, velocity, acceleration wanted now, and wanted a `lead` later
     measured : m
     """
     p = parameters
@@ -96,8 +96,9 @@ def controller_step(
     y = measured if seen else state[X_PREDICTED]
     _estimate(p, state, y)
     force, error = _law(p, state, reference, y, model, known, queue)
-    apart = p.cubic * y * y * y - p.constant_force  # forces that the linear plant has not
-    positions = (y, y + p.gap_lead * state[V_HAT])
+    coming = _position_to_come(p, state, y, force, known)
+    apart = p.cubic * coming * coming * coming - p.constant_force  # forces that the linear plant has not
+    positions = (y, coming)
     of_magnets, verdict = commanded_currents(p.stage, p.inverse, force + apart if seen else np.nan, positions, command)
     state[N_PREFERRED + verdict] += 1.0
     given = of_magnets - apart
@@ -107,6 +108,23 @@ def controller_step(
     if abs(cut) <= 1e-9 * (1.0 + abs(force)) or cut * p.integral_gain * error > 0:
         state[INTEGRAL] += error
     _predict(p, state, y, given, known)
+
+
+@compiled
+def causal_step(
+    parameters: ControllerParameters, state: Array, reference: Array, measured: float, command: Array
+) -> None:
+    """`controller_step` for a reference that is not known ahead: (3,) wanted now, carried on by its acceleration."""
+    lead = parameters.lead
+    r, v, a = reference[0], reference[1], reference[2]
+    carried = np.empty(6)
+    carried[0] = r
+    carried[1] = v
+    carried[2] = a
+    carried[3] = r + lead * (v + 0.5 * lead * a)
+    carried[4] = v + lead * a
+    carried[5] = a
+    controller_step(parameters, state, carried, measured, command)
 
 
 @compiled
@@ -160,7 +178,7 @@ def _model_force(p: ControllerParameters, reference: Array, model: Array, queue:
     """
     n = p.model_a.shape[0]
     r, v, a = reference[0], reference[1], reference[2]
-    ahead = p.stiffness * (r + p.lead * (v + 0.5 * p.lead * a)) + p.damping * (v + p.lead * a) + p.mass * a
+    ahead = p.stiffness * reference[3] + p.damping * reference[4] + p.mass * reference[5]
     force = ahead + p.model_gain[0] * r + p.model_gain[1] * v
     n_lag = n - 2 - p.delay
     if n_lag == 1:
@@ -171,6 +189,16 @@ def _model_force(p: ControllerParameters, reference: Array, model: Array, queue:
     for j in range(n):
         force -= p.model_gain[j] * model[j]
     return float(force)
+
+
+@compiled
+def _position_to_come(p: ControllerParameters, state: Array, measured: float, force: float, known: Array) -> float:
+    row = p.gap_row
+    n = p.model_a.shape[0]
+    position = row[0] * measured + row[1] * state[V_HAT] + row[2] * state[D_HAT] + row[n + 1] * force
+    for j in range(n - 2):
+        position += row[3 + j] * known[j]
+    return float(position)
 
 
 @compiled

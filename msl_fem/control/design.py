@@ -1,4 +1,4 @@
-"""A controller, what it promises on the plant that it believes in, and its steps one by one."""
+"""A controller, and what it promises on the plant that it believes in."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -8,17 +8,18 @@ from typing import Any
 import numpy as np
 
 from msl_fem.actuator import Actuator
-from msl_fem.computing.arrays import Array
-from msl_fem.control.controller import ControllerParameters, controller_state, controller_step
+from msl_fem.control.controller import ControllerParameters
 from msl_fem.control.design_model import AtPosition, DesignModel, LinearPlant, reach_of
-from msl_fem.control.inverse import BIAS, HARD_HAND_OVER, OutputStage
+from msl_fem.control.gap_to_come import position_after
+from msl_fem.control.inverse import HARD_HAND_OVER, OutputStage
 from msl_fem.control.linear_loop import LinearLaw, feedback_bandwidth, flat_band, grid, sensitivity_bound
 from msl_fem.control.linear_loop import bandwidth as _bandwidth
 from msl_fem.control.lqg import LqrWeights
 from msl_fem.errors import InputError
 from msl_fem.files.numbers import json_value
 
-_ZONE_ENDS = (3.0, 4.0, 5.0)
+ZONE_ENDS = (3.0, 4.0, 5.0)
+"""Peak sensitivity up to which a loop is in zone A, B, C of ISO 14839-3 (2006)."""
 _N_FROZEN = 21
 _SLACK = 2e-3  # share of a wish that may be missed
 _SLOWEST = 1e-6  # of the highest bandwidth: a slower feedback is none
@@ -51,7 +52,7 @@ class FrozenPosition:
     @property
     def zone(self) -> str:
         """The zone of ISO 14839-3 (2006): A up to 3, B up to 4, C up to 5, D beyond."""
-        return "ABCD"[sum(self.peak_sensitivity > limit for limit in _ZONE_ENDS)]
+        return "ABCD"[sum(self.peak_sensitivity > limit for limit in ZONE_ENDS)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +143,7 @@ class ControllerDesign:
             "law": {
                 "kind": self.summary,
                 "feedforward": self.law.feedforward,
+                "preview": self.law.preview,
                 "states": list(self.law.plant.sampled().states),
                 "gain": self.law.gains.state.tolist(),
                 "integral_gain": self.law.gains.integral,
@@ -210,7 +212,7 @@ class ControllerChoice:
     ----------
     kind : a name of `designs.DESIGNS`
     bandwidth, peak_sensitivity : Hz, and bound on max |S| in the middle
-    feedforward : of lqr and biased
+    feedforward, preview : of lqr and biased; whether references are known ahead
     overlap : N, of all but biased
     bias : A, of biased
     """
@@ -221,6 +223,7 @@ class ControllerChoice:
     feedforward: bool = True
     overlap: float = 0.0
     bias: float | None = None
+    preview: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,9 +287,17 @@ def with_measured_gap(design: ControllerDesign) -> ControllerDesign:
     return replace(
         design,
         law=law,
-        parameters=design.parameters._replace(gap_lead=0.0),
+        parameters=design.parameters._replace(gap_row=position_after(law.plant, 0.0)),
         frozen=tuple(_frozen(law, p.position, p.at) for p in design.frozen),
     )
+
+
+def without_preview(design: ControllerDesign) -> ControllerDesign:
+    """The same controller for a reference that is not known ahead."""
+    law = replace(design.law, preview=False)
+    f = grid(law.plant.period)
+    response = law.reference_response(f)
+    return replace(design, law=law, bandwidth=_bandwidth(response, f), flat_band=flat_band(response, f))
 
 
 def _frozen(law: LinearLaw, position: float, at: AtPosition) -> FrozenPosition:
@@ -320,59 +331,6 @@ def _parameters(model: DesignModel, law: LinearLaw, stage: OutputStage) -> Contr
         cubic=model.cubic,
         delay=plant.delay,
         lead=plant.lead,
-        gap_lead=law.gap_lead,
+        gap_row=position_after(plant, law.gap_lead),
         feedforward=law.feedforward,
     )
-
-
-class Stepper:
-    """A design in a loop; whoever runs the loop keeps the command until it acts."""
-
-    def __init__(self, design: ControllerDesign) -> None:
-        self._parameters = design.parameters
-        self._plant = design.law.plant
-        self._state = controller_state(design.parameters)
-        self._command = np.zeros(2)
-
-    @property
-    def rate(self) -> float:
-        """Commands a second, Hz."""
-        return round(1.0 / self._plant.period, 9)
-
-    @property
-    def delay_samples(self) -> int:
-        """Periods from a command's computation until it acts."""
-        return self._plant.delay
-
-    def start(self) -> None:
-        """Forgets all runs before."""
-        self._state = controller_state(self._parameters)
-
-    def command(self, reference: Array, measured: float) -> Array:
-        """(n_side,) A for position, velocity, acceleration wanted now (3,) and the measured position in m."""
-        controller_step(self._parameters, self._state, reference, measured, self._command)
-        return self._command[: self._parameters.inverse.sides].copy()
-
-
-def stated(design: ControllerDesign, **wishes: Any) -> dict[str, Any]:
-    """The section [controller] of a record that this design drove.
-
-    `law` is for people; `design` and the wishes make the same controller again from the record's actuator and table;
-    by the gains it is recognised, and they stand there for who has another program.
-    """
-    law, stage = design.law, design.parameters.stage
-    if stage.kind == BIAS:
-        wishes = {"bias": f"{stage.bias!r} A", **wishes}
-    elif stage.overlap > 0.0:
-        wishes = {"overlap": f"{stage.overlap!r} N", **wishes}
-    return {
-        "rate": f"{round(1.0 / law.plant.period, 9):.12g} Hz",
-        "delay_samples": law.plant.delay,
-        "law": design.summary,
-        "design": design.kind,
-        **wishes,
-        "feedforward": law.feedforward,
-        "gain": law.gains.state.tolist(),
-        "integral_gain": law.gains.integral,
-        "filter_gain": law.estimator.gain.tolist(),
-    }

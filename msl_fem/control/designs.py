@@ -4,7 +4,7 @@ A further design is one file with a `DesignKind`, and its name in `DESIGNS`.
 """
 
 from msl_fem.control.baselines import BIASED, PID
-from msl_fem.control.design import ControllerChoice, ControllerDesign, DesignKind, Wish
+from msl_fem.control.design import ControllerChoice, ControllerDesign, DesignKind, Wish, without_preview
 from msl_fem.control.design_model import DesignModel
 from msl_fem.control.lqr_design import LQR
 from msl_fem.control.robust_design import ROBUST
@@ -36,7 +36,8 @@ def designed(model: DesignModel, choice: ControllerChoice) -> ControllerDesign:
         usual.bandwidth if choice.bandwidth is None else choice.bandwidth,
         usual.peak_sensitivity if choice.peak_sensitivity is None else choice.peak_sensitivity,
     )
-    return kind.build(model, wish, choice)
+    design = kind.build(model, wish, choice)
+    return design if choice.preview else without_preview(design)
 
 
 def _with(option: str) -> str:

@@ -17,6 +17,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.statespace import StateSpace
 from msl_fem.control.controller import NO_SHAPE
 from msl_fem.control.design_model import MIDDLE, AtPosition, LinearPlant
+from msl_fem.control.gap_to_come import position_after
 from msl_fem.control.lqg import LqrGains, ReducedOrderFilter
 
 Complex = NDArray[np.complex128]
@@ -33,6 +34,7 @@ class LinearLaw:
     model_gains : state feedback of the model that the loop follows
     gap_lead : s, how far ahead the input transformation looks for its gap
     feedforward : whether the reference acts by feedforward and model following, or by integral and `reference_gain`
+    preview : whether the feedforward knows the reference ahead, or carries it on from its derivatives
     shape : (5,) second-order section on what is fed back
     reference_gain : (3,) of the reference's position, velocity and acceleration
     """
@@ -45,6 +47,7 @@ class LinearLaw:
     feedforward: bool = True
     shape: tuple[float, ...] = NO_SHAPE
     reference_gain: Array = field(default_factory=lambda: np.zeros(3))
+    preview: bool = True
 
     def by_integral_alone(self) -> "LinearLaw":
         """The law to which the reference comes by the integral alone."""
@@ -72,11 +75,11 @@ class LinearLaw:
         fed_back = before - self.gains.integral * integral - k[0] * y - k[1] * velocity - k[2:] @ rest
         shaped = b0 * fed_back + first
         force = shaped + behind
-        predicted = f @ np.vstack([y, velocity, disturbance, rest, force])
+        now = np.vstack([y, velocity, disturbance, rest, force])
         following = model.A[2:, 2:] @ rest + np.outer(model.B[2:, 0], force)
         memory = [b1 * fed_back - a1 * shaped + second, b2 * fed_back - a2 * shaped]
-        moved = np.vstack([predicted, following, integral + y - held, *memory])
-        shown = np.vstack([force, y + self.gap_lead * velocity])
+        moved = np.vstack([f @ now, following, integral + y - held, *memory])
+        shown = np.vstack([force, position_after(self.plant, self.gap_lead) @ now])
         return StateSpace(moved[:, :-4], moved[:, -4:], shown[:, :-4], shown[:, -4:], self.plant.period)
 
     def loop_transfer(self, frequency: ArrayLike, at: AtPosition = MIDDLE) -> Complex:
@@ -129,9 +132,11 @@ class LinearLaw:
         p = self.plant
         k = self.model_gains.state
         lead = self.plant.lead
-        ahead = (
-            p.stiffness * (1 + lead * jw + 0.5 * (lead * jw) ** 2) + p.damping * (jw + lead * jw**2) + p.mass * jw**2
-        )
+        if self.preview:
+            ahead = (p.stiffness + p.damping * jw + p.mass * jw**2) * np.exp(lead * jw)
+        else:
+            carried = 1 + lead * jw + 0.5 * (lead * jw) ** 2
+            ahead = p.stiffness * carried + p.damping * (jw + lead * jw**2) + p.mass * jw**2
         total = ahead + k[0] + k[1] * jw
         n_lag = k.size - 2 - p.delay
         if n_lag:

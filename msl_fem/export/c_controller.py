@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.control import controller
-from msl_fem.control.controller import ControllerParameters, controller_state, controller_step
+from msl_fem.control.controller import ControllerParameters, causal_step, controller_state, controller_step
 from msl_fem.control.design import ControllerDesign
 from msl_fem.control.inverse import BIAS
+from msl_fem.control.stepper import reference_rows
 from msl_fem.export.c_guard import guard_header, guard_names
 from msl_fem.export.c_printer import Printer, header_style
 from msl_fem.export.c_table import table_functions
@@ -59,6 +60,7 @@ def controller_header(source: ControllerSource, *, name: str | None = None) -> s
             "law": f"{design.kind}: {design.summary}",
             "rate": 1.0 / plant.period,
             "delay": int(parameters.delay),
+            "lead": float(parameters.lead),
             "reach": design.reach,
             "doubles": controller_state(parameters).size,
             "parts": "\n".join(
@@ -83,9 +85,10 @@ def controller_printer(parameters: ControllerParameters, prefix: str, surfaces: 
         names += [(id(values), f"{own}_table_{field}_") for field, values in fields]
     style = header_style(f"{prefix}_controller_", exact=prefix, unrolled=frozenset({"side"}), arrays=tuple(names))
     printer = Printer(style)
-    rows = {"reference": Pointer((3,)), "command": Pointer((2,))}
-    rows["state"] = Pointer((controller_state(parameters).size,))
-    printer.add(controller_step, {"parameters": parameters, "measured": REAL} | rows)
+    rows = {"state": Pointer((controller_state(parameters).size,)), "command": Pointer((2,))}
+    given = {"parameters": parameters, "measured": REAL} | rows
+    printer.add(controller_step, given | {"reference": Pointer((6,))})
+    printer.add(causal_step, given | {"reference": Pointer((3,))})
     return printer
 
 
@@ -95,7 +98,10 @@ def write(source: ControllerSource, target: Path, *, name: str | None = None) ->
 
 
 def check_steps(design: ControllerDesign) -> dict[str, Array]:
-    """References (n, 3), readings (n,) and the compiled controller's commands (n, 2): in reach, and far beyond it."""
+    """References (n, 6), readings (n,) and the compiled controller's commands (n, 2): in reach, and far beyond it.
+
+    In every second step the reference is not known ahead.
+    """
     low, high = design.reach
     period = design.law.plant.period
     k = np.arange(_CHECKED)
@@ -107,10 +113,12 @@ def check_steps(design: ControllerDesign) -> dict[str, Array]:
     ])  # fmt: skip
     measured = middle + swing * (np.sin(phase - 0.4) + 0.02 * np.sin(7.3 * phase))
     measured[_CHECKED // 2 :] *= np.linspace(1.0, 1.5, _CHECKED - _CHECKED // 2)
+    rows = reference_rows(design, wanted, period=period)
     state, command = controller_state(design.parameters), np.zeros((_CHECKED, 2))
     for n in range(_CHECKED):
-        controller_step(design.parameters, state, wanted[n], float(measured[n]), command[n])
-    return {"reference": wanted, "measured": measured, "command": command}
+        step = causal_step if n % 2 else controller_step
+        step(design.parameters, state, rows[n], float(measured[n]), command[n])
+    return {"reference": rows, "measured": measured, "command": command}
 
 
 def _surface_text(surface: Surface, prefix: str, design: ControllerDesign) -> str:

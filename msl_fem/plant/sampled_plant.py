@@ -182,8 +182,12 @@ class LoopController(Protocol):
         """Forgets all runs before."""
         ...
 
+    def rows(self, samples: Array, *, period: float) -> Array:
+        """What `command` takes, a row a sample, of a reference's position, velocity, acceleration (n_sample, 3)."""
+        ...
+
     def command(self, reference: Array, measured: float) -> Array:
-        """(n_side,) A for position, velocity, acceleration wanted now (3,) and the measured position in m."""
+        """(n_side,) A for a row of the reference and the measured position in m."""
         ...
 
 
@@ -226,7 +230,8 @@ def simulate_closed(
     state, history = plant_at_rest(plant)
     start = state.copy()
     n, sides = wanted.position.size, plant.parameters.sides
-    followed = np.column_stack([wanted.position, wanted.velocity, wanted.acceleration])
+    samples = np.column_stack([wanted.position, wanted.velocity, wanted.acceleration])
+    followed = controller.rows(samples, period=1.0 / rate)
     noise, kept = reading_noise(actuator, n, generator=generator), np.zeros((n, _N_KEPT))
     readings, voltage, waiting = np.zeros(N_READING), np.zeros(2), np.zeros((delay + 1, 2))
     controller.start()

@@ -8,7 +8,7 @@ from servo_controllers import TABLE, servo, servo_design
 
 from msl_fem.comparison import CompareSettings, compare, nrmse
 from msl_fem.comparison.models import own_loop
-from msl_fem.control.design import Stepper, stated
+from msl_fem.control.stepper import Stepper, stated
 from msl_fem.errors import InputError
 from msl_fem.plant.excitation import parse_excitation, reference
 from msl_fem.plant.sampled_plant import simulate_closed

@@ -25,6 +25,7 @@ from msl_fem.control import PlantUnderTest, closed_loop_record, design_controlle
 from msl_fem.control.controller import controller_state, controller_step
 from msl_fem.control.design_model import AtPosition
 from msl_fem.control.inverse import force_domain
+from msl_fem.control.stepper import reference_rows
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.maps.guard import Guard
 from msl_fem.plant.excitation import parse_excitation
@@ -180,10 +181,11 @@ def test_the_compiled_loop_is_the_plain_one():
     plant, surface = plant_parameters(servo()), surface_of(TABLE)
     state, memory = initial_state(plant, 0.0, 0.0, 0.0, 0.0), controller_state(design.parameters)
     late = np.zeros(2)
+    samples = np.column_stack([wanted.position, wanted.velocity, wanted.acceleration])
+    rows = reference_rows(design, samples, period=1 / RATE)
     for k in range(wanted.time.size):
-        r = np.array([wanted.position[k], wanted.velocity[k], wanted.acceleration[k]])
         command = np.zeros(2)
-        controller_step(design.parameters, memory, r, state[SENSOR] + sensor[k], command)
+        controller_step(design.parameters, memory, rows[k], state[SENSOR] + sensor[k], command)
         assert run.position[k] == pytest.approx(state[X], abs=1e-15)
         np.testing.assert_allclose(run.current[k], state[[I1, I2]], atol=1e-12)
         np.testing.assert_allclose(run.command[k], command, atol=1e-12)

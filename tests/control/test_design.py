@@ -88,7 +88,8 @@ def test_one_side_holds_one_half():
 
 def test_the_measured_gap_is_the_same_law_without_the_lead():
     plain = with_measured_gap(servo_design())
-    assert plain.parameters.gap_lead == plain.law.gap_lead == 0.0
+    assert plain.law.gap_lead == 0.0
+    assert plain.parameters.gap_row.tolist() == [1.0] + [0.0] * (plain.parameters.gap_row.size - 1)
     assert plain.law.gains is servo_design().law.gains
     assert np.isinf(plain.frozen[-1].peak_sensitivity)
     assert plain.peak_sensitivity == servo_design().peak_sensitivity

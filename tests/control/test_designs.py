@@ -144,7 +144,7 @@ def test_pid_is_pid():
     kp, kd, _ = p.reference_gain
     y, total, d = 1e-7 * np.array([0.0, 1.0, 3.0, 2.0, 2.5]), 0.0, 0.0
     for k, reading in enumerate(y):
-        controller_step(p, state, np.array([2e-7, 1e-5, 0.0]), reading, command)
+        controller_step(p, state, np.array([2e-7, 1e-5, 0.0, 0.0, 0.0, 0.0]), reading, command)
         if k:
             d = 0.3 * d + 0.7 * (reading - y[k - 1]) * 2500.0
         force = kp * (2e-7 - reading) + kd * (1e-5 - d) - p.integral_gain * total

@@ -58,7 +58,8 @@ def test_the_response_to_a_reference_is_that_of_a_recursion(feedforward):
         u = -law.gains.integral * total - k @ [y, hat[0], *known]
         total += y - (followed[0] if feedforward else r)
         if feedforward:
-            ahead = p.stiffness * (r + lead * v + lead**2 / 2 * a) + p.damping * (v + lead * a) + p.mass * a
+            later = w * (t + lead)
+            ahead = (p.stiffness - p.mass * w**2) * np.sin(later) + p.damping * w * np.cos(later)
             wanted = np.array([r, v, p.stiffness * r + p.damping * v + p.mass * a, queue])
             promised = ahead + km @ (wanted - followed)
             u += promised + k @ followed

@@ -5,7 +5,7 @@ import pytest
 from servo_controllers import RATE, TABLE, believed, servo, servo_design
 
 from msl_fem.control import run_closed_loop
-from msl_fem.control.design import Stepper, stated
+from msl_fem.control.stepper import Stepper, stated
 from msl_fem.plant.excitation import parse_excitation, reference
 from msl_fem.plant.sampled_plant import simulate_closed
 

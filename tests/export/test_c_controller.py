@@ -10,8 +10,9 @@ from c_programs import VARIANTS, assert_same_bits, compile_c
 from servo_controllers import TABLE, delayed_design, servo, servo_design, servo_map
 
 from msl_fem.control.controller import N_PREFERRED, N_VIOLATION, controller_state, controller_step
-from msl_fem.control.design import ControllerDesign, Stepper
+from msl_fem.control.design import ControllerDesign
 from msl_fem.control.inverse import BIAS, INVERSE, OutputStage
+from msl_fem.control.stepper import Stepper, reference_rows
 from msl_fem.errors import InputError
 from msl_fem.export.c_controller import ControllerSource, controller_header, write
 from msl_fem.plant.excitation import parse_excitation, reference
@@ -21,16 +22,16 @@ from msl_fem.plant.sampled_plant import simulate_closed
 BOARD = r"""
 #include <stdio.h>
 #include "exported.h"
-/* a processor in the loop: (reference, its two derivatives, reading) in, commands out, a step at a time */
+/* a processor in the loop: reference with its derivatives, now and later, and reading in; commands out */
 int main(void)
 {
     m_controller c;
-    double in[4], out[2];
+    double in[7], out[2];
     if (m_controller_self_check() || m_guard_self_check())
         return 3;
     m_controller_start(&c);
-    while (fread(in, sizeof in[0], 4, stdin) == 4) {
-        m_controller_step(&c, in, in[3], out);
+    while (fread(in, sizeof in[0], 7, stdin) == 7) {
+        m_controller_step_ahead(&c, in, in[6], out);
         if (fwrite(out, sizeof out[0], 2, stdout) != 2 || fflush(stdout))
             return 2;
     }
@@ -47,7 +48,7 @@ def program(design: ControllerDesign, folder: Path, variant: str = "gcc -O2") ->
 
 
 def answers(board: Path, wanted: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, list[int]]:
-    """Commands (n, 2) of the board for references (n, 3) and readings (n,), and its counts."""
+    """Commands (n, 2) of the board for references (n, 6) and readings (n,), and its counts."""
     given = np.column_stack([wanted, measured]).tobytes()
     done = subprocess.run([board], input=given, capture_output=True, check=False)
     assert done.returncode == 0, f"self-check or pipe: {done.returncode}"
@@ -65,6 +66,7 @@ def rough_run(design: ControllerDesign) -> tuple[np.ndarray, np.ndarray]:
     """References and readings that have nothing to do with one another: within the reach and beyond the map."""
     rng, n, span = np.random.default_rng(5), 4000, 0.5 * (design.reach[1] - design.reach[0])
     wanted = np.column_stack([
+        span * rng.uniform(-1, 1, n), 0.1 * rng.standard_normal(n), 30 * rng.standard_normal(n),
         span * rng.uniform(-1, 1, n), 0.1 * rng.standard_normal(n), 30 * rng.standard_normal(n),
     ])  # fmt: skip
     slow = np.convolve(rng.standard_normal(n + 50), np.ones(50) / 7, mode="valid")[:n]
@@ -153,6 +155,9 @@ class Board:
         self.stop()
         pipe = subprocess.PIPE
         self.process = subprocess.Popen([self.path], stdin=pipe, stdout=pipe, stderr=pipe)
+
+    def rows(self, samples: np.ndarray, *, period: float) -> np.ndarray:
+        return reference_rows(servo_design(), samples, period=period)
 
     def command(self, reference: np.ndarray, measured: float) -> np.ndarray:
         self.process.stdin.write(np.append(reference, measured).tobytes())
