@@ -8,7 +8,7 @@ from controller_cases import SERVO, TABLE, Track, belief, late_rms, regions, run
 from controller_effects import sized_effects
 
 from msl_fem.actuator import Actuator
-from msl_fem.cli.control import identified_plant
+from msl_fem.cli.controllers import identified_plant
 from msl_fem.control import ControllerChoice, ControllerDesign, DesignModel, design_model_of_terms, designed
 from msl_fem.errors import InputError
 from msl_fem.identification import ModelChoice, identify

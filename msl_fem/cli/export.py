@@ -6,13 +6,23 @@ from typing import Annotated, Any
 import typer
 
 from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.cli.controllers import (
+    Bandwidth,
+    Bias,
+    DesignName,
+    DesignOptions,
+    Feedforward,
+    Known,
+    MapFile,
+    Overlap,
+    PeakSensitivity,
+    Preview,
+    design_of,
+)
 from msl_fem.cli.given_map import given_map
 from msl_fem.cli.options import Json, TableFile
 from msl_fem.cli.output import print_result, say
 from msl_fem.cli.sweeping import table_for
-from msl_fem.control import ControllerChoice, design_controller
-from msl_fem.control.design_model import design_model_with_effects
-from msl_fem.control.designs import designed
 from msl_fem.errors import InputError
 from msl_fem.export.c_controller import ControllerSource
 from msl_fem.export.fmu import platforms
@@ -50,15 +60,26 @@ def command(
         str | None, typer.Option(metavar="PART", help="guard, table, controller or model; without, what SOURCE is.")
     ] = None,
     table: TableFile = None,
+    map_file: MapFile = None,
+    model: Known = "table",
+    design: DesignName = "lqr",
+    bandwidth: Bandwidth = None,
+    peak_sensitivity: PeakSensitivity = None,
+    feedforward: Feedforward = True,
+    preview: Preview = True,
+    bias: Bias = None,
+    overlap: Overlap = "0 N",
     name: Annotated[str | None, typer.Option(help="Beginning of C names; without, the actuator's name.")] = None,
     json: Json = False,
 ) -> None:
     """Write a table, a guard or the coupled model for other tools.
 
     A table as CSV, C99 header, MAT-file for Simscape or text for Modelica; a guard as C99 header, and so the whole
-    controller of an actuator or an extended model, as `control` designs it (--what controller); the coupled model of
-    an actuator, or of an extended model with its effects, as FMU (FMI 2.0, co-simulation).
+    controller of an actuator or an extended model, as `control` designs it with the same options (--what controller);
+    the coupled model of an actuator, or of an extended model with its effects, as FMU (FMI 2.0, co-simulation).
     """
+    options = DesignOptions(model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap)
+    options.choice()
     kind = _kind(source)
     wanted = find_format(to, what, kind)
     check_target(output, apart_from=[] if table is None else [table])
@@ -66,7 +87,14 @@ def command(
         raise InputError(f"{output} is the source itself; name another file with -o")
     if table is not None and kind != ACTUATOR:
         raise InputError(f"--table goes with an actuator file; {source} holds a {kind}, leave it out")
-    files = wanted.write(_record(source, kind, wanted.needs, table=table), output, name=name)
+    stated = options.stated + (["--map"] if map_file is not None else [])
+    if stated and wanted.needs != CONTROLLER:
+        raise InputError(f"{stated[0]} is of a controller's design; add --what controller, or leave it out")
+    if wanted.needs == CONTROLLER:
+        record: Source = _controller(load_extended_model(source), options, table=table, map_file=map_file)
+    else:
+        record = _record(source, kind, wanted.needs, table=table)
+    files = wanted.write(record, output, name=name)
     fields: dict[str, Any] = {"files": [str(path) for path in files]}
     if to == "fmu":
         fields["platforms"] = platforms(output)
@@ -104,9 +132,7 @@ def _record(path: Path, kind: str, needs: str, *, table: Path | None) -> Source:
     if needs == MODEL:
         model = load_extended_model(path)
         effects = model.effects if model.effects.present else None
-        return ModelSource(model.actuator, table_for(model.actuator, table), effects)
-    if needs == CONTROLLER:
-        return _controller(load_extended_model(path), table)
+        return ModelSource(model.actuator, _apart(table_for(model.actuator, table), table), effects)
     magnet = read_table(path) if kind == TABLE else _table_of(load_actuator(path), table)
     if needs == TABLE:
         return magnet
@@ -116,27 +142,35 @@ def _record(path: Path, kind: str, needs: str, *, table: Path | None) -> Source:
     return made
 
 
-def _controller(model: ExtendedModel, table: Path | None) -> ControllerSource:
-    """The controller that `control` designs by default, of what is believed, effects among it."""
+def _controller(
+    model: ExtendedModel, options: DesignOptions, *, table: Path | None, map_file: Path | None
+) -> ControllerSource:
+    """The controller that `control` designs with these options, of what is believed, effects among it."""
     actuator = model.actuator
     if lacking := actuator.lacking("magnet", "controller"):
         raise InputError(f"{actuator.name} has no {lacking}; a controller needs [magnet] and [controller]")
-    magnet = table_for(actuator, table)
-    assert magnet is not None
-    regions = operating_map(magnet)
-    if not model.effects.present:
-        return ControllerSource(design_controller(actuator, magnet, regions), regions)
-    known = design_model_with_effects(actuator, magnet, regions, model.effects)
-    return ControllerSource(designed(known, ControllerChoice()), regions)
+    known = options.known()
+    if known is None and model.effects.present:
+        known = model
+    regions = given_map(map_file, actuator) if map_file is not None else None
+    believed = known.actuator if isinstance(known, ExtendedModel) else actuator
+    magnet = _table_of(believed, table)
+    regions = operating_map(magnet) if regions is None else regions
+    return ControllerSource(design_of(options, known, actuator, magnet, regions), regions)
+
+
+def _apart(table: MagneticTable | None, given: Path | None) -> MagneticTable | None:
+    """The table, where it knows one magnet alone."""
+    if table is not None and table.shared is not None:
+        raise InputError(
+            f"{given or 'the table'} is of two magnets with one armature; models and controllers leave with the table "
+            "of one magnet alone: give that, or export the pair's own table (mat, csv) and its map (c)"
+        )
+    return table
 
 
 def _table_of(actuator: Actuator, given: Path | None) -> MagneticTable:
-    table = table_for(actuator, given)
+    table = _apart(table_for(actuator, given), given)
     if table is None:
         raise InputError(f"{actuator.name} has no [magnet], so there is no table to export")
-    if table.shared is not None:
-        raise InputError(
-            f"{given or 'the table'} is of two magnets with one armature and this is of one magnet alone: give its "
-            "table, or export the pair's own table (mat, csv, c) and its map (c)"
-        )
     return table

@@ -1,6 +1,6 @@
 """A design put through the paper's trials: references, degradation beyond range and frequency, responses, margins.
 
-Margins of the loop; whether the Kalman filter meets what it expects: With S the variance that the filter states, nu^2/S
+Whether the Kalman filter meets what it expects: With S the variance that the filter states, nu^2/S
 has the mean 1 (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, sec. 5.4).
 The reduced-order filter's innovations are correlated by construction (the noise of a sample enters two of them), so the
 interval counts the effective number of samples.
@@ -15,7 +15,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.statespace import StateSpace
@@ -25,6 +24,7 @@ from msl_fem.control.frequency_response import FrequencyResponse, closed_loop_re
 from msl_fem.control.inverse import believed_gap, magnet_force, side_surface
 from msl_fem.control.linear_loop import grid
 from msl_fem.control.lqg import FilterNoise, filter_of_gain
+from msl_fem.control.margins import Margins, margins
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.excitation import Reference, parse_excitation, reference
 
@@ -45,44 +45,6 @@ AMPLITUDES = (0.04, 0.2, 0.4, 0.6, 0.8, 0.9, 0.98)
 """Shares of the reach over which tracking is tried."""
 _SETTLED = 0.5  # s
 _TRIAL = 1.0  # s
-
-Complex = NDArray[np.complex128]
-
-
-@dataclass(frozen=True)
-class Margins:
-    """How far a stable loop is from instability (Franklin, Powell, Emami-Naeini, Feedback Control, 7th ed., sec. 6.4).
-
-    Attributes
-    ----------
-    gain_up, gain_down : factors of the loop's gain, above and below 1; inf and 0 where there is none
-    phase : degrees that the phase may fall or rise; nan where the gain never is 1
-    """
-
-    gain_up: float
-    gain_down: float
-    phase: float
-
-
-def margins(transfer: Complex) -> Margins:
-    """The margins of L (n_frequency,) along increasing frequencies, interpolated between them; S = 1/(1 + L)."""
-    imag = transfer.imag
-    real = transfer.real
-    size = np.abs(transfer)
-    crossings = []
-    for n in np.flatnonzero(np.sign(imag[:-1]) * np.sign(imag[1:]) < 0):
-        t = imag[n] / (imag[n] - imag[n + 1])
-        at = real[n] + t * (real[n + 1] - real[n])
-        if at < 0:
-            crossings.append(-1.0 / at)
-    up = [c for c in crossings if c > 1]
-    down = [c for c in crossings if c <= 1]
-    angles = []
-    for n in np.flatnonzero((size[:-1] - 1) * (size[1:] - 1) < 0):
-        t = (size[n] - 1) / (size[n] - size[n + 1])
-        between = transfer[n] + t * (transfer[n + 1] - transfer[n])
-        angles.append(abs(np.degrees(np.angle(-between))))
-    return Margins(float(min(up, default=np.inf)), float(max(down, default=0.0)), float(min(angles, default=np.nan)))
 
 
 @dataclass(frozen=True)
@@ -293,7 +255,7 @@ def examine_design(
         frequency=f,
         sensitivity={x: np.asarray(1 / np.abs(1 + loop)) for x, loop in loops.items()},
         complementary={x: np.asarray(np.abs(loop) / np.abs(1 + loop)) for x, loop in loops.items()},
-        frozen_margins=tuple(margins(design.law.loop_transfer(dense, p.at)) for p in design.frozen),
+        frozen_margins=tuple(margins(design.law.loop_transfer(dense, p.at), dense) for p in design.frozen),
         consistency=innovation_consistency(design, sine) if consistent and isinstance(sine, ClosedLoopRun) else None,
     )
 

@@ -8,6 +8,7 @@ import numpy as np
 from plotly.subplots import make_subplots
 
 from msl_fem.control import ClosedLoopRun, Examination, Replay
+from msl_fem.control.spec_sheet import SpecSheet
 from msl_fem.files.quantity import format_quantity
 from msl_fem.report.figures import (
     BLUE,
@@ -23,13 +24,14 @@ from msl_fem.report.figures import (
     tracking,
 )
 from msl_fem.report.page import Grid, Page, Stage
+from msl_fem.report.unseen_stage import unseen_stage
 
 _TITLES = {"sine": "Sine of 2 Hz (Fig. 6)", "step": "Step of 3 Hz (Fig. 8)", "ramp": "Ramp of 5 Hz (Fig. 9)"}
 _ENDING = {"refused": "refused before the run", "lost": "the plant is lost"}
 
 
-def control_page(found: Examination) -> Page:
-    """The report of an examination."""
+def control_page(found: Examination, sheet: SpecSheet) -> Page:
+    """The report of an examination, with the loop's sheet of figures."""
     design, middle = found.design, found.design.peak_sensitivity
     sine = found.runs["sine"]
     zone = design.zone_reach["A"]
@@ -50,6 +52,8 @@ def control_page(found: Examination) -> Page:
         _response(found),
         _sensitivity(found),
         _margins(found),
+        _promises(sheet),
+        *([] if sheet.unseen is None else [unseen_stage(sheet.unseen)]),
         _innovations(found),
     )
     return Page(
@@ -221,6 +225,27 @@ def _margins(found: Examination) -> Stage:
         "linear controller of this rate and delay goes below the bound exp(p T (delay + 1)) of the unstable pole p."
     )
     return Stage("Margins over the range", sentence, (), table=Grid(columns, rows))
+
+
+def _promises(sheet: SpecSheet) -> Stage:
+    """Figures of the linear loop on the belief."""
+    fields = sheet.to_json()
+    down, up = fields["gain_margin"]
+    known = "known ahead" if fields["reference_known_ahead"] else "not known ahead"
+    sentence = (
+        f"The response to a reference that is {known} peaks by {sheet.reference_peak:.2f} dB; it stays within 1 dB to "
+        f"{sheet.flat_band:.0f} Hz and within 3 dB to {sheet.wide_band:.0f} Hz. Margins are the worst over "
+        f"{_length(fields['working_positions_m'][0])} to {_length(fields['working_positions_m'][1])}."
+    )
+    numbers = (
+        ("worst peak sensitivity", f"{fields['worst_peak_sensitivity'] or np.inf:.2f}"),
+        ("gain margins", f"{_decibel(down or 0.0)}, {_decibel(up or np.inf)}"),
+        ("phase margin", f"{fields['phase_margin_deg'] or np.nan:.0f}°"),
+        ("delay margin", format_quantity(fields["delay_margin_s"] or 0.0, "s", digits=3)),
+        ("least dynamic stiffness", f"{sheet.least_stiffness:.3g} N/m at {sheet.least_stiffness_at:.0f} Hz"),
+        ("largest constant disturbance", f"{sheet.largest_disturbance:.3g} N"),
+    )
+    return Stage("What the loop promises", sentence, numbers)
 
 
 def _innovations(found: Examination) -> Stage:

@@ -8,7 +8,7 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.actuator import load_actuator
-from msl_fem.cli.control import identified_plant
+from msl_fem.cli.controllers import identified_plant
 from msl_fem.identification import identify
 from msl_fem.plant import NamedRun, bearable_run, simulation_record
 from msl_fem.plant.excitation import parse_excitation
@@ -16,6 +16,7 @@ from msl_fem.record import load_record
 from msl_fem.table.magnetic_table import read_table
 
 SERVO, TABLE = str(ROOT / "geometries" / "fast_tool_servo.toml"), str(ROOT / "lookup_tables" / "fast_tool_servo.nc")
+ALONE = ("--unseen", "0")
 SINE = "sine:frequency=5 Hz,amplitude=0.25 mm,duration=0.6 s"
 EFFECTS = """
 [effects.gap_offset]
@@ -46,7 +47,7 @@ def extended(tmp_path: Path) -> str:
     ],
 )
 def test_every_design_runs(msl_fem, options, kind, loss):
-    found = msl_fem("control", SERVO, "--table", TABLE, "--reference", SINE, *options, "--json").json
+    found = msl_fem("control", SERVO, "--table", TABLE, "--reference", SINE, *options, *ALONE, "--json").json
     assert found["design"] == kind
     assert loss[0] < found["copper_loss_W"] < loss[1]
     assert found["guard_violations"] == 0
@@ -54,7 +55,7 @@ def test_every_design_runs(msl_fem, options, kind, loss):
 
 
 def test_the_effects_that_the_controller_knows_do_not_hurt(msl_fem, extended):
-    common = ("--table", TABLE, "--reference", SINE, "--json")
+    common = ("--table", TABLE, "--reference", SINE, *ALONE, "--json")
     hidden = msl_fem("control", extended, *common).json
     known = msl_fem("control", SERVO, "--model", extended, *common).json
     plain = msl_fem("control", SERVO, *common).json
@@ -83,7 +84,7 @@ def identified(tmp_path_factory) -> Path:
 
 def test_the_inverse_of_identified_terms_controls_the_plant(msl_fem, identified):
     found = msl_fem(
-        "control", SERVO, "--table", TABLE, "--model", str(identified), "--reference", SINE, "--json"
+        "control", SERVO, "--table", TABLE, "--model", str(identified), "--reference", SINE, *ALONE, "--json"
     ).json  # fmt: skip
     assert found["inverse_domain"]["source"] == "rational terms"
     assert found["tracking_rms_m"] < 0.01 * 0.25e-3
@@ -92,10 +93,16 @@ def test_the_inverse_of_identified_terms_controls_the_plant(msl_fem, identified)
 def test_a_report_and_a_record_are_written(msl_fem, tmp_path):
     page, folder = tmp_path / "page.html", tmp_path / "rec"
     found = msl_fem(
-        "control", SERVO, "--table", TABLE, "--reference", SINE, "--report", str(page), "-o", str(folder), "--json"
+        "control", SERVO, "--table", TABLE, "--reference", SINE, "--report", str(page), "-o", str(folder), "--json",
+        "--unseen", "3",
     ).json  # fmt: skip
     assert found["report"] == str(page)
-    assert "Fig. 11" in page.read_text()
+    for words in ("Fig. 11", "What the loop promises", "Plants that the design has not seen"):
+        assert words in page.read_text()
+    loop = found["loop"]
+    assert loop["held_share"] == loop["unseen"]["held"] / 3
+    assert loop["copper_loss_W"] == found["copper_loss_W"]
+    assert loop["reference_peak_dB"] < 1
     record = load_record(folder)
     assert record.controller["design"] == "lqr"
     assert record.controller["delay_samples"] == 1
