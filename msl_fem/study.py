@@ -19,6 +19,7 @@ from msl_fem.control import (
     design_controller,
     run_closed_loop,
 )
+from msl_fem.control.unseen_plants import UnseenPlants, on_unseen_plants, suspected_plant
 from msl_fem.errors import InputError
 from msl_fem.identification import Identification, identify
 from msl_fem.magnetics.field.accuracy import Accuracy, PointResult
@@ -93,13 +94,15 @@ class ModelStage:
 class LoopStage:
     """The controller and its runs on the believed plant: sine, step and ramp, and the frequency response.
 
-    `notes` say which amplitudes were made smaller, and why.
+    `unseen` is the sine on plants within the tolerances that have the suspects. `notes` say which amplitudes were made
+    smaller, and why.
     """
 
     design: ControllerDesign
     runs: dict[str, ClosedLoopRun]
     references: dict[str, str]
     response: FrequencyResponse
+    unseen: UnseenPlants
     notes: tuple[str, ...] = ()
 
 
@@ -279,7 +282,9 @@ def _closed_loop(
         RESPONSE_AMPLITUDE * 1e6,
         "the frequency response's amplitude in µm",
     )
-    return LoopStage(design, runs, specs, response, tuple(said for said in (*notes, note) if said))
+    track = reference(parse_excitation(specs["sine"], unit="m"), rate=1 / design.law.plant.period)
+    unseen = on_unseen_plants(design, track, lambda generator: suspected_plant(plant, generator), seed=seed)
+    return LoopStage(design, runs, specs, response, unseen, tuple(said for said in (*notes, note) if said))
 
 
 def _bearable(attempt: Callable[[float], Result], wish: float, what: str) -> tuple[Result, str]:

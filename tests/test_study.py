@@ -41,6 +41,9 @@ def test_headline_numbers_are_those_of_a_working_actuator(folder: Path) -> None:
     assert found["closed_loop"]["sine"]["tracking_rms_m"] < 0.005 * 0.4e-3
     assert found["closed_loop"]["peak_sensitivity"] < 2
     assert found["guard_violations"] == 0
+    unseen = found["closed_loop"]["unseen_plants"]
+    assert unseen["plants"] == 20
+    assert 0 < unseen["held_share_at_least"] < unseen["held_share"] < 1  # the second mass is what this design loses
     assert 1.1 < found["coupled_model"]["stability_limit_A"] < 1.3
     assert 3.5 < found["map_at_nominal_gap_A"]["1.2 T"] < 4.2
     costs = found["field"]["force_error_of_sides_apart"]

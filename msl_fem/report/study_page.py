@@ -20,6 +20,7 @@ from msl_fem.report.figures import (
 from msl_fem.report.page import Page, Stage
 from msl_fem.report.page_words import fit_text, millimetres, percent, round_values, words
 from msl_fem.report.study_loop import loop_stages, response_stage
+from msl_fem.report.unseen_stage import unseen_stage
 from msl_fem.study import Study
 
 Numbers = tuple[tuple[str, str], ...]
@@ -60,6 +61,7 @@ def headline_numbers(study: Study) -> dict[str, Any]:
             "bandwidth_Hz": loop.response.bandwidth,
             "flat_band_Hz": loop.response.flat_band,
             "peak_sensitivity": loop.design.peak_sensitivity,
+            "unseen_plants": loop.unseen.to_json(),
         },
         "guard_violations": sum(run.guard_violations for run in loop.runs.values()),
     }
@@ -88,6 +90,7 @@ def study_page(study: Study) -> Page:
         (fit_text(fit.free_run), "ARMAX free-run fit, held-out swept sine"),
         (format_quantity(sine.tracking_rms, "m", digits=3), "RMS tracking error, 2 Hz sine"),
         (str(violations), "guard violations in all closed-loop runs"),
+        (f"{study.loop.unseen.held} of {study.loop.unseen.error.size}", "plants held that the design has not seen"),
     )
     stages = (
         *magnet_stages(study.actuator),
@@ -98,6 +101,7 @@ def study_page(study: Study) -> Page:
         _model(study),
         *loop_stages(study),
         response_stage(study),
+        unseen_stage(study.loop.unseen),
     )
     notes = (
         *study.field.report.notes,
