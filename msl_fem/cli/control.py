@@ -1,27 +1,29 @@
 """The command `control`: designs the guarded controller and runs it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from msl_fem.cli.controllers import (
+from msl_fem.cli.controllers import DesignOptions, Told, design_of
+from msl_fem.cli.given_map import given_map
+from msl_fem.cli.options import (
     Bandwidth,
     Bias,
+    Causes,
     DesignName,
-    DesignOptions,
+    DiagnosisFolder,
     Feedforward,
+    Json,
     Known,
     MapFile,
     Overlap,
     PeakSensitivity,
     Preview,
-    design_of,
+    TableFile,
 )
-from msl_fem.cli.given_map import given_map
-from msl_fem.cli.options import Causes, Json, TableFile
 from msl_fem.cli.output import print_result, progress_bar, say
 from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for, table_of_model
@@ -35,7 +37,7 @@ from msl_fem.control import (
 )
 from msl_fem.control.spec_sheet import spec_sheet
 from msl_fem.control.stepper import stated
-from msl_fem.control.unseen_plants import N_PLANT, UnseenPlants, on_unseen_plants, suspected_plant
+from msl_fem.control.unseen_plants import SUSPECTS, DrawPlant, UnseenPlants, on_unseen_plants, suspected_plant
 from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target
@@ -49,13 +51,17 @@ from msl_fem.report.page import write_page
 
 
 def command(
-    actuator: Annotated[Path, typer.Argument(metavar="ACTUATOR", help="Actuator file, or an extended model (TOML).")],
+    actuator: Annotated[
+        Path | None,
+        typer.Argument(metavar="[ACTUATOR]", help="Actuator file, or an extended model (TOML); with --from optional."),
+    ] = None,
     reference_: Annotated[
         str, typer.Option("--reference", metavar="SPEC", help="What to follow.")
     ] = "sine:frequency=2 Hz,amplitude=0.4 mm,duration=2 s",
     table: TableFile = None,
     map_file: MapFile = None,
     model: Known = "table",
+    diagnosis: DiagnosisFolder = None,
     design: DesignName = "lqr",
     bandwidth: Bandwidth = None,
     peak_sensitivity: PeakSensitivity = None,
@@ -65,7 +71,7 @@ def command(
     overlap: Overlap = "0 N",
     unseen: Annotated[
         int, typer.Option(min=0, metavar="N", help="Plants beside the believed one to judge the loop on; 0: none.")
-    ] = N_PLANT,
+    ] = 20,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Record folder of the run.")] = None,
     report: Annotated[
         Path | None,
@@ -78,23 +84,27 @@ def command(
     """Design the guarded controller and run it.
 
     An extended model as ACTUATOR is a plant whose effects the controller does not know; as --model, one that it knows.
+    With --from the controller knows what a diagnosis found, and is judged on plants that the diagnosis leaves possible.
     The plant has the causes of --effect beside.
     """
-    plant = load_extended_model(actuator)
+    options = DesignOptions(model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap)
+    options.choice()  # a wrong unit is told before anything is computed
+    told = options.told(diagnosis)
+    if actuator is None and told is None:
+        raise InputError("ACTUATOR is missing; give an actuator file, or --from a diagnosis")
+    plant = told.model if actuator is None and told is not None else load_extended_model(Path(str(actuator)))
     plant = replace(plant, effects=stated_causes(read_causes(effect), plant.effects))
     wanted = load_excitations(reference_, unit="m")
     if len(wanted) != 1:
         raise InputError(f"--reference names {len(wanted)} references; give one")
     if lacking := plant.actuator.lacking("magnet", "controller"):
         raise InputError(f"{plant.actuator.name} has no {lacking}; control needs [magnet] and [controller]")
-    options = DesignOptions(model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap)
-    options.choice()  # a wrong unit is told before anything is computed
     with sole_run(output):
         if output is not None:
             check_record_folder(output)
         if report is not None:
             check_target(report)
-        known = options.known()
+        known = options.known() if told is None else told.model
         given = given_map(map_file, plant.actuator) if map_file is not None else None
         own = table_of_model(known.actuator, None) if isinstance(known, ExtendedModel) else None
         magnet_table = own if own is not None else table_for(plant.actuator, table)
@@ -103,7 +113,7 @@ def command(
         controller = design_of(options, known, plant.actuator, magnet_table, regions)
         track = reference(wanted[0], rate=1 / controller.law.plant.period)
         check_stable_reach(controller, track)
-        true = known if isinstance(known, ExtendedModel) else plant
+        true = known if isinstance(known, ExtendedModel) and (told is None or actuator is None) else plant
         acted_on = PlantUnderTest(true.actuator, magnet_table, _effects(true))
         run = run_closed_loop(controller, track, plant=acted_on, generator=np.random.default_rng(seed))
         if output is not None:
@@ -113,9 +123,12 @@ def command(
             write_record(record, output)
         fields = {"design": controller.kind} | run.to_json() | controller.to_json()
         fields |= {"effects": list(true.effects.present)}
-        others = _on_others(controller, track, acted_on, n=unseen) if unseen else None
+        others = _on_others(controller, track, _draws(acted_on, told), n=unseen) if unseen else None
         sheet = spec_sheet(controller, run=run, unseen=others)
-        fields |= {"loop": sheet.to_json()}
+        promised = sheet.to_json()
+        if not json:
+            del promised["positions"]  # a row each: of a terminal they would take all
+        fields |= {"loop": promised}
         if report is not None:
             with progress_bar("trials") as progress:
                 trials = examine_design(controller, plant=acted_on, seed=seed, progress=progress)
@@ -125,11 +138,28 @@ def command(
     print_result(fields, as_json=json, title=title)
 
 
-def _on_others(controller: ControllerDesign, track: Reference, plant: PlantUnderTest, *, n: int) -> UnseenPlants | None:
-    """The loop on plants within the tolerances of its own, with the suspects; None where there are none."""
+@dataclass(frozen=True)
+class _Draws:
+    """How plants beside the believed one are drawn, and what they have beside their tolerances."""
+
+    draw: DrawPlant
+    suspects: tuple[str, ...]
+
+
+def _draws(plant: PlantUnderTest, told: Told | None) -> _Draws:
+    """Plants within the tolerances, with the suspects; after a diagnosis those that it leaves possible."""
+    if told is None:
+        return _Draws(lambda generator: suspected_plant(plant, generator), SUSPECTS)
+    fitted = PlantUnderTest(told.model.actuator, plant.table, _effects(told.model))
+    posterior = told.posterior
+    return _Draws(lambda generator: posterior.draw(fitted, generator), ())
+
+
+def _on_others(controller: ControllerDesign, track: Reference, draws: _Draws, *, n: int) -> UnseenPlants | None:
+    """The loop on plants that it was not designed for; None where there are none."""
     try:
         with progress_bar("unseen plants") as progress:
-            return on_unseen_plants(controller, track, lambda g: suspected_plant(plant, g), n=n, progress=progress)
+            return on_unseen_plants(controller, track, draws.draw, n=n, suspects=draws.suspects, progress=progress)
     except InputError as err:
         say(f"note: the loop is judged on no plants beside the believed one: {err}")
         return None

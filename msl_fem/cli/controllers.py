@@ -1,11 +1,8 @@
-"""The options of a controller's design, for `control` and `export`, and the design that they ask for."""
+"""The design that the options of `control` and `export` ask for."""
 
 from dataclasses import dataclass
 from json import loads as parse_json
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from msl_fem.actuator import Actuator
 from msl_fem.cli.options import read_option
@@ -20,6 +17,7 @@ from msl_fem.control import (
     design_model_with_effects,
     designed,
 )
+from msl_fem.control.posterior_plants import Posterior, posterior_of
 from msl_fem.errors import InputError
 from msl_fem.files.schema import reason, small_text
 from msl_fem.identification import ArmaxModel, KnownMass, model_from_json, physical_parameters
@@ -28,21 +26,7 @@ from msl_fem.maps import OperatingMap
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.table.magnetic_table import MagneticTable
 
-MapFile = Annotated[Path | None, typer.Option("--map", help="Operating map; without, from the table.")]
-Known = Annotated[
-    str, typer.Option("--model", help="What the controller knows: table, an identified model (JSON), an extended one.")
-]
-DesignName = Annotated[str, typer.Option("--design", help="lqr, robust, biased or pid.")]
-Bandwidth = Annotated[str | None, typer.Option("--bandwidth", help="Of the feedback.")]
-PeakSensitivity = Annotated[float | None, typer.Option("--peak-sensitivity", help="Bound on max |S|.")]
-Feedforward = Annotated[
-    bool, typer.Option("--feedforward/--no-feedforward", help="Two degrees of freedom, or the paper's integral alone.")
-]
-Preview = Annotated[
-    bool, typer.Option("--preview/--no-preview", help="The reference is known ahead, or carried on from now.")
-]
-Bias = Annotated[str | None, typer.Option("--bias", help="Of the biased design, a side.")]
-Overlap = Annotated[str, typer.Option("--overlap", help="Force with which both sides pull at zero force.")]
+DIAGNOSIS, MODEL = "diagnosis.json", "extended_model.toml"
 
 
 @dataclass(frozen=True)
@@ -77,9 +61,45 @@ class DesignOptions:
             preview=self.preview,
         )
 
+    def told(self, diagnosis: Path | None) -> "Told | None":
+        """What `--from` tells; InputError beside `--model`."""
+        if diagnosis is None:
+            return None
+        if self.model != "table":
+            raise InputError(f"--from {diagnosis} and --model {self.model} both tell the controller; give one of them")
+        return told_by(diagnosis)
+
     def known(self) -> ExtendedModel | ArmaxModel | None:
         """What `--model` tells the controller; None: table and actuator file."""
         return None if self.model == "table" else known_model(Path(self.model))
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a diagnosis tells a controller: the extended model, and what is left unsure of it."""
+
+    model: ExtendedModel
+    posterior: Posterior
+
+
+def told_by(folder: Path) -> Told:
+    """The extended model and the posterior in a folder of `diagnose -o`.
+
+    Raises
+    ------
+    InputError : the folder has no diagnosis, or one in which nothing was fitted
+    """
+    folder = folder.parent if folder.name == DIAGNOSIS else folder
+    file, model = folder / DIAGNOSIS, folder / MODEL
+    if not file.is_file():
+        raise InputError(f"--from {folder}: has no {DIAGNOSIS}; run 'msl-fem diagnose RECORD -o {folder}' first")
+    if not model.is_file():
+        raise InputError(f"--from {folder}: has no {MODEL}: nothing was fitted; see its {DIAGNOSIS} for the reason")
+    try:
+        content = parse_json(small_text(file))
+    except (OSError, ValueError, RecursionError) as err:
+        raise InputError(f"--from {file}: cannot be read ({err}); diagnose the record again") from err
+    return Told(load_extended_model(model), posterior_of(content))
 
 
 def design_of(

@@ -6,23 +6,24 @@ from typing import Annotated, Any
 import typer
 
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.cli.controllers import (
+from msl_fem.cli.controllers import DesignOptions, design_of
+from msl_fem.cli.given_map import given_map
+from msl_fem.cli.options import (
     Bandwidth,
     Bias,
     DesignName,
-    DesignOptions,
+    DiagnosisFolder,
     Feedforward,
+    Json,
     Known,
     MapFile,
     Overlap,
     PeakSensitivity,
     Preview,
-    design_of,
+    TableFile,
 )
-from msl_fem.cli.given_map import given_map
-from msl_fem.cli.options import Json, TableFile
 from msl_fem.cli.output import print_result, say
-from msl_fem.cli.sweeping import table_for
+from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.errors import InputError
 from msl_fem.export.c_controller import ControllerSource
 from msl_fem.export.fmu import platforms
@@ -39,6 +40,7 @@ from msl_fem.export.formats import (
 )
 from msl_fem.files.schema import reason, refuse_what_never_ends
 from msl_fem.files.whole_file import check_target
+from msl_fem.identification import ArmaxModel
 from msl_fem.maps import OperatingMap, operating_map
 from msl_fem.maps.pair_limits import PairMap
 from msl_fem.maps.pair_map_file import is_pair_map, read_pair_map
@@ -62,6 +64,7 @@ def command(
     table: TableFile = None,
     map_file: MapFile = None,
     model: Known = "table",
+    diagnosis: DiagnosisFolder = None,
     design: DesignName = "lqr",
     bandwidth: Bandwidth = None,
     peak_sensitivity: PeakSensitivity = None,
@@ -87,11 +90,14 @@ def command(
         raise InputError(f"{output} is the source itself; name another file with -o")
     if table is not None and kind != ACTUATOR:
         raise InputError(f"--table goes with an actuator file; {source} holds a {kind}, leave it out")
-    stated = options.stated + (["--map"] if map_file is not None else [])
+    stated = options.stated + [name for name, file in (("--map", map_file), ("--from", diagnosis)) if file is not None]
     if stated and wanted.needs != CONTROLLER:
         raise InputError(f"{stated[0]} is of a controller's design; add --what controller, or leave it out")
     if wanted.needs == CONTROLLER:
-        record: Source = _controller(load_extended_model(source), options, table=table, map_file=map_file)
+        told = options.told(diagnosis)
+        known = options.known() if told is None else told.model
+        model_file = load_extended_model(source)
+        record: Source = _controller(model_file, options, known=known, table=table, map_file=map_file)
     else:
         record = _record(source, kind, wanted.needs, table=table)
     files = wanted.write(record, output, name=name)
@@ -143,19 +149,23 @@ def _record(path: Path, kind: str, needs: str, *, table: Path | None) -> Source:
 
 
 def _controller(
-    model: ExtendedModel, options: DesignOptions, *, table: Path | None, map_file: Path | None
+    model: ExtendedModel,
+    options: DesignOptions,
+    *,
+    known: ExtendedModel | ArmaxModel | None,
+    table: Path | None,
+    map_file: Path | None,
 ) -> ControllerSource:
     """The controller that `control` designs with these options, of what is believed, effects among it."""
     actuator = model.actuator
     if lacking := actuator.lacking("magnet", "controller"):
         raise InputError(f"{actuator.name} has no {lacking}; a controller needs [magnet] and [controller]")
-    known = options.known()
+    own = table_of_model(known.actuator, None) if isinstance(known, ExtendedModel) else None
     if known is None and model.effects.present:
         known = model
-    regions = given_map(map_file, actuator) if map_file is not None else None
-    believed = known.actuator if isinstance(known, ExtendedModel) else actuator
-    magnet = _table_of(believed, table)
-    regions = operating_map(magnet) if regions is None else regions
+    given = given_map(map_file, actuator) if map_file is not None else None
+    magnet = _table_of(actuator, table) if own is None else own
+    regions = operating_map(magnet) if given is None else given
     return ControllerSource(design_of(options, known, actuator, magnet, regions), regions)
 
 

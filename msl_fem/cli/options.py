@@ -32,6 +32,25 @@ Causes = Annotated[
         help='Repeatable: a law like "drag: force = -a*v*abs(v); a: 0..1 N s2/m2", a TOML file, an entry point.',
     ),
 ]
+MapFile = Annotated[Path | None, typer.Option("--map", help="Operating map; without, from the table.")]
+Known = Annotated[
+    str, typer.Option("--model", help="What the controller knows: table, an identified model (JSON), an extended one.")
+]
+DiagnosisFolder = Annotated[
+    Path | None,
+    typer.Option("--from", metavar="DIAGNOSIS", help="Design on what 'msl-fem diagnose -o' found (its folder)."),
+]
+DesignName = Annotated[str, typer.Option("--design", help="lqr, robust, biased or pid.")]
+Bandwidth = Annotated[str | None, typer.Option("--bandwidth", help="Of the feedback.")]
+PeakSensitivity = Annotated[float | None, typer.Option("--peak-sensitivity", help="Bound on max |S|.")]
+Feedforward = Annotated[
+    bool, typer.Option("--feedforward/--no-feedforward", help="Two degrees of freedom, or the paper's integral alone.")
+]
+Preview = Annotated[
+    bool, typer.Option("--preview/--no-preview", help="The reference is known ahead, or carried on from now.")
+]
+Bias = Annotated[str | None, typer.Option("--bias", help="Of the biased design, a side.")]
+Overlap = Annotated[str, typer.Option("--overlap", help="Force with which both sides pull at zero force.")]
 DEFAULT_RISE, DEFAULT_AMBIENT = "80 K", "20 degC"
 """Of the thermal limit of `losses` and `map`, as they are written."""
 

@@ -145,3 +145,42 @@ def test_a_guard_that_forbids_the_middle_is_said_before_the_run(msl_fem, tmp_pat
     heavy.write_text(Path(SERVO).read_text().replace('constant_force = "0 N"', 'constant_force = "-900 N"'))
     said = msl_fem("control", str(heavy), "--table", TABLE, "--reference", SINE).complaint
     assert "cannot hold the middle of the travel" in said
+
+
+@pytest.fixture
+def diagnosis(tmp_path: Path, extended: str) -> Path:
+    folder = tmp_path / "found"
+    folder.mkdir()
+    (folder / "extended_model.toml").write_text(Path(extended).read_text())
+    told = {
+        "parameters": {"moving_mass": {"believed": 0.9, "fitted": 0.9, "ci95": [0.897, 0.903]}},
+        "causes": [{"effect": "gap_offset", "parameters": {"offset": {"value": 15e-6, "ci95": [14e-6, 16e-6]}}}],
+    }
+    (folder / "diagnosis.json").write_text(json.dumps(told))
+    return folder
+
+
+def test_a_design_on_what_a_diagnosis_found(msl_fem, diagnosis, extended):
+    """The same as with the extended model, judged on what the diagnosis leaves possible; ACTUATOR may be the truth."""
+    common = ("--table", TABLE, "--reference", SINE, "--unseen", "2", "--json")
+    found = msl_fem("control", "--from", str(diagnosis), *common).json
+    known = msl_fem("control", SERVO, "--model", extended, *common).json
+    assert found["tracking_rms_m"] == known["tracking_rms_m"]
+    assert found["loop"]["unseen"]["suspects"] == []
+    assert known["loop"]["unseen"]["suspects"] == ["structural_mode", "gap_offset", "stiffness_nonlinearity"]
+    assert found["loop"]["held_share"] == 1
+    on_plain = msl_fem("control", SERVO, "--from", str(diagnosis / "diagnosis.json"), *common).json
+    assert on_plain["effects"] == []
+    assert on_plain["inverse_domain"]["source"] == "extended model"
+
+
+def test_what_is_no_diagnosis_is_said(msl_fem, diagnosis, tmp_path):
+    common = ("--table", TABLE, "--reference", SINE)
+    assert (
+        "has no diagnosis.json; run 'msl-fem diagnose" in msl_fem("control", "--from", str(tmp_path), *common).complaint
+    )
+    both = msl_fem("control", SERVO, "--from", str(diagnosis), "--model", "m.json", *common).complaint
+    assert "both tell the controller" in both
+    (diagnosis / "extended_model.toml").unlink()
+    assert "nothing was fitted" in msl_fem("control", "--from", str(diagnosis), *common).complaint
+    assert "ACTUATOR is missing" in msl_fem("control", *common).complaint
