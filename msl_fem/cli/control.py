@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from msl_fem.cli.closing import control_closing
 from msl_fem.cli.controllers import DesignOptions, Told, design_of
 from msl_fem.cli.given_map import given_map
 from msl_fem.cli.options import (
@@ -24,7 +25,7 @@ from msl_fem.cli.options import (
     Preview,
     TableFile,
 )
-from msl_fem.cli.output import print_result, progress_bar, say
+from msl_fem.cli.output import print_closing, print_result, progress_bar, say
 from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.control import (
@@ -136,6 +137,7 @@ def command(
             fields |= {"report": str(report)}
     title = f"{plant.actuator.name}: {controller.kind} in closed loop on {wanted[0].spec}"
     print_result(fields, as_json=json, title=title)
+    print_closing(control_closing(run, controller), as_json=json)
 
 
 @dataclass(frozen=True)

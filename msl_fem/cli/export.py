@@ -138,7 +138,7 @@ def _record(path: Path, kind: str, needs: str, *, table: Path | None) -> Source:
     if needs == MODEL:
         model = load_extended_model(path)
         effects = model.effects if model.effects.present else None
-        return ModelSource(model.actuator, _apart(table_for(model.actuator, table), table), effects)
+        return ModelSource(model.actuator, table_for(model.actuator, table), effects)
     magnet = read_table(path) if kind == TABLE else _table_of(load_actuator(path), table)
     if needs == TABLE:
         return magnet
@@ -164,23 +164,19 @@ def _controller(
     if known is None and model.effects.present:
         known = model
     given = given_map(map_file, actuator) if map_file is not None else None
-    magnet = _table_of(actuator, table) if own is None else own
+    magnet = table_for(actuator, table) if own is None else own
+    assert magnet is not None
     regions = operating_map(magnet) if given is None else given
     return ControllerSource(design_of(options, known, actuator, magnet, regions), regions)
 
 
-def _apart(table: MagneticTable | None, given: Path | None) -> MagneticTable | None:
-    """The table, where it knows one magnet alone."""
-    if table is not None and table.shared is not None:
-        raise InputError(
-            f"{given or 'the table'} is of two magnets with one armature; models and controllers leave with the table "
-            "of one magnet alone: give that, or export the pair's own table (mat, csv) and its map (c)"
-        )
-    return table
-
-
 def _table_of(actuator: Actuator, given: Path | None) -> MagneticTable:
-    table = _apart(table_for(actuator, given), given)
+    table = table_for(actuator, given)
     if table is None:
         raise InputError(f"{actuator.name} has no [magnet], so there is no table to export")
+    if table.shared is not None:
+        raise InputError(
+            f"{given or 'the table'} is of two magnets with one armature and this is of one magnet alone: give its "
+            "table, or export the pair's own table (mat, csv, c) and its map (c)"
+        )
     return table
