@@ -47,6 +47,7 @@ def command(
         Path | None,
         typer.Option(metavar="RECORD", help="Fit the table to the static.csv of this record; no fields are solved."),
     ] = None,
+    full: Annotated[bool, typer.Option("--full", help="Solve every point in full, none by a reduced field.")] = False,
     json: Json = False,
 ) -> None:
     """The force/flux table over gap and current; without grids, from the actuator's ranges.
@@ -59,9 +60,9 @@ def command(
     it = load_actuator(actuator)
     check_target(output, apart_from=[actuator])
     if measured is not None:
-        if scheduler is not None or workers or resume or end_effects:
+        if scheduler is not None or workers or resume or end_effects or full:
             raise InputError(
-                "--measured solves no fields: leave out --workers, --scheduler, --resume and --end-effects"
+                "--measured solves no fields: leave out --workers, --scheduler, --resume, --end-effects and --full"
             )
         _fit_measured(it, measured, output, gaps=gaps, currents=currents, json=json)
         return
@@ -75,6 +76,7 @@ def command(
         cache=cache.folder,
         resume=resume,
         end_effects=end_effects,
+        full=full,
     )
     if sides not in SIDES:
         raise InputError(f"--sides {sides} is not known; choose one or both")

@@ -131,6 +131,7 @@ class MagneticTable:
                 "mesh_error": self.mesh_error,
                 "interpolation_error": self.interpolation_error,
                 "reciprocity_error": self.reciprocity_error,
+                "certificate": json.dumps(self.provenance.get("certificate", {}), sort_keys=True),
                 "provenance": json.dumps(dict(self.provenance), sort_keys=True),
             },
         )

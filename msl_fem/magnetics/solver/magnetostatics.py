@@ -227,6 +227,11 @@ class FieldModel:
         return other
 
     @property
+    def stiffness_at_rest(self) -> sparse.csr_matrix:
+        """(n_dof, n_dof) of the linear regions that neither stretch nor deform."""
+        return self._rest
+
+    @property
     def motion_share(self) -> Array:
         """(n_dof,) share of the mesh's motion at the degrees of freedom, which are values at points."""
         mesh = self.mesh

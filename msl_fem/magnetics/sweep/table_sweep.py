@@ -1,7 +1,7 @@
 """A (gap, current) grid of field solutions to a MagneticTable with its errors stated."""
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,8 @@ from msl_fem.magnetics.field.magnet_field import (
     magnet_mesh,
     with_margin,
 )
+from msl_fem.magnetics.reduced.reduction import Certificate
+from msl_fem.magnetics.sweep.reduced_rows import ReducedRows, reduced_rows
 from msl_fem.magnetics.sweep.rows import SweepJob, SweepRow, field_key, field_provenance
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION, MagneticTable
 
@@ -38,6 +40,7 @@ class SweepSettings:
     resume : take finished rows from the cache
     scheduler : address of a dask.distributed scheduler whose workers solve, in place of processes here
     end_effects : correct for the flux that bulges out of gap and window at the stack's ends
+    full : solve every point in full, instead of by a reduced field where its certificate holds
     """
 
     accuracy: Accuracy = "normal"
@@ -46,11 +49,15 @@ class SweepSettings:
     resume: bool = False
     scheduler: str | None = None
     end_effects: bool = False
+    full: bool = False
 
 
 @dataclass(frozen=True)
 class SweepReport:
-    """What a sweep took and how exact it is; field names as in the command line's JSON."""
+    """What a sweep took and how exact it is; field names as in the command line's JSON.
+
+    `solutions` are those of the base model in full; `certificate` is None where all points were.
+    """
 
     points: int
     failed: int
@@ -62,6 +69,8 @@ class SweepReport:
     cpu_seconds: float
     reused_rows: int
     notes: tuple[str, ...]
+    certificate: Certificate | None = None
+    solutions: int = 0
 
 
 def drive_limit(actuator: Actuator) -> float | None:
@@ -140,19 +149,24 @@ def sweep(
     cache = RowCache(settings.cache) if settings.cache is not None else None
     if cache is not None:
         cache.check_writable()
-    done = run_jobs(
+    reduced = None if settings.full else reduced_rows(field, [*nodes, *between], settings.accuracy)
+    easy = [] if reduced is None else reduced.answers
+    hard = [*nodes, *between, *refined][len(easy) :]
+    done = easy + run_jobs(
         job,
-        [*nodes, *between, *refined],
+        hard,
         executor=Executor(settings.workers, settings.scheduler),
         cache=cache,
         key=field_key(field),
         resume=settings.resume,
-        progress=progress,
+        progress=after(len(easy), progress),
     )
     refuse_failures(done)
     grid = done[: len(nodes)]
     table = _table(gap, current, grid)
     mesh_error = level.safety * _mesh_error(table, refined, done[-len(refined) :])
+    if reduced is not None:
+        mesh_error += reduced.certificate.error_estimate
     interpolation_error, reciprocity_error = _interpolation_error(table, between, done[len(nodes) : -len(refined)])
     notes = _notes(field, grid, gap, current)
     unknown = "axisymmetric A_phi" if field.section.axisymmetric else "plane A_z"
@@ -166,6 +180,7 @@ def sweep(
             "actuator_sha256": actuator.digest,
             "solver": f"{unknown}, damped Newton with exact tangent, virtual work",
             "notes": list(notes),
+            **stated_certificate(reduced),
         }
         | field_provenance(field, settings.accuracy),
     )
@@ -182,8 +197,24 @@ def sweep(
         cpu_seconds=time.process_time() - started + in_workers,
         reused_rows=sum("reused" in row for row in done),
         notes=notes,
+        certificate=None if reduced is None else reduced.certificate,
+        solutions=sum(len(row.currents) for row in [*nodes, *between]) if reduced is None else reduced.solutions,
     )
     return table, report
+
+
+def after(finished: int, progress: Progress | None) -> Progress | None:
+    """A progress of rows that come after finished ones."""
+    if progress is None or finished == 0:
+        return progress
+    return lambda done, total: progress(finished + done, finished + total)
+
+
+def stated_certificate(reduced: ReducedRows | None) -> dict[str, object]:
+    """What a table states of the reduced field it comes from."""
+    if reduced is None:
+        return {}
+    return {"certificate": asdict(reduced.certificate), "solutions": reduced.solutions}
 
 
 def _checked_grid(actuator: Actuator, gaps: ArrayLike, currents: ArrayLike) -> tuple[Array, Array]:

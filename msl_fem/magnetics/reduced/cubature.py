@@ -1,0 +1,87 @@
+"""Few points with positive weights in the place of a quadrature: energy-conserving sampling and weighting.
+
+Which sums must be kept: Farhat, Avery, Chapman and Cortial, Int. J. Numer. Meth. Eng. 98 (2014); Hernandez, Caicedo and
+Ferrer, Comput. Methods Appl. Mech. Eng. 313 (2017). They seek the weights by non-negative least squares; here m sums of
+positive terms are kept exactly by m of the points, whose weights stay positive (Caratheodory's theorem, for quadratures
+Tchakaloff 1957), halving the points again and again (Maalouf, Jubran and Feldman, NeurIPS 2019). It cannot stall where
+the sums are nearly dependent. Positive weights keep the reduced energy convex.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, qr
+
+from msl_fem.computing.arrays import Array
+
+Indices = NDArray[np.int64]
+GROUPS = 2  # times as many as sums, in a round
+NO_PIVOT = 1e-14
+RIDGE = 1e-12
+
+
+def principal_sums(rows: Array, weight: Array, tolerance: float) -> Array:
+    """(m, n_point) orthonormal combinations of rows under the weights (n_point,), and the constant.
+
+    Combinations below `tolerance` times the largest one are left out.
+    """
+    scaled = rows * np.sqrt(weight)
+    square, turn = np.linalg.eigh(scaled @ scaled.T)
+    kept = square > max(tolerance**2, 1e-13) * square[-1]
+    fewer = (turn[:, kept] / np.sqrt(square[kept])).T @ rows
+    return np.concatenate([fewer, np.full((1, weight.size), weight.sum() ** -0.5)])
+
+
+def sparse_weights(rows: Array, weight: Array, *, tolerance: float) -> tuple[Indices, Array]:
+    """Points and their positive weights, that keep the sums of the rows (n_row, n_point), the principal ones best."""
+    sums = principal_sums(rows, weight, tolerance)
+    m = sums.shape[0]
+    full = weight
+    points, weight = np.arange(weight.size), weight.copy()
+    while points.size > m:
+        n_group = min(GROUPS * m, points.size)
+        group = np.arange(points.size) * n_group // points.size
+        begin = np.searchsorted(group, np.arange(n_group))
+        size = np.add.reduceat(weight, begin)
+        mean = np.add.reduceat(sums[:, points] * weight, begin, axis=1)
+        factor = fewest(mean / size, size) / size
+        weight = weight * factor[group]
+        kept = weight > 0
+        points, weight = points[kept], weight[kept]
+    return _polished(rows, rows @ full, points, weight)
+
+
+def _polished(rows: Array, target: Array, points: Indices, weight: Array) -> tuple[Indices, Array]:
+    """The weights moved as little as keeps the rows' own sums best; points of negative ones are left out."""
+    while True:
+        columns = rows[:, points]
+        size = np.linalg.norm(columns, axis=0)
+        size[size == 0.0] = 1.0
+        columns = columns / size
+        square = columns.T @ columns
+        square.flat[:: points.size + 1] += RIDGE
+        missing = target - rows[:, points] @ weight
+        moved = weight + cho_solve(cho_factor(square, check_finite=False), columns.T @ missing) / size
+        if (moved > 0).all():
+            return points, moved
+        kept = moved > 0
+        points, weight = points[kept], weight[kept]
+
+
+def fewest(columns: Array, weight: Array) -> Array:
+    """Weights (n,) with the same columns @ weight, columns (m, n), of which at most m are positive, the others 0."""
+    m, n = columns.shape
+    weight = weight.copy()
+    free = qr(columns.T, mode="full")[0][:, m:].T.copy() if n > m else np.empty((0, n))
+    for k in range(n - m):
+        pivot = k + int(np.argmax(np.abs(free[k:]).max(axis=1)))
+        free[[k, pivot]] = free[[pivot, k]]
+        along = free[k] if free[k].max() >= -free[k].min() else -free[k]
+        falling = along > NO_PIVOT
+        ratio = np.full(n, np.inf)
+        ratio[falling] = weight[falling] / along[falling]
+        out = int(np.argmin(ratio))
+        weight -= ratio[out] * along
+        weight[out] = 0.0
+        free[k + 1 :] -= np.outer(free[k + 1 :, out] / along[out], along)
+        free[k + 1 :, out] = 0.0
+    return np.maximum(weight, 0.0)

@@ -1,0 +1,273 @@
+"""A reduced model for the points of a table, built where it errs most, with a certificate; or none where none holds.
+
+Weak greedy (Binev et al., SIAM J. Math. Anal. 43, 2011): a space of solutions with their derivatives along currents and
+coordinate grows at points where the reduced model is most sensitive to its last modes, and at those farthest from all
+seen. Every check is one full step of Newton's from the reduced state, which squares its error: what the numbers change
+by is the estimate, and where it is too large the corrected state enters the space.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import qr
+
+from msl_fem.computing.arrays import Array
+from msl_fem.errors import NotConverged
+from msl_fem.magnetics.reduced.cubature import sparse_weights
+from msl_fem.magnetics.reduced.curves import Indices
+from msl_fem.magnetics.reduced.full_field import ROUGH, FullField
+from msl_fem.magnetics.reduced.reduced_model import Points, ReducedModel, ReducedStates
+from msl_fem.magnetics.reduced.space import Basis, SnapshotSpace
+
+CLOSE = 0.15  # in ranks of coordinate and currents, each 0 to 1
+DRAFTED = 3  # points at once
+SAFETY = 2.0  # for points that are not checked
+SLOPE_SHARE = 0.3  # of a derivative beside a solution in the space
+
+
+@dataclass(frozen=True)
+class ReductionSettings:
+    """How a reduced model is built.
+
+    Attributes
+    ----------
+    tolerance : of force and flux linkage, of full scale, that every check must hold
+    rounds : of checks at most, each of `checks` points
+    drafts : rounds before, with a coarse quadrature
+    modes : below this share of a solution's size a mode is left out
+    fit : of the cubature's sums, relative to the largest, below which they are not kept
+    trained : states that the cubature is fitted to at first
+    candidates : points at which its error is looked at
+    fits : of the cubature at most
+    """
+
+    tolerance: float = 1e-4
+    rounds: int = 8
+    checks: int = 9
+    drafts: int = 3
+    modes: float = 1e-3
+    fit: float = 3e-5
+    trained: int = 10
+    candidates: int = 128
+    fits: int = 2
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """How far a reduced table may be from the full one; field names as in the command line's JSON.
+
+    Attributes
+    ----------
+    error_estimate : largest of the last checks, of force or flux linkage, of full scale
+    checked : points where a full step of Newton's was taken from the reduced state of the final model
+    effectivity : estimate over the true error, at the worst of them
+    """
+
+    error_estimate: float
+    checked: int
+    effectivity: float
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """The model, its states at the points, its certificate, and the number of full solutions taken."""
+
+    model: ReducedModel
+    states: ReducedStates
+    certificate: Certificate
+    solutions: int
+
+
+class Reducer:
+    """Builds the reduced model of a field for points (n,)."""
+
+    def __init__(self, full: FullField, points: Points, settings: ReductionSettings) -> None:
+        self.full, self.points, self.settings = full, points, settings
+        ends = np.unique(points.coordinate)
+        data, slopes = full.without_field(float(ends[ends.size // 2]))
+        self.space = SnapshotSpace(full.model, data)
+        self.solutions = 0
+        self._without_field(slopes)
+        for q in {float(ends[0]), float(ends[-1])}:
+            self._without_field(full.without_field(q)[1])
+        axes = points.coordinate, *points.currents.T
+        self.places = np.stack([_ranks(axis) for axis in axes], axis=1)
+        rest = [float(_rank(np.unique(axis), 0.0)) for axis in axes[1:]]
+        self._seen = [np.array([share, *rest]) for share in (0.0, 0.5, 1.0)]
+        self._driven = np.abs(points.currents).max(axis=1) > 0
+
+    def _without_field(self, vectors: Sequence[Array]) -> None:
+        for vector in vectors:
+            self.space.add(vector, self.space.norm(vector))
+        self.solutions += 1
+
+    def take(self, n: int, potential: Array) -> None:
+        """Let a state at the n-th point, whose tangent was the last one factored, and its slopes enter the space."""
+        q = float(self.points.coordinate[n])
+        self.space.add(potential, self.space.norm(potential))
+        for vector in self.full.responses(q, potential):
+            self.space.add(vector, self.space.norm(vector) / SLOPE_SHARE)
+        self.solutions += 1
+
+    def farthest(self, count: int) -> list[int]:
+        """Points one after the other that are farthest from all seen, which they then are."""
+        chosen = []
+        for _ in range(count):
+            away = np.min([np.linalg.norm(self.places - place, axis=1) for place in self._seen], axis=0)
+            chosen.append(int(np.argmax(np.where(self._driven, away, -1.0))))
+            self._seen.append(self.places[chosen[-1]])
+        return chosen
+
+    def draft(self) -> None:
+        """The space from a few points apart, each field from what a model with a coarse quadrature predicts."""
+        potential = np.zeros(self.full.model.n_dof)
+        for n in self.farthest(1 + self.points.currents.shape[1]):
+            self._solve_roughly(n, potential)
+        for _ in range(self.settings.drafts):
+            chosen = self.farthest(DRAFTED)
+            basis = self.space.basis(self.settings.modes)
+            states = ReducedModel(basis, self.full.sources, basis.coarse_iron()).solve(self.points.only(chosen)).states
+            for n, state in zip(chosen, states, strict=True):
+                self._solve_roughly(n, basis.vectors @ state)
+
+    def _solve_roughly(self, n: int, start: Array) -> None:
+        try:
+            solution = self.full.solve(self.points, n, start, ROUGH)
+        except NotConverged:
+            return
+        self.take(n, solution.potential)
+
+    def _candidates(self, most: int) -> Indices:
+        """Points spread over all."""
+        return np.unique(np.linspace(0, len(self.points) - 1, min(most, len(self.points))).round().astype(int))
+
+    def model(self) -> tuple[ReducedModel, ReducedStates] | None:
+        """The reduced model of the space with few quadrature points, and its states; None where they do not converge.
+
+        The points keep reduced forces and energies of states that the coarse quadrature predicts, then of those where
+        the cubature errs most.
+        """
+        settings = self.settings
+        basis = self.space.basis(settings.modes)
+        coarse = ReducedModel(basis, self.full.sources, basis.coarse_iron())
+        predicted = coarse.solve(self.points.only(self._candidates(settings.candidates // 4))).states
+        trained = predicted[_spread(predicted, settings.trained)]
+        for _ in range(settings.fits):
+            rows = iron_integrands(basis, trained)
+            points, weight = sparse_weights(rows, basis.quadrature.weight, tolerance=settings.fit)
+            model = ReducedModel(basis, self.full.sources, basis.some_iron(points, weight))
+            states = model.solve(self.points)
+            if not (states.steps > 0).all():
+                return None
+            candidates = self._candidates(settings.candidates)
+            errors = model.cubature_error(states, candidates)
+            if SAFETY * errors.max() <= settings.tolerance:
+                break
+            worst = _apart(candidates[np.argsort(-errors)], self.places, settings.trained // 2)
+            trained = np.concatenate([trained, states.states[worst]])
+        return model, states
+
+    def doubtful(self, model: ReducedModel, states: ReducedStates) -> list[int]:
+        """Points to check: where the cubature errs most, where the last modes matter most, and far from all."""
+        every = np.arange(len(self.points))
+        third = self.settings.checks // 3
+        order = np.argsort(-model.cubature_error(states, every))
+        chosen = _apart(order, self.places, third)
+        chosen += _apart(np.argsort(-_sensitivity(model, states)), self.places, third)
+        return [*dict.fromkeys(chosen), *self.farthest(self.settings.checks - 2 * third)]
+
+    def check(self, model: ReducedModel, states: ReducedStates, chosen: Sequence[int], *, enrich: bool) -> Array:
+        """(len(chosen),) estimated errors at points, of full scale; where they are too large the space may grow."""
+        largest = np.abs(states.energy_slope).max(), np.abs(states.flux_linkage).max(axis=0)
+        errors = np.zeros(len(chosen))
+        for k, n in enumerate(chosen):
+            potential = self.full.newton_steps(self.points, n, model.basis.vectors @ states.states[n])
+            numbers = self.full.numbers(float(self.points.coordinate[n]), potential)
+            force = abs(numbers.energy_slope - states.energy_slope[n]) / largest[0]
+            errors[k] = max(force, float(np.max(np.abs(numbers.flux_linkage - states.flux_linkage[n]) / largest[1])))
+            if enrich and not SAFETY * errors[k] <= self.settings.tolerance:
+                self.take(n, potential)
+        return errors
+
+    def effectivity(self, model: ReducedModel, states: ReducedStates, n: int, estimate: float) -> float:
+        """An estimate over the true error of force or flux linkage, of full scale."""
+        exact = self.full.solve(self.points, n, model.basis.vectors @ states.states[n])
+        numbers = self.full.numbers(float(self.points.coordinate[n]), exact.potential)
+        force = abs(numbers.energy_slope - states.energy_slope[n]) / np.abs(states.energy_slope).max()
+        flux = np.abs(numbers.flux_linkage - states.flux_linkage[n]) / np.abs(states.flux_linkage).max(axis=0)
+        error = max(force, float(flux.max()))
+        return estimate / error if error > 0 else 1.0
+
+
+def reduce(full: FullField, points: Points, settings: ReductionSettings) -> Reduction | None:
+    """The reduced model whose checks all hold; None where none does after all rounds."""
+    reducer = Reducer(full, points, settings)
+    reducer.draft()
+    for attempt in range(settings.rounds):
+        built = reducer.model()
+        if built is None:
+            return None
+        model, states = built
+        chosen = reducer.doubtful(model, states)
+        errors = reducer.check(model, states, chosen, enrich=attempt + 1 < settings.rounds)
+        if (SAFETY * errors <= settings.tolerance).all():
+            worst = int(np.argmax(errors))
+            ratio = reducer.effectivity(model, states, chosen[worst], errors[worst])
+            certificate = Certificate(SAFETY * float(errors.max()), len(chosen), SAFETY * ratio)
+            return Reduction(model, states, certificate, reducer.solutions)
+    return None
+
+
+def iron_integrands(basis: Basis, states: Array) -> Array:
+    """(m, n_point) densities of the reduced force of each state (n, N), over its size, and of its energy."""
+    whole = basis.whole_iron()
+    rows = []
+    for c in states:
+        field = (whole.gradients @ c).reshape(-1, 2)
+        b = np.hypot(field[:, 0], field[:, 1])
+        nu, energy = np.zeros_like(b), np.zeros_like(b)
+        for k, part in enumerate(basis.model.irons.values()):
+            own = whole.iron == k
+            h = part.iron.magnetise(b[own])[0]
+            nu[own] = h / np.maximum(b[own], 1e-12)
+            energy[own] = part.iron.energy_density(b[own])
+        force = np.einsum("pk,pkj->jp", field * nu[:, None], whole.gradients.reshape(b.size, 2, -1))
+        size = np.linalg.norm(force @ whole.weight)
+        rows += [force / size, energy[None] / (energy @ whole.weight)]
+    return np.concatenate(rows)
+
+
+def _ranks(values: Array) -> Array:
+    """(n,) places of values among their different ones, 0 to 1."""
+    return _rank(np.unique(values), values)
+
+
+def _rank(different: Array, values: "Array | float") -> Array:
+    return np.asarray(np.interp(values, different, np.linspace(0, 1, different.size)))
+
+
+def _apart(order: Indices, places: Array, count: int) -> list[int]:
+    """The first of an order, and those after it that are not close to one taken before."""
+    taken: list[int] = []
+    for n in order:
+        if all(np.linalg.norm(places[n] - places[other]) > CLOSE for other in taken):
+            taken.append(int(n))
+        if len(taken) == count:
+            break
+    return taken
+
+
+def _spread(states: Array, count: int) -> Indices:
+    """The states (n, N) that are least combinations of each other: QR with column pivoting."""
+    size = np.linalg.norm(states, axis=1)
+    scaled = states[size > 0] / np.sqrt(size[size > 0])[:, None]
+    order = qr(scaled.T, mode="r", pivoting=True)[1]
+    return np.asarray(np.flatnonzero(size > 0)[order[:count]])
+
+
+def _sensitivity(model: ReducedModel, states: ReducedStates) -> Array:
+    """(n,) what force and flux linkage change by, of full scale, when the last third of the modes is left out."""
+    fewer = model.without_last(model.basis.size // 3).solve(states.points)
+    parts = [(states.energy_slope[:, None], fewer.energy_slope[:, None]), (states.flux_linkage, fewer.flux_linkage)]
+    return np.max([np.abs(a - b).max(axis=1) / np.abs(a).max() for a, b in parts], axis=0)

@@ -1,0 +1,116 @@
+"""Rows of a sweep from a reduced field, as `RowSolver` would solve them; or none, where no certificate holds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.blas_threads import one_blas_thread
+from msl_fem.computing.jobs import Arrays
+from msl_fem.magnetics.field.accuracy import Accuracy
+from msl_fem.magnetics.field.magnet_field import MagnetField
+from msl_fem.magnetics.reduced.full_field import FullField
+from msl_fem.magnetics.reduced.reduced_model import Points, ReducedModel, ReducedStates
+from msl_fem.magnetics.reduced.reduction import Certificate, ReductionSettings, reduce
+from msl_fem.magnetics.solver.postprocess import TAIL_SHARE, CutProbe, Probes
+from msl_fem.magnetics.sweep.rows import SweepRow
+from msl_fem.materials.constants import MU_0
+from msl_fem.table.magnetic_table import SECTION
+
+LEAST_POINTS = 150
+"""Below that many the full solver is as fast."""
+TOLERANCE: dict[Accuracy, float] = {"fast": 2e-4, "normal": 1e-4, "fine": 3e-5}
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedRows:
+    """The rows' answers, what certifies them, and the full solutions taken."""
+
+    answers: list[Arrays]
+    certificate: Certificate
+    solutions: int
+
+
+@one_blas_thread
+def reduced_rows(field: MagnetField, rows: Sequence[SweepRow], accuracy: Accuracy) -> ReducedRows | None:
+    """The rows from a reduced field; None where there are too few points, or no certificate holds.
+
+    A mesh with a motion of its own is left to the full solver.
+    """
+    gap = np.concatenate([np.full(len(row.currents), row.gap) for row in rows])
+    current = np.concatenate([row.currents for row in rows])
+    probes = field.probes
+    if current.size < LEAST_POINTS or not isinstance(probes, Probes):
+        return None
+    points = Points(gap, current[:, None])
+    reduction = reduce(FullField(field.model, [field.model.source]), points, ReductionSettings(TOLERANCE[accuracy]))
+    if reduction is None:
+        return None
+    arrays = _magnet_arrays(probes, reduction.states) | _read_fields(probes, reduction.model, reduction.states)
+    ends = np.cumsum([len(row.currents) for row in rows])[:-1]
+    pieces = {name: np.split(values, ends) for name, values in arrays.items()}
+    answers = [{name: piece[k] for name, piece in pieces.items()} for k in range(len(rows))]
+    return ReducedRows(
+        [answer | {"cpu_seconds": np.array(0.0)} for answer in answers], reduction.certificate, reduction.solutions
+    )
+
+
+def _magnet_arrays(probes: Probes, states: ReducedStates) -> Arrays:
+    """(n,) of the quantities of a table's nodes, for the whole magnet."""
+    scale = probes.scale
+    return {
+        "coenergy": scale * states.coenergy,
+        "flux_linkage": scale * states.flux_linkage[:, 0],
+        "force": scale * states.energy_slope,
+        "incremental_inductance": scale * states.inductance[:, 0, 0],
+        "force_current_slope": scale * states.energy_slope_by_current[:, 0],
+        "force_gap_slope": scale * states.energy_slope_by_coordinate,
+        "newton_iterations": states.steps.astype(float),
+    }
+
+
+def _read_fields(probes: Probes, model: ReducedModel, states: ReducedStates) -> Arrays:
+    """(n,) flux densities of the sections, the force by the stress tensor, and whether an iron rests on its tail."""
+    vectors, c = model.basis.vectors, states.states.T
+    arrays = {SECTION + name: _mean_flux_density(probes, cut, vectors, c) for name, cut in probes.cuts.items()}
+    gap = states.points.coordinate
+    b_y = (probes.line_x @ vectors) @ c
+    b_x = (probes.line_y @ vectors) @ c * (probes.model.mesh.gap / gap)
+    in_plane = probes.line_weight @ (b_y**2 - b_x**2) / (2 * MU_0)
+    depth = [probes.model.air_depth.strip(float(g)) for g in gap]
+    k, slope = (np.array([one[m] for one in depth]) for m in (0, 1))
+    bulging = strip_energy(model, states) * slope / k if slope.any() else 0.0
+    arrays["force_stress_tensor"] = probes.scale * (in_plane / k - bulging)
+    return arrays | {"tail": on_tail(model, states).astype(float)}
+
+
+def strip_energy(model: ReducedModel, states: ReducedStates) -> Array:
+    """(n,) field energy of the strips, per unit depth in the plane."""
+    total = np.zeros(len(states.points))
+    rest = np.einsum("ni,ij,nj->n", states.states, model.linear.rest, states.states)
+    for q in np.unique(states.points.coordinate):
+        here = states.points.coordinate == q
+        c = states.states[here]
+        total[here] = 0.5 * (np.einsum("ni,ij,nj->n", c, model.linear.at(float(q))[0], c) - rest[here])
+    return total
+
+
+def _mean_flux_density(probes: Probes, cut: CutProbe, vectors: Array, c: Array) -> Array:
+    """(n,) mean of |B| in the iron over a cut."""
+    b = np.hypot((cut.along_x @ vectors) @ c, (cut.along_y @ vectors) @ c)
+    return np.asarray(cut.weight @ probes.model.irons[cut.region].iron.iron_flux_density(b)[1:-1])
+
+
+def on_tail(model: ReducedModel, states: ReducedStates) -> Array:
+    """(n,) whether more than 1 % of an iron lies beyond its last B-H point, by the mean field of each element."""
+    coarse = model.basis.coarse_iron()
+    found = np.zeros(len(states.points), dtype=bool)
+    for k, part in enumerate(model.basis.model.irons.values()):
+        own = coarse.iron == k
+        if not np.isfinite(part.iron.tail_from):
+            continue
+        x, y = (coarse.gradients[m::2][own] @ states.states.T for m in (0, 1))
+        share = coarse.weight[own] @ (np.hypot(x, y) > part.iron.tail_from) / coarse.weight[own].sum()
+        found |= share > TAIL_SHARE
+    return found

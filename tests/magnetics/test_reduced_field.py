@@ -1,0 +1,168 @@
+"""The reduced field beside the full one: the same numbers, one coenergy, convergence in N, and when it gives up."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import msl_fem.magnetics.sweep.reduced_rows
+from msl_fem.actuator import load_actuator
+from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
+from msl_fem.magnetics.reduced.cubature import fewest, sparse_weights
+from msl_fem.magnetics.reduced.curves import curves_of, magnetise_at
+from msl_fem.magnetics.reduced.full_field import FullField
+from msl_fem.magnetics.reduced.reduced_model import Points, ReducedModel
+from msl_fem.magnetics.reduced.reduction import Reduction, ReductionSettings, reduce
+from msl_fem.magnetics.sweep.reduced_rows import reduced_rows
+from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
+from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
+from msl_fem.materials.material import e1_iron, laminated, load_iron
+
+GAPS = np.geomspace(2e-4, 8e-4, 5)
+CURRENTS = 8 * np.linspace(0, 1, 8) ** 2
+SETTINGS = ReductionSettings(tolerance=2e-4)
+
+
+@pytest.fixture(scope="module")
+def field() -> MagnetField:
+    magnet = load_actuator(ROOT / "geometries" / "e1.toml").magnet
+    mesh = magnet_mesh(magnet, 3e-4, "fast")
+    return MagnetField(magnet, mesh, folder=ROOT, order=2)
+
+
+@pytest.fixture(scope="module")
+def full(field: MagnetField) -> FullField:
+    return FullField(field.model, [field.model.source])
+
+
+@pytest.fixture(scope="module")
+def points() -> Points:
+    return Points(np.repeat(GAPS, CURRENTS.size), np.tile(CURRENTS, GAPS.size)[:, None])
+
+
+@pytest.fixture(scope="module")
+def reduction(full: FullField, points: Points) -> Reduction:
+    made = reduce(full, points, SETTINGS)
+    assert made is not None
+    return made
+
+
+def unseen(n: int) -> Points:
+    rng = np.random.default_rng(7)
+    gap = np.exp(rng.uniform(np.log(GAPS[0]), np.log(GAPS[-1]), n))
+    return Points(gap, 8 * rng.uniform(0.05, 1, (n, 1)))
+
+
+def errors(model: ReducedModel, full: FullField, points: Points) -> np.ndarray:
+    """(n, 2) of force and flux linkage against full solutions, of the largest."""
+    states = model.solve(points)
+    assert (states.steps > 0).all()
+    exact = np.empty((len(points), 2))
+    for n in range(len(points)):
+        solution = full.solve(points, n, model.basis.vectors @ states.states[n])
+        numbers = full.numbers(float(points.coordinate[n]), solution.potential)
+        exact[n] = numbers.energy_slope, numbers.flux_linkage[0]
+    found = np.column_stack([states.energy_slope, states.flux_linkage[:, 0]])
+    return np.abs(found - exact) / np.abs(exact).max(axis=0)
+
+
+def test_certificate_holds_off_the_grid(reduction: Reduction, full: FullField) -> None:
+    certificate = reduction.certificate
+    assert errors(reduction.model, full, unseen(6)).max() <= certificate.error_estimate <= SETTINGS.tolerance
+    assert 1 <= certificate.effectivity < 5
+    assert certificate.checked >= 6
+
+
+def test_numbers_are_slopes_of_one_coenergy(reduction: Reduction) -> None:
+    """Taylor: the coenergy's differences of the fourth order are force and flux linkage, theirs the slopes."""
+    at, step = np.array([4e-4, 3.0]), np.array([4e-6, 0.03])
+    weight = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
+
+    def states(axis: int):
+        places = np.array([at + k * step * (np.arange(2) == axis) for k in weight])
+        return reduction.model.solve(Points(places[:, 0], places[:, 1:]))
+
+    def slope(axis: int, values: np.ndarray) -> float:
+        return float(np.array(list(weight.values())) @ values) / step[axis]
+
+    here = reduction.model.solve(Points(at[:1], at[None, 1:]))
+    along_gap, along_current = states(0), states(1)
+    assert slope(0, along_gap.coenergy) == pytest.approx(-here.energy_slope[0], rel=1e-6)
+    assert slope(1, along_current.coenergy) == pytest.approx(here.flux_linkage[0, 0], rel=1e-6)
+    assert slope(0, along_gap.energy_slope) == pytest.approx(here.energy_slope_by_coordinate[0], rel=1e-4)
+    assert slope(1, along_current.energy_slope) == pytest.approx(here.energy_slope_by_current[0, 0], rel=1e-4)
+    assert slope(1, along_current.flux_linkage[:, 0]) == pytest.approx(here.inductance[0, 0, 0], rel=1e-4)
+
+
+def test_reciprocity_to_rounding(reduction: Reduction, points: Points) -> None:
+    """dF/di by the state's slope along the current, -dlambda/dgap by that along the gap."""
+    states = reduction.states
+    by_gap = states.by_coordinate @ reduction.model.sources[0]
+    largest = np.abs(by_gap).max()
+    assert np.abs(states.energy_slope_by_current[:, 0] + by_gap).max() <= 1e-9 * largest
+
+
+def test_error_falls_with_the_number_of_functions(reduction: Reduction, full: FullField) -> None:
+    basis = reduction.model.basis
+    whole = ReducedModel(basis, full.sources, basis.whole_iron())
+    saturated = Points(np.array([2.3e-4, 2.8e-4, 5e-4]), np.array([[5.0], [7.0], [6.5]]))
+    few = [errors(whole.without_last(basis.size - n), full, saturated).max() for n in (2, 6, basis.size)]
+    assert few[0] > 5 * few[1] > 25 * few[2], few
+
+
+def test_table_numbers_are_those_of_the_full_solver(field: MagnetField, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All that a row of a table has, with air that is deeper than the iron, too."""
+    monkeypatch.setattr(msl_fem.magnetics.sweep.reduced_rows, "LEAST_POINTS", 20)
+    job = SweepJob(field.magnet, field.model.mesh, field.folder, 2, end_effects=True, accuracy="fast")
+    rows = [SweepRow(float(gap), tuple(CURRENTS.tolist())) for gap in GAPS]
+    reduced = reduced_rows(job.field(), rows, "fast")
+    assert reduced is not None
+    exact = RowSolver(job).solve(rows[2])
+    for name, values in exact.items():
+        if name not in ("cpu_seconds", "newton_iterations"):
+            limit = 1e-2 if "slope" in name or "inductance" in name else 1e-3
+            assert np.abs(reduced.answers[2][name] - values).max() <= limit * np.abs(values).max(), name
+
+
+def test_what_cannot_be_certified_is_not_reduced(full: FullField, points: Points) -> None:
+    settings = dataclasses.replace(SETTINGS, tolerance=1e-13, rounds=1, drafts=1)
+    assert reduce(full, points, settings) is None
+
+
+def test_sweep_falls_back_to_the_full_solver(monkeypatch: pytest.MonkeyPatch) -> None:
+    e1 = load_actuator(ROOT / "geometries" / "e1.toml")
+    monkeypatch.setattr(msl_fem.magnetics.sweep.reduced_rows, "LEAST_POINTS", 2)
+    monkeypatch.setattr(msl_fem.magnetics.sweep.reduced_rows, "reduce", lambda *_: None)
+    table, report = sweep(e1, [2e-4, 4e-4], [1.0, 2.0], settings=SweepSettings(accuracy="fast"))
+    assert report.certificate is None
+    assert "certificate" not in table.provenance
+    assert report.solutions == 7, "6 nodes, the column without current among them, and 1 between"
+
+
+def test_cubature_keeps_sums_with_positive_weights() -> None:
+    rng = np.random.default_rng(3)
+    rows, weight = rng.normal(size=(12, 500)) ** 3, rng.uniform(0.5, 2, 500)
+    chosen, found = sparse_weights(rows, weight, tolerance=1e-6)
+    assert chosen.size <= 13
+    assert (found > 0).all()
+    assert rows[:, chosen] @ found == pytest.approx(rows @ weight, rel=1e-8, abs=1e-8)
+
+
+def test_fewest_weights_keep_the_moments_of_a_line() -> None:
+    """Four moments of a hundred points are those of four of them at most."""
+    x = np.linspace(-1, 1, 100)
+    columns = np.stack([x**k for k in range(4)])
+    weight = fewest(columns, np.full(100, 0.02))
+    assert np.count_nonzero(weight) <= 4
+    assert (weight >= 0).all()
+    assert columns @ weight == pytest.approx(columns.sum(axis=1) * 0.02, abs=1e-12)
+
+
+@pytest.mark.parametrize("iron", [load_iron("m19"), laminated(load_iron("steel_1010"), 0.96), e1_iron()])
+def test_compiled_curve_is_the_iron(iron) -> None:
+    curves = curves_of([load_iron("linear:1000"), iron])
+    for b in (0.0, 0.01, 0.7, 1.4321, 1.9, 2.6):
+        h, slope = iron.magnetise(np.array([b]))
+        assert magnetise_at(b, 1, *curves) == pytest.approx((h[0], slope[0]), rel=1e-6)
+    assert magnetise_at(1.5, 0, *curves)[0] == pytest.approx(load_iron("linear:1000").magnetise(np.array([1.5]))[0][0])
