@@ -133,7 +133,7 @@ def test_what_cannot_be_certified_is_not_reduced(full: FullField, points: Points
 def test_sweep_falls_back_to_the_full_solver(monkeypatch: pytest.MonkeyPatch) -> None:
     e1 = load_actuator(ROOT / "geometries" / "e1.toml")
     monkeypatch.setattr(msl_fem.magnetics.sweep.reduced_rows, "LEAST_POINTS", 2)
-    monkeypatch.setattr(msl_fem.magnetics.sweep.reduced_rows, "reduce", lambda *_: None)
+    monkeypatch.setattr(msl_fem.magnetics.sweep.reduced_rows, "reduce_at_all", lambda *_: None)
     table, report = sweep(e1, [2e-4, 4e-4], [1.0, 2.0], settings=SweepSettings(accuracy="fast"))
     assert report.certificate is None
     assert "certificate" not in table.provenance

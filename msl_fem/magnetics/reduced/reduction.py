@@ -39,10 +39,11 @@ class ReductionSettings:
     fit : of the cubature's sums, relative to the largest, below which they are not kept
     trained : states that the cubature is fitted to at first
     candidates : points at which its error is looked at
+    built_at : points that a model is built for, of many
     fits : of the cubature at most
     """
 
-    tolerance: float = 1e-4
+    tolerance: float = 2.5e-4
     rounds: int = 8
     checks: int = 9
     drafts: int = 3
@@ -50,6 +51,7 @@ class ReductionSettings:
     fit: float = 3e-5
     trained: int = 10
     candidates: int = 128
+    built_at: int = 72
     fits: int = 2
 
 
@@ -179,13 +181,9 @@ class Reducer:
 
     def check(self, model: ReducedModel, states: ReducedStates, chosen: Sequence[int], *, enrich: bool) -> Array:
         """(len(chosen),) estimated errors at points, of full scale; where they are too large the space may grow."""
-        largest = np.abs(states.energy_slope).max(), np.abs(states.flux_linkage).max(axis=0)
         errors = np.zeros(len(chosen))
         for k, n in enumerate(chosen):
-            potential = self.full.newton_steps(self.points, n, model.basis.vectors @ states.states[n])
-            numbers = self.full.numbers(float(self.points.coordinate[n]), potential)
-            force = abs(numbers.energy_slope - states.energy_slope[n]) / largest[0]
-            errors[k] = max(force, float(np.max(np.abs(numbers.flux_linkage - states.flux_linkage[n]) / largest[1])))
+            errors[k], potential = _corrected(self.full, model, states, n)
             if enrich and not SAFETY * errors[k] <= self.settings.tolerance:
                 self.take(n, potential)
         return errors
@@ -193,10 +191,7 @@ class Reducer:
     def effectivity(self, model: ReducedModel, states: ReducedStates, n: int, estimate: float) -> float:
         """An estimate over the true error of force or flux linkage, of full scale."""
         exact = self.full.solve(self.points, n, model.basis.vectors @ states.states[n])
-        numbers = self.full.numbers(float(self.points.coordinate[n]), exact.potential)
-        force = abs(numbers.energy_slope - states.energy_slope[n]) / np.abs(states.energy_slope).max()
-        flux = np.abs(numbers.flux_linkage - states.flux_linkage[n]) / np.abs(states.flux_linkage).max(axis=0)
-        error = max(force, float(flux.max()))
+        error = _error(self.full, states, n, exact.potential)
         return estimate / error if error > 0 else 1.0
 
 
@@ -217,6 +212,58 @@ def reduce(full: FullField, points: Points, settings: ReductionSettings) -> Redu
             certificate = Certificate(SAFETY * float(errors.max()), len(chosen), SAFETY * ratio)
             return Reduction(model, states, certificate, reducer.solutions)
     return None
+
+
+def reduce_at_all(full: FullField, points: Points, settings: ReductionSettings) -> Reduction | None:
+    """The reduced model of many points (n,), built and checked at some of them, then checked at the worst of all.
+
+    None where one of the checks does not hold.
+    """
+    reduction = reduce(full, points.only(_some(points, settings.built_at)), settings)
+    if reduction is None:
+        return None
+    model = reduction.model
+    states = model.solve(points)
+    if not (states.steps > 0).all():
+        return None
+    error = model.cubature_error(states, np.arange(len(points)))
+    worst = [int(n) for n in np.argsort(-error)[: settings.checks // 3]]
+    errors = point_errors(full, model, states, worst)
+    before = reduction.certificate
+    largest = max(before.error_estimate, SAFETY * float(errors.max()))
+    if not largest <= settings.tolerance:
+        return None
+    certificate = Certificate(largest, before.checked + len(worst), before.effectivity)
+    return Reduction(model, states, certificate, reduction.solutions)
+
+
+def _some(points: Points, most: int) -> Indices:
+    """Points spread along the way through all, the corners of coordinate and currents among them."""
+    way = points.way()
+    ends = np.isin(points.coordinate, [points.coordinate.min(), points.coordinate.max()])
+    for current in np.abs(points.currents).T:
+        ends &= current == current.max()
+    spread = way[np.linspace(0, way.size - 1, min(most, way.size)).round().astype(int)]
+    return np.unique(np.r_[spread, np.flatnonzero(ends)])
+
+
+def point_errors(full: FullField, model: ReducedModel, states: ReducedStates, chosen: Sequence[int]) -> Array:
+    """(len(chosen),) estimated errors of force and flux linkage, of full scale, by steps of Newton's in full."""
+    return np.array([_corrected(full, model, states, n)[0] for n in chosen])
+
+
+def _corrected(full: FullField, model: ReducedModel, states: ReducedStates, n: int) -> tuple[float, Array]:
+    """The estimated error at a point, of full scale, and the potential that Newton's steps lead to."""
+    potential = full.newton_steps(states.points, n, model.basis.vectors @ states.states[n])
+    return _error(full, states, n, potential), potential
+
+
+def _error(full: FullField, states: ReducedStates, n: int, potential: Array) -> float:
+    """How far force and flux linkage of a state are from those of a potential, of full scale."""
+    numbers = full.numbers(float(states.points.coordinate[n]), potential)
+    force = abs(numbers.energy_slope - states.energy_slope[n]) / np.abs(states.energy_slope).max()
+    flux = np.abs(numbers.flux_linkage - states.flux_linkage[n]) / np.abs(states.flux_linkage).max(axis=0)
+    return max(float(force), float(flux.max()))
 
 
 def iron_integrands(basis: Basis, states: Array) -> Array:

@@ -12,7 +12,7 @@ from msl_fem.magnetics.field.accuracy import Accuracy
 from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.reduced.full_field import FullField
 from msl_fem.magnetics.reduced.reduced_model import Points, ReducedModel, ReducedStates
-from msl_fem.magnetics.reduced.reduction import Certificate, ReductionSettings, reduce
+from msl_fem.magnetics.reduced.reduction import Certificate, ReductionSettings, reduce_at_all
 from msl_fem.magnetics.solver.postprocess import TAIL_SHARE, CutProbe, Probes
 from msl_fem.magnetics.sweep.rows import SweepRow
 from msl_fem.materials.constants import MU_0
@@ -20,7 +20,7 @@ from msl_fem.table.magnetic_table import SECTION
 
 LEAST_POINTS = 150
 """Below that many the full solver is as fast."""
-TOLERANCE: dict[Accuracy, float] = {"fast": 2e-4, "normal": 1e-4, "fine": 3e-5}
+TOLERANCE: dict[Accuracy, float] = {"fast": 5e-4, "normal": 2.5e-4, "fine": 1e-4}
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,8 @@ def reduced_rows(field: MagnetField, rows: Sequence[SweepRow], accuracy: Accurac
     if current.size < LEAST_POINTS or not isinstance(probes, Probes):
         return None
     points = Points(gap, current[:, None])
-    reduction = reduce(FullField(field.model, [field.model.source]), points, ReductionSettings(TOLERANCE[accuracy]))
+    full = FullField(field.model, [field.model.source])
+    reduction = reduce_at_all(full, points, ReductionSettings(TOLERANCE[accuracy]))
     if reduction is None:
         return None
     arrays = _magnet_arrays(probes, reduction.states) | _read_fields(probes, reduction.model, reduction.states)
