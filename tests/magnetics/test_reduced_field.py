@@ -12,7 +12,7 @@ from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.reduced.cubature import fewest, sparse_weights
 from msl_fem.magnetics.reduced.curves import curves_of, magnetise_at
 from msl_fem.magnetics.reduced.full_field import FullField
-from msl_fem.magnetics.reduced.reduced_model import Points, ReducedModel
+from msl_fem.magnetics.reduced.reduced_model import FieldPoints, ReducedModel
 from msl_fem.magnetics.reduced.reduction import Reduction, ReductionSettings, reduce
 from msl_fem.magnetics.sweep.reduced_rows import reduced_rows
 from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
@@ -37,24 +37,24 @@ def full(field: MagnetField) -> FullField:
 
 
 @pytest.fixture(scope="module")
-def points() -> Points:
-    return Points(np.repeat(GAPS, CURRENTS.size), np.tile(CURRENTS, GAPS.size)[:, None])
+def points() -> FieldPoints:
+    return FieldPoints(np.repeat(GAPS, CURRENTS.size), np.tile(CURRENTS, GAPS.size)[:, None])
 
 
 @pytest.fixture(scope="module")
-def reduction(full: FullField, points: Points) -> Reduction:
+def reduction(full: FullField, points: FieldPoints) -> Reduction:
     made = reduce(full, points, SETTINGS)
     assert made is not None
     return made
 
 
-def unseen(n: int) -> Points:
+def unseen(n: int) -> FieldPoints:
     rng = np.random.default_rng(7)
     gap = np.exp(rng.uniform(np.log(GAPS[0]), np.log(GAPS[-1]), n))
-    return Points(gap, 8 * rng.uniform(0.05, 1, (n, 1)))
+    return FieldPoints(gap, 8 * rng.uniform(0.05, 1, (n, 1)))
 
 
-def errors(model: ReducedModel, full: FullField, points: Points) -> np.ndarray:
+def errors(model: ReducedModel, full: FullField, points: FieldPoints) -> np.ndarray:
     """(n, 2) of force and flux linkage against full solutions, of the largest."""
     states = model.solve(points)
     assert (states.steps > 0).all()
@@ -81,12 +81,12 @@ def test_numbers_are_slopes_of_one_coenergy(reduction: Reduction) -> None:
 
     def states(axis: int):
         places = np.array([at + k * step * (np.arange(2) == axis) for k in weight])
-        return reduction.model.solve(Points(places[:, 0], places[:, 1:]))
+        return reduction.model.solve(FieldPoints(places[:, 0], places[:, 1:]))
 
     def slope(axis: int, values: np.ndarray) -> float:
         return float(np.array(list(weight.values())) @ values) / step[axis]
 
-    here = reduction.model.solve(Points(at[:1], at[None, 1:]))
+    here = reduction.model.solve(FieldPoints(at[:1], at[None, 1:]))
     along_gap, along_current = states(0), states(1)
     assert slope(0, along_gap.coenergy) == pytest.approx(-here.energy_slope[0], rel=1e-6)
     assert slope(1, along_current.coenergy) == pytest.approx(here.flux_linkage[0, 0], rel=1e-6)
@@ -95,7 +95,7 @@ def test_numbers_are_slopes_of_one_coenergy(reduction: Reduction) -> None:
     assert slope(1, along_current.flux_linkage[:, 0]) == pytest.approx(here.inductance[0, 0, 0], rel=1e-4)
 
 
-def test_reciprocity_to_rounding(reduction: Reduction, points: Points) -> None:
+def test_reciprocity_to_rounding(reduction: Reduction, points: FieldPoints) -> None:
     """dF/di by the state's slope along the current, -dlambda/dgap by that along the gap."""
     states = reduction.states
     by_gap = states.by_coordinate @ reduction.model.sources[0]
@@ -106,7 +106,7 @@ def test_reciprocity_to_rounding(reduction: Reduction, points: Points) -> None:
 def test_error_falls_with_the_number_of_functions(reduction: Reduction, full: FullField) -> None:
     basis = reduction.model.basis
     whole = ReducedModel(basis, full.sources, basis.whole_iron())
-    saturated = Points(np.array([2.3e-4, 2.8e-4, 5e-4]), np.array([[5.0], [7.0], [6.5]]))
+    saturated = FieldPoints(np.array([2.3e-4, 2.8e-4, 5e-4]), np.array([[5.0], [7.0], [6.5]]))
     few = [errors(whole.without_last(basis.size - n), full, saturated).max() for n in (2, 6, basis.size)]
     assert few[0] > 5 * few[1] > 25 * few[2], few
 
@@ -125,7 +125,7 @@ def test_table_numbers_are_those_of_the_full_solver(field: MagnetField, monkeypa
             assert np.abs(reduced.answers[2][name] - values).max() <= limit * np.abs(values).max(), name
 
 
-def test_what_cannot_be_certified_is_not_reduced(full: FullField, points: Points) -> None:
+def test_what_cannot_be_certified_is_not_reduced(full: FullField, points: FieldPoints) -> None:
     settings = dataclasses.replace(SETTINGS, tolerance=1e-13, rounds=1, drafts=1)
     assert reduce(full, points, settings) is None
 

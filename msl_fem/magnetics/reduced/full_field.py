@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from msl_fem.computing.arrays import Array
-from msl_fem.magnetics.reduced.reduced_model import Points
+from msl_fem.magnetics.reduced.reduced_model import FieldPoints
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, NewtonSettings, solve_field
 
 ROUGH = NewtonSettings(tolerance=3e-2)
@@ -33,12 +33,12 @@ class FullField:
         self.model = model.with_turns({})
         self.sources = tuple(sources)
 
-    def solve(self, points: Points, n: int, start: Array, settings: NewtonSettings | None = None) -> FieldSolution:
+    def solve(self, points: FieldPoints, n: int, start: Array, settings: NewtonSettings | None = None) -> FieldSolution:
         """The field at the n-th point from a potential nearby; raises NotConverged."""
         self._drive(points, n)
         return solve_field(self.model, 1.0, float(points.coordinate[n]), start=start, settings=settings)
 
-    def newton_steps(self, points: Points, n: int, start: Array) -> Array:
+    def newton_steps(self, points: FieldPoints, n: int, start: Array) -> Array:
         """(n_dof,) the potential after a full step of Newton's, and one more with the same factors."""
         self._drive(points, n)
         gradient, data = self.model.assemble(start, float(points.coordinate[n]))
@@ -68,7 +68,7 @@ class FullField:
         flux = np.array([source @ potential for source in self.sources])
         return PointNumbers(flux, float(potential @ first) / 2)
 
-    def _drive(self, points: Points, n: int) -> None:
+    def _drive(self, points: FieldPoints, n: int) -> None:
         load = np.zeros(self.model.n_dof)
         for current, source in zip(points.currents[n], self.sources, strict=True):
             load += current * source

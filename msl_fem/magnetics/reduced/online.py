@@ -107,7 +107,7 @@ def newton(c: Array, stiffness: Array, load: Array, iron: ReducedIron, force: Ar
     return tangent, 0
 
 
-def follow(
+def states_along(
     place: Indices,
     coordinate: Array,
     currents: Array,

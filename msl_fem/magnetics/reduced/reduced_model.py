@@ -15,12 +15,12 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.magnetics.reduced.curves import Indices
-from msl_fem.magnetics.reduced.online import ReducedIron, follow, magnetise_field
+from msl_fem.magnetics.reduced.online import ReducedIron, magnetise_field, states_along
 from msl_fem.magnetics.reduced.space import Basis
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class FieldPoints:
     """Where a field is asked for: coordinate (n,) in m, currents (n, coil) in A."""
 
     coordinate: Array
@@ -29,8 +29,8 @@ class Points:
     def __len__(self) -> int:
         return self.coordinate.size
 
-    def only(self, chosen: "Indices | Sequence[int]") -> "Points":
-        return Points(self.coordinate[chosen], self.currents[chosen])
+    def only(self, chosen: "Indices | Sequence[int]") -> "FieldPoints":
+        return FieldPoints(self.coordinate[chosen], self.currents[chosen])
 
     def way(self) -> Indices:
         """An order in which neighbours follow each other: coordinate by coordinate, the first currents to and fro."""
@@ -56,7 +56,7 @@ class ReducedStates:
     steps : (n,) Newton's, 0 where they did not converge
     """
 
-    points: Points
+    points: FieldPoints
     states: Array
     by_current: Array
     by_coordinate: Array
@@ -95,12 +95,12 @@ class ReducedModel:
         return other
 
     @one_blas_thread
-    def solve(self, points: Points) -> ReducedStates:
+    def solve(self, points: FieldPoints) -> ReducedStates:
         """The states and numbers at points."""
         coordinate, place = np.unique(points.coordinate, return_inverse=True)
         stiffness, slope, bend = (np.stack(part) for part in zip(*map(self.linear.at, coordinate), strict=True))
         way = points.way()
-        found = follow(place[way], coordinate, points.currents[way], stiffness, slope, self.sources, self.iron)
+        found = states_along(place[way], coordinate, points.currents[way], stiffness, slope, self.sources, self.iron)
         back = np.argsort(way)
         states, by_current, by_coordinate = (array[back] for array in found[:3])
         steps = found[3][back]

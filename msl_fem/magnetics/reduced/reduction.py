@@ -17,7 +17,7 @@ from msl_fem.errors import NotConverged
 from msl_fem.magnetics.reduced.cubature import sparse_weights
 from msl_fem.magnetics.reduced.curves import Indices
 from msl_fem.magnetics.reduced.full_field import ROUGH, FullField
-from msl_fem.magnetics.reduced.reduced_model import Points, ReducedModel, ReducedStates
+from msl_fem.magnetics.reduced.reduced_model import FieldPoints, ReducedModel, ReducedStates
 from msl_fem.magnetics.reduced.space import Basis, SnapshotSpace
 
 CLOSE = 0.15  # in ranks of coordinate and currents, each 0 to 1
@@ -84,7 +84,7 @@ class Reduction:
 class Reducer:
     """Builds the reduced model of a field for points (n,)."""
 
-    def __init__(self, full: FullField, points: Points, settings: ReductionSettings) -> None:
+    def __init__(self, full: FullField, points: FieldPoints, settings: ReductionSettings) -> None:
         self.full, self.points, self.settings = full, points, settings
         ends = np.unique(points.coordinate)
         data, slopes = full.without_field(float(ends[ends.size // 2]))
@@ -195,7 +195,7 @@ class Reducer:
         return estimate / error if error > 0 else 1.0
 
 
-def reduce(full: FullField, points: Points, settings: ReductionSettings) -> Reduction | None:
+def reduce(full: FullField, points: FieldPoints, settings: ReductionSettings) -> Reduction | None:
     """The reduced model whose checks all hold; None where none does after all rounds."""
     reducer = Reducer(full, points, settings)
     reducer.draft()
@@ -214,7 +214,7 @@ def reduce(full: FullField, points: Points, settings: ReductionSettings) -> Redu
     return None
 
 
-def reduce_at_all(full: FullField, points: Points, settings: ReductionSettings) -> Reduction | None:
+def reduce_at_all(full: FullField, points: FieldPoints, settings: ReductionSettings) -> Reduction | None:
     """The reduced model of many points (n,), built and checked at some of them, then checked at the worst of all.
 
     None where one of the checks does not hold.
@@ -237,7 +237,7 @@ def reduce_at_all(full: FullField, points: Points, settings: ReductionSettings) 
     return Reduction(model, states, certificate, reduction.solutions)
 
 
-def _some(points: Points, most: int) -> Indices:
+def _some(points: FieldPoints, most: int) -> Indices:
     """Points spread along the way through all, the corners of coordinate and currents among them."""
     way = points.way()
     ends = np.isin(points.coordinate, [points.coordinate.min(), points.coordinate.max()])

@@ -277,6 +277,7 @@ def pair_sweep(
         interpolation_error=interpolation_error,
         reciprocity_error=reciprocity_error,
         cpu_seconds=time.process_time() - started + in_workers + others,
+        solutions=alone.solutions + sum(len(row.currents_2) for row in [*nodes, *between]),
         reused_rows=sum("reused" in row for row in done) + alone.reused_rows,
         notes=tuple(notes),
     )

@@ -11,7 +11,7 @@ from msl_fem.computing.jobs import Arrays
 from msl_fem.magnetics.field.accuracy import Accuracy
 from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.reduced.full_field import FullField
-from msl_fem.magnetics.reduced.reduced_model import Points, ReducedModel, ReducedStates
+from msl_fem.magnetics.reduced.reduced_model import FieldPoints, ReducedModel, ReducedStates
 from msl_fem.magnetics.reduced.reduction import Certificate, ReductionSettings, reduce_at_all
 from msl_fem.magnetics.solver.postprocess import TAIL_SHARE, CutProbe, Probes
 from msl_fem.magnetics.sweep.rows import SweepRow
@@ -43,7 +43,7 @@ def reduced_rows(field: MagnetField, rows: Sequence[SweepRow], accuracy: Accurac
     probes = field.probes
     if current.size < LEAST_POINTS or not isinstance(probes, Probes):
         return None
-    points = Points(gap, current[:, None])
+    points = FieldPoints(gap, current[:, None])
     full = FullField(field.model, [field.model.source])
     reduction = reduce_at_all(full, points, ReductionSettings(TOLERANCE[accuracy]))
     if reduction is None:
