@@ -9,6 +9,7 @@ from typing import Any
 
 _VERBS = {
     "load_actuator": "msl_fem.actuator",
+    "draw": "msl_fem.report.section_drawing",
     "solve": "msl_fem.magnetics.field.magnet_field",
     "sweep": "msl_fem.magnetics.sweep.table_sweep",
     "read_table": "msl_fem.table.magnetic_table",
@@ -22,12 +23,16 @@ _VERBS = {
     "gap_trade": "msl_fem.mechanics.gap_trade",
     "tolerance_study": "msl_fem.design.tolerances",
     "load_record": "msl_fem.record",
+    "compare": "msl_fem.comparison",
+    "parse_excitation": "msl_fem.plant.excitation",
+    "excitation_inputs": "msl_fem.plant.excitation",
     "write_record": "msl_fem.record",
     "simulate": "msl_fem.plant",
     "identify": "msl_fem.identification",
     "design_controller": "msl_fem.control",
     "diagnose": "msl_fem.diagnosis",
 }
+_NAMES_THERE = {"draw": "draw_section"}
 __all__ = sorted(_VERBS)
 
 
@@ -52,7 +57,7 @@ def __getattr__(name: str) -> Any:
             return "0"
     if name not in _VERBS:
         raise AttributeError(f"module 'msl_fem' has no attribute '{name}'")
-    return getattr(import_module(_VERBS[name]), name)
+    return getattr(import_module(_VERBS[name]), _NAMES_THERE.get(name, name))
 
 
 def __dir__() -> list[str]:

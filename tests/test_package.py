@@ -37,3 +37,12 @@ def test_control_needs_no_finite_elements() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_first_lines_of_a_notebook() -> None:
+    """Load, look at, draw: short lines, and a figure that matplotlib shows."""
+    from matplotlib.figure import Figure
+
+    actuator = msl_fem.load_actuator("fast_tool_servo")
+    assert repr(actuator) == "Actuator(fast_tool_servo: e-core, 0.9 kg at 0.6 mm, 2 x 2 magnets, current drive)"
+    assert isinstance(msl_fem.draw(actuator), Figure)

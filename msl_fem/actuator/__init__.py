@@ -7,6 +7,7 @@ from msl_fem.actuator.actuator import (
     CurrentSensor,
     Drive,
     PositionSensor,
+    example_actuators,
     load_actuator,
     parse_actuator,
 )
@@ -75,6 +76,7 @@ __all__ = [
     "TableMagnet",
     "Tolerances",
     "Voltage",
+    "example_actuators",
     "flexure_material",
     "load_actuator",
     "parse_actuator",

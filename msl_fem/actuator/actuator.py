@@ -21,6 +21,10 @@ PURE_NUMBERS = frozenset({
 """Keys of an actuator's sections whose numbers have no unit."""
 
 
+EXAMPLES = Path(__file__).parent / "examples"
+"""Actuator files that an installed package has; copies of those in geometries/."""
+
+
 class Drive(FrozenModel):
     """The power amplifier of a side; limits are per side, the resistance is that of one magnet's coil.
 
@@ -111,6 +115,16 @@ class Actuator(FrozenModel):
             raise ValueError(f"drive.kind is '{self.drive.kind}' but there is no [magnet]; use kind = \"force\"")
         return self
 
+    def __repr__(self) -> str:
+        """A line that a person reads; all values are in `model_dump()`."""
+        kind = f"{self.magnet.kind}, " if self.magnet else ""
+        motion = self.motion
+        moved = f"{motion.moving_mass:g} kg" if motion else "no motion"
+        gap = f" at {motion.nominal_gap * 1e3:g} mm" if motion and motion.nominal_gap else ""
+        drive = f", {self.drive.kind} drive" if self.drive else ""
+        sides = f", {self.sides.count} x {self.sides.magnets_per_side} magnets" if self.sides else ""
+        return f"Actuator({self.name}: {kind}{moved}{gap}{sides}{drive})"
+
     @property
     def folder(self) -> Path:
         """Where relative names in the file are looked up."""
@@ -149,15 +163,23 @@ class Actuator(FrozenModel):
 
 
 def load_actuator(path: str | Path) -> Actuator:
-    """The actuator that a TOML file describes.
+    """The actuator that a TOML file describes, or an example of the package by its name: "fast_tool_servo".
 
     Raises
     ------
     ActuatorError : no such file, not TOML, an unknown or a missing key, a wrong unit, a value out of its range;
         the message names the file and the key path
     """
-    content = read_toml(path, error=ActuatorError, wanted="an actuator file")
-    return parse_actuator(content, file=Path(path))
+    file = Path(path)
+    if str(path) in example_actuators() and not file.exists():
+        file = EXAMPLES / f"{path}.toml"
+    content = read_toml(file, error=ActuatorError, wanted="an actuator file")
+    return parse_actuator(content, file=file)
+
+
+def example_actuators() -> tuple[str, ...]:
+    """The names of the actuators that the package brings along."""
+    return tuple(sorted(file.stem for file in EXAMPLES.glob("*.toml")))
 
 
 def parse_actuator(content: dict[str, Any], *, file: Path | None = None) -> Actuator:

@@ -113,7 +113,7 @@ def memory_in(folder: Path, mark: str, *, resume: bool) -> FitMemory:
 def fingerprint(record: Record, table: MagneticTable | None) -> str:
     """What tells records and their beliefs apart."""
     told = sha256(
-        f"{record.actuator!r}{record.tolerance!r}{record.noise!r}{record.sampling!r}{record.causes!r}".encode()
+        f"{record.actuator.digest}{record.tolerance!r}{record.noise!r}{record.sampling!r}{record.causes!r}".encode()
     )
     if table is not None:
         told.update(np.ascontiguousarray(table.nodes["coenergy"]).tobytes())

@@ -8,7 +8,9 @@ import typer
 from msl_fem.errors import QuantityError
 from msl_fem.files.quantity import parse_quantities
 
-ActuatorFile = Annotated[Path, typer.Argument(metavar="ACTUATOR", help="Actuator file (TOML).")]
+ActuatorFile = Annotated[
+    Path, typer.Argument(metavar="ACTUATOR", help="Actuator file (TOML), or an example: fast_tool_servo.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 AccuracyLevel = Annotated[str, typer.Option("--accuracy", help="fast, normal or fine.")]
 TableFile = Annotated[Path | None, typer.Option("--table", help="Table of the magnet; without, it is computed.")]
