@@ -79,7 +79,7 @@ def readable_number(value: float, path: str) -> str:
         return f"{100 * value:.3g} %"
     if unit == "m" and 1e-4 <= abs(value) < 1.0:
         return f"{1e3 * value:.4g} mm"
-    if not unit or not math.isfinite(value) or (unit == "s" and abs(value) >= 1e3):
+    if unit in ("", "T", "dB") or not math.isfinite(value) or (unit == "s" and abs(value) >= 1e3):
         return f"{value:.4g} {unit}".rstrip()
     if unit == "K" and _without_unit(key).rpartition("_")[2] in ("temperature", "ambient"):
         return f"{value - 273.15:.4g} °C"

@@ -37,13 +37,18 @@ def test_a_defect_of_the_program_is_not_hidden() -> None:
 def test_people_get_a_table(capsys: pytest.CaptureFixture[str]) -> None:
     fields = {"force_N": 1.5, "flux": {"yoke": [1.0, 2.0]}, "many": list(range(9)), "mesh_error": 0.00108}
     fields |= {"gap_m": 0.0007, "slope_N_per_m": -229218.0, "runs": {"step": {"position_rms_m": 3.2e-6}}, "done": True}
-    fields |= {"winding_temperature_K": 353.15, "standard_error": 0.02, "zone_reach_m": {"A": 3.5e-4}}
+    fields |= {
+        "winding_temperature_K": 353.15,
+        "standard_error": 0.02,
+        "zone_reach_m": {"A": 3.5e-4},
+        "density_T": {"leg": 0.86},
+    }
     print_result(fields, as_json=False, title="t")
     printed = " ".join(capsys.readouterr().out.split())
     assert "flux: yoke 1, 2" in printed
     for line in (
         "force 1.5 N", "mesh error 0.108 %", "gap 0.7 mm", "slope -229.2 kN/m", "runs, step: position RMS 3.2 µm",
-        "done yes", "winding temperature 80 °C", "standard error 0.02", "zone reach: A 0.35 mm",
+        "done yes", "winding temperature 80 °C", "standard error 0.02", "zone reach: A 0.35 mm", "density: leg 0.86 T",
     ):  # fmt: skip
         assert line in printed, line
     assert "0 ... 8 (9 values)" in printed
