@@ -45,6 +45,7 @@ from msl_fem.identification.search import (
     first_guesses,
     maximise_likelihood,
 )
+from msl_fem.identification.stored_model import check_stored
 
 if TYPE_CHECKING:
     from control import TransferFunction
@@ -291,10 +292,12 @@ def model_from_json(document: Mapping[str, Any]) -> ArmaxModel:
             f"{SCHEMA}; identify it anew"
         )
     try:
-        return _model(document)
+        model = _model(document)
+        check_stored(model)
+        return model
     except KeyError as error:
         raise InputError(f"the model lacks the field {error.args[0]!r}: identify it anew") from error
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError, AttributeError) as error:
         raise InputError(f"the model holds a field of the wrong kind ({error}): identify it anew") from error
 
 

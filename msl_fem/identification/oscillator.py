@@ -273,5 +273,6 @@ def _delta_method(values: Callable[[Array], Array], point: Array, covariance: Ar
     for size, axis in zip(np.maximum(sizes, 0.0), axes.T, strict=True):
         step = np.zeros(point.size)
         step[used] = STEP * np.sqrt(size) * axis * scale[used]
-        variance = variance + ((values(point + step) - values(point - step)) / (2.0 * STEP)) ** 2
+        with np.errstate(over="ignore", invalid="ignore"):  # errors beyond all numbers are left out by the caller
+            variance = variance + ((values(point + step) - values(point - step)) / (2.0 * STEP)) ** 2
     return np.sqrt(variance)

@@ -186,6 +186,26 @@ def test_a_document_that_is_no_model(oversampled):
         model_from_json({**document, "a": "many"})
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"a": []}, "a must be"),
+        ({"a": 3.0}, "a must be"),
+        ({"sampling_period_s": 0.0}, "sampling_period_s is 0.0, it must be positive"),
+        ({"covariance": [[1.0]]}, "covariance must be"),
+        ({"inputs": [[1], [2], [3], [4]]}, "no different names"),
+        ({"parameters": {"a1": {}}}, "parameters must be a1"),
+        ({"noise_variance": -1.0}, "noise_variance is -1.0"),
+        ({"input_slopes": [1.0, 2.0, 3.0, 4.0, 5.0]}, "input_slopes are 5 numbers"),
+        ({"orders": {"na": 500, "nb": [2], "nc": 2, "nk": [1], "offset": False}}, "500|is for 1 inputs"),
+    ],
+)
+def test_a_document_that_contradicts_itself(oversampled, change, said):
+    with pytest.raises(InputError, match=said) as refused:
+        model_from_json({**oversampled[1].to_json(), **change})
+    assert "identify it anew" in str(refused.value)
+
+
 def test_polynomials_are_plain(oversampled):
     polynomials = oversampled[1].polynomials
     assert isinstance(polynomials, Polynomials)
