@@ -152,6 +152,10 @@ def identified_plant(model: ArmaxModel, actuator: Actuator) -> IdentifiedPlant:
     if motion is None or motion.nominal_gap is None:
         raise InputError(f"{actuator.name} has no motion.nominal_gap; an identified model's terms need it")
     found = physical_parameters(model, mass=KnownMass(motion.moving_mass))
+    needed = ["stiffness", "damping", *(f"force_constant[{text}]" for text in map(str, rational.terms))]
+    unknown = [name for name in needed if name not in found]
+    if unknown:
+        raise InputError(f"the identified model has no finite standard error of {', '.join(unknown)}; identify it anew")
     terms = []
     for text in map(str, rational.terms):
         term = rational_term(text)

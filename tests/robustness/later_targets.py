@@ -9,7 +9,7 @@ from hostile_files import spoilt_bytes, spoilt_netcdf
 from targets import ROOT, SERVO, Target, _json, _one_file, _typed
 
 from msl_fem.actuator import load_actuator
-from msl_fem.cli.control import _known, identified_plant
+from msl_fem.cli.controllers import identified_plant, known_model
 from msl_fem.cli.diagnose import STATE, memory_in
 from msl_fem.computing.jobs import RowCache
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -43,7 +43,7 @@ def _bytes(rng: np.random.Generator, good: bytes, scratch: Path) -> bytes:
 
 
 def _use_model(folder: Path, out: Path) -> None:
-    model = _known(folder / "a.json")
+    model = known_model(folder / "a.json")
     assert isinstance(model, ArmaxModel)
     identified_plant(model, load_actuator(SERVO))
 
