@@ -44,7 +44,7 @@ class ReductionSettings:
     """
 
     tolerance: float = 2.5e-4
-    rounds: int = 8
+    rounds: int = 3
     checks: int = 9
     drafts: int = 3
     modes: float = 1e-3
