@@ -156,7 +156,7 @@ def descend(
         move, promised = model.step(mu)
         trial = objective.moved(point, move)
         gain = point.objective - trial.objective
-        idle = idle + 1 if vain >= MOST_VAIN and not gain >= how.enough else 0
+        idle = idle + 1 if how.renewal is not None and vain >= MOST_VAIN and not gain >= how.enough else 0
         if idle >= MOST_IDLE:
             return Descent(point, model, "in vain", steps)
         if gain > 0.0:  # not of nan
