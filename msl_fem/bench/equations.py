@@ -53,6 +53,7 @@ from msl_fem.bench.plant import (
     Film,
     FlexureLaw,
     Friction,
+    Stray,
     Thermal,
     V,
     X,
@@ -115,7 +116,7 @@ def fill_side_currents(bench: Bench, y: Array, position: float) -> bool:
         if not inside:
             return False
         row[FLUX], row[PULL], row[INDUCTANCE], row[GAP_SLOPE] = flux, pull, inductance, slope
-        row[CURRENT] = y[IM1 + j]
+        row[CURRENT] = y[IM1 + j] - remanent_current(plant.stray, j, flux)
         if plant.series_iron.step > 0.0:
             row[CURRENT] += series_current(plant.series_iron, flux)
         if plant.hysteresis.amplitude > 0.0:
@@ -150,7 +151,9 @@ def drive_sides(bench: Bench, y: Array, position: float, target: Array, gap_rate
         drop = side_resistance(plant, y, j) * row[CURRENT]
         drop += law_of_side(plant, y, plant.magnets.nominal_gap - (1.0 - 2.0 * j) * position, row[CURRENT])
         motional = row[GAP_SLOPE] * gap_rate[j]
-        stray = plant.stray.leakage_1 if j == 0 else plant.stray.leakage_2
+        if plant.stray.mutual_curve != 0.0 and plant.magnets.sides == 2:
+            motional += mutual_slope(plant.stray, position) * gap_rate[1] * y[IM1 + 1 - j]
+        stray = leakage_slope(plant.stray, j, row[CURRENT])
         voltage = target[j]
         if plant.circuit.drive == CURRENT_DRIVE:
             own = row[INDUCTANCE] + stray
@@ -162,7 +165,7 @@ def drive_sides(bench: Bench, y: Array, position: float, target: Array, gap_rate
         row[VOLTAGE] = voltage
         dy[IM1 + j] = (voltage - drop - motional) / (row[INDUCTANCE] + stray)
     if plant.stray.mutual != 0.0 and plant.magnets.sides == 2:
-        _share_mutual_flux(bench, dy)
+        _share_mutual_flux(bench, position, dy)
     if plant.ladder.stages > 0:
         for j in range(plant.magnets.sides):
             at = plant.layout.ladder + j * plant.ladder.stages
@@ -172,14 +175,38 @@ def drive_sides(bench: Bench, y: Array, position: float, target: Array, gap_rate
 
 
 @compiled
-def _share_mutual_flux(bench: Bench, dy: Array) -> None:
+def _share_mutual_flux(bench: Bench, position: float, dy: Array) -> None:
     """Rates of both i_m that mutual flux ties together, from those without it; by Gauss' elimination."""
-    stray = bench.plant.stray
-    first, second = bench.sides[0, INDUCTANCE] + stray.leakage_1, bench.sides[1, INDUCTANCE] + stray.leakage_2
-    factor = stray.mutual / first
+    stray, sides = bench.plant.stray, bench.sides
+    first = sides[0, INDUCTANCE] + leakage_slope(stray, 0, sides[0, CURRENT])
+    second = sides[1, INDUCTANCE] + leakage_slope(stray, 1, sides[1, CURRENT])
+    mutual = stray.mutual * (1.0 + stray.mutual_curve * position * position)
+    factor = mutual / first
     volts = first * dy[IM1]
-    dy[IM1 + 1] = (second * dy[IM1 + 1] - factor * volts) / (second - factor * stray.mutual)
-    dy[IM1] = (volts - stray.mutual * dy[IM1 + 1]) / first
+    dy[IM1 + 1] = (second * dy[IM1 + 1] - factor * volts) / (second - factor * mutual)
+    dy[IM1] = (volts - mutual * dy[IM1 + 1]) / first
+
+
+@compiled
+def leakage_slope(stray: Stray, j: int, current: float) -> float:
+    """Incremental leakage inductance of side j in H: the leakage flux passes the iron too and saturates it a little."""
+    leak = stray.leakage_1 if j == 0 else stray.leakage_2
+    bent = current / stray.leakage_bend
+    return leak / (1.0 + bent * bent)
+
+
+@compiled
+def remanent_current(stray: Stray, j: int, flux: float) -> float:
+    """A, that the remanence of side j stands for: less of it at a large flux, along a recoil line that bends."""
+    whole = stray.remanent_1 if j == 0 else stray.remanent_2
+    ratio = flux / stray.remanent_flux
+    return whole / (1.0 + ratio * ratio)
+
+
+@compiled
+def mutual_slope(stray: Stray, position: float) -> float:
+    """dM/dx in H/m."""
+    return 2.0 * stray.mutual * stray.mutual_curve * position
 
 
 @compiled
@@ -279,6 +306,9 @@ def move(plant: BenchPlant, y: Array, external: float, sides: Array, dy: Array) 
         if plant.film.damping > 0.0:
             position = x - y[at.support] if at.support >= 0 else x
             film += film_damping(plant.film, plant.magnets.nominal_gap - toward * position)
+    if plant.stray.mutual_curve != 0.0 and plant.magnets.sides == 2:
+        position = x - y[at.support] if at.support >= 0 else x
+        pull += mutual_slope(plant.stray, position) * y[IM1] * y[IM1 + 1]
     reaction = pull - film * (v - support_v)  # of the magnets and the film, on the mover
     force = reaction + external - m.damping * v - m.stiffness * x
     if f.stretch_stiffness != 0.0:
@@ -353,14 +383,25 @@ def state_rates(bench: Bench, y: Array, command: Array, instant: tuple[float, fl
 
 
 @compiled
+def railed(rail: float, command: float) -> float:
+    """What an amplifier gives whose output stage runs into its rail: nearly all below it, nearly the rail above."""
+    ratio = command / rail
+    square = ratio * ratio
+    steep = square * square * square
+    return command / (1.0 + steep * steep * square) ** (1.0 / 14.0)
+
+
+@compiled
 def _amplify(plant: BenchPlant, y: Array, command: Array, target: Array, dy: Array) -> None:
     """What the drive aims at (2,): the command after the amplifier's own dynamics, then after the believed lag."""
     at = plant.layout
     for j in range(2):
         target[j] = command[j]
+        if plant.amplifier.rail < np.inf:
+            target[j] = railed(plant.amplifier.rail, command[j])
         if at.amplifier >= 0:
             n = at.amplifier + 2 * j
-            dy[n], dy[n + 1] = amplifier_rates(plant.amplifier, command[j], y[n], y[n + 1])
+            dy[n], dy[n + 1] = amplifier_rates(plant.amplifier, target[j], y[n], y[n + 1])
             target[j] = y[n]
         if at.output >= 0:
             dy[at.output + j] = plant.circuit.bandwidth * (target[j] - y[at.output + j])

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from msl_fem.actuator import Actuator
 from msl_fem.bench.iron import pinned_current, series_current, settle_memory, side_magnet, virgin_memory
 from msl_fem.bench.plant import CURRENT_DRIVE, FORCE_DRIVE, Array, Bench, BenchPlant, as_record
-from msl_fem.bench.rig import Rig, magnet_surface
+from msl_fem.bench.rig import InstrumentErrors, Rig, magnet_surface
 from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
 from msl_fem.record import Noise, StaticMap
@@ -57,6 +57,8 @@ def readings(rig: Rig, response: Response, *, run: int = 0) -> dict[str, Array]:
     """
     errors = rig.instruments
     position = np.array(response.reading)
+    if any(errors.coil_reading):
+        position += coil_field(errors, response.current, rate=response.rate)
     if errors.play > 0:
         position = _played(position, errors.play)
     position += drift_path(rig, position.size, rate=response.rate, run=run)
@@ -67,6 +69,19 @@ def readings(rig: Rig, response: Response, *, run: int = 0) -> dict[str, Array]:
     for j in sides:
         read[f"current_{j + 1}_A"] = errors.current_gain * response.current[:, j] + errors.current_offset
     return read | {"position_m": position}
+
+
+def coil_field(errors: InstrumentErrors, current: Array, *, rate: float) -> Array:
+    """What the sensor reads of the coils' field, (n_sample,) m, for currents (n_sample, n_side) that run straight
+    between samples: two lags in a row, each solved exactly over a sample."""
+    field = current @ np.array(errors.coil_reading)[: current.shape[1]]
+    for part in (0.8, 0.2):
+        lag = part * errors.coil_reading_lag * rate  # in samples
+        kept = math.exp(-1 / lag)
+        late = lag * (1 - kept)
+        start = np.array([late * field[0]])
+        field = np.asarray(lfilter([1 - late, late - kept], [1.0, -kept], field, zi=start)[0])
+    return field
 
 
 def drift_path(rig: Rig, count: int, *, rate: float, run: int) -> Array:

@@ -55,6 +55,7 @@ class Amplifier(NamedTuple):
     slew: float  # of the output, in the command's unit a second
     crossover: float  # V lost on either side of zero; 0: none
     crossover_width: float  # V
+    rail: float = np.inf  # A, V or N that the amplifier tends to
 
 
 class Ladder(NamedTuple):
@@ -82,14 +83,22 @@ class SeriesIron(NamedTuple):
 
 
 class Stray(NamedTuple):
-    """Flux that links the coils and pulls nothing: of a side for its own current, of both for each other's, in H.
+    """Flux that links the coils beside the table's: of a side for its own current, of both for each other's, in H; and
+    the magnetising current that remanence stands for.
 
-    What the field of both sides shows of their mutual flux hardly depends on the position (docs/decoupling.md).
+    What the field of both sides shows of their mutual flux depends little on the position (docs/decoupling.md):
+    M(x) = mutual (1 + mutual_curve x^2). Leakage flux passes the iron too, l i/(1 + (i/leakage_bend)^2) in its slope.
+    Remanence gives way to flux, r/(1 + (flux/remanent_flux)^2).
     """
 
     leakage_1: float = 0.0
     leakage_2: float = 0.0
     mutual: float = 0.0
+    mutual_curve: float = 0.0  # 1/m2
+    leakage_bend: float = np.inf  # A
+    remanent_1: float = 0.0  # A, of side 1
+    remanent_2: float = 0.0
+    remanent_flux: float = np.inf  # Wb
 
 
 class UserLaws(NamedTuple):

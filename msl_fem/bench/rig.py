@@ -217,6 +217,7 @@ class InstrumentErrors:
     current_gain, current_offset : of the current reading, A
     play : half width of the position reading's play, m
     drift, drift_seed : RMS of the position zero's wander, m, and the seed of its path
+    coil_reading, coil_reading_lag : what the position sensor reads for the sides' currents, m/A, and how late, s
     """
 
     current_gain: float = 1.0
@@ -224,6 +225,8 @@ class InstrumentErrors:
     play: float = 0.0
     drift: float = 0.0
     drift_seed: int = 0
+    coil_reading: tuple[float, float] = (0.0, 0.0)
+    coil_reading_lag: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -350,6 +350,7 @@ def _record(
         noise=noise.model_copy(update={k: v * options.stated_noise for k, v in noise if v is not None}),
         tolerance=options.tolerance,
         controller=None if options.loop is None else options.loop.section,
+        belief="plain",
         runs=tuple(runs),
         static=static,
     )

@@ -1,11 +1,13 @@
 """The command `compare`: how accurate each model is on a record, as a report and as numbers."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from msl_fem.cli.options import Json, TableFile
+from msl_fem.cli.believed import belief_of, stated_belief
+from msl_fem.cli.options import BeliefName, Json, TableFile
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say, write_json
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.comparison import CompareSettings, Comparison, compare
@@ -34,10 +36,12 @@ def command(
         ),
     ] = None,
     table: TableFile = None,
+    belief: BeliefName = None,
     json: Json = False,
 ) -> None:
     """Analytic, coupled, re-fitted, extended and ARMAX models against the record's runs and its static map."""
     it = load_record(record)
+    it = it if belief is None else replace(it, belief=stated_belief(belief))
     beside = record / "extended_model.toml"
     file = extended if extended is not None else beside if beside.is_file() else None
     model = load_extended_model(file) if file is not None else None
@@ -52,15 +56,19 @@ def _compare(it: Record, model: ExtendedModel | None, *, output: Path | None, ta
     for warning in it.warnings:
         say(f"note: {warning}")
     magnet_table = table_for(it.actuator, table)
-    belief = None
+    believed = belief_of(it.belief, it.actuator, magnet_table)
+    of_model = None
     if model is not None:
-        belief = ModelHypothesis(model.actuator, table_of_model(model.actuator, magnet_table), model.effects)
+        of_model = ModelHypothesis(model.actuator, table_of_model(model.actuator, magnet_table), model.effects)
     with progress_bar("models and runs") as progress:
         settings = CompareSettings(
-            table=magnet_table, extended=belief, progress=lambda _, done, total: progress(done, total)
+            table=magnet_table,
+            extended=of_model,
+            progress=lambda _, done, total: progress(done, total),
+            belief=believed,
         )
         found = compare(it, settings)
-    fields = found.to_json()
+    fields = found.to_json() | {"belief": believed.to_json()}
     if output is not None:
         write_json(fields, output / "compare.json")
         write_page(comparison_page(found), output / "report.html")

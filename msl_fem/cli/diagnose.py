@@ -13,8 +13,9 @@ import numpy as np
 import typer
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from msl_fem.cli.believed import belief_of, stated_belief
 from msl_fem.cli.closing import diagnosis_closing
-from msl_fem.cli.options import Causes, Json, TableFile
+from msl_fem.cli.options import BeliefName, Causes, Json, TableFile
 from msl_fem.cli.output import ERRORS, print_closing, print_columns, print_result, say
 from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for
@@ -50,6 +51,7 @@ def command(
     ] = None,
     table: TableFile = None,
     effect: Causes = None,
+    belief: BeliefName = None,
     resume: Annotated[bool, typer.Option(help="Go on where an interrupted diagnosis ended (needs -o).")] = False,
     json: Json = False,
 ) -> None:
@@ -61,6 +63,7 @@ def command(
         raise InputError("--resume needs the folder of the interrupted diagnosis: state -o DIR")
     measured = load_record(record)
     measured = replace(measured, causes=(*measured.causes, *read_causes(effect)))
+    measured = measured if belief is None else replace(measured, belief=stated_belief(belief))
     with sole_run(output):
         _diagnose(measured, output, table=table, resume=resume, json=json)
 
@@ -72,10 +75,12 @@ def _diagnose(record: Record, output: Path | None, *, table: Path | None, resume
     for warning in record.warnings:
         say(f"note: {warning}")
     magnet_table = table_for(record.actuator, table)
+    belief = belief_of(record.belief, record.actuator, magnet_table)
     memory = FitMemory() if output is None else memory_in(output, fingerprint(record, magnet_table), resume=resume)
     threads = os.cpu_count() or 1
     with tried_line() as tell:
-        found = diagnose(record, DiagnosisSettings(magnet_table, threads=threads, progress=tell, memory=memory))
+        settings = DiagnosisSettings(magnet_table, threads=threads, progress=tell, memory=memory, belief=belief)
+        found = diagnose(record, settings)
     fields = found.to_json()
     if output is not None:
         write_diagnosis(record, found, output, table=magnet_table)
@@ -113,7 +118,8 @@ def memory_in(folder: Path, mark: str, *, resume: bool) -> FitMemory:
 def fingerprint(record: Record, table: MagneticTable | None) -> str:
     """What tells records and their beliefs apart."""
     told = sha256(
-        f"{record.actuator.digest}{record.tolerance!r}{record.noise!r}{record.sampling!r}{record.causes!r}".encode()
+        f"{record.actuator.digest}{record.tolerance!r}{record.noise!r}{record.sampling!r}{record.causes!r}"
+        f"{record.belief}".encode()
     )
     if table is not None:
         told.update(np.ascontiguousarray(table.nodes["coenergy"]).tobytes())

@@ -53,6 +53,10 @@ Preview = Annotated[
 ]
 Bias = Annotated[str | None, typer.Option("--bias", help="Of the biased design, a side.")]
 Overlap = Annotated[str, typer.Option("--overlap", help="Force with which both sides pull at zero force.")]
+BeliefName = Annotated[
+    str | None,
+    typer.Option("--belief", help="plain: the table alone; as-designed: with all that the drawing tells."),
+]
 DEFAULT_RISE, DEFAULT_AMBIENT = "80 K", "20 degC"
 """Of the thermal limit of `losses` and `map`, as they are written."""
 

@@ -8,8 +8,9 @@ import numpy as np
 import typer
 
 from msl_fem.actuator import Actuator
+from msl_fem.cli.believed import belief_fields, model_with_belief
 from msl_fem.cli.given_map import given_map
-from msl_fem.cli.options import Causes, Json, TableFile, read_option
+from msl_fem.cli.options import BeliefName, Causes, Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar
 from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for
@@ -98,6 +99,7 @@ def command(
         str, typer.Option(help='Where the mover starts, towards side 1, like "0.2 mm" or "-0.5 mm".')
     ] = "0 mm",
     effect: Causes = None,
+    belief: BeliefName = None,
     json: Json = False,
 ) -> None:
     """The coupled model under an excitation, written as a record.
@@ -106,7 +108,7 @@ def command(
     the actuator file states motion.end_stop, the mover may be pulled in: the run goes on at the stop.
     """
     model = load_extended_model(actuator)
-    model = replace(model, effects=stated_causes(read_causes(effect), model.effects))
+    causes = read_causes(effect)
     it = model.actuator
     if it.drive is None:
         raise InputError(f'{it.name} has no [drive]; add one with kind = "current", "voltage" or "force"')
@@ -121,6 +123,8 @@ def command(
         regions = None if map_file is None else given_map(map_file, it)
         guard = None if regions is None else Guard(regions)
         magnet_table = table_for(it, table)
+        model, believed = model_with_belief(belief, model, magnet_table)
+        model = replace(model, effects=stated_causes(causes, model.effects))
         generator = np.random.default_rng(seed)
         closed = any(one.loop == "closed" for one in excitations)
         loop = usual_loop(it, magnet_table, regions) if closed else None
@@ -144,7 +148,7 @@ def command(
                     runs.append(NamedRun(name, words, one.role, run))
             progress(len(excitations), len(excitations))
         record = simulation_record(it, runs, controller=None if loop is None else loop.section)
-        write_record(record, output)
+        write_record(replace(record, belief=believed.name), output)
     fields = {
         "record": str(output),
         "effects": list(model.effects.present),
@@ -160,6 +164,7 @@ def command(
             for run in runs
         },
     }
+    fields |= belief_fields(believed, as_json=json)
     print_result(fields, as_json=json, title=f"{it.name}: record {output}")
 
 

@@ -27,6 +27,7 @@ from msl_fem.comparison.models import (
 )
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.plant.believed import PLAIN_BELIEF, Belief
 from msl_fem.prediction import ModelHypothesis, RunData, open_loop_stable, run_data
 from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record import Record, Role, StaticMap
@@ -98,11 +99,13 @@ class StaticError:
 
 @dataclass(frozen=True, eq=False)
 class CompareSettings:
-    """What a comparison takes beside the record: the table of its magnets, an extended model, a progress report."""
+    """What a comparison takes beside the record: the table of its magnets, an extended model, a progress report, what
+    the coupled model is believed to have beside the plain one."""
 
     table: MagneticTable | None = None
     extended: ModelHypothesis | None = None
     progress: Progress | None = None
+    belief: Belief = PLAIN_BELIEF
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,15 +187,16 @@ def compare(record: Record, settings: CompareSettings | None = None) -> Comparis
     models = ComparedModels((), None, None, ())
     accuracies: list[ModelAccuracy] = []
     if data:
-        models = fitted_models(record, data, table, settings.extended, steps.next)
-        loop, models = _loop(record, table, models)
+        believed = ModelHypothesis.of(record.actuator, table, settings.belief)
+        models = fitted_models(record, data, believed, settings.extended, steps.next)
+        loop, models = _loop(record, believed, models)
         for run, inputs in zip(record.runs, data, strict=True):
             steps.next(inputs.name)
             law = None if loop is None else loop.beside(run, inputs)
             for model in models.coupled:
                 accuracies += coupled_accuracy(model, inputs, law)
             if models.armax is not None:
-                stable = open_loop_stable(ModelHypothesis(record.actuator, table), inputs)
+                stable = open_loop_stable(believed, inputs)
                 looped = law is not None
                 accuracies.append(armax_accuracy(models.armax, record, run, inputs, stable=stable, looped=looped))
     located = [locate_residual(record, record.run(accuracy.run), accuracy) for accuracy in accuracies]
@@ -204,10 +208,10 @@ def compare(record: Record, settings: CompareSettings | None = None) -> Comparis
     return Comparison(record, data, models, tuple(accuracies), tuple(residuals), tuple(static), verdict)
 
 
-def _loop(record: Record, table: MagneticTable | None, models: ComparedModels) -> tuple[OwnLoop | None, ComparedModels]:
+def _loop(record: Record, believed: ModelHypothesis, models: ComparedModels) -> tuple[OwnLoop | None, ComparedModels]:
     """The loop that a design of ours drove, and the models with a note where it cannot be made again."""
     try:
-        return own_loop(record, table), models
+        return own_loop(record, believed.table, believed.effects), models
     except (InputError, ComputationError) as err:
         return None, replace(models, notes=(*models.notes, f"closed loop: left out, {err}"))
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from msl_fem.actuator import Actuator, ECore, MagnetKind
 from msl_fem.computing.arrays import Array
 from msl_fem.control.design import ControllerChoice, ControllerDesign
-from msl_fem.control.design_model import design_model_of
+from msl_fem.control.design_model import design_model_of, design_model_with_effects
 from msl_fem.control.designs import designed
 from msl_fem.control.stepper import Stepper
 from msl_fem.errors import ComputationError, InputError
@@ -29,6 +29,7 @@ from msl_fem.identification import ArmaxModel, identify
 from msl_fem.maps import operating_map
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
+from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import parse_excitation, reference
 from msl_fem.plant.sampled_plant import clock_of
 from msl_fem.prediction import (
@@ -163,13 +164,14 @@ def _mu_r(iron: Iron | AnalyticIron) -> float:
 def fitted_models(
     record: Record,
     runs: tuple[RunData, ...],
-    table: MagneticTable | None,
+    believed: ModelHypothesis,
     extended: ModelHypothesis | None,
     tell: Callable[[str], None],
 ) -> ComparedModels:
-    """The models of a record: what is fitted sees runs with the role `fit` alone; `tell` hears what comes next."""
+    """The models of a record: what is fitted sees runs with the role `fit` alone; `tell` hears what comes
+    next, `believed` is the coupled model."""
     fit = [run for run in runs if run.role == "fit"]
-    believed = ModelHypothesis(record.actuator, table)
+    table = believed.table
     beliefs: dict[str, ModelHypothesis] = {}
     notes: list[str] = []
     if table is not None:
@@ -242,8 +244,9 @@ class OwnLoop:
         return CallableLaw(answer, every, delay)
 
 
-def own_loop(record: Record, table: MagneticTable | None) -> OwnLoop | None:
-    """The loop of a record whose `[controller]` states a `design`; None where it states none.
+def own_loop(record: Record, table: MagneticTable | None, effects: EffectValues | None = None) -> OwnLoop | None:
+    """The loop of a record whose `[controller]` states a `design`, made for a plant with these effects; None where it
+    states none.
 
     Raises
     ------
@@ -252,7 +255,11 @@ def own_loop(record: Record, table: MagneticTable | None) -> OwnLoop | None:
     stated = record.controller or {}
     if "design" not in stated or table is None:
         return None
-    belief = design_model_of(record.actuator, table, operating_map(table))
+    regions = operating_map(table)
+    if effects is None:
+        belief = design_model_of(record.actuator, table, regions)
+    else:
+        belief = design_model_with_effects(record.actuator, table, regions, effects)
     design = designed(belief, _choice(stated))
     gains = {"gain": design.law.gains.state, "filter_gain": design.law.estimator.gain}
     for name, value in gains.items():

@@ -23,7 +23,7 @@ from msl_fem.diagnosis.kind import ErrorSignal, Kind, without_those_of
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.noise import NoiseBands, transformed
 from msl_fem.diagnosis.problem import FitProblem, Points
-from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.diagnosis.unknowns import Unknowns, fixed_of
 from msl_fem.diagnosis.variants import RecordFeatures, Variant, every_variant, record_features, variables_of
 from msl_fem.plant import PlantParameters
 from msl_fem.plant.effects import CATALOGUE
@@ -93,7 +93,8 @@ def prepared_carriage(
     bands = one_band([k.stop - k.start for k in kept], low_pass)
     sigmas = tuple(force_sigma(plant.parameters, run, low_pass) for run in runs)
     problem = FitProblem(plant, smooth, (), (), None)
-    unknowns = Unknowns(tuple(free_parameters(belief, tolerance).items()), 0, (0,) * len(runs))
+    believed = tuple(free_parameters(belief, tolerance).items())
+    unknowns = Unknowns(believed, 0, (0,) * len(runs), fixed=fixed_of(belief))
     return InverseLikelihood(problem, bands, plant.substeps, low_pass, sigmas), unknowns
 
 

@@ -58,6 +58,11 @@ COINCIDING = {
     ("fringing", "turns_error"): "magnetic_scale",
     ("coil_heating", "initial_rise"): "coil_resistance",
     ("position_sensor_nonlinearity", "gain_error"): "position_gain",
+    ("leakage_inductance", "share_1"): "leakage_inductance_1",
+    ("leakage_inductance", "share_2"): "leakage_inductance_2",
+    ("mutual_inductance", "share"): "mutual_inductance",
+    ("remanent_flux", "current_1"): "command_zero_1",
+    ("remanent_flux", "current_2"): "command_zero_2",
 }
 """Parameters of effects that act as a believed parameter does."""
 RIVALS = 0.25  # of the best gain, that a candidate has to be looked at by what it takes
@@ -156,12 +161,12 @@ def leaves_tolerance(problem: FitProblem, fit: Fit, effect: str) -> bool:
         if unknown.effect != effect or unknown.width:
             continue
         amounts += 1
-        believed = COINCIDING.get((effect, unknown.name))
-        if believed is None:
+        sigma = known_within(sigmas, unknown)
+        if sigma is None:
             apart.append(row)
-        elif believed in sigmas:
-            moved = abs(_relative(problem, unknown, estimates[unknown.name].value))
-            if moved >= TOLERANCES * sigmas[believed]:
+        else:
+            moved = abs(_relative(problem, unknown, estimates[unknown.name].value - unknown.base))
+            if sigma and moved >= TOLERANCES * sigma:
                 return True
     if not apart:
         return False
@@ -169,6 +174,16 @@ def leaves_tolerance(problem: FitProblem, fit: Fit, effect: str) -> bool:
     covariance = np.linalg.inv(fit.precision)[np.ix_(apart, apart)]
     strong = float(z @ np.linalg.solve(covariance, z))
     return strong >= STRONG or len(apart) == amounts
+
+
+def known_within(sigmas: Mapping[str, float], unknown: EffectUnknown) -> float | None:
+    """One sigma of the believed parameter that an amount coincides with, or of what is believed of itself, whichever is
+    larger, relative or as the amount is stated; 0 where that is known exactly, None where it coincides with nothing."""
+    own = sigmas.get(f"{unknown.effect}.{unknown.name}", 0.0) * abs(unknown.base)
+    believed = COINCIDING.get((unknown.effect, unknown.name))
+    if believed is None:
+        return own or None
+    return max(sigmas.get(believed, 0.0), own)
 
 
 def beyond_tolerances(problem: FitProblem, stage: SearchStage) -> SearchStage:

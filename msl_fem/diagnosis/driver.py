@@ -31,7 +31,14 @@ from msl_fem.diagnosis.decision import (
 from msl_fem.diagnosis.equilibria import told_by_equilibria
 from msl_fem.diagnosis.fit import FitPlan, believed_estimates, effect_estimates, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
-from msl_fem.diagnosis.kind import Kind, PredictionError, held_out_gains, held_out_worse, worse_than_belief
+from msl_fem.diagnosis.kind import (
+    Kind,
+    PredictionError,
+    about_belief,
+    held_out_gains,
+    held_out_worse,
+    worse_than_belief,
+)
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.outside import WORTH_NAMING, Dependence, named_dependence
 from msl_fem.diagnosis.refits import ROUGH
@@ -53,6 +60,7 @@ from msl_fem.diagnosis.statements import restated
 from msl_fem.diagnosis.static_maps import map_alone, why_no_map
 from msl_fem.errors import InputError
 from msl_fem.plant import plant_parameters
+from msl_fem.plant.believed import PLAIN_BELIEF, Belief
 from msl_fem.plant.effects import declare
 from msl_fem.prediction import ModelHypothesis, run_data
 from msl_fem.record import Record
@@ -70,13 +78,14 @@ def _untold(text: str) -> None:
 @dataclass(frozen=True, eq=False)
 class DiagnosisSettings:
     """What a diagnosis takes beside the record: the table of its magnets, the rule, threads, a progress report, and
-    where fits of an interrupted one ended."""
+    where fits of an interrupted one ended; `belief` is what the plain model is believed to have beside."""
 
     table: MagneticTable | None = None
     rule: Rule = field(default_factory=Rule)
     threads: int = 1
     progress: Callable[[str], None] = _untold
     memory: FitMemory = field(default_factory=FitMemory)
+    belief: Belief = PLAIN_BELIEF
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,12 +131,13 @@ def diagnose(record: Record, settings: DiagnosisSettings | None = None) -> Diagn
     if record.actuator.magnet is not None and how.table is None:
         raise InputError(f"{record.actuator.name} has magnets and there is no table; make one with 'msl-fem table'")
     kind = kind_of(record, how)
-    return Diagnosis("undecidable", kind) if isinstance(kind, str) else diagnosis_of(kind, how)
+    found = Diagnosis("undecidable", kind) if isinstance(kind, str) else diagnosis_of(kind, how)
+    return replace(found, belief=how.belief)
 
 
 def kind_of(record: Record, how: DiagnosisSettings) -> Kind | str:
     """The record made ready for its diagnosis; why it cannot decide, where it cannot."""
-    belief = ModelHypothesis(record.actuator, how.table)
+    belief = ModelHypothesis.of(record.actuator, how.table, how.belief)
     runs = [run_data(record, run) for run in record.runs]
     if not runs:
         assert record.static is not None
@@ -167,7 +177,7 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
     for n in range(rule.most):
         stage = search_stage(
             fits[n],
-            kind.candidates(fits[n]),
+            about_belief(kind, fits[n]),
             tell=how.progress,
             memory=how.memory,
             least=rule.least(stages),
@@ -356,7 +366,7 @@ def _cause(kind: Kind, result: EffectSearch, n: int, gain: float) -> Cause:
     p_value = stage.null.p_value(best.gain) if stage.null.gains.size else None
     parameters = effect_estimates(result.final)[effect]
     experiment = kind.separating(stage, rivals)
-    partners = (*rivals, *gauges(stage.base, best.gain))
+    partners = tuple(name for name in (*rivals, *gauges(stage.base, best.gain)) if name != effect)
     return Cause(effect, parameters, best.gain, p_value, gain, partners, experiment, _explained(result, n))
 
 

@@ -42,6 +42,8 @@ _READ = (
     ("sensor_drift", "acceleration"),
     ("sensor_drift", "jerk"),
     ("sensor_drift", "offset"),
+    ("position_sensor_crosstalk", "per_current_1"),
+    ("position_sensor_crosstalk", "per_current_2"),
     ("periodic_disturbance", "position_cosine"),
     ("periodic_disturbance", "position_sine"),
 )

@@ -230,6 +230,12 @@ class Kind(ABC):
         return []
 
 
+def about_belief(kind: Kind, fit: Fit) -> list[Variant]:
+    """The variants to be tried beside those of a fit, their amounts about what is believed of them."""
+    believed = dict(kind.unknowns.fixed)
+    return [variant.about(believed) for variant in kind.candidates(fit)]
+
+
 def without_those_of(fit: Fit, tried: Sequence[Variant]) -> list[Variant]:
     """Variants of effects that a fit does not have."""
     present = {unknown.effect for unknown in fit.unknowns.effects}

@@ -16,7 +16,7 @@ from msl_fem.diagnosis.noise import make_bands
 from msl_fem.diagnosis.problem import START, FitProblem
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.separation import Hypothesis, Measure, PlannedRecord, beside_a_run
-from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.diagnosis.unknowns import Unknowns, fixed_of
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant import Simulation, bearable_run
@@ -273,7 +273,7 @@ def planned(question: Question, excitation: Excitation, *, locked: bool = False)
     problem = FitProblem(plant, (run,), (start,), (sigmas,), question.problem.table_error)
     n_table = 0 if problem.table_error is None else len(problem.table_error.modes)
     likelihood = Likelihood(problem, make_bands([len(commands)], rate, highest=rate / 2), plant.substeps)
-    plain = Unknowns(question.believed, n_table, (sigmas.size,))
+    plain = Unknowns(question.believed, n_table, (sigmas.size,), fixed=fixed_of(question.belief))
     plan = PlannedRecord(likelihood, plain, weight=PLANNED / SIMULATED)
     return plan, at_planned_length(borne)
 

@@ -15,6 +15,7 @@ from msl_fem.diagnosis.scores import Score
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import WIDE
 from msl_fem.files.numbers import json_value
+from msl_fem.plant.believed import PLAIN_BELIEF, Belief
 from msl_fem.plant.effects import CATALOGUE, find_parameter
 from msl_fem.prediction import ModelHypothesis
 
@@ -207,6 +208,7 @@ class Diagnosis:
     statistics : of each stage of the search the best effects with their nats, named or not
     notes : what else the reader must know
     evidence : what it rests on, for a report; None where nothing was fitted
+    belief : what the plain model was believed to have beside
     """
 
     verdict: Verdict
@@ -224,6 +226,7 @@ class Diagnosis:
     statistics: tuple[tuple[tuple[str, float], ...], ...] = ()
     notes: tuple[str, ...] = ()
     evidence: Evidence | None = None
+    belief: Belief = PLAIN_BELIEF
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -243,6 +246,7 @@ class Diagnosis:
             "schema": 1,
             "verdict": self.verdict,
             "reason": self.reason,
+            "belief": self.belief.to_json(),
             "causes": [cause.to_json() for cause in self.causes],
             "unexplained": {
                 "share_of_residual_power": self.unexplained.share,

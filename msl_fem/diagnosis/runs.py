@@ -21,7 +21,7 @@ from msl_fem.diagnosis.spikes import about_spikes, bridged, without_spikes
 from msl_fem.diagnosis.static_maps import MAP_BESIDE, JointLikelihood, joined
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.table_error import Visited, table_error
-from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.diagnosis.unknowns import Unknowns, fixed_of
 from msl_fem.diagnosis.variants import variables_of
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import ModelHypothesis, RunData, Start, free_parameters, free_run, kernel_plant, measured_start
@@ -136,6 +136,8 @@ class Runs(Kind):
         """The largest size of an effect over the runs; None where the model does not bear its absence."""
         assert extended.effects is not None
         rest = {name: dict(values) for name, values in extended.effects.stated.items() if name != effect}
+        if self.belief.effects is not None and effect in self.belief.effects.stated:
+            rest[effect] = dict(self.belief.effects.stated[effect])
         without = replace(extended, effects=EffectValues(rest) if rest else None)
         sizes = []
         for run, cut in zip(self.runs, self.cuts, strict=True):
@@ -204,7 +206,7 @@ def _problem(
         error = table_error(belief.table, Visited.by_runs(plant, fitted or runs), tolerance=tolerance.table)
     problem = FitProblem(plant, tuple(runs), (), (), error, threads, tolerance=tolerance)
     believed = tuple(free_parameters(belief, tolerance, runs=runs).items())
-    return problem, Unknowns(believed, 0 if error is None else len(error.modes), ())
+    return problem, Unknowns(believed, 0 if error is None else len(error.modes), (), fixed=fixed_of(belief))
 
 
 def _cut_problem(problem: FitProblem, cuts: Cuts, kept: Sequence[int]) -> FitProblem:

@@ -9,7 +9,7 @@ order too, by which alone a delay and a lag differ.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -114,8 +114,8 @@ class _Separation:
     ) -> None:
         self.plan, self.measures, self.other = plan, measures, other
         p = plan.plain
-        true = Unknowns(p.believed, p.n_table, p.starts, truth.effects)
-        self.unknowns = Unknowns(p.believed, p.n_table, p.starts, other.effects)
+        true = replace(p, effects=truth.effects)
+        self.unknowns = replace(p, effects=other.effects)
         at = np.concatenate([np.zeros(p.size), truth.z])
         self.target = plan.likelihood.spectra(Points.of(true, at[None]))[0]
         self.aims = self._measured(true, at)

@@ -7,7 +7,7 @@ own, so its evidence is that of the fit.
 
 from msl_fem.diagnosis.decision import QUIET, TIE
 from msl_fem.diagnosis.fit import FitPlan, fit
-from msl_fem.diagnosis.kind import Kind
+from msl_fem.diagnosis.kind import Kind, about_belief
 from msl_fem.diagnosis.search import SearchStage, search_stage
 
 STEPS = 8  # of a fit: beside what a wrong statement costs, what further ones would bring is little
@@ -27,7 +27,7 @@ def restated(kind: Kind, stage: SearchStage) -> Kind | None:
         found = fit(other.likelihood, base.unknowns, base.z, plan=plan, nuisance_columns=columns)
         if found.log_evidence < base.log_evidence + TIE:
             continue
-        turned = search_stage(found, other.candidates(found), tell=_untold)
+        turned = search_stage(found, about_belief(other, found), tell=_untold)
         if _explained(turned) > best + TIE:
             return other
     return None

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.plant.effects import CATALOGUE, PARAMETER_INDEX, neutral_vector
+from msl_fem.prediction.hypothesis import ModelHypothesis, times_factors
 from msl_fem.prediction.nuisances import ADDITIVE
 
 WIDE = 10.0
@@ -38,6 +39,7 @@ class EffectUnknown:
     centre : of a shape, its value at z = 0
     width : of a shape, one sigma of its logarithm; 0 for a parameter that is no shape
     size : of an amount, the plant's scale over that of the catalogue (`plant.own_scales`)
+    believed : of an amount, what is believed of it before; None: nothing, it is neutral
     """
 
     effect: str
@@ -45,6 +47,12 @@ class EffectUnknown:
     centre: float = 0.0
     width: float = 0.0
     size: float = 1.0
+    believed: float | None = None
+
+    @property
+    def base(self) -> float:
+        """The value of an amount at z = 0."""
+        return CATALOGUE[self.effect].parameter(self.name).neutral if self.believed is None else self.believed
 
     @property
     def place(self) -> int:
@@ -62,7 +70,9 @@ class EffectUnknown:
         """Of z: a shape stays within `WIDTHS` of its centre, what is one-sided above nothing."""
         if self.width:
             return -WIDTHS, WIDTHS
-        return (0.0, np.inf) if self.one_sided else (-np.inf, np.inf)
+        if not self.one_sided:
+            return -np.inf, np.inf
+        return self.z_of(CATALOGUE[self.effect].parameter(self.name).neutral), np.inf
 
     def value(self, z: Array) -> Array:
         """SI values at z, within the bounds."""
@@ -70,13 +80,19 @@ class EffectUnknown:
         if self.width:
             return np.clip(self.centre * np.exp(self.width * z), *parameter.bounds)
         low, high = (self.size * bound for bound in parameter.bounds)
-        return np.clip(parameter.neutral + WIDE * self.size * parameter.scale * z, low, high)
+        return np.clip(self.base + WIDE * self.size * parameter.scale * z, low, high)
 
     def z_of(self, value: float) -> float:
         parameter = CATALOGUE[self.effect].parameter(self.name)
         if self.width:
             return float(np.log(value / self.centre) / self.width)
-        return (value - parameter.neutral) / (WIDE * self.size * parameter.scale)
+        return (value - self.base) / (WIDE * self.size * parameter.scale)
+
+
+def fixed_of(belief: ModelHypothesis) -> tuple[tuple[int, float], ...]:
+    """(place, value) of the parameters of effects that a model is believed to have."""
+    stated = {} if belief.effects is None else belief.effects.stated
+    return tuple((PARAMETER_INDEX[effect, name], v) for effect, of in stated.items() for name, v in of.items())
 
 
 @dataclass(frozen=True)
@@ -89,7 +105,8 @@ class Unknowns:
     n_table : modes of the table's error
     starts : how many numbers the start of each run has
     effects : parameters searched for
-    fixed : values of further parameters of effects, by place
+    fixed : values of further parameters of effects, by place: those believed before anything is measured, times the
+        factor of the believed parameter that has their name, "effect.parameter"
     """
 
     believed: tuple[tuple[str, float], ...]
@@ -124,10 +141,12 @@ class Unknowns:
     def effect_vector(self, z: Array) -> Array:
         """All parameters of the catalogue (N_PARAMETER,)."""
         vector = neutral_vector()
-        for place, value in self.fixed:
-            vector[place] = value
+        for place, believed in self.fixed:
+            vector[place] = believed
+        vector = times_factors(vector, self.factors(z))
         for n, one in enumerate(self.effects):
-            vector[one.place] = one.value(z[self.n_nuisance + n])
+            value, before = one.value(z[self.n_nuisance + n]), vector[one.place]
+            vector[one.place] = value if one.width or before == one.base else value + (before - one.base)
         return vector
 
     @property

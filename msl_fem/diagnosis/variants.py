@@ -5,8 +5,8 @@ An effect with many parameters is tried with few of them at a time: each that is
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -42,6 +42,10 @@ class Variant:
     def unknowns(self) -> tuple[EffectUnknown, ...]:
         return (*self.amounts, *self.shapes)
 
+    def about(self, believed: Mapping[int, float]) -> "Variant":
+        """The same about values, by place, that are believed before."""
+        return replace(self, amounts=tuple(replace(a, believed=believed.get(a.place)) for a in self.amounts))
+
     @property
     def name(self) -> str:
         amounts = ", ".join(amount.name for amount in self.amounts)
@@ -59,6 +63,7 @@ class RecordFeatures:
     own_frequency : Hz, of the mover on its spring, or where its spectrum is highest
     lines : Hz, the highest lines of the residual
     rate : samples a second, Hz; None without runs
+    command : RMS of what drives the runs, its mean in it, A, V or N
     """
 
     position: float
@@ -67,6 +72,7 @@ class RecordFeatures:
     own_frequency: float
     lines: tuple[float, ...] = ()
     rate: float | None = None
+    command: float = 1.0
 
 
 def possible(plant: PlantParameters) -> tuple[str, ...]:
@@ -134,7 +140,13 @@ def record_features(likelihood: Likelihood, found: Fit) -> RecordFeatures:
         own_frequency=float(own) or 20.0,
         lines=loud_lines(likelihood, found),
         rate=problem.runs[0].rate if problem.runs else None,
+        command=_command(problem.runs),
     )
+
+
+def _command(runs: Sequence[RunData]) -> float:
+    power = [float(np.mean(run.commands**2)) for run in runs]
+    return float(np.sqrt(np.mean(power))) if any(power) else 1.0
 
 
 def _rms(values: Sequence[Array]) -> float:

@@ -1,4 +1,4 @@
-"""Constants in SI units: of vacuum, and of annealed copper over temperature (resistivity, density, specific heat)."""
+"""Constants in SI units: of vacuum, of air, of annealed copper over temperature (resistivity, density, heat)."""
 
 from math import pi
 
@@ -22,6 +22,9 @@ COPPER_DENSITY = 8890.0
 
 COPPER_SPECIFIC_HEAT = 385.0
 """J/(kg K) at 20 ... 100 degC (Incropera and DeWitt, Fundamentals of Heat and Mass Transfer, table A.1)."""
+
+AIR_VISCOSITY = 1.82e-5
+"""Pa s, dynamic, of dry air at 20 degC (Incropera and DeWitt, Fundamentals of Heat and Mass Transfer, table A.4)."""
 
 COLDEST, HOTTEST = 173.15, 573.15
 """K; between them the resistance is straight in temperature to 1 % (NBS Handbook 100, 1966)."""

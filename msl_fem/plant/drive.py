@@ -35,6 +35,7 @@ from msl_fem.plant.layout import (
     CIRCUIT_1,
     CIRCUIT_2,
     COIL_1,
+    COIL_READING_WEIGHTS,
     COMMAND_1,
     DRIVE_FALL,
     DRIVE_RAMP,
@@ -92,6 +93,8 @@ def set_timing(p: PlantParameters, e: Rows, step: float, work: Rows) -> None:
         for k in range(4):
             behind = (0.5 + late) * lane_of(work, DRIVE_FALL + k, lane)
             set_lane(work, DRIVE_RAMP + k, lane, min(0.5 * k, 1.0) - 0.5 - late + behind)
+        if e is not None:
+            lag_weights(lane_of(e, sensing.COIL_READING_RATE, lane), step, work, COIL_READING_WEIGHTS, lane)
 
 
 @compiled
@@ -215,6 +218,8 @@ def _jump_of_side(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: 
 def queue_command(e: Rows, state: Rows, work: Rows, linear: bool) -> None:
     """Puts the call's command last in the queues, and takes out those that act now; `linear`: with their rise."""
     for j in range(2):
+        if some(e[electrical.LOST_SHARE] > 0.0):
+            _limit_command(e, work, j)
         queue = QUEUE_1 if j == 0 else QUEUE_2
         for k in range(queue + N_QUEUE, queue, -1):
             state[k] = state[k - 1]
@@ -226,6 +231,17 @@ def queue_command(e: Rows, state: Rows, work: Rows, linear: bool) -> None:
                 set_lane(work, RISE_1 + j, lane, lane_of(state, acts - 1, lane) - command)
             set_lane(work, COMMAND_1 + j, lane, command)
             set_lane(work, FORMER_1 + j, lane, former)
+
+
+@compiled
+def _limit_command(e: Rows, work: Rows, j: int) -> None:
+    """Takes from the call's command of side j, and from the next one, what the drive does not give beyond its limit."""
+    limits, limit = e[electrical.LOST_SHARE] > 0.0, e[electrical.LIMIT]
+    asked, later = work[COMMAND_1 + j], work[COMMAND_1 + j] + work[RISE_1 + j]
+    given = asked - e[electrical.LOST_SHARE] * (asked - within(asked, limit))
+    later = later - e[electrical.LOST_SHARE] * (later - within(later, limit))
+    work[COMMAND_1 + j] = choose(limits, given, asked)
+    work[RISE_1 + j] = choose(limits, later - given, work[RISE_1 + j])
 
 
 @compiled

@@ -7,7 +7,7 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import keep, rows_of
-from msl_fem.plant.effects import magnetic, mechanical
+from msl_fem.plant.effects import magnetic, mechanical, stray_flux
 from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.effects.mechanisms import N_STOP
 from msl_fem.plant.layout import (
@@ -156,7 +156,7 @@ def _field(surface: Surface, p: PlantParameters, effects: Array | None, state: A
         if effects is not None:
             y, width = abs(e[magnetic.IRON_SCALE] * flux), e[magnetic.IRON_WIDTH]
             iron = e[magnetic.IRON_LOW] * (y - width * np.log(1.0 + y / width)) + e[magnetic.IRON_KNEE] * y**4 / 4
-            energy += iron / e[magnetic.IRON_SCALE]
+            energy += iron / e[magnetic.IRON_SCALE] - e[stray_flux.REMANENT_1 + j] * flux
         if effects is not None and not settled:
             for k in range(N_EDDY):
                 energy += 0.5 * e[magnetic.EDDY_MODE + k] * (flux - rows[EDDY_FLUX_1 + j * N_EDDY + k]) ** 2

@@ -21,7 +21,8 @@ Magnetising currents u, coil currents i, flux linkages Lambda of the magnetic ci
     u_1 + h_1 + G dLambda_1/dt = i_1 + kappa i_2,   lambda_1 = Lambda_1 + kappa Lambda_2   (and 1 for 2)
     v_j = R_j i_j + d lambda_j/dt,   d Lambda_j/dt = L_j du_j/dt + M du_o/dt + Lambda_g dg_j/dt = L_j a_j + M a_o + e_j
 
-G is the conductance of a shorted winding (eddy_currents), h the memory of the iron (magnetic_hysteresis), kappa the
+G is the conductance of a shorted winding (eddy_currents), h the memory of the iron (magnetic_hysteresis), less the
+current that would make its remanent flux (remanent_flux), kappa the
 share of the other side's current (cross_coupling). The power sum v_j i_j is R i^2 + sum (u + h + G dLambda/dt)
 dLambda/dt: copper, field, hysteresis, eddy currents. A user's law takes its voltage from v_j before all that, and its
 power is not counted; that of its force is work from outside. Each side is one row of two equations for a_1, a_2, with
@@ -41,7 +42,7 @@ import numpy as np
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, size, some, within
 from msl_fem.plant.drive import terminal_voltage
-from msl_fem.plant.effects import electrical, magnetic, mechanical
+from msl_fem.plant.effects import electrical, magnetic, mechanical, stray_flux
 from msl_fem.plant.effects.expressions import LAW_VOLTAGE_1, LAW_VOLTAGE_2
 from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.effects.mechanisms import N_STOP
@@ -318,7 +319,7 @@ def rates_with_effects(
             inductance = shared(cells, work, circuit + SHARED_INDUCTANCE, inductance)
             motion = shared(cells, work, circuit + SHARED_SLOPE, motion)
         emf = motion * gap_speed
-        memory = hysteresis(e, state, j, flux, settle) + series_iron(e, flux)
+        memory = hysteresis(e, state, j, flux, settle) + series_iron(e, flux) - e[stray_flux.REMANENT_1 + j]
         work[circuit + INDUCTANCE] = inductance
         work[circuit + EMF] = emf
         work[circuit + PULL_POWER] = toward * pull * gap_speed

@@ -34,6 +34,8 @@ N_PLAIN = _STATE.size
 # mass and base (J); relative rise that the core's temperature stands for, of the sides
 HEAT_1, HEAT_2, CREEP, MODE, MODE_RATE, BASE, BASE_RATE = _STATE.rows(7)
 ENERGY_EDDY, ENERGY_INTERNAL, CORE_1, CORE_2 = _STATE.rows(4)
+# What the position sensor sees of the coils' field (m), and its slope (m/s), known in closed form over a step
+COIL_READING, COIL_READING_SLOPE = _STATE.rows(2)
 # Flux linkages that the modes of the eddy currents follow (Wb), of side 1, then of side 2; the last, since without
 # eddy currents in sheets they are not integrated
 EDDY_FLUX_1, EDDY_FLUX_2 = _STATE.rows(2, N_EDDY)
@@ -103,6 +105,7 @@ STEPS_DONE = _WORK.row()  # of the last call
 # Weights of the position sensor's lag over a step (`lag_weights`); of the drive's lag what stands for its fall at
 # begin, middle and end, and what is left (`fall_rows`), its answers to an input that rises by 1 in a step
 SENSOR_WEIGHTS = _WORK.row(5)
+COIL_READING_WEIGHTS = _WORK.row(5)  # the same of the coils' field on its way to the position sensor
 DRIVE_FALL, DRIVE_RAMP = _WORK.rows(2, 4)
 # Currents of a loop that is fast against the step (`fast_loop.py`), side 1, then side 2: whether they are known (0 or
 # 1), then their values at begin, middle and end of a step and behind it, what stands for their slopes (A/s), the one

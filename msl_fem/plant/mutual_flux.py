@@ -11,7 +11,7 @@ same factor as theirs; a tilted armature's is that of a parallel one.
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Flag, Rows, Value, every, fma, lane_of, set_lane, width
 from msl_fem.computing.quintic_cell import N_CELL, PADDED
-from msl_fem.plant.effects import magnetic
+from msl_fem.plant.effects import magnetic, stray_flux
 from msl_fem.plant.layout import (
     CIRCUIT_1,
     CIRCUIT_2,
@@ -72,10 +72,11 @@ def _and_table(mutual: MutualCells | None, work: Rows, row: int, value: Value) -
 def _in_common(
     mutual: MutualCells | None, p: PlantParameters, e: Rows, work: Rows, u_1: Value, u_2: Value
 ) -> Flag:  # fmt: skip
-    work[MUTUAL] = p.mutual
-    work[CIRCUIT_1 + SHARED_FLUX] = p.mutual * u_2
-    work[CIRCUIT_2 + SHARED_FLUX] = p.mutual * u_1
-    work[SHARED_ENERGY] = p.mutual * u_1 * u_2
+    constant = _constant(p, e)
+    work[MUTUAL] = constant
+    work[CIRCUIT_1 + SHARED_FLUX] = constant * u_2
+    work[CIRCUIT_2 + SHARED_FLUX] = constant * u_1
+    work[SHARED_ENERGY] = constant * u_1 * u_2
     if mutual is None:
         return u_1 == u_1
     else:
@@ -97,6 +98,15 @@ def _in_common(
         work[CIRCUIT_2 + SHARED_FLUX] = work[CIRCUIT_2 + SHARED_FLUX] + flux_2
         work[SHARED_ENERGY] = work[SHARED_ENERGY] + (flux_1 * u_1 + flux_2 * u_2 - depth * w)
         return inside
+
+
+@compiled
+def _constant(p: PlantParameters, e: Rows) -> Value:
+    """The mutual inductance in H that is one number."""
+    if e is None:
+        return p.mutual
+    else:
+        return p.mutual + e[stray_flux.MUTUAL_INDUCTANCE]
 
 
 @compiled

@@ -6,11 +6,20 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Rows, keep, rows_of
 from msl_fem.errors import InputError
-from msl_fem.plant.effects import CATALOGUE, LAGGING, EffectValues, electrical, kernel_coefficients, magnetic
+from msl_fem.plant.effects import (
+    CATALOGUE,
+    LAGGING,
+    EffectValues,
+    electrical,
+    kernel_coefficients,
+    magnetic,
+    sensing,
+    stray_flux,
+)
 from msl_fem.plant.effects.expressions import LAWS
 from msl_fem.plant.effects.mechanisms import SUM_OF_WIDTHS
 from msl_fem.plant.equations import series_iron
-from msl_fem.plant.layout import COIL_1, CORE_1, HEAT_1, HEAT_2, I1, workspace
+from msl_fem.plant.layout import COIL_1, COIL_READING, CORE_1, HEAT_1, HEAT_2, I1, SENSOR, workspace
 from msl_fem.plant.plant import PlantParameters, Surface, drive_lags
 from msl_fem.plant.side import Cells, cells_of, side_gap, side_with_effects
 from msl_fem.plant.step import look_at
@@ -78,7 +87,11 @@ def begin_effects(e: Array, state: Array) -> None:
     pinned = e[magnetic.HYSTERESIS_SLOPE] * e[magnetic.HYSTERESIS_WIDTH] * SUM_OF_WIDTHS
     for j in range(2):
         own, other = state[COIL_1 + j], state[COIL_1 + 1 - j]
-        state[I1 + j] = own + e[magnetic.SHARE] * other - np.sign(own) * pinned
+        kept = e[stray_flux.REMANENT_1 + j]
+        state[I1 + j] = own + e[magnetic.SHARE] * other - np.sign(own) * pinned + kept
+    read = e[sensing.COIL_READING_1] * state[I1] + e[sensing.COIL_READING_2] * state[I1 + 1]
+    state[COIL_READING] = read
+    state[SENSOR] += read
 
 
 @compiled

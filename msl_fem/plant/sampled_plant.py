@@ -40,6 +40,8 @@ from msl_fem.plant.layout import (
     ADDED_READING,
     AT_CURRENT_LIMIT_1,
     COIL_1,
+    COIL_READING,
+    COIL_READING_SLOPE,
     COIL_SLOPE_1,
     COIL_START_1,
     I1,
@@ -161,7 +163,8 @@ def _sensor_slope(p: PlantParameters, effects: Array | None, state: Array) -> fl
         x, v, bandwidth = state[X], state[V], p.sensor_bandwidth
     else:
         share, bandwidth = effects[MODE_READING], effects[SENSOR_BANDWIDTH]
-        x, v = state[X] + share * state[MODE], state[V] + share * state[MODE_RATE]
+        x = state[X] + share * state[MODE] + state[COIL_READING]
+        v = state[V] + share * state[MODE_RATE] + state[COIL_READING_SLOPE]
     if np.isinf(bandwidth):
         return float(v)
     return float(bandwidth * (x - state[SENSOR]))

@@ -28,7 +28,7 @@ from msl_fem.computing.lanes import (
     some,
     width,
 )
-from msl_fem.plant.effects import magnetic, mechanical
+from msl_fem.plant.effects import magnetic, mechanical, stray_flux
 from msl_fem.plant.layout import (
     BASE,
     BLOCK_1,
@@ -249,7 +249,7 @@ def side_with_effects(
         w, w_g, w_i, w_ii, w_ig = mean
     depth, growth = e[magnetic.DEPTH] + e[magnetic.GROWTH] * gap, e[magnetic.GROWTH]
     pull = p.magnets * (depth * (0.0 - w_g) - growth * w)
-    leak = leakage(p, j)
+    leak = leakage(p, j) + e[stray_flux.LEAKAGE_1 + j]
     inductance = linkages * per_magnet * (depth * w_ii) + leak
     flux_slope = depth * w_ig + growth * w_i
     flux = depth * w_i

@@ -7,7 +7,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Rows, keep, rows_of
 from msl_fem.errors import InputError, OutOfTable
-from msl_fem.plant.effects import EffectValues, kernel_coefficients, magnetic
+from msl_fem.plant.effects import EffectValues, kernel_coefficients, magnetic, stray_flux
 from msl_fem.plant.effects.mechanisms import N_STOP, SUM_OF_WIDTHS
 from msl_fem.plant.equations import series_iron, settle_stops, stop_sum
 from msl_fem.plant.layout import STOPS_1, workspace
@@ -69,7 +69,7 @@ def _follow(
         if k == 0 or sequence[k] != sequence[k - 1]:
             memory[:] = 0.0
             anchor = 0.0
-        u = _magnetising(cells, p, e, state, work, gap[k], current[k], anchor)
+        u = _magnetising(cells, p, e, state, work, gap[k], current[k] + e[stray_flux.REMANENT_1], anchor)
         inside, pull, _, _, linked, _ = side_with_effects(cells, p, e, work, 0, u, gap[k])
         if not inside:
             break

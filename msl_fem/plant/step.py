@@ -15,8 +15,8 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Flag, Rows, Value, first, fma, some
-from msl_fem.plant.effects import magnetic, mechanical
+from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, fma, lane_of, size, some
+from msl_fem.plant.effects import magnetic, mechanical, sensing
 from msl_fem.plant.equations import rates, rates_with_effects
 from msl_fem.plant.fast_loop import (
     end_known_currents,
@@ -26,9 +26,13 @@ from msl_fem.plant.fast_loop import (
     set_known_currents,
 )
 from msl_fem.plant.layout import (
+    COIL_READING,
+    COIL_READING_SLOPE,
+    COIL_READING_WEIGHTS,
     EDDY_FLUX_1,
     ENERGY_IMPACT,
     HELD,
+    I1,
     INPUTS_BEGIN,
     MODE,
     MODE_RATE,
@@ -126,6 +130,8 @@ def try_step(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows,
 @compiled
 def keep_step(p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
     """Makes Y the state, and carries on what is known in closed form: sensor, drive, periodic force."""
+    if e is not None:
+        _carry_coil_reading(e, state, work)
     x_0, v_0 = seen(e, state, 0)
     x_1, v_1 = seen(e, work, Y)
     sensor = work[SENSOR_WEIGHTS] * state[SENSOR]
@@ -143,13 +149,38 @@ def keep_step(p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
 
 
 @compiled
+def _carry_coil_reading(e: Rows, state: Rows, work: Rows) -> None:
+    """Puts what the sensor sees of the coils' field at the step's begin and end, and its slopes, into state and Y:
+    its lag's answer to a cubic through the currents and their slopes."""
+    first_side, second_side = e[sensing.COIL_READING_1], e[sensing.COIL_READING_2]
+    if not (some(size(first_side) > 0.0) or some(size(second_side) > 0.0)):
+        return
+    weights, rate = COIL_READING_WEIGHTS, e[sensing.COIL_READING_RATE]
+    begin = first_side * state[I1] + second_side * state[I1 + 1]
+    rise = first_side * work[SLOPES + I1] + second_side * work[SLOPES + I1 + 1]
+    end = first_side * work[Y + I1] + second_side * work[Y + I1 + 1]
+    last = first_side * work[SLOPES_4 + I1] + second_side * work[SLOPES_4 + I1 + 1]
+    lags = rate < np.inf
+    slow = choose(lags, rate, 0.0)
+    state[COIL_READING] = choose(lags, state[COIL_READING], begin)
+    before = state[COIL_READING]
+    after = work[weights] * before + work[weights + 1] * begin + work[weights + 2] * rise
+    after = after + (work[weights + 3] * end + work[weights + 4] * last)
+    state[COIL_READING_SLOPE] = choose(lags, slow * (begin - before), rise)
+    work[Y + COIL_READING] = after
+    work[Y + COIL_READING_SLOPE] = choose(lags, slow * (end - after), last)
+
+
+@compiled
 def seen(e: Rows, rows: Rows, y: int) -> tuple[Value, Value]:
-    """Position and velocity (m, m/s) that the position sensor looks at: the armature's, or the load's."""
+    """Position and velocity (m, m/s) that the position sensor looks at: the armature's, or the load's, with what it
+    sees of the coils' field."""
     if e is None:
         return rows[y + X], rows[y + V]
     else:
         share = e[mechanical.MODE_READING]
-        return rows[y + X] + share * rows[y + MODE], rows[y + V] + share * rows[y + MODE_RATE]
+        x, v = rows[y + X] + share * rows[y + MODE], rows[y + V] + share * rows[y + MODE_RATE]
+        return x + rows[y + COIL_READING], v + rows[y + COIL_READING_SLOPE]
 
 
 @compiled
@@ -177,13 +208,21 @@ def step_with_stop(
             inside = part >= 0.0
             impacts += 1
         if inside:
-            lag_weights(sensor_bandwidth, part * step, work, SENSOR_WEIGHTS, 0)
+            _set_sensor_weights(e, work, sensor_bandwidth, part * step)
             keep_step(p, e, state, work)
             if abs(state[X]) >= stop.position and state[HELD] == 0.0:
                 _bounce(stop, cells, p, e, state, work, step, impacts >= MOST_IMPACTS)
             done = done + part if part < 1.0 - done else 1.0
-    lag_weights(sensor_bandwidth, step, work, SENSOR_WEIGHTS, 0)
+    _set_sensor_weights(e, work, sensor_bandwidth, step)
     return inside
+
+
+@compiled
+def _set_sensor_weights(e: Rows, work: Rows, bandwidth: float, step: float) -> None:
+    """Weights of the position sensor's lag, and of the coils' field on its way there, for a step of that length."""
+    lag_weights(bandwidth, step, work, SENSOR_WEIGHTS, 0)
+    if e is not None:
+        lag_weights(lane_of(e, sensing.COIL_READING_RATE, 0), step, work, COIL_READING_WEIGHTS, 0)
 
 
 @compiled

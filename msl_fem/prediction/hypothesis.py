@@ -8,7 +8,8 @@ import numpy as np
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.plant import PlantParameters, Surface, plant_parameters, surface_of
-from msl_fem.plant.effects import EffectValues, kernel_coefficients, neutral_vector
+from msl_fem.plant.believed import Belief
+from msl_fem.plant.effects import PARAMETER_INDEX, EffectValues, find_parameter, kernel_coefficients, neutral_vector
 from msl_fem.plant.plant import CURRENT_DRIVE
 from msl_fem.plant.poles import FAST
 from msl_fem.plant.preparation import check_effects, small_signal_inductance
@@ -47,12 +48,24 @@ class ModelHypothesis:
     effects : of an extended model; None for the plain one
     factors : parameter of `BELIEVED` to value over believed value, gain of `NUISANCES` to its value (not stated: 1),
         zero or share of an inductance to its value (not stated: 0)
+    known : of effects that are believed before anything is measured, "effect.parameter" to one sigma relative
     """
 
     actuator: Actuator
     table: MagneticTable | None
     effects: EffectValues | None = None
     factors: Mapping[str, float] = field(default_factory=dict)
+    known: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, actuator: Actuator, table: MagneticTable | None, belief: Belief) -> "ModelHypothesis":
+        """The model of a belief; none of its amounts without a tolerance, shapes with none."""
+        known = {
+            one.name: one.sigma / abs(one.value)
+            for one in belief.values
+            if one.value and one.sigma and not find_parameter(*one.key).shape
+        }
+        return cls(actuator, table, belief.effects, known=known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +117,7 @@ def free_parameters(belief: ModelHypothesis, tolerance: Tolerance, *, runs: Sequ
         absent.add("damping")
     sigmas = {name: float(getattr(tolerance, name)) for name in BELIEVED if name not in absent}
     known = {name: sigma for name, sigma in sigmas.items() if sigma > 0}
+    known |= belief.known
     for run in runs:
         channels = tuple(run.measured)
         known |= nuisances_of(p, tolerance, channels=channels, ideal_current=run.ideal_current)
@@ -115,10 +129,33 @@ def fitted_factor(name: str, sigma: float, z: float) -> float:
     return float(sigma * z if name in ADDITIVE else np.exp(sigma * z))
 
 
+def effect_and_parameter(name: str) -> tuple[str, str]:
+    """(effect, parameter) of a believed parameter that is called "effect.parameter"; ("", name) of any other."""
+    effect, _, parameter = name.rpartition(".")
+    return effect, parameter
+
+
+def unit_of_believed(name: str) -> str:
+    """The unit of a parameter of `BELIEVED`, `NUISANCES` or "effect.parameter"; "" of a pure number."""
+    return find_parameter(*effect_and_parameter(name)).unit if "." in name else UNITS.get(name, "")
+
+
+def times_factors(vector: Array, factors: Mapping[str, float]) -> Array:
+    """All parameters of the catalogue (n_parameter,), those that have a factor, "effect.parameter", times it."""
+    found = vector.copy()
+    for name, value in factors.items():
+        place = PARAMETER_INDEX.get(effect_and_parameter(name))
+        if place is not None:
+            found[place] *= value
+    return found
+
+
 def believed_value(belief: ModelHypothesis, name: str) -> float:
     """A parameter of `BELIEVED` or `NUISANCES` in SI units, the belief's factor in it."""
     if name in ADDITIVE:
         return belief.factors.get(name, 0.0)
+    if "." in name and belief.effects is not None:
+        return belief.effects.get(*effect_and_parameter(name)) * belief.factors.get(name, 1.0)
     if name not in OF_THE_PLANT:
         return belief.factors.get(name, 1.0)
     motion = belief.actuator.motion
@@ -190,7 +227,7 @@ def kernel_plant(
     vector = neutral_vector()
     if belief.effects is not None:
         check_effects(p, belief.effects)
-        vector = belief.effects.vector()
+        vector = times_factors(belief.effects.vector(), f)
     if f["magnetic_scale"] != 1.0:
         surface = surface._replace(coefficients=surface.coefficients * f["magnetic_scale"])
     effects = None

@@ -55,6 +55,7 @@ def load_record(folder: str | Path) -> Record:
         sampling=rig.sampling,
         noise=rig.noise,
         tolerance=rig.tolerance,
+        belief=rig.belief,
         controller=rig.controller,
         runs=runs,
         static=static,

@@ -12,7 +12,18 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.laws import LawExpression
 from msl_fem.errors import RecordError
-from msl_fem.record.rig_file import GapZero, Noise, Origin, Role, Sampling, StatedLaw, Tolerance, law_of, linear_laws
+from msl_fem.record.rig_file import (
+    BeliefWord,
+    GapZero,
+    Noise,
+    Origin,
+    Role,
+    Sampling,
+    StatedLaw,
+    Tolerance,
+    law_of,
+    linear_laws,
+)
 
 
 def read_only(values: ArrayLike) -> Array:
@@ -132,6 +143,8 @@ class Record:
     controller : law and gains as rig.toml states them (texts with units), None where not known
     runs, static : the data; one of both is there
     causes : that the user states in [[effects.expression]] of rig.toml
+    belief : what the model is believed to have beside the plain one, where rig.toml states it: "as-designed" (all that
+        the drawing tells) or "plain"
     warnings : what is odd about the data without being refused
     folder : where it was read from
     """
@@ -146,6 +159,7 @@ class Record:
     static: StaticMap | None = None
     warnings: tuple[str, ...] = ()
     causes: tuple[LawExpression, ...] = ()
+    belief: BeliefWord | None = None
     folder: Path | None = None
 
     def runs_of(self, role: Role) -> tuple[Run, ...]:

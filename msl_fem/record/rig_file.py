@@ -18,6 +18,7 @@ from msl_fem.record.columns import CHANNELS
 
 Role = Literal["fit", "held-out"]
 Origin = Literal["measured", "simulated"]
+BeliefWord = Literal["as-designed", "plain"]
 GapZero = Literal["gauge", "mover"]
 Tolerated = Annotated[float, In(""), Field(ge=0, lt=1)]
 Matrix = tuple[tuple[float, ...], ...]
@@ -89,7 +90,7 @@ class Tolerance(FrozenModel):
     force_gain: Tolerated = 0.005
     static_gap_zero: Annotated[float, In("m"), Field(ge=0)] = 2e-6
     leakage_inductance: Tolerated = 0.01
-    mutual_inductance: Tolerated = 0.01
+    mutual_inductance: Tolerated = 0.003
 
 
 class RunEntry(FrozenModel):
@@ -132,6 +133,7 @@ class RigFile(FrozenModel):
     sampling: Sampling | None = None
     noise: Noise = Noise()
     tolerance: Tolerance = Tolerance()
+    belief: BeliefWord | None = None
     controller: dict[str, Any] | None = None
     run: tuple[RunEntry, ...] = ()
     static: StaticEntry | None = None

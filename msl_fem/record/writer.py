@@ -143,6 +143,8 @@ def _rig_text(record: Record, folder: Path) -> str:
         content["sampling"] = document(record.sampling)
     content["noise"] = document(record.noise)
     content["tolerance"] = document(record.tolerance)
+    if record.belief is not None:
+        content["belief"] = record.belief
     if record.controller is not None:
         content["controller"] = dict(record.controller)
     if record.runs:

@@ -13,7 +13,7 @@ from plotly.subplots import make_subplots
 from msl_fem.comparison import Comparison, ModelAccuracy, StaticError
 from msl_fem.comparison.accuracy import LocatedResidual
 from msl_fem.files.quantity import format_quantity
-from msl_fem.prediction.hypothesis import UNITS
+from msl_fem.prediction.hypothesis import unit_of_believed
 from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.report.figures import GREY, SERIES, dress, figure, line, logarithmic
 from msl_fem.report.page import Grid, Page, Stage
@@ -94,7 +94,8 @@ def _summary(found: Comparison) -> Stage:
     parameters = [] if refit is None else [
         (
             f"{name.replace('_', ' ')}, re-fitted",
-            f"{p.value:.5g} ({p.low:.5g} ... {p.high:.5g}), believed {p.believed:.5g} {UNITS.get(name, '')}".rstrip(),
+            f"{p.value:.5g} ({p.low:.5g} ... {p.high:.5g}), "
+            f"believed {p.believed:.5g} {unit_of_believed(name)}".rstrip(),
         )
         for name, p in refit.parameters.items()
     ]  # fmt: skip

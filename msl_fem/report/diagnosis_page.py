@@ -25,8 +25,9 @@ from msl_fem.files.whole_file import cannot_be_written
 from msl_fem.plant.effects import CATALOGUE, EffectValues, find_parameter
 from msl_fem.plant.extended_model import ExtendedModel, write_extended_model
 from msl_fem.prediction import ModelHypothesis
-from msl_fem.prediction.hypothesis import UNITS
+from msl_fem.prediction.hypothesis import unit_of_believed
 from msl_fem.record import Record
+from msl_fem.report.belief_stage import belief_stage
 from msl_fem.report.diagnosis_figures import (
     dependence_figure,
     gain_figure,
@@ -146,6 +147,8 @@ def diagnosis_page(record: Record, found: Diagnosis) -> Page:
         stages += _evidence(found, found.evidence)
     if found.parameters:
         stages.append(_parameters(found))
+    values = {(c.effect, name): e.value for c in found.causes for name, e in c.parameters.items()}
+    stages.append(belief_stage(found.belief, values))
     return Page(
         f"{record.actuator.name}: what the model gets wrong",
         verdict_sentence(found),
@@ -372,7 +375,7 @@ def _parameters(found: Diagnosis) -> Stage:
 def _believed_text(name: str, value: float | None) -> str:
     if value is None:
         return "-"
-    return format_quantity(value, UNITS.get(name, ""), digits=5)
+    return format_quantity(value, unit_of_believed(name), digits=5)
 
 
 def _provenance(record: Record, found: Diagnosis) -> tuple[tuple[str, str], ...]:

@@ -19,6 +19,7 @@ RECORDS = {
     "armature_tilt", "coil_heating", "amplifier_bandwidth", "current_sensor_error", "stiffness_nonlinearity",
     "coulomb_friction", "squeeze_film", "structural_mode", "flexure_relaxation", "force_offset", "support_compliance",
     "position_sensor_nonlinearity", "position_sensor_lag", "time_delay", "periodic_disturbance", "sensor_drift",
+    "leakage_inductance", "mutual_inductance", "remanent_flux", "position_sensor_crosstalk", "drive_limit",
 }  # fmt: skip
 SETTINGS: dict[str, BenchSetting] = {}
 

@@ -6,6 +6,7 @@ Every effect that is a smooth differential equation; the circuits by one linear 
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from msl_fem.actuator import Actuator
 from msl_fem.plant.effects import EffectValues
@@ -19,6 +20,9 @@ SMOOTH = EffectValues({
     "fringing": {"growth": 30.0, "depth_error": 0.01, "turns_error": -0.01},
     "eddy_currents": {"time_constant": 3e-4},
     "cross_coupling": {"share": 0.04},
+    "leakage_inductance": {"share_1": 0.05, "share_2": 0.08},
+    "mutual_inductance": {"share": -0.03},
+    "remanent_flux": {"current_1": 0.04, "current_2": -0.03},
     "coil_heating": {"rise_per_joule": 0.05, "initial_rise": 0.02, "cooling_rate": 3.0},
     "amplifier_bandwidth": {"bandwidth_error": -0.2},
     "stiffness_nonlinearity": {"cubic": 5e11, "quadratic": 5e7},
@@ -39,6 +43,9 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
     inductance_0 = n * float(table.evaluate(0.0, p.nominal_gap)["incremental_inductance"])
     eddy = get("eddy_currents", "time_constant") / inductance_0
     share = get("cross_coupling", "share")
+    leak = inductance_0 * np.array([get("leakage_inductance", f"share_{j}") for j in (1, 2)])
+    stray = np.diag(leak) + inductance_0 * get("mutual_inductance", "share") * (1 - np.eye(2))
+    remanent = np.array([get("remanent_flux", f"current_{j}") for j in (1, 2)])
     mix = np.array([[1.0, share], [share, 1.0]])
     w = p.bandwidth * (1 + get("amplifier_bandwidth", "bandwidth_error"))
     mu, mode_w = get("structural_mode", "mass_share"), 2 * np.pi * get("structural_mode", "frequency")
@@ -73,10 +80,15 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
         gaps = p.nominal_gap + offset + np.array([centring - x, -centring + x])
         return np.array([magnet(y[j], gaps[j]) for j in range(2)]), gaps, np.array([-v, v])
 
+    def own_iron(u: float, j: int) -> float:
+        gap = sides(np.zeros(14))[1][j]
+        return float(iron(np.array(magnet(u, gap)[0] + leak[j] * u)))
+
     def circuits(y: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(coil currents, voltages, rates of the circuits' fluxes): six equations, six unknowns."""
         values_of, _, gap_rates = sides(y)
-        ind, emf = values_of[:, 2], values_of[:, 3] * gap_rates
+        ind, emf = values_of[:, 2] + leak, values_of[:, 3] * gap_rates
+        linked = values_of[:, 0] + stray @ y[:2]
         resistance = p.resistance * (1 + y[10:12])
         # unknown i, v, E: mix i = u + iron + eddy E;  v = R i + mix E;  v = R i + emf + L w (command - i)
         one, none = np.eye(2), np.zeros((2, 2))
@@ -87,7 +99,7 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
                 [-np.diag(resistance) + np.diag(ind * w), one, none],
             ]
         )
-        found = np.linalg.solve(matrix, np.r_[y[:2] + iron(values_of[:, 0]), np.zeros(2), emf + ind * w * command])
+        found = np.linalg.solve(matrix, np.r_[y[:2] + iron(linked) - remanent, np.zeros(2), emf + ind * w * command])
         return found[:2], found[2:4], found[4:]
 
     def rate(t: float, y: np.ndarray, command: np.ndarray, push: float) -> np.ndarray:
@@ -106,7 +118,7 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
         a = (pull - film + outer - p.damping * v - spring + link) / ((1 - mu) * p.mass)
         heat = get("coil_heating", "rise_per_joule") * p.resistance * (1 + y[10:12]) * current**2
         return np.r_[
-            (flux_rate - values_of[:, 3] * gap_rates) / values_of[:, 2],
+            np.linalg.solve(np.diag(values_of[:, 2]) + stray, flux_rate - values_of[:, 3] * gap_rates),
             v, a, (x - creep) / get("flexure_relaxation", "time_constant"), 0.0,
             mode_v, -a - mode_w**2 * mode - mode_c * mode_v,
             base_v, base_w**2 * (-(pull - film) - base) - base_c * base_v,
@@ -114,9 +126,11 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
         ]  # fmt: skip
 
     y, rows, period, before = np.zeros(14), [], 1 / inputs.rate, np.zeros(2)
+    for j in range(2):  # u + iron(u) = what remanence stands for, with the side's own flux
+        y[j] = brentq(lambda u, j=j: u + own_iron(u, j) - remanent[j], -1.0, 1.0, xtol=1e-15)
     y[10:12] = get("coil_heating", "initial_rise")
     for k, (command, push) in enumerate(zip(inputs.commands, np.asarray(inputs.disturbance), strict=True)):
-        current, flux = circuits(y, before)[0], mix @ sides(y)[0][:, 0]
+        current, flux = circuits(y, before)[0], mix @ (sides(y)[0][:, 0] + stray @ y[:2])
         end = solve_ivp(
             rate, (k * period, (k + 1) * period), np.r_[y[:12], 0, 0], method="DOP853", rtol=1e-10, atol=1e-13,
             args=(command, push), max_step=period / 2,

@@ -32,13 +32,14 @@ from msl_fem.table.magnetic_table import MagneticTable
 
 
 def test_the_kernel_agrees_with_its_twin(servo: Actuator, table: MagneticTable) -> None:
-    """At the default step: 1e-6 of full scale in every channel, with 14 effects at work."""
+    """At the default step: 1e-6 of full scale in every channel, with 17 effects at work; from the second sample on, as
+    a start in remanent iron has its currents without what mutual flux does to the iron in series."""
     inputs = rough(50)
     run, exact = simulate(servo, table, inputs, effects=SMOOTH), twin(servo, table, inputs, SMOOTH)
     plain = simulate(servo, table, inputs)
     assert not run.samples_at_voltage_limit.any()
     for channel, values in exact.items():
-        error = np.abs(getattr(run, channel) - values).max() / np.abs(values).max()
+        error = np.abs(getattr(run, channel) - values)[1:].max() / np.abs(values).max()
         assert error < 1e-6, channel
         assert np.abs(getattr(plain, channel) - values).max() > 1e-3 * np.abs(values).max(), channel
 

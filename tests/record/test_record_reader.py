@@ -80,7 +80,7 @@ def test_tolerances_left_out_have_the_formats_values(tmp_path: Path) -> None:
         "force_gain": 0.005,
         "static_gap_zero": 2e-6,
         "leakage_inductance": 0.01,
-        "mutual_inductance": 0.01,
+        "mutual_inductance": 0.003,
     }
 
 

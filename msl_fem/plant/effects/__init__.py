@@ -22,6 +22,7 @@ from msl_fem.plant.effects.entry import DesignChange, Effect, KernelSetting, Mov
 from msl_fem.plant.effects.magnetic import MAGNETIC
 from msl_fem.plant.effects.mechanical import MECHANICAL
 from msl_fem.plant.effects.sensing import SENSING
+from msl_fem.plant.effects.stray_flux import STRAY_FLUX
 from msl_fem.plant.plant import PlantParameters
 
 __all__ = [
@@ -48,7 +49,8 @@ __all__ = [
     "stated_causes",
 ]
 
-CATALOGUE: dict[str, Effect] = {effect.name: effect for effect in MAGNETIC + ELECTRICAL + MECHANICAL + SENSING}
+_GROUPS = (MAGNETIC, STRAY_FLUX, ELECTRICAL, MECHANICAL, SENSING)
+CATALOGUE: dict[str, Effect] = {effect.name: effect for group in _GROUPS for effect in group}
 
 PARAMETER_INDEX: dict[tuple[str, str], int] = {
     key: n for n, key in enumerate((e.name, p.name) for e in CATALOGUE.values() for p in e.parameters)

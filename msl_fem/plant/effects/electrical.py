@@ -5,7 +5,7 @@ import math
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.lanes import RowLayout
 from msl_fem.errors import InputError
-from msl_fem.plant.effects import magnetic
+from msl_fem.plant.effects import stray_flux
 from msl_fem.plant.effects.entry import (
     NO_MAGNETS,
     NOT_AT_REST,
@@ -20,7 +20,7 @@ from msl_fem.plant.effects.mechanisms import fall_stages, pole_and_delay
 
 N_QUEUE = 16  # samples by which a command can be late
 
-LAYOUT = RowLayout(after=magnetic.LAYOUT)
+LAYOUT = RowLayout(after=stray_flux.LAYOUT)
 HEAT_PER_JOULE, COOLING = LAYOUT.rows(2)  # relative rise of the resistance, 1/J; its decay, 1/s
 HEAT_START = LAYOUT.row()  # the rise in the beginning
 CORE_RATE = LAYOUT.row()  # at which the core follows the coil's temperature, 1/s
@@ -34,6 +34,7 @@ LAG_RAMP = LAYOUT.row(4)  # the lag's answers to a command that rises by 1 in a 
 # Slew limit of the lag: one over what it moves by in a time constant at most (1/A, 1/V, 1/N); a step over the time
 # constant; of the step with the jump, time before it until middle and end, over the time constant
 SOFT, DECAY, PAST_MIDDLE, PAST_END = LAYOUT.rows(4)
+LOST_SHARE, LIMIT = LAYOUT.rows(2)  # of a command beyond the drive's own limit; that limit, A, V or N
 
 
 def _heating(e: Array, v: Values, setting: KernelSetting) -> None:
@@ -63,6 +64,10 @@ def command_path(e: Array, v: Values, setting: KernelSetting) -> None:
         e[SLEW_TIME] = v["amplifier_bandwidth", "slew_time"]
     for k, s in enumerate((0.0, 0.5, 1.0, 1.0)):
         e[LAG_RAMP + k] = s - 0.5 - 1.0 / decay + (0.5 + 1.0 / decay) * e[FALL + k]
+
+
+def _limit(e: Array, v: Values, setting: KernelSetting) -> None:
+    e[LOST_SHARE], e[LIMIT] = v["drive_limit", "lost_share"], v["drive_limit", "limit"]
 
 
 def check_delay(e: Array, setting: KernelSetting) -> None:
@@ -193,6 +198,33 @@ ELECTRICAL = (
         static=NOT_AT_REST,
         advice="measure the step response of the drive with the mover locked; check its voltage limit",
         sets=(("lag",), ("slew_time",), ("bandwidth_error",), ("lag", "slew_time")),
+    ),
+    Effect(
+        name="drive_limit",
+        group="electrical",
+        sentence="the drive gives less than it is asked for beyond a limit that is not stated",
+        equation="s -> s - lost_share (s - cut(s, limit)) of a command s, before lag and delay; 1: nothing beyond it",
+        source="Schweitzer, Maslen (ed.), Magnetic Bearings, 2009, ch. 3 (saturation of power amplifiers)",
+        parameters=(
+            Parameter("lost_share", "", 0.0, (0.0, 1.0), 0.03, "of what a command has beyond the limit"),
+            Parameter(
+                "limit",
+                "",
+                0.5,
+                (1e-6, 1e6),
+                0.1,
+                "A, V or N, as the drive takes",
+                shape=True,
+                tried=(0.7, 1.1, 1.6, 2.2),
+                over="command",
+                width=0.3,
+            ),
+        ),
+        coefficients=_limit,
+        design=Part(declined="a limit is not linear; keep the reference below it"),
+        inverse=Part(declined="the equation takes the force as it was commanded"),
+        static=NOT_AT_REST,
+        advice="hold the drive's supply and limits against the largest command; look at the commands' peaks on a scope",
     ),
     Effect(
         name="current_sensor_error",

@@ -8,7 +8,16 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.lanes import RowLayout
 from msl_fem.plant.effects import mechanical
 from msl_fem.plant.effects.electrical import believed_command_path, command_path
-from msl_fem.plant.effects.entry import NOT_AT_REST, Effect, KernelSetting, MoverMotion, Parameter, Part, Values
+from msl_fem.plant.effects.entry import (
+    NO_MAGNETS,
+    NOT_AT_REST,
+    Effect,
+    KernelSetting,
+    MoverMotion,
+    Parameter,
+    Part,
+    Values,
+)
 from msl_fem.plant.effects.mechanisms import pole_and_delay
 from msl_fem.plant.plant import PlantParameters
 
@@ -16,6 +25,8 @@ LAYOUT = RowLayout(after=mechanical.LAYOUT)
 SENSOR_BANDWIDTH = LAYOUT.row()  # of the position sensor, rad/s
 FORCE_COSINE, FORCE_SINE = LAYOUT.rows(2)  # of the periodic disturbance, N
 TURN_COSINE, TURN_SINE = LAYOUT.rows(2)  # rotation of its phase in half a step
+COIL_READING_1, COIL_READING_2 = LAYOUT.rows(2)  # what the position sensor sees of the coils' field, m/A
+COIL_READING_RATE = LAYOUT.row()  # of that field's own lag, rad/s
 
 
 def _sensor_pole(e: Array, v: Values, setting: KernelSetting) -> None:
@@ -24,6 +35,13 @@ def _sensor_pole(e: Array, v: Values, setting: KernelSetting) -> None:
         e[SENSOR_BANDWIDTH] = 1.0 / lag if lag > 0 else math.inf
     else:
         e[SENSOR_BANDWIDTH] = bandwidth / (1.0 + bandwidth * lag)
+
+
+def _coil_field(e: Array, v: Values, setting: KernelSetting) -> None:
+    sides, lag = setting.plant.sides, v["position_sensor_crosstalk", "lag"]
+    e[COIL_READING_1] = v["position_sensor_crosstalk", "per_current_1"] if sides > 0 else 0.0
+    e[COIL_READING_2] = v["position_sensor_crosstalk", "per_current_2"] if sides > 1 else 0.0
+    e[COIL_READING_RATE] = 1.0 / lag if lag > 0 else math.inf
 
 
 def _periodic_force(e: Array, v: Values, setting: KernelSetting) -> None:
@@ -99,6 +117,51 @@ SENSING = (
         inverse=Part(("lag",)),
         static=NOT_AT_REST,
         advice="check filters and averaging of the position channel",
+    ),
+    Effect(
+        name="position_sensor_crosstalk",
+        group="sensing and timing",
+        sentence="the coils' field reaches the position sensor",
+        equation="the sensor sees x + z, lag z' = per_current_1 u_1 + per_current_2 u_2 - z",
+        source="Schweitzer, Maslen (ed.), Magnetic Bearings, 2009, ch. 3 (displacement sensors in stray fields)",
+        parameters=(
+            Parameter(
+                "per_current_1",
+                "m/A",
+                0.0,
+                (-1e-4, 1e-4),
+                1e-7,
+                "read for side 1's current",
+                of=(("travel", 1), ("current", -1)),
+            ),
+            Parameter(
+                "per_current_2",
+                "m/A",
+                0.0,
+                (-1e-4, 1e-4),
+                1e-7,
+                "read for side 2's current",
+                of=(("travel", 1), ("current", -1)),
+            ),
+            Parameter(
+                "lag",
+                "s",
+                0.0,
+                (0.0, 0.05),
+                1e-4,
+                "of the field on its way, in housing and target",
+                shape=True,
+                tried=(3e-4,),
+                width=1.5,
+            ),
+        ),
+        needs=("magnets",),
+        coefficients=_coil_field,
+        design=Part(declined="the loop follows the reading and has nothing to compare it with"),
+        inverse=NO_MAGNETS,
+        static=Part(declined="a static map has its own gap, by gauges or at rest"),
+        advice="lock the mover and drive the coils: what the position then reads is this; screen or move the sensor",
+        sets=(("per_current_1", "per_current_2"), ("per_current_1",), ("per_current_2",)),
     ),
     Effect(
         name="time_delay",
