@@ -48,6 +48,8 @@ WHOLE = {
 
 def readable_name(path: str) -> str:
     """The words of a key path: "runs.step.position_rms_m" is "runs, step: position RMS"."""
+    if " " in path:  # words already
+        return path
     *outer, last = path.split(".")
     words = _words(_without_unit(last))
     return f"{', '.join(_words(_without_unit(part)) for part in outer)}: {words}" if outer else words

@@ -42,13 +42,15 @@ def test_people_get_a_table(capsys: pytest.CaptureFixture[str]) -> None:
         "standard_error": 0.02,
         "zone_reach_m": {"A": 3.5e-4},
         "density_T": {"leg": 0.86},
+        "brings 1.2 T at 0.6 mm": "3 A",
     }
     print_result(fields, as_json=False, title="t")
     printed = " ".join(capsys.readouterr().out.split())
     assert "flux: yoke 1, 2" in printed
     for line in (
         "force 1.5 N", "mesh error 0.108 %", "gap 0.7 mm", "slope -229.2 kN/m", "runs, step: position RMS 3.2 µm",
-        "done yes", "winding temperature 80 °C", "standard error 0.02", "zone reach: A 0.35 mm", "density: leg 0.86 T",
+        "done yes", "winding temperature 80 °C", "standard error 0.02", "zone reach: A 0.35 mm",
+        "density: leg 0.86 T", "brings 1.2 T at 0.6 mm 3 A",
     ):  # fmt: skip
         assert line in printed, line
     assert "0 ... 8 (9 values)" in printed
