@@ -23,7 +23,7 @@ def test_fields_of_an_actuator() -> None:
     assert sorted(fields["continuous_current_A"]) == fields["continuous_current_A"]
     assert all(d > c for c, d in zip(fields["continuous_current_A"], fields["duty_current_A"], strict=True))
     assert fields["thermal"]["frequency_Hz"] == 400.0
-    assert list(thermal_columns(fields)) == ["bears in A", "at duty in A"]
+    assert list(thermal_columns(fields)) == ["continuous in A", "at duty in A"]
     flat = thermal_to_json(Path(SERVO), GAPS, thermal_request(ThermalTexts(resistance="2 K/W")), table=table)
     assert flat["continuous_current_A"] == [pytest.approx(5.5165, rel=1e-4)] * 3
     assert any("2 K/W" in note for note in thermal_notes(flat))

@@ -63,7 +63,7 @@ def test_any_sine_reads_back(channel: str, amplitude: float, bias: float, freque
         ("sine:amplitude=0 A,duration=1 s,frequency=2 Hz", "amplitude: Input should be greater than 0"),
         ("sine:amplitude=1 A,duration=0 s,frequency=2 Hz", "duration: Input should be greater than 0"),
         ("sine:amplitude=1 A,duration=1 s,frequency=2 Hz,bias=-1 A", "bias: -1 A is below zero"),
-        ("sine:amplitude=1 A,duration=1 s,frequency=2 Hz,gain=2", "gain: unknown key"),
+        ("sine:amplitude=1 A,duration=1 s,frequency=2 Hz,gain=2", "gain unknown; sine takes amplitude"),
         ("sine:amplitude=1 A,duration=1 s,frequency=2 Hz,unit=m", "unit: unknown key"),
         ("sine:amplitude=1 A,duration=1 s,frequency=2 Hz,channel=3", "channel: "),
         ("sine:amplitude=1 A,duration=1 s,frequency=2 Hz,loop=half", "loop: "),
