@@ -19,8 +19,9 @@ from msl_fem.table.magnetic_table import MagneticTable
 RATE, N = 5e3, 5000
 NOISE = Noise(position=5e-8, current=2e-3, voltage=5e-3)
 OTHERS = Tolerance(
-    moving_mass=0, stiffness=0, damping=0, coil_resistance=0, nominal_gap=0, position_gain=0, magnetic_scale=0, table=0
-)
+    moving_mass=0, stiffness=0, damping=0, coil_resistance=0, nominal_gap=0, position_gain=0, magnetic_scale=0, table=0,
+    mutual_inductance=0.01,
+)  # fmt: skip
 
 
 def of_drive(servo: Actuator, kind: str) -> Actuator:
