@@ -14,13 +14,14 @@ import logging
 import multiprocessing
 import os
 import pickle
+import queue
 import signal
 import sys
 import threading
 import time
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -266,16 +267,21 @@ def _in_processes(job: Job[Row, Answer], count: int, executor: Executor) -> Iter
     if context.get_start_method() == "forkserver":
         context.set_forkserver_preload(["__main__", type(job).__module__])
     pool = ProcessPoolExecutor(count, mp_context=context, initializer=_start_worker, initargs=(job,))
+    # Not concurrent.futures.wait: interrupted, it leaves futures locked, and the pool's thread waits for them for ever.
+    finished: queue.SimpleQueue[Future[Answer]] = queue.SimpleQueue()
 
     def submit(row: Row) -> "Future[Answer]":
         with interrupts_held_back():
-            return pool.submit(_solve_in_worker, row)
+            future = pool.submit(_solve_in_worker, row)
+            future.add_done_callback(finished.put)
+            return future
 
     try:
         with interrupts_held_back():
             pool.submit(int)  # starts the processes
-        yield Workers(count, submit, lambda waiting: list(wait(waiting, return_when=FIRST_COMPLETED).done))
+        yield Workers(count, submit, lambda waiting: [finished.get()])
     except BrokenProcessPool as err:
+        _kill_processes(pool)
         raise ComputationError(
             f"a worker process of the {executor.work} died (out of memory, or killed); {executor.go_on}, with fewer "
             "--workers if memory is short"
@@ -284,7 +290,8 @@ def _in_processes(job: Job[Row, Answer], count: int, executor: Executor) -> Iter
         _kill_processes(pool)
         raise
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        with interrupts_held_back():
+            pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _start_method() -> str:
@@ -300,22 +307,49 @@ def _start_method() -> str:
 
 
 def _kill_processes(pool: ProcessPoolExecutor) -> None:
-    """At once: whoever interrupts a run does not wait for its rows, which go nowhere."""
+    """At once: whoever interrupts a run does not wait for its rows, which go nowhere.
+
+    Of an answer that a process was about to write, the pool's thread would wait for the rest, as long as this process
+    itself holds the pipe's other end.
+    """
     for process in list((getattr(pool, "_processes", None) or {}).values()):
         process.kill()
+    answers: Any = getattr(pool, "_result_queue", None)
+    if answers is not None:
+        answers._writer.close()
 
 
 @contextlib.contextmanager
 def interrupts_held_back() -> Iterator[None]:
-    """Processes started in the block never hear Ctrl-C or SIGTERM: the parent alone answers them, and ends them."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
+    """Ctrl-C and SIGTERM act after the block, which may hold locks; processes started in it never hear them.
+
+    The parent alone answers them, and ends its processes.
+    """
+    with _answered_later(signal.SIGINT), _answered_later(signal.SIGTERM):
+        if not hasattr(signal, "pthread_sigmask"):  # Windows
+            yield
+            return
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def _answered_later(number: signal.Signals) -> Iterator[None]:
+    """A mask is its thread's alone: any other thread may take the signal, which Python answers in the main one."""
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    came: list[int] = []
+    before = signal.signal(number, lambda number, frame: came.append(number))
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(number, before or signal.SIG_DFL)
+        if came:
+            signal.raise_signal(number)
 
 
 _solver: Solver[Any, Any] | None = None
