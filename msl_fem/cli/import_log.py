@@ -1,6 +1,7 @@
 """The command `import`: a log of another program becomes a run of a record."""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,46 +12,70 @@ from msl_fem.actuator import load_actuator
 from msl_fem.cli.options import Json, read_option
 from msl_fem.cli.output import print_result, say
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.files.quantity import format_quantity
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target, whole_file
 from msl_fem.record import Run, check_record_folder, load_record
-from msl_fem.record.log_import import ColumnSource, RunLabel, column_sources, describe, import_into, imported_run
+from msl_fem.record.columns import UNITS, Quantity
+from msl_fem.record.log_columns import ColumnSource, column_sources, describe
+from msl_fem.record.log_import import LogTiming, RunLabel, import_into, imported_run, unstated_noise
+from msl_fem.record.log_proposal import proposal_text, proposed_columns
+from msl_fem.record.reader import known_columns
+from msl_fem.record.rig_file import RIG_FILE
 from msl_fem.report.pictures import run_picture
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 
 
 def command(
-    log: Annotated[Path, typer.Argument(metavar="FILE", help="A .mat or CSV log.")],
+    log: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A log: .mat, .csv, oscilloscope CSV, .xlsx, .tdms, .mf4.")
+    ],
     columns: Annotated[
         str, typer.Option(help='Like "time_s=t,position_m=q:unit=mm:scale=-1:offset=14 mm", or a TOML file.')
-    ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Record folder, new or there.")],
+    ] = "",
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Record folder, new or there.")] = None,
     actuator: Annotated[Path | None, typer.Option(help="Actuator file, for a new record.")] = None,
     name: Annotated[str, typer.Option(help="Of the run; without, the log's.")] = "",
     role: Annotated[Literal["fit", "held-out"], typer.Option(help="What the run is for.")] = "fit",
     excitation: Annotated[str, typer.Option(help="What moved the rig, in words.")] = "",
-    rate: Annotated[str, typer.Option(help='Samples a second, like "10 kHz", where the log has no time.')] = "",
+    rate: Annotated[str, typer.Option(help='Samples a second, like "10 kHz"; goes before a rounded time column.')] = "",
+    resampled: Annotated[
+        str, typer.Option("--resample", help='Bring irregular or several clocks to this rate, like "1 kHz".')
+    ] = "",
+    propose: Annotated[
+        Path | None, typer.Option(help="Write a file of columns from a look at the log, and import nothing.")
+    ] = None,
     start: Annotated[str, typer.Option("--from", help='Take the log from here, like "1 s".')] = "",
     end: Annotated[str, typer.Option("--to", help="Take the log up to here.")] = "",
     picture: Annotated[Path | None, typer.Option(help="PNG of what was understood.")] = None,
     json: Json = False,
 ) -> None:
-    """A MATLAB or CSV log becomes a run of a record, with a picture of what was understood."""
+    """A log of another program becomes a run of a record, with a picture of what was understood."""
+    if propose is not None:
+        _propose(log, propose, actuator, as_json=json)
+        return
+    if output is None:
+        raise InputError("Missing option '-o'; name the record's folder, or let --propose write a file of columns")
+    if not columns:
+        raise InputError("Missing option '--columns'; --propose columns.toml writes a file of them from the log")
     sources = column_sources(columns)
     label = _label(name or re.sub(r"[^A-Za-z0-9_.-]+", "_", log.stem), role, excitation, start, end)
-    sampled = read_option("--rate", rate, "Hz") if rate else None
+    timing = LogTiming(_positive("--rate", rate), _positive("--resample", resampled))
     with sole_run(output):
         check_record_folder(output)
         picture = picture or output.parent / f"{output.name}_{label.name}.png"
         check_target(picture)
         there = (output / "rig.toml").exists()
         believed = load_record(output).actuator if there else load_actuator(_named(actuator, output))
-        run = imported_run(log, sources, believed, label=label, rate=sampled)
+        imported = imported_run(log, sources, believed, label=label, timing=timing)
+        run = imported.run
         drawing = run_picture(run, made_of={it.column: _origin(it) for it in sources})
-        import_into(output, run, actuator=believed, rate=sampled)  # just before the picture: both, or none
+        own_rate = timing.resampled or timing.rate
+        import_into(output, imported, actuator=believed, rate=own_rate)  # just before the picture: both, or none
         drawn = _written(drawing, picture)
-        for warning in load_record(output).warnings:
+        estimated = unstated_noise(imported, believed)
+        for warning in (*imported.remarks, *_noise_told(estimated, there, output), *load_record(output).warnings):
             say(f"note: {warning}")
     fields = {
         "record": str(output),
@@ -58,9 +83,45 @@ def command(
         "samples": run.time.size,
         "rate_Hz": float(f"{1 / run.sampling_period:.9g}"),
         "columns": _figures(run, sources),
+        "noise": {name: {"value": sigma, "unit": UNITS[name]} for name, sigma in estimated.items()},
         "picture": str(picture) if drawn else None,
     }
     print_result(fields, as_json=json, title=f"{log}: run {run.name} of {output}")
+
+
+def _propose(log: Path, target: Path, actuator: Path | None, *, as_json: bool) -> None:
+    """A file of columns from a look at a log."""
+    check_target(target)
+    believed = load_actuator(actuator) if actuator is not None else None
+    columns = proposed_columns(log, believed)
+    text = proposal_text(log, columns, known_columns(believed) if believed is not None else list(columns))
+    with whole_file(target) as partial:
+        partial.write_text(text, encoding="utf-8")
+    fields = {
+        "columns_file": str(target),
+        "columns": {name: {"source": it.source, "unit": it.unit, "scale": it.scale} for name, it in columns.items()},
+        "remarks": [f"{name}: {remark}" for name, it in columns.items() for remark in it.remarks],
+    }
+    print_result(fields, as_json=as_json, title=f"{log}: columns proposed")
+
+
+def _positive(option: str, text: str) -> float | None:
+    """The rate that an option gives in Hz, None where it is not given."""
+    if not text:
+        return None
+    value = read_option(option, text, "Hz")
+    if not value > 0:
+        raise InputError(f"{option} {text} is not allowed; a rate is above 0 Hz")
+    return value
+
+
+def _noise_told(estimated: Mapping[Quantity, float], there: bool, output: Path) -> list[str]:
+    """What noise the log shows where no data sheet states it, and where it was written."""
+    if not estimated:
+        return []
+    shown = ", ".join(f"{name} {format_quantity(sigma, UNITS[name], digits=2)}" for name, sigma in estimated.items())
+    kept = "[noise] of the record stays as it is" if there else f"written to [noise] of {output / RIG_FILE}"
+    return [f"the log's samples show a noise of {shown} (one sigma, at most); {kept}"]
 
 
 def _written(drawing: bytes, picture: Path) -> bool:

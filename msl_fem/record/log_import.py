@@ -1,41 +1,33 @@
-"""A log of another program, MATLAB .mat or CSV, as a run of a record, new or grown by it: which of its signals becomes
-which column, and the run."""
+"""A log of another program as a run of a record, new or grown by it: its signals as columns, its clock, its noise."""
 
 import os
-import re
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from msl_fem.actuator import Actuator
-from msl_fem.errors import QuantityError, RecordError
-from msl_fem.files.quantity import parse_quantity
-from msl_fem.files.schema import read_toml
-from msl_fem.files.toml_text import toml_text
+from msl_fem.computing.arrays import Array
+from msl_fem.errors import RecordError
+from msl_fem.files.toml_text import quantity_text, toml_text
 from msl_fem.files.whole_file import cannot_be_written, whole_file
-from msl_fem.record.columns import CHANNELS, numbers, write_columns
+from msl_fem.record.clock import common_span, evened, resample, timed_by
+from msl_fem.record.columns import CHANNELS, UNITS, Quantity, numbers, write_columns
+from msl_fem.record.log_columns import ColumnSource
+from msl_fem.record.log_noise import estimated_noise
 from msl_fem.record.log_signals import read_log, signal
 from msl_fem.record.reader import check_columns, check_run, known_columns, load_record
 from msl_fem.record.record import Record, Run
-from msl_fem.record.rig_file import RIG_FILE, Role, Sampling
+from msl_fem.record.rig_file import RIG_FILE, Noise, Role, Sampling
 from msl_fem.record.writer import run_entry, write_record
 
 LONG = 100_000  # samples from which a run is written as NetCDF
-COLUMN_KEYS = ("source", "unit", "scale", "offset")
-_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
-
-
-@dataclass(frozen=True)
-class ColumnSource:
-    """One column of a run: column = scale * source + offset, scale and offset in the column's SI unit."""
-
-    column: str
-    source: str
-    scale: float
-    offset: float
+TIME = "time_s"
+INSTRUMENTS: tuple[Quantity, ...] = ("position", "current", "voltage", "flux_linkage")
+"""Whose noise is estimated where no data sheet states it; a force is the drive's own command in most logs."""
+NOISE_REMARK = "estimated from run {run}; take the data sheet's where there is one"
 
 
 @dataclass(frozen=True)
@@ -49,30 +41,78 @@ class RunLabel:
     end: float = np.inf
 
 
+@dataclass(frozen=True)
+class LogTiming:
+    """Rates in Hz: `rate` is that of the log's samples and goes before its time column; to `resampled` signals of
+    irregular or several clocks are brought."""
+
+    rate: float | None = None
+    resampled: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedRun:
+    """A run made of a log.
+
+    Attributes
+    ----------
+    run : in the record's columns and units
+    noise : one sigma by quantity, estimated from the log's samples
+    remarks : what was done to the time and the noise
+    """
+
+    run: Run
+    noise: Mapping[Quantity, float] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Sampled:
+    """Columns at common instants, what was done, and by what the noise of each column was changed."""
+
+    columns: dict[str, Array]
+    remarks: list[str]
+    gains: dict[str, float] = field(default_factory=dict)
+
+
 def imported_run(
-    log: str | Path, sources: Sequence[ColumnSource], actuator: Actuator, *, label: RunLabel, rate: float | None = None
-) -> Run:
-    """The run that a log holds; time from the log, or from `rate` (Hz) where no source is named for it.
+    log: str | Path,
+    sources: Sequence[ColumnSource],
+    actuator: Actuator,
+    *,
+    label: RunLabel,
+    timing: LogTiming | None = None,
+) -> ImportedRun:
+    """The run that a log holds; time from the log or from a rate, rounded times in equal steps, others resampled.
 
     Raises
     ------
     RecordError : the log cannot be read, a signal is missing or of another length, a value is no number, a column does
         not belong to the actuator, or neither time nor rate is given
     """
-    signals = read_log(log, only={it.source for it in sources})
-    columns = {}
+    timing = timing or LogTiming()
+    own_clocks = {it.time for it in sources if it.time}
+    signals = read_log(log, only={it.source for it in sources} | own_clocks)
+    raw = {it.column: signal(signals, it.source, file=log) for it in sources}
     for source in sources:
-        raw = numbers(signal(signals, source.source, file=log), source.source, log)
-        columns[source.column] = source.scale * raw + source.offset
-    lengths = {name: values.size for name, values in columns.items()}
-    if len(set(lengths.values())) > 1:
-        each = ", ".join(f"{name} {size}" for name, size in lengths.items())
-        raise RecordError(f"{log}: the signals have different lengths: {each}; name signals of one run")
-    if "time_s" not in columns:
-        if rate is None:
-            raise RecordError(f"{log}: no source for time_s; name one, or give --rate")
-        columns = {"time_s": np.arange(next(iter(lengths.values()))) / rate, **columns}
-    time = columns["time_s"]
+        _refuse_no_numbers(raw[source.column], source, log, empty=timing.resampled is not None)
+    in_si = {it.column: it.scale * raw[it.column] + it.offset for it in sources}
+    noise = {
+        name: estimated_noise(v[np.isfinite(v)]) for name, v in in_si.items() if CHANNELS[name].quantity in INSTRUMENTS
+    }
+    if timing.resampled is not None:
+        clocks = {it.column: it.time for it in sources if it.time}
+        sampled = _resampled(in_si, _clocks(in_si, clocks, signals, sources, timing, log), timing.resampled, log)
+    else:
+        sampled = _as_sampled(in_si, timing.rate, log)
+    return _run_of(sampled, noise, actuator, label=label, log=log)
+
+
+def _run_of(
+    sampled: _Sampled, noise: Mapping[str, float], actuator: Actuator, *, label: RunLabel, log: str | Path
+) -> ImportedRun:
+    columns = sampled.columns
+    time = columns[TIME]
     kept = (time >= label.start) & (time <= label.end)
     if not kept.any():
         raise RecordError(f"{log}: nothing lies between --from and --to; the time runs {time[0]:g} ... {time[-1]:g} s")
@@ -80,17 +120,107 @@ def imported_run(
     strange = [name for name in columns if name not in known_columns(actuator)]
     if strange:
         raise RecordError(f"{log}: {strange[0]} does not belong to {actuator.name}; leave it out")
-    return Run(
+    run = Run(
         name=label.name,
         excitation=label.excitation,
         role=label.role,
         columns={name: values[kept] for name, values in columns.items()},
         file_format="nc" if kept.sum() >= LONG else "csv",
     )
+    by_quantity: dict[Quantity, float] = {}
+    for name, sigma in noise.items():
+        quantity = CHANNELS[name].quantity
+        if sigma > 0:
+            by_quantity[quantity] = max(by_quantity.get(quantity, 0.0), sigma * sampled.gains.get(name, 1.0))
+    return ImportedRun(run, by_quantity, tuple(sampled.remarks))
 
 
-def import_into(folder: str | Path, run: Run, *, actuator: Actuator | None = None, rate: float | None = None) -> Path:
+def _refuse_no_numbers(raw: Array, source: ColumnSource, log: str | Path, *, empty: bool) -> None:
+    """RecordError naming the first sample that is no finite number; an empty one may be where signals are resampled."""
+    bad = np.flatnonzero(np.isinf(raw) if empty else ~np.isfinite(raw))
+    if bad.size:
+        at = int(bad[0])
+        problem = "the value is missing" if np.isnan(raw[at]) else "is not a finite number"
+        raise RecordError(
+            f"{log}: sample {at} (from 0), column {source.source}: {problem}; write a number, or leave the part "
+            "out with --from and --to; signals that are sampled at different times are brought together by --resample"
+        )
+    numbers(raw[np.isfinite(raw)], source.source, log)
+
+
+def _as_sampled(columns: dict[str, Array], rate: float | None, log: str | Path) -> _Sampled:
+    """The columns as they are, their time in equal steps where it is given by a rate or rounded."""
+    lengths = {name: values.size for name, values in columns.items()}
+    if len(set(lengths.values())) > 1:
+        each = ", ".join(f"{name} {size}" for name, size in lengths.items())
+        raise RecordError(
+            f"{log}: the signals have different lengths: {each}; name signals of one run, or the time of each, "
+            "and --resample"
+        )
+    if rate is None and TIME not in columns:
+        raise RecordError(f"{log}: no source for time_s; name one, or give --rate")
+    own = columns.get(TIME)
+    if rate is not None:
+        time, remark = timed_by(rate, own, next(iter(lengths.values())), file=log)
+    else:
+        assert own is not None
+        time, remark = evened(own)
+    return _Sampled({TIME: time, **{k: v for k, v in columns.items() if k != TIME}}, [remark] if remark else [])
+
+
+def _clocks(
+    columns: dict[str, Array],
+    named: dict[str, str],
+    signals: dict[str, Array],
+    sources: Sequence[ColumnSource],
+    timing: LogTiming,
+    log: str | Path,
+) -> dict[str, Array]:
+    """The instants of each column in s: its own time, else that of time_s or of the rate."""
+    scale = next((it.scale for it in sources if it.column == TIME), 1.0)
+    clocks = {}
+    for name, values in columns.items():
+        if name in named:
+            time = scale * signal(signals, named[name], file=log)
+        elif TIME in columns:
+            time = columns[TIME]
+        elif timing.rate is not None:
+            time = np.arange(values.size) / timing.rate
+        else:
+            raise RecordError(f"{log}: no source for the time of {name}; name one for time_s, or give --rate")
+        if time.size != values.size:
+            raise RecordError(
+                f"{log}: {name} has {values.size} values and its time {time.size}; name a time of its own"
+            )
+        if name != TIME:
+            clocks[name] = time
+    return clocks
+
+
+def _resampled(columns: dict[str, Array], clocks: dict[str, Array], rate: float, log: str | Path) -> _Sampled:
+    kept = {name: clocks[name][np.isfinite(columns[name])] for name in clocks}
+    for name, time in kept.items():
+        if time.size < 2:
+            raise RecordError(f"{log}: {name} has fewer than two values; look at its source")
+    grid = common_span(list(kept.values()), rate, file=log)
+    sampled = _Sampled({TIME: grid}, [])
+    for name, time in clocks.items():
+        result = resample(columns[name], time, grid, source=name, file=log)
+        sampled.columns[name] = result.values
+        sampled.gains[name] = result.noise_gain
+        sampled.remarks.append(
+            f"{name} resampled to {rate:.7g} Hz: white noise becomes {result.noise_gain:.2f} of what it was, and "
+            f"neighbouring samples of it correlate by {result.correlation:.2f}"
+        )
+    return sampled
+
+
+def import_into(
+    folder: str | Path, imported: ImportedRun, *, actuator: Actuator | None = None, rate: float | None = None
+) -> Path:
     """The run's file, after it became part of the record in a folder, or of a new record of the actuator.
+
+    The [noise] of a new record holds what the log's samples show, with a remark, where the actuator states none.
 
     Where a record is, its files stay as they are: the run's file is added, and a [[run]] at the end of rig.toml. `rate`
     is that of the samples in Hz; without, that of the run's own time.
@@ -101,6 +231,7 @@ def import_into(folder: str | Path, run: Run, *, actuator: Actuator | None = Non
         would be refused by `load_record`
     """
     folder = Path(folder)
+    run = imported.run
     if (folder / RIG_FILE).exists():
         _append(folder, run)
     elif actuator is None:
@@ -108,7 +239,27 @@ def import_into(folder: str | Path, run: Run, *, actuator: Actuator | None = Non
     else:
         sampling = Sampling(rate=_rate(run, rate))
         write_record(Record("measured", actuator, sampling=sampling, runs=(run,)), folder)
+        _state_noise(folder / RIG_FILE, unstated_noise(imported, actuator), run.name)
     return folder / run.file
+
+
+def unstated_noise(imported: ImportedRun, actuator: Actuator) -> dict[Quantity, float]:
+    """What was estimated of instruments whose noise the actuator does not state; inputs of a drive have none."""
+    stated = {"position": actuator.position_sensor.noise, "current": actuator.current_sensor.noise}
+    driven = {"voltage": "voltage", "current": ""}.get(actuator.drive.kind if actuator.drive else "", "")
+    return {name: s for name, s in imported.noise.items() if not stated.get(name) and name != driven}
+
+
+def _state_noise(rig_file: Path, noise: Mapping[Quantity, float], run: str) -> None:
+    """Writes estimates under [noise] of a new rig.toml, each with a remark."""
+    lines = []
+    for name, sigma in noise.items():
+        text = quantity_text(float(f"{sigma:.2g}"), UNITS[name])
+        lines.append(f'{name} = "{text}"  # {NOISE_REMARK.format(run=run)}\n')
+    text = rig_file.read_text(encoding="utf-8")
+    Noise.model_validate({name: float(sigma) for name, sigma in noise.items()})
+    with whole_file(rig_file) as partial:
+        partial.write_text(text.replace("[noise]\n", "[noise]\n" + "".join(lines), 1), encoding="utf-8")
 
 
 def _append(folder: Path, run: Run) -> None:
@@ -141,95 +292,3 @@ def _rate(run: Run, rate: float | None) -> float:
     if run.time.size < 2 or not run.time[-1] > run.time[0]:
         raise RecordError(f"run {run.name}: the time does not increase; look at the source of time_s")
     return float(f"{1 / run.sampling_period:.6g}")
-
-
-def column_sources(text: str) -> tuple[ColumnSource, ...]:
-    """The sources that a text names, or those of a TOML file where the text ends in .toml.
-
-    The text lists `column=source`, parted by commas, each with `:unit=mm`, `:scale=-1` (a number times the unit, or a
-    quantity like `0.5 mm` for one of the log's units) and `:offset=14 mm` where needed. The file has a table for each
-    column, `[position_m]`, with the keys source, unit, scale and offset.
-
-    Raises
-    ------
-    RecordError : an unknown column or key, a column twice, a unit or quantity that is none; says what there is
-    """
-    if text.strip().endswith(".toml"):
-        entries = _from_file(Path(text.strip()))
-    else:
-        entries = [_from_text(part) for part in text.split(",") if part.strip()]
-    if not entries:
-        raise RecordError('--columns is empty; write like "time_s=t, position_m=q:unit=mm"')
-    columns = [column for column, _ in entries]
-    double = next((c for k, c in enumerate(columns) if c in columns[:k]), None)
-    if double:
-        raise RecordError(f"--columns: {double} is there twice; give each column one source")
-    return tuple(_source(column, keys) for column, keys in entries)
-
-
-def _from_text(part: str) -> tuple[str, dict[str, str]]:
-    head, *options = part.split(":")
-    column, equals, source = (word.strip() for word in head.partition("="))
-    if not (equals and column and source):
-        raise RecordError(f"--columns: {part.strip()!r} names no source; write like position_m=q:unit=mm")
-    keys = {"source": source}
-    for option in options:
-        key, equals, value = (word.strip() for word in option.partition("="))
-        if not (equals and value) or key in keys:
-            raise RecordError(f"--columns: {part.strip()!r}: write options like :unit=mm:scale=-1:offset=14 mm")
-        keys[key] = value
-    return column, keys
-
-
-def _from_file(path: Path) -> list[tuple[str, dict[str, str]]]:
-    content = read_toml(path, error=RecordError, wanted="a file of columns")
-    for column, keys in content.items():
-        if not isinstance(keys, dict):
-            raise RecordError(f"{path}: {column}: write a table, [{column}] with a source")
-    return [(column, {key: str(value) for key, value in keys.items()}) for column, keys in content.items()]
-
-
-def _source(column: str, keys: dict[str, str]) -> ColumnSource:
-    if column not in CHANNELS:
-        raise RecordError(f"--columns: {column} is no column of a run; there are {', '.join(CHANNELS)}")
-    unknown = [key for key in keys if key not in COLUMN_KEYS]
-    if unknown or "source" not in keys:
-        problem = f"{unknown[0]} is unknown" if unknown else "source is missing"
-        raise RecordError(f"--columns: {column}: {problem}; the keys are {', '.join(COLUMN_KEYS)}")
-    unit = CHANNELS[column].unit
-    try:
-        return ColumnSource(column, keys["source"], _scale(keys, unit), _offset(keys, unit))
-    except QuantityError as err:
-        raise RecordError(f"--columns: {column}: {err}") from err
-
-
-def _scale(keys: dict[str, str], unit: str) -> float:
-    """SI units of the column for one unit of the log."""
-    scale = keys.get("scale", "1")
-    if _NUMBER.fullmatch(scale):
-        value = float(scale) * (parse_quantity(f"1 {keys['unit']}", unit) if "unit" in keys else 1.0)
-    elif "unit" in keys:
-        raise QuantityError(f"scale {scale!r} has a unit, and unit says {keys['unit']!r}; give one of them")
-    else:
-        value = parse_quantity(scale, unit)
-    if value == 0:
-        raise QuantityError("scale is 0 and would erase the signal; give another")
-    return value
-
-
-def _offset(keys: dict[str, str], unit: str) -> float:
-    offset = keys.get("offset", "0")
-    return 0.0 if _NUMBER.fullmatch(offset) and float(offset) == 0 else parse_quantity(offset, unit)
-
-
-def describe(sources: Sequence[ColumnSource]) -> dict[str, dict[str, object]]:
-    """What was understood, for a JSON object: source, scale and offset in the column's unit."""
-    described: dict[str, dict[str, object]] = {}
-    for source in sources:
-        described[source.column] = {
-            "source": source.source,
-            "unit": CHANNELS[source.column].unit,
-            "scale": source.scale,
-            "offset": source.offset,
-        }
-    return described

@@ -12,6 +12,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
 from msl_fem.files.quantity import format_quantity
+from msl_fem.record.clock import LARGEST_JITTER, evened
 from msl_fem.record.columns import CHANNELS, Channel, Column, numbers, place, read_columns, side_columns
 from msl_fem.record.plausibility import doubtful_against_command, refuse_impossible
 from msl_fem.record.record import Record, Run, StaticMap, read_only
@@ -29,7 +30,7 @@ from msl_fem.record.rig_file import (
 )
 
 FEWEST_SAMPLES = 1000
-LARGEST_JITTER = 0.01
+
 RATE_TOLERANCE = 1e-3
 STUCK_SHARE = 0.01
 STATIC_NUMBERS = ("gap_m", "current_A", "force_N", "flux_linkage_Wb", "sequence")
@@ -77,11 +78,13 @@ def _read_run(entry: RunEntry, actuator: Actuator, folder: Path) -> Run:
     table = read_columns(path)
     check_columns(list(table), actuator, file=path)
     known = known_columns(actuator)
+    columns = {name: numbers(table[name], name, path) for name in known if name in table}
+    columns["time_s"] = evened(columns["time_s"])[0]
     return Run(
         name=entry.file.removesuffix(path.suffix),
         excitation=entry.excitation,
         role=entry.role,
-        columns={name: numbers(table[name], name, path) for name in known if name in table},
+        columns=columns,
         extra={name: column for name, column in table.items() if name not in known},
         file_format="nc" if path.suffix == ".nc" else "csv",
     )
@@ -279,8 +282,9 @@ def _check_time(run: Run, sampling: Sampling, file: Path | str) -> None:
         )
     period = float(np.median(step))
     jitter = np.abs(step / period - 1)
-    if jitter.max() > LARGEST_JITTER:
-        at = int(np.argmax(jitter > LARGEST_JITTER)) + 1
+    allowed = LARGEST_JITTER * (1 + 1e-9)  # 10.1 ms at 10 ms are 0.01 and a rounding error
+    if jitter.max() > allowed:
+        at = int(np.argmax(jitter > allowed)) + 1
         raise RecordError(
             f"{place(file, at)}, column time_s: a step of {format_quantity(step[at - 1], 's')} is "
             f"{jitter[at - 1]:.2g} of the sampling period {format_quantity(period, 's')} off it, at most "

@@ -8,7 +8,8 @@ from scipy.io import savemat
 from msl_fem.actuator import parse_actuator
 from msl_fem.errors import RecordError
 from msl_fem.record import load_record
-from msl_fem.record.log_import import LONG, RunLabel, column_sources, import_into, imported_run
+from msl_fem.record.log_columns import column_sources
+from msl_fem.record.log_import import LONG, LogTiming, RunLabel, import_into, imported_run
 from msl_fem.record.log_signals import read_log
 
 N = 1500
@@ -45,7 +46,7 @@ def assert_understood(run):
 def test_a_text_log(tmp_path, actuator, signals, delimiter, comment) -> None:
     log = tmp_path / "log.csv"
     write_text(log, signals, delimiter=delimiter, comment=comment)
-    assert_understood(imported_run(log, column_sources(COLUMNS), actuator, label=RunLabel("log")))
+    assert_understood(imported_run(log, column_sources(COLUMNS), actuator, label=RunLabel("log")).run)
 
 
 @pytest.mark.parametrize("as_structure", [False, True])
@@ -53,7 +54,7 @@ def test_a_mat_log(tmp_path, actuator, signals, as_structure) -> None:
     log, prefix = tmp_path / "log.mat", "run." if as_structure else ""
     savemat(log, {"run": signals} if as_structure else signals)
     text = COLUMNS.replace("=t:", f"={prefix}t:").replace("=motor", f"={prefix}motor").replace("=q:", f"={prefix}q:")
-    assert_understood(imported_run(log, column_sources(text), actuator, label=RunLabel("log")))
+    assert_understood(imported_run(log, column_sources(text), actuator, label=RunLabel("log")).run)
 
 
 @pytest.mark.parametrize("samples_along", [0, 1])
@@ -61,7 +62,7 @@ def test_a_matrix_by_rows(tmp_path, actuator, signals, samples_along) -> None:
     log, matrix = tmp_path / "log.mat", np.array(list(signals.values()))
     savemat(log, {"logouts": matrix.T if samples_along == 0 else matrix})
     text = COLUMNS.replace("=t:", "=logouts[0]:").replace("=motor", "=logouts[1]").replace("=q:", "=logouts[2]:")
-    assert_understood(imported_run(log, column_sources(text), actuator, label=RunLabel("log")))
+    assert_understood(imported_run(log, column_sources(text), actuator, label=RunLabel("log")).run)
 
 
 def test_a_mat_file_of_version_7_3(tmp_path, actuator, signals) -> None:
@@ -70,7 +71,7 @@ def test_a_mat_file_of_version_7_3(tmp_path, actuator, signals) -> None:
         for name, values in signals.items():
             stream[f"run/{name}"] = values[:, None]
     text = COLUMNS.replace("=t:", "=run.t:").replace("=motor", "=run.motor").replace("=q:", "=run.q:")
-    assert_understood(imported_run(log, column_sources(text), actuator, label=RunLabel("log")))
+    assert_understood(imported_run(log, column_sources(text), actuator, label=RunLabel("log")).run)
 
 
 def test_columns_from_a_file(tmp_path) -> None:
@@ -86,13 +87,13 @@ def test_time_from_a_rate_and_a_part_of_the_log(tmp_path, actuator, signals) -> 
     log = tmp_path / "log.csv"
     write_text(log, signals)
     sources = column_sources(COLUMNS.partition(",")[2])
-    run = imported_run(log, sources, actuator, label=RunLabel("log", start=0.1, end=1.2), rate=1000.0)
+    run = imported_run(log, sources, actuator, label=RunLabel("log", start=0.1, end=1.2), timing=LogTiming(1000.0)).run
     assert run.time[[0, -1]] == pytest.approx([0.1, 1.2])
     assert run.columns["force_N"] == pytest.approx(FORCE[100:1201])
     with pytest.raises(RecordError, match="no source for time_s; name one, or give --rate"):
         imported_run(log, sources, actuator, label=RunLabel("log"))
     with pytest.raises(RecordError, match="nothing lies between --from and --to"):
-        imported_run(log, sources, actuator, label=RunLabel("log", start=7.0), rate=1000.0)
+        imported_run(log, sources, actuator, label=RunLabel("log", start=7.0), timing=LogTiming(1000.0))
 
 
 def test_a_record_is_made_and_grows(tmp_path, actuator, signals) -> None:
@@ -137,7 +138,7 @@ def test_a_long_run_becomes_netcdf_and_joins_a_record(tmp_path, actuator) -> Non
         ("time_s", "names no source"),
         ("time_s=t,time_s=t", "time_s is there twice"),
         ("time_s=t:unit=mm", "unit 'mm' has the wrong dimension"),
-        ("time_s=t:gain=2", "gain is unknown; the keys are source, unit, scale, offset"),
+        ("time_s=t:gain=2", "gain is unknown; the keys are source, unit, scale, offset, time"),
         ("time_s=t:scale", "write options like"),
         ("time_s=t:scale=0", "scale is 0 and would erase the signal"),
         ("position_m=q:scale=2 mm:unit=mm", "give one of them"),

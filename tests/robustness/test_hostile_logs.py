@@ -12,7 +12,7 @@ import pytest
 from scipy.io import savemat
 
 from msl_fem.errors import RecordError
-from msl_fem.record import log_signals
+from msl_fem.record import log_limits, log_text
 from msl_fem.record.log_signals import read_log, signal
 
 N = 2000
@@ -101,7 +101,7 @@ def test_packed_numbers_beyond_measure_are_refused_before_they_are_unpacked(tmp_
     log = tmp_path / "log.mat"
     savemat(log, {"t": SIGNALS["t"], "run": {"big": np.zeros(300_000)}}, do_compression=True)
     assert log.stat().st_size < 20_000
-    monkeypatch.setattr(log_signals, "MOST_VALUES", 200_000)
+    monkeypatch.setattr(log_limits, "MOST_VALUES", 200_000)
     with pytest.raises(RecordError, match=r"log\.mat: more than the 200000 numbers"):
         read_log(log)
     with pytest.raises(RecordError, match=r"log\.mat: more than the 200000 numbers"):
@@ -115,13 +115,13 @@ def test_a_long_text_log_is_read_in_blocks(tmp_path: Path, monkeypatch) -> None:
     rows = [f'{k / 1e3:.3f},"{k % 7}",{"?" if k == 700 else k}' for k in range(N)]
     log.write_text("\n".join(["t,a,b", *rows]) + "\n")
     whole = read_log(log)
-    monkeypatch.setattr(log_signals, "BLOCK", 333)
+    monkeypatch.setattr(log_text, "BLOCK", 333)
     for name, values in read_log(log).items():
         np.testing.assert_array_equal(values, whole[name])
     assert whole["t"] == pytest.approx(SIGNALS["t"])
-    assert np.flatnonzero(np.isnan(whole["b"])).tolist() == [700]
+    assert np.flatnonzero(np.isinf(whole["b"])).tolist() == [700]
     assert np.isnan(read_log(log, only={"t"})["a"]).all()
-    monkeypatch.setattr(log_signals, "MOST_VALUES", 3 * N - 1)
+    monkeypatch.setattr(log_limits, "MOST_VALUES", 3 * N - 1)
     with pytest.raises(RecordError, match=r"log\.csv: more than the 5999 numbers .* cut the log into parts"):
         read_log(log)
     assert read_log(log, only={"t", "b"})["t"].size == N
@@ -143,4 +143,4 @@ def test_numbers_of_another_machine_are_refused_without_a_raw_warning(tmp_path: 
 def test_digits_of_other_scripts_are_no_numbers(tmp_path: Path) -> None:
     log = tmp_path / "log.csv"
     log.write_text("t,a\n" + "".join(f"{k},\uff11\n" for k in range(5)))  # full-width digits
-    assert np.isnan(read_log(log)["a"]).all()
+    assert np.isinf(read_log(log)["a"]).all()
