@@ -10,11 +10,12 @@ from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.believed import AS_DESIGNED, PLAIN, PLAIN_BELIEF, Belief, BelievedValue
 from msl_fem.plant.effects import EffectValues, find_parameter
 from msl_fem.plant.extended_model import ExtendedModel
+from msl_fem.record import Record
 from msl_fem.record.rig_file import BeliefWord
 from msl_fem.table.magnetic_table import MagneticTable
 
-DEFAULT: BeliefWord = PLAIN
-"""What commands believe where neither --belief nor rig.toml says."""
+DEFAULT: BeliefWord = AS_DESIGNED
+"""What commands believe of a measured record or an actuator where neither --belief nor rig.toml says."""
 
 
 def stated_belief(name: str) -> BeliefWord:
@@ -38,6 +39,12 @@ def belief_of(name: str | None, actuator: Actuator, table: MagneticTable | None)
     for reason in belief.left_out:
         say(f"note: not in the belief: {reason}")
     return belief
+
+
+def belief_about(record: Record, table: MagneticTable | None) -> Belief:
+    """The belief that a record states; of a simulated one that states none plain, for it has what it was told."""
+    simulated = PLAIN if record.origin == "simulated" else None
+    return belief_of(record.belief or simulated, record.actuator, table)
 
 
 def model_with_belief(

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from msl_fem.cli.believed import belief_of, stated_belief
+from msl_fem.cli.believed import belief_about, stated_belief
 from msl_fem.cli.options import BeliefName, Json, TableFile
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say, write_json
 from msl_fem.cli.sweeping import table_for, table_of_model
@@ -56,7 +56,7 @@ def _compare(it: Record, model: ExtendedModel | None, *, output: Path | None, ta
     for warning in it.warnings:
         say(f"note: {warning}")
     magnet_table = table_for(it.actuator, table)
-    believed = belief_of(it.belief, it.actuator, magnet_table)
+    believed = belief_about(it, magnet_table)
     of_model = None
     if model is not None:
         of_model = ModelHypothesis(model.actuator, table_of_model(model.actuator, magnet_table), model.effects)

@@ -7,11 +7,13 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from msl_fem.cli.believed import belief_fields, model_with_belief, stated_belief
 from msl_fem.cli.closing import control_closing
 from msl_fem.cli.controllers import DesignOptions, Told, design_of
 from msl_fem.cli.given_map import given_map
 from msl_fem.cli.options import (
     Bandwidth,
+    BeliefName,
     Bias,
     Causes,
     DesignName,
@@ -43,12 +45,14 @@ from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target
 from msl_fem.maps import operating_map
+from msl_fem.plant.believed import AS_DESIGNED, PLAIN_BELIEF, Belief
 from msl_fem.plant.effects import EffectValues, stated_causes
 from msl_fem.plant.excitation import Reference, load_excitations, reference
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.record import check_record_folder, write_record
 from msl_fem.report.control_page import control_page
 from msl_fem.report.page import write_page
+from msl_fem.table.magnetic_table import MagneticTable
 
 
 def command(
@@ -80,11 +84,13 @@ def command(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise.")] = 1,
     effect: Causes = None,
+    belief: BeliefName = None,
     json: Json = False,
 ) -> None:
     """Design the guarded controller and run it.
 
-    An extended model as ACTUATOR is a plant whose effects the controller does not know; as --model, one that it knows.
+    Controller and plant are as the drawing tells. An extended model as ACTUATOR is a plant whose effects the controller
+    does not know; as --model, one that it knows.
     With --from the controller knows what a diagnosis found, and is judged on plants that the diagnosis leaves possible.
     The plant has the causes of --effect beside.
     """
@@ -94,7 +100,7 @@ def command(
     if actuator is None and told is None:
         raise InputError("ACTUATOR is missing; give an actuator file, or --from a diagnosis")
     plant = told.model if actuator is None and told is not None else load_extended_model(Path(str(actuator)))
-    plant = replace(plant, effects=stated_causes(read_causes(effect), plant.effects))
+    causes = read_causes(effect)
     wanted = load_excitations(reference_, unit="m")
     if len(wanted) != 1:
         raise InputError(f"--reference names {len(wanted)} references; give one")
@@ -110,20 +116,23 @@ def command(
         own = table_of_model(known.actuator, None) if isinstance(known, ExtendedModel) else None
         magnet_table = own if own is not None else table_for(plant.actuator, table)
         assert magnet_table is not None
+        knows_all = isinstance(known, ExtendedModel) and (told is None or actuator is None)
+        plant, believed = _as_believed(belief, plant, magnet_table, itself=not knows_all)
+        plant = replace(plant, effects=stated_causes(causes, plant.effects))
         regions = given if given is not None else operating_map(magnet_table)
-        controller = design_of(options, known, plant.actuator, magnet_table, regions)
+        controller = design_of(options, known, plant.actuator, magnet_table, regions, belief=believed)
         track = reference(wanted[0], rate=1 / controller.law.plant.period)
         check_stable_reach(controller, track)
-        true = known if isinstance(known, ExtendedModel) and (told is None or actuator is None) else plant
+        true = known if knows_all and isinstance(known, ExtendedModel) else plant
         acted_on = PlantUnderTest(true.actuator, magnet_table, _effects(true))
         run = run_closed_loop(controller, track, plant=acted_on, generator=np.random.default_rng(seed))
         if output is not None:
             wishes = {name: text for name, text in (("bandwidth", bandwidth), ("bias", bias)) if text is not None}
             section = stated(controller, **wishes)
             record = closed_loop_record(true.actuator, run, excitation=wanted[0].spec, controller=section)
-            write_record(record, output)
+            write_record(replace(record, belief=believed.name), output)
         fields = {"design": controller.kind} | run.to_json() | controller.to_json()
-        fields |= {"effects": list(true.effects.present)}
+        fields |= {"effects": list(true.effects.present)} | belief_fields(believed, as_json=json)
         others = _on_others(controller, track, _draws(acted_on, told), n=unseen) if unseen else None
         sheet = spec_sheet(controller, run=run, unseen=others)
         promised = sheet.to_json()
@@ -138,6 +147,18 @@ def command(
     title = f"{plant.actuator.name}: {controller.kind} in closed loop on {wanted[0].spec}"
     print_result(fields, as_json=json, title=title)
     print_closing(control_closing(run, controller), as_json=json)
+
+
+def _as_believed(
+    name: str | None, plant: ExtendedModel, table: MagneticTable, *, itself: bool
+) -> tuple[ExtendedModel, Belief]:
+    """(the plant with what is believed of it, the belief); where the plant is not `itself` but what --model or --from
+    tell, it is as they tell."""
+    if itself:
+        return model_with_belief(name, plant, table)
+    if name is not None and stated_belief(name) == AS_DESIGNED:
+        raise InputError(f"--belief {AS_DESIGNED}: the plant is the extended model here; leave the option out")
+    return plant, PLAIN_BELIEF
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from msl_fem.control import (
     DesignModel,
     ForceTerm,
     IdentifiedPlant,
-    design_model_of,
+    design_model_as_believed,
     design_model_of_terms,
     design_model_with_effects,
     designed,
@@ -23,6 +23,7 @@ from msl_fem.files.schema import reason, small_text
 from msl_fem.identification import ArmaxModel, KnownMass, model_from_json, physical_parameters
 from msl_fem.identification.data import rational_term
 from msl_fem.maps import OperatingMap
+from msl_fem.plant.believed import PLAIN_BELIEF, Belief
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -103,11 +104,15 @@ def told_by(folder: Path) -> Told:
 
 
 def design_of(
-    options: DesignOptions, believed: ExtendedModel | ArmaxModel | None, actuator: Actuator, table: MagneticTable,
-    regions: OperatingMap,
+    options: DesignOptions, known: ExtendedModel | ArmaxModel | None, actuator: Actuator, table: MagneticTable,
+    regions: OperatingMap, *, belief: Belief = PLAIN_BELIEF,
 ) -> ControllerDesign:  # fmt: skip
-    """The design that options ask for, of what is believed (None: the actuator's file and the table)."""
-    return designed(_design_model(actuator, believed, table, regions), options.choice())
+    """The design that options ask for, of what is known (None: the actuator's file, the table and the belief)."""
+    if known is None:
+        model = design_model_as_believed(actuator, table, regions, belief.effects)
+    else:
+        model = _design_model(actuator, known, table, regions)
+    return designed(model, options.choice())
 
 
 def known_model(file: Path) -> ExtendedModel | ArmaxModel:
@@ -130,10 +135,8 @@ def known_model(file: Path) -> ExtendedModel | ArmaxModel:
 
 
 def _design_model(
-    actuator: Actuator, known: ExtendedModel | ArmaxModel | None, table: MagneticTable, regions: OperatingMap
+    actuator: Actuator, known: ExtendedModel | ArmaxModel, table: MagneticTable, regions: OperatingMap
 ) -> DesignModel:
-    if known is None:
-        return design_model_of(actuator, table, regions)
     if isinstance(known, ArmaxModel):
         return design_model_of_terms(actuator, identified_plant(known, actuator), regions)
     return design_model_with_effects(known.actuator, table, regions, known.effects)

@@ -13,7 +13,7 @@ import numpy as np
 import typer
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from msl_fem.cli.believed import belief_of, stated_belief
+from msl_fem.cli.believed import belief_about, stated_belief
 from msl_fem.cli.closing import diagnosis_closing
 from msl_fem.cli.options import BeliefName, Causes, Json, TableFile
 from msl_fem.cli.output import ERRORS, print_closing, print_columns, print_result, say
@@ -75,7 +75,7 @@ def _diagnose(record: Record, output: Path | None, *, table: Path | None, resume
     for warning in record.warnings:
         say(f"note: {warning}")
     magnet_table = table_for(record.actuator, table)
-    belief = belief_of(record.belief, record.actuator, magnet_table)
+    belief = belief_about(record, magnet_table)
     memory = FitMemory() if output is None else memory_in(output, fingerprint(record, magnet_table), resume=resume)
     threads = os.cpu_count() or 1
     with tried_line() as tell:

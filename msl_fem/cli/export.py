@@ -1,15 +1,18 @@
 """The command `export`: tables, maps and actuators in the formats of other tools."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.cli.believed import model_with_belief
 from msl_fem.cli.controllers import DesignOptions, design_of
 from msl_fem.cli.given_map import given_map
 from msl_fem.cli.options import (
     Bandwidth,
+    BeliefName,
     Bias,
     DesignName,
     DiagnosisFolder,
@@ -44,6 +47,7 @@ from msl_fem.identification import ArmaxModel
 from msl_fem.maps import OperatingMap, operating_map
 from msl_fem.maps.pair_limits import PairMap
 from msl_fem.maps.pair_map_file import is_pair_map, read_pair_map
+from msl_fem.plant.believed import PLAIN_BELIEF
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 from msl_fem.table.pair_table import PairTable, is_pair_table, read_pair_table
@@ -72,6 +76,7 @@ def command(
     preview: Preview = True,
     bias: Bias = None,
     overlap: Overlap = "0 N",
+    belief: BeliefName = None,
     name: Annotated[str | None, typer.Option(help="Beginning of C names; without, the actuator's name.")] = None,
     json: Json = False,
 ) -> None:
@@ -91,13 +96,15 @@ def command(
     if table is not None and kind != ACTUATOR:
         raise InputError(f"--table goes with an actuator file; {source} holds a {kind}, leave it out")
     stated = options.stated + [name for name, file in (("--map", map_file), ("--from", diagnosis)) if file is not None]
+    stated += [] if belief is None else ["--belief"]
     if stated and wanted.needs != CONTROLLER:
         raise InputError(f"{stated[0]} is of a controller's design; add --what controller, or leave it out")
     if wanted.needs == CONTROLLER:
         told = options.told(diagnosis)
         known = options.known() if told is None else told.model
         model_file = load_extended_model(source)
-        record: Source = _controller(model_file, options, known=known, table=table, map_file=map_file)
+        files_given = _Files(table, map_file)
+        record: Source = _controller(model_file, options, known=known, files=files_given, belief=belief)
     else:
         record = _record(source, kind, wanted.needs, table=table)
     files = wanted.write(record, output, name=name)
@@ -107,6 +114,14 @@ def command(
         if not fields["platforms"]:
             say("note: no gcc here for 64-bit Linux, so the FMU holds its sources alone; see sources/build.txt in it")
     print_result(fields, as_json=json, title=f"{source} as {to}, {wanted.what}")
+
+
+@dataclass(frozen=True)
+class _Files:
+    """The table and the map that a controller is designed with, where they are given."""
+
+    table: Path | None
+    map: Path | None
 
 
 def _kind(path: Path) -> str:
@@ -153,21 +168,23 @@ def _controller(
     options: DesignOptions,
     *,
     known: ExtendedModel | ArmaxModel | None,
-    table: Path | None,
-    map_file: Path | None,
+    files: _Files,
+    belief: str | None,
 ) -> ControllerSource:
     """The controller that `control` designs with these options, of what is believed, effects among it."""
     actuator = model.actuator
     if lacking := actuator.lacking("magnet", "controller"):
         raise InputError(f"{actuator.name} has no {lacking}; a controller needs [magnet] and [controller]")
     own = table_of_model(known.actuator, None) if isinstance(known, ExtendedModel) else None
-    if known is None and model.effects.present:
-        known = model
-    given = given_map(map_file, actuator) if map_file is not None else None
-    magnet = table_for(actuator, table) if own is None else own
+    given = given_map(files.map, actuator) if files.map is not None else None
+    magnet = table_for(actuator, files.table) if own is None else own
     assert magnet is not None
+    believed = PLAIN_BELIEF
+    if known is None:
+        known = model if model.effects.present else None
+        _, believed = model_with_belief(belief, model, magnet)
     regions = operating_map(magnet) if given is None else given
-    return ControllerSource(design_of(options, known, actuator, magnet, regions), regions)
+    return ControllerSource(design_of(options, known, actuator, magnet, regions, belief=believed), regions)
 
 
 def _table_of(actuator: Actuator, given: Path | None) -> MagneticTable:

@@ -55,7 +55,7 @@ Bias = Annotated[str | None, typer.Option("--bias", help="Of the biased design, 
 Overlap = Annotated[str, typer.Option("--overlap", help="Force with which both sides pull at zero force.")]
 BeliefName = Annotated[
     str | None,
-    typer.Option("--belief", help="plain: the table alone; as-designed: with all that the drawing tells."),
+    typer.Option("--belief", help="as-designed: all that the drawing tells (usual); plain: the table alone."),
 ]
 DEFAULT_RISE, DEFAULT_AMBIENT = "80 K", "20 degC"
 """Of the thermal limit of `losses` and `map`, as they are written."""

@@ -14,15 +14,16 @@ from msl_fem.cli.options import BeliefName, Causes, Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar
 from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for
-from msl_fem.control import design_controller
+from msl_fem.control import design_model_as_believed
 from msl_fem.control.closed_loop import checked_reference
 from msl_fem.control.design import ControllerDesign
+from msl_fem.control.lqr_design import lqr_design
 from msl_fem.control.stepper import Stepper, stated
 from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
 from msl_fem.maps import Guard, OperatingMap, operating_map
 from msl_fem.plant import NamedRun, Simulation, refused_unless_borne, simulation_record
-from msl_fem.plant.effects import stated_causes
+from msl_fem.plant.effects import EffectValues, stated_causes
 from msl_fem.plant.excitation import DRIVE_UNIT, Reference, load_excitations, reference
 from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
@@ -62,8 +63,14 @@ class UsualLoop:
         return wanted
 
 
-def usual_loop(actuator: Actuator, table: MagneticTable | None, regions: OperatingMap | None = None) -> UsualLoop:
-    """The loop that runs excitations with `loop=closed`; `regions` is the guard's map where it is not the table's own.
+def usual_loop(
+    actuator: Actuator,
+    table: MagneticTable | None,
+    regions: OperatingMap | None = None,
+    believed: EffectValues | None = None,
+) -> UsualLoop:
+    """The loop that runs excitations with `loop=closed`; `regions` is the guard's map where it is not the table's own,
+    `believed` what the controller knows beside the table.
 
     Raises
     ------
@@ -75,7 +82,8 @@ def usual_loop(actuator: Actuator, table: MagneticTable | None, regions: Operati
         )
     if actuator.drive is None or actuator.drive.kind != "current":
         raise InputError(f'{actuator.name}: loop=closed commands currents; use drive.kind = "current"')
-    design = design_controller(actuator, table, regions if regions is not None else operating_map(table))
+    made = regions if regions is not None else operating_map(table)
+    design = lqr_design(design_model_as_believed(actuator, table, made, believed))
     section = stated(design)
     if regions is not None:
         del section["design"]  # another map: not to be made again from the record alone
@@ -127,7 +135,7 @@ def command(
         model = replace(model, effects=stated_causes(causes, model.effects))
         generator = np.random.default_rng(seed)
         closed = any(one.loop == "closed" for one in excitations)
-        loop = usual_loop(it, magnet_table, regions) if closed else None
+        loop = usual_loop(it, magnet_table, regions, believed.effects) if closed else None
         runs: list[NamedRun] = []
         with progress_bar("runs") as progress:
             for n, one in enumerate(excitations):

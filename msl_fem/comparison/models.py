@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from msl_fem.actuator import Actuator, ECore, MagnetKind
 from msl_fem.computing.arrays import Array
 from msl_fem.control.design import ControllerChoice, ControllerDesign
-from msl_fem.control.design_model import design_model_of, design_model_with_effects
+from msl_fem.control.design_model import design_model_as_believed
 from msl_fem.control.designs import designed
 from msl_fem.control.stepper import Stepper
 from msl_fem.errors import ComputationError, InputError
@@ -245,8 +245,8 @@ class OwnLoop:
 
 
 def own_loop(record: Record, table: MagneticTable | None, effects: EffectValues | None = None) -> OwnLoop | None:
-    """The loop of a record whose `[controller]` states a `design`, made for a plant with these effects; None where it
-    states none.
+    """The loop of a record whose `[controller]` states a `design`, made for a plant with these effects or without them;
+    None where it states none.
 
     Raises
     ------
@@ -256,19 +256,24 @@ def own_loop(record: Record, table: MagneticTable | None, effects: EffectValues 
     if "design" not in stated or table is None:
         return None
     regions = operating_map(table)
-    if effects is None:
-        belief = design_model_of(record.actuator, table, regions)
-    else:
-        belief = design_model_with_effects(record.actuator, table, regions, effects)
-    design = designed(belief, _choice(stated))
+    other = ""
+    for believed in (effects,) if effects is None else (effects, None):
+        model = design_model_as_believed(record.actuator, table, regions, believed)
+        design = designed(model, _choice(stated))
+        other = _other_gain(design, stated)
+        if not other:
+            return OwnLoop(design)
+    raise InputError(
+        f"controller.{other}: the design '{stated['design']}' made again from actuator and table has other gains; it "
+        "was made for another belief, map or wish"
+    )
+
+
+def _other_gain(design: ControllerDesign, stated: Mapping[str, Any]) -> str:
+    """The first gain in which a design differs from the one stated; empty where none does."""
     gains = {"gain": design.law.gains.state, "filter_gain": design.law.estimator.gain}
-    for name, value in gains.items():
-        if name in stated and not _alike(np.asarray(stated[name]), value):
-            raise InputError(
-                f"controller.{name}: the design '{stated['design']}' made again from actuator and table has other "
-                "gains; it was made for another belief, map or wish"
-            )
-    return OwnLoop(design)
+    others = (n for n, value in gains.items() if n in stated and not _alike(np.asarray(stated[n]), value))
+    return next(others, "")
 
 
 def _choice(stated: Mapping[str, Any]) -> ControllerChoice:

@@ -17,6 +17,7 @@ from msl_fem.control.design import ControllerChoice, ControllerDesign, FrozenPos
 from msl_fem.control.design_model import (
     DesignModel,
     LinearPlant,
+    design_model_as_believed,
     design_model_of,
     design_model_with_effects,
     linear_plant,
@@ -56,6 +57,7 @@ __all__ = [
     "closed_loop_response",
     "default_bias",
     "design_controller",
+    "design_model_as_believed",
     "design_model_of",
     "design_model_of_terms",
     "design_model_with_effects",

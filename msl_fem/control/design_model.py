@@ -289,6 +289,15 @@ def design_model_with_effects(
     )
 
 
+def design_model_as_believed(
+    actuator: Actuator, table: MagneticTable, operating_map: OperatingMap, effects: EffectValues | None
+) -> DesignModel:
+    """The design model of a belief, effects beside the table where there are any; raises as `design_model_of`."""
+    if effects is None:
+        return design_model_of(actuator, table, operating_map)
+    return replace(design_model_with_effects(actuator, table, operating_map, effects), source="as designed")
+
+
 def left_to_feedback(effects: EffectValues) -> tuple[str, ...]:
     """The stated parameters, as effect.parameter, that are neither neutral nor used by a belief."""
     return tuple(

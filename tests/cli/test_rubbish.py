@@ -11,7 +11,7 @@ from cli_paths import E1, EMPS, SERVO, TABLE
 
 Run = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/conftest.py
 SINE = "sine:channel=1,frequency=5 Hz,bias=0.3 A,amplitude=0.1 A,duration=0.1 s"
-REFERENCE = "sine:frequency=2 Hz,amplitude=0.1 mm,duration=0.2 s"
+OF_PLAIN = ("--belief", "plain", "--reference", "sine:frequency=2 Hz,amplitude=0.1 mm,duration=0.2 s")
 POINT = ("--current", "1 A", "--gap", "0.5 mm")
 
 
@@ -43,7 +43,7 @@ def one_line(outcome: "Outcome") -> str:  # noqa: F821
         (("map", TABLE, "--levels", ",".join(str(1 + n * 1e-3) for n in range(200)) + " T"), "200 level(s)"),
         (("guard", TABLE, "--current", "nan V", "--gap", "1 mm"), "not valid JSON"),
         (("lookup", str(Path(TABLE).parent), *POINT), "is no file"),
-        (("control", SERVO, "--table", TABLE, "--bandwidth", "1e-300 Hz", "--reference", REFERENCE), "out of range"),
+        (("control", SERVO, "--table", TABLE, *OF_PLAIN, "--bandwidth", "1e-300 Hz"), "out of range"),
         (("control", SERVO, "--reference", "bogus:x=1"), "'bogus' is no excitation"),
     ],
 )

@@ -17,7 +17,7 @@ def test_an_extended_model_is_simulated_and_not_given_away(msl_fem: Run, tmp_pat
     model = tmp_path / "extended_model.toml"
     model.write_text(Path(SERVO).read_text() + '\n[effects.current_sensor_error]\noffset_1 = "50 mA"\n')
     common = ["--table", TABLE, "--excitation", STEP, "--json"]
-    plain = msl_fem("simulate", SERVO, *common, "-o", str(tmp_path / "plain")).json
+    plain = msl_fem("simulate", SERVO, *common, "--belief", "plain", "-o", str(tmp_path / "plain")).json
     made = msl_fem("simulate", str(model), *common, "-o", str(tmp_path / "extended")).json
     assert plain["effects"] == []
     assert made["effects"] == ["current_sensor_error"]

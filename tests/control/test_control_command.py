@@ -9,6 +9,8 @@ from conftest import ROOT
 
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.controllers import identified_plant
+from msl_fem.comparison.as_designed import as_designed
+from msl_fem.comparison.models import own_loop
 from msl_fem.identification import identify
 from msl_fem.plant import NamedRun, bearable_run, simulation_record
 from msl_fem.plant.excitation import parse_excitation
@@ -16,7 +18,7 @@ from msl_fem.record import load_record
 from msl_fem.table.magnetic_table import read_table
 
 SERVO, TABLE = str(ROOT / "geometries" / "fast_tool_servo.toml"), str(ROOT / "lookup_tables" / "fast_tool_servo.nc")
-ALONE = ("--unseen", "0")
+ALONE = ("--unseen", "0", "--belief", "plain")
 SINE = "sine:frequency=5 Hz,amplitude=0.25 mm,duration=0.6 s"
 EFFECTS = """
 [effects.gap_offset]
@@ -52,6 +54,24 @@ def test_every_design_runs(msl_fem, options, kind, loss):
     assert loss[0] < found["copper_loss_W"] < loss[1]
     assert found["guard_violations"] == 0
     assert found["inverse_domain"]["source"] == "table"
+
+
+def test_controller_and_plant_are_as_designed_unless_told_otherwise(msl_fem, extended, tmp_path):
+    """What the drawing tells is in the plant and in the inverse, and the record says so: its loop is made again."""
+    folder = tmp_path / "rec"
+    common = ("--table", TABLE, "--reference", SINE, "--unseen", "0", "--json")
+    found = msl_fem("control", SERVO, *common, "-o", str(folder)).json
+    assert found["belief"]["name"] == "as-designed"
+    assert {"mutual_inductance", "leakage_inductance", "fringing", "coil_heating"} <= set(found["effects"])
+    assert found["inverse_domain"]["source"] == "as designed"
+    assert "mutual_inductance.share" in found["inverse_domain"]["known_but_left_to_feedback"]
+    record = load_record(folder)
+    assert record.belief == "as-designed"
+    believed = as_designed(record.actuator, read_table(TABLE))
+    loop = own_loop(record, read_table(TABLE), believed.effects)
+    assert loop.design.domain["source"] == "as designed"
+    said = msl_fem("control", SERVO, "--model", extended, "--belief", "as-designed", *common).complaint
+    assert "the plant is the extended model" in said
 
 
 def test_the_effects_that_the_controller_knows_do_not_hurt(msl_fem, extended):
@@ -130,7 +150,8 @@ def test_a_report_and_a_record_are_written(msl_fem, tmp_path):
     ],
 )
 def test_what_cannot_be_is_one_line_before_the_run(msl_fem, options, said):
-    assert said in msl_fem("control", SERVO, "--table", TABLE, "--reference", SINE, *options).complaint
+    asked = ("--belief", "plain", "--reference", SINE, *options)
+    assert said in msl_fem("control", SERVO, "--table", TABLE, *asked).complaint
 
 
 def test_a_json_that_is_no_model_is_refused(msl_fem, tmp_path):
@@ -169,7 +190,8 @@ def test_a_design_on_what_a_diagnosis_found(msl_fem, diagnosis, extended):
     assert found["loop"]["unseen"]["suspects"] == []
     assert known["loop"]["unseen"]["suspects"] == ["structural_mode", "gap_offset", "stiffness_nonlinearity"]
     assert found["loop"]["held_share"] == 1
-    on_plain = msl_fem("control", SERVO, "--from", str(diagnosis / "diagnosis.json"), *common).json
+    of_folder = ("--from", str(diagnosis / "diagnosis.json"), "--belief", "plain")
+    on_plain = msl_fem("control", SERVO, *of_folder, *common).json
     assert on_plain["effects"] == []
     assert on_plain["inverse_domain"]["source"] == "extended model"
 
