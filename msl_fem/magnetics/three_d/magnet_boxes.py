@@ -1,0 +1,91 @@
+"""A stack of sheets with its end turns as boxes: a quarter of the magnet, from the section that its kind draws."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from msl_fem.actuator import MagnetKind
+from msl_fem.errors import InputError
+from msl_fem.magnetics.kinds.kind import PlaneMagnet
+from msl_fem.magnetics.section import Region, Section
+from msl_fem.magnetics.three_d.boxes import Box, BoxModel, Interval, Racetrack
+from msl_fem.magnetics.three_d.coenergy_law import coenergy_curves
+from msl_fem.magnetics.three_d.tensor_grid import SizeNear
+from msl_fem.materials.material import load_iron
+
+FINEST = 1 / 6  # of the gap: the elements beside a pole face's edge
+PLANE = (-math.inf, math.inf)
+
+
+def magnet_boxes(magnet: MagnetKind, gap: float, folder: Path, *, ends: bool = True) -> BoxModel:
+    """A quarter of the magnet at a gap, x >= 0 and z >= 0, from the middle of the stack to the air beyond its end.
+
+    Without `ends` the stack's end is a flux line: the plane section in one layer of boxes.
+
+    Raises
+    ------
+    InputError : not a stack of sheets, or one with chamfered poles
+    MaterialError : an iron that cannot be read
+    """
+    if not isinstance(magnet, PlaneMagnet):
+        raise InputError("three dimensions are solved for a stack of sheets (e-core, u-core); leave --dimension out")
+    section = magnet.section(gap)
+    if any(not _upright(region) for region in section.regions):
+        raise InputError("three dimensions take no chamfered poles; set pole_chamfer to 0 mm or leave --dimension out")
+    half = magnet.stack_depth / 2
+    irons = list(section.iron)
+    solid = [region for region in section.regions if region.name not in ("air", "strip")]
+    boxes = [
+        Box(irons.index(r.name) if r.name in irons else -1, *_sides(r), (0.0, half if r.name in irons else math.inf))
+        for r in solid
+    ]
+    curves = coenergy_curves([(load_iron(name, folder=folder), stacking) for name, stacking in section.iron.values()])
+    x, y = _air(section)
+    sizes = [SizeNear(0.0, gap * FINEST / strength) for _, _, strength in section.corners]
+    near = [
+        tuple(SizeNear(corner[axis], s.size) for corner, s in zip(section.corners, sizes, strict=True))
+        for axis in range(2)
+    ]
+    edge = SizeNear(half, gap * FINEST)
+    return BoxModel(
+        boxes=tuple(boxes),
+        curves=curves,
+        coil=_coil(magnet, section, ends=ends),
+        air=(x, y, (0.0, half + x[1] - magnet.half_width if ends else half)),
+        breaks=((), (0.0, gap), ()),
+        near=(near[0], near[1], (edge,) if ends else (SizeNear(0.0, half),)),
+        equipotential=section.symmetry == "equipotential",
+    )
+
+
+def _upright(region: Region) -> bool:
+    """Whether a region is a rectangle along the axes."""
+    x, y = np.array(region.vertices).T
+    return len(region.vertices) == 4 and np.unique(x).size == 2 and np.unique(y).size == 2
+
+
+def _sides(region: Region) -> tuple[Interval, Interval]:
+    x, y = np.array(region.vertices).T
+    return (float(x.min()), float(x.max())), (float(y.min()), float(y.max()))
+
+
+def _air(section: Section) -> tuple[Interval, Interval]:
+    """x and y of the section's box of air."""
+    (air,) = (region for region in section.regions if region.name == "air" and len(region.vertices) == 4)
+    (_, right), (low, high) = _sides(air)
+    return (0.0, section.far * right), (section.far * low, section.far * high)
+
+
+def _coil(magnet: PlaneMagnet, section: Section, *, ends: bool) -> Racetrack:
+    """The coil round the leg that it encloses, which begins at x = 0 or between the coil's two sides."""
+    coil, half = magnet.coil, magnet.stack_depth / 2
+    sides = sorted(_sides(region) for region in section.regions if region.name in section.turns_density)
+    height = sides[0][1]
+    if len(sides) == 1:
+        edge = sides[0][0][0] - coil.leg_clearance
+        leg = (-edge, edge)
+    else:
+        leg = sides[0][0][1] + coil.leg_clearance, sides[1][0][0] - coil.leg_clearance
+    turns = magnet.turns / magnet.winding_space.coils
+    return Racetrack(leg, (-half, half) if ends else PLANE, coil.leg_clearance, coil.width, height, turns)
