@@ -28,6 +28,7 @@ COMMANDS = {
     "simulate": "msl_fem.cli.simulate:command",
     "bench": "msl_fem.cli.bench:command",
     "import": "msl_fem.cli.import_log:command",
+    "check": "msl_fem.cli.check:command",
     "identify": "msl_fem.cli.identify:command",
     "control": "msl_fem.cli.control:command",
     "compare": "msl_fem.cli.compare:command",

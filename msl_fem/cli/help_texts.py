@@ -4,7 +4,7 @@ GROUPS = {
     "The magnet": ("draw", "solve", "table", "lookup", "losses", "tolerances"),
     "Operating map": ("map", "guard"),
     "Design": ("size", "flexure", "gap-trade"),
-    "Model and records": ("simulate", "bench", "import", "identify", "compare", "diagnose", "calibrate"),
+    "Model and records": ("simulate", "bench", "import", "check", "identify", "compare", "diagnose", "calibrate"),
     "Control and other tools": ("control", "export"),
     "All in one, and help": ("study", "doctor"),
 }
@@ -41,7 +41,9 @@ EXAMPLES = {
     "import": (
         'import log.csv --columns "time_s=t:unit=ms,current_1_A=i:unit=mA,position_m=x:unit=um" '
         "--actuator servo.toml -o record",
+        "import scope.csv --propose columns.toml --actuator servo.toml",
     ),
+    "check": ("check record", 'check table.csv --labels "position_m,t_on_s"'),
     "identify": ("identify record -o armax.json", "identify record --orders auto --terms auto"),
     "control": (
         'control servo.toml --table table.nc --reference "sine:frequency=2 Hz,amplitude=0.3 mm,duration=1 s"',

@@ -1,14 +1,18 @@
-"""Whether a run's numbers are a machine's: beyond any sensor is refused, a sensor against its command is doubted."""
+"""Whether a run's numbers are a machine's: beyond any sensor is refused; a sensor against its command, voltage and
+current, and columns that say of one another that they were not measured, are doubted."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
+from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
 from msl_fem.record.columns import CHANNELS, UNITS, Channel, Quantity, place
-from msl_fem.record.record import Run
+from msl_fem.record.doubts import affine_copies, coarse, looked_up, resistance_told, too_slow
+from msl_fem.record.label_doubts import doubtful_table
+from msl_fem.record.record import Run, StaticMap
 
 LARGEST: dict[Quantity, float] = {
     "position": 100.0, "reference": 100.0, "force": 1e9, "temperature": 1e4, "voltage": 1e7, "current": 1e6,
@@ -21,6 +25,9 @@ STATIC: dict[str, Quantity] = {
 """Columns of a static map and what they are."""
 ASKED = 0.2
 """Share of the command that a dead sensor misses at least, in the mean."""
+MEASURED: tuple[Quantity, ...] = ("position", "current", "voltage", "force", "flux_linkage", "temperature")
+OF_TWICE = 2.5
+"""Factor by which the resistance that voltage and current tell may differ from the stated one: a connection is 2."""
 APART = 20.0
 """Factor by which a current that follows its command is never larger or smaller; a wrong unit is 1000."""
 
@@ -63,3 +70,50 @@ def doubtful_against_command(run: Run, *, file: Path | str) -> list[str]:
                 "unit?"
             )
     return warnings
+
+
+def doubtful_channels(run: Run, actuator: Actuator, *, file: Path | str) -> list[str]:
+    """Warnings where measured columns of a run are copies or look-ups of one another, too coarse or too slow, or where
+    voltage and current of a side cannot both be true."""
+    measured = {name: v for name, v in run.columns.items() if CHANNELS[name].quantity in MEASURED}
+    if run.time.size < 2:
+        return []
+    sensors = {name: v for name, v in measured.items() if CHANNELS[name].quantity in ("position", "flux_linkage")}
+    doubts = [*affine_copies(measured), *looked_up(measured), *coarse(sensors)]
+    doubts += too_slow({name: v for name, v in measured.items() if name == "position_m"})
+    for side in (1, 2):
+        doubts += _coil_doubts(run, actuator, side)
+    return [f"{file}: {doubt}" for doubt in doubts]
+
+
+def _coil_doubts(run: Run, actuator: Actuator, side: int) -> list[str]:
+    """Whether voltage and current of a side tell a resistance that is far from the stated one, or below 0."""
+    names = Channel("voltage", side).column, Channel("current", side).column
+    stated = _side_resistance(actuator)
+    if not stated or not set(names) <= set(run.columns):
+        return []
+    told = resistance_told(run[names[0]], run[names[1]], run.sampling_period)
+    if told is None or stated / OF_TWICE <= told <= stated * OF_TWICE:
+        return []
+    return [
+        f"{names[0]} and {names[1]} cannot both be true: together they tell a resistance of {told:.3g} ohm where "
+        f"{stated:.3g} ohm is stated; look at signs and units"
+    ]
+
+
+def _side_resistance(actuator: Actuator) -> float | None:
+    """Ohm of a side's coils as [drive] states them; None where it does not."""
+    stated = actuator.drive.coil_resistance if actuator.drive is not None else None
+    if stated is None or actuator.sides is None:
+        return stated
+    magnets = actuator.sides.magnets_per_side
+    return stated * magnets if actuator.sides.connection == "series" else stated / magnets
+
+
+def doubtful_map(static: StaticMap, *, file: Path | str) -> list[str]:
+    """Warnings where a static map's readings contradict its labels."""
+    labels = {"gap_m": static.gap, "current_A": static.current}
+    readings = {"force_N": static.force, "flux_linkage_Wb": static.flux_linkage}
+    measured = {name: v for name, v in readings.items() if v is not None and np.isfinite(v).all()}
+    doubts = [*affine_copies(measured), *doubtful_table(labels, measured)]
+    return [f"{file}: {doubt}" for doubt in doubts]

@@ -14,7 +14,12 @@ from msl_fem.errors import RecordError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.record.clock import LARGEST_JITTER, evened
 from msl_fem.record.columns import CHANNELS, Channel, Column, numbers, place, read_columns, side_columns
-from msl_fem.record.plausibility import doubtful_against_command, refuse_impossible
+from msl_fem.record.plausibility import (
+    doubtful_against_command,
+    doubtful_channels,
+    doubtful_map,
+    refuse_impossible,
+)
 from msl_fem.record.record import Record, Run, StaticMap, read_only
 from msl_fem.record.rig_file import (
     RIG_FILE,
@@ -61,7 +66,7 @@ def load_record(folder: str | Path) -> Record:
         runs=runs,
         static=static,
         causes=rig.causes(folder),
-        warnings=_warnings(runs, static, actuator),
+        warnings=_warnings(runs, static, actuator, measured=rig.origin == "measured"),
         folder=folder,
     )
     check_record(record, rig_file=folder / RIG_FILE)
@@ -100,12 +105,18 @@ def _read_static(rig: RigFile, path: Path) -> StaticMap | None:
     return replace(read_static_map(table, role=entry.role, file=path), gap_zero=entry.gap)
 
 
-def _warnings(runs: tuple[Run, ...], static: StaticMap | None, actuator: Actuator) -> tuple[str, ...]:
+def _warnings(
+    runs: tuple[Run, ...], static: StaticMap | None, actuator: Actuator, *, measured: bool
+) -> tuple[str, ...]:
     """What is odd about the data without being refused."""
     warnings: list[str] = []
     for run in runs:
         warnings += doubtful_sensors(run, actuator, file=run.file)
         warnings += doubtful_against_command(run, file=run.file)
+        if measured:  # a simulated sensor may be without noise
+            warnings += doubtful_channels(run, actuator, file=run.file)
+    if measured and static is not None:
+        warnings += doubtful_map(static, file=STATIC_FILE)
     extras = {run.file: run.extra for run in runs}
     if static is not None:
         extras[STATIC_FILE] = static.extra
