@@ -5,19 +5,21 @@ from typing import Annotated, Any
 
 import typer
 
-from msl_fem.actuator import MeshMagnet, load_actuator
+from msl_fem.actuator import Actuator, MeshMagnet, load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Current, Json, read_option
-from msl_fem.cli.output import print_result, say
+from msl_fem.cli.output import print_result, progress_bar, say
 from msl_fem.cli.polarity import what_a_polarity_costs
 from msl_fem.cli.sweeping import checked_accuracy
 from msl_fem.errors import InputError
-from msl_fem.export.vtu import write_vtu
+from msl_fem.export.vtu import write_solid_vtu, write_vtu
 from msl_fem.files.whole_file import check_target
-from msl_fem.magnetics.field.accuracy import PointResult
+from msl_fem.magnetics.field.accuracy import Accuracy, PointResult
 from msl_fem.magnetics.field.magnet_field import solve_with_field
 from msl_fem.magnetics.field.two_sided import TwoSidedPosition, TwoSidedResult, solve_two_sided
+from msl_fem.magnetics.three_d.magnet_point import SolidPoint, solve_solid
 from msl_fem.report.field_picture import draw_field, save_picture
 from msl_fem.report.scene import render_scene
+from msl_fem.report.solid_picture import draw_solid_field
 
 
 def command(
@@ -35,6 +37,9 @@ def command(
     scene: Annotated[
         Path | None, typer.Option(help="Write a PNG of the solid magnet (needs --vtu, pyvista, GL).")
     ] = None,
+    dimension: Annotated[
+        int, typer.Option(metavar="2|3", help="3: with the end turns, of a stack of sheets (needs pyamg).")
+    ] = 2,
     json: Json = False,
 ) -> None:
     """One field solution of one magnet, or with --current-2 and --gap-2 of both and the armature they share.
@@ -46,6 +51,7 @@ def command(
         if target is not None:
             check_target(target, apart_from=[actuator])
     amperes, metres = read_option("--current", current, "A"), _read_gap("--gap", gap)
+    _check_dimension(dimension, two_sided=(current_2, gap_2, tilt) != (None, None, None), scene=scene)
     two_sided = (current_2, gap_2, tilt) != (None, None, None)
     if scene is not None and vtu is None:
         raise InputError("--scene draws what --vtu writes; give both")
@@ -63,6 +69,9 @@ def command(
         metres = it.magnet.gap
     if metres is None:
         raise InputError('--gap is missing; give the air gap, like --gap "0.5 mm"')
+    if dimension == 3:
+        _solve_solid(it, amperes, metres, level, picture=picture, vtu=vtu, title=title, json=json)
+        return
     result, field, solution = solve_with_field(it, amperes, metres, accuracy=level)
     if picture is not None:
         save_picture(draw_field(field, solution, title=f"{it.name}: {current}, gap {metres * 1e3:g} mm"), picture)
@@ -74,6 +83,34 @@ def command(
             say(f"note: {reason}")
     _say_notes(result.notes)
     print_result(point_to_json(result), as_json=json, title=title)
+
+
+def _check_dimension(dimension: int, *, two_sided: bool, scene: Path | None) -> None:
+    if dimension not in (2, 3):
+        raise InputError(f"--dimension {dimension} is not known; choose 2 or 3")
+    if dimension == 3 and (two_sided or scene is not None):
+        raise InputError("--dimension 3 solves one magnet, without --scene, --current-2, --gap-2 and --tilt")
+
+
+def _solve_solid(
+    it: Actuator,
+    current: float,
+    gap: float,
+    accuracy: Accuracy,
+    *,
+    picture: Path | None,
+    vtu: Path | None,
+    title: str,
+    json: bool,
+) -> None:
+    with progress_bar("field in three dimensions, per cent") as progress:
+        point, model, solution = solve_solid(it, current, gap, accuracy=accuracy, progress=progress)
+    if picture is not None:
+        save_picture(draw_solid_field(model, solution, title=title), picture)
+    if vtu is not None:
+        write_solid_vtu(model, solution, vtu)
+    _say_notes(point.notes)
+    print_result(solid_to_json(point), as_json=json, title=title)
 
 
 def _read_gap(name: str, text: str | None) -> float | None:
@@ -138,4 +175,24 @@ def point_to_json(result: PointResult) -> dict[str, Any]:
         "unknowns": result.unknowns,
         "newton_iterations": result.newton_iterations,
         "notes": list(result.notes),
+    }
+
+
+def solid_to_json(point: SolidPoint) -> dict[str, Any]:
+    """The JSON fields of `solve --dimension 3`: those of `solve`, the flux linkage's error and dF/di."""
+    return {
+        "current_A": point.current,
+        "gap_m": point.gap,
+        "force_N": point.force,
+        "force_stress_tensor_N": point.force_stress,
+        "flux_linkage_Wb": point.flux_linkage,
+        "coenergy_J": point.coenergy,
+        "incremental_inductance_H": point.incremental_inductance,
+        "force_current_slope_N_per_A": point.force_current_slope,
+        "force_error_estimate": point.force_error,
+        "flux_linkage_error_estimate": point.flux_error,
+        "flux_density_T": {name: {"mean": b.mean, "max": b.max} for name, b in point.flux_density.items()},
+        "unknowns": point.unknowns,
+        "newton_iterations": point.newton_iterations,
+        "notes": list(point.notes),
     }

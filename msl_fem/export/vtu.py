@@ -9,6 +9,8 @@ from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.magnetics.solver.postprocess import triangle_flux_density
+from msl_fem.magnetics.three_d.boxes import BoxModel
+from msl_fem.magnetics.three_d.scalar_potential import PotentialSolution
 
 
 def write_vtu(field: MagnetField, solution: FieldSolution, path: Path) -> None:
@@ -36,5 +38,41 @@ def write_vtu(field: MagnetField, solution: FieldSolution, path: Path) -> None:
             "solid": [solid],
         },
     )
+    _write(data, path)
+
+
+def write_solid_vtu(model: BoxModel, solution: PotentialSolution, path: Path) -> None:
+    """The boxes that were solved with phi (A, at the corners), B (T) and H (A/m), means of each box.
+
+    `iron` is the iron's index, -1 in air; `turns` is 1 where the coil lies.
+
+    Raises
+    ------
+    InputError : the folder cannot be written
+    """
+    problem, state = solution.problem, solution.state
+    grid = problem.grid
+    points = np.stack(np.meshgrid(*grid.planes, indexing="ij"), axis=-1).reshape(-1, 3)
+    number = np.arange(points.shape[0]).reshape([planes.size for planes in grid.planes])
+    low, high = slice(None, -1), slice(1, None)
+    round_trip = [(low, low), (high, low), (high, high), (low, high)]
+    corners = [number[x, y, z].ravel() for z in (low, high) for x, y in round_trip]
+    step = grid.order
+    mean = [np.einsum("cqk,q->ck", values, problem.elements.weights) for values in (state.flux_density, state.strength)]
+    data = meshio.Mesh(
+        points,
+        [("hexahedron", np.column_stack(corners))],
+        point_data={"phi": solution.potential.reshape(grid.nodes)[::step, ::step, ::step].ravel()},
+        cell_data={
+            "B": [mean[0]],
+            "H": [mean[1]],
+            "iron": [problem.iron.astype(np.int32)],
+            "turns": [model.coil.has_turns(*grid.centres()).astype(np.int32)],
+        },
+    )
+    _write(data, path)
+
+
+def _write(data: meshio.Mesh, path: Path) -> None:
     with whole_file(path) as partial:
         meshio.write(partial, data, file_format="vtu")

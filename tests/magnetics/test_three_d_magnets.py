@@ -67,7 +67,7 @@ def test_ends_add_flux_and_take_force_in_saturation(e1: Actuator) -> None:
     assert point.force == pytest.approx(210.6, rel=5e-3)
     assert point.flux_linkage == pytest.approx(69.12e-3, rel=3e-3)
     assert point.force_stress == pytest.approx(point.force, rel=0.01)
-    assert abs(point.force - 210.6) < point.force_error * 210.6 < 2.5
+    assert abs(point.force - 210.6) < point.force_error * 210.6 < 4.0
     assert shares == sorted(shares)
     assert shares[-1] == 100
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.magnetics.three_d.coenergy_law import CoenergyCurves
@@ -11,6 +12,7 @@ from msl_fem.magnetics.three_d.scalar_potential import PotentialProblem
 from msl_fem.magnetics.three_d.tensor_grid import SizeNear, TensorGrid, graded_planes
 
 Interval = tuple[float, float]
+Flags = NDArray[np.bool_]
 GROWTH = 0.9  # of an element's length, over the distance from where it must be short
 ORDER = 2
 
@@ -24,7 +26,7 @@ class Box:
     y: Interval
     z: Interval
 
-    def holds(self, x: Array, y: Array, z: Array) -> Array:
+    def holds(self, x: Array, y: Array, z: Array) -> Flags:
         """Whether points lie inside."""
         inside = np.ones(x.shape, dtype=bool)
         for values, (low, high) in ((x, self.x), (y, self.y), (z, self.z)):
@@ -51,10 +53,20 @@ class Racetrack:
 
         Its curl is the density of the turns, N over width and height, along the coil's rounds.
         """
-        away = np.hypot(_beyond(x, self.x), _beyond(z, self.z))
-        share = np.clip((self.clearance + self.width - away) / self.width, 0.0, 1.0)
+        share = np.clip((self.clearance + self.width - self._away(x, z)) / self.width, 0.0, 1.0)
         low, high = self.height
         return np.where((y > low) & (y < high), self.turns / (high - low) * share, 0.0)
+
+    def has_turns(self, x: Array, y: Array, z: Array) -> Flags:
+        """Whether points lie in the coil."""
+        away = self._away(x, z) - self.clearance
+        low, high = self.height
+        inside: Flags = (away > 0) & (away < self.width) & (y > low) & (y < high)
+        return inside
+
+    def _away(self, x: Array, z: Array) -> Array:
+        """Distance from the rectangle."""
+        return np.hypot(_beyond(x, self.x), _beyond(z, self.z))
 
 
 def _beyond(values: Array, interval: Interval) -> Array:

@@ -34,7 +34,7 @@ from msl_fem.materials.constants import MU_0
 
 MOST_STEPS = 60
 FIRST_PERMEABILITY = 1000.0  # relative, of all iron where there is no start
-COARSE, EXACT = 3e-2, 1e-8
+COARSE, EXACT = 3e-2, 1e-7
 """How far a Newton step's linear system is solved, and that of a derivative."""
 SLOPE_LEFT = 0.3  # of the coenergy along a step, where the search for its length ends
 MOST_TRIALS = 15
