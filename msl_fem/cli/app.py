@@ -31,6 +31,7 @@ COMMANDS = {
     "check": "msl_fem.cli.check:command",
     "identify": "msl_fem.cli.identify:command",
     "control": "msl_fem.cli.control:command",
+    "loop": "msl_fem.cli.loop:command",
     "compare": "msl_fem.cli.compare:command",
     "diagnose": "msl_fem.cli.diagnose:command",
     "calibrate": "msl_fem.cli.calibrate:command",

@@ -4,6 +4,7 @@ import numpy as np
 
 from msl_fem.control import ClosedLoopRun
 from msl_fem.control.design import ControllerDesign
+from msl_fem.control.measured_loop import MeasuredLoop
 from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.files.quantity import format_quantity
 from msl_fem.identification import Identification
@@ -49,6 +50,31 @@ def control_closing(run: ClosedLoopRun, design: ControllerDesign) -> tuple[str, 
     return (
         f"What it means: the position follows the reference within {follows}; the largest current is {peak}.",
         f"How sure: largest sensitivity in mid-travel {sensitivity:.3g}, {robust}. All of it is simulated.",
+        f"What to do: {way}.",
+    )
+
+
+def loop_closing(worst: MeasuredLoop) -> tuple[str, str, str]:
+    """The zone, what the interval leaves open, and the way on."""
+    low, high = worst.peak.interval
+    words = {
+        "A": "as new machines should be",
+        "B": "fit for unrestricted operation",
+        "C": "fit for a limited time until it is improved",
+        "D": "bad enough to damage the machine",
+    }
+    if not worst.inside:
+        way = "excite a wider band: the largest sensitivity is at the end of this one and may be larger beyond"
+    elif len(worst.zones_possible) > 1:
+        way = f"the interval reaches zones {' and '.join(worst.zones_possible)}: inject longer or more"
+    elif worst.zone == "A":
+        way = "measure it again at the ends of the travel, where loops are worst"
+    else:
+        way = 'lower the feedback, like msl-fem control --bandwidth "40 Hz", or take --design scheduled'
+    return (
+        f"What it means: largest sensitivity {worst.peak.value:.3g} at {worst.peak_at:.0f} Hz, zone {worst.zone} of "
+        f"ISO 14839-3: {words[worst.zone]}.",
+        f"How sure: with 95 % confidence it is {low:.3g} to {high:.3g} within the excited band.",
         f"What to do: {way}.",
     )
 

@@ -38,6 +38,7 @@ from msl_fem.control import (
     examine_design,
     run_closed_loop,
 )
+from msl_fem.control.injection import held_under_test
 from msl_fem.control.spec_sheet import spec_sheet
 from msl_fem.control.stepper import stated
 from msl_fem.control.unseen_plants import SUSPECTS, DrawPlant, UnseenPlants, on_unseen_plants, suspected_plant
@@ -48,11 +49,14 @@ from msl_fem.maps import operating_map
 from msl_fem.plant.believed import AS_DESIGNED, PLAIN_BELIEF, Belief
 from msl_fem.plant.effects import EffectValues, stated_causes
 from msl_fem.plant.excitation import Reference, load_excitations, reference
+from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.record import check_record_folder, write_record
 from msl_fem.report.control_page import control_page
 from msl_fem.report.page import write_page
 from msl_fem.table.magnetic_table import MagneticTable
+
+_REFERENCE = "sine:frequency=2 Hz,amplitude=0.4 mm,duration=2 s"
 
 
 def command(
@@ -61,8 +65,13 @@ def command(
         typer.Argument(metavar="[ACTUATOR]", help="Actuator file, or an extended model (TOML); with --from optional."),
     ] = None,
     reference_: Annotated[
-        str, typer.Option("--reference", metavar="SPEC", help="What to follow.")
-    ] = "sine:frequency=2 Hz,amplitude=0.4 mm,duration=2 s",
+        str | None,
+        typer.Option("--reference", metavar="SPEC", help="What to follow; without, a sine of 0.4 mm, 2 Hz."),
+    ] = None,
+    inject: Annotated[
+        str | None,
+        typer.Option(metavar="SPEC", help="Test signal on the reading, in m, while its bias is held; for 'loop'."),
+    ] = None,
     table: TableFile = None,
     map_file: MapFile = None,
     model: Known = "table",
@@ -92,7 +101,7 @@ def command(
     Controller and plant are as the drawing tells. An extended model as ACTUATOR is a plant whose effects the controller
     does not know; as --model, one that it knows.
     With --from the controller knows what a diagnosis found, and is judged on plants that the diagnosis leaves possible.
-    The plant has the causes of --effect beside.
+    The plant has the causes of --effect beside. With --inject the run holds a position, and 'msl-fem loop' measures it.
     """
     options = DesignOptions(model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap)
     options.choice()  # a wrong unit is told before anything is computed
@@ -101,9 +110,7 @@ def command(
         raise InputError("ACTUATOR is missing; give an actuator file, or --from a diagnosis")
     plant = told.model if actuator is None and told is not None else load_extended_model(Path(str(actuator)))
     causes = read_causes(effect)
-    wanted = load_excitations(reference_, unit="m")
-    if len(wanted) != 1:
-        raise InputError(f"--reference names {len(wanted)} references; give one")
+    wanted = _followed(reference_, inject)
     if lacking := plant.actuator.lacking("magnet", "controller"):
         raise InputError(f"{plant.actuator.name} has no {lacking}; control needs [magnet] and [controller]")
     with sole_run(output):
@@ -121,19 +128,26 @@ def command(
         plant = replace(plant, effects=stated_causes(causes, plant.effects))
         regions = given if given is not None else operating_map(magnet_table)
         controller = design_of(options, known, plant.actuator, magnet_table, regions, belief=believed)
-        track = reference(wanted[0], rate=1 / controller.law.plant.period)
+        rate = 1 / controller.law.plant.period
+        held = None if inject is None else held_under_test(wanted, rate=rate)
+        track = reference(wanted, rate=rate) if held is None else held.reference
+        signal = None if held is None else held.signal
         check_stable_reach(controller, track)
         true = known if knows_all and isinstance(known, ExtendedModel) else plant
         acted_on = PlantUnderTest(true.actuator, magnet_table, _effects(true))
-        run = run_closed_loop(controller, track, plant=acted_on, generator=np.random.default_rng(seed))
+        run = run_closed_loop(
+            controller, track, plant=acted_on, generator=np.random.default_rng(seed), injection=signal
+        )
         if output is not None:
             wishes = {name: text for name, text in (("bandwidth", bandwidth), ("bias", bias)) if text is not None}
             section = stated(controller, **wishes)
-            record = closed_loop_record(true.actuator, run, excitation=wanted[0].spec, controller=section)
+            record = closed_loop_record(
+                true.actuator, run, excitation=wanted.spec, controller=section, injection=signal
+            )
             write_record(replace(record, belief=believed.name), output)
         fields = {"design": controller.kind} | run.to_json() | controller.to_json()
         fields |= {"effects": list(true.effects.present)} | belief_fields(believed, as_json=json)
-        others = _on_others(controller, track, _draws(acted_on, told), n=unseen) if unseen else None
+        others = _on_others(controller, track, _draws(acted_on, told), n=unseen) if unseen and held is None else None
         sheet = spec_sheet(controller, run=run, unseen=others)
         promised = sheet.to_json()
         if not json:
@@ -144,7 +158,7 @@ def command(
                 trials = examine_design(controller, plant=acted_on, seed=seed, progress=progress)
             write_page(control_page(trials, sheet), report)
             fields |= {"report": str(report)}
-    title = f"{plant.actuator.name}: {controller.kind} in closed loop on {wanted[0].spec}"
+    title = f"{plant.actuator.name}: {controller.kind} in closed loop on {wanted.spec}"
     print_result(fields, as_json=json, title=title)
     print_closing(control_closing(run, controller), as_json=json)
 
@@ -159,6 +173,17 @@ def _as_believed(
     if name is not None and stated_belief(name) == AS_DESIGNED:
         raise InputError(f"--belief {AS_DESIGNED}: the plant is the extended model here; leave the option out")
     return plant, PLAIN_BELIEF
+
+
+def _followed(reference_: str | None, inject: str | None) -> Excitation:
+    """The reference, or the test signal."""
+    if reference_ is not None and inject is not None:
+        raise InputError("--inject holds the position that its bias says; leave --reference out")
+    spec, option = (reference_ or _REFERENCE, "--reference") if inject is None else (inject, "--inject")
+    found = load_excitations(spec, unit="m")
+    if len(found) != 1:
+        raise InputError(f"{option} names {len(found)} excitations; give one")
+    return found[0]
 
 
 @dataclass(frozen=True)

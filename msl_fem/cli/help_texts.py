@@ -5,7 +5,7 @@ GROUPS = {
     "Operating map": ("map", "guard"),
     "Design": ("size", "flexure", "gap-trade"),
     "Model and records": ("simulate", "bench", "import", "check", "identify", "compare", "diagnose", "calibrate"),
-    "Control and other tools": ("control", "export"),
+    "Control and other tools": ("control", "loop", "export"),
     "All in one, and help": ("study", "doctor"),
 }
 """Commands as the overview lists them."""
@@ -48,7 +48,9 @@ EXAMPLES = {
     "control": (
         'control servo.toml --table table.nc --reference "sine:frequency=2 Hz,amplitude=0.3 mm,duration=1 s"',
         'control servo.toml --table table.nc --design robust --bandwidth "60 Hz" --report loop.html -o loop',
+        'control servo.toml --inject "multisine:start=5 Hz,stop=1 kHz,amplitude=2 um,duration=4 s,periods=1" -o held',
     ),
+    "loop": ("loop record", "loop record --report loop.html"),
     "compare": ("compare record -o comparison",),
     "diagnose": (
         "diagnose record -o diagnosis",

@@ -230,14 +230,15 @@ class OwnLoop:
         every, delay = clock_of(simulated, rate=data.rate)
         followed = simulated.rows(_reference(run, data), period=1 / data.rate)
         measured = run["position_m"]
+        injected = run["injection_m"] if "injection_m" in run else np.zeros(measured.size)
         commands = np.zeros(2)
 
         def answer(k: int, reading: float) -> Array:
             if k == 0:
                 simulated.start()
                 recorded.start()
-            of_simulated = simulated.command(followed[k], reading)
-            change = of_simulated - recorded.command(followed[k], float(measured[k]))
+            of_simulated = simulated.command(followed[k], reading + injected[k])
+            change = of_simulated - recorded.command(followed[k], float(measured[k] + injected[k]))
             commands[: change.size] = change
             return commands
 

@@ -10,7 +10,6 @@ from msl_fem.control.closed_loop import (
     ClosedLoopRun,
     PlantUnderTest,
     check_stable_reach,
-    closed_loop_record,
     run_closed_loop,
 )
 from msl_fem.control.design import ControllerChoice, ControllerDesign, FrozenPosition, Wish, with_measured_gap
@@ -26,7 +25,9 @@ from msl_fem.control.design_model import (
 from msl_fem.control.designs import DESIGNS, designed
 from msl_fem.control.examination import Consistency, Examination, Replay, examine_design, innovation_consistency, replay
 from msl_fem.control.frequency_response import FrequencyResponse, closed_loop_response
+from msl_fem.control.loop_record import closed_loop_record
 from msl_fem.control.lqr_design import LqrOptions, design_controller, lqr_design
+from msl_fem.control.measured_loop import MeasuredLoop, measured_loops
 from msl_fem.control.rational_force import ForceTerm, IdentifiedPlant, design_model_of_terms
 from msl_fem.control.robust_design import Deviation, RobustOptions, robust_design
 
@@ -47,6 +48,7 @@ __all__ = [
     "IdentifiedPlant",
     "LinearPlant",
     "LqrOptions",
+    "MeasuredLoop",
     "PlantUnderTest",
     "Replay",
     "RobustOptions",
@@ -67,6 +69,7 @@ __all__ = [
     "innovation_consistency",
     "linear_plant",
     "lqr_design",
+    "measured_loops",
     "pid_design",
     "reach_of",
     "replay",

@@ -1,6 +1,5 @@
 """The loop: controller at its rate around the coupled model, compiled as one; its run as a record."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -41,7 +40,6 @@ from msl_fem.plant.layout import (
 )
 from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
 from msl_fem.plant.sampled_plant import SampledPlant, advance_sample, plant_at_rest, read_instruments, sampled_plant
-from msl_fem.record import Noise, Record, Run, Sampling
 from msl_fem.table.magnetic_table import MagneticTable
 
 _N_OUT = 16
@@ -136,11 +134,15 @@ class ClosedLoopRun:
 
 
 class _Inputs(NamedTuple):
-    """What comes from outside: reference (n, 6), noise of the readings (n, N_READING), disturbance (n,) N."""
+    """What comes from outside.
+
+    Reference (n, 6), noise of the readings (n, N_READING), disturbance (n,) N, test signal on the reading (n,) m.
+    """
 
     reference: Array
     noise: Array
     disturbance: Array
+    injection: Array
 
 
 def run_closed_loop(
@@ -150,6 +152,7 @@ def run_closed_loop(
     plant: PlantUnderTest,
     generator: np.random.Generator | None = None,
     disturbance: Array | None = None,
+    injection: Array | None = None,
 ) -> ClosedLoopRun:
     """The run of a controller on a plant that rests without currents when it begins.
 
@@ -158,6 +161,7 @@ def run_closed_loop(
     reference : samples at the loop's rate
     generator : of the sensors' noise; without one there is none
     disturbance : (n_sample,) N on the mass, held over the samples
+    injection : (n_sample,) m, a test signal that the controller takes with the measured position
 
     Raises
     ------
@@ -175,10 +179,9 @@ def run_closed_loop(
     inputs = _Inputs(
         reference=reference_rows(design, samples, period=period),
         noise=reading_noise(plant.actuator, n, generator=generator),
-        disturbance=np.zeros(n) if disturbance is None else np.ascontiguousarray(disturbance, dtype=float),
+        disturbance=_of_samples("disturbance", disturbance, n),
+        injection=_of_samples("test signal", injection, n),
     )
-    if inputs.disturbance.shape != (n,):
-        raise InputError(f"the disturbance has shape {inputs.disturbance.shape}; the reference has {n} samples")
     state, history = plant_at_rest(true)
     memory = controller_state(design.parameters)
     out = np.zeros((n, _N_OUT))
@@ -186,6 +189,14 @@ def run_closed_loop(
     if status != OK:
         raise ComputationError(_why(status, done * period, state, plant))
     return _result(reference, true.parameters, memory, out)
+
+
+def _of_samples(name: str, values: Array | None, n: int) -> Array:
+    """(n,) zeros where nothing is stated."""
+    given = np.zeros(n) if values is None else np.ascontiguousarray(values, dtype=float)
+    if given.shape != (n,):
+        raise InputError(f"the {name} has shape {given.shape}; the reference has {n} samples")
+    return given
 
 
 @compiled
@@ -205,7 +216,7 @@ def loop(
     readings = np.zeros(N_READING)
     for k in range(out.shape[0]):
         read_instruments(plant, state, history, k, inputs.noise[k], readings)
-        controller_step(parameters, memory, inputs.reference[k], readings[0], command)
+        controller_step(parameters, memory, inputs.reference[k], readings[0] + inputs.injection[k], command)
         for j in range(parameters.delay):
             waiting[j] = waiting[j + 1]
         waiting[parameters.delay] = command
@@ -318,27 +329,3 @@ def _result(reference: ReferenceArrays, plant: PlantParameters, memory: Array, o
         peak_current=float(np.abs(current).max()),
         copper_loss=float(plant.resistance * np.mean(np.sum(current**2, axis=1))),
     )
-
-
-def closed_loop_record(
-    actuator: Actuator, run: ClosedLoopRun, *, excitation: str, controller: Mapping[str, Any] | None = None
-) -> Record:
-    """The record (origin "simulated", one run, role fit) at the loop's rate; commands are those that act.
-
-    `controller` is what rig.toml states of the law, see `stepper.stated`.
-
-    Raises
-    ------
-    InputError : the actuator has no controller or no sides
-    """
-    if actuator.controller is None or actuator.sides is None:
-        raise InputError(f"{actuator.name} has no [controller] or no [sides]; a closed-loop record needs both")
-    sides = range(actuator.sides.count)
-    columns = {"time_s": run.time, "reference_m": run.reference, "position_m": run.measured}
-    columns |= {f"command_{j + 1}_A": run.acting[:, j] for j in sides}
-    columns |= {f"voltage_{j + 1}_V": run.voltage[:, j] for j in sides}
-    columns |= {f"current_{j + 1}_A": run.current_read[:, j] for j in sides}
-    noise = Noise(position=actuator.position_sensor.noise, current=actuator.current_sensor.noise)
-    runs = (Run("closed_loop", excitation, "fit", columns),)
-    sampling = Sampling(rate=actuator.controller.rate)
-    return Record("simulated", actuator, sampling=sampling, noise=noise, runs=runs, controller=controller)

@@ -27,6 +27,11 @@ _SLOWEST = 1e-6  # of the highest bandwidth: a slower feedback is none
 PlaceAt = Callable[[float], AtPosition]
 
 
+def zone_of(peak_sensitivity: float) -> str:
+    """The zone of ISO 14839-3 (2006): A up to 3, B up to 4, C up to 5, D beyond."""
+    return "ABCD"[sum(peak_sensitivity > limit for limit in ZONE_ENDS)]
+
+
 @dataclass(frozen=True)
 class FrozenPosition:
     """The loop near a position that the magnets hold against the suspension.
@@ -51,8 +56,8 @@ class FrozenPosition:
 
     @property
     def zone(self) -> str:
-        """The zone of ISO 14839-3 (2006): A up to 3, B up to 4, C up to 5, D beyond."""
-        return "ABCD"[sum(self.peak_sensitivity > limit for limit in ZONE_ENDS)]
+        """Its `zone_of`."""
+        return zone_of(self.peak_sensitivity)
 
 
 @dataclass(frozen=True, eq=False)

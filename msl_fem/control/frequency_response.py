@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from msl_fem.computing.arrays import Array
 from msl_fem.control.closed_loop import ClosedLoopRun, PlantUnderTest, run_closed_loop
 from msl_fem.control.design import ControllerDesign
+from msl_fem.control.injection import least_jerk
 from msl_fem.control.inverse import force_limits
 from msl_fem.control.linear_loop import bandwidth, flat_band
 from msl_fem.errors import InputError
@@ -123,21 +124,11 @@ def _bearable(design: ControllerDesign, amplitude: float, position: float) -> fl
 
 
 def _sine(frequency: float, samples: tuple[int, float], amplitude: float, position: float) -> _SmallSine:
-    """(n, period) samples of a sine about a position, with its derivatives.
-
-    The position is approached along the path of least jerk (Flash and Hogan, J. Neuroscience 5, 1985).
-    """
+    """(n, period) samples of a sine about a position, with its derivatives."""
     n, period = samples
     w = 2 * np.pi * frequency
     t = np.arange(n, dtype=float) * period
-    s = np.minimum(t / _APPROACH, 1.0)
-    path = position * np.array(
-        [
-            10 * s**3 - 15 * s**4 + 6 * s**5,
-            (30 * s**2 - 60 * s**3 + 30 * s**4) / _APPROACH,
-            (60 * s - 180 * s**2 + 120 * s**3) / _APPROACH**2,
-        ]
-    )
+    path = least_jerk(t, position, within=_APPROACH)
     swing = amplitude * np.array([np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t)])
     return _SmallSine(t, *(path + swing))
 

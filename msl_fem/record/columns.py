@@ -18,13 +18,23 @@ from msl_fem.files.schema import LARGEST, reason
 
 Column = NDArray[Any]
 Quantity = Literal[
-    "time", "position", "force", "reference", "temperature", "voltage", "current", "command", "flux_linkage"
+    "time",
+    "position",
+    "force",
+    "reference",
+    "injection",
+    "temperature",
+    "voltage",
+    "current",
+    "command",
+    "flux_linkage",
 ]
 UNITS: dict[Quantity, str] = {
     "time": "s",
     "position": "m",
     "force": "N",
     "reference": "m",
+    "injection": "m",
     "temperature": "K",
     "voltage": "V",
     "current": "A",

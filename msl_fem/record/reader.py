@@ -188,6 +188,7 @@ def known_columns(actuator: Actuator) -> list[str]:
         *side_columns("command", sides),
         "force_N",
         "reference_m",
+        "injection_m",
         "temperature_K",
         *side_columns("flux_linkage", sides),
     ]
