@@ -73,8 +73,8 @@ def injected(seed: int) -> np.ndarray:
 
 
 def test_intervals_hold_the_true_peak_and_margins_in_95_percent() -> None:
-    """20 records of a loop near the end of its travel: fewer than 17 within would come once in 60 times, with these seeds it does not."""
-    n, at = 20, servo_belief().place(0.45e-3)
+    """12 records of a loop near the end of its travel: fewer than 10 within would come once in 50 times."""
+    n, at = 12, servo_belief().place(0.45e-3)
     rng = np.random.default_rng(11)
     test = np.stack([injected(seed) for seed in range(n)], axis=1)
     noise = 50e-9 * rng.normal(size=test.shape)
@@ -83,12 +83,12 @@ def test_intervals_hold_the_true_peak_and_margins_in_95_percent() -> None:
     f = np.geomspace(1.0, 1000.0, 20000)
     true = servo_design().law.peak_sensitivity(at, frequency=f)
     stated = margins(servo_design().law.loop_transfer(f, at), f)
-    assert sum(loop.peak.interval[0] <= true <= loop.peak.interval[1] for loop in loops) >= 17
+    assert sum(loop.peak.interval[0] <= true <= loop.peak.interval[1] for loop in loops) >= 10
     score = [(loop.peak.value - true) / (loop.peak.interval[1] - loop.peak.value) for loop in loops]
     assert 0.3 < 1.96 * np.std(score) < 1.5
     for name in ("gain_up", "phase", "delay"):
         found = [getattr(loop, name) for loop in loops]
-        assert sum(e.interval[0] <= getattr(stated, name) <= e.interval[1] for e in found) >= 16, name
+        assert sum(e.interval[0] <= getattr(stated, name) <= e.interval[1] for e in found) >= 9, name
         assert found[0].interval[1] - found[0].interval[0] < 0.3 * found[0].value
     assert all(loop.inside for loop in loops)
 
