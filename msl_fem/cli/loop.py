@@ -43,14 +43,19 @@ def command(
 
 
 def _table(loops: tuple[MeasuredLoop, ...]) -> dict[str, list[str]]:
-    return {
-        "run": [loop.run for loop in loops],
-        "position": [f"{loop.position * 1e3:.3f} mm" for loop in loops],
-        "peak sensitivity": [text_of(loop.peak, "") for loop in loops],
-        "at": [f"{loop.peak_at:.0f} Hz" for loop in loops],
-        "zone": [loop.zone for loop in loops],
-        "gain up": [text_of(loop.gain_up, "") for loop in loops],
-        "gain down": [text_of(loop.gain_down, "") for loop in loops],
-        "phase": [text_of(loop.phase, "deg") for loop in loops],
-        "delay": [text_of(loop.delay, "s") for loop in loops],
-    }
+    """A column of figures for each run."""
+    rows = ["position", "peak sensitivity", "at", "zone", "gain margin up", "gain margin down", "phase margin", "delay"]
+    return {"run": rows} | {loop.run: _figures(loop) for loop in loops}
+
+
+def _figures(loop: MeasuredLoop) -> list[str]:
+    return [
+        f"{loop.position * 1e3:.3f} mm",
+        text_of(loop.peak, ""),
+        f"{loop.peak_at:.0f} Hz",
+        loop.zone,
+        text_of(loop.gain_up, ""),
+        text_of(loop.gain_down, ""),
+        text_of(loop.phase, "deg"),
+        text_of(loop.delay, "s"),
+    ]
