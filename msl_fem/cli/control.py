@@ -10,7 +10,7 @@ import typer
 from msl_fem.cli.believed import belief_fields, model_with_belief, stated_belief
 from msl_fem.cli.closing import control_closing
 from msl_fem.cli.controllers import DesignOptions, Told, design_of
-from msl_fem.cli.given_map import given_map
+from msl_fem.cli.given_map import maps_for
 from msl_fem.cli.options import (
     Bandwidth,
     BeliefName,
@@ -45,7 +45,6 @@ from msl_fem.control.unseen_plants import SUSPECTS, DrawPlant, UnseenPlants, on_
 from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target
-from msl_fem.maps import operating_map
 from msl_fem.plant.believed import AS_DESIGNED, PLAIN_BELIEF, Belief
 from msl_fem.plant.effects import EffectValues, stated_causes
 from msl_fem.plant.excitation import Reference, load_excitations, reference
@@ -119,15 +118,14 @@ def command(
         if report is not None:
             check_target(report)
         known = options.known() if told is None else told.model
-        given = given_map(map_file, plant.actuator) if map_file is not None else None
         own = table_of_model(known.actuator, None) if isinstance(known, ExtendedModel) else None
         magnet_table = own if own is not None else table_for(plant.actuator, table)
         assert magnet_table is not None
         knows_all = isinstance(known, ExtendedModel) and (told is None or actuator is None)
         plant, believed = _as_believed(belief, plant, magnet_table, itself=not knows_all)
         plant = replace(plant, effects=stated_causes(causes, plant.effects))
-        regions = given if given is not None else operating_map(magnet_table)
-        controller = design_of(options, known, plant.actuator, magnet_table, regions, belief=believed)
+        maps = maps_for(plant.actuator, magnet_table, map_file=map_file, table_file=table)
+        controller = design_of(options, known, plant.actuator, magnet_table, maps, belief=believed)
         rate = 1 / controller.law.plant.period
         held = None if inject is None else held_under_test(wanted, rate=rate)
         track = reference(wanted, rate=rate) if held is None else held.reference

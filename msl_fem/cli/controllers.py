@@ -5,6 +5,7 @@ from json import loads as parse_json
 from pathlib import Path
 
 from msl_fem.actuator import Actuator
+from msl_fem.cli.given_map import Maps
 from msl_fem.cli.options import read_option
 from msl_fem.control import (
     ControllerChoice,
@@ -22,7 +23,6 @@ from msl_fem.errors import InputError
 from msl_fem.files.schema import reason, small_text
 from msl_fem.identification import ArmaxModel, KnownMass, model_from_json, physical_parameters
 from msl_fem.identification.data import rational_term
-from msl_fem.maps import OperatingMap
 from msl_fem.plant.believed import PLAIN_BELIEF, Belief
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.table.magnetic_table import MagneticTable
@@ -105,13 +105,13 @@ def told_by(folder: Path) -> Told:
 
 def design_of(
     options: DesignOptions, known: ExtendedModel | ArmaxModel | None, actuator: Actuator, table: MagneticTable,
-    regions: OperatingMap, *, belief: Belief = PLAIN_BELIEF,
+    maps: Maps, *, belief: Belief = PLAIN_BELIEF,
 ) -> ControllerDesign:  # fmt: skip
     """The design that options ask for, of what is known (None: the actuator's file, the table and the belief)."""
     if known is None:
-        model = design_model_as_believed(actuator, table, regions, belief.effects)
+        model = design_model_as_believed(actuator, table, maps.one_side, belief.effects, maps.pair)
     else:
-        model = _design_model(actuator, known, table, regions)
+        model = _design_model(actuator, known, table, maps)
     return designed(model, options.choice())
 
 
@@ -135,11 +135,11 @@ def known_model(file: Path) -> ExtendedModel | ArmaxModel:
 
 
 def _design_model(
-    actuator: Actuator, known: ExtendedModel | ArmaxModel, table: MagneticTable, regions: OperatingMap
+    actuator: Actuator, known: ExtendedModel | ArmaxModel, table: MagneticTable, maps: Maps
 ) -> DesignModel:
     if isinstance(known, ArmaxModel):
-        return design_model_of_terms(actuator, identified_plant(known, actuator), regions)
-    return design_model_with_effects(known.actuator, table, regions, known.effects)
+        return design_model_of_terms(actuator, identified_plant(known, actuator), maps.one_side, maps.pair)
+    return design_model_with_effects(known.actuator, table, maps.one_side, known.effects, maps.pair)
 
 
 def identified_plant(model: ArmaxModel, actuator: Actuator) -> IdentifiedPlant:

@@ -9,7 +9,7 @@ import typer
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.believed import model_with_belief
 from msl_fem.cli.controllers import DesignOptions, design_of
-from msl_fem.cli.given_map import given_map
+from msl_fem.cli.given_map import given_map, maps_for
 from msl_fem.cli.options import (
     Bandwidth,
     BeliefName,
@@ -176,15 +176,14 @@ def _controller(
     if lacking := actuator.lacking("magnet", "controller"):
         raise InputError(f"{actuator.name} has no {lacking}; a controller needs [magnet] and [controller]")
     own = table_of_model(known.actuator, None) if isinstance(known, ExtendedModel) else None
-    given = given_map(files.map, actuator) if files.map is not None else None
     magnet = table_for(actuator, files.table) if own is None else own
     assert magnet is not None
     believed = PLAIN_BELIEF
     if known is None:
         known = model if model.effects.present else None
         _, believed = model_with_belief(belief, model, magnet)
-    regions = operating_map(magnet) if given is None else given
-    return ControllerSource(design_of(options, known, actuator, magnet, regions, belief=believed), regions)
+    maps = maps_for(actuator, magnet, map_file=files.map, table_file=files.table)
+    return ControllerSource(design_of(options, known, actuator, magnet, maps, belief=believed), maps.one_side)
 
 
 def _table_of(actuator: Actuator, given: Path | None) -> MagneticTable:

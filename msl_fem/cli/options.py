@@ -34,7 +34,9 @@ Causes = Annotated[
         help='Repeatable: a law like "drag: force = -a*v*abs(v); a: 0..1 N s2/m2", a TOML file, an entry point.',
     ),
 ]
-MapFile = Annotated[Path | None, typer.Option("--map", help="Operating map; without, from the table.")]
+MapFile = Annotated[
+    Path | None, typer.Option("--map", help="Operating map, of a magnet or a pair; without, from the table.")
+]
 Known = Annotated[
     str, typer.Option("--model", help="What the controller knows: table, an identified model (JSON), an extended one.")
 ]

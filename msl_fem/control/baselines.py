@@ -28,7 +28,7 @@ from msl_fem.control.design import (
     completed,
 )
 from msl_fem.control.design_model import AtPosition, DesignModel, LinearPlant, reach_of
-from msl_fem.control.inverse import BIAS, OutputStage, believed_gap, magnet_current_limit, side_surface
+from msl_fem.control.inverse import believed_gap, magnet_current_limit, side_surface
 from msl_fem.control.linear_loop import LinearLaw
 from msl_fem.control.lqg import LqrGains, LqrWeights, ReducedOrderFilter, lqr_gains, reduced_order_filter
 from msl_fem.control.lqr_design import (
@@ -40,6 +40,7 @@ from msl_fem.control.lqr_design import (
     usual_noise,
     working_places,
 )
+from msl_fem.control.output_stage import BIAS, OutputStage
 from msl_fem.errors import InputError
 from msl_fem.table.coenergy_surface import evaluate
 

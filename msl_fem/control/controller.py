@@ -17,7 +17,8 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.control.inverse import Inverse, OutputStage, commanded_currents
+from msl_fem.control.inverse import Inverse
+from msl_fem.control.output_stage import OutputStage, commanded_currents
 
 # The state: the filter's prediction for the coming sample (m, m/s, N) and its last estimate, the integral (m, summed
 # over samples), the last innovation (m) and force (N); then counts of commands by the verdict of the output stage:

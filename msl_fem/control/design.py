@@ -11,10 +11,10 @@ from msl_fem.actuator import Actuator
 from msl_fem.control.controller import ControllerParameters
 from msl_fem.control.design_model import AtPosition, DesignModel, LinearPlant, reach_of
 from msl_fem.control.gap_to_come import position_after
-from msl_fem.control.inverse import HARD_HAND_OVER, OutputStage
 from msl_fem.control.linear_loop import LinearLaw, feedback_bandwidth, flat_band, grid, sensitivity_bound
 from msl_fem.control.linear_loop import bandwidth as _bandwidth
 from msl_fem.control.lqg import LqrWeights
+from msl_fem.control.output_stage import HARD_HAND_OVER, OutputStage
 from msl_fem.errors import InputError
 from msl_fem.files.numbers import json_value
 

@@ -33,6 +33,8 @@ from msl_fem.control.inverse import Inverse, SideModel, force_domain, held_stiff
 from msl_fem.errors import ActuatorError, InputError
 from msl_fem.maps.guard import Guard
 from msl_fem.maps.level_currents import OperatingMap
+from msl_fem.maps.pair_guard import PairGuard
+from msl_fem.maps.pair_limits import PairMap
 from msl_fem.plant.effects import CATALOGUE, EffectValues, design_change
 from msl_fem.plant.plant import PlantParameters, Surface, as_surface, plant_parameters, surface_of
 from msl_fem.plant.two_sides import check_shared
@@ -211,6 +213,7 @@ class DesignModel:
             "source": self.source,
             "gap_m": [float(guard.gap[0]), float(guard.gap[-1])],
             "magnet_current_A": [0.0, self.inverse.current_limit],
+            "guard": "each side by its own map" if self.inverse.both.relation < 0 else "both sides by the pair's map",
             "force_in_the_middle_N": [middle.lowest, middle.highest],
             "known_but_left_to_feedback": list(self.left_out),
         }
@@ -221,8 +224,10 @@ class DesignModel:
         return AtPosition(held - 3 * self.cubic * position**2)
 
 
-def design_model_of(actuator: Actuator, table: MagneticTable, operating_map: OperatingMap) -> DesignModel:
-    """The belief that the actuator is as its file, table and map say.
+def design_model_of(
+    actuator: Actuator, table: MagneticTable, operating_map: OperatingMap, pair: PairMap | None = None
+) -> DesignModel:
+    """The belief that the actuator is as its file, table and map say; its guard judges both currents by the pair's map.
 
     Raises
     ------
@@ -233,7 +238,20 @@ def design_model_of(actuator: Actuator, table: MagneticTable, operating_map: Ope
     coupled = plant_parameters(actuator)
     side = SideModel(surface_of(table)._replace(mutual=None), coupled.nominal_gap)
     check_shared(coupled, table)
-    return DesignModel(actuator, plant, coupled, inverse_of(coupled, Guard(operating_map), side), shared=table.shared)
+    inverse = inverse_of(coupled, Guard(operating_map), side, pair=guard_of_pair(actuator, pair))
+    return DesignModel(actuator, plant, coupled, inverse, shared=table.shared)
+
+
+def guard_of_pair(actuator: Actuator, record: PairMap | None) -> PairGuard | None:
+    """The guard of a pair's map; InputError where it is of the other polarity than the actuator's sides."""
+    if record is None:
+        return None
+    if actuator.sides is not None and record.polarity != actuator.sides.polarity:
+        raise InputError(
+            f"the pair's map is for {record.polarity} currents and sides.polarity of {actuator.name} is "
+            f"'{actuator.sides.polarity}'; make the map of this actuator's pair"
+        )
+    return PairGuard(record)
 
 
 def reach_of(model: DesignModel) -> tuple[float, float]:
@@ -262,7 +280,11 @@ def reach_of(model: DesignModel) -> tuple[float, float]:
 
 
 def design_model_with_effects(
-    actuator: Actuator, table: MagneticTable, operating_map: OperatingMap, effects: EffectValues
+    actuator: Actuator,
+    table: MagneticTable,
+    operating_map: OperatingMap,
+    effects: EffectValues,
+    pair: PairMap | None = None,
 ) -> DesignModel:
     """The belief in an actuator with effects. The guard stays that of the map.
 
@@ -281,7 +303,7 @@ def design_model_with_effects(
         actuator,
         plant_with_effects(linear_plant(actuator), effects, sides=coupled.sides),
         coupled,
-        inverse_of(coupled, Guard(operating_map), *sides),
+        inverse_of(coupled, Guard(operating_map), *sides, pair=guard_of_pair(actuator, pair)),
         cubic=change.cubic,
         source="extended model",
         left_out=left_to_feedback(effects),
@@ -290,12 +312,16 @@ def design_model_with_effects(
 
 
 def design_model_as_believed(
-    actuator: Actuator, table: MagneticTable, operating_map: OperatingMap, effects: EffectValues | None
+    actuator: Actuator,
+    table: MagneticTable,
+    operating_map: OperatingMap,
+    effects: EffectValues | None,
+    pair: PairMap | None = None,
 ) -> DesignModel:
     """The design model of a belief, effects beside the table where there are any; raises as `design_model_of`."""
     if effects is None:
-        return design_model_of(actuator, table, operating_map)
-    return replace(design_model_with_effects(actuator, table, operating_map, effects), source="as designed")
+        return design_model_of(actuator, table, operating_map, pair)
+    return replace(design_model_with_effects(actuator, table, operating_map, effects, pair), source="as designed")
 
 
 def left_to_feedback(effects: EffectValues) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The exact input transformation from a wanted force to coil currents, and the output stage under the guard.
+"""The exact input transformation from a wanted force to coil currents.
 
 Gutierrez and Ro (IEEE Trans. Magnetics 34(5), 1998, eqs. 15 to 18): u = F_1(i_1, g_1) - F_2(i_2, g_2) is the new input,
 and i = f^-1(abs(u)/n, g) for the n magnets of the side that pulls; the other side carries no current, so there is no
@@ -12,15 +12,16 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
+from msl_fem.control.both_sides import BothSides, both_sides_of, limit_alone
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.maps.guard import Guard, GuardArrays, limit_at
+from msl_fem.maps.pair_guard import PairGuard
 from msl_fem.plant.plant import PlantParameters, Surface
 from msl_fem.table.coenergy_surface import evaluate, evaluate_slopes
 
 _GAP_SLOPE = 5  # row of an evaluation of the surface
 _ITERATIONS = 60
-INVERSE, BIAS = 0, 1
 
 
 class Inverse(NamedTuple):
@@ -35,6 +36,7 @@ class Inverse(NamedTuple):
     current_share: float  # magnet current over side current
     current_limit: float  # A, of a magnet: the drive's and the table's end, whichever is lower
     sides: int
+    both: BothSides  # what the map of a pair says of both currents
 
 
 class SideModel(NamedTuple):
@@ -44,12 +46,15 @@ class SideModel(NamedTuple):
     gap: float
 
 
-def inverse_of(plant: PlantParameters, guard: Guard, *sides: SideModel) -> Inverse:
+def inverse_of(plant: PlantParameters, guard: Guard, *sides: SideModel, pair: PairGuard | None = None) -> Inverse:
     """The compiled inverse of a believed plant, whose sides are as stated; one that is stated serves both.
+
+    Both currents are judged together where the guard of the pair is given.
 
     Raises
     ------
-    InputError : the force of a magnet does not grow with the current somewhere below the guard's last limit
+    InputError : the force of a magnet does not grow with the current somewhere below the guard's last limit; a pair's
+        guard of other levels, or of an actuator with one side
     """
     first, second = sides[0], sides[-1]
     table_end = min(float(side.surface.current[-1]) for side in sides)
@@ -64,6 +69,7 @@ def inverse_of(plant: PlantParameters, guard: Guard, *sides: SideModel) -> Inver
         plant.current_share,
         end,
         plant.sides,
+        both_sides_of(pair, sides=plant.sides, levels=guard.operating_map.levels),
     )
     for side in sides:
         _check_growth(inverse, side.surface)
@@ -78,7 +84,9 @@ def _check_growth(inverse: Inverse, surface: Surface) -> None:
             f"{surface.gap[0] * 1e3:.4g} ... {surface.gap[-1] * 1e3:.4g} mm; make the map of this table"
         )
     for gap in np.linspace(low, high, 4 * surface.gap.size):
-        top = magnet_current_limit(inverse, gap)
+        top = magnet_current_limit(inverse, float(gap))
+        if inverse.both.relation >= 0 and not top > 0:
+            continue  # the pair's map ends before, or the armature allows nothing
         for current in np.linspace(0, top, 4 * surface.current.size)[1:]:
             if not evaluate_slopes(*surface[:3], current, gap)[3] > 0:
                 raise InputError(
@@ -101,9 +109,19 @@ def believed_gap(inverse: Inverse, side: int, position: float) -> float:
 
 
 @compiled
+def level_limit(inverse: Inverse, level: int, gap: float) -> float:
+    """The current of a magnet in A up to which a level is not reached, its side on alone; nan outside a map."""
+    own = limit_at(inverse.guard, level, gap)
+    armature = limit_alone(inverse.both, level, 0.5 * (inverse.gap_1 + inverse.gap_2) - gap)
+    if not (np.isfinite(own) and armature == armature):
+        return np.nan
+    return float(min(own, armature))
+
+
+@compiled
 def magnet_current_limit(inverse: Inverse, gap: float) -> float:
     """The largest current of a magnet in A that drive, table and the guard's last level allow; 0 outside the map."""
-    allowed = limit_at(inverse.guard, inverse.guard.limit.shape[0] - 1, gap)
+    allowed = level_limit(inverse, inverse.guard.limit.shape[0] - 1, gap)
     return min(allowed, inverse.current_limit) if allowed > 0 else 0.0
 
 
@@ -235,106 +253,3 @@ def hand_over(force: float, overlap: float) -> tuple[float, float]:
     larger = half + np.sqrt(half * half + overlap * overlap)
     smaller = overlap * overlap / larger if larger > 0.0 else 0.0
     return (larger, smaller) if force >= 0.0 else (smaller, larger)
-
-
-# What the guard and the limits say of a side's command; of a step counts the worst
-PREFERRED, DISCOURAGED, FORCE_LIMITED, VIOLATION = range(4)
-
-
-class OutputStage(NamedTuple):
-    """How a force becomes currents.
-
-    INVERSE: the exact input transformation at the gap to come; with an overlap both sides pull near zero force.
-    BIAS: i_1 = bias + d, i_2 = bias - d with d = force/force_per_current, the tangent of the plant at the bias.
-    """
-
-    kind: int
-    overlap: float  # N
-    bias: float  # A, of a side
-    force_per_current: float  # N/A
-
-
-HARD_HAND_OVER = OutputStage(INVERSE, 0.0, 0.0, 1.0)
-"""The source paper's: one side pulls at a time."""
-
-
-@compiled
-def commanded_currents(
-    stage: OutputStage, inverse: Inverse, force: float, positions: tuple[float, float], command: Array
-) -> tuple[float, int]:
-    """(force in N that the belief expects, the worst verdict); side currents in A into command (2,).
-
-    `positions` are the measured one and the one to come, m: currents are inverted at the one to come, and the stricter
-    limit of the two counts. A current that the guard's last level forbids is cut to it, VIOLATION; one beyond the drive
-    or the table is cut, FORCE_LIMITED. A force that is no number gives no current, and VIOLATION.
-    """
-    command[0] = command[1] = 0.0
-    if not np.isfinite(force):
-        return 0.0, VIOLATION
-    if stage.kind == BIAS:
-        return _about_bias(stage, inverse, force, positions[0], command)
-    pulls = hand_over(force, stage.overlap)
-    given, verdict = 0.0, PREFERRED
-    for side in range(2):
-        pull = pulls[0] if side == 0 else pulls[1]
-        if pull > 0.0:
-            if side >= inverse.sides:
-                verdict = max(verdict, FORCE_LIMITED)
-            else:
-                side_force, side_verdict = _pull(inverse, side, pull, positions, command)
-                given += side_force if side == 0 else -side_force
-                verdict = max(verdict, side_verdict)
-    return given, verdict
-
-
-@compiled
-def _pull(
-    inverse: Inverse, side: int, pull: float, positions: tuple[float, float], command: Array
-) -> tuple[float, int]:
-    """(force given, verdict) of a side that is to pull with a force in N."""
-    last = inverse.guard.limit.shape[0] - 1
-    now = believed_gap(inverse, side, positions[0])
-    gap = believed_gap(inverse, side, positions[1])
-    if not limit_at(inverse.guard, last, gap) >= 0:
-        gap = now  # what is to come cannot be judged: the measured gap can, or nothing
-    allowed = min(limit_at(inverse.guard, last, now), limit_at(inverse.guard, last, gap))
-    if not allowed >= 0:
-        return 0.0, VIOLATION
-    surface = side_surface(inverse, side)
-    largest = min(magnet_current_limit(inverse, gap), allowed)
-    most = inverse.magnets * magnet_force(surface, largest, gap)
-    if not pull <= most:
-        command[side] = largest / inverse.current_share
-        return most, VIOLATION if allowed <= inverse.current_limit else FORCE_LIMITED
-    current = magnet_current(surface, pull / inverse.magnets, gap, largest)
-    command[side] = current / inverse.current_share
-    mild = min(limit_at(inverse.guard, 0, now), limit_at(inverse.guard, 0, gap))
-    return pull, PREFERRED if current <= mild else DISCOURAGED
-
-
-@compiled
-def _about_bias(
-    stage: OutputStage, inverse: Inverse, force: float, position: float, command: Array
-) -> tuple[float, int]:
-    """(force by the tangent, the worst verdict): a side's current is cut at nothing and at its limits."""
-    verdict = PREFERRED
-    difference = force / stage.force_per_current
-    for side in range(2):
-        current = (stage.bias + difference if side == 0 else stage.bias - difference) * inverse.current_share
-        gap = believed_gap(inverse, side, position)
-        side_verdict = _about_bias_of_side(inverse, side, current, gap, command)
-        verdict = max(verdict, side_verdict)
-    return 0.5 * stage.force_per_current * (command[0] - command[1]), verdict
-
-
-@compiled
-def _about_bias_of_side(inverse: Inverse, side: int, current: float, gap: float, command: Array) -> int:
-    """The verdict on a magnet's current, which is cut at nothing and at its limits."""
-    allowed = limit_at(inverse.guard, inverse.guard.limit.shape[0] - 1, gap)
-    if not allowed >= 0:
-        return VIOLATION
-    largest = min(allowed, inverse.current_limit)
-    command[side] = min(max(current, 0.0), largest) / inverse.current_share
-    if current > largest:
-        return VIOLATION if allowed <= inverse.current_limit else FORCE_LIMITED
-    return DISCOURAGED if current > limit_at(inverse.guard, 0, gap) else PREFERRED

@@ -17,9 +17,10 @@ from msl_fem.control.design import (
     completed,
 )
 from msl_fem.control.design_model import AtPosition, DesignModel, design_model_of, reach_of
-from msl_fem.control.inverse import HARD_HAND_OVER, INVERSE, OutputStage, force_domain
+from msl_fem.control.inverse import force_domain
 from msl_fem.control.linear_loop import LinearLaw, feedback_bandwidth, grid
 from msl_fem.control.lqg import FilterNoise, LqrGains, LqrWeights, ReducedOrderFilter, lqr_gains, reduced_order_filter
+from msl_fem.control.output_stage import HARD_HAND_OVER, INVERSE, OutputStage
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.maps.level_currents import OperatingMap
 from msl_fem.table.magnetic_table import MagneticTable

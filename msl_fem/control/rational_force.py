@@ -12,12 +12,13 @@ import numpy as np
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
-from msl_fem.control.design_model import DesignModel, linear_plant
+from msl_fem.control.design_model import DesignModel, guard_of_pair, linear_plant
 from msl_fem.control.inverse import SideModel, inverse_of
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.maps.guard import Guard
 from msl_fem.maps.level_currents import OperatingMap
+from msl_fem.maps.pair_limits import PairMap
 from msl_fem.plant.plant import PlantParameters, Surface, as_surface, plant_parameters
 from msl_fem.table.coenergy_surface import fit_coenergy_surface
 
@@ -50,7 +51,9 @@ class IdentifiedPlant:
     delta: float
 
 
-def design_model_of_terms(actuator: Actuator, identified: IdentifiedPlant, operating_map: OperatingMap) -> DesignModel:
+def design_model_of_terms(
+    actuator: Actuator, identified: IdentifiedPlant, operating_map: OperatingMap, pair: PairMap | None = None
+) -> DesignModel:
     """The belief in an actuator whose motion and forces are those that were identified.
 
     The inverse reaches as far as every side's force grows with its current, over all gaps of the map; that is the
@@ -71,7 +74,7 @@ def design_model_of_terms(actuator: Actuator, identified: IdentifiedPlant, opera
         SideModel(_surface(identified, coupled, side, (gaps, domain)), coupled.nominal_gap)
         for side in range(1, coupled.sides + 1)
     ]
-    inverse = inverse_of(coupled, Guard(operating_map), *sides)
+    inverse = inverse_of(coupled, Guard(operating_map), *sides, pair=guard_of_pair(actuator, pair))
     return DesignModel(actuator, plant, coupled, inverse, source="rational terms")
 
 

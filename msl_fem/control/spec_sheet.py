@@ -16,9 +16,10 @@ from msl_fem.computing.arrays import Array
 from msl_fem.control.closed_loop import ClosedLoopRun
 from msl_fem.control.design import ZONE_ENDS, ControllerDesign, FrozenPosition
 from msl_fem.control.design_model import AtPosition
-from msl_fem.control.inverse import BIAS, force_limits, held_stiffness
+from msl_fem.control.inverse import force_limits, held_stiffness
 from msl_fem.control.linear_loop import Complex, flat_band, grid
 from msl_fem.control.margins import Margins, margins
+from msl_fem.control.output_stage import BIAS
 from msl_fem.control.unseen_plants import UnseenPlants
 from msl_fem.errors import InputError
 from msl_fem.files.numbers import json_value

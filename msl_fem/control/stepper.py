@@ -7,7 +7,7 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.control.controller import causal_step, controller_state, controller_step
 from msl_fem.control.design import ControllerDesign
-from msl_fem.control.inverse import BIAS
+from msl_fem.control.output_stage import BIAS
 from msl_fem.control.preview import carried_on, known_ahead
 
 _KNOWN_AHEAD = 6  # numbers of a reference in a step

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from msl_fem.control import controller
 from msl_fem.control.controller import ControllerParameters, causal_step, controller_state, controller_step
 from msl_fem.control.design import ControllerDesign
-from msl_fem.control.inverse import BIAS
+from msl_fem.control.output_stage import BIAS
 from msl_fem.control.stepper import reference_rows
 from msl_fem.export.c_guard import guard_header, guard_names
 from msl_fem.export.c_printer import Printer, header_style

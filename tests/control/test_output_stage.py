@@ -5,7 +5,8 @@ import pytest
 from servo_controllers import TABLE, believed, rest, servo_belief, servo_design
 
 from msl_fem.control import LqrOptions, lqr_design, run_closed_loop
-from msl_fem.control.inverse import (
+from msl_fem.control.inverse import force_domain, hand_over, held_stiffness, magnet_force
+from msl_fem.control.output_stage import (
     BIAS,
     DISCOURAGED,
     FORCE_LIMITED,
@@ -15,10 +16,6 @@ from msl_fem.control.inverse import (
     VIOLATION,
     OutputStage,
     commanded_currents,
-    force_domain,
-    hand_over,
-    held_stiffness,
-    magnet_force,
 )
 from msl_fem.errors import InputError
 
