@@ -11,7 +11,7 @@ from msl_fem.export.c_controller import ControllerSource, controller_header
 from msl_fem.maps import operating_map
 from msl_fem.table.magnetic_table import read_table
 
-CONTROLLER = ("--table", TABLE, "--to", "c", "--what", "controller")
+CONTROLLER = ("--table", TABLE, "--belief", "plain", "--to", "c", "--what", "controller")
 
 
 @pytest.mark.parametrize(
