@@ -35,6 +35,8 @@ COMMANDS = {
     "compare": "msl_fem.cli.compare:command",
     "diagnose": "msl_fem.cli.diagnose:command",
     "calibrate": "msl_fem.cli.calibrate:command",
+    "suspects": "msl_fem.cli.suspects:command",
+    "experiments": "msl_fem.cli.experiments:command",
     "export": "msl_fem.cli.export:command",
     "flexure": "msl_fem.cli.mechanics:flexure",
     "gap-trade": "msl_fem.cli.mechanics:trade_gap",

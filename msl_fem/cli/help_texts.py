@@ -5,6 +5,7 @@ GROUPS = {
     "Operating map": ("map", "guard"),
     "Design": ("size", "flexure", "gap-trade"),
     "Model and records": ("simulate", "bench", "import", "check", "identify", "compare", "diagnose", "calibrate"),
+    "Before the bench": ("suspects", "experiments"),
     "Control and other tools": ("control", "loop", "export"),
     "All in one, and help": ("study", "doctor"),
 }
@@ -57,6 +58,11 @@ EXAMPLES = {
         'diagnose record --effect "drag: force = -a*v*abs(v); a: 0..1 N s2/m2" -o diagnosis',
     ),
     "calibrate": ("calibrate record --records 40",),
+    "suspects": ("suspects servo.toml --table table.nc",),
+    "experiments": (
+        "experiments servo.toml --table table.nc --suspects time_delay,amplifier_bandwidth",
+        "experiments diagnosis --instruments position,current,voltage",
+    ),
     "export": (
         "export table.nc --to csv -o table.csv",
         "export map.json --to c --what guard -o guard.h",

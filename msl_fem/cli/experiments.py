@@ -1,0 +1,148 @@
+"""The command `experiments`: which causes instruments can tell apart, what to add, and the run that decides."""
+
+from dataclasses import dataclass
+from json import loads as parse_json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from msl_fem.actuator import load_actuator
+from msl_fem.cli.believed import stated_belief
+from msl_fem.cli.controllers import DIAGNOSIS, told_by
+from msl_fem.cli.options import Json, TableFile, read_option
+from msl_fem.cli.output import print_closing, print_columns, print_result, progress_bar
+from msl_fem.cli.sweeping import table_for, table_of_model
+from msl_fem.comparison.as_designed import as_designed
+from msl_fem.diagnosis.planning.expected import USUAL, ExpectedCause, expected_causes
+from msl_fem.diagnosis.planning.experiments import ExperimentPlan, RigToPlan, experiments
+from msl_fem.errors import InputError
+from msl_fem.files.schema import small_text
+from msl_fem.plant.believed import AS_DESIGNED, PLAIN_BELIEF
+from msl_fem.plant.effects import CATALOGUE, EffectValues
+from msl_fem.prediction import ModelHypothesis
+from msl_fem.record import Tolerance
+
+SHOWN = 5  # runs of the menu
+
+
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """The rig, and the causes that are in question where no one names others; all that could be, by name."""
+
+    rig: RigToPlan
+    asked: tuple[str, ...]
+    possible: dict[str, ExpectedCause]
+
+
+def command(
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="ACTUATOR|DIAGNOSIS", help="Actuator file, or folder of 'diagnose -o'."),
+    ],
+    suspects: Annotated[
+        str | None, typer.Option(metavar="A,B,...", help="Causes by name; without, the drawn and the tolerated ones.")
+    ] = None,
+    instruments: Annotated[
+        str, typer.Option(help="Of position, current, voltage, gauge-block, scales, ohmmeter, load-cell.")
+    ] = "position,current",
+    table: TableFile = None,
+    rate: Annotated[str, typer.Option(help="Sampling rate of the runs.")] = "10 kHz",
+    belief: Annotated[
+        str, typer.Option("--belief", help="plain: suspects beside the table alone; as-designed: beside what is drawn.")
+    ] = "plain",
+    json: Json = False,
+) -> None:
+    """Which causes these instruments can tell apart, which instrument to add, and the run that decides.
+
+    After a diagnosis the causes are what it named and what it could not tell from that, at the fitted size.
+    """
+    sampling = read_option("--rate", rate, "Hz")
+    if not sampling > 0:
+        raise InputError(f'--rate {rate} is not allowed; it must be above 0 Hz, like "10 kHz"')
+    known = stated_belief(belief) == AS_DESIGNED
+    of_folder = source.is_dir() or source.name == DIAGNOSIS
+    question = _after(source, table, sampling) if of_folder else _before(source, table, sampling, known=known)
+    names = question.asked if suspects is None else tuple(name.strip() for name in suspects.split(","))
+    if wrong := [name for name in names if name not in question.possible]:
+        raise InputError(f"--suspects: '{wrong[0]}' is no cause here; there are {', '.join(question.possible)}")
+    if len(set(names)) < 2:
+        raise InputError("one cause alone has nothing to be told from; name at least two with --suspects")
+    causes = [question.possible[name] for name in dict.fromkeys(names)]
+    with_these = tuple(name.strip() for name in instruments.split(","))
+    with progress_bar("runs of the menu") as progress:
+        plan = experiments(question.rig, causes, with_these, progress=progress)
+    if json:
+        print_result(plan.to_json(), as_json=True, title="")
+    else:
+        print_plan(plan, question.rig.actuator.name)
+
+
+def _before(source: Path, table: Path | None, rate: float, *, known: bool) -> _Question:
+    """The question before anything is measured."""
+    actuator = load_actuator(source)
+    magnet_table = table_for(actuator, table)
+    drawn = as_designed(actuator, magnet_table)
+    model = ModelHypothesis.of(actuator, magnet_table, drawn if known else PLAIN_BELIEF)
+    every = expected_causes(actuator, drawn, tolerance=Tolerance(), rate=rate, known=known)
+    asked = tuple(one.effect for one in every if one.source != USUAL)
+    return _Question(RigToPlan(model, rate), asked, {one.effect: one for one in every})
+
+
+def _after(folder: Path, table: Path | None, rate: float) -> _Question:
+    """The question that a diagnosis leaves open: its first cause with rivals, about the model without it.
+
+    Raises
+    ------
+    InputError : as `told_by`; no cause of the diagnosis has rivals
+    """
+    folder = folder.parent if folder.name == DIAGNOSIS else folder
+    model = told_by(folder).model
+    content: dict[str, Any] = parse_json(small_text(folder / DIAGNOSIS))
+    open_ones = [c for c in content.get("causes", []) if _rivals(c) and c.get("effect") in CATALOGUE]
+    if not open_ones:
+        raise InputError(f"{folder}: no cause of its diagnosis has another one beside it; there is nothing to decide")
+    effect = str(open_ones[0]["effect"])
+    stated = {name: dict(of) for name, of in model.effects.stated.items()}
+    fitted = ExpectedCause(effect, stated.pop(effect, {}), "the diagnosis")
+    magnet_table = table_of_model(model.actuator, None) or table_for(model.actuator, table)
+    belief = ModelHypothesis(model.actuator, magnet_table, EffectValues(stated) if stated else None)
+    every = expected_causes(model.actuator, PLAIN_BELIEF, tolerance=Tolerance(), rate=rate)
+    possible = {one.effect: one for one in every} | {effect: fitted}
+    asked = (effect, *(name for name in _rivals(open_ones[0]) if name in possible))
+    return _Question(RigToPlan(belief, rate), asked, possible)
+
+
+def _rivals(cause: dict[str, Any]) -> list[str]:
+    """Effects of the catalogue that a diagnosis could not tell from a cause."""
+    return [str(name) for name in cause.get("indistinguishable_from", []) if str(name) in CATALOGUE]
+
+
+def print_plan(plan: ExperimentPlan, name: str) -> None:
+    """The plan for people."""
+    said = {", ".join(group).replace("_", " "): "told from all others" for group in plan.groups if len(group) == 1}
+    said |= {", ".join(group).replace("_", " "): "not told apart" for group in plan.groups if len(group) > 1}
+    said |= {cause.replace("_", " "): "not seen" for cause in plan.unseen}
+    print_columns({"causes": list(said), "": list(said.values())}, title=f"{name}: {', '.join(plan.instruments)}")
+    runs = plan.runs[:SHOWN]
+    columns = {
+        "run": [run.words for run in runs],
+        "causes seen": [str(len(run.seen)) for run in runs],
+        "pairs told apart": [f"{run.decided} of {run.decided + len(run.undecided)}" for run in runs],
+    }
+    print_columns(columns, title="Runs that decide, best first")
+    print_closing(_closing(plan), as_json=False)
+
+
+def _closing(plan: ExperimentPlan) -> tuple[str, str, str]:
+    """What can be told, how sure, and what to do."""
+    single = sum(len(group) == 1 for group in plan.groups)
+    total = sum(map(len, plan.groups)) + len(plan.unseen)
+    added = f"add {plan.instrument_to_add}: it tells {len(plan.helped)} more; " if plan.instrument_to_add else ""
+    best = f'simulate --excitation "{plan.runs[0].excitation}"' if plan.runs else "no run of the menu is borne"
+    locked = " --locked" if plan.runs and plan.runs[0].locked else ""
+    return (
+        f"What it means: the usual run tells {single} of {total} causes from all; {len(plan.unseen)} are not seen.",
+        "How sure: a cause counts as told at a noncentrality that decides 95 of 100 records, at its expected size.",
+        f"What to do: {added}{best}{locked}.",
+    )
