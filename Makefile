@@ -15,7 +15,7 @@ SHORT := tests/test_architecture.py tests/test_package.py tests/test_names.py te
   tests/cli/test_commands.py tests/computing tests/plant/test_kernel.py tests/record tests/maps/test_operating_map.py \
   tests/export tests/control/test_design.py tests/identification/test_armax_fit.py tests/report/test_page.py tests/robustness
 
-.PHONY: study test short fuzz kills coverage newest bench lint docs clean diagnosis-study
+.PHONY: study test short fuzz kills coverage newest bench lint docs clean diagnosis-study real-records
 .DELETE_ON_ERROR:
 
 study: $(VENV)/.installed
@@ -58,6 +58,10 @@ bench: $(VENV)/.installed-bench
 	cd benchmarks && ../$(BIN)/python speed.py --readme
 	$(BIN)/python benchmarks/guard.py --docs
 	$(BIN)/python benchmarks/controller_c.py --docs
+
+# All real sets converted, diagnosed and judged, a table in docs/real_records.md; goes on where it stopped.
+real-records: $(VENV)/.installed
+	cd benchmarks && ../$(BIN)/python real_sets.py --docs
 
 docs: $(VENV)/.installed-docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet

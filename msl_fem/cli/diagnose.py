@@ -21,10 +21,12 @@ from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for
 from msl_fem.diagnosis import Diagnosis, DiagnosisSettings, diagnose
 from msl_fem.diagnosis.fit_memory import FitMemory
+from msl_fem.diagnosis.impedances import diagnose_impedance
 from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target, whole_file
 from msl_fem.record import Record, load_record
+from msl_fem.record.impedance import IMPEDANCE_FILE, is_impedance_alone, read_impedance
 from msl_fem.report.diagnosis_page import DIAGNOSIS, FILES, REPORT, write_diagnosis
 from msl_fem.report.diagnosis_words import (
     channel_name,
@@ -61,11 +63,27 @@ def command(
     """
     if resume and output is None:
         raise InputError("--resume needs the folder of the interrupted diagnosis: state -o DIR")
+    if (record / IMPEDANCE_FILE).is_file() and is_impedance_alone(record):
+        _diagnose_impedance(record, output, json=json)
+        return
     measured = load_record(record)
     measured = replace(measured, causes=(*measured.causes, *read_causes(effect)))
     measured = measured if belief is None else replace(measured, belief=stated_belief(belief))
     with sole_run(output):
         _diagnose(measured, output, table=table, resume=resume, json=json)
+
+
+def _diagnose_impedance(folder: Path, output: Path | None, *, json: bool) -> None:
+    """An impedance map by itself: no page and no extended model, a verdict and its numbers."""
+    if output is not None:
+        check_target(output / DIAGNOSIS)
+    fields = diagnose_impedance(read_impedance(folder / IMPEDANCE_FILE)).to_json()
+    if output is not None:
+        output.mkdir(parents=True, exist_ok=True)
+        with whole_file(output / DIAGNOSIS) as partial:
+            partial.write_text(json_text.dumps(fields, indent=1), encoding="utf-8")
+        fields |= {"files": [str(output / DIAGNOSIS)]}
+    print_result(fields, as_json=json, title=f"{folder}: {fields['verdict']}")
 
 
 def _diagnose(record: Record, output: Path | None, *, table: Path | None, resume: bool, json: bool) -> None:

@@ -230,7 +230,8 @@ def static_plant(actuator: Actuator, table: MagneticTable, gap: Array) -> Kernel
 def prepared_map(record: Record, table: MagneticTable) -> tuple[StaticLikelihood, Unknowns]:
     """The likelihood of a record's static map under a table, and what it does not know without any effect."""
     measured, tolerance = measured_map(record, table), record.tolerance
-    error = table_error(table, measured.visited, tolerance=tolerance.table) if tolerance.table else None
+    of_fields = bool(table.nodes["force"].any())  # a table of loops at one gap is their own mean
+    error = table_error(table, measured.visited, tolerance=tolerance.table) if tolerance.table and of_fields else None
     plant = static_plant(record.actuator, table, measured.rows.gap)
     problem = FitProblem(plant, (), (), (), error)
     bands = NoiseBands(np.array([0.0, 1.0]), (), ())

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import firwin
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
@@ -133,7 +132,8 @@ def resample(values: Array, time: Array, grid: Array, *, source: str, file: Path
     drawn = np.einsum("kj,kj->k", weights, values[first[:, None] + np.arange(4)])
     covariance = _covariance(first, weights)
     if often > 1:
-        taps = firwin(2 * TAPS * often + 1, 0.9 / often, window="blackman")
+        taps = np.sinc(0.9 / often * np.arange(-TAPS * often, TAPS * often + 1)) * np.blackman(2 * TAPS * often + 1)
+        taps /= taps.sum()
         padded = np.pad(drawn, TAPS * often, mode="reflect", reflect_type="odd")
         drawn = np.convolve(padded, taps, mode="valid")[::often]
         own = np.correlate(taps, taps, "full")

@@ -1,0 +1,323 @@
+"""All real sets converted, diagnosed and judged: the table of docs/real_records.md.
+
+    python benchmarks/real_sets.py [--docs] [--again]        or: make real-records
+
+Each set's row is kept in real_sets.json beside the working directory as soon as it is there, so that an interrupted run
+goes on; --again begins anew. What is known of a set stands in its README or paper, and was not used by the diagnosis.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from marked_text import rewrite
+from scipy.linalg import expm
+
+from msl_fem.actuator import parse_actuator
+from msl_fem.cli.check import doubts_of_file
+from msl_fem.diagnosis import DiagnosisSettings, diagnose
+from msl_fem.diagnosis.impedances import diagnose_impedance
+from msl_fem.diagnosis.static_maps import why_no_map
+from msl_fem.errors import InputError
+from msl_fem.files.whole_file import whole_file
+from msl_fem.record import Noise, Record, Run, Sampling, StaticMap, Tolerance, load_record
+from msl_fem.record.columns import read_columns
+from msl_fem.record.impedance import ImpedanceMap
+from msl_fem.record.log_columns import column_sources
+from msl_fem.record.log_import import RunLabel, imported_run
+from msl_fem.record.loop_table import table_of_loops
+from msl_fem.record.reader import check_run
+from msl_fem.table.current_map import fit_current_map
+from msl_fem.table.magnetic_table import read_table
+
+ROOT = Path(__file__).parent.parent
+DATA = ROOT / "measurements"
+DOCUMENT = ROOT / "docs" / "real_records.md"
+KEPT = Path("real_sets.json")
+RING = {"count": 1, "magnets_per_side": 1}
+DAMPER = {0.0: (0.80e3, 50.2), 0.8712: (1.31e3, 209.7), 1.98: (2.58e3, 380.6), 3.212: (5.36e3, 566.0)}
+"""Coil voltage to k_x (N s/m) and k_w (N) of the authors' Dahl law."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A row: what is known and how, the verdict, and what it means beside what is known."""
+
+    name: str
+    known: str
+    verdict: str
+    meaning: str
+
+
+def words(found) -> str:
+    """The verdict and the named effects."""
+    return found.verdict + (f": {', '.join(cause.effect for cause in found.causes)}" if found.causes else "")
+
+
+def emps() -> list[Judged]:
+    found = diagnose(load_record(DATA / "emps"))
+    values = {c.effect: c.parameters["force"].value for c in found.causes}
+    friction, offset = values.get("coulomb_friction", np.nan), values.get("force_offset", np.nan)
+    means = f"friction {friction:.1f} N (published 20.4), offset {offset:.2f} N (3.16)"
+    known = "friction and offset, by the authors' inverse dynamics"
+    return [Judged("EMPS drive", known, words(found), means)]
+
+
+def levitation_rig() -> list[Judged]:
+    table = read_table(DATA / "levitation_rig" / "table.nc")
+    found = diagnose(load_record(DATA / "levitation_rig"), DiagnosisSettings(table=table))
+    known = "flux linkage does not predict the force that holds the ball, by the authors; why is open"
+    return [
+        Judged(
+            "levitated ball, Milan",
+            known,
+            words(found),
+            "no name is given for an open question; the record says what would decide",
+        )
+    ]
+
+
+def damper_record(voltage: float) -> Record:
+    """The runs at a coil voltage: the shaking table's motion and the damper's force; every second one held out."""
+    index = read_columns(DATA / "mr_damper" / "index.csv")
+    files = [str(f) for f, v in zip(index["file"], index["coil_voltage_V"], strict=True) if v == voltage]
+    motion = {"moving_mass": "10 kg", "damping": f"{DAMPER[voltage][0]} N s/m"}
+    rig = {"schema": 1, "name": "mr_damper", "motion": motion, "drive": {"kind": "force"}}
+    actuator = parse_actuator(rig)
+    sources = column_sources("time_s=t_s,position_m=x_m,force_N=force_N")
+    runs = []
+    for k, file in enumerate(files):
+        label = RunLabel(file.removesuffix(".csv"), "shaking table", "held-out" if k % 2 else "fit")
+        runs.append(imported_run(DATA / "mr_damper" / file, sources, actuator, label=label).run)
+    wide = Tolerance(moving_mass=0.9, damping=0.9)
+    noise = Noise(position=5e-6 / np.sqrt(12))
+    return Record("measured", actuator, sampling=Sampling(rate=100.0), noise=noise, tolerance=wide, runs=tuple(runs))
+
+
+def damper() -> list[Judged]:
+    """Each coil voltage by itself."""
+    rows = []
+    for voltage, (viscous, friction) in DAMPER.items():
+        found = diagnose(damper_record(voltage))
+        held = [e.extended.nrmse for e in found.accuracy if e.nominal.role == "held-out"]
+        sizes = "; ".join(f"{c.effect} {abs(c.parameters['force'].value):.0f} N" for c in found.causes)
+        fitted = found.parameters["damping"].value
+        nearest = next((note.split(";")[0] for note in found.notes if "nearest" in note), "")
+        means = (
+            f"{sizes or nearest}; viscous {fitted:.0f} N s/m; held-out force errs by {min(held):.0%} to {max(held):.0%}"
+        )
+        known = f"the authors' Dahl law: friction {friction:.0f} N, viscous {viscous:.0f} N s/m; offset 103 to 137 N"
+        rows.append(Judged(f"MR damper, {voltage:g} V", known, words(found), means))
+    return rows
+
+
+def slow_levitation() -> list[Judged]:
+    rows = []
+    actuator = parse_actuator(
+        {"schema": 1, "name": "ball", "motion": {"moving_mass": "20 g"}, "drive": {"kind": "force"}}
+    )
+    sources = column_sources("time_s=t_s,position_m=position_signal_V:unit=mm,force_N=control_signal_V")
+    for name in ("classic_pid", "proposed_pid"):
+        file = DATA / "maglev_slow" / f"{name}.csv"
+        try:
+            run = imported_run(file, sources, actuator, label=RunLabel(name)).run
+            verdict = refused_by_reader(run, actuator)
+        except InputError as err:
+            verdict = f"refused: {str(err).rpartition(str(file))[2].lstrip(': ')}"
+        doubts = doubts_of_file(file, ["t_s"], ordered=True)
+        known = (
+            "too slow, quantised" + (", control a copy of the position" if name == "classic_pid" else "") + ": README"
+        )
+        rows.append(Judged(f"slow levitation, {name}", known, verdict, "; ".join(doubts)))
+    return rows
+
+
+def refused_by_reader(run: Run, actuator) -> str:
+    """What the reader of records refuses a run for; that it does not, where it takes it."""
+    try:
+        check_run(run, actuator, Sampling(rate=50.0), file=run.file)
+    except InputError as err:
+        return f"refused: {err}"
+    return "taken"
+
+
+def solenoids() -> list[Judged]:
+    rows = []
+    labels = ["solenoid", "f_pwm_Hz", "temperature_degC", "position_m", "t_on_s"]
+    known = {
+        "two_point_2024": "a block copied (CBS0730140, 25 degC, 3.5 and 4 mm): README",
+        "two_point_2025": "2 and 3 ms exchanged in 52 blocks, positions reversed at 40 degC: README",
+        "swing": "inductance and position looked up and clipped: README",
+    }
+    for name, said in known.items():
+        doubts = doubts_of_file(DATA / "solenoid_stroke" / f"{name}.csv", [] if name == "swing" else labels)
+        rows.append(Judged(f"solenoids, {name}", said, f"{len(doubts)} doubts", "; ".join(doubts)))
+    return rows
+
+
+def loops() -> list[Judged]:
+    """B over H as flux linkage over the current of one turn on a ring of 1 m and 1 m^2; the second loop is held out."""
+    known = {
+        "loops_m130_27s": "hysteresis: coercivity 7.0, 10.1, 13.0 A/m over three amplitudes",
+        "loops_mnzn_a": "hysteresis: 0.8, 2.4, 4.3, 5.0 A/m",
+        "loops_mnzn_b": "hysteresis: 2.5, 6.8, 11.7 A/m",
+        "loops_mnzn_hp": "hysteresis: 0.35, 0.83, 2.9, 5.6 A/m",
+        "loop_amorphous": "hardly any: 1 A/m of 800",
+    }
+    rows = []
+    ring = {"schema": 1, "name": "ring", "magnet": {"kind": "table", "table": "none.nc"}, "sides": RING}
+    for name, said in known.items():
+        columns = read_columns(DATA / "bh_loops" / f"{name}.csv")
+        field, flux, loop = (columns[key] for key in ("H_A_per_m", "B_T", "loop"))
+        scale = float(np.abs(field).max())  # the current in units of the largest field
+        held = loop == 2 if loop.max() > 1 else np.arange(loop.size) % 2 == 1
+        role = np.where(held, "held-out", "fit")
+        static = StaticMap(np.full(loop.size, 1e-3), field / scale, None, flux, role, sequence=loop)
+        noise = Noise(flux_linkage=2e-3 * float(np.abs(flux).max()))
+        record = Record("measured", parse_actuator(ring), noise=noise, static=static)
+        found = diagnose(record, DiagnosisSettings(table=table_of_loops(static)))
+        main = found.main_cause
+        means = (
+            f"main cause {main.effect}: {main.explained_power:.0%} of the excess"
+            if main
+            else "no cause takes most of it"
+        )
+        rows.append(
+            Judged(name.replace("_", " "), said, words(found), f"{means}; {found.notes[-1] if found.notes else ''}")
+        )
+    return rows
+
+
+def impedance() -> list[Judged]:
+    """LCR meter at four frequencies and six strokes; then the current after switch-on, which no fit has seen."""
+    rows = read_columns(DATA / "solenoid_stroke" / "inductance_cbs0730.csv")
+    names = ["L_100Hz_H", "L_1kHz_H", "L_10kHz_H", "L_100kHz_H"]
+    stroke = np.repeat(rows["withdrawal_m"], 4)
+    read = np.array([rows[name] for name in names]).T.ravel()
+    found = diagnose_impedance(ImpedanceMap(stroke, np.tile([1e2, 1e3, 1e4, 1e5], 6), read))
+    best = found.laws[0]
+    out = switched_on(best, best.stroke.size - 1)
+    told = ", ".join(f"{1e3 * i:.0f}" for i in out)
+    means = (
+        f"eddy_currents, {found.reason}; leakage {1e3 * best.leakage:.2f} mH, time constant "
+        f"{1e3 * best.time_constant[0]:.2f} ms in to {1e3 * best.time_constant[-1]:.2f} ms out; current 50, 100, 500 us"
+        f" after switch-on, not fitted: {told} mA (measured 36, 43, 77)"
+    )
+    known = "eddy currents: L falls 15-fold from 0.1 to 100 kHz, its slope over stroke changes sign; no R-L fits"
+    return [Judged("solenoid, inductance over frequency", known, found.verdict, means)]
+
+
+def switched_on(law, k: int) -> list[float]:
+    """A 50, 100, 500 us after 12 V are switched on at 51.9 ohm and stroke k, by the circuit of a shorted winding."""
+    leak, main, tau, ohm = law.leakage, law.inductance[k], law.time_constant[k], 51.9
+    loop = main / tau
+    matrix = np.array(
+        [[-(ohm + loop) / leak, loop / leak, 12.0 / leak], [loop / main, -loop / main, 0.0], [0.0, 0.0, 0.0]]
+    )
+    return [float((expm(matrix * t) @ [0.0, 0.0, 1.0])[0]) for t in (5e-5, 1e-4, 5e-4)]
+
+
+def two_currents() -> list[Judged]:
+    rows = read_columns(DATA / "pmsyrm_flux_map" / "flux_map_400rpm.csv")
+    d, q = np.unique(rows["i_d_A"]), np.unique(rows["i_q_A"])
+    fluxes = [rows[name].reshape(d.size, q.size) for name in ("psi_d_Vs", "psi_q_Vs")]
+    fitted = fit_current_map(d, q, *fluxes)
+    left = [1e3 * float(np.sqrt(np.mean(v**2))) for v in (fitted.residual_1, fitted.residual_2)]
+    known = "reciprocity defect 5.0 to 5.1 % (2.6 % on the coarser cells): README"
+    verdict = f"one coenergy, defect {fitted.defect:.1%} ({fitted.defect_coarse:.1%} coarse)"
+    means = (
+        f"fit leaves {left[0]:.2f} and {left[1]:.2f} mWb of 0.9 and 1.3 Wb; {fitted.notes[0] if fitted.notes else ''}"
+    )
+    return [Judged("two-current map", known, verdict, means)]
+
+
+def at_one_current() -> list[Judged]:
+    """Maps over the gap at one current: nothing can be diagnosed from them, and that has to be said."""
+    rows = []
+    for name, file, known in (
+        (
+            "Roters' plunger",
+            "roters/measured_force.csv",
+            "our section's force errs by +18 to -9 %: docs/verification.md",
+        ),
+        (
+            "solenoid of the Modelica library",
+            "solenoid/fea_quasistatic_12V.csv",
+            "force within 5 %, flux 1.1 %: docs/verification.md",
+        ),
+    ):
+        values = np.loadtxt(ROOT / "tests" / "reference" / file, delimiter=",", comments="#")
+        rows.append(
+            Judged(
+                name,
+                known,
+                refusal_of_one_current(values),
+                "a comparison of two computations or with a curve, no record of causes",
+            )
+        )
+    return rows
+
+
+def refusal_of_one_current(values) -> str:
+
+    role = np.where(np.arange(len(values)) % 3 == 1, "held-out", "fit")
+    static = StaticMap(np.abs(values[:, 0]) + 1e-4, np.full(len(values), 1.2), values[:, 1], None, role)
+    return f"undecidable: {why_no_map(static)}"
+
+
+SETS: dict[str, Callable[[], list[Judged]]] = {
+    "emps": emps,
+    "levitation_rig": levitation_rig,
+    "mr_damper": damper,
+    "maglev_slow": slow_levitation,
+    "solenoid_stroke": solenoids,
+    "impedance": impedance,
+    "bh_loops": loops,
+    "pmsyrm_flux_map": two_currents,
+    "one_current": at_one_current,
+}
+
+
+def judged_sets(kept: Path, *, again: bool) -> dict[str, dict]:
+    """Rows and seconds of all sets; those that are kept are not made again."""
+    done = json.loads(kept.read_text()) if kept.exists() and not again else {}
+    for n, (name, judge) in enumerate(SETS.items()):
+        if name in done:
+            continue
+        sys.stderr.write(f"{n + 1} of {len(SETS)}: {name}\n")
+        begin = time.process_time()
+        rows = [asdict(row) for row in judge()]
+        done[name] = {"rows": rows, "seconds": time.process_time() - begin}
+        with whole_file(kept) as partial:
+            partial.write_text(json.dumps(done, indent=1))
+    return done
+
+
+def markdown(done: dict[str, dict]) -> str:
+    lines = ["| set | known, and how | verdict | what it means | CPU s |", "| --- | --- | --- | --- | ---: |"]
+    for entry in done.values():
+        each = entry["seconds"] / len(entry["rows"])
+        for row in entry["rows"]:
+            cells = [row[key].replace("|", "/") for key in ("name", "known", "verdict", "meaning")]
+            lines.append(f"| {' | '.join(cells)} | {each:.1f} |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--docs", action="store_true", help="write the table into docs/real_records.md")
+    parser.add_argument("--again", action="store_true", help="judge all sets anew")
+    given = parser.parse_args()
+    text = markdown(judged_sets(KEPT, again=given.again))
+    sys.stdout.write(text)
+    if given.docs:
+        rewrite(DOCUMENT, {"sets": text})
+
+
+if __name__ == "__main__":
+    main()
