@@ -25,7 +25,7 @@ from msl_fem.cli.options import (
     read_options,
 )
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say, write_json
-from msl_fem.cli.sweeping import checked_accuracy, default_workers
+from msl_fem.cli.sweeping import checked_accuracy, checked_end_effects, default_workers
 from msl_fem.computing.jobs import RowCache
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
@@ -70,8 +70,8 @@ def command(
     workers: Annotated[int, typer.Option(min=0, max=256, help="Processes; 0: one a core.")] = 0,
     resume: Annotated[bool, typer.Option(help="Take finished gaps of an interrupted run.")] = False,
     end_effects: Annotated[
-        bool, typer.Option("--end-effects", help="Correct for the flux that bulges out at the stack's ends.")
-    ] = False,
+        str, typer.Option(metavar="none|section", help="Correct for the flux that bulges out at the stack's ends.")
+    ] = "none",
     decoupling: Annotated[
         bool, typer.Option("--decoupling", help="Add how far the two sides are independent over the map.")
     ] = False,
@@ -96,7 +96,8 @@ def command(
     if output is not None:
         check_target(output, apart_from=[source])
     request = thermal_request(ThermalTexts(temperature_rise, ambient, duty, period, thermal_resistance, frequency))
-    options = FieldOptions(gaps, current_max, workers, resume, end_effects, decoupling)
+    corrected = checked_end_effects(end_effects, ("none", "section")) == "section"
+    options = FieldOptions(gaps, current_max, workers, resume, corrected, decoupling)
     actuator = load_actuator(source) if source.suffix == ".toml" else None
     if actuator is None and is_pair_table(source):
         _map_of_both(source, wanted, output, options, criterion=criterion, polarity=polarity, json=json)

@@ -21,6 +21,13 @@ def checked_accuracy(text: str) -> Accuracy:
     return cast(Accuracy, text)
 
 
+def checked_end_effects(text: str, known: tuple[str, ...]) -> str:
+    """The end effects of that name; InputError where a command does not know them."""
+    if text not in known:
+        raise InputError(f"--end-effects {text} is not known here; choose one of {', '.join(known)}")
+    return text
+
+
 def default_workers() -> int:
     """One process a core that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -9,12 +9,13 @@ import typer
 from msl_fem.actuator import Actuator, MagnetKind, load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json, read_options
 from msl_fem.cli.output import print_result, progress_bar, say
-from msl_fem.cli.sweeping import checked_accuracy, default_workers
+from msl_fem.cli.sweeping import checked_accuracy, checked_end_effects, default_workers
 from msl_fem.computing.jobs import RowCache
 from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
 from msl_fem.magnetics.field.magnet_field import check_grid
 from msl_fem.magnetics.sweep.pair_sweep import default_pair_grid, pair_sweep
+from msl_fem.magnetics.sweep.solid_lift import lifted_sweep
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, default_grid, sweep
 from msl_fem.record import load_record
 from msl_fem.record.loop_table import is_at_one_gap, table_of_loops
@@ -38,8 +39,13 @@ def command(
     ] = None,
     resume: Annotated[bool, typer.Option(help="Take finished rows of an interrupted run.")] = False,
     end_effects: Annotated[
-        bool, typer.Option("--end-effects", help="Correct for the flux that bulges out at the stack's ends.")
-    ] = False,
+        str,
+        typer.Option(
+            metavar="none|section|3d",
+            help="Flux that bulges out at the stack's ends: by a correction of the section, or by a few solutions in "
+            "three dimensions (needs pyamg) that lift the table.",
+        ),
+    ] = "none",
     sides: Annotated[str, typer.Option(help="one, or both with the armature they share.")] = "one",
     positions: Annotated[
         str | None, typer.Option(help='Of the armature, like "0,0.1,0.2 mm", for both directions; of both sides.')
@@ -60,8 +66,9 @@ def command(
     """
     it = load_actuator(actuator)
     check_target(output, apart_from=[actuator])
+    checked_end_effects(end_effects, ("none", "section", "3d"))
     if measured is not None:
-        if scheduler is not None or workers or resume or end_effects or full:
+        if scheduler is not None or workers or resume or end_effects != "none" or full:
             raise InputError(
                 "--measured solves no fields: leave out --workers, --scheduler, --resume, --end-effects and --full"
             )
@@ -76,26 +83,33 @@ def command(
         scheduler=scheduler,
         cache=cache.folder,
         resume=resume,
-        end_effects=end_effects,
+        end_effects=end_effects != "none",
         full=full,
     )
     if sides not in SIDES:
         raise InputError(f"--sides {sides} is not known; choose one or both")
+    lift: dict[str, object] = {}
     if sides == "both":
         report = _sweep_both(it, output, settings, positions=positions, gaps=gaps, currents=currents)
     else:
         if positions is not None:
             raise InputError("--positions belong to --sides both; one magnet takes --gaps")
-        report = _sweep_one(it, output, settings, gaps=gaps, currents=currents)
+        grid = _grid_of_one(it, gaps=gaps, currents=currents)
+        if end_effects == "3d":
+            report, lift = _sweep_lifted(it, output, settings, grid)
+        else:
+            report = _sweep_one(it, output, settings, grid)
     cache.clear()
     for note in report.notes:
         say(f"note: {note}")
-    print_result({"table": str(output), **asdict(report)}, as_json=json, title=f"{it.name}: table {output}")
+    print_result({"table": str(output), **asdict(report), **lift}, as_json=json, title=f"{it.name}: table {output}")
 
 
-def _sweep_one(
-    it: Actuator, output: Path, settings: SweepSettings, *, gaps: str | None, currents: str | None
-) -> SweepReport:
+Grid = tuple[list[float], list[float]]
+
+
+def _grid_of_one(it: Actuator, *, gaps: str | None, currents: str | None) -> Grid:
+    """Gaps in m and currents in A, as given or from the actuator's ranges."""
     if (currents is None) != (gaps is None):
         raise InputError("give both --currents and --gaps, or neither for the default grid")
     if gaps is not None and currents is not None:
@@ -105,10 +119,24 @@ def _sweep_one(
         grid = default[0].tolist(), default[1].tolist()
     if isinstance(it.magnet, MagnetKind):
         check_grid(it, *grid)
+    return grid
+
+
+def _sweep_one(it: Actuator, output: Path, settings: SweepSettings, grid: Grid) -> SweepReport:
     with progress_bar("field solutions, rows") as progress:
         made, report = sweep(it, *grid, settings=settings, progress=progress)
     write_table(made, output)
     return report
+
+
+def _sweep_lifted(
+    it: Actuator, output: Path, settings: SweepSettings, grid: Grid
+) -> tuple[SweepReport, dict[str, object]]:
+    """As `_sweep_one`, lifted by solutions in three dimensions; beside the report what the lift took."""
+    with progress_bar("field solutions, rows; then in three dimensions") as progress:
+        made, report, lift = lifted_sweep(it, *grid, settings=settings, progress=progress)
+    write_table(made, output)
+    return report, {"lift": asdict(lift)}
 
 
 def _sweep_both(

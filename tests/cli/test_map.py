@@ -64,7 +64,7 @@ def test_a_table_s_map_stays_the_table_s(msl_fem: Run) -> None:
         ((TABLE, "--criterion", "max"), "criterion 'max' is not available from a table"),
         ((TABLE, "--criterion", "percentile=95"), "give the actuator file"),
         ((TABLE, "--decoupling"), "--decoupling needs field solutions"),
-        ((TABLE, "--end-effects"), "--end-effects needs field solutions"),
+        ((TABLE, "--end-effects", "section"), "--end-effects needs field solutions"),
         ((TABLE, "--current-max", "5 A"), "--current-max needs field solutions"),
         ((E1, "--criterion", "median"), "criterion 'median' is unknown; choose mean, percentile=95"),
         ((E1, "--criterion", "max=0.5"), "criterion 'max=0.5': '0.5' has no unit"),

@@ -21,6 +21,7 @@ drives a magnetomotive force of 1 A across all of the gap to its right. The air 
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -35,6 +36,7 @@ from msl_fem.materials.material import linear_iron
 
 PERMEABILITY = 1e7
 SIZE = MeshSize(corner=0.02, gap=0.5, iron=1.0, growth=0.4)
+OUTER_AIR = "air"
 METHOD = "gap by the closed form of two flush edges, window by a plane section across the legs; iron at stack depth"
 
 
@@ -165,13 +167,31 @@ def gap_edges(ends: StackEnds) -> FlushEdges:
     return FlushEdges(ends.depth, ends.reach)
 
 
+@lru_cache(maxsize=16)
 def window_factor(ends: StackEnds) -> float:
     """(depth + 2 delta)/depth of the window; raises ComputationError where the mesher fails."""
     legs = EndSection(ends.window_width, *ends.legs, mirror=ends.mirror)
     return 1 + 2 * ends.window_width * legs.excess() / ends.depth
 
 
-def deeper_air(ends: StackEnds, mesh_gap: float) -> AirDepth:
+@dataclass(frozen=True)
+class EndFactors:
+    """What solutions in three dimensions make of the correction: see `magnetics.sweep.solid_lift`.
+
+    Attributes
+    ----------
+    gap, window : the additional depth over that of the closed form and of the section across the legs
+    outer : the additional depth of all other air, over the stack's
+    leakage : H, of the end turns: flux that passes neither gap nor window, and adds to the flux linkage alone
+    """
+
+    gap: float = 1.0
+    window: float = 1.0
+    outer: float = 0.0
+    leakage: float = 0.0
+
+
+def deeper_air(ends: StackEnds, mesh_gap: float, factors: EndFactors = EndFactors()) -> AirDepth:
     """The depth of the air of a magnet's section over that of its stack, for a mesh made at a gap.
 
     In the strip it is the factor of the gap. In the window, at the height y above the pole faces, it is that of the
@@ -182,11 +202,19 @@ def deeper_air(ends: StackEnds, mesh_gap: float) -> AirDepth:
     ------
     ComputationError : the mesher failed
     """
-    beyond = window_factor(ends) - 1
-    width = ends.window_width
+    beyond = factors.window * (window_factor(ends) - 1)
+    width, edges = ends.window_width, gap_edges(ends)
+
+    def strip(gap: float) -> tuple[float, float, float]:
+        value, first, second = edges.factor(gap)
+        return 1 + factors.gap * (value - 1), factors.gap * first, factors.gap * second
 
     def window(points: Array) -> Array:
         height = np.maximum(points[1] - mesh_gap, 0.0)
         return 1 + beyond * np.minimum(math.pi / 2 * height / width, 1.0)
 
-    return AirDepth(gap_edges(ends).factor, dict.fromkeys(ends.regions, window))
+    def outer(points: Array) -> Array:
+        return np.full(points.shape[1:], 1 + factors.outer)
+
+    regions = dict.fromkeys(ends.regions, window)
+    return AirDepth(strip, {**regions, OUTER_AIR: outer} if factors.outer else regions)

@@ -22,7 +22,7 @@ from msl_fem.magnetics.field.accuracy import (
     level_of,
     solve_with_estimate,
 )
-from msl_fem.magnetics.field.end_effects import deeper_air
+from msl_fem.magnetics.field.end_effects import EndFactors, deeper_air
 from msl_fem.magnetics.kinds.kind import StackEnds
 from msl_fem.magnetics.section import MovingRegions, Section
 from msl_fem.magnetics.solver.magnetostatics import (
@@ -52,8 +52,9 @@ CLOSEST = 1e-6  # of the largest: the least distance of two of them
 class MagnetField:
     """A magnet's section meshed for gaps near `mesh.gap`, ready to be solved at any current and gap.
 
-    With `end_effects` the air of strip and window is deeper than the stack. `remesh` gives the mesh at another gap,
-    where a mesh cannot follow far. Raises ActuatorError, MaterialError or ComputationError (mesher).
+    With `end_effects` the air of strip and window is deeper than the stack, by given factors or as derived. `remesh`
+    gives the mesh at another gap, where a mesh cannot follow far. Raises ActuatorError, MaterialError or
+    ComputationError (mesher).
     """
 
     def __init__(
@@ -63,7 +64,7 @@ class MagnetField:
         *,
         folder: Path,
         order: int,
-        end_effects: bool = False,
+        end_effects: bool | EndFactors = False,
         remesh: Remesh | None = None,
     ) -> None:
         self.magnet = magnet
@@ -80,7 +81,7 @@ class MagnetField:
             turns_density=self.section.turns_density,
             order=order,
             symmetry=self.section.symmetry,
-            air_depth=deeper_air(_ends_of(magnet), mesh.gap) if end_effects else None,
+            air_depth=deeper_air(_ends_of(magnet), mesh.gap, _factors(end_effects)) if end_effects else None,
         )
         self.probes = _probes(self.model, self.section)
 
@@ -131,6 +132,10 @@ class MagnetField:
 
 def _probes(model: FieldModel, section: Section) -> Probes | MovingProbes:
     return Probes(model, section) if model.mesh.motion is None else MovingProbes(model, section)
+
+
+def _factors(end_effects: bool | EndFactors) -> EndFactors:
+    return end_effects if isinstance(end_effects, EndFactors) else EndFactors()
 
 
 def _ends_of(magnet: MagnetKind) -> StackEnds:

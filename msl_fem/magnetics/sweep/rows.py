@@ -15,6 +15,7 @@ from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.jobs import Arrays, content_key
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field.end_effects import METHOD as END_EFFECTS_METHOD
+from msl_fem.magnetics.field.end_effects import EndFactors
 from msl_fem.magnetics.field.magnet_field import Accuracy, MagnetField, magnet_mesh
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.magnetics.triangles import TriangleMesh
@@ -34,7 +35,7 @@ class FieldJob:
     mesh: TriangleMesh
     folder: Path
     order: int
-    end_effects: bool = False
+    end_effects: bool | EndFactors = False
     accuracy: Accuracy = "normal"
 
     def mesh_at(self, gap: float) -> TriangleMesh:
@@ -146,10 +147,15 @@ def field_key(field: MagnetField, **more: object) -> str:
         "magnet": field.magnet.model_dump(),
         "irons": {name: iron.magnetise(probe)[0].tolist() for name, iron in field.irons.items()},
         "mesh": [mesh.gap, mesh.points.shape, mesh.points.sum(), field.order],
-        "end_effects": END_EFFECTS_METHOD if field.end_effects else "",
+        "end_effects": f"{END_EFFECTS_METHOD} {_stated_factors(field)}".strip() if field.end_effects else "",
         "solver": SOLVER_VERSION,
     }
     return content_key(content | more)
+
+
+def _stated_factors(field: MagnetField) -> str:
+    """The factors of end effects that are not those derived."""
+    return str(field.end_effects) if isinstance(field.end_effects, EndFactors) else ""
 
 
 def field_provenance(field: MagnetField, accuracy: Accuracy) -> dict[str, object]:

@@ -12,6 +12,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, run_jobs
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
+from msl_fem.magnetics.field.end_effects import EndFactors
 from msl_fem.magnetics.field.magnet_field import (
     MagnetField,
     check_grid,
@@ -39,7 +40,8 @@ class SweepSettings:
     cache : folder of finished rows; None keeps none
     resume : take finished rows from the cache
     scheduler : address of a dask.distributed scheduler whose workers solve, in place of processes here
-    end_effects : correct for the flux that bulges out of gap and window at the stack's ends
+    end_effects : correct for the flux that bulges out of gap and window at the stack's ends, as derived or by factors
+        (whose leakage `solid_lift` adds)
     full : solve every point in full, instead of by a reduced field where its certificate holds
     """
 
@@ -48,7 +50,7 @@ class SweepSettings:
     cache: Path | None = None
     resume: bool = False
     scheduler: str | None = None
-    end_effects: bool = False
+    end_effects: bool | EndFactors = False
     full: bool = False
 
 
