@@ -11,15 +11,17 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 def main() -> None:
     """Run the command line and leave with its exit status."""
     from msl_fem.cli.app import app
-    from msl_fem.cli.output import bear_any_output, drop_unwritten, run_guarded
+    from msl_fem.cli.output import INTERRUPTED, bear_any_output, drop_unwritten, leave_interrupted, run_guarded
 
     bear_any_output()
     try:
         status = run_guarded(app)
     except KeyboardInterrupt:  # while the guard itself was ending
-        status = 130
+        status = INTERRUPTED
     if status == 1:
         drop_unwritten()
+    if status == INTERRUPTED:
+        leave_interrupted()
     sys.exit(status)
 
 

@@ -1,5 +1,6 @@
 """What commands print: one JSON object or a table on stdout, progress and errors on stderr, and the exit status."""
 
+import atexit
 import contextlib
 import errno
 import io
@@ -11,7 +12,8 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from types import FrameType
+from typing import Any, NoReturn
 
 from rich.console import Console
 from rich.table import Table
@@ -119,6 +121,19 @@ def drop_unwritten() -> None:
         sys.stdout.flush()
 
 
+def leave_interrupted() -> NoReturn:
+    """The end of the process, with its status.
+
+    Python itself would die by SIGINT where Ctrl-C fell into an `exec`, as of a library that is loaded, though it was
+    answered; and threads of libraries may wait for what was interrupted.
+    """
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(Exception):
+            stream.flush()
+    os._exit(INTERRUPTED)
+
+
 def _rows(result: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
     for name, value in result.items():
         if isinstance(value, Mapping):
@@ -207,10 +222,12 @@ def say(text: str) -> None:
 def run_guarded(app: Callable[[], None]) -> int:
     """The exit status of a command: 0 done, 1 the computation failed, 2 the input is wrong, 130 interrupted.
 
-    SIGTERM, by which systems and batch queues end jobs, interrupts as Ctrl-C does.
+    SIGTERM, by which systems and batch queues end jobs, interrupts as Ctrl-C does. So does whatever a library makes of
+    Ctrl-C that falls into it.
     """
+    interrupts: list[int] = []
     try:
-        with _terminated_as_interrupted(), _warnings_in_a_line():
+        with _interrupted_into(interrupts), _warnings_in_a_line():
             app()
     except InputError as err:
         say(f"error: {_one_line(err)}")
@@ -235,6 +252,11 @@ def run_guarded(app: Callable[[], None]) -> int:
         if leaving.code == INTERRUPTED:  # what typer makes of Ctrl-C
             say(INTERRUPTED_LINE)
         return leaving.code if isinstance(leaving.code, int) else (INPUT_WRONG if leaving.code else 0)
+    except Exception:
+        if not interrupts:
+            raise
+        say(INTERRUPTED_LINE)
+        return INTERRUPTED
     return 0
 
 
@@ -252,15 +274,25 @@ def _warnings_in_a_line() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
+def _interrupted_into(interrupts: list[int]) -> Iterator[None]:
+    """SIGTERM and Ctrl-C raise KeyboardInterrupt and are noted; where Ctrl-C is ignored, it stays so."""
     if threading.current_thread() is not threading.main_thread():  # only that one may set handlers
         yield
         return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        interrupts.append(number)
+        raise KeyboardInterrupt
+
+    heard = [signal.SIGTERM]
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        heard.append(signal.SIGINT)
+    before = {number: signal.signal(number, interrupt) for number in heard}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
 
 
 def _system_refused(err: OSError) -> int:
