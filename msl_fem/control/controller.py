@@ -7,8 +7,10 @@ With the feedforward the loop has two degrees of freedom: xi_model is the believ
 K_model (xi_ref - xi_model), where u_ff = m r'' + c r' + k r is the force that the reference needs one `lead` ahead
 (see `preview`). Regulator and integral act on deviations from this promised response and not on the reference's own
 jumps (model following: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sec. 4.5). B is a second-order
-section on what is fed back. Positive u pulls towards +x and is side 1's, negative side 2's. All designs are this step
-with other numbers; PID is the law without feedforward whose filter is a difference quotient.
+section on what is fed back. K, K_i and the filter's gains may follow the stiffness of the magnets that hold the mover
+(see `gain_schedule`); the integral sums K_i times the error, so that a K_i that moves does not move the force. Positive
+u pulls towards +x and is side 1's, negative side 2's. All designs are this step with other numbers; PID is the law
+without feedforward whose filter is a difference quotient.
 """
 
 from typing import NamedTuple
@@ -20,17 +22,18 @@ from msl_fem.computing.compiled import compiled
 from msl_fem.control.inverse import Inverse
 from msl_fem.control.output_stage import OutputStage, commanded_currents
 
-# The state: the filter's prediction for the coming sample (m, m/s, N) and its last estimate, the integral (m, summed
-# over samples), the last innovation (m) and force (N); then counts of commands by the verdict of the output stage:
+# The state: the filter's prediction for the coming sample (m, m/s, N) and its last estimate, the integral (N), the last
+# innovation (m) and force (N); then counts of commands by the verdict of the output stage:
 # what the guard says of what was wanted, and commands that were cut for the drive or the table; whether a first sample
-# was taken; the memory of the second-order section.
+# was taken; the memory of the second-order section; the magnets' stiffness that the gains follow (N/m).
 X_PREDICTED, V_PREDICTED, D_PREDICTED, V_HAT, D_HAT, INTEGRAL, INNOVATION, FORCE = range(8)
-N_PREFERRED, N_DISCOURAGED, N_FORCE_LIMITED, N_VIOLATION, STARTED, SHAPE_1, SHAPE_2 = range(8, 15)
-N_FIXED = 15
+N_PREFERRED, N_DISCOURAGED, N_FORCE_LIMITED, N_VIOLATION, STARTED, SHAPE_1, SHAPE_2, STIFFNESS = range(8, 16)
+N_FIXED = 16
 # After these: the known states of the believed plant (n - 2), the followed model (n), the feedforward's queue (delay).
 
 NO_SHAPE = (1.0, 0.0, 0.0, 0.0, 0.0)
 """The second-order section that changes nothing: b0, b1, b2, a1, a2 of (b0 + b1/z + b2/z^2)/(1 + a1/z + a2/z^2)."""
+_LEAST_GAP = 0.05  # of the nominal one: nearer, a pull's stiffness is taken from there
 
 
 class ControllerParameters(NamedTuple):
@@ -56,6 +59,10 @@ class ControllerParameters(NamedTuple):
     lead: float  # s, of the feedforward
     gap_row: Array  # (n + 2,) the position that the inverse uses, as `gap_to_come.position_after`
     feedforward: bool
+    schedule_at: Array  # (n_node,) N/m
+    schedule: Array  # (n_node, n + 3) factors of gain, integral_gain and filter_gain
+    schedule_share: float  # of a sample's stiffness in that which the gains follow
+    nominal_gap: float  # m
 
 
 def controller_state(parameters: ControllerParameters) -> Array:
@@ -95,8 +102,10 @@ def controller_step(
         model[2:] = p.constant_force
         queue[:] = p.constant_force
     y = measured if seen else state[X_PREDICTED]
-    _estimate(p, state, y)
-    force, error = _law(p, state, reference, y, model, known, queue)
+    gains = np.empty(n + 3)
+    _scheduled(p, state[STIFFNESS], gains)
+    _estimate(state, y, gains[n + 1], gains[n + 2])
+    force, error = _law(p, state, reference, y, gains, model, known, queue)
     coming = _position_to_come(p, state, y, force, known)
     apart = p.cubic * coming * coming * coming - p.constant_force  # forces that the linear plant has not
     positions = (y, coming)
@@ -106,8 +115,10 @@ def controller_step(
     state[FORCE] = given
     # Anti-windup: the integral stands while the force is cut and the error would push it further.
     cut = force - given
-    if abs(cut) <= 1e-9 * (1.0 + abs(force)) or cut * p.integral_gain * error > 0:
-        state[INTEGRAL] += error
+    if abs(cut) <= 1e-9 * (1.0 + abs(force)) or cut * gains[n] * error > 0:
+        state[INTEGRAL] += gains[n] * error
+    if seen:
+        state[STIFFNESS] += p.schedule_share * (pull_stiffness(of_magnets, coming, p.nominal_gap) - state[STIFFNESS])
     _predict(p, state, y, given, known)
 
 
@@ -129,22 +140,53 @@ def causal_step(
 
 
 @compiled
-def _estimate(p: ControllerParameters, state: Array, measured: float) -> None:
+def pull_stiffness(force: float, position: float, nominal_gap: float) -> float:
+    """N/m that a held force of the magnets takes from the suspension: 2 |F|/g of F = C i^2/g^2, without saturation."""
+    gap = nominal_gap - position if force > 0 else nominal_gap + position
+    least = _LEAST_GAP * nominal_gap
+    return 2.0 * abs(force) / (gap if gap > least else least)
+
+
+@compiled
+def _scheduled(p: ControllerParameters, stiffness: float, gains: Array) -> None:
+    """Gain, integral gain and filter gain (n + 3,): factors straight between nodes, held beyond them."""
+    n = p.gain.size
+    nodes = p.schedule_at
+    j = 0
+    while j < nodes.size - 2 and stiffness > nodes[j + 1]:
+        j += 1
+    share = (stiffness - nodes[j]) / (nodes[j + 1] - nodes[j])
+    if share < 0.0:
+        share = 0.0
+    if share > 1.0:
+        share = 1.0
+    for k in range(n + 3):
+        gains[k] = p.schedule[j, k] + share * (p.schedule[j + 1, k] - p.schedule[j, k])
+    for k in range(n):
+        gains[k] *= p.gain[k]
+    gains[n] *= p.integral_gain
+    gains[n + 1] *= p.filter_gain[0]
+    gains[n + 2] *= p.filter_gain[1]
+
+
+@compiled
+def _estimate(state: Array, measured: float, of_velocity: float, of_disturbance: float) -> None:
     innovation = measured - state[X_PREDICTED]
     state[INNOVATION] = innovation
-    state[V_HAT] = state[V_PREDICTED] + p.filter_gain[0] * innovation
-    state[D_HAT] = state[D_PREDICTED] + p.filter_gain[1] * innovation
+    state[V_HAT] = state[V_PREDICTED] + of_velocity * innovation
+    state[D_HAT] = state[D_PREDICTED] + of_disturbance * innovation
 
 
 @compiled
 def _law(
-    p: ControllerParameters, state: Array, reference: Array, measured: float, model: Array, known: Array, queue: Array
-) -> tuple[float, float]:
+    p: ControllerParameters, state: Array, reference: Array, measured: float, gains: Array, model: Array, known: Array,
+    queue: Array,
+) -> tuple[float, float]:  # fmt: skip
     """(force wanted, error that the integral takes); moves the model and the feedforward's queue on."""
     n = p.model_a.shape[0]
-    force = -p.integral_gain * state[INTEGRAL] - p.gain[0] * measured - p.gain[1] * state[V_HAT]
+    force = -state[INTEGRAL] - gains[0] * measured - gains[1] * state[V_HAT]
     for j in range(2, n):
-        force -= p.gain[j] * known[j - 2]
+        force -= gains[j] * known[j - 2]
     if not p.feedforward:
         force = _shaped(p.shape, state, force)
         for j in range(3):
@@ -154,7 +196,7 @@ def _law(
     error = measured - model[0]
     following = np.empty(n)
     for row in range(n):
-        force += p.gain[row] * model[row]
+        force += gains[row] * model[row]
         following[row] = p.model_b[row] * promised
         for j in range(n):
             following[row] += p.model_a[row, j] * model[j]

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from msl_fem.actuator import Actuator
-from msl_fem.control.controller import ControllerParameters
+from msl_fem.control.controller import ControllerParameters, pull_stiffness
 from msl_fem.control.design_model import AtPosition, DesignModel, LinearPlant, reach_of
+from msl_fem.control.gain_schedule import BANDWIDTH, GainSchedule, fixed_gains
 from msl_fem.control.gap_to_come import position_after
 from msl_fem.control.linear_loop import LinearLaw, feedback_bandwidth, flat_band, grid, sensitivity_bound
 from msl_fem.control.linear_loop import bandwidth as _bandwidth
@@ -77,6 +78,7 @@ class ControllerDesign:
     reach : m, lowest and highest position that the magnets can hold within guard, drive, table and travel
     suspension : N/m, believed
     domain : the JSON object of where the input transformation has an inverse
+    schedule : how the law's gains follow the magnets' stiffness
     """
 
     kind: str
@@ -93,6 +95,13 @@ class ControllerDesign:
     reach: tuple[float, float]
     suspension: float
     domain: Mapping[str, Any]
+    schedule: GainSchedule
+
+    def law_at(self, position: float, push: float = 0.0) -> LinearLaw:
+        """The law as its gains are where the mover is held at a position in m against a push in N along +x."""
+        p = self.parameters
+        held = (self.suspension + p.cubic * position**2) * position - p.constant_force - push
+        return self.schedule.law_at(self.law, pull_stiffness(held, position, p.nominal_gap))
 
     @property
     def stable_reach(self) -> tuple[float, float]:
@@ -154,6 +163,7 @@ class ControllerDesign:
                 "integral_gain": self.law.gains.integral,
                 "model_gain": self.law.model_gains.state.tolist(),
                 "filter_gain": self.law.estimator.gain.tolist(),
+                "schedule": self.schedule.to_json() if self.schedule.moves else None,
                 "gap_lead_s": self.law.gap_lead,
                 "shape": list(self.law.shape),
                 "reference_gain": self.law.reference_gain.tolist(),
@@ -260,6 +270,7 @@ class LinearDesign:
     place_at: PlaceAt
     stage: OutputStage = HARD_HAND_OVER
     reach: tuple[float, float] | None = None
+    schedule: GainSchedule | None = None
 
 
 def completed(model: DesignModel, linear: LinearDesign) -> ControllerDesign:
@@ -268,33 +279,37 @@ def completed(model: DesignModel, linear: LinearDesign) -> ControllerDesign:
     f = grid(law.plant.period)
     response = law.reference_response(f)
     positions = np.linspace(*reach, _N_FROZEN)
+    schedule = linear.schedule or fixed_gains(law)
+
+    def frozen(x: float) -> FrozenPosition:
+        stiffness = pull_stiffness(model.holding_force(x), x, model.coupled.nominal_gap)
+        return _frozen(schedule.law_at(law, stiffness), x, linear.place_at(x))
+
     return ControllerDesign(
         kind=linear.kind.name,
         summary=linear.kind.summary,
         actuator=model.actuator,
         law=law,
         weights=linear.weights,
-        parameters=_parameters(model, law, linear.stage),
+        parameters=_parameters(model, law, linear.stage, schedule),
         feedback_bandwidth=feedback_bandwidth(law),
         bandwidth=_bandwidth(response, f),
         flat_band=flat_band(response, f),
         peak_sensitivity=law.peak_sensitivity(linear.place_at(0.0)),
-        frozen=tuple(_frozen(law, float(x), linear.place_at(float(x))) for x in positions),
+        frozen=tuple(frozen(float(x)) for x in positions),
         reach=reach,
         suspension=model.plant.stiffness,
         domain=model.domain(),
+        schedule=schedule,
     )
 
 
 def with_measured_gap(design: ControllerDesign) -> ControllerDesign:
     """The same controller, its currents inverted at the measured gap, as in the source paper."""
     law = replace(design.law, gap_lead=0.0)
-    return replace(
-        design,
-        law=law,
-        parameters=design.parameters._replace(gap_row=position_after(law.plant, 0.0)),
-        frozen=tuple(_frozen(law, p.position, p.at) for p in design.frozen),
-    )
+    parameters = design.parameters._replace(gap_row=position_after(law.plant, 0.0))
+    changed = replace(design, law=law, parameters=parameters)
+    return replace(changed, frozen=tuple(_frozen(changed.law_at(p.position), p.position, p.at) for p in design.frozen))
 
 
 def without_preview(design: ControllerDesign) -> ControllerDesign:
@@ -314,7 +329,7 @@ def _frozen(law: LinearLaw, position: float, at: AtPosition) -> FrozenPosition:
     )
 
 
-def _parameters(model: DesignModel, law: LinearLaw, stage: OutputStage) -> ControllerParameters:
+def _parameters(model: DesignModel, law: LinearLaw, stage: OutputStage, schedule: GainSchedule) -> ControllerParameters:
     plant = law.plant
     sampled = plant.sampled()
     return ControllerParameters(
@@ -338,4 +353,8 @@ def _parameters(model: DesignModel, law: LinearLaw, stage: OutputStage) -> Contr
         lead=plant.lead,
         gap_row=position_after(plant, law.gap_lead),
         feedforward=law.feedforward,
+        schedule_at=np.ascontiguousarray(schedule.stiffness),
+        schedule=np.ascontiguousarray(schedule.factors),
+        schedule_share=1.0 - math.exp(-2 * math.pi * BANDWIDTH * plant.period),
+        nominal_gap=model.coupled.nominal_gap,
     )

@@ -8,9 +8,10 @@ from msl_fem.control.design import ControllerChoice, ControllerDesign, DesignKin
 from msl_fem.control.design_model import DesignModel
 from msl_fem.control.lqr_design import LQR
 from msl_fem.control.robust_design import ROBUST
+from msl_fem.control.scheduled_design import SCHEDULED
 from msl_fem.errors import InputError
 
-DESIGNS: dict[str, DesignKind] = {kind.name: kind for kind in (LQR, ROBUST, BIASED, PID)}
+DESIGNS: dict[str, DesignKind] = {kind.name: kind for kind in (LQR, ROBUST, SCHEDULED, BIASED, PID)}
 
 
 def designed(model: DesignModel, choice: ControllerChoice) -> ControllerDesign:

@@ -237,7 +237,7 @@ def examine_design(
     f = grid(design.law.plant.period)
     dense = grid(design.law.plant.period, 2000)
     shown = _shown(design)
-    loops = {p.position: design.law.loop_transfer(f, p.at) for p in shown}
+    loops = {p.position: design.law_at(p.position).loop_transfer(f, p.at) for p in shown}
     consistent = isinstance(sine, ClosedLoopRun) and np.isfinite(design.law.estimator.innovation_variance)
     tell(4, 4)
     return Examination(
@@ -255,7 +255,9 @@ def examine_design(
         frequency=f,
         sensitivity={x: np.asarray(1 / np.abs(1 + loop)) for x, loop in loops.items()},
         complementary={x: np.asarray(np.abs(loop) / np.abs(1 + loop)) for x, loop in loops.items()},
-        frozen_margins=tuple(margins(design.law.loop_transfer(dense, p.at), dense) for p in design.frozen),
+        frozen_margins=tuple(
+            margins(design.law_at(p.position).loop_transfer(dense, p.at), dense) for p in design.frozen
+        ),
         consistency=innovation_consistency(design, sine) if consistent and isinstance(sine, ClosedLoopRun) else None,
     )
 

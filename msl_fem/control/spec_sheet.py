@@ -160,7 +160,7 @@ def _margins_at(design: ControllerDesign, position: FrozenPosition, frequency: A
     """The margins; none where the loop is unstable."""
     if not np.isfinite(position.peak_sensitivity):
         return Margins(1.0, 1.0, 0.0, 0.0)
-    return margins(design.law.loop_transfer(frequency, position.at), frequency)
+    return margins(design.law_at(position.position).loop_transfer(frequency, position.at), frequency)
 
 
 def _dynamic_stiffness(design: ControllerDesign, frequency: Array) -> Array:
@@ -195,7 +195,8 @@ def _borne(design: ControllerDesign, position: float, toward: float) -> float:
         push = 0.5 * (low + high)
         held = held_stiffness(p.inverse, holding - toward * push, position, overlap=p.stage.overlap)
         at = AtPosition(held - 3 * p.cubic * position**2)
-        if design.law.peak_sensitivity(at, frequency=grid(design.law.plant.period, 120)) <= ZONE_ENDS[-1]:
+        law = design.law_at(position, toward * push)
+        if law.peak_sensitivity(at, frequency=grid(design.law.plant.period, 120)) <= ZONE_ENDS[-1]:
             low = push
         else:
             high = push

@@ -99,6 +99,7 @@ def designs() -> dict[str, ControllerDesign]:
     weaker = Surface(*(np.array(a) for a in inverse.surface_1[:3]))
     weaker = weaker._replace(coefficients=0.8 * weaker.coefficients)
     shape = np.array([1.1, -0.3, 0.2, -0.4, 0.15])
+    factors = np.outer([1.0, 1.3, 0.7], np.ones(7)) ** np.arange(1, 8)
     return {
         "two degrees of freedom": plain,
         "integral alone": servo_design(feedforward=False),
@@ -111,6 +112,7 @@ def designs() -> dict[str, ControllerDesign]:
         "overlap": changed(plain, stage=OutputStage(INVERSE, 8.0, 0.0, 1.0)),
         "about a bias": changed(plain, stage=OutputStage(BIAS, 0.0, 0.7, 75.0)),
         "one side": changed(plain, inverse=inverse._replace(sides=1)),
+        "gains that follow": changed(plain, schedule_at=np.array([0.0, 2e5, 6e5]), schedule=factors),
         "two surfaces": changed(plain, inverse=inverse._replace(surface_2=weaker, gap_2=6.1e-4)),
         "judged together": changed(
             plain, inverse=inverse._replace(both=BOTH, gap_2=6.1e-4), stage=OutputStage(INVERSE, 8.0, 0.0, 1.0)
@@ -123,7 +125,7 @@ def designs() -> dict[str, ControllerDesign]:
 
 NAMES = (
     "two degrees of freedom", "integral alone", "no delay, no lag", "three periods late", "shaped, with references",
-    "gravity, negative gain", "overlap", "about a bias", "one side", "two surfaces",
+    "gravity, negative gain", "overlap", "about a bias", "one side", "gains that follow", "two surfaces",
     "judged together", "a bias judged together",
 )  # fmt: skip
 
