@@ -15,7 +15,8 @@ from msl_fem.cli.output import print_closing, print_columns, print_result, progr
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.comparison.as_designed import as_designed
 from msl_fem.diagnosis.planning.expected import USUAL, ExpectedCause, expected_causes
-from msl_fem.diagnosis.planning.experiments import ExperimentPlan, RigToPlan, experiments
+from msl_fem.diagnosis.planning.experiments import USUAL_INSTRUMENTS, ExperimentPlan, RigToPlan, experiments
+from msl_fem.diagnosis.planning.separations import RUN_INSTRUMENTS
 from msl_fem.errors import InputError
 from msl_fem.files.schema import small_text
 from msl_fem.plant.believed import AS_DESIGNED, PLAIN_BELIEF
@@ -28,11 +29,12 @@ SHOWN = 5  # runs of the menu
 
 @dataclass(frozen=True, eq=False)
 class _Question:
-    """The rig, and the causes that are in question where no one names others; all that could be, by name."""
+    """The rig, the causes in question where no one names others, all that could be, by name, and what is read."""
 
     rig: RigToPlan
     asked: tuple[str, ...]
     possible: dict[str, ExpectedCause]
+    read: tuple[str, ...] = USUAL_INSTRUMENTS
 
 
 def command(
@@ -44,8 +46,9 @@ def command(
         str | None, typer.Option(metavar="A,B,...", help="Causes by name; without, the drawn and the tolerated ones.")
     ] = None,
     instruments: Annotated[
-        str, typer.Option(help="Of position, current, voltage, gauge-block, scales, ohmmeter, load-cell.")
-    ] = "position,current",
+        str | None,
+        typer.Option(help="Of position, current, voltage, gauge-block, scales, ohmmeter, load-cell."),
+    ] = None,
     table: TableFile = None,
     rate: Annotated[str, typer.Option(help="Sampling rate of the runs.")] = "10 kHz",
     belief: Annotated[
@@ -69,7 +72,7 @@ def command(
     if len(set(names)) < 2:
         raise InputError("one cause alone has nothing to be told from; name at least two with --suspects")
     causes = [question.possible[name] for name in dict.fromkeys(names)]
-    with_these = tuple(name.strip() for name in instruments.split(","))
+    with_these = question.read if instruments is None else tuple(name.strip() for name in instruments.split(","))
     with progress_bar("runs of the menu") as progress:
         plan = experiments(question.rig, causes, with_these, progress=progress)
     if json:
@@ -110,7 +113,8 @@ def _after(folder: Path, table: Path | None, rate: float) -> _Question:
     every = expected_causes(model.actuator, PLAIN_BELIEF, tolerance=Tolerance(), rate=rate)
     possible = {one.effect: one for one in every} | {effect: fitted}
     asked = (effect, *(name for name in _rivals(open_ones[0]) if name in possible))
-    return _Question(RigToPlan(belief, rate), asked, possible)
+    read = {str(one.get("channel", "")).partition("_")[0] for one in content.get("accuracy", [])}
+    return _Question(RigToPlan(belief, rate), asked, possible, tuple(n for n in RUN_INSTRUMENTS if n in read))
 
 
 def _rivals(cause: dict[str, Any]) -> list[str]:
@@ -141,8 +145,10 @@ def _closing(plan: ExperimentPlan) -> tuple[str, str, str]:
     added = f"add {plan.instrument_to_add}: it tells {len(plan.helped)} more; " if plan.instrument_to_add else ""
     best = f'simulate --excitation "{plan.runs[0].excitation}"' if plan.runs else "no run of the menu is borne"
     locked = " --locked" if plan.runs and plan.runs[0].locked else ""
+    left = " nor ".join(" from ".join(pair).replace("_", " ") for pair in plan.runs[0].undecided) if plan.runs else ""
+    still = f"; no run at this size tells {left}" if left else ""
     return (
         f"What it means: the usual run tells {single} of {total} causes from all; {len(plan.unseen)} are not seen.",
         "How sure: a cause counts as told at a noncentrality that decides 95 of 100 records, at its expected size.",
-        f"What to do: {added}{best}{locked}.",
+        f"What to do: {added}{best}{locked}{still}.",
     )

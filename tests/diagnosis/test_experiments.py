@@ -1,6 +1,7 @@
 """Which causes instruments can tell apart: the linear model by two routes, what an instrument adds, what decides."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -46,8 +47,7 @@ def separations(refit: BelievedRefit) -> Separations:
     runs = PlannedRuns(SERVO, TABLE, [NOISE], 5e3)
     found = {}
     for cause in CAUSES:
-        effects = cause.beside(None)
-        found[cause.effect] = CauseInRun(effects, refit.change(runs.record(effects)))
+        found[cause.effect] = CauseInRun(cause.beside(None), partial(planned._change_at, runs, refit, cause))
     return Separations(refit, found, weight=1.0)
 
 
@@ -66,6 +66,22 @@ def test_a_distance_is_the_least_squares_of_rival_and_tolerances(
     expected = float(np.sum((target - columns @ move) ** 2))
     assert separations.distance("time_delay", "amplifier_bandwidth", RUN) == pytest.approx(expected, rel=1e-3)
     assert 0 < expected < 0.1 * separations.distance("time_delay", None, RUN)
+
+
+def test_a_rival_is_taken_at_the_amount_that_suits(refit: BelievedRefit) -> None:
+    """A lag beside a delay twice as long: what is left is the second order at equal amounts, not at half."""
+    runs = PlannedRuns(SERVO, TABLE, [NOISE], 5e3)
+    found = {}
+    for size in (2e-5, 4e-5):
+        late = ExpectedCause("time_delay", {"command": 4e-5}, "test")
+        lag = ExpectedCause("amplifier_bandwidth", {"lag": size}, "test")
+        causes = {
+            one.effect: CauseInRun(one.beside(None), partial(planned._change_at, runs, refit, one))
+            for one in (late, lag)
+        }
+        found[size] = Separations(refit, causes, weight=1.0).distance("time_delay", "amplifier_bandwidth", ALL)
+    assert found[2e-5] == pytest.approx(found[4e-5], rel=0.1)
+    assert found[4e-5] > DECIDES
 
 
 def test_a_cause_is_at_no_distance_from_itself_and_instruments_only_add(separations: Separations) -> None:
@@ -140,4 +156,4 @@ def test_a_plan_is_printed_with_what_to_do(capsys: pytest.CaptureFixture[str]) -
     said = " ".join(capsys.readouterr().out.split())
     assert "not told apart" in said
     assert "add voltage: it tells 1 more" in said
-    assert '"step:channel=1" --locked' in said
+    assert '"step:channel=1" --locked; no run at this size tells a from b.' in said

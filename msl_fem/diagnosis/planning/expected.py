@@ -58,6 +58,11 @@ class ExpectedCause:
             return (self,)
         return self, replace(self, values={**self.values, second: -self.values[second]})
 
+    def scaled(self, factor: float) -> "ExpectedCause":
+        """With all amounts times a factor; shapes stay."""
+        shape = {name: CATALOGUE[self.effect].parameter(name).shape for name in self.values}
+        return replace(self, values={name: v if shape[name] else factor * v for name, v in self.values.items()})
+
     def beside(self, believed: EffectValues | None) -> EffectValues:
         """What is believed, and the cause beside it: amounts add up, a shape that is believed stays."""
         stated = {} if believed is None else {name: dict(of) for name, of in believed.stated.items()}

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.next_experiment import (
     DECIDES,
     HEAVY,
@@ -176,10 +178,14 @@ def _separations(rig: RigToPlan, entry: Entry, causes: Sequence[ExpectedCause]) 
     refit = BelievedRefit(record, replace(rig.belief, actuator=actuator), every=True)
     found: dict[str, CauseInRun] = {}
     for cause in causes:
-        effects = cause.beside(rig.belief.effects)
-        found[cause.effect] = CauseInRun(effects, refit.change(runs.record(effects)))
+        change_at = partial(_change_at, runs, refit, cause)
+        found[cause.effect] = CauseInRun(cause.beside(rig.belief.effects), change_at)
     seconds = len(record.runs[0].columns["time_s"]) / rig.rate
     return _Planned(refit, Separations(refit, found, weight=PLANNED / seconds), record)
+
+
+def _change_at(runs: PlannedRuns, refit: BelievedRefit, cause: ExpectedCause, amount: float) -> Array:
+    return refit.change(runs.record(cause.scaled(amount).beside(runs.believed)))
 
 
 def _locked(actuator: Actuator) -> Actuator:

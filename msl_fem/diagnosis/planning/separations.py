@@ -1,11 +1,12 @@
 """How far apart causes are in a planned run, by what instruments: the noncentrality of one over another.
 
 The truth is the change of the readings that the cause makes at its full size, all orders of it. The rival is fitted in
-its amount, and everything that is not known within its tolerance with it (`separation`, in the linear model): so a
-delay and a lag, alike to first order, differ by the second.
+its amount, and everything that is not known within its tolerance with it (`separation`, in the linear model). A rival
+that makes up for nearly all of it is simulated anew at the amount that was fitted: a delay and a lag, alike to first
+order, differ by the second, which goes with the square of the amount.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.next_experiment import DECIDES
 from msl_fem.diagnosis.planning.absorbed import BelievedRefit, channel_parts
 from msl_fem.diagnosis.separation import Measure
+from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.effects import EffectValues
 
 RUN_INSTRUMENTS = ("position", "current", "voltage")
@@ -29,12 +31,26 @@ INSTRUMENTS = (*RUN_INSTRUMENTS, *BESIDE)
 Pair = tuple[str, str]
 
 
+ALIKE = 0.01
+"""Of the noncentrality of a cause over none: what a rival leaves that is alike to first order."""
+_SAME_AMOUNT = 0.03
+WEAK = 1e-12  # prior of an amount, over what the run tells of it
+_ROUNDS = 3
+
+
 @dataclass(frozen=True, eq=False)
 class CauseInRun:
-    """A cause in a planned run: all effects that there are then, and the change of the readings (n_number,)."""
+    """A cause in a planned run.
+
+    Attributes
+    ----------
+    effects : all that there are with it
+    change_at : the change of the readings, (n_number,) over the noise, at a multiple of its size; raises as
+        `PlannedRuns.record`
+    """
 
     effects: EffectValues
-    change: Array
+    change_at: Callable[[float], Array]
 
 
 class Separations:
@@ -46,9 +62,10 @@ class Separations:
     """
 
     def __init__(self, refit: BelievedRefit, causes: Mapping[str, CauseInRun], *, weight: float) -> None:
-        self.causes, root = causes, np.sqrt(weight)
-        self.columns = root * refit.columns
-        self.changes = {name: root * cause.change for name, cause in causes.items()}
+        self.causes, self.root = causes, np.sqrt(weight)
+        self.columns = self.root * refit.columns
+        self.scaled: dict[tuple[str, float], Array] = {}
+        self.changes = {name: self._change(name, 1.0) for name in causes}
         self.parts = list(channel_parts(refit.likelihood))
         self.rows: dict[str, Array] = {}
         self.seen: dict[str, dict[str, float]] = {}
@@ -62,29 +79,32 @@ class Separations:
             name: refit.measured_change(measure, cause.effects) for name, cause in self.causes.items()
         }
 
+    def _change(self, name: str, amount: float) -> Array:
+        """The change by a multiple of a cause, kept; of one that is not borne that of the cause, scaled."""
+        key = (name, float(f"{amount:.2g}"))
+        if key not in self.scaled:
+            try:
+                self.scaled[key] = self.root * self.causes[name].change_at(key[1])
+            except (InputError, ComputationError):
+                if amount == 1.0:
+                    raise
+                self.scaled[key] = key[1] * self.changes[name]
+        return self.scaled[key]
+
     def distance(self, truth: str, rival: str | None, instruments: Iterable[str]) -> float:
         """d^2 of a cause over another, or over none."""
-        columns, target = self._read(truth, rival, set(instruments))
-        prior = np.ones(columns.shape[1])
-        prior[self.columns.shape[1] :] = 1e-12 * max(float(np.sum(columns[:, -1] ** 2)), 1e-300)
-        move = -np.linalg.solve(columns.T @ columns + np.diag(prior), columns.T @ target)
-        rest = target + columns @ move
-        return float(rest @ rest + prior @ move**2)
-
-    def _read(self, truth: str, rival: str | None, instruments: set[str]) -> tuple[Array, Array]:
-        """(columns of all that may move, the change to be followed) as these instruments read them."""
-        kept = [part for name, part in self.parts if name.partition("_")[0] in instruments]
-        beside = [name for name in self.rows if name in instruments]
-        rows = [self.columns[part] for part in kept] + [self.rows[name][None] for name in beside]
-        columns = np.concatenate(rows) if rows else np.zeros((1, self.columns.shape[1]))
-        if not rows:
-            return columns, np.zeros(1)
-        changes = [
-            np.concatenate([*(self.changes[name][part] for part in kept), [self.seen[b][name] for b in beside]])
-            for name in (truth, *([] if rival is None else [rival]))
-        ]
-        moving = columns if rival is None else np.column_stack([columns, -changes[1]])
-        return moving, changes[0]
+        read = _Readings(self, set(instruments))
+        target = read.of(truth, 1.0)
+        if rival is None:
+            return read.least(target, None)[0]
+        alone, amount = read.least(target, None)[0], 1.0
+        distance, factor = read.least(target, read.of(rival, amount))
+        for _ in range(_ROUNDS):
+            if not (distance < ALIKE * alone and factor > 0 and abs(np.log(factor)) > _SAME_AMOUNT):
+                break
+            amount = float(f"{amount * factor:.2g}")
+            distance, factor = read.least(target, read.of(rival, amount))
+        return distance
 
     def apart(self, first: str, second: str, instruments: Sequence[str]) -> float:
         """d^2 of two causes whichever is the truth: the lesser one."""
@@ -102,6 +122,33 @@ class Separations:
     def unseen(self, instruments: Sequence[str]) -> list[str]:
         """Causes that what is not known makes up for."""
         return [name for name in self.causes if self.distance(name, None, instruments) < DECIDES]
+
+
+class _Readings:
+    """What a set of instruments reads of a planned run."""
+
+    def __init__(self, separations: Separations, instruments: set[str]) -> None:
+        self.all = separations
+        self.kept = [part for name, part in separations.parts if name.partition("_")[0] in instruments]
+        self.beside = [name for name in separations.rows if name in instruments]
+        rows = [separations.columns[part] for part in self.kept] + [separations.rows[n][None] for n in self.beside]
+        self.columns = np.concatenate(rows) if rows else np.zeros((0, separations.columns.shape[1]))
+
+    def of(self, name: str, amount: float) -> Array:
+        """A cause at a multiple of its size."""
+        change = self.all._change(name, amount)
+        seen = [amount * self.all.seen[one][name] for one in self.beside]
+        return np.concatenate([*(change[part] for part in self.kept), seen])
+
+    def least(self, target: Array, rival: Array | None) -> tuple[float, float]:
+        """(d^2, how much of the rival) where the rival and all that is unknown are fitted to a change."""
+        columns, prior = self.columns, np.ones(self.columns.shape[1])
+        if rival is not None:
+            columns = np.column_stack([columns, -rival])
+            prior = np.append(prior, WEAK * max(float(rival @ rival), WEAK))
+        move = -np.linalg.solve(columns.T @ columns + np.diag(prior), columns.T @ target)
+        rest = target + columns @ move
+        return float(rest @ rest + prior @ move**2), float(move[-1])
 
 
 def groups(names: Sequence[str], pairs: Mapping[Pair, float]) -> list[list[str]]:
