@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, qr
 
 from msl_fem.computing.arrays import Array
+from msl_fem.computing.compiled import compiled
 
 Indices = NDArray[np.int64]
 GROUPS = 2  # times as many as sums, in a round
@@ -72,16 +73,39 @@ def fewest(columns: Array, weight: Array) -> Array:
     m, n = columns.shape
     weight = weight.copy()
     free = qr(columns.T, mode="full")[0][:, m:].T.copy() if n > m else np.empty((0, n))
-    for k in range(n - m):
-        pivot = k + int(np.argmax(np.abs(free[k:]).max(axis=1)))
-        free[[k, pivot]] = free[[pivot, k]]
-        along = free[k] if free[k].max() >= -free[k].min() else -free[k]
-        falling = along > NO_PIVOT
-        ratio = np.full(n, np.inf)
-        ratio[falling] = weight[falling] / along[falling]
-        out = int(np.argmin(ratio))
-        weight -= ratio[out] * along
-        weight[out] = 0.0
-        free[k + 1 :] -= np.outer(free[k + 1 :, out] / along[out], along)
-        free[k + 1 :, out] = 0.0
+    _eliminate(free, weight)
     return np.maximum(weight, 0.0)
+
+
+@compiled
+def _eliminate(free: Array, weight: Array) -> None:
+    """Moves the weights (n,) along vectors (k, n) that change no sum until a weight is 0, one for each; both written.
+
+    The vector with the largest entry goes first; the others are freed of the weight that has gone.
+    """
+    largest = np.empty(free.shape[0])
+    for row in range(free.shape[0]):
+        largest[row] = np.abs(free[row]).max()
+    for k in range(free.shape[0]):
+        pivot = k + int(np.argmax(largest[k:]))
+        along = free[pivot].copy()
+        free[pivot] = free[k]
+        largest[pivot] = largest[k]
+        if along.max() < -along.min():
+            along = -along
+        step, out = np.inf, 0
+        for j in range(weight.size):
+            if along[j] > NO_PIVOT and weight[j] < step * along[j]:
+                step, out = weight[j] / along[j], j
+        for j in range(weight.size):
+            weight[j] -= step * along[j]
+        weight[out] = 0.0
+        for row in range(k + 1, free.shape[0]):
+            share = free[row, out] / along[out]
+            for j in range(weight.size):
+                free[row, j] -= share * along[j]
+            free[row, out] = 0.0
+            top = 0.0
+            for j in range(weight.size):
+                top = max(top, abs(free[row, j]))
+            largest[row] = top
