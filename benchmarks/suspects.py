@@ -166,7 +166,7 @@ def table_of(drive: str, seed: int) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("drives", nargs="*", default=["current", "voltage"])
-    parser.add_argument("--seed", type=int, default=57)
+    parser.add_argument("--seed", type=int, default=71)
     parser.add_argument("--docs", action="store_true", help="write the tables into the document")
     asked = parser.parse_args()
     text = "\n\n".join(table_of(drive, asked.seed) for drive in asked.drives)

@@ -96,4 +96,6 @@ def _size(one: Suspect) -> str:
 
 def _percent(share: float | None) -> str:
     """A share for people; "-" where there is none."""
-    return "-" if share is None else f"{100 * share:.2g} %"
+    if share is None:
+        return "-"
+    return f"{100 * share:.0f} %" if share > 0.0995 else f"{100 * share:.2g} %"

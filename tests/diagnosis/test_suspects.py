@@ -138,6 +138,7 @@ def test_a_ranking_is_printed_with_what_it_means(capsys: pytest.CaptureFixture[s
     assert "leakage inductance" in printed
     assert "a free run is changed most by leakage inductance (14 %)" in " ".join(printed.split())
     assert "1 of these sizes" in printed
+    assert "100 %" in printed
 
 
 def _few(every, *arguments, **options):  # type: ignore[no-untyped-def]
