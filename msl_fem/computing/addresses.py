@@ -6,7 +6,7 @@ from typing import Any
 from numba import cfunc, types
 
 from msl_fem.computing.lane_code import RowsType
-from msl_fem.computing.machine_code import named_values
+from msl_fem.computing.machine_code import named_values, set_environments
 
 _OPTIONS = {"error_model": "numpy"}
 
@@ -17,4 +17,5 @@ def address_of(function: Callable[..., None], width: int) -> tuple[float, Any]:
         getattr(value, "_numba_type_", None)  # what it names is there before it is compiled
     rows = RowsType(width)
     made = cfunc(types.void(rows, rows), **_OPTIONS)(function)
+    set_environments(made._library)
     return float(made.address), made

@@ -36,7 +36,13 @@ class Compiled:
     @property
     def _numba_type_(self) -> Any:
         """What a compiled function sees where it names this one."""
-        return self.dispatcher._numba_type_
+        return self.linked_dispatcher._numba_type_
+
+    @functools.cached_property
+    def linked_dispatcher(self) -> Any:
+        from msl_fem.computing.machine_code import linked_dispatcher_of
+
+        return linked_dispatcher_of(self.py_func)
 
     @functools.cached_property
     def interpreted(self) -> Callable[..., Any]:

@@ -4,6 +4,9 @@ Numba's cache looks at the file of the function called, not at those of the func
 there would leave stale machine code behind. Here each function is cached under a name that holds a digest of all it was
 compiled from: its byte code and that of every compiled function it calls, the constants and the record types they name,
 and the source of whatever else of the package they use. What it does not use may change and recompiles nothing.
+
+What Python calls becomes machine code. What compiled functions call is only linked into these and optimised there, once
+with all around it; numba by itself would optimise each function, with all that it calls, at every level of calls anew.
 """
 
 import hashlib
@@ -16,20 +19,68 @@ from typing import Any
 
 from numba import njit, types
 from numba.core.caching import FunctionCache, NullCache
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.environment import lookup_environment
+from numba.core.registry import cpu_target
+
+from msl_fem.computing.linked_code import LinkedLibrary, WholeLibrary
 
 OPTIONS = {"nogil": True, "error_model": "numpy"}
+_LINKED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 _PACKAGE = __name__.partition(".")[0]
 
 
 def dispatcher_of(function: Callable[..., object]) -> Any:
-    """Numba's compiler of one function, with our cache; what the function names is there before it compiles."""
+    """Numba's compiler of one function that Python calls, with our cache."""
+    _ready(function)
+    dispatcher = njit(**OPTIONS)(function)
+    dispatcher._cache = _LazyCache(function)
+    dispatcher.compile = partial(_compile_whole, dispatcher, dispatcher.compile)
+    return dispatcher
+
+
+def linked_dispatcher_of(function: Callable[..., object]) -> Any:
+    """The same for a function that compiled functions call; Python cannot call it."""
+    _ready(function)
+    dispatcher = njit(**OPTIONS, **_LINKED)(function)
+    dispatcher._cache = _LazyCache(function, "linked")
+    dispatcher.compile = partial(_compile_into, LinkedLibrary, dispatcher.compile)
+    dispatcher.get_call_template = partial(_call_template, dispatcher.get_call_template)
+    return dispatcher
+
+
+def _ready(function: Callable[..., object]) -> None:
+    """What the function names is there before it compiles."""
     for _, value in named_values(function):
         if getattr(value, "py_func", None) is not function:
             getattr(value, "_numba_type_", None)
-    dispatcher = njit(**OPTIONS)(function)
-    dispatcher._cache = _LazyCache(function)
-    dispatcher.get_call_template = partial(_call_template, dispatcher.get_call_template)
-    return dispatcher
+
+
+def _compile_into(library: type[JITCodeLibrary], numba_s: Callable[..., Any], sig: Any) -> Any:
+    """Numba's compiler, with the code kept in a library of that kind."""
+    codegen = cpu_target.target_context.codegen()
+    with global_compiler_lock:
+        before = codegen._library_class
+        codegen._library_class = library
+        try:
+            return numba_s(sig)
+        finally:
+            codegen._library_class = before
+
+
+def _compile_whole(dispatcher: Any, numba_s: Callable[..., Any], sig: Any) -> Any:
+    entry = _compile_into(WholeLibrary, numba_s, sig)
+    set_environments(next(reversed(dispatcher.overloads.values())).library)
+    return entry
+
+
+def set_environments(library: Any) -> None:
+    """Constants that linked functions keep outside of their code are found by the machine code they are part of."""
+    for variable in library._final_module.global_variables:
+        environment = lookup_environment(variable.name)
+        if environment is not None:
+            library.codegen.set_env(variable.name, environment)
 
 
 def _call_template(numba_s: Callable[..., Any], kinds: Sequence[Any], named: dict[str, Any]) -> Any:
@@ -43,7 +94,7 @@ def _call_template(numba_s: Callable[..., Any], kinds: Sequence[Any], named: dic
 
 def digest(function: Any) -> str:
     """12 hexadecimal digits for what a compiled function, or the Python function behind it, is compiled from."""
-    content = hashlib.sha256(repr(sorted(OPTIONS.items())).encode())
+    content = hashlib.sha256(repr(sorted((OPTIONS | _LINKED).items())).encode())
     python_function = getattr(function, "py_func", function)
     reached = {_name(python_function): python_function}
     waiting = [python_function]
@@ -60,14 +111,14 @@ def digest(function: Any) -> str:
 class _LazyCache(NullCache):
     """The cache of one function, opened at its first call: by then all that the function names is defined."""
 
-    def __init__(self, function: Callable[..., object]) -> None:
-        self._function = function
+    def __init__(self, function: Callable[..., object], kind: str = "") -> None:
+        self._function, self._kind = function, kind
 
     @cached_property
     def _opened(self) -> FunctionCache:
         f: Any = self._function
         named = FunctionType(f.__code__, f.__globals__, f.__name__, f.__defaults__, f.__closure__)
-        named.__qualname__ = f"{f.__qualname__}_{digest(f)}"
+        named.__qualname__ = f"{f.__qualname__}_{self._kind}{digest(f)}"
         return _Cache(named)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:

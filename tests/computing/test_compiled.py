@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -133,7 +134,14 @@ def _there_and_back(value: float, steps: int) -> float:
     return _shifted(_shifted(_shifted(value, 1, False), 2, True), steps, steps > 3)
 
 
-def test_constants_are_no_types_of_their_own() -> None:
-    """Numba alone would compile what is called with 1, with 2 and with n three times."""
-    assert _there_and_back(1.0, 5) == -5.0
-    assert len(_shifted.dispatcher.signatures) == 1
+def test_what_a_function_calls_is_linked_into_it_once_for_all_constants(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Numba alone would compile what is called with 1, with 2 and with n three times, each to machine code."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))  # else the second run of the test compiles nothing
+    assert _there_and_back(1.0, 5) == _there_and_back.interpreted(1.0, 5) == -5.0
+    (entry,) = _there_and_back.dispatcher.overloads.values()
+    (linked,) = _shifted.linked_dispatcher.overloads.values()
+    assert entry.library.get_pointer_to_function(entry.fndesc.llvm_cpython_wrapper_name)
+    assert not linked.library.get_pointer_to_function(linked.fndesc.llvm_func_name)
+    assert _shifted(3.0, 2, True) == _shifted.py_func(3.0, 2, True) == 1.0
