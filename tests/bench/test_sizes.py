@@ -26,7 +26,7 @@ SETTINGS: dict[str, BenchSetting] = {}
 
 def setting(drive: str) -> BenchSetting:
     if drive not in SETTINGS:
-        SETTINGS[drive] = setting_in(drive)
+        SETTINGS[drive] = setting_in(drive, duration=0.2)
     return SETTINGS[drive]
 
 
