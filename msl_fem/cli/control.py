@@ -9,8 +9,8 @@ import typer
 
 from msl_fem.cli.believed import belief_fields, model_with_belief, stated_belief
 from msl_fem.cli.closing import control_closing
+from msl_fem.cli.controller_maps import maps_for
 from msl_fem.cli.controllers import DesignOptions, Told, design_of
-from msl_fem.cli.given_map import maps_for
 from msl_fem.cli.options import (
     Bandwidth,
     BeliefName,

@@ -5,7 +5,7 @@ from json import loads as parse_json
 from pathlib import Path
 
 from msl_fem.actuator import Actuator
-from msl_fem.cli.given_map import Maps
+from msl_fem.cli.controller_maps import Maps
 from msl_fem.cli.options import read_option
 from msl_fem.control import (
     ControllerChoice,

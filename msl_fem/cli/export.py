@@ -8,8 +8,9 @@ import typer
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.believed import model_with_belief
+from msl_fem.cli.controller_maps import maps_for
 from msl_fem.cli.controllers import DesignOptions, design_of
-from msl_fem.cli.given_map import given_map, maps_for
+from msl_fem.cli.given_map import given_map
 from msl_fem.cli.options import (
     Bandwidth,
     BeliefName,

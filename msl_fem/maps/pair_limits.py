@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
@@ -176,6 +175,8 @@ def _flux_density(
     table: PairTable, section: str, points: tuple[Array, Array, Array], every: tuple[int, int, int]
 ) -> Array:
     """(n_x, n_1, n_2) T between the table's nodes."""
+    from scipy.interpolate import PchipInterpolator, make_interp_spline  # not for who reads a map
+
     kept = [_kept(nodes, step) for nodes, step in zip(table.axes, every, strict=True)]
     values = np.asarray(table.extras[SECTION + section])[np.ix_(*kept)]
     position, one, two = (nodes[k] for nodes, k in zip(table.axes, kept, strict=True))
