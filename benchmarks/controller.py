@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 
 import controller_budget
-import controller_monte_carlo
 import numpy as np
 from controller_cases import (
     DOCUMENT,
@@ -64,7 +63,7 @@ def percent(value: float, digits: int = 2) -> str:
 def designs() -> str:
     """The designs beside one another on the believed plant."""
     rows = []
-    cases = [(kind, design(kind)) for kind in KINDS] + [("lqr, integral alone", design("lqr", feedforward=False))]
+    cases = [(kind, design(kind)) for kind in (*KINDS, "scheduled")] + [("lqr, integral alone", design("lqr", feedforward=False))]
     for name, made in cases:
         followed = []
         for amplitude in (0.2e-3, 0.4e-3):
@@ -334,8 +333,6 @@ PARTS: dict[str, Callable[[], str]] = {
     "biased": biased,
     "hand-over": hand_over,
     "effects": effects,
-    "tolerances": controller_monte_carlo.tolerances,
-    "tolerances and effects": controller_monte_carlo.with_effects,
     "budget": controller_budget.budget,
     "inverse": controller_budget.inverses,
     "consistency": consistency,

@@ -1,4 +1,4 @@
-"""The reference actuator, its designs, references and random plants, for the benchmarks of the controller."""
+"""The reference actuator, its designs, and references, for the benchmarks of the controller."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -23,7 +23,6 @@ from msl_fem.maps import OperatingMap, operating_map
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.excitation import reference as excitation_reference
-from msl_fem.record import Tolerance
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 Array = NDArray[np.float64]
@@ -103,47 +102,3 @@ def step_figures(found: ClosedLoopRun, size: float, *, start: float = 0.02) -> t
     after = found.position[found.time >= start] / size
     outside = np.flatnonzero(np.abs(after - 1) > 0.02)
     return float(after.max() - 1), float((outside[-1] + 1) * (found.time[1] - found.time[0])) if outside.size else 0.0
-
-
-@dataclass(frozen=True)
-class RandomPlant:
-    """A plant drawn about the reference actuator with RECORDS.md's tolerances, normal, cut at 3 sigma."""
-
-    actuator: Actuator
-    effects: dict[str, dict[str, float]]
-
-
-def random_plant(generator: np.random.Generator) -> RandomPlant:
-    """Mass, stiffness, damping, resistance and gap in the actuator; sensor gain, magnetic scale and table as effects.
-
-    The table's smooth error is a depth that changes over the gap, whose largest value over the travel is drawn.
-    """
-    t = Tolerance()
-
-    def deviation(sigma: float) -> float:
-        while True:
-            drawn = float(generator.normal())
-            if abs(drawn) <= 3:
-                return sigma * drawn
-
-    m, d = SERVO.motion, SERVO.drive
-    assert m is not None
-    assert m.nominal_gap is not None
-    assert m.range is not None
-    assert d is not None
-    actuator = servo(
-        motion={
-            "moving_mass": m.moving_mass * (1 + deviation(t.moving_mass)),
-            "stiffness": m.stiffness * (1 + deviation(t.stiffness)),
-            "damping": m.damping * (1 + deviation(t.damping)),
-            "nominal_gap": m.nominal_gap * (1 + deviation(t.nominal_gap)),
-        },
-        drive={"coil_resistance": SERVO.coil_resistance() * (1 + deviation(t.coil_resistance))},
-    )
-    growth = deviation(t.table) / m.range
-    scale = deviation(t.magnetic_scale)
-    effects = {
-        "position_sensor_nonlinearity": {"gain_error": deviation(t.position_gain)},
-        "fringing": {"depth_error": scale - growth * m.nominal_gap, "growth": growth},
-    }
-    return RandomPlant(actuator, effects)
