@@ -63,7 +63,9 @@ def percent(value: float, digits: int = 2) -> str:
 def designs() -> str:
     """The designs beside one another on the believed plant."""
     rows = []
-    cases = [(kind, design(kind)) for kind in (*KINDS, "scheduled")] + [("lqr, integral alone", design("lqr", feedforward=False))]
+    cases = [(kind, design(kind)) for kind in (*KINDS, "scheduled")] + [
+        ("lqr, integral alone", design("lqr", feedforward=False))
+    ]
     for name, made in cases:
         followed = []
         for amplitude in (0.2e-3, 0.4e-3):
