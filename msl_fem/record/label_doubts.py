@@ -27,6 +27,8 @@ CHANCE_BITS = 20.0
 """Bits by which a block's agreement has to be less likely than chance: 1 in a million."""
 MOST = 0.9
 """Share of blocks that have to agree."""
+ALIKE = 2.0
+"""Factor within which readings span what they span at other levels: a wrong label leaves the span, physics does not."""
 FAR = 0.2
 """Share of a label's range by which readings have to tell another one."""
 
@@ -140,7 +142,8 @@ def contradicted_labels(labels: Labels, measured: Mapping[str, Array]) -> list[s
 
     The curve over the second label at the other levels, at equal other labels, is turned round: which label has this
     reading? Readings are stretched to the curve's range first, and labels told in their own order are another curve,
-    no error. Doubted are three labels or more that are a fifth of their range off, alike in all blocks.
+    no error. Doubted are three labels or more that are a fifth of their range off, alike in all blocks, where
+    all readings span what they do elsewhere.
     """
     doubts = []
     for along, values in labels.items():
@@ -183,11 +186,12 @@ def _told(
         if len(alike) < 2:
             continue
         place = (x[at] - x[at][0]) / (x[at][-1] - x[at][0])
+        curves = {name: np.median([v[rows] for rows in alike], axis=0) for name, v in measured.items()}
+        if not all(_spans_alike(v[at], curves[name]) for name, v in measured.items()):
+            continue
         for name, readings in measured.items():
-            curve = np.median([readings[rows] for rows in alike], axis=0)
-            agreeing = {senses[name, int(rows[0])] for rows in alike} in ({1}, {-1})
-            if agreeing and np.ptp(readings[at]) > 0:
-                off = _place_of(readings[at], curve, place) - place
+            if {senses[name, int(rows[0])] for rows in alike} in ({1}, {-1}):
+                off = _place_of(readings[at], curves[name], place) - place
                 for label, deviation in zip(x[at], off, strict=True):
                     told[float(label)].append(float(deviation))
     return {label: shares for label, shares in told.items() if len(shares) >= FEWEST_BLOCKS}
@@ -195,6 +199,12 @@ def _told(
 
 def _same_values(first: Array, second: Array) -> bool:
     return first.size == second.size and bool(np.allclose(first, second, rtol=1e-9, atol=1e-9 * np.ptp(second)))
+
+
+def _spans_alike(readings: Array, curve: Array) -> bool:
+    """Whether readings span what they span at other levels, within a factor."""
+    own, other = float(np.ptp(readings)), float(np.ptp(curve))
+    return other / ALIKE < own < other * ALIKE
 
 
 def _place_of(readings: Array, curve: Array, place: Array) -> Array:
@@ -215,8 +225,7 @@ def _contradiction(told: Mapping[float, Sequence[float]], along: str, where: str
         scatter = float(np.median(np.abs(np.array(deviations) - median))) / 0.6745
         if abs(median) > FAR and scatter < 0.5 * abs(median):
             off.append((label, label + median * span))
-    falls = any(earlier - later > FAR * span for (_, earlier), (_, later) in combinations(off, 2))
-    if len(off) < 3 or not falls:  # told labels that only rise are another curve: a coil that saturates elsewhere
+    if len(off) < 3 or _ranks_correlate([says for _, says in off]) > 0:  # told in their own order: another curve
         return []
     shown = ", ".join(f"{says:.3g} at {label:.3g}" for label, says in off[:3])
     count = f"{len(off)} of {len(told)} labels of {along}"
@@ -229,8 +238,13 @@ def doubtful_table(labels: Labels, measured: Mapping[str, Array]) -> list[str]:
     return [doubt for check in by_blocks for doubt in check(labels, measured)]
 
 
-def _sense(values: Array) -> int:
-    """1 where values rise with their order, -1 where they fall, 0 where neither is clear (Spearman's ranks)."""
+def _ranks_correlate(values: Sequence[float] | Array) -> float:
+    """Spearman's rank correlation of values with their order; 0 of equal ones."""
     ranks = np.argsort(np.argsort(values))
-    correlation = float(np.corrcoef(ranks, np.arange(values.size))[0, 1]) if np.ptp(values) else 0.0
+    return float(np.corrcoef(ranks, np.arange(ranks.size))[0, 1]) if np.ptp(values) else 0.0
+
+
+def _sense(values: Array) -> int:
+    """1 where values rise with their order, -1 where they fall, 0 where neither is clear."""
+    correlation = _ranks_correlate(values)
     return int(np.sign(correlation)) if abs(correlation) > 0.9 else 0
