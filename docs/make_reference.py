@@ -75,7 +75,7 @@ def columns_page() -> str:
         *rows, "",
         "`static.csv` has `gap_m`, `current_A`, `force_N`, `flux_linkage_Wb` (one of the last two may be missing), and may have "
         "`direction` (`up`, `down`), `sequence`, `role` and `unit`.", "",
-        "`msl-fem import --columns` takes `column=name-in-the-log`, each with `:unit=mA`, `:scale=-1` or `:offset=2 mm` behind it.", "",
+        "`msl-fem import --columns` takes `column=name-in-the-log`, each with `:unit=mA`, `:scale=-1`, `:offset=2 mm` or `:time=its-own-clock` behind it.", "",
     ])  # fmt: skip
 
 
