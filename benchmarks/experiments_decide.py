@@ -30,7 +30,7 @@ from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 
-MOST_RUNS, SECONDS, RATE = 3, 1.0, 1e4
+MOST_RUNS, RATE = 3, 1e4
 FIRST_RUNS = (
     "band-limited-noise:bias=0.6 A,amplitude=50 mA,band=500 Hz,duration=1.2 s,seed=2,role=fit",
     "swept-sine:bias=0.6 A,amplitude=12 mA,start=5 Hz,stop=300 Hz,duration=1 s,role=held-out",
@@ -98,8 +98,7 @@ def decided(case: tuple[str, float, int]) -> str:
             return f"{'; '.join(told)} -> {n} further runs, {'right' if right else 'WRONG'}"
         if n < MOST_RUNS:
             run = proposal(found, rig)
-            short = parse_excitation(run.excitation, unit="A").model_copy(update={"duration": SECONDS, "role": "fit"})
-            specs.append(short.spec)
+            specs.append(parse_excitation(run.excitation, unit="A").model_copy(update={"role": "fit"}).spec)
             told.append(run.words)
     return f"{'; '.join(told)} -> undecided"
 
