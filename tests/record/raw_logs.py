@@ -173,8 +173,8 @@ def mdf(path):
     from asammdf import MDF, Signal
 
     with MDF(version="4.10") as file:
-        file.append([Signal(FORCE, T, name="F", unit="N")])
-        file.append([Signal(MM[::2], T[::2], name="x", unit="mm")])
+        file.append([Signal(FORCE[::2], T[::2], name="F", unit="N")])
+        file.append([Signal(MM, T, name="x", unit="mm")])
         file.save(path, overwrite=True)
 
 
