@@ -32,7 +32,7 @@ FILE_USERS = {
     "msl_fem.table",
     "msl_fem.record",
     "msl_fem.maps",
-    "msl_fem.computing.jobs",
+    "msl_fem.computing.row_cache",
     "msl_fem.design.sizing",
     "msl_fem.plant",
     "msl_fem.export",

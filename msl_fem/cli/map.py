@@ -26,7 +26,7 @@ from msl_fem.cli.options import (
 )
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say, write_json
 from msl_fem.cli.sweeping import checked_accuracy, checked_end_effects, default_workers
-from msl_fem.computing.jobs import RowCache
+from msl_fem.computing.row_cache import RowCache
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import check_target

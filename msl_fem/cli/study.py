@@ -9,7 +9,7 @@ from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json
 from msl_fem.cli.output import print_line, print_result, say, stages_bar, write_json
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
-from msl_fem.computing.jobs import RowCache
+from msl_fem.computing.row_cache import RowCache
 from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target

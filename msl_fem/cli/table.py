@@ -10,7 +10,7 @@ from msl_fem.actuator import Actuator, MagnetKind, load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json, read_options
 from msl_fem.cli.output import print_result, progress_bar, say
 from msl_fem.cli.sweeping import checked_accuracy, checked_end_effects, default_workers
-from msl_fem.computing.jobs import RowCache
+from msl_fem.computing.row_cache import RowCache
 from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
 from msl_fem.magnetics.field.magnet_field import check_grid

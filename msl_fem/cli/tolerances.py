@@ -10,7 +10,8 @@ from msl_fem.actuator import load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json, read_option, read_options
 from msl_fem.cli.output import print_columns, print_result, progress_bar
 from msl_fem.cli.sweeping import checked_accuracy, default_workers
-from msl_fem.computing.jobs import Executor, RowCache
+from msl_fem.computing.jobs import Executor
+from msl_fem.computing.row_cache import RowCache
 from msl_fem.design.tolerances import NAMES, RowRun, ToleranceSettings, ToleranceStudy, tolerance_study
 from msl_fem.design.tolerances.manufactured import LENGTHS
 from msl_fem.errors import InputError

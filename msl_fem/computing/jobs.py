@@ -2,14 +2,12 @@
 
 A job makes a solver wherever it runs, and the solver answers rows. `run_jobs` answers all rows of a job: from the
 folder of finished rows what is there, the rest by an `Executor`, and keeps each answer as soon as it is there.
-`Executor.open` gives the workers themselves, for a search that makes its rows on the way.
+`Executor.start` gives the workers themselves, for a search that makes its rows on the way.
 """
 
 import contextlib
 import gc
-import hashlib
 import itertools
-import json
 import logging
 import multiprocessing
 import os
@@ -18,31 +16,22 @@ import queue
 import signal
 import sys
 import threading
-import time
-import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-import numpy as np
-
-from msl_fem.computing.arrays import Array
+from msl_fem.computing.interrupts import interrupts_held_back
+from msl_fem.computing.row_cache import content_key
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.files.whole_file import cannot_be_written, whole_file
 
 if TYPE_CHECKING:
     from distributed import Client
 
-Arrays = dict[str, Array]
-"""What most solvers answer; `failed`, where it is there, says why it is no answer."""
 Progress = Callable[[int, int], None]
 """Called with the numbers of finished and of all rows."""
 GO_ON = "finished rows are kept: run again with --resume"
-ABANDONED = 60.0
-"""Seconds after which an unfinished file belongs to a process that was killed: a row is written in milliseconds."""
 CONNECT = 5.0
 """Seconds within which a scheduler must answer."""
 FIRST_WORKER = 5.0
@@ -124,7 +113,7 @@ class Executor:
     item: str = "row"
     go_on: str = GO_ON
 
-    def open(self, job: Job[Row, Answer], most: int) -> contextlib.AbstractContextManager[Workers[Row, Answer]]:
+    def start(self, job: Job[Row, Answer], most: int) -> contextlib.AbstractContextManager[Workers[Row, Answer]]:
         """The workers for at most so many rows; they end with the block, at once where an error or Ctrl-C ends it.
 
         Raises
@@ -168,7 +157,7 @@ def run_jobs(
     missing = [n for n in range(len(rows)) if n not in answers]
     with contextlib.ExitStack() as stack:
         # processes are forked here, before a progress bar starts its thread
-        workers = stack.enter_context(executor.open(job, len(missing))) if missing else None
+        workers = stack.enter_context(executor.start(job, len(missing))) if missing else None
         if progress:
             progress(len(answers), len(rows))
         waiting = {workers.submit(rows[n]): n for n in costliest_first(missing, rows)} if workers else {}
@@ -191,54 +180,6 @@ def costliest_first(numbers: Sequence[int], rows: Sequence[Costly]) -> list[int]
 def failures(answers: Sequence[Mapping[str, Any]]) -> list[str]:
     """Why rows failed, those that did."""
     return [str(answer["failed"]) for answer in answers if "failed" in answer]
-
-
-# --- finished rows on disk -------------------------------------------------------------------------------------------
-
-
-def content_key(content: dict[str, Any]) -> str:
-    """A name for a content: equal for equal contents, on every machine."""
-    text = json.dumps(content, sort_keys=True, default=repr)
-    return hashlib.sha256(text.encode()).hexdigest()[:24]
-
-
-class RowCache:
-    """A folder of rows, one file each; a row appears whole or not at all, and two runs do not disturb each other."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-
-    def get(self, key: str) -> Arrays | None:
-        """The row stored under a key, marked `reused`; None where there is none or it cannot be read."""
-        try:
-            # opened here: numpy leaves a damaged file open
-            with (self.folder / f"{key}.npz").open("rb") as file, np.load(file, allow_pickle=False) as stored:
-                return {name: stored[name] for name in stored.files} | {"reused": np.array(True)}
-        except (OSError, ValueError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile):
-            return None
-
-    def put(self, key: str, row: Arrays) -> None:
-        """Store a row; raises InputError where the folder cannot be written."""
-        with whole_file(self.folder / f"{key}.npz") as partial, partial.open("wb") as stream:
-            np.savez(stream, **row)  # type: ignore[arg-type]
-
-    def clear(self) -> None:
-        """Remove the rows, what a killed process left unfinished, and the folder, if nothing else is in it."""
-        for file in self.folder.glob("*.npz"):
-            file.unlink(missing_ok=True)
-        for file in self.folder.glob(".*.npz.*.part"):
-            with contextlib.suppress(OSError):
-                if time.time() - file.stat().st_mtime > ABANDONED:
-                    file.unlink()
-        with contextlib.suppress(OSError):
-            self.folder.rmdir()
-
-    def check_writable(self) -> None:
-        """InputError, before the work begins, where rows cannot be stored."""
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as err:
-            raise cannot_be_written(self.folder, err, "choose another output") from err
 
 
 # --- this process, and processes on this machine ---------------------------------------------------------------------
@@ -317,39 +258,6 @@ def _kill_processes(pool: ProcessPoolExecutor) -> None:
     answers: Any = getattr(pool, "_result_queue", None)
     if answers is not None:
         answers._writer.close()
-
-
-@contextlib.contextmanager
-def interrupts_held_back() -> Iterator[None]:
-    """Ctrl-C and SIGTERM act after the block, which may hold locks; processes started in it never hear them.
-
-    The parent alone answers them, and ends its processes.
-    """
-    with _answered_later(signal.SIGINT), _answered_later(signal.SIGTERM):
-        if not hasattr(signal, "pthread_sigmask"):  # Windows
-            yield
-            return
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-        try:
-            yield
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextlib.contextmanager
-def _answered_later(number: signal.Signals) -> Iterator[None]:
-    """A mask is its thread's alone: any other thread may take the signal, which Python answers in the main one."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[int] = []
-    before = signal.signal(number, lambda number, frame: came.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(number, before or signal.SIG_DFL)
-        if came:
-            signal.raise_signal(number)
 
 
 _solver: Solver[Any, Any] | None = None

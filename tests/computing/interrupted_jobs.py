@@ -84,7 +84,7 @@ def run(interrupter: Interrupter) -> int:
 def idle_one_killed() -> str:
     """What is said of it. Whoever waits for rows holds the lock by which the other one would hear that it is over."""
     try:
-        with Executor(2).open(Squares(), 2) as workers:
+        with Executor(2).start(Squares(), 2) as workers:
             time.sleep(0.2)
             for process in multiprocessing.active_children()[:1]:
                 process.kill()

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from msl_fem.computing import jobs
-from msl_fem.computing.jobs import Arrays, Executor, RowCache, failures, run_jobs
+from msl_fem.computing.jobs import Executor, failures, run_jobs
+from msl_fem.computing.row_cache import Arrays, RowCache
 
 
 @dataclass(frozen=True)

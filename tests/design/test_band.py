@@ -11,7 +11,8 @@ import pytest
 from small_magnets import HERE, job, nominal_of
 
 from msl_fem.actuator import Actuator
-from msl_fem.computing.jobs import Executor, RowCache, Workers
+from msl_fem.computing.jobs import Executor, Workers
+from msl_fem.computing.row_cache import RowCache
 from msl_fem.design.tolerances.manufactured import NAMES, tolerances_of
 from msl_fem.design.tolerances.sensitivity import RowRun, answers, sensitivities
 from msl_fem.design.tolerances.study import (
@@ -109,8 +110,8 @@ def test_finished_magnets_are_taken_up_again(tmp_path: Path) -> None:
 
     class Interrupted(Executor):
         @contextlib.contextmanager
-        def open(self, job: Any, most: int) -> Iterator[Workers[Any, Any]]:
-            with super().open(job, most) as workers:
+        def start(self, job: Any, most: int) -> Iterator[Workers[Any, Any]]:
+            with super().start(job, most) as workers:
 
                 def wait(waiting: list[Any]) -> list[Any]:
                     if len(solved) == 2:
@@ -126,9 +127,9 @@ def test_finished_magnets_are_taken_up_again(tmp_path: Path) -> None:
     told: list[tuple[int, int]] = []
 
     class Counted(Executor):
-        def open(self, job: Any, most: int) -> Any:
+        def start(self, job: Any, most: int) -> Any:
             told.append((-1, most))
-            return super().open(job, most)
+            return super().start(job, most)
 
     resumed = answers(JOB, deviations, RowRun(Counted(), cache, True, lambda done, total: told.append((done, total))))
     assert told == [(-1, 2), (2, 4), (3, 4), (4, 4)]

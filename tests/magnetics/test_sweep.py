@@ -11,7 +11,7 @@ from field_problems import reference
 import msl_fem.computing.jobs
 import msl_fem.magnetics.sweep.rows
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.computing.jobs import RowCache, content_key
+from msl_fem.computing.row_cache import RowCache, content_key
 from msl_fem.errors import ComputationError, InputError, NotConverged
 from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, default_grid, sweep

@@ -17,7 +17,7 @@ from conftest import ROOT
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.app import app
 from msl_fem.cli.output import run_guarded
-from msl_fem.computing.jobs import RowCache
+from msl_fem.computing.row_cache import RowCache
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep

@@ -11,7 +11,7 @@ from targets import ROOT, SERVO, Target, _json, _one_file, _typed
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.controllers import identified_plant, known_model
 from msl_fem.cli.diagnose import STATE, memory_in
-from msl_fem.computing.jobs import RowCache
+from msl_fem.computing.row_cache import RowCache
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.identification import ArmaxModel
 from msl_fem.maps.pair_limits import pair_map

@@ -195,7 +195,7 @@ def search_designs(
         enqueue_first(study, study.user_attrs[FIRST])
         reused = count_evaluated(study)
         if reused < settings.trials:
-            with _executor(settings).open(evaluator, settings.trials - reused) as workers:
+            with _executor(settings).start(evaluator, settings.trials - reused) as workers:
                 _Run(study, evaluator, space, settings.trials, progress or (lambda *_: None), begun).go(workers)
         trials = evaluated_trials(study)
         return SearchResult(space, tuple(trials), count_evaluated(study) - len(trials), reused)

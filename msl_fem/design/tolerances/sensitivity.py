@@ -13,7 +13,8 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, run_jobs
+from msl_fem.computing.jobs import Executor, Progress, run_jobs
+from msl_fem.computing.row_cache import Arrays, RowCache
 from msl_fem.design.tolerances.manufactured import NAMES, FieldJob, ManufacturingTolerance, manufactured_field
 from msl_fem.errors import ComputationError, NotConverged
 from msl_fem.magnetics.field.magnet_field import MagnetField

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
-from msl_fem.computing.jobs import Arrays
+from msl_fem.computing.row_cache import Arrays
 from msl_fem.design.tolerances.manufactured import FieldJob, ManufacturingTolerance, manufactured_field, tolerances_of
 from msl_fem.design.tolerances.sensitivity import (
     ManufacturingJob,

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.computing.jobs import Arrays, Executor, Progress, failures, run_jobs
+from msl_fem.computing.jobs import Executor, Progress, failures, run_jobs
+from msl_fem.computing.row_cache import Arrays
 from msl_fem.errors import ComputationError, InputError, NotConverged
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field.accuracy import Accuracy

@@ -16,7 +16,7 @@ from scipy.interpolate import PchipInterpolator
 from msl_fem.actuator import MagnetKind
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.computing.jobs import Arrays
+from msl_fem.computing.row_cache import Arrays
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.field.magnet_field import MagnetField, degree_of, section_mesh, size_of

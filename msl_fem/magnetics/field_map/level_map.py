@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
-from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, failures, run_jobs
+from msl_fem.computing.jobs import Executor, Progress, failures, run_jobs
+from msl_fem.computing.row_cache import Arrays, RowCache
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field.accuracy import Accuracy, level_of

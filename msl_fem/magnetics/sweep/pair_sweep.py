@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, content_key, run_jobs
+from msl_fem.computing.jobs import Executor, Progress, run_jobs
+from msl_fem.computing.row_cache import Arrays, RowCache, content_key
 from msl_fem.errors import InputError, NotConverged
 from msl_fem.magnetics.field.accuracy import LEVELS
 from msl_fem.magnetics.field.magnet_field import CLOSEST

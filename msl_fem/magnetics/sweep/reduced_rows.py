@@ -7,7 +7,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.computing.jobs import Arrays
+from msl_fem.computing.row_cache import Arrays
 from msl_fem.magnetics.field.accuracy import Accuracy
 from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.reduced.full_field import FullField

@@ -12,7 +12,7 @@ import numpy as np
 from msl_fem.actuator import MagnetKind
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.computing.jobs import Arrays, content_key
+from msl_fem.computing.row_cache import Arrays, content_key
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field.end_effects import METHOD as END_EFFECTS_METHOD
 from msl_fem.magnetics.field.end_effects import EndFactors

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
-from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, content_key, run_jobs
+from msl_fem.computing.jobs import Executor, Progress, run_jobs
+from msl_fem.computing.row_cache import Arrays, RowCache, content_key
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field.accuracy import Accuracy, irons_of
 from msl_fem.magnetics.field.end_effects import EndFactors

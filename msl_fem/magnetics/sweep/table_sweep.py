@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
-from msl_fem.computing.jobs import Arrays, Executor, Progress, RowCache, run_jobs
+from msl_fem.computing.jobs import Executor, Progress, run_jobs
+from msl_fem.computing.row_cache import Arrays, RowCache
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.field.end_effects import EndFactors
