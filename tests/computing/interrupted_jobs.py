@@ -107,4 +107,5 @@ def interrupted_everywhere() -> dict[int, int]:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in whatever a shell started in the background
     print(idle_one_killed() if "killed" in sys.argv else interrupted_everywhere())
