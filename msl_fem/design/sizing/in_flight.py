@@ -3,6 +3,7 @@
 import contextlib
 import os
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import optuna
@@ -18,19 +19,39 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 
-@contextlib.contextmanager
-def at_work(url: str) -> Iterator[bool]:
-    """True where no other search works in the folder of a storage's file, which others then see of this one.
+@dataclass
+class Presence:
+    """A search in the folder of a storage's file.
 
-    False as well where that cannot be known: of a database server, or without locks of folders.
+    Attributes
+    ----------
+    alone : no other search works there; False as well where that cannot be known: of a database server, or without
+        locks of folders
     """
+
+    alone: bool = False
+    handle: int | None = None
+
+    def let_others_in(self) -> None:
+        """Others, who have waited since `at_work`, go on and see this one; before, its trials would seem lost."""
+        if self.handle is not None:
+            with contextlib.suppress(OSError):
+                fcntl.flock(self.handle, fcntl.LOCK_SH)
+
+
+@contextlib.contextmanager
+def at_work(url: str) -> Iterator[Presence]:
+    """A search in the folder of a storage's file: whoever is alone keeps others waiting until it lets them in."""
     folder = _folder(url)
     if folder is None or fcntl is None:
-        yield False
+        yield Presence()
         return
     handle = os.open(folder, os.O_RDONLY)
     try:
-        yield _alone(handle)
+        presence = Presence(_locked(handle), handle)
+        if not presence.alone:
+            presence.let_others_in()
+        yield presence
     finally:
         os.close(handle)
 
@@ -58,13 +79,10 @@ def _folder(url: str) -> Path | None:
     return folder if folder.is_dir() else None
 
 
-def _alone(handle: int) -> bool:
-    """Whether the folder is locked by no one; it is ours in part from now on."""
+def _locked(handle: int) -> bool:
+    """Whether the folder was locked by no one; now it is, by us alone."""
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        alone = True
     except OSError:
-        alone = False
-    with contextlib.suppress(OSError):
-        fcntl.flock(handle, fcntl.LOCK_SH)
-    return alone
+        return False
+    return True

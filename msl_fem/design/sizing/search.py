@@ -29,6 +29,7 @@ from msl_fem.design.sizing.trials import (
     FIRST,
     VERDICT,
     EvaluatedTrial,
+    asked,
     begun_by_one,
     check_content,
     clear_abandoned,
@@ -180,7 +181,7 @@ def search_designs(
     RequirementError : no first guess
     ComputationError : processes, cluster or storage were lost on the way; judged designs are kept
     """
-    with quiet_optuna(), storage_trouble(settings.storage), at_work(settings.storage) as alone:
+    with quiet_optuna(), storage_trouble(settings.storage), at_work(settings.storage) as presence:
         # before a file is made, so that a requirement that cannot be met leaves none
         begin = first_designs(evaluator) if new_file(settings.storage) else None
         storage = open_storage(settings.storage)
@@ -189,8 +190,9 @@ def search_designs(
         study, space = begun_by_one(lambda: _begun(open_study(storage, evaluator), evaluator, begin))
         study.sampler = settings.sampler(settings.seed, distributions(space))
         with only_our_content(settings.storage):
-            begun = in_flight(study, space) if alone else []
-        if not alone:
+            begun = in_flight(study, space) if presence.alone else []
+        presence.let_others_in()
+        if not presence.alone:
             clear_abandoned(study)
         enqueue_first(study, study.user_attrs[FIRST])
         reused = count_evaluated(study)
@@ -276,7 +278,7 @@ class _Run:
         self.tell_progress(n_evaluated, self.trials)
         while n_evaluated < self.trials or waiting:
             while len(waiting) < workers.capacity and n_evaluated + len(waiting) < self.trials:
-                trial = self.begun.pop(0) if self.begun else self.study.ask(ranges)
+                trial = self.begun.pop(0) if self.begun else asked(self.study, ranges)
                 design = design_from(trial.params, self.space, self.evaluator)
                 refused = self.evaluator.not_built(design)
                 if refused is None:

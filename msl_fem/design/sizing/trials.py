@@ -325,6 +325,16 @@ def enqueue_first(study: "optuna.Study", designs: dict[str, dict[str, float]]) -
             study.enqueue_trial(parameters, user_attrs={FIRST_DESIGN: name})
 
 
+def asked(study: "optuna.Study", ranges: dict[str, BaseDistribution]) -> "optuna.Trial":
+    """The next trial. One that waited may be finished by another search before this one has taken it: then the one
+    after it; each refusal is of another trial that is finished."""
+    while True:
+        try:
+            return study.ask(ranges)
+        except optuna.exceptions.UpdateFinishedTrialError:
+            continue
+
+
 def clear_abandoned(study: "optuna.Study") -> None:
     """Mark trials failed whose process was lost long ago."""
     for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
