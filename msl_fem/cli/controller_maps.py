@@ -29,9 +29,7 @@ class Maps:
     pair: PairMap | None = None
 
 
-def maps_for(
-    actuator: Actuator, table: MagneticTable, *, map_file: Path | None, table_file: Path | None
-) -> Maps:  # fmt: skip
+def maps_for(actuator: Actuator, table: MagneticTable, *, map_file: Path | None, table_file: Path | None) -> Maps:
     """The maps of an actuator and its table: those of `map_file`, which may be a pair's; else of the table.
 
     Raises

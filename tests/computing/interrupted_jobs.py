@@ -18,7 +18,10 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import numpy as np
+
 from msl_fem.computing.jobs import Executor, run_jobs
+from msl_fem.computing.row_cache import Arrays
 from msl_fem.errors import ComputationError
 
 PLACES = 48
@@ -38,8 +41,8 @@ class Squares:
     def solver(self) -> "Squares":
         return self
 
-    def solve(self, row: Number) -> dict[str, float]:
-        return {"square": row.value**2}
+    def solve(self, row: Number) -> Arrays:
+        return {"square": np.array(row.value**2)}
 
 
 @dataclass

@@ -5,28 +5,19 @@ import os
 import subprocess
 import sys
 import threading
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from interrupted_jobs import Number, Squares
 
 from msl_fem.computing import jobs
 from msl_fem.computing.jobs import Executor, failures, run_jobs
 from msl_fem.computing.row_cache import Arrays, RowCache
 
 
-@dataclass(frozen=True)
-class Number:
-    value: float
-    cost: int = 1
-
-
-class Squares:
-    """A job, and what solves it; negative numbers fail."""
-
-    def solver(self) -> "Squares":
-        return self
+class FailingSquares(Squares):
+    """Negative numbers fail."""
 
     def solve(self, row: Number) -> Arrays:
         if row.value < 0:
@@ -42,7 +33,7 @@ def test_answers_are_in_order_and_failures_are_named_and_not_kept(workers: int, 
     told: list[tuple[int, int]] = []
     cache = RowCache(tmp_path / "rows")
     answers = run_jobs(
-        Squares(),
+        FailingSquares(),
         ROWS,
         executor=Executor(workers),
         cache=cache,
@@ -61,7 +52,7 @@ def test_kept_answers_are_taken_for_the_same_job_and_row_alone(tmp_path: Path) -
     cache = RowCache(tmp_path)
 
     def reused(key: str, rows: list[Number]) -> list[bool]:
-        answers = run_jobs(Squares(), rows, executor=Executor(), cache=cache, key=key, resume=True)
+        answers = run_jobs(FailingSquares(), rows, executor=Executor(), cache=cache, key=key, resume=True)
         return ["reused" in answer for answer in answers]
 
     assert reused("squares", ROWS) == [False, False, False]
@@ -82,7 +73,7 @@ def test_a_process_of_several_threads_is_not_forked() -> None:
     other.start()
     try:
         assert jobs._start_method() == "forkserver"
-        answers = run_jobs(Squares(), ROWS, executor=Executor(2))
+        answers = run_jobs(FailingSquares(), ROWS, executor=Executor(2))
         assert float(answers[0]["square"]) == 9.0
     finally:
         held.set()
