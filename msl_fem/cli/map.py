@@ -36,6 +36,8 @@ from msl_fem.magnetics.sweep.table_sweep import SweepSettings, default_grid, swe
 from msl_fem.maps import MEAN, OperatingMap, map_to_json, operating_map, parse_criterion
 from msl_fem.maps.pair_limits import RELATIONS, pair_map
 from msl_fem.maps.pair_map_file import pair_map_to_json, write_pair_map
+from msl_fem.report.map_page import map_page, pair_map_page
+from msl_fem.report.page import write_page
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 from msl_fem.table.pair_table import is_pair_table, read_pair_table
 
@@ -49,6 +51,13 @@ class FieldOptions(NamedTuple):
     resume: bool = False
     end_effects: bool = False
     decoupling: bool = False
+
+
+class Targets(NamedTuple):
+    """The files to write."""
+
+    output: Path | None
+    report: Path | None
 
 
 def command(
@@ -84,6 +93,9 @@ def command(
     period: HeatPeriod = None,
     thermal_resistance: ThermalResistance = None,
     frequency: IronFrequency = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Page to walk about in the map of a table (HTML).")
+    ] = None,
     json: Json = False,
 ) -> None:
     """For each gap the current that brings each flux density in the iron.
@@ -93,14 +105,16 @@ def command(
     """
     parse_criterion(criterion)
     wanted = read_options("--levels", levels, "T")
-    if output is not None:
-        check_target(output, apart_from=[source])
+    for target in (output, report):
+        if target is not None:
+            check_target(target, apart_from=[source])
     request = thermal_request(ThermalTexts(temperature_rise, ambient, duty, period, thermal_resistance, frequency))
     corrected = checked_end_effects(end_effects, ("none", "section")) == "section"
     options = FieldOptions(gaps, current_max, workers, resume, corrected, decoupling)
     actuator = load_actuator(source) if source.suffix == ".toml" else None
     if actuator is None and is_pair_table(source):
-        _map_of_both(source, wanted, output, options, criterion=criterion, polarity=polarity, json=json)
+        targets = Targets(output, report)
+        _map_of_both(source, wanted, targets, options, criterion=criterion, polarity=polarity, json=json)
         return
     if polarity is not None:
         raise InputError("--polarity is of a pair's map; give a table made with --sides both")
@@ -108,7 +122,11 @@ def command(
         given = _table_in(source, actuator)
         table: MagneticTable | None = given
         made = _from_table(given, wanted, criterion, options)
+        if report is not None:
+            write_page(map_page(given, made, str(source)), report)
     else:
+        if report is not None:
+            raise InputError("--report shows the map of a table: make one with 'msl-fem table', and give its file")
         settings = _settings(options, checked_accuracy(accuracy), output)
         table = _default_table(actuator, settings) if request.frequency is not None else None
         made = _from_fields(actuator, wanted, criterion, options, settings)
@@ -119,7 +137,7 @@ def command(
     for note in (*_notes(made), *made.warnings, *_holes(made), *thermal_notes(thermal)):
         say(f"note: {note}")
     if json:
-        print_result(map_to_json(made) | thermal, as_json=True, title="")
+        print_result(map_to_json(made) | thermal | reported(report), as_json=True, title="")
         return
     print_columns(_columns(made) | thermal_columns(thermal), title=f"operating map of {source}, {made.criterion}")
 
@@ -127,7 +145,7 @@ def command(
 def _map_of_both(
     source: Path,
     levels: list[float],
-    output: Path | None,
+    targets: Targets,
     options: FieldOptions,
     *,
     criterion: str,
@@ -140,14 +158,17 @@ def _map_of_both(
     for name, given in options._asdict().items():
         if given:
             raise InputError(f"--{name.replace('_', '-')} is not of a pair's map, which is made from its table")
-    made = pair_map(read_pair_table(source), levels=levels, polarity=polarity or "opposing")
-    if output is not None:
-        write_pair_map(made, output)
+    table = read_pair_table(source)
+    made = pair_map(table, levels=levels, polarity=polarity or "opposing")
+    if targets.output is not None:
+        write_pair_map(made, targets.output)
+    if targets.report is not None:
+        write_page(pair_map_page(table, made, str(source)), targets.report)
     for level, opposing, aiding in zip(made.levels, *made.equal_currents(), strict=True):
         bear = f"{opposing:.3g} A each opposing, {aiding:.3g} A aiding"
         say(f"note: in the middle both sides bear {bear}, below {level:g} T")
     if json:
-        print_result(pair_map_to_json(made), as_json=True, title="")
+        print_result(pair_map_to_json(made) | reported(targets.report), as_json=True, title="")
         return
     shown = sorted({0, *range(0, made.other.size, max(1, made.other.size // 6)), made.other.size - 1})
     columns = {"position in mm": [f"{x * 1e3:.4g}" for x in made.position]}
@@ -156,6 +177,11 @@ def _map_of_both(
         columns[f"at {made.other[n]:.3g} A"] = ["none" if i < 0 else f"{i:.3f}" for i in bears]
     title = f"what side 1 bears in A below {made.levels[0]:g} T, by side 2's current, {made.polarity} ({source})"
     print_columns(columns, title=title)
+
+
+def reported(report: Path | None) -> dict[str, str]:
+    """The JSON entry of the page that was written."""
+    return {} if report is None else {"report": str(report)}
 
 
 def _holes(made: OperatingMap) -> list[str]:

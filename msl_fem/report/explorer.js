@@ -2,58 +2,14 @@
 // The explorer: the coenergy surface and the guard's lines of the page's data, at the sliders' current and gap.
 const explorer = (() => {
   const data = JSON.parse(document.getElementById("explorer-data").textContent);
-  const doubles = (text) => new Float64Array(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
-  const gaps = doubles(data.gap);
-  const currents = doubles(data.current);
-  const coefficients = doubles(data.coefficients); // [gap cell][current cell][power of the gap][power of the current]
+  const { doubles, clip, last, even, cell, number } = explorerParts;
+  const { gaps, currents, evaluate } = explorerParts.coenergySurface(data);
   const guard = {
     gap: doubles(data.guard.gap),
     limit: data.guard.limit.map(doubles),
     slope: data.guard.slope.map(doubles),
     currentMax: data.guard.current_max,
   };
-  const POWERS = 6;
-  const CELLS = currents.length - 1;
-  const clip = (x, low, high) => Math.min(Math.max(x, low), high);
-  const last = (nodes) => nodes[nodes.length - 1];
-
-  function cell(nodes, x) {
-    let low = 0;
-    let high = nodes.length - 1;
-    while (high - low > 1) {
-      const middle = (low + high) >> 1;
-      if (nodes[middle] <= x) low = middle; else high = middle;
-    }
-    return low;
-  }
-
-  // W', lambda, F, dlambda/di, dF/di, dF/dg in SI units: Horner along i, then along g, as the table does it.
-  function evaluate(i, g) {
-    const size = Math.abs(i);
-    if (!(g >= gaps[0] && g <= last(gaps) && size <= last(currents))) return null;
-    const m = cell(gaps, g);
-    const n = cell(currents, size);
-    const y = g - gaps[m];
-    const x = size - currents[n];
-    const at = (m * CELLS + n) * POWERS * POWERS;
-    let w = 0, wG = 0, wGG = 0, wI = 0, wIG = 0, wII = 0;
-    for (let p = POWERS - 1; p >= 0; p--) {
-      let a = 0, b = 0, c = 0;
-      for (let q = POWERS - 1; q >= 0; q--) {
-        c = c * x + b;
-        b = b * x + a;
-        a = a * x + coefficients[at + p * POWERS + q];
-      }
-      wGG = wGG * y + wG;
-      wG = wG * y + w;
-      w = w * y + a;
-      wIG = wIG * y + wI;
-      wI = wI * y + b;
-      wII = wII * y + 2 * c;
-    }
-    const sign = i < 0 ? -1 : 1;
-    return [w, sign * wI, -wG, wII, -sign * wIG, -2 * wGG];
-  }
 
   // Limits of all levels in A, the region's number and the reason's number, as the guard says.
   function judge(i, g) {
@@ -67,27 +23,16 @@ const explorer = (() => {
   }
 
   const part = (name) => document.getElementById(`explorer-${name}`);
-  const number = (value, digits = 4) => {
-    const text = value.toPrecision(digits);
-    return (text.includes("e") ? String(Number(text)) : text).replace(/-/g, "\u2212");
-  };
   const write = (name, text) => {
     for (const place of document.querySelectorAll(`#explorer [data-out="${name}"]`)) place.textContent = text;
   };
 
   const state = { current: data.start.current, gap: data.start.gap };
-  const axis = (title, more) => ({ title: { text: title }, ...more });
   const look = data.map.layout;
-  const cutLook = (y) => ({
-    margin: { l: 60, r: 12, t: 10, b: 48 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
-    font: look.font, showlegend: false, height: 300, paperShare: 0.48, hovermode: "closest",
-    xaxis: { ...look.xaxis, ...axis("coil current in A"), range: [0, last(currents)] },
-    yaxis: { ...look.yaxis, ...axis(y), range: undefined, rangemode: "tozero" }, modebar: look.modebar,
-  });
+  const cutLook = (y) => explorerParts.cutLook(look, "coil current in A", y, [0, last(currents)]);
 
   const LINES = 61;
   const CUT = 161;
-  const even = (low, high, n) => Array.from({ length: n }, (_, k) => (k === n - 1 ? high : low + ((high - low) * k) / (n - 1)));
 
   function contours(name) {
     const k = data.quantities.findIndex((quantity) => quantity.name === name);
@@ -112,7 +57,7 @@ const explorer = (() => {
     return [...data.map.data, ...(name ? [contours(name)] : []), cross()];
   }
 
-  const LEVEL_COLOURS = data.levels.map((_, k) => (k === 0 ? "#009E73" : k === data.levels.length - 1 ? "#D55E00" : "#E69F00"));
+  const LEVEL_COLOURS = explorerParts.levelColours(data.levels);
 
   function cutTraces(name) {
     const k = data.quantities.findIndex((quantity) => quantity.name === name);
@@ -196,42 +141,21 @@ const explorer = (() => {
   function go(current, gap) {
     if (Number.isFinite(current)) state.current = clip(current, 0, last(currents));
     if (Number.isFinite(gap)) state.gap = clip(gap, gaps[0], last(gaps));
-    for (const [name, value] of [["gap", state.gap * 1e3], ["current", state.current]]) {
-      for (const handle of [part(name), part(`${name}-number`)]) {
-        if (handle !== document.activeElement || handle.type === "range") handle.value = Number(value.toPrecision(6));
-      }
-    }
+    shown.gap(state.gap);
+    shown.current(state.current);
     show();
   }
 
-  function bind(name, low, high, scale) {
-    for (const handle of [part(name), part(`${name}-number`)]) {
-      handle.min = low * scale;
-      handle.max = high * scale;
-      handle.addEventListener("input", () => {
-        const value = handle.value === "" ? NaN : Number(handle.value) / scale;
-        go(name === "current" ? value : NaN, name === "gap" ? value : NaN);
-      });
-    }
-  }
-  bind("gap", gaps[0], last(gaps), 1e3);
-  bind("current", 0, last(currents), 1);
+  const asked = (name, value) => go(name === "current" ? value : NaN, name === "gap" ? value : NaN);
+  const shown = {
+    gap: explorerParts.handle("explorer", "gap", gaps[0], last(gaps), 1e3, asked),
+    current: explorerParts.handle("explorer", "current", 0, last(currents), 1, asked),
+  };
   part("lines").addEventListener("change", () => {
     plots.map.data = mapTraces();
     report.draw(plots.map);
   });
-  let pressed = null;
-  part("map").addEventListener("pointerdown", (event) => { pressed = [event.clientX, event.clientY]; }, true);
-  document.addEventListener("pointerup", (event) => {
-    const still = pressed && Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) < 4; // no zoom's drag
-    pressed = null;
-    if (!still) return;
-    const { xaxis, yaxis, _size: size } = part("map")._fullLayout;
-    const box = part("map").getBoundingClientRect();
-    const x = event.clientX - box.left - size.l;
-    const y = event.clientY - box.top - size.t;
-    if (x >= 0 && x <= size.w && y >= 0 && y <= size.h) go(yaxis.p2c(y), xaxis.p2c(x) / 1e3);
-  }, true);
+  explorerParts.onClick(part("map"), (x, y) => go(y, x / 1e3));
 
   // #gap=0.3&current=4 (mm, A) in the address opens the page there.
   function fromAddress() {

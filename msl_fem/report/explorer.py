@@ -17,6 +17,7 @@ from msl_fem.maps.guard import REASONS, REGIONS
 from msl_fem.report.figures import operating_regions
 from msl_fem.report.page import Widget, html_from, page_part, script_text
 from msl_fem.table.magnetic_table import MagneticTable
+from msl_fem.table.pair_table import PairTable
 
 QUANTITIES = (
     ("coenergy", "coenergy", "mJ", 1e3),
@@ -49,21 +50,19 @@ def explorer(
         says=_what_it_says(table),
         data=script_text(json.dumps(_data(table, operating_map, start=start, magnets=magnets))),
     )
-    return Widget(html, page_part("explorer.js"))
+    return Widget(html, page_part("explorer_parts.js") + page_part("explorer.js"))
 
 
 def _data(table: MagneticTable, made: OperatingMap, *, start: tuple[float, float], magnets: int) -> dict[str, Any]:
     """All that the script needs; arrays as little-endian doubles in base64."""
-    surface, lines = table.surface, Guard(made).arrays
+    lines = Guard(made).arrays
     figure = operating_regions(made)
     return {
-        "gap": _doubles(surface.gap),
-        "current": _doubles(surface.current),
-        "coefficients": _doubles(surface.coefficients),
+        **surface_data(table),
         "guard": {
-            "gap": _doubles(lines.gap),
-            "limit": [_doubles(row) for row in lines.limit],
-            "slope": [_doubles(row) for row in lines.slope],
+            "gap": doubles_text(lines.gap),
+            "limit": [doubles_text(row) for row in lines.limit],
+            "slope": [doubles_text(row) for row in lines.slope],
             "current_max": lines.current_max,
         },
         "quantities": [
@@ -80,18 +79,30 @@ def _data(table: MagneticTable, made: OperatingMap, *, start: tuple[float, float
     }
 
 
+def surface_data(table: MagneticTable) -> dict[str, str]:
+    """The coenergy surface of one magnet, for the page."""
+    surface = table.surface
+    return {name: doubles_text(getattr(surface, name)) for name in ("gap", "current", "coefficients")}
+
+
 def _what_it_says(table: MagneticTable) -> str:
+    return (
+        "Force, flux linkage and slopes come from the table's coenergy surface, evaluated in this page with the "
+        "table's coefficients. Limits are the guard's straight lines, which lie a little below the curves."
+        + stated_errors(table)
+    )
+
+
+def stated_errors(table: MagneticTable | PairTable) -> str:
+    """A sentence with the errors that a table states, after a space; '' where it states none."""
     errors = [
         f"{name} {100 * value:.2g} %"
         for name, value in (("mesh error", table.mesh_error), ("interpolation error", table.interpolation_error))
         if np.isfinite(value)
     ]
-    stated = f" The table's own errors, of its largest force: {', '.join(errors)}." if errors else ""
-    return (
-        "Force, flux linkage and slopes come from the table's coenergy surface, evaluated in this page with the "
-        "table's coefficients. Limits are the guard's straight lines, which lie a little below the curves." + stated
-    )
+    return f" The table's own errors, of its largest force: {', '.join(errors)}." if errors else ""
 
 
-def _doubles(values: ArrayLike) -> str:
+def doubles_text(values: ArrayLike) -> str:
+    """An array as little-endian doubles in base64."""
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()

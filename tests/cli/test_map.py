@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_paths import E1, SERVO, TABLE
+from cli_paths import E1, PAIR, SERVO, TABLE
 
 from msl_fem.actuator import load_actuator
 from msl_fem.magnetics.field.magnet_field import solve
@@ -58,6 +58,14 @@ def test_a_table_s_map_stays_the_table_s(msl_fem: Run) -> None:
     assert msl_fem("map", TABLE, "--json").json["gap_m"] == read_table(TABLE).gap.tolist()
 
 
+@pytest.mark.parametrize(("table", "title"), [(TABLE, "operating map"), (PAIR, "operating map of both sides")])
+def test_a_page_of_a_table_s_map(msl_fem: Run, table: str, title: str, tmp_path: Path) -> None:
+    page = tmp_path / "map.html"
+    made = msl_fem("map", table, "--report", page, "--json").json
+    assert made["report"] == str(page)
+    assert f"fast_tool_servo: {title}</h1>" in page.read_text()
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -74,6 +82,7 @@ def test_a_table_s_map_stays_the_table_s(msl_fem: Run) -> None:
         ((E1, "--current-max", "-1 A"), "largest current must be positive"),
         ((E1, "--accuracy", "best"), "accuracy 'best' is unknown"),
         ((E1, "--resume"), "give the same -o FILE"),
+        ((E1, "--report", "map.html", *FEW), "--report shows the map of a table"),
         ((E1, "--decoupling", *FEW), "e1 has no two sides that share an armature"),
     ],
 )
