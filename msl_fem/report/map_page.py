@@ -8,12 +8,13 @@ from msl_fem.files.quantity import format_quantity
 from msl_fem.maps import OperatingMap
 from msl_fem.maps.pair_limits import RELATIONS, PairMap
 from msl_fem.report.explorer import explorer
-from msl_fem.report.pair_explorer import pair_explorer
 from msl_fem.report.page import Page, Stage
+from msl_fem.report.pair_explorer import pair_explorer
 from msl_fem.table.magnetic_table import MagneticTable
 from msl_fem.table.pair_table import PairTable
 
 Pairs = tuple[tuple[str, str], ...]
+_SAID = ("solver", "end_effects", "date")  # of a table's provenance
 
 
 def map_page(table: MagneticTable, made: OperatingMap, source: str) -> Page:
@@ -72,4 +73,5 @@ def _sources(provenance: Mapping[str, object], source: str) -> Pairs:
     iron = provenance.get("iron")
     irons = iron.items() if isinstance(iron, Mapping) else ()
     parts = [("table", source), *((f"iron of the {region}", str(text)) for region, text in irons)]
-    return (*parts, *((name, str(provenance[name])) for name in ("solver", "end_effects", "date") if name in provenance))
+    parts += [(name.replace("_", " "), str(provenance[name])) for name in _SAID if name in provenance]
+    return tuple(parts)
