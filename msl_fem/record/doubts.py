@@ -27,16 +27,15 @@ FEW_LEVELS = 64
 def affine_copies(columns: Columns) -> list[str]:
     """Pairs of columns (n_row,) that are one another's exact straight line: only one of them was measured."""
     doubts = []
-    for first, second in _copies(columns):
-        slope, offset = np.polyfit(columns[first], columns[second], 1)
+    for (first, second), (slope, offset) in _copies(columns).items():
         line = f"{slope:.5g} {first} {offset:+.5g}"
         doubts.append(f"{second} is {line} in every row: a copy of {first}, no measurement of its own")
     return doubts
 
 
-def _copies(columns: Columns) -> list[tuple[str, str]]:
-    """Pairs whose straight line leaves no more than the rounding of either column, or of both."""
-    pairs = []
+def _copies(columns: Columns) -> dict[tuple[str, str], tuple[float, float]]:
+    """Slope and offset of the pairs whose straight line leaves no more than the rounding of either column, or of both."""
+    lines = {}
     names = [name for name, v in columns.items() if v.size >= FEWEST and np.unique(v).size >= 4]
     for first, second in combinations(names, 2):
         x, y = columns[first], columns[second]
@@ -45,8 +44,8 @@ def _copies(columns: Columns) -> list[tuple[str, str]]:
         own, other = 0.51 * _last_digit(y), abs(slope) * 0.51 * _last_digit(x)
         allowed = [a for a in (EXACT * spread, own, other, own + other) if a < ROUGH * spread]
         if allowed and left <= max(allowed):
-            pairs.append((first, second))
-    return pairs
+            lines[first, second] = float(slope), float(offset)
+    return lines
 
 
 def _last_digit(values: Array) -> float:

@@ -157,3 +157,50 @@ def test_voltage_and_current_tell_the_resistance(inductance) -> None:
     assert "voltage_1_V and current_1_A cannot both be true: together they tell a resistance of -4 ohm" in doubt
     (doubt,) = doubtful_channels(run, coil(voltage, "40 mohm")[1], file="run.csv")
     assert "where 0.04 ohm is stated" in doubt
+
+
+def test_a_short_stretch_that_chance_repeats_is_no_copy(rng) -> None:
+    """Five rows in a row that agree have to be less likely than 1 in a million over all pairs of 400 rows: 37.3 bits.
+
+    Of 100 levels a row agrees with 6.6 bits in the mean, of 1000 with 7.6 or more: 33 bits, and 38 or more.
+    """
+    labels = {"x": np.arange(400.0)}
+    for levels, doubted in ((100, False), (1000, True)):
+        v = rng.integers(0, levels, 400).astype(float)
+        v[105:110] = v[5:10]
+        doubts = copied_blocks(labels, {"v": v})
+        assert (doubts == ["rows 5 to 9 and 105 to 109 are equal in every digit (x 5 and 105)"]) is doubted
+
+
+def backwards(rng, factor=1.0):
+    """A table whose positions run backwards at 30 degC, with readings that span `factor` of what they do elsewhere."""
+    labels, measured = readings(rng)
+    there = labels["temperature"] == 30.0
+    labels["position"][there] = 5e-3 - labels["position"][there]
+    for values in measured.values():
+        for on_time in np.unique(labels["on_time"]):
+            at = there & (labels["on_time"] == on_time)
+            values[at] = values[at].mean() + factor * (values[at] - values[at].mean())
+    return contradicted_labels(labels, measured)
+
+
+@pytest.mark.parametrize(("factor", "doubted"), [(0.6, True), (1.7, True), (0.4, False), (2.5, False)])
+def test_a_wrong_label_leaves_the_span_of_the_readings(rng, factor, doubted) -> None:
+    """Readings that span less than half or more than twice what they do elsewhere are other physics, not other labels."""
+    assert bool(backwards(rng, factor)) is doubted
+
+
+@pytest.mark.parametrize(("bend", "doubted"), [(0.4, False), (-1.0, True)])
+def test_labels_told_in_their_own_order_are_another_curve(rng, bend, doubted) -> None:
+    """At one temperature the readings stand for (x/X)^0.4: far from the written label, in its order. Backwards is none."""
+    labels, measured = readings(rng)
+    there = labels["temperature"] == 30.0
+    share = labels["position"][there] / 5e-3
+    turned = share**bend if bend > 0 else 1 - share
+    for values in measured.values():
+        for on_time in np.unique(labels["on_time"]):
+            at = labels["on_time"][there] == on_time
+            elsewhere = (labels["temperature"] == 20.0) & (labels["on_time"] == on_time)
+            curve = values[elsewhere]
+            values[np.flatnonzero(there)[at]] = np.interp(turned[at], np.linspace(0, 1, 11), curve)
+    assert bool(contradicted_labels(labels, measured)) is doubted
