@@ -115,6 +115,24 @@ def closed_loop(
     return position, force
 
 
+def free_run(drive: FrictionDrive, force: Array, *, sampling_period: float, start: float) -> Array:
+    """Position (m) of the carriage under a measured force (n_sample,) that is held over each sample, from rest."""
+    return _free(drive.vector, np.asarray(force, dtype=float), np.array([sampling_period, start]))
+
+
+def freely_refined(drive: FrictionDrive, force: Array, position: Array, *, sampling_period: float) -> FrictionDrive:
+    """The drive whose free run under the measured force is nearest to the measured position: output error."""
+    scale = drive.vector
+
+    def misses(share: Array) -> Array:
+        tried = FrictionDrive(*(share * scale))
+        simulated = free_run(tried, force, sampling_period=sampling_period, start=position[0])
+        return (simulated - position) / np.std(position)
+
+    found = least_squares(misses, np.ones(scale.size), x_scale=0.1, diff_step=1e-4)
+    return FrictionDrive(*map(float, found.x * scale))
+
+
 def refined(
     drive: FrictionDrive, loop: CascadeLoop, reference: Array, position: Array, *, sampling_period: float
 ) -> FrictionDrive:
@@ -133,21 +151,39 @@ def refined(
 
 @compiled
 def _loop(drive, gains, reference, added, timing):  # type: ignore[no-untyped-def]
-    """Semi-implicit steps of the carriage under a force that is held over each sample."""
-    mass, viscous, coulomb, offset = drive
+    """The carriage under the law of its cascade."""
     kp, kv, force_constant = gains
     period, start = timing
-    step = period / SUBSTEPS
     position, force = np.empty(reference.size), np.empty(reference.size)
     x, velocity, last = start, 0.0, start
     for t in range(reference.size):
         position[t] = x
         force[t] = force_constant * (kv * (kp * (reference[t] - x) - (x - last) / period) + added[t])
         last = x
-        for _ in range(SUBSTEPS):
-            # Friction taken at the new velocity, or it would overshoot zero where it is steep.
-            steep = coulomb * (1.0 - np.tanh(velocity / CREEP) ** 2) / CREEP
-            pull = force[t] - viscous * velocity - coulomb * np.tanh(velocity / CREEP) - offset
-            velocity += step * pull / (mass + step * (viscous + steep))
-            x += step * velocity
+        x, velocity = _sample_later(drive, force[t], x, velocity, period)
     return position, force
+
+
+@compiled
+def _free(drive, force, timing):  # type: ignore[no-untyped-def]
+    """The carriage under a force that is given."""
+    period, x = timing
+    velocity, position = 0.0, np.empty(force.size)
+    for t in range(force.size):
+        position[t] = x
+        x, velocity = _sample_later(drive, force[t], x, velocity, period)
+    return position
+
+
+@compiled
+def _sample_later(drive, force, x, velocity, period):  # type: ignore[no-untyped-def]
+    """Position and velocity after semi-implicit steps under a force that is held over the sample."""
+    mass, viscous, coulomb, offset = drive
+    step = period / SUBSTEPS
+    for _ in range(SUBSTEPS):
+        # Friction taken at the new velocity, or it would overshoot zero where it is steep.
+        steep = coulomb * (1.0 - np.tanh(velocity / CREEP) ** 2) / CREEP
+        pull = force - viscous * velocity - coulomb * np.tanh(velocity / CREEP) - offset
+        velocity += step * pull / (mass + step * (viscous + steep))
+        x += step * velocity
+    return x, velocity

@@ -18,6 +18,8 @@ from friction_drive import (  # noqa: E402
     LowPass,
     closed_loop,
     filtered_equation,
+    free_run,
+    freely_refined,
     inverse_dynamics,
     refined,
 )
@@ -61,3 +63,17 @@ def test_the_real_drive_is_near_its_published_parameters():
 def test_a_filter_above_half_the_rate_is_refused(simulated):
     with pytest.raises(InputError, match="low-pass at 600 Hz"):
         inverse_dynamics(simulated[1], simulated[2], PERIOD, low_pass=LowPass(position=600.0))
+
+
+def test_a_free_run_is_that_of_the_closed_form_and_its_fit_finds_the_drive() -> None:
+    """Under a constant force the velocity rises with the time constant M / Fv to what friction leaves over Fv."""
+    drive, period = FrictionDrive(95.0, 200.0, 20.0, -3.0), 1e-3
+    time = np.arange(2000) * period
+    position = free_run(drive, np.full(2000, 57.0), sampling_period=period, start=0.1)
+    final, lag = (57.0 - 20.0 + 3.0) / 200.0, 95.0 / 200.0
+    expected = 0.1 + final * (time - lag * (1 - np.exp(-time / lag)))
+    assert np.abs(position - expected).max() < 1e-3 * np.ptp(expected)
+    force = 60 * np.sin(9 * time) + 40 * np.sin(4 * time)
+    measured = free_run(drive, force, sampling_period=period, start=0.0)
+    found = freely_refined(FrictionDrive(90.0, 220.0, 22.0, -2.5), force, measured, sampling_period=period)
+    assert found.vector == pytest.approx(drive.vector, rel=1e-3)
