@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from damper_law import fitted_law
 from marked_text import rewrite
 from scipy.linalg import expm
 
@@ -103,13 +104,17 @@ def damper() -> list[Judged]:
     """Each coil voltage by itself."""
     rows = []
     for voltage, (viscous, friction) in DAMPER.items():
-        found = diagnose(damper_record(voltage))
+        record = damper_record(voltage)
+        found = diagnose(record)
+        law = fitted_law([(run["position_m"], run["force_N"]) for run in record.runs_of("fit")], 0.01)
         held = [e.extended.nrmse for e in found.accuracy if e.nominal.role == "held-out"]
         sizes = "; ".join(f"{c.effect} {abs(c.parameters['force'].value):.0f} N" for c in found.causes)
         fitted = found.parameters["damping"].value
         nearest = next((note.split(";")[0] for note in found.notes if "nearest" in note), "")
         means = (
-            f"{sizes or nearest}; viscous {fitted:.0f} N s/m; held-out force errs by {min(held):.0%} to {max(held):.0%}"
+            f"{sizes or nearest}; viscous {fitted:.0f} N s/m; held-out force errs by {min(held):.0%} to {max(held):.0%}; "
+            f"the authors' law fitted to the same runs: friction {law.friction:.0f} N, viscous {law.viscous:.0f} N s/m, "
+            f"errs by {law.error:.0%}"
         )
         known = f"the authors' Dahl law: friction {friction:.0f} N, viscous {viscous:.0f} N s/m; offset 103 to 137 N"
         rows.append(Judged(f"MR damper, {voltage:g} V", known, words(found), means))
