@@ -1,8 +1,8 @@
 """The authors' own law of the MR damper fitted to the runs that a diagnosis fits: the bound of its friction's error.
 
-Dahl's law, force = offset + viscous v + friction w, dw/dt = rho (v - |v| w) (P. R. Dahl, AIAA J. 14, 1976, 1675-1682), on force
-and position as read, without a filter and without the runs' first two seconds. All but rho is linear; rho is looked
-for on a grid of a fifth of an octave.
+Dahl's law, force = offset + viscous v + friction w, dw/dt = rho (v - |v| w) (P. R. Dahl, AIAA J. 14, 1976, 1675-1682),
+on the force as read, without the runs' first two seconds. All but rho is linear; rho is looked for on a grid of a fifth
+of an octave.
 """
 
 from dataclasses import dataclass

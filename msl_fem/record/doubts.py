@@ -34,7 +34,7 @@ def affine_copies(columns: Columns) -> list[str]:
 
 
 def _copies(columns: Columns) -> dict[tuple[str, str], tuple[float, float]]:
-    """Slope and offset of the pairs whose straight line leaves no more than the rounding of either column, or of both."""
+    """Slope and offset of the pairs whose line leaves no more than the rounding of either column, or of both."""
     lines = {}
     names = [name for name, v in columns.items() if v.size >= FEWEST and np.unique(v).size >= 4]
     for first, second in combinations(names, 2):

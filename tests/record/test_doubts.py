@@ -186,13 +186,13 @@ def backwards(rng, factor=1.0):
 
 @pytest.mark.parametrize(("factor", "doubted"), [(0.6, True), (1.7, True), (0.4, False), (2.5, False)])
 def test_a_wrong_label_leaves_the_span_of_the_readings(rng, factor, doubted) -> None:
-    """Readings that span less than half or more than twice what they do elsewhere are other physics, not other labels."""
+    """Readings that span less than half or more than twice what they do elsewhere are other physics."""
     assert bool(backwards(rng, factor)) is doubted
 
 
 @pytest.mark.parametrize(("bend", "doubted"), [(0.4, False), (-1.0, True)])
 def test_labels_told_in_their_own_order_are_another_curve(rng, bend, doubted) -> None:
-    """At one temperature the readings stand for (x/X)^0.4: far from the written label, in its order. Backwards is none."""
+    """At one temperature the readings stand for (x/X)^0.4, far from the written label but in its order."""
     labels, measured = readings(rng)
     there = labels["temperature"] == 30.0
     share = labels["position"][there] / 5e-3
