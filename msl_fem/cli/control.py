@@ -10,7 +10,8 @@ import typer
 from msl_fem.cli.believed import belief_fields, model_with_belief, stated_belief
 from msl_fem.cli.closing import control_closing
 from msl_fem.cli.controller_maps import maps_for
-from msl_fem.cli.controllers import DesignOptions, Told, design_of
+from msl_fem.cli.controllers import DesignOptions, design_of
+from msl_fem.cli.foretold import design_of_belief, improvement_on
 from msl_fem.cli.options import (
     Bandwidth,
     BeliefName,
@@ -30,6 +31,7 @@ from msl_fem.cli.options import (
 from msl_fem.cli.output import print_closing, print_result, progress_bar, say
 from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for, table_of_model
+from msl_fem.cli.told import Told
 from msl_fem.control import (
     ControllerDesign,
     PlantUnderTest,
@@ -43,6 +45,8 @@ from msl_fem.control.spec_sheet import spec_sheet
 from msl_fem.control.stepper import stated
 from msl_fem.control.unseen_plants import SUSPECTS, DrawPlant, UnseenPlants, on_unseen_plants, suspected_plant
 from msl_fem.errors import InputError
+from msl_fem.export.c_controller import ControllerSource
+from msl_fem.export.c_controller import write as write_controller
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target
 from msl_fem.plant.believed import AS_DESIGNED, PLAIN_BELIEF, Belief
@@ -86,6 +90,9 @@ def command(
         int, typer.Option(min=0, metavar="N", help="Plants beside the believed one to judge the loop on; 0: none.")
     ] = 20,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Record folder of the run.")] = None,
+    header: Annotated[
+        Path | None, typer.Option("--c", metavar="FILE", help="The controller as C99 header, as 'export' writes it.")
+    ] = None,
     report: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Page of the design's trials: the paper's figures, margins (HTML)."),
@@ -99,14 +106,18 @@ def command(
 
     Controller and plant are as the drawing tells. An extended model as ACTUATOR is a plant whose effects the controller
     does not know; as --model, one that it knows.
-    With --from the controller knows what a diagnosis found, and is judged on plants that the diagnosis leaves possible.
+    With --from the controller knows what a diagnosis says, a record is diagnosed first; it is judged on plants that the
+    diagnosis leaves possible, beside the controller of the belief.
     The plant has the causes of --effect beside. With --inject the run holds a position, and 'msl-fem loop' measures it.
     """
     options = DesignOptions(model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap)
     options.choice()  # a wrong unit is told before anything is computed
-    told = options.told(diagnosis)
-    if actuator is None and told is None:
-        raise InputError("ACTUATOR is missing; give an actuator file, or --from a diagnosis")
+    if actuator is None and diagnosis is None:
+        raise InputError("ACTUATOR is missing; give an actuator file, or --from a diagnosis or a record")
+    for file in (report, header):
+        if file is not None:
+            check_target(file)
+    told = options.told(diagnosis, table)
     plant = told.model if actuator is None and told is not None else load_extended_model(Path(str(actuator)))
     causes = read_causes(effect)
     wanted = _followed(reference_, inject)
@@ -115,8 +126,6 @@ def command(
     with sole_run(output):
         if output is not None:
             check_record_folder(output)
-        if report is not None:
-            check_target(report)
         known = options.known() if told is None else told.model
         own = table_of_model(known.actuator, None) if isinstance(known, ExtendedModel) else None
         magnet_table = own if own is not None else table_for(plant.actuator, table)
@@ -145,12 +154,20 @@ def command(
             write_record(replace(record, belief=believed.name), output)
         fields = {"design": controller.kind} | run.to_json() | controller.to_json()
         fields |= {"effects": list(true.effects.present)} | belief_fields(believed, as_json=json)
-        others = _on_others(controller, track, _draws(acted_on, told), n=unseen) if unseen and held is None else None
-        sheet = spec_sheet(controller, run=run, unseen=others)
+        draws = _draws(acted_on, told)
+        others = _on_others(controller, track, draws, n=unseen) if unseen and held is None else None
+        over = None
+        if others is not None and told is not None:
+            before = design_of_belief(options, told, magnet_table, own=own is not None, files=(table, map_file))
+            over = improvement_on(before, others, track, draws.draw)
+        sheet = spec_sheet(controller, run=run, unseen=others, over_belief=over)
         promised = sheet.to_json()
         if not json:
             del promised["positions"]  # a row each: of a terminal they would take all
         fields |= {"loop": promised}
+        if header is not None:
+            write_controller(ControllerSource(controller, maps.one_side), header)
+            fields |= {"c": str(header)}
         if report is not None:
             with progress_bar("trials") as progress:
                 trials = examine_design(controller, plant=acted_on, seed=seed, progress=progress)

@@ -7,6 +7,7 @@ from pathlib import Path
 from msl_fem.actuator import Actuator
 from msl_fem.cli.controller_maps import Maps
 from msl_fem.cli.options import read_option
+from msl_fem.cli.told import Told, told_from
 from msl_fem.control import (
     ControllerChoice,
     ControllerDesign,
@@ -18,7 +19,6 @@ from msl_fem.control import (
     design_model_with_effects,
     designed,
 )
-from msl_fem.control.posterior_plants import Posterior, posterior_of
 from msl_fem.errors import InputError
 from msl_fem.files.schema import reason, small_text
 from msl_fem.identification import ArmaxModel, KnownMass, model_from_json, physical_parameters
@@ -26,8 +26,6 @@ from msl_fem.identification.data import rational_term
 from msl_fem.plant.believed import PLAIN_BELIEF, Belief
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.table.magnetic_table import MagneticTable
-
-DIAGNOSIS, MODEL = "diagnosis.json", "extended_model.toml"
 
 
 @dataclass(frozen=True)
@@ -62,45 +60,17 @@ class DesignOptions:
             preview=self.preview,
         )
 
-    def told(self, diagnosis: Path | None) -> "Told | None":
-        """What `--from` tells; InputError beside `--model`."""
-        if diagnosis is None:
+    def told(self, folder: Path | None, table: Path | None) -> Told | None:
+        """What `--from` tells, a record by its diagnosis with the table given; InputError beside `--model`."""
+        if folder is None:
             return None
         if self.model != "table":
-            raise InputError(f"--from {diagnosis} and --model {self.model} both tell the controller; give one of them")
-        return told_by(diagnosis)
+            raise InputError(f"--from {folder} and --model {self.model} both tell the controller; give one of them")
+        return told_from(folder, table)
 
     def known(self) -> ExtendedModel | ArmaxModel | None:
         """What `--model` tells the controller; None: table and actuator file."""
         return None if self.model == "table" else known_model(Path(self.model))
-
-
-@dataclass(frozen=True)
-class Told:
-    """What a diagnosis tells a controller: the extended model, and what is left unsure of it."""
-
-    model: ExtendedModel
-    posterior: Posterior
-
-
-def told_by(folder: Path) -> Told:
-    """The extended model and the posterior in a folder of `diagnose -o`.
-
-    Raises
-    ------
-    InputError : the folder has no diagnosis, or one in which nothing was fitted
-    """
-    folder = folder.parent if folder.name == DIAGNOSIS else folder
-    file, model = folder / DIAGNOSIS, folder / MODEL
-    if not file.is_file():
-        raise InputError(f"--from {folder}: has no {DIAGNOSIS}; run 'msl-fem diagnose RECORD -o {folder}' first")
-    if not model.is_file():
-        raise InputError(f"--from {folder}: has no {MODEL}: nothing was fitted; see its {DIAGNOSIS} for the reason")
-    try:
-        content = parse_json(small_text(file))
-    except (OSError, ValueError, RecursionError) as err:
-        raise InputError(f"--from {file}: cannot be read ({err}); diagnose the record again") from err
-    return Told(load_extended_model(model), posterior_of(content))
 
 
 def design_of(

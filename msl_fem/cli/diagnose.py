@@ -25,6 +25,7 @@ from msl_fem.diagnosis.impedances import diagnose_impedance
 from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target, whole_file
+from msl_fem.plant.believed import Belief
 from msl_fem.record import Record, load_record
 from msl_fem.record.impedance import IMPEDANCE_FILE, is_impedance_alone, read_impedance
 from msl_fem.report.diagnosis_page import DIAGNOSIS, FILES, REPORT, write_diagnosis
@@ -93,16 +94,9 @@ def _diagnose(record: Record, output: Path | None, *, table: Path | None, resume
     for warning in record.warnings:
         say(f"note: {warning}")
     magnet_table = table_for(record.actuator, table)
-    belief = belief_about(record, magnet_table)
-    memory = FitMemory() if output is None else memory_in(output, fingerprint(record, magnet_table), resume=resume)
-    threads = os.cpu_count() or 1
-    with tried_line() as tell:
-        settings = DiagnosisSettings(magnet_table, threads=threads, progress=tell, memory=memory, belief=belief)
-        found = diagnose(record, settings)
+    found = diagnosis_into(output, record, magnet_table, belief_about(record, magnet_table), resume=resume)
     fields = found.to_json()
     if output is not None:
-        write_diagnosis(record, found, output, table=magnet_table)
-        (output / STATE).unlink(missing_ok=True)
         fields |= {"files": [str(output / name) for name in FILES if (output / name).is_file()]}
     if json:
         print_result(fields, as_json=True, title="")
@@ -110,6 +104,21 @@ def _diagnose(record: Record, output: Path | None, *, table: Path | None, resume
     print_diagnosis(found)
     if output is not None:
         say(f"report: {output / REPORT}; numbers: {output / DIAGNOSIS}")
+
+
+def diagnosis_into(
+    folder: Path | None, record: Record, table: MagneticTable | None, belief: Belief, *, resume: bool
+) -> Diagnosis:
+    """The diagnosis of a record, its files in a folder where there is one; progress is told on stderr."""
+    memory = FitMemory() if folder is None else memory_in(folder, fingerprint(record, table), resume=resume)
+    threads = os.cpu_count() or 1
+    with tried_line() as tell:
+        settings = DiagnosisSettings(table, threads=threads, progress=tell, memory=memory, belief=belief)
+        found = diagnose(record, settings)
+    if folder is not None:
+        write_diagnosis(record, found, folder, table=table)
+        (folder / STATE).unlink(missing_ok=True)
+    return found
 
 
 def memory_in(folder: Path, mark: str, *, resume: bool) -> FitMemory:

@@ -9,10 +9,10 @@ import typer
 
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.believed import stated_belief
-from msl_fem.cli.controllers import DIAGNOSIS, told_by
 from msl_fem.cli.options import Json, TableFile, read_option
 from msl_fem.cli.output import print_closing, print_columns, print_result, progress_bar
 from msl_fem.cli.sweeping import table_for, table_of_model
+from msl_fem.cli.told import DIAGNOSIS, told_by
 from msl_fem.comparison.as_designed import as_designed
 from msl_fem.diagnosis.planning.expected import USUAL, ExpectedCause, expected_causes
 from msl_fem.diagnosis.planning.experiments import USUAL_INSTRUMENTS, ExperimentPlan, RigToPlan, experiments

@@ -101,7 +101,7 @@ def command(
     if stated and wanted.needs != CONTROLLER:
         raise InputError(f"{stated[0]} is of a controller's design; add --what controller, or leave it out")
     if wanted.needs == CONTROLLER:
-        told = options.told(diagnosis)
+        told = options.told(diagnosis, table)
         known = options.known() if told is None else told.model
         model_file = load_extended_model(source)
         files_given = _Files(table, map_file)

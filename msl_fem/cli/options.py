@@ -42,7 +42,7 @@ Known = Annotated[
 ]
 DiagnosisFolder = Annotated[
     Path | None,
-    typer.Option("--from", metavar="DIAGNOSIS", help="Design on what 'msl-fem diagnose -o' found (its folder)."),
+    typer.Option("--from", metavar="DIAGNOSIS|RECORD", help="Design on what a diagnosis says; a record is diagnosed."),
 ]
 DesignName = Annotated[str, typer.Option("--design", help="lqr, robust, scheduled, biased or pid.")]
 Bandwidth = Annotated[str | None, typer.Option("--bandwidth", help="Of the feedback.")]

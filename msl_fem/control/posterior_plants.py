@@ -1,16 +1,18 @@
 """Plants that a diagnosis leaves possible: its fitted parameters and effects, each within its interval.
 
-The file of a diagnosis states an interval for each parameter and none of their correlations, so parameters are drawn
-apart: normal, 95 % of each inside its interval. A combination that the record bounds better than its parts (stiffness
-over mass, by the resonance) is spread wider by that than the record allows.
+The file of a diagnosis states an interval for each parameter and the correlations of their errors, so parameters are
+drawn together: jointly normal, 95 % of each inside its interval. A combination that the record bounds better than its
+parts (stiffness over mass by the resonance, a gap by its offset and nominal value) stays as well bounded as it is. An
+older file has no correlations; its parameters are drawn apart, and such combinations spread wider than they may.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from msl_fem.computing.arrays import Array
 from msl_fem.control.closed_loop import PlantUnderTest
 from msl_fem.control.unseen_plants import with_more
 from msl_fem.errors import InputError
@@ -29,17 +31,21 @@ class Posterior:
     ----------
     parameters : by believed parameter, of the fitted value over it
     effects : by effect and parameter, SI units
+    names, root : numbers that go together, effects' as "effect.parameter", and (n, n) a root of their correlation
     """
 
     parameters: Mapping[str, float]
     effects: Mapping[str, Mapping[str, float]]
+    names: tuple[str, ...] = ()
+    root: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def draw(self, plant: PlantUnderTest, generator: np.random.Generator) -> PlantUnderTest:
         """A plant about the fitted one; amounts stay within their bounds of the catalogue."""
         actuator = plant.actuator
         if actuator.motion is None or actuator.drive is None:
             raise InputError(f"{actuator.name} has no [motion] or no [drive]; plants of a posterior need both")
-        factors = {name: 1 + sigma * _normal(generator) for name, sigma in sorted(self.parameters.items())}
+        drawn = self._drawn(generator)
+        factors = {name: 1 + sigma * drawn[name] for name, sigma in self.parameters.items()}
         moved = {
             name: getattr(actuator.motion, name) * factors[name]
             for name in _OF_MOTION
@@ -54,17 +60,29 @@ class Posterior:
             "position_sensor_nonlinearity": {"gain_error": factors.get("position_gain", 1.0) - 1},
             "fringing": {"depth_error": factors.get("magnetic_scale", 1.0) - 1},
         }
-        effects = with_more(self._effects(plant.effects, generator), shares)
+        effects = with_more(self._effects(plant.effects, factors, drawn), shares)
         return PlantUnderTest(actuator.model_copy(update=changed), plant.table, effects)
 
-    def _effects(self, fitted: EffectValues | None, generator: np.random.Generator) -> EffectValues:
+    def _drawn(self, generator: np.random.Generator) -> dict[str, float]:
+        """Errors of all numbers in sigmas, those that go together drawn together."""
+        every = sorted(
+            [*self.parameters, *(f"{effect}.{name}" for effect in self.effects for name in self.effects[effect])]
+        )
+        drawn = {name: _normal(generator) for name in every}
+        together = self.root @ np.array([_normal(generator) for _ in self.names])
+        return drawn | dict(zip(self.names, together.tolist(), strict=True))
+
+    def _effects(
+        self, fitted: EffectValues | None, factors: Mapping[str, float], drawn: Mapping[str, float]
+    ) -> EffectValues:
         stated = {} if fitted is None else {name: dict(values) for name, values in fitted.stated.items()}
-        for effect, sigmas in sorted(self.effects.items()):
-            for name, sigma in sorted(sigmas.items()):
-                if name in stated.get(effect, {}):
-                    low, high = find_parameter(effect, name).bounds
-                    drawn = stated[effect][name] + sigma * _normal(generator)
-                    stated[effect][name] = float(np.clip(drawn, low, high))
+        for effect, values in stated.items():
+            sigmas = self.effects.get(effect, {})
+            for name in values:
+                key = f"{effect}.{name}"
+                moved = values[name] * factors.get(key, 1.0) + sigmas.get(name, 0.0) * drawn.get(key, 0.0)
+                if moved != values[name]:
+                    values[name] = float(np.clip(moved, *find_parameter(effect, name).bounds))
         return EffectValues(stated)
 
 
@@ -85,12 +103,29 @@ def posterior_of(diagnosis: Mapping[str, Any]) -> Posterior:
             cause["effect"]: {name: _sigma(entry["ci95"]) for name, entry in cause["parameters"].items()}
             for cause in diagnosis["causes"]
         }
-    except (KeyError, TypeError, AttributeError, ValueError) as err:
+        names, root = _together(diagnosis.get("correlation"))
+    except (KeyError, TypeError, AttributeError, ValueError, np.linalg.LinAlgError) as err:
         raise InputError(
             f"no diagnosis: its parameters or causes are missing or of another form ({err!r}); give what "
             "'msl-fem diagnose -o' wrote"
         ) from err
-    return Posterior(parameters, effects)
+    return Posterior(parameters, effects, names, root)
+
+
+def _together(correlation: Mapping[str, Any] | None) -> tuple[tuple[str, ...], Array]:
+    """(names, a root of the correlation matrix) of a file's entry; none of an older file.
+
+    Raises
+    ------
+    ValueError : the matrix is none of these names
+    """
+    if correlation is None:
+        return (), np.zeros((0, 0))
+    names, matrix = tuple(correlation["names"]), np.array(correlation["matrix"], dtype=float)
+    if matrix.shape != (len(names), len(names)) or not np.isfinite(matrix).all():
+        raise ValueError(f"correlation of {len(names)} names has the shape {matrix.shape}")
+    values, vectors = np.linalg.eigh(matrix)
+    return names, vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _sigma(interval: list[float | None]) -> float:

@@ -16,6 +16,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.control.closed_loop import ClosedLoopRun
 from msl_fem.control.design import ZONE_ENDS, ControllerDesign, FrozenPosition
 from msl_fem.control.design_model import AtPosition
+from msl_fem.control.improvement import Improvement
 from msl_fem.control.inverse import force_limits, held_stiffness
 from msl_fem.control.linear_loop import Complex, flat_band, grid
 from msl_fem.control.margins import Margins, margins
@@ -45,6 +46,7 @@ class SpecSheet:
         the ends of the working positions
     run : of the reference on the plant, where there is one
     unseen : the same on plants that were not seen, where there are any
+    over_belief : after a diagnosis, how much better it is foretold to track than the loop of the belief
     """
 
     design: ControllerDesign
@@ -59,6 +61,7 @@ class SpecSheet:
     largest_disturbance: float
     run: ClosedLoopRun | None = None
     unseen: UnseenPlants | None = None
+    over_belief: Improvement | None = None
 
     def working(self) -> list[tuple[FrozenPosition, Margins]]:
         """The positions within `WORKING_SHARE` of the reach."""
@@ -91,7 +94,9 @@ class SpecSheet:
         }
         if self.run is not None:
             fields |= {"copper_loss_W": self.run.copper_loss, "guard_share": self.run.guard_share}
-        return fields if self.unseen is None else fields | {"unseen": self.unseen.to_json()} | _headline(self.unseen)
+        if self.unseen is not None:
+            fields |= {"unseen": self.unseen.to_json()} | _headline(self.unseen)
+        return fields if self.over_belief is None else fields | {"over_belief": self.over_belief.to_json()}
 
 
 def _headline(unseen: UnseenPlants) -> dict[str, Any]:
@@ -121,7 +126,11 @@ def worst_of(several: Sequence[Margins]) -> Margins:
 
 
 def spec_sheet(
-    design: ControllerDesign, *, run: ClosedLoopRun | None = None, unseen: UnseenPlants | None = None
+    design: ControllerDesign,
+    *,
+    run: ClosedLoopRun | None = None,
+    unseen: UnseenPlants | None = None,
+    over_belief: Improvement | None = None,
 ) -> SpecSheet:
     """The sheet of a design.
 
@@ -153,6 +162,7 @@ def spec_sheet(
         largest_disturbance=_largest_disturbance(design),
         run=run,
         unseen=unseen,
+        over_belief=over_belief,
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.diagnosis.carriages import carriage, is_carriage
+from msl_fem.diagnosis.correlation import correlation_of
 from msl_fem.diagnosis.decision import (
     MOST_OF_IT,
     OWN_OF_A_RUN,
@@ -268,6 +269,7 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
             tuple(ranked),
             kind.likelihood.noise_spectra(result.final.weights.density),
         ),
+        correlation=correlation_of(result.final),
     )
     return _undecided(found, result, unfaithful, kind) if unfaithful else found
 

@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.correlation import Correlation
 from msl_fem.diagnosis.fit import Estimate, unit_of
 from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, Size
 from msl_fem.diagnosis.null import NullDistribution
@@ -209,6 +210,7 @@ class Diagnosis:
     notes : what else the reader must know
     evidence : what it rests on, for a report; None where nothing was fitted
     belief : what the plain model was believed to have beside
+    correlation : of the fitted numbers' errors; None where nothing was fitted
     """
 
     verdict: Verdict
@@ -227,6 +229,7 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     evidence: Evidence | None = None
     belief: Belief = PLAIN_BELIEF
+    correlation: Correlation | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -256,6 +259,7 @@ class Diagnosis:
             },
             "accuracy": [entry.to_json() for entry in self.accuracy],
             "parameters": parameters,
+            "correlation": None if self.correlation is None else self.correlation.to_json(),
             "threshold": json_value(self.threshold),
             "null": self._null(),
             "main_cause": None if self.main_cause is None else asdict(self.main_cause),

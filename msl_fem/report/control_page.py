@@ -24,7 +24,7 @@ from msl_fem.report.figures import (
     tracking,
 )
 from msl_fem.report.page import Grid, Page, Stage
-from msl_fem.report.unseen_stage import unseen_stage
+from msl_fem.report.unseen_stage import improvement_stage, unseen_stage
 
 _TITLES = {"sine": "Sine of 2 Hz (Fig. 6)", "step": "Step of 3 Hz (Fig. 8)", "ramp": "Ramp of 5 Hz (Fig. 9)"}
 _ENDING = {"refused": "refused before the run", "lost": "the plant is lost"}
@@ -54,6 +54,7 @@ def control_page(found: Examination, sheet: SpecSheet) -> Page:
         _margins(found),
         _promises(sheet),
         *([] if sheet.unseen is None else [unseen_stage(sheet.unseen)]),
+        *([] if sheet.over_belief is None else [improvement_stage(sheet.over_belief)]),
         _innovations(found),
     )
     return Page(

@@ -1,6 +1,7 @@
 """The command `control`: designs, what the controller knows, and one line for what cannot be."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -196,11 +197,35 @@ def test_a_design_on_what_a_diagnosis_found(msl_fem, diagnosis, extended):
     assert on_plain["inverse_domain"]["source"] == "extended model"
 
 
+def test_one_command_from_a_record_to_c(msl_fem, diagnosis, tmp_path, monkeypatch):
+    """The record is diagnosed once (here what it says is given), and the loop stands beside that of the belief."""
+    from msl_fem.cli import diagnose
+
+    record, header = tmp_path / "rec", tmp_path / "controller.h"
+    run = "sine:frequency=20 Hz,amplitude=10 mA,bias=0.3 A,duration=120 ms"
+    msl_fem("simulate", SERVO, "--table", TABLE, "--belief", "plain", "--excitation", run, "-o", str(record))
+    diagnosed = []
+
+    def given(folder, record, table, belief, *, resume):
+        diagnosed.append((record.actuator.name, belief.name, resume))
+        shutil.copytree(diagnosis, folder)
+
+    monkeypatch.setattr(diagnose, "diagnosis_into", given)
+    asked = ("control", "--from", str(record), "--table", TABLE, "--reference", SINE, "--unseen", "3", "--json")
+    found = msl_fem(*asked, "--c", str(header)).json
+    over = found["loop"]["over_belief"]
+    assert over["factor"] > 1.5
+    assert over["factor_interval"][0] <= over["factor"] <= over["factor_interval"][1]
+    exported = tmp_path / "exported.h"
+    to_c = ("--to", "c", "--what", "controller", "-o", str(exported))
+    msl_fem("export", SERVO, "--from", str(record), "--table", TABLE, *to_c)
+    assert header.read_text() == exported.read_text()
+    assert diagnosed == [("fast_tool_servo", "plain", True)], "once for both commands"
+
+
 def test_what_is_no_diagnosis_is_said(msl_fem, diagnosis, tmp_path):
     common = ("--table", TABLE, "--reference", SINE)
-    assert (
-        "has no diagnosis.json; run 'msl-fem diagnose" in msl_fem("control", "--from", str(tmp_path), *common).complaint
-    )
+    assert "has no diagnosis.json and is no record" in msl_fem("control", "--from", str(tmp_path), *common).complaint
     both = msl_fem("control", SERVO, "--from", str(diagnosis), "--model", "m.json", *common).complaint
     assert "both tell the controller" in both
     (diagnosis / "extended_model.toml").unlink()

@@ -44,6 +44,36 @@ def test_plants_are_spread_as_the_intervals_say() -> None:
     assert gain.std() == pytest.approx(0.001, rel=0.1)
 
 
+def test_what_goes_together_is_drawn_together() -> None:
+    """A gap whose offset and nominal value the record tells only as a sum: drawn apart the sum would spread 10 um."""
+    told = {
+        "parameters": {"nominal_gap": {"believed": 6e-4, "fitted": 6e-4, "ci95": [5.86e-4, 6.14e-4]}},
+        "causes": [{"effect": "gap_offset", "parameters": {"offset": {"value": 18e-6, "ci95": [4e-6, 32e-6]}}}],
+        "correlation": {"names": ["nominal_gap", "gap_offset.offset"], "matrix": [[1.0, -0.995], [-0.995, 1.0]]},
+    }
+    posterior, generator = posterior_of(told), np.random.default_rng(3)
+    drawn = [posterior.draw(FITTED, generator) for _ in range(300)]
+    gap = np.array([p.actuator.motion.nominal_gap for p in drawn])
+    offset = np.array([p.effects.get("gap_offset", "offset") for p in drawn])
+    assert gap.std() == pytest.approx(7.1e-6, rel=0.12)
+    assert offset.std() == pytest.approx(7.1e-6, rel=0.12)
+    assert (gap + offset).std() == pytest.approx(7.1e-6 * np.sqrt(2 * 0.005), rel=0.15)
+    apart = posterior_of({name: entry for name, entry in told.items() if name != "correlation"})
+    several = [apart.draw(FITTED, generator) for _ in range(100)]
+    sums = [p.actuator.motion.nominal_gap + p.effects.get("gap_offset", "offset") for p in several]
+    assert np.std(sums) > 7e-6
+
+
+def test_a_believed_effect_moves_within_its_interval() -> None:
+    told = {
+        "parameters": {"gap_offset.offset": {"believed": 18e-6, "fitted": 18e-6, "ci95": [17e-6, 19e-6]}},
+        "causes": [],
+    }
+    posterior, generator = posterior_of(told), np.random.default_rng(3)
+    drawn = [posterior.draw(FITTED, generator).effects.get("gap_offset", "offset") for _ in range(200)]
+    assert np.std(drawn) == pytest.approx(1e-6 / 1.96, rel=0.15)
+
+
 def test_nothing_fitted_draws_the_plant_itself() -> None:
     posterior = posterior_of({"parameters": {}, "causes": []})
     drawn = posterior.draw(believed(), np.random.default_rng(1))
@@ -51,7 +81,15 @@ def test_nothing_fitted_draws_the_plant_itself() -> None:
     assert not drawn.effects.present
 
 
-@pytest.mark.parametrize("content", [{}, {"parameters": [], "causes": []}, {"parameters": {"mass": 3}, "causes": []}])
+@pytest.mark.parametrize(
+    "content",
+    [
+        {},
+        {"parameters": [], "causes": []},
+        {"parameters": {"mass": 3}, "causes": []},
+        {"parameters": {}, "causes": [], "correlation": {"names": ["a"], "matrix": [[1.0, 0.0], [0.0, 1.0]]}},
+    ],
+)
 def test_what_is_no_diagnosis_is_refused(content: dict) -> None:
     with pytest.raises(InputError, match="no diagnosis"):
         posterior_of(content)

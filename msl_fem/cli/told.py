@@ -1,0 +1,118 @@
+"""What `--from` tells a controller: a diagnosis in its folder, or a record that is diagnosed first."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from json import loads as parse_json
+from pathlib import Path
+from typing import Any
+
+from msl_fem.actuator import Actuator
+from msl_fem.cli.output import say
+from msl_fem.cli.sweeping import table_for
+from msl_fem.control.posterior_plants import Posterior, posterior_of
+from msl_fem.errors import InputError
+from msl_fem.files.schema import small_text
+from msl_fem.files.sole_run import sole_run
+from msl_fem.files.whole_file import whole_file
+from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
+from msl_fem.record import load_record
+
+DIAGNOSIS, MODEL, RIG = "diagnosis.json", "extended_model.toml", "rig.toml"
+MARK = "diagnosed_record.txt"
+"""In the folder of a diagnosis that `--from RECORD` made: which record and table it is of."""
+_OF_MOTION = ("moving_mass", "stiffness", "damping", "nominal_gap")
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a diagnosis tells a controller.
+
+    Attributes
+    ----------
+    model : the extended model
+    posterior : what is left unsure of it
+    believed : the plant as it was believed before the record
+    """
+
+    model: ExtendedModel
+    posterior: Posterior
+    believed: ExtendedModel
+
+
+def told_from(folder: Path, table: Path | None) -> Told:
+    """What a folder tells; a record is diagnosed into `RECORD.diagnosis` beside it, unless that has been done.
+
+    Raises
+    ------
+    InputError : as `told_by`; a record that cannot be diagnosed
+    """
+    return told_by(_diagnosed(folder, table) if (folder / RIG).is_file() else folder)
+
+
+def told_by(folder: Path) -> Told:
+    """The extended model and the posterior in a folder of `diagnose -o`.
+
+    Raises
+    ------
+    InputError : the folder has no diagnosis, or one in which nothing was fitted
+    """
+    folder = folder.parent if folder.name == DIAGNOSIS else folder
+    file, model = folder / DIAGNOSIS, folder / MODEL
+    if not file.is_file():
+        raise InputError(
+            f"--from {folder}: has no {DIAGNOSIS} and is no record; run 'msl-fem diagnose RECORD -o {folder}' first, "
+            "or give the record itself"
+        )
+    if not model.is_file():
+        raise InputError(f"--from {folder}: has no {MODEL}: nothing was fitted; see its {DIAGNOSIS} for the reason")
+    try:
+        content = parse_json(small_text(file))
+    except (OSError, ValueError, RecursionError) as err:
+        raise InputError(f"--from {file}: cannot be read ({err}); diagnose the record again") from err
+    extended = load_extended_model(model)
+    return Told(extended, posterior_of(content), believed_before(extended.actuator, content))
+
+
+def believed_before(fitted: Actuator, diagnosis: Mapping[str, Any]) -> ExtendedModel:
+    """The plant as it was believed before a diagnosis, from its content and the actuator with what was fitted."""
+    told = diagnosis["parameters"]
+    believed = {name: float(entry["believed"]) for name, entry in told.items()}
+    changed: dict[str, Any] = {}
+    if fitted.motion is not None:
+        of_motion = {name: believed[name] for name in _OF_MOTION if name in believed}
+        changed["motion"] = fitted.motion.model_copy(update=of_motion)
+    if fitted.drive is not None and "coil_resistance" in believed:
+        ratio = believed["coil_resistance"] / float(told["coil_resistance"]["fitted"])
+        changed["drive"] = fitted.drive.model_copy(update={"coil_resistance": fitted.coil_resistance() * ratio})
+    effects: dict[str, dict[str, float]] = {}
+    for one in diagnosis.get("belief", {}).get("values", []):
+        effects.setdefault(one["effect"], {})[one["parameter"]] = float(one["value"])
+    return ExtendedModel(fitted.model_copy(update=changed), EffectValues(effects))
+
+
+def _diagnosed(record_folder: Path, table: Path | None) -> Path:
+    """The folder of the record's diagnosis; one that was interrupted goes on."""
+    # here, for the import takes longer than a small command
+    from msl_fem.cli.believed import belief_about
+    from msl_fem.cli.diagnose import diagnosis_into, fingerprint
+
+    folder = record_folder.absolute().with_name(f"{record_folder.absolute().name}.diagnosis")
+    record = load_record(record_folder)
+    magnet_table = table_for(record.actuator, table)
+    mark = fingerprint(record, magnet_table)
+    with sole_run(folder):
+        if _mark_of(folder) == mark and (folder / DIAGNOSIS).is_file():
+            say(f"{record_folder} has been diagnosed: {folder}")
+            return folder
+        belief = belief_about(record, magnet_table)
+        diagnosis_into(folder, record, magnet_table, belief, resume=True)
+        with whole_file(folder / MARK) as part:
+            part.write_text(f"{mark}\n", encoding="utf-8")
+    say(f"diagnosed: {folder}")
+    return folder
+
+
+def _mark_of(folder: Path) -> str:
+    file = folder / MARK
+    return small_text(file).strip() if file.is_file() else ""
