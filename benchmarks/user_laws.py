@@ -1,19 +1,22 @@
-"""Laws that the catalogue lacks, offered by expression: found, and refitted beside the truth.
+"""Laws that the catalogue lacks, offered by expression or left out: found, and refitted beside the truth.
 
-    python benchmarks/user_laws.py
+    python benchmarks/user_laws.py [--left-out]
 
 A carriage of the EMPS' mass and damping under a force, simulated here by small steps of constant acceleration, with one
 further law of force each; two runs of 16 s at 1 kHz, one held out, the noise of its instruments. Prints a Markdown
-table: the truth, what `diagnose` names, the values with their 95 % intervals.
+table: the truth, what `diagnose` names, the values with their 95 % intervals. Left out, no law is offered: the formula
+that is found, and those next to it with the nats by which they are less probable.
 """
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 
-from msl_fem.computing.laws import parse_expression
+from msl_fem.computing.laws import LawExpression, parse_expression
 from msl_fem.diagnosis import diagnose
+from msl_fem.diagnosis.fit import Estimate
 from msl_fem.plant.effects import declared
 from msl_fem.record import Noise, Record, Run, Sampling, load_record
 
@@ -53,22 +56,45 @@ def carriage_run(law: Law, name: str, seed: int) -> Run:
     return Run(name, "multisine", "fit" if seed % 2 else "held-out", columns)
 
 
-def main() -> None:
-    """Simulates, diagnoses, prints."""
+def record_of(law: Law, *causes: LawExpression) -> Record:
+    """A fitted run and one held out, with a law in them, and causes that are offered."""
+    runs = carriage_run(law, "one", 1), carriage_run(law, "two", 2)
+    noise = Noise(position=20e-9, force=0.05)
     actuator = load_record(EMPS).actuator
+    return Record("simulated", actuator, Sampling(rate=RATE), noise, runs=runs, causes=causes)
+
+
+def offered() -> None:
+    """Each law is offered by its expression."""
     print("| law | truth | verdict | found (95 %) |\n| --- | --- | --- | --- |")
     for text, truth, law in CASES:
         cause = parse_expression(text)
-        runs = carriage_run(law, "one", 1), carriage_run(law, "two", 2)
-        noise = Noise(position=20e-9, force=0.05)
-        record = Record("simulated", actuator, Sampling(rate=RATE), noise, runs=runs, causes=(cause,))
         with declared(cause):
-            found = diagnose(record)
-        told = []
-        for one in found.causes:
-            values = [f"{n} {e.value:.4g} ({e.low:.4g} ... {e.high:.4g})" for n, e in one.parameters.items()]
-            told.append(f"{one.effect}: {', '.join(values)}")
+            found = diagnose(record_of(law, cause))
+        told = [f"{one.effect}: {', '.join(_values(one.parameters))}" for one in found.causes]
         print(f"| `{text.partition(';')[0]}` | {truth} | {found.verdict} | {'; '.join(told)} |", flush=True)
+
+
+def left_out() -> None:
+    """No law is offered: which formula is found."""
+    print("| law | truth | names | formula (95 %) | next ones |\n| --- | --- | --- | --- | --- |")
+    for text, truth, law in CASES:
+        found = diagnose(record_of(law))
+        formula, told = found.formula, "none | "
+        if formula is not None:
+            rivals = [f"`{rival.law}` {formula.gain - rival.gain:.3g}" for rival in formula.rivals]
+            told = f"`{formula.law}`, {', '.join(_values(formula.parameters))} | {', '.join(rivals)}"
+        names = ", ".join(found.names) or "none"
+        print(f"| `{text.partition(';')[0]}` | {truth} | {names} | {told} |", flush=True)
+
+
+def _values(parameters: Mapping[str, Estimate]) -> list[str]:
+    return [f"{name} {one.value:.4g} ({one.low:.4g} ... {one.high:.4g})" for name, one in parameters.items()]
+
+
+def main() -> None:
+    """Simulates, diagnoses, prints."""
+    left_out() if "--left-out" in sys.argv[1:] else offered()
 
 
 if __name__ == "__main__":

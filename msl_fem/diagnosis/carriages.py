@@ -161,6 +161,7 @@ class Carriage(Kind):
     runs: tuple[RunData, ...] = ()
 
     prediction: ClassVar[str] = "inverse-dynamics"
+    takes_laws: ClassVar[bool] = True
 
     def rule(self, rule: Rule) -> Rule:
         return replace(super().rule(rule), finished=FINISHED)

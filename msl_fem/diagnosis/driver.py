@@ -32,6 +32,7 @@ from msl_fem.diagnosis.decision import (
 from msl_fem.diagnosis.equilibria import told_by_equilibria
 from msl_fem.diagnosis.fit import FitPlan, believed_estimates, effect_estimates, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
+from msl_fem.diagnosis.formula import formula_of
 from msl_fem.diagnosis.kind import (
     Kind,
     PredictionError,
@@ -54,6 +55,7 @@ from msl_fem.diagnosis.result import (
     channel_residuals,
     hidden_at_most,
     tried_variants,
+    with_formula,
 )
 from msl_fem.diagnosis.runs import dynamic_runs
 from msl_fem.diagnosis.search import SearchStage, search_stage, statistics_of
@@ -162,7 +164,12 @@ def diagnosis_of(kind: Kind, how: DiagnosisSettings) -> Diagnosis:
         how.progress("a statement of rig.toml turned round")
         kind, result = other, search_effects(other, replace(how, memory=FitMemory()))
     how.progress("held-out runs")
-    return conclude(kind, result, how)
+    found = conclude(kind, result, how)
+    if "unexplained" not in found.verdict or not kind.takes_laws:
+        return found
+    how.progress("a formula for what is left")
+    starts = (result.fits[0], result.final) if found.causes else (result.fits[0],)
+    return with_formula(found, formula_of(kind, starts, how.rule))
 
 
 def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:

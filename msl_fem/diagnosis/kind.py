@@ -162,6 +162,7 @@ class Kind(ABC):
     prediction : how models are judged, the word of the accuracy's entries
     faithful : how many times their error on the fit data effects may err on held-out data, to be named
     advice : what would show more of what is left unexplained
+    takes_laws : whether its prediction knows laws that users state, so that a formula can be looked for
     """
 
     belief: ModelHypothesis
@@ -173,6 +174,7 @@ class Kind(ABC):
     prediction: ClassVar[str]
     faithful: ClassVar[float] = float("inf")
     advice: ClassVar[str] = ""
+    takes_laws: ClassVar[bool] = False
 
     @abstractmethod
     def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:

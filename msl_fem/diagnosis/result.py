@@ -1,7 +1,7 @@
 """What a diagnosis returns, its JSON, and what it rests on."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.correlation import Correlation
 from msl_fem.diagnosis.fit import Estimate, unit_of
+from msl_fem.diagnosis.formula import Formula
 from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, Size
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.outside import Dependence
@@ -211,6 +212,7 @@ class Diagnosis:
     evidence : what it rests on, for a report; None where nothing was fitted
     belief : what the plain model was believed to have beside
     correlation : of the fitted numbers' errors; None where nothing was fitted
+    formula : the law that accounts for what no effect does; None where nothing is left or none was found
     """
 
     verdict: Verdict
@@ -230,6 +232,7 @@ class Diagnosis:
     evidence: Evidence | None = None
     belief: Belief = PLAIN_BELIEF
     correlation: Correlation | None = None
+    formula: Formula | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -264,6 +267,7 @@ class Diagnosis:
             "null": self._null(),
             "main_cause": None if self.main_cause is None else asdict(self.main_cause),
             "hidden_at_most": {name: asdict(hidden) for name, hidden in self.hidden.items()},
+            "formula": None if self.formula is None else self.formula.to_json(),
             "notes": list(self.notes),
         }
 
@@ -277,6 +281,22 @@ class Diagnosis:
             "surrogates": int(self.null.gains.size),
             "p_value": self.null.p_value(best[0]) if best else None,
         }
+
+
+def with_formula(found: Diagnosis, formula: Formula | None) -> Diagnosis:
+    """The diagnosis with a formula for what is left: the accuracy of the extended model is that with it."""
+    if formula is None:
+        return found
+    accuracy = tuple(
+        replace(entry, extended=one.summary) for entry, one in zip(found.accuracy, formula.errors, strict=True)
+    )
+    found = replace(found, formula=formula, accuracy=accuracy)
+    if not formula.alone:
+        return found
+    note = f"{formula.equation} = {formula.law} is more probable than {', '.join(found.names)}, which is not named"
+    notes = (*found.notes, note)
+    bare = replace(found, verdict="unexplained", causes=(), main_cause=None, correlation=None)
+    return replace(bare, extended=found.refitted, notes=notes)
 
 
 def hidden_at_most(scores: Sequence[Score]) -> dict[str, Hidden]:

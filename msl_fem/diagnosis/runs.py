@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -43,6 +44,8 @@ class Runs(Kind):
     runs: tuple[RunData, ...] = ()
     cuts: Cuts = ()
     threads: int = 1
+
+    takes_laws: ClassVar[bool] = True
 
     @property
     def prediction(self) -> str:  # type: ignore[override]

@@ -114,7 +114,7 @@ def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True) -> Scored
         return ScoredVariants()
     amounts = list(dict.fromkeys((amount, variant.shapes) for variant in tried for amount in variant.amounts))
     starts = range(0, len(amounts), _AT_ONCE)
-    raw = np.concatenate([_signatures(found, amounts[at : at + _AT_ONCE]) for at in starts], axis=1)
+    raw = np.concatenate([signatures(found, amounts[at : at + _AT_ONCE]) for at in starts], axis=1)
     seen = np.isfinite(raw).all(axis=0) & (np.abs(np.nan_to_num(raw)).max(axis=0) > 0)
     background = Background(found, np.where(seen, raw, 0.0))
     place = {amount: n for n, amount in enumerate(amounts)}
@@ -129,7 +129,7 @@ def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True) -> Scored
     return ScoredVariants(tuple(sorted(made, key=lambda s: -s.gain)), by_chance)
 
 
-def _signatures(found: Fit, amounts: Sequence[tuple[EffectUnknown, Shapes]]) -> Array:
+def signatures(found: Fit, amounts: Sequence[tuple[EffectUnknown, Shapes]]) -> Array:
     """(n_number, n_amount) slopes of the residual over each amount at nothing, around its shapes; nan where there is
     none. With all amounts at nothing shapes change nothing."""
     effects = np.tile(found.unknowns.effect_vector(found.z), (len(amounts), 1))

@@ -91,10 +91,11 @@ def write_diagnosis(record: Record, found: Diagnosis, folder: Path, *, table: Ma
 
 
 def _write_all(record: Record, found: Diagnosis, folder: Path, *, table: MagneticTable | None) -> None:
-    if found.extended is not None:
-        model = extended_model_of(found.extended, folder, believed=table)
-        if found.extended.table is not None and found.extended.table is not table:
-            save_table(found.extended.table, folder / TABLE)
+    extended = found.extended if found.formula is None else found.formula.extended()
+    if extended is not None:
+        model = extended_model_of(extended, folder, believed=table)
+        if extended.table is not None and extended.table is not table:
+            save_table(extended.table, folder / TABLE)
         write_extended_model(model, folder / MODEL)
     write_page(diagnosis_page(record, found), folder / REPORT)
     text = json.dumps(json_value(found.to_json()), indent=1, allow_nan=False)

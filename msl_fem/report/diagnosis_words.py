@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from msl_fem.diagnosis.fit import Estimate, unit_of
+from msl_fem.diagnosis.formula import Formula
 from msl_fem.diagnosis.result import Accuracy, Cause, Diagnosis
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import CATALOGUE, find_parameter
@@ -111,11 +112,29 @@ def what_is_left(found: Diagnosis) -> str:
     """Where the unexplained rest stands and what it depends on; '' where nothing is left."""
     if "unexplained" not in found.verdict:
         return ""
+    if found.formula is not None:
+        return formula_sentence(found.formula)
     left = found.unexplained
     where = f"It stands in the {left.equation}" if left.equation else "The equation it stands in was not found"
     if left.depends_on:
         return f"{where} and depends on {' and '.join(left.depends_on)}."
     return f"{where}; no variable was found that it depends on."
+
+
+def formula_sentence(formula: Formula) -> str:
+    """The law that accounts for what is left, with its values, and how much of it."""
+    values = []
+    for name, one in formula.parameters.items():
+        values.append(f"{name} = {one.value:.4g} ({one.low:.4g} to {one.high:.4g}) {formula.units[name]}".strip())
+    equation = formula.equation.replace("_", " ")
+    text = (
+        f"A law accounts for {100 * formula.share:.3g} % of it, {100 * formula.held_out_share:.3g} % on held-out runs: "
+        f"{equation} = {formula.law}, {', '.join(values)}."
+    )
+    if not formula.rivals:
+        return text
+    best = formula.rivals[0]
+    return f"{text} The next one, {best.law}, is {formula.ahead:.3g} nats less probable."
 
 
 def by_chance_text(found: Diagnosis) -> str:

@@ -13,8 +13,10 @@ from msl_fem.diagnosis.inverse_force import ZeroPhaseLowPass, missing_force, usu
 from msl_fem.plant import plant_parameters
 from msl_fem.plant.effects import declared, neutral_vector
 from msl_fem.plant.effects.mechanical import stops_along
+from msl_fem.plant.extended_model import load_extended_model
 from msl_fem.prediction import run_data
 from msl_fem.record import Noise, Record, Run, Sampling, load_record
+from msl_fem.report.diagnosis_page import write_diagnosis
 
 EMPS = Path(__file__).parents[2] / "measurements" / "emps"
 PUBLISHED = {"moving_mass": 95.1089, "damping": 203.5034}  # Janot, Gautier, Brunot 2019
@@ -98,11 +100,43 @@ def test_a_rig_with_friction_is_told_from_a_clean_one(emps):
     assert (clean.verdict, clean.names) == ("nothing-found", ())
 
 
-def test_a_drag_outside_the_catalogue_gets_no_name(emps):
-    """A drag as v abs(v) is of no entry; the nearest name is not given instead."""
-    found = diagnose(_record(emps, lambda v: 3000 * v * abs(v)))
+@pytest.fixture(scope="module")
+def unnamed_drag(emps):
+    """The diagnosis of a rig with a drag as v abs(v), which is of no entry."""
+    record = _record(emps, lambda v: 3000 * v * abs(v))
+    return record, diagnose(record)
+
+
+def test_a_drag_outside_the_catalogue_gets_no_name_but_a_formula(unnamed_drag):
+    """The nearest name is not given instead; its law is, before all other laws, the truth in its interval."""
+    _, found = unnamed_drag
     assert found.names == ()
     assert found.verdict == "unexplained"
+    told = found.to_json()["formula"]
+    assert (told["equation"], told["law"]) == ("force", "a*v*abs(v)")
+    low, high = told["parameters"]["a"]["ci95"]
+    assert low < -3000 < high
+    assert told["parameters"]["a"]["value"] == pytest.approx(-3000, rel=0.03)
+    assert min(told["share"], told["held_out_share"]) > 0.999
+    assert found.formula.ahead > 20
+    assert all(rival["gain"] < told["evidence"]["statistic"] for rival in told["rivals"])
+
+
+def test_the_extended_model_keeps_the_formula(unnamed_drag, tmp_path):
+    """Read back, it states the law with its value; the page says it."""
+    record, found = unnamed_drag
+    with declared():
+        files = write_diagnosis(record, found, tmp_path, table=None)
+        effects = load_extended_model(files["extended_model.toml"]).effects
+        assert effects.get("expression:formula", "a") == pytest.approx(found.formula.parameters["a"].value)
+    assert "force = a*v*abs(v)" in files["report.html"].read_text(encoding="utf-8")
+
+
+def test_held_out_runs_speak_against_a_formula(emps):
+    """A drag that acts on the fitted run alone: there is no formula."""
+    runs = _run(lambda v: 150 * v * abs(v), "one", "fit", 1), _run(lambda v: 0.0, "two", "held-out", 2)
+    record = replace(_record(emps, lambda v: 0.0), runs=runs)
+    assert diagnose(record).formula is None
 
 
 def test_the_inverse_of_a_known_motion(emps):

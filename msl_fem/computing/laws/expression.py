@@ -61,6 +61,8 @@ class LawParameter:
     def text(self) -> str:
         """As an expression states it."""
         unit = f" {self.unit}" if self.unit else ""
+        if self.low == self.high:
+            return f"{self.low!r}{unit}"
         stated = "" if self.value is None else f"{self.value!r} in "
         return f"{stated}{self.low!r}..{self.high!r}{unit}"
 

@@ -1,0 +1,158 @@
+"""The terms of a formula, chosen one after the other by their evidence, each simulated beside all that is unknown.
+
+Every term of a library (`formula_terms`) is a law in its equation. The linear evidence of all terms at a fit and what
+the whole library brings by chance (`null`) are those of effects (`scores`); the best terms are fitted anew with
+everything else, and the one of the highest evidence is kept. Further terms of the same equation are looked for beside
+it as long as each leaves little of what was left: forward selection by evidence, where Brunton, Proctor and Kutz (PNAS
+113, 2016, 3932-3937) cut small coefficients of a regression on derivatives.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from msl_fem.computing.laws import LawExpression
+from msl_fem.diagnosis.decision import BY_CHANCE, Rule, completes, excess_power, white
+from msl_fem.diagnosis.fit_memory import FitMemory
+from msl_fem.diagnosis.formula_terms import law_sizes, library
+from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
+from msl_fem.diagnosis.refits import Refinement, Refit
+from msl_fem.diagnosis.scores import Background, Score, signatures
+from msl_fem.diagnosis.search import converged_base, ranked
+from msl_fem.diagnosis.variants import record_features, variants
+from msl_fem.plant.effects import declared
+from msl_fem.plant.effects.expressions import DECLARED, MOST_PARAMETERS
+
+EXPLAINED = 0.3  # share of the excess power that a formula takes at least
+MOST_TERMS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenTerms:
+    """Terms that were taken beside a start, the fit with them, and what was tried first."""
+
+    start: Fit
+    fit: Fit
+    laws: tuple[LawExpression, ...]
+    gain: float
+    p_value: float
+    first: tuple[tuple[LawExpression, Refit], ...]
+
+
+def chosen_terms(start: Fit, rule: Rule, *, most: int = MOST_TERMS) -> ChosenTerms | None:
+    """Terms taken one after the other beside a fit; None where the first is not worth it."""
+    problem = start.likelihood.problem
+    laws = library(problem.plant.parameters, law_sizes(problem.plant.parameters, problem.runs))
+    base = converged_base(start)
+    found: ChosenTerms | None = None
+    for _ in range(most):
+        taken = () if found is None else found.laws
+        before = base if found is None else found.fit
+        with declared(*taken):
+            further = _best_term(before, [law for law in laws if _goes_with(law, taken)], rule)
+        if further is None or not _worth(before, further, taken, rule):
+            break
+        found = _with_term(base, found, further)
+        if white(found.fit.excess):
+            break
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """The best term beside a fit, and all that were fitted anew with what they leave."""
+
+    refits: tuple[tuple[LawExpression, Refit], ...]
+    null: NullDistribution
+
+
+def _goes_with(law: LawExpression, taken: Sequence[LawExpression]) -> bool:
+    return all(law.equation == one.equation and law.name != one.name for one in taken)
+
+
+def _best_term(base: Fit, laws: Sequence[LawExpression], rule: Rule) -> _Step | None:
+    """Every term scored, the best ones fitted anew with everything else."""
+    scores, null = _scored(base, laws)
+    if not scores or scores[0].gain < rule.further:
+        return None
+    best = _first_of_each(ranked(scores))
+    by_name = {law.effect: law for law in laws}
+    tried = {law.effect: law for law in _within_room([by_name[name] for name in best])}
+    with declared(*tried.values()):
+        refits = Refinement(base, _untold, FitMemory()).best_first([best[name] for name in best if name in tried])
+        pairs = tuple((tried[refit.variant.effect], refit) for refit in refits)
+        for _, refit in pairs:
+            assert refit.fit.excess  # simulated while the terms are declared
+    return _Step(pairs, null) if pairs else None
+
+
+def _untold(text: str) -> None:
+    """No progress is told."""
+
+
+def _scored(base: Fit, laws: Sequence[LawExpression]) -> tuple[list[Score], NullDistribution]:
+    """All terms at a fit, best first, and what any of them brings by chance. The kernel has room for some at a time."""
+    scores, columns = [], []
+    features = record_features(base.likelihood, base)
+    plant = base.likelihood.problem.plant.parameters
+    for batch in _batches(laws):
+        with declared(*batch):
+            tried = [variant for law in batch for variant in variants(law.effect, features, plant)]
+            raw = signatures(base, [(variant.amounts[0], variant.shapes) for variant in tried])
+            seen = np.flatnonzero(np.isfinite(raw).all(axis=0) & (np.abs(np.nan_to_num(raw)).max(axis=0) > 0))
+            background = Background(base, raw[:, seen])
+            scores += [background.score(tried[k], (place,)) for place, k in enumerate(seen)]
+            columns.append(raw[:, seen])
+    if not scores:
+        return [], NullDistribution()
+    own = Background(base, np.concatenate(columns, axis=1)).own
+    null = null_distribution(own, [AmountPlaces((n,), (False,)) for n in range(len(own))])
+    return sorted(scores, key=lambda score: -score.gain), null
+
+
+def _batches(laws: Sequence[LawExpression]) -> Iterator[list[LawExpression]]:
+    """Laws that the kernel has room for at the same time."""
+    left = list(laws)
+    while left:
+        batch = list(_within_room(left))
+        if not batch:
+            return
+        yield batch
+        left = left[len(batch) :]
+
+
+def _within_room(laws: Iterable[LawExpression]) -> Iterator[LawExpression]:
+    """The first laws that have room beside those that are declared."""
+    room = MOST_PARAMETERS - sum(len(one.parameters) for one in DECLARED.values())
+    for law in laws:
+        room -= len(law.parameters)
+        if room < 0:
+            return
+        yield law
+
+
+def _first_of_each(scores: Sequence[Score]) -> dict[str, Score]:
+    """The best score of each law, by its name as an effect."""
+    found: dict[str, Score] = {}
+    for score in scores:
+        found.setdefault(score.variant.effect, score)
+    return found
+
+
+def _worth(before: Fit, step: _Step, taken: Sequence[LawExpression], rule: Rule) -> bool:
+    """Whether the best term brings enough, and takes enough of what is in excess of the noise."""
+    best = step.refits[0][1]
+    if best.gain < max(rule.further, step.null.quantile(BY_CHANCE)):
+        return False
+    if taken:
+        return completes(before.excess, best.fit.excess)
+    return excess_power(best.fit.excess) <= (1 - EXPLAINED) * excess_power(before.excess)
+
+
+def _with_term(base: Fit, found: ChosenTerms | None, step: _Step) -> ChosenTerms:
+    law, best = step.refits[0]
+    if found is None:
+        return ChosenTerms(base, best.fit, (law,), best.gain, step.null.p_value(best.gain), step.refits)
+    return replace(found, fit=best.fit, laws=(*found.laws, law), gain=found.gain + best.gain)

@@ -1,0 +1,45 @@
+"""The library of a formula's terms: units that come out, ranges that suit a record, and a record's laws joined."""
+
+import numpy as np
+import pytest
+from diagnosed import SERVO, VOLTAGE_SERVO
+
+from msl_fem.computing.laws import UNIT_OF, expression
+from msl_fem.diagnosis.formula_terms import LARGEST, LawSizes, amount_unit, library
+from msl_fem.plant import plant_parameters
+
+
+def _sizes():
+    chance = np.random.default_rng(4)
+    values = {name: chance.normal(size=500) for name in ("x", "v", "i", "i1", "i2")}
+    values |= {name: 1 + 0.1 * chance.uniform(size=500) for name in ("g", "g1", "g2")}
+    return LawSizes(values, {"force": 20.0, "voltage": 3.0, "position_reading": 1e-3})
+
+
+@pytest.mark.parametrize("sides", [1, 2])
+@pytest.mark.parametrize("actuator", [SERVO, VOLTAGE_SERVO], ids=["current", "voltage"])
+def test_every_term_is_a_law_with_its_unit_and_range(actuator, sides):
+    """Built without an error its units are right; the widest amount makes a term `LARGEST` times its equation's."""
+    plant = plant_parameters(actuator)._replace(sides=sides)
+    laws = library(plant, _sizes())
+    assert {law.equation for law in laws} == set(UNIT_OF)
+    assert len({(law.equation, law.text) for law in laws}) == len(laws) > 50
+    assert all(len(law.parameters) <= 2 for law in laws)
+    assert ("i2" in {name for law in laws for name in law.law.names}) == (sides == 2)
+    cube = next(law for law in laws if law.text == "a*v**3")
+    rms = np.sqrt(np.mean(_sizes().variables["v"] ** 6))
+    assert cube.parameters[0].high * rms == pytest.approx(LARGEST * 20.0)
+
+
+def test_units_of_amounts():
+    assert amount_unit("force", (0, 2, 0)) == "N s2/m2"
+    assert amount_unit("voltage", (-1, 0, 2)) == "V m/A2"
+    assert amount_unit("position_reading", (1, 1, 0)) == "m s/m2"
+
+
+def test_a_constant_of_a_law_reads_back():
+    """What is stated alone stays a constant in a file."""
+    law = expression("root", "force", "-a*sqrt(abs(v)/w)", {"a": "0..9 N", "w": "0.5 m/s"})
+    again = expression("root", "force", law.text, {p.name: p.text for p in law.bare.parameters})
+    assert again.bare == law.bare
+    assert again.parameters[1].low == again.parameters[1].high == 0.5
