@@ -20,7 +20,6 @@ from marked_text import rewrite
 from scipy.linalg import expm
 
 from msl_fem.actuator import parse_actuator
-from msl_fem.cli.check import doubts_of_file
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.impedances import diagnose_impedance
 from msl_fem.diagnosis.static_maps import why_no_map
@@ -28,6 +27,7 @@ from msl_fem.errors import InputError
 from msl_fem.files.whole_file import whole_file
 from msl_fem.record import Noise, Record, Run, Sampling, StaticMap, Tolerance, load_record
 from msl_fem.record.columns import read_columns
+from msl_fem.record.file_doubts import doubts_of_file
 from msl_fem.record.impedance import ImpedanceMap
 from msl_fem.record.log_columns import column_sources
 from msl_fem.record.log_import import RunLabel, imported_run

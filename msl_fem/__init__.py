@@ -5,34 +5,56 @@ first used, so that a control engineer needs no finite elements.
 """
 
 from importlib import import_module
+from operator import attrgetter
 from typing import Any
 
 _VERBS = {
     "load_actuator": "msl_fem.actuator",
-    "draw": "msl_fem.report.section_drawing",
+    "draw": "msl_fem.report.section_drawing:draw_section",
     "solve": "msl_fem.magnetics.field.magnet_field",
+    "field_picture": "msl_fem.report.notebook",
     "sweep": "msl_fem.magnetics.sweep.table_sweep",
     "read_table": "msl_fem.table.magnetic_table",
     "write_table": "msl_fem.table.magnetic_table",
+    "lookup": "msl_fem.table.magnetic_table:MagneticTable.evaluate",
     "operating_map": "msl_fem.maps",
+    "read_map": "msl_fem.maps",
+    "write_map": "msl_fem.maps",
+    "Guard": "msl_fem.maps",
     "choose_wire": "msl_fem.losses",
     "copper_loss": "msl_fem.losses.copper_loss",
     "iron_loss": "msl_fem.losses",
+    "sine_operation": "msl_fem.losses",
     "continuous_current": "msl_fem.losses",
     "assess_flexure": "msl_fem.mechanics",
     "gap_trade": "msl_fem.mechanics.gap_trade",
     "tolerance_study": "msl_fem.design.tolerances",
+    "load_requirement": "msl_fem.design.sizing",
+    "size_magnet": "msl_fem.design.sizing",
     "load_record": "msl_fem.record",
+    "write_record": "msl_fem.record",
+    "record_from_frames": "msl_fem.record",
+    "import_log": "msl_fem.record",
+    "import_into": "msl_fem.record",
+    "doubts_of_file": "msl_fem.record.file_doubts",
     "compare": "msl_fem.comparison",
     "parse_excitation": "msl_fem.plant.excitation",
     "excitation_inputs": "msl_fem.plant.excitation",
-    "write_record": "msl_fem.record",
     "simulate": "msl_fem.plant",
+    "simulation_record": "msl_fem.plant",
+    "sealed_record": "msl_fem.bench",
     "identify": "msl_fem.identification",
     "design_controller": "msl_fem.control",
+    "run_closed_loop": "msl_fem.control",
+    "examine_design": "msl_fem.control",
+    "measured_loops": "msl_fem.control",
+    "suspects": "msl_fem.diagnosis.planning.ranking",
+    "experiments": "msl_fem.diagnosis.planning.experiments",
     "diagnose": "msl_fem.diagnosis",
+    "run_study": "msl_fem.study",
+    "export_as": "msl_fem.export.formats",
 }
-_NAMES_THERE = {"draw": "draw_section"}
+"""A verb and the module that holds it, with the name that it has there where it is another."""
 __all__ = sorted(_VERBS)
 
 
@@ -43,7 +65,7 @@ def operating_map(source: Any, *gap: Any, **wishes: Any) -> Any:
     finite elements.
     """
     fields = isinstance(source, import_module("msl_fem.actuator").Actuator)
-    home = import_module("msl_fem.magnetics.field_map" if fields else _VERBS["operating_map"])
+    home = import_module("msl_fem.magnetics.field_map" if fields else "msl_fem.maps")
     return (home.field_map if fields else home.operating_map)(source, *gap, **wishes)
 
 
@@ -57,7 +79,8 @@ def __getattr__(name: str) -> Any:
             return "0"
     if name not in _VERBS:
         raise AttributeError(f"module 'msl_fem' has no attribute '{name}'")
-    return getattr(import_module(_VERBS[name]), _NAMES_THERE.get(name, name))
+    module, _, there = _VERBS[name].partition(":")
+    return attrgetter(there or name)(import_module(module))
 
 
 def __dir__() -> list[str]:

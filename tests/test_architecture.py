@@ -134,6 +134,29 @@ def test_files_are_opened_only_by_readers_and_writers() -> None:
                 assert called not in FILE_CALLS or within(name, FILE_USERS), f"{name} calls {called}"
 
 
+def test_imports_by_name_are_few() -> None:
+    """What `imports` cannot see: who hands over to a module that is named in a text."""
+    by_name = {
+        name
+        for name, tree in MODULES.items()
+        if any("importlib" in (i.split(".")[0]) and i.endswith("import_module") for i in _imported_names(tree))
+    }
+    own_code = {"msl_fem.computing.lanes", "msl_fem.computing.machine_code"}  # their own module's source
+    libraries = {"msl_fem.record.log_libraries"}
+    assert by_name - own_code - libraries == {
+        "msl_fem", "msl_fem.cli.app", "msl_fem.export.formats", "msl_fem.files.shown",
+    }  # fmt: skip
+
+
+def _imported_names(tree: ast.Module) -> Iterator[str]:
+    """`module.name` of each import, and `importlib.import_module` where it is called so."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            yield f"{node.value.id}.{node.attr}"
+
+
 def test_names_say_what_is_inside() -> None:
     for name in MODULES:
         assert not {"utils", "helpers", "common", "core", "misc"} & set(name.split(".")), name

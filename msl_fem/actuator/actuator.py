@@ -10,7 +10,9 @@ from msl_fem.actuator.motion import Motion, Sides
 from msl_fem.actuator.tolerances import Tolerances
 from msl_fem.errors import ActuatorError
 from msl_fem.files.dimensions import Current, CurrentNoise, Frequency, PositionNoise, Resistance, Voltage
+from msl_fem.files.quantity import format_quantity
 from msl_fem.files.schema import FrozenModel, bare_number, first_complaint, has_unknown_key, read_toml
+from msl_fem.files.shown import Shown
 from msl_fem.magnetics.kinds import Magnet, MagnetKind, MeshMagnet
 
 PURE_NUMBERS = frozenset({
@@ -82,7 +84,7 @@ class Controller(FrozenModel):
     delay_samples: Annotated[int, Field(ge=0, le=20)] = 0
 
 
-class Actuator(FrozenModel):
+class Actuator(Shown, FrozenModel):
     """An actuator file. Sections that an actuator lacks are None; SI units throughout.
 
     Attributes
@@ -124,6 +126,24 @@ class Actuator(FrozenModel):
         drive = f", {self.drive.kind} drive" if self.drive else ""
         sides = f", {self.sides.count} x {self.sides.magnets_per_side} magnets" if self.sides else ""
         return f"Actuator({self.name}: {kind}{moved}{gap}{sides}{drive})"
+
+    def facts(self) -> dict[str, str]:
+        """What the file says, in short."""
+        facts = {"name": self.name, "magnet": self.magnet.kind if self.magnet else "none"}
+        if isinstance(self.magnet, MagnetKind):
+            facts["turns"] = f"{self.magnet.turns}"
+            facts["winding"] = f"{format_quantity(self.magnet.winding_resistance, 'ohm')} at 20 °C"
+        if self.sides is not None:
+            facts["sides"] = f"{self.sides.count} with {self.sides.magnets_per_side} magnets each"
+        if self.motion is not None:
+            facts["moving mass"] = format_quantity(self.motion.moving_mass, "kg")
+        if self.motion is not None and self.motion.nominal_gap is not None:
+            facts["nominal gap"] = format_quantity(self.motion.nominal_gap, "m")
+        if self.drive is not None:
+            facts["drive"] = self.drive.kind
+        if self.controller is not None:
+            facts["controller"] = format_quantity(self.controller.rate, "Hz")
+        return facts
 
     @property
     def folder(self) -> Path:

@@ -26,6 +26,7 @@ from msl_fem.control.inverse import force_limits
 from msl_fem.control.stepper import reference_rows
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
+from msl_fem.files.shown import Tabular
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.instruments import N_READING, reading_noise
 from msl_fem.plant.layout import (
@@ -74,8 +75,8 @@ class PlantUnderTest:
     effects: EffectValues | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class ClosedLoopRun:
+@dataclass(frozen=True, eq=False, repr=False)
+class ClosedLoopRun(Tabular):
     """A run that stayed within the table and the travel from beginning to end.
 
     Attributes
@@ -110,6 +111,31 @@ class ClosedLoopRun:
     tracking_rms: float
     peak_current: float
     copper_loss: float
+
+    def facts(self) -> dict[str, str]:
+        """How well it followed, with which currents, and what the guard had to do."""
+        return {
+            "samples": f"{self.time.size} in {format_quantity(float(np.ptp(self.time)), 's')}",
+            "tracking error": f"{format_quantity(self.tracking_rms, 'm')} RMS",
+            "peak current": format_quantity(self.peak_current, "A"),
+            "copper loss": format_quantity(self.copper_loss, "W"),
+            "guard violations": f"{self.guard_violations}",
+        }
+
+    def frame_columns(self) -> dict[str, Array]:
+        """time_s, reference and position, each side's current and voltage, what the controller estimates."""
+        columns = {"time_s": self.time, "reference_m": self.reference, "position_m": self.position}
+        columns["measured_position_m"] = self.measured
+        for side in range(self.current.shape[1]):
+            columns[f"current_{side + 1}_A"] = self.current[:, side]
+            columns[f"command_{side + 1}_A"] = self.command[:, side]
+            columns[f"voltage_{side + 1}_V"] = self.voltage[:, side]
+        return columns | {
+            "force_N": self.force,
+            "velocity_hat_m_per_s": self.velocity_hat,
+            "disturbance_hat_N": self.disturbance_hat,
+            "innovation_m": self.innovation,
+        }
 
     @property
     def guard_violations(self) -> int:

@@ -17,6 +17,8 @@ from msl_fem.diagnosis.scores import Score
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import WIDE
 from msl_fem.files.numbers import json_value
+from msl_fem.files.quantity import format_quantity
+from msl_fem.files.shown import Shown
 from msl_fem.plant.believed import PLAIN_BELIEF, Belief
 from msl_fem.plant.effects import CATALOGUE, find_parameter
 from msl_fem.prediction import ModelHypothesis
@@ -194,8 +196,8 @@ class Evidence:
     noise: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Shown):
     """The outcome for a record.
 
     Attributes
@@ -233,6 +235,20 @@ class Diagnosis:
     belief: Belief = PLAIN_BELIEF
     correlation: Correlation | None = None
     formula: Formula | None = None
+
+    def facts(self) -> dict[str, str]:
+        """The verdict, each cause with its leading amount, rivals and interval, and what stays unexplained."""
+        facts = {"verdict": self.verdict.replace("-", " ")}
+        for cause in self.causes:
+            name, leading = next(iter(cause.parameters.items()))
+            unit = unit_of(cause.effect, name)
+            low, high = (format_quantity(value, unit) for value in (leading.low, leading.high))
+            amount = f"{format_quantity(leading.value, unit)} ({low} ... {high}), {cause.statistic:.3g} nats"
+            rivals = f", or {' or '.join(cause.rivals)}" if cause.rivals else ""
+            facts[cause.effect.replace("_", " ")] = amount + rivals.replace("_", " ")
+        if self.unexplained.share:
+            facts["unexplained"] = f"{100 * self.unexplained.share:.2g} % of the residual power"
+        return facts | {"reason": self.reason}
 
     @property
     def names(self) -> tuple[str, ...]:

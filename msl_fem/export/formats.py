@@ -8,8 +8,11 @@ from typing import Any
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import InputError
+from msl_fem.maps import OperatingMap
+from msl_fem.maps.pair_limits import PairMap
 from msl_fem.plant.effects import EffectValues
 from msl_fem.table.magnetic_table import MagneticTable
+from msl_fem.table.pair_table import PairTable
 
 ACTUATOR, TABLE, MAP, MODEL, CONTROLLER = "actuator", "table", "map", "model", "controller"
 PAIR_MAP, PAIR_TABLE = "pair map", "pair table"
@@ -95,3 +98,24 @@ def find_format(to: str, what: str | None, source: str) -> Format:
         needs = " or ".join(dict.fromkeys(_MADE_FROM[wished[0].needs]))
         raise InputError(f"--to {to} --what {wished[0].what} needs a file with {needs}; this is one with a {source}")
     return min(able, key=lambda f: _MADE_FROM[f.needs].index(source))
+
+
+def export_as(record: Any, target: str | Path, *, to: str, what: str | None = None, name: str | None = None) -> None:
+    """Writes a table, a map, an actuator or a `ModelSource` in a format, as `msl-fem export --to` does.
+
+    `what` names the part where a record has several, `name` is the beginning of names in the file.
+
+    Raises
+    ------
+    InputError : there is no such format of this record; the message says what there is
+    """
+    kinds = {MagneticTable: TABLE, OperatingMap: MAP, PairMap: PAIR_MAP, PairTable: PAIR_TABLE, ModelSource: MODEL}
+    kind = next((kind for of, kind in kinds.items() if isinstance(record, of)), None)
+    if kind is None:
+        known = ", ".join(of.__name__ for of in kinds)
+        raise InputError(f"a {type(record).__name__} cannot be exported; give one of {known}")
+    able = [f for f in FORMATS if (f.to, f.needs) == (to, kind) and what in (None, f.what)]
+    if not able:
+        formats = ", ".join(dict.fromkeys(f.to for f in FORMATS if f.needs == kind))
+        raise InputError(f"--to {to} is not available of a {type(record).__name__}; there is {formats}")
+    able[0].write(record, Path(target), name=name)

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError, OutOfTable, QuantityError, TableError
 from msl_fem.files.quantity import format_quantity, parse_quantity
+from msl_fem.files.shown import Tabular
 from msl_fem.table.magnetic_table import SECTION, MagneticTable
 
 LEVELS = (1.2, 1.6)
@@ -85,7 +86,7 @@ def _percentile(text: str, percent: float) -> Criterion:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OperatingMap:
+class OperatingMap(Tabular):
     """The currents of one magnet that bring each level of flux density, over the gap.
 
     Attributes
@@ -137,6 +138,24 @@ class OperatingMap:
         named = f" of {self.actuator}" if self.actuator else ""
         judged = f"{self.gap.size} gaps {ends}, up to {self.current_max:.4g} A"
         return f"OperatingMap({levels} T{named}, {judged}, {self.criterion})"
+
+    def facts(self) -> dict[str, str]:
+        """Levels, range and the largest stated error."""
+        return {
+            "actuator": self.actuator or "not known",
+            "levels": ", ".join(f"{level:g} T" for level in self.levels),
+            "gaps": f"{self.gap.size}, {self.gap[0] * 1e3:.4g} ... {self.gap[-1] * 1e3:.4g} mm",
+            "largest current": f"{self.current_max:.4g} A",
+            "criterion": self.criterion,
+            "error": f"at most {format_quantity(float(self.error.max()), 'A', digits=2)}",
+        }
+
+    def frame_columns(self) -> dict[str, Array]:
+        """gap_m, and for each level its current and that current's error: current_1.2_T_A, error_1.2_T_A."""
+        columns = {"gap_m": self.gap}
+        for level, current, error in zip(self.levels, self.current, self.error, strict=True):
+            columns |= {f"current_{level:g}_T_A": current, f"error_{level:g}_T_A": error}
+        return columns
 
     def not_reached(self) -> tuple[str, ...]:
         """One sentence for each level and gap whose current lies beyond the map's largest."""

@@ -263,15 +263,17 @@ class Inputs:
 
 
 def excitation_inputs(
-    actuator: Actuator, excitation: Excitation, *, rate: float, generator: np.random.Generator | None = None
+    actuator: Actuator, excitation: Excitation | str, *, rate: float, generator: np.random.Generator | None = None
 ) -> Inputs:
-    """The inputs that an excitation gives to an actuator's drive, sampled at `rate` (Hz).
+    """The inputs that an excitation, or its text, gives to an actuator's drive, sampled at `rate` (Hz).
 
     Raises
     ------
-    InputError : the excitation's unit is not the drive's; as `excitation.samples`
+    InputError : the excitation's unit is not the drive's; as `excitation.samples` and, of a text, `parse_excitation`
     """
     kind = actuator.drive.kind if actuator.drive else "none"
+    if isinstance(excitation, str):
+        excitation = parse_excitation(excitation, unit=DRIVE_UNIT.get(kind, "A"))
     if DRIVE_UNIT.get(kind) != excitation.unit:
         raise InputError(
             f"{excitation.name}: amplitude is in {excitation.unit}, the drive of {actuator.name} is of the kind "

@@ -12,6 +12,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
+from msl_fem.files.shown import Tabular
 from msl_fem.plant import kernel, layout
 from msl_fem.plant.effects import EffectValues, neutral_vector
 from msl_fem.plant.energy import EnergyAudit, energy_audit
@@ -71,8 +72,8 @@ class Options:
     locked: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class Simulation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Simulation(Tabular):
     """A simulated run. Samples are instantaneous and taken before the command of that instant acts.
 
     Attributes
@@ -112,9 +113,36 @@ class Simulation:
     audit: EnergyAudit
     end_state: Array
 
+    def facts(self) -> dict[str, str]:
+        """How long, how far, with which currents, and whether it came to its end."""
+        facts = {
+            "samples": f"{self.time.size} at {format_quantity(self.rate, 'Hz')}",
+            "position": f"at most {format_quantity(_largest(self.position), 'm')}",
+        }
+        for side, current in enumerate(self.current.T, start=1):
+            facts[f"current {side}"] = f"at most {format_quantity(_largest(current), 'A')}"
+        return facts | {"energy imbalance": f"{self.audit.imbalance:.1e}", "status": self.status}
+
+    def frame_columns(self) -> dict[str, Array]:
+        """time_s, true signals, then those that the sensors read: measured_position_m, measured_current_1_A."""
+        columns = {"time_s": self.time, "position_m": self.position, "velocity_m_per_s": self.velocity}
+        for side in range(self.current.shape[1]):
+            columns[f"current_{side + 1}_A"] = self.current[:, side]
+            columns[f"voltage_{side + 1}_V"] = self.voltage[:, side]
+            columns[f"flux_linkage_{side + 1}_Wb"] = self.flux_linkage[:, side]
+            columns[f"measured_current_{side + 1}_A"] = self.measured_current[:, side]
+        driven = {} if self.current.shape[1] else {"force_N": self.force}
+        measured = {"measured_position_m": self.measured_position, "disturbance_N": self.disturbance}
+        return columns | driven | measured
+
     @property
     def complete(self) -> bool:
         return self.status == STATUS[OK]
+
+
+def _largest(values: Array) -> float:
+    """The largest size of a signal; 0 of an empty one."""
+    return float(np.abs(values).max(initial=0.0))
 
 
 def simulate(

@@ -1,6 +1,8 @@
 """Measured or simulated data: a frozen record of a rig, its runs and its static map, read from a folder and written."""
 
 from msl_fem.record.columns import Channel
+from msl_fem.record.frames import FrameLabels, record_from_frames
+from msl_fem.record.log_import import LogTiming, RunLabel, import_into, import_log
 from msl_fem.record.reader import load_record
 from msl_fem.record.record import Record, Run, StaticMap
 from msl_fem.record.rig_file import (
@@ -19,20 +21,26 @@ from msl_fem.record.writer import check_record_folder, write_record
 
 __all__ = [
     "Channel",
+    "FrameLabels",
+    "LogTiming",
     "Noise",
     "Origin",
     "PidLaw",
     "Record",
     "Role",
     "Run",
+    "RunLabel",
     "Sampling",
     "StateSpaceLaw",
     "StatedLaw",
     "StaticMap",
     "Tolerance",
     "check_record_folder",
+    "import_into",
+    "import_log",
     "law_of",
     "linear_laws",
     "load_record",
+    "record_from_frames",
     "write_record",
 ]

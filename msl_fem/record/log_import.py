@@ -5,6 +5,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,13 +16,17 @@ from msl_fem.files.toml_text import quantity_text, toml_text
 from msl_fem.files.whole_file import cannot_be_written, whole_file
 from msl_fem.record.clock import common_span, evened, resample, timed_by
 from msl_fem.record.columns import CHANNELS, UNITS, Quantity, numbers, write_columns
-from msl_fem.record.log_columns import ColumnSource
+from msl_fem.record.frames import NOTEBOOK, frame_signals
+from msl_fem.record.log_columns import ColumnSource, column_sources
 from msl_fem.record.log_noise import estimated_noise
 from msl_fem.record.log_signals import read_log, signal
 from msl_fem.record.reader import check_columns, check_run, known_columns, load_record
 from msl_fem.record.record import Record, Run
 from msl_fem.record.rig_file import RIG_FILE, Noise, Role, Sampling
 from msl_fem.record.writer import run_entry, write_record
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 LONG = 100_000  # samples from which a run is written as NetCDF
 TIME = "time_s"
@@ -90,9 +95,40 @@ def imported_run(
     RecordError : the log cannot be read, a signal is missing or of another length, a value is no number, a column does
         not belong to the actuator, or neither time nor rate is given
     """
-    timing = timing or LogTiming()
     own_clocks = {it.time for it in sources if it.time}
     signals = read_log(log, only={it.source for it in sources} | own_clocks)
+    return _imported(signals, sources, actuator, label=label, timing=timing or LogTiming(), log=log)
+
+
+def import_log(
+    log: "str | Path | pd.DataFrame",
+    columns: str,
+    actuator: Actuator,
+    *,
+    label: RunLabel | None = None,
+    timing: LogTiming | None = None,
+) -> ImportedRun:
+    """The run of a log's file or of a frame, by the text or the file of columns that `msl-fem import` takes.
+
+    `import_into` makes it part of a record. Raises as `column_sources` and `imported_run`.
+    """
+    sources = column_sources(columns)
+    if isinstance(log, str | Path):
+        named = label or RunLabel(Path(log).stem)
+        return imported_run(log, sources, actuator, label=named, timing=timing)
+    how = timing or LogTiming()
+    return _imported(frame_signals(log), sources, actuator, label=label or RunLabel("frame"), timing=how, log=NOTEBOOK)
+
+
+def _imported(
+    signals: dict[str, Array],
+    sources: Sequence[ColumnSource],
+    actuator: Actuator,
+    *,
+    label: RunLabel,
+    timing: LogTiming,
+    log: str | Path,
+) -> ImportedRun:
     raw = {it.column: signal(signals, it.source, file=log) for it in sources}
     for source in sources:
         _refuse_no_numbers(raw[source.column], source, log, empty=timing.resampled is not None)

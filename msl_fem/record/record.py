@@ -12,6 +12,9 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.laws import LawExpression
 from msl_fem.errors import RecordError
+from msl_fem.files.quantity import format_quantity
+from msl_fem.files.shown import Shown, Tabular
+from msl_fem.record.columns import UNITS
 from msl_fem.record.rig_file import (
     BeliefWord,
     GapZero,
@@ -40,8 +43,8 @@ def _texts_or_numbers(values: ArrayLike) -> NDArray[Any]:
     return array
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
+@dataclass(frozen=True, eq=False, repr=False)
+class Run(Tabular):
     """One dynamic run, sampled in equal steps.
 
     Attributes
@@ -75,6 +78,20 @@ class Run:
         object.__setattr__(self, "columns", frozen)
         object.__setattr__(self, "extra", extra)
 
+    def facts(self) -> dict[str, str]:
+        """Name, length, excitation, role and columns."""
+        return {
+            "name": self.name,
+            "samples": f"{self.time.size} in {format_quantity(float(np.ptp(self.time)), 's')}",
+            "role": self.role,
+            "excitation": self.excitation,
+            "columns": ", ".join(self.columns),
+        }
+
+    def frame_columns(self) -> dict[str, NDArray[Any]]:
+        """time_s, the other columns, and those that the format does not know."""
+        return {"time_s": self.time, **self.columns, **self.extra}
+
     def __getitem__(self, column: str) -> Array:
         """The column (n_sample,); RecordError where the run has none of this name."""
         try:
@@ -100,8 +117,8 @@ class Run:
         return float((self.time[-1] - self.time[0]) / (self.time.size - 1))
 
 
-@dataclass(frozen=True, eq=False)
-class StaticMap:
+@dataclass(frozen=True, eq=False, repr=False)
+class StaticMap(Tabular):
     """Quasi-static rows of one magnet in the order of measurement, (n_row,) each.
 
     Attributes
@@ -125,13 +142,39 @@ class StaticMap:
     extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     gap_zero: GapZero = "gauge"
 
+    def facts(self) -> dict[str, str]:
+        """How many rows, their range and roles."""
+        gap = f"{self.gap.min() * 1e3:.4g} ... {self.gap.max() * 1e3:.4g} mm"
+        return {
+            "rows": f"{self.gap.size}, {self.rows('held-out').size} of them held out",
+            "gap": gap,
+            "current": f"{self.current.min():.4g} ... {self.current.max():.4g} A",
+            "measured": " and ".join(
+                name[:-2].replace("_", " ") for name in ("force_N", "flux_linkage_Wb") if name in self.frame_columns()
+            ),
+        }
+
+    def frame_columns(self) -> dict[str, NDArray[Any]]:
+        """gap_m, current_A and all that was measured or stated, a row a measurement."""
+        columns = {
+            "gap_m": self.gap,
+            "current_A": self.current,
+            "force_N": self.force,
+            "flux_linkage_Wb": self.flux_linkage,
+            "role": self.role,
+            "direction": self.direction,
+            "sequence": self.sequence,
+            **self.extra,
+        }
+        return {name: values for name, values in columns.items() if values is not None}
+
     def rows(self, role: Role) -> NDArray[np.intp]:
         """Indices of the rows with this role, in order."""
         return np.flatnonzero(self.role == role)
 
 
-@dataclass(frozen=True, eq=False)
-class Record:
+@dataclass(frozen=True, eq=False, repr=False)
+class Record(Shown):
     """The data of a rig and what is believed about it.
 
     Attributes
@@ -161,6 +204,23 @@ class Record:
     causes: tuple[LawExpression, ...] = ()
     belief: BeliefWord | None = None
     folder: Path | None = None
+
+    def facts(self) -> dict[str, str]:
+        """Whose data, how many runs of which roles, at which rate, and the instruments' noise."""
+        facts = {"rig": self.actuator.name, "origin": self.origin}
+        if self.runs:
+            held_out = ", ".join(run.name for run in self.runs_of("held-out"))
+            fitted = ", ".join(run.name for run in self.runs_of("fit"))
+            facts |= {"to fit": fitted or "none", "held out": held_out or "none"}
+        if self.sampling is not None:
+            facts["rate"] = format_quantity(self.sampling.rate, "Hz")
+        if self.static is not None:
+            facts["static map"] = f"{self.static.gap.size} rows"
+        stated = {q: getattr(self.noise, q) for q in UNITS if getattr(self.noise, q, None)}
+        if stated:
+            told = (f"{q.replace('_', ' ')} {format_quantity(sigma, UNITS[q])}" for q, sigma in stated.items())
+            facts["noise"] = ", ".join(told)
+        return facts | ({"warnings": f"{len(self.warnings)}"} if self.warnings else {})
 
     def runs_of(self, role: Role) -> tuple[Run, ...]:
         """The runs with this role, in the order of rig.toml."""

@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 import plotly.graph_objects as go
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
@@ -19,6 +17,7 @@ from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.report.figures import figure
+from msl_fem.report.paper_figure import PaperFigure
 
 Array = NDArray[np.float64]
 COLOURS = "viridis"
@@ -95,11 +94,10 @@ def _around(outlines: Array, margin: float) -> tuple[float, float, float, float]
     return left - margin, right + margin, bottom - margin, top + margin
 
 
-def draw_field(field: MagnetField, solution: FieldSolution, *, title: str) -> Figure:
+def draw_field(field: MagnetField, solution: FieldSolution, *, title: str) -> PaperFigure:
     """A figure of the whole section, the solved half mirrored: |B| in T and flux lines of equal flux."""
     painted = painted_field(field, solution)
-    figure = Figure(figsize=(7.2, 5.6), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = PaperFigure(figsize=(7.2, 5.6), layout="constrained")
     axes = figure.add_subplot()
     shaded = paint(axes, painted)
     axes.set_aspect("equal")
@@ -128,7 +126,7 @@ def paint(axes: Axes, painted: PaintedField) -> ScalarMappable:
     return shaded
 
 
-def save_picture(figure: Figure, path: Path) -> None:
+def save_picture(figure: PaperFigure, path: Path) -> None:
     """The figure as PNG, whole or not at all; raises InputError where it cannot be written."""
     with whole_file(path) as partial:
         figure.savefig(partial, format="png", dpi=150)
@@ -204,8 +202,7 @@ def flux_density_grid(painted: PaintedField) -> tuple[Array, Array, Array]:
 def _picture(painted: PaintedField) -> str:
     """The area alone, without axes, as PNG in base64."""
     left, right, bottom, top = painted.area
-    made = Figure(figsize=(10.0, 10.0 * (top - bottom) / (right - left)))
-    FigureCanvasAgg(made)
+    made = PaperFigure(figsize=(10.0, 10.0 * (top - bottom) / (right - left)))
     axes = made.add_axes((0, 0, 1, 1))
     axes.set_axis_off()
     paint(axes, painted)

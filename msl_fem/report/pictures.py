@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.ticker import StrMethodFormatter
 from numpy.typing import NDArray
 
@@ -18,18 +16,18 @@ from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.field_map import DecouplingMap
 from msl_fem.record import Run
 from msl_fem.report.figures import BLUE, GREY, ORANGE, RED, SERIES
+from msl_fem.report.paper_figure import PaperFigure
 
 PREFIXED = {"m", "A", "V", "N", "Wb", "T"}
 SMALL = (("m", 1e3), ("µ", 1e6), ("n", 1e9))
 MOST_POINTS = 20_000  # a channel; more are thinned by equal steps, and the title says so
 
 
-def draw_run(run: Run, *, made_of: Mapping[str, str] | None = None) -> Figure:
+def draw_run(run: Run, *, made_of: Mapping[str, str] | None = None) -> PaperFigure:
     """One panel for each channel; `made_of` says for a column where it came from."""
     names = [name for name in run.columns if name != "time_s"]
     step = max(1, -(-run.time.size // MOST_POINTS))
-    figure = Figure(figsize=(9.0, 1.0 + 1.7 * len(names)), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = PaperFigure(figsize=(9.0, 1.0 + 1.7 * len(names)), layout="constrained")
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for panel, name in zip(panels, names, strict=True):
         label, scale = _label(name, float(np.abs(run[name]).max()))
@@ -96,11 +94,10 @@ class FrontPoints:
     guess: Mapping[str, float] | None = None
 
 
-def draw_front(points: FrontPoints, objectives: Sequence[str], *, title: str) -> Figure:
+def draw_front(points: FrontPoints, objectives: Sequence[str], *, title: str) -> PaperFigure:
     """A figure with one frame for each pair of objectives; a single objective stands over the designs' rank."""
     pairs = list(combinations(objectives, 2)) or [(objectives[0], objectives[0])]
-    figure = Figure(figsize=(6.4 * min(len(pairs), 3), 4.6 * -(-len(pairs) // 3)), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = PaperFigure(figsize=(6.4 * min(len(pairs), 3), 4.6 * -(-len(pairs) // 3)), layout="constrained")
     for k, (x, y) in enumerate(pairs):
         axes = figure.add_subplot(-(-len(pairs) // 3), min(len(pairs), 3), k + 1)
         _draw_pair(axes, points, x, y)
@@ -139,13 +136,12 @@ Array = NDArray[np.float64]
 SMALLEST = 1e-5  # of a share or an error, that can be drawn on a logarithmic axis
 
 
-def draw_decoupling(found: DecouplingMap) -> Figure:
+def draw_decoupling(found: DecouplingMap) -> PaperFigure:
     """Three panels over the gap or the position: linked share; force error of independent sides, aiding and opposing.
 
     A line for each level that both sides are at, dashed where it lies outside the preferred region; grey: one side on.
     """
-    figure = Figure(figsize=(10.5, 3.6), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = PaperFigure(figsize=(10.5, 3.6), layout="constrained")
     share, aiding, opposing = figure.subplots(1, 3)
     _draw_share(share, found)
     for axes, error, name in zip((aiding, opposing), found.force_error, ("aiding", "opposing"), strict=True):

@@ -4,8 +4,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from msl_fem.actuator import Actuator, MagnetKind
@@ -15,6 +13,7 @@ from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.kinds.kind import DrawnLength
 from msl_fem.magnetics.section import Region, Section
+from msl_fem.report.paper_figure import PaperFigure
 
 IRON, COPPER, LINE, INK = "#c9d1da", "#e0a070", "#334155", "#1f2937"
 FORMATS = ("svg", "png", "pdf")
@@ -24,7 +23,7 @@ TEXT = 8.0  # points
 NEAR = 1e-9  # m
 
 
-def draw_section(actuator: Actuator, gap: float | None = None) -> Figure:
+def draw_section(actuator: Actuator, gap: float | None = None) -> PaperFigure:
     """The figure of the whole section at a gap (m), by default the nominal one.
 
     Raises
@@ -42,8 +41,7 @@ def draw_section(actuator: Actuator, gap: float | None = None) -> Figure:
     larger = max(2 * body[1], body[3] - body[2])
     shown = max(nominal, SMALLEST_SHOWN * larger)
     section = magnet.section(shown)
-    figure = Figure(figsize=(8.4, 6.6))
-    FigureCanvasAgg(figure)
+    figure = PaperFigure(figsize=(8.4, 6.6))
     axes = figure.add_axes((0.01, 0.03, 0.98, 0.92))
     _paint(axes, section)
     _name_parts(axes, section, magnet)
@@ -60,7 +58,7 @@ def draw_section(actuator: Actuator, gap: float | None = None) -> Figure:
     return figure
 
 
-def save_drawing(figure: Figure, path: Path) -> None:
+def save_drawing(figure: PaperFigure, path: Path) -> None:
     """The figure as svg, png or pdf by the path's end; InputError for another one or where it cannot be written."""
     form = path.suffix.removeprefix(".").lower()
     if form not in FORMATS:

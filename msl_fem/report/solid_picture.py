@@ -2,24 +2,22 @@
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.figure import Figure
 
 from msl_fem.computing.arrays import Array
 from msl_fem.magnetics.three_d.boxes import BoxModel
 from msl_fem.magnetics.three_d.readings import field_at
 from msl_fem.magnetics.three_d.scalar_potential import PotentialSolution
 from msl_fem.report.field_picture import COLOURS, HIGHEST
+from msl_fem.report.paper_figure import PaperFigure
 
 N_PIXELS = 260  # along the longer side of a plane
 MARGIN = 0.25  # of the magnet's half width around it
 
 
-def draw_solid_field(model: BoxModel, solution: PotentialSolution, *, title: str) -> Figure:
+def draw_solid_field(model: BoxModel, solution: PotentialSolution, *, title: str) -> PaperFigure:
     """|B| in T over (x, y) in the middle of the stack, and over (z, y) in the middle of the leg that bears the coil."""
-    figure = Figure(figsize=(10.5, 5.2), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = PaperFigure(figsize=(10.5, 5.2), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     leg = max(0.0, sum(model.coil.x) / 2)
     shaded = _paint(left, model, solution, axis=0, at=(leg, 0.0))

@@ -14,12 +14,14 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import OutOfTable, TableError
 from msl_fem.files.netcdf_file import NetcdfVariable, read_variables, write_netcdf
 from msl_fem.files.quantity import format_quantity
+from msl_fem.files.shown import Tabular
 from msl_fem.files.whole_file import whole_file
 from msl_fem.table.coenergy_surface import CoenergySurface, fit_coenergy_surface
 from msl_fem.table.consistency import check_consistency
 from msl_fem.table.pair_surface import SharedCoenergy
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
 
 SCHEMA = 1
@@ -41,7 +43,7 @@ AT_REST = 1e-9  # of the largest value: what a quantity that vanishes without cu
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MagneticTable:
+class MagneticTable(Tabular):
     """Force and flux of one magnet over gap and current, with exact derivatives and a stated error.
 
     Arrays have the shape (n_gap, n_current) and belong to one magnet of the full stack depth; the first current is 0,
@@ -76,6 +78,33 @@ class MagneticTable:
         largest = format_quantity(float(np.abs(self.nodes["force"]).max()), "N")
         size = f"{self.gap.size} gaps x {self.current.size} currents"
         return f"MagneticTable({size}: {self.rectangle}; largest force {largest}, mesh error {self.mesh_error:.1e})"
+
+    def facts(self) -> dict[str, str]:
+        """Range, largest force and stated errors."""
+        errors = {
+            "mesh error": self.mesh_error,
+            "interpolation error": self.interpolation_error,
+            "reciprocity error": self.reciprocity_error,
+        }
+        return {
+            "actuator": str(self.provenance.get("actuator", "not known")),
+            "nodes": f"{self.gap.size} gaps x {self.current.size} currents",
+            "range": self.rectangle,
+            "largest force": format_quantity(float(np.abs(self.nodes["force"]).max()), "N"),
+            **{name: "not known" if np.isnan(value) else f"{100 * value:.2g} %" for name, value in errors.items()},
+        }
+
+    def frame_columns(self) -> dict[str, Array]:
+        """A row a node, all currents of a gap before those of the next: gap_m, current_A, force_N ..."""
+        gap, current = np.meshgrid(self.gap, self.current, indexing="ij")
+        columns = {"gap_m": gap.ravel(), "current_A": current.ravel()}
+        units = {name: unit.replace("/", "_per_") for name, (unit, _) in (NODES | EXTRAS).items()}
+        values = {**self.nodes, **self.extras}
+        return columns | {f"{name}_{units.get(name, 'T')}": array.ravel() for name, array in values.items()}
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """A row a node over gap_m and current_A; names end in SI units, `force_N`."""
+        return super().to_pandas().set_index("current_A", append=True)
 
     @cached_property
     def surface(self) -> CoenergySurface:

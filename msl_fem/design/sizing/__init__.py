@@ -12,6 +12,7 @@ from msl_fem.design.sizing.design import Constraint, Design
 from msl_fem.design.sizing.evaluation import DesignEvaluation, DesignEvaluator
 from msl_fem.design.sizing.requirement import Requirement, load_requirement, parse_requirement
 from msl_fem.design.sizing.search import SearchResult, SearchSettings, first_designs, search_designs
+from msl_fem.design.sizing.sized import SizedMagnet, size_magnet
 from msl_fem.design.sizing.trials import EvaluatedTrial, figures
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "Requirement",
     "SearchResult",
     "SearchSettings",
+    "SizedMagnet",
     "choose_design",
     "figures",
     "first_designs",
@@ -32,6 +34,7 @@ __all__ = [
     "pareto_front",
     "parse_requirement",
     "search_designs",
+    "size_magnet",
     "sized_actuator",
     "write_sized_actuator",
 ]

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Literal, Protocol, Self, TypeVar
 
 from msl_fem.errors import InputError
+from msl_fem.files.quantity import format_quantity
+from msl_fem.files.shown import Shown
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution
 from msl_fem.magnetics.solver.mesh import MeshSize
 from msl_fem.magnetics.solver.postprocess import FieldQuantities
@@ -43,8 +45,8 @@ DOUBTFUL = 0.1
 """How far both routes of the force may be apart before a note says that."""
 
 
-@dataclass(frozen=True)
-class PointResult:
+@dataclass(frozen=True, repr=False)
+class PointResult(Shown):
     """One field solution of one magnet: `quantities`, the force's error estimate, and what it took.
 
     Attributes
@@ -61,6 +63,19 @@ class PointResult:
     newton_iterations: int
     residual_trail: tuple[float, ...]
     notes: tuple[str, ...] = ()
+
+    def facts(self) -> dict[str, str]:
+        """The point, its force with the error, flux linkage, inductance and the sections' flux density."""
+        q = self.quantities
+        force = f"{format_quantity(q.force, 'N')} ± {100 * self.force_error_estimate:.2g} %"
+        at = f"{format_quantity(self.current, 'A')}, gap {format_quantity(self.gap, 'm')}"
+        return {
+            "at": at,
+            "force": force,
+            "flux linkage": format_quantity(q.flux_linkage, "Wb"),
+            "incremental inductance": format_quantity(q.incremental_inductance, "H"),
+            **{name.replace("_", " "): f"{density.mean:.3g} T" for name, density in q.flux_density.items()},
+        }
 
 
 class RefinableField(Protocol):

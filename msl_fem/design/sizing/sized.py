@@ -1,0 +1,43 @@
+"""From a requirement to an actuator in one call, as a notebook wants it; `msl-fem size` shows each stage's progress."""
+
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from msl_fem.actuator import Actuator
+from msl_fem.design.sizing.choice import DesignChoice, choose_design, sized_actuator
+from msl_fem.design.sizing.evaluation import DesignEvaluator
+from msl_fem.design.sizing.requirement import Requirement
+from msl_fem.design.sizing.search import SearchResult, SearchSettings, search_designs
+
+
+@dataclass(frozen=True, eq=False)
+class SizedMagnet:
+    """A sized magnet: the actuator around it, the choice with its front, and the search that it was chosen from."""
+
+    actuator: Actuator
+    choice: DesignChoice
+    search: SearchResult
+
+
+def size_magnet(requirement: Requirement, settings: SearchSettings | None = None) -> SizedMagnet:
+    """The magnet of a requirement, by closed equations, a search and fields.
+
+    `settings.storage` keeps judged designs, so that the same call goes on; without settings nothing is kept.
+
+    Raises
+    ------
+    InputError : as `search_designs`
+    ComputationError : no design meets all constraints; names the closest one and what it misses
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        how = settings or SearchSettings(storage="")
+        if not how.storage:
+            how = replace(how, storage=f"sqlite:///{folder}/trials.sqlite3")
+        evaluator = DesignEvaluator(requirement)
+        search = search_designs(evaluator, how)
+        choice = choose_design(evaluator, search)
+    performance = choice.evaluation.performance
+    assert performance is not None
+    actuator = sized_actuator(performance, requirement, target=Path(f"{requirement.name}.toml"))
+    return SizedMagnet(actuator, choice, search)
