@@ -59,7 +59,8 @@ def point_picture(record: PointResult) -> PaperFigure:
     axes.set_xticks(np.arange(len(names)), names)
     axes.set_ylabel("flux density in T")
     axes.set_title(f"{record.facts()['force']} at {record.facts()['at']}", loc="left", fontsize=11)
-    axes.legend(frameon=False)
+    axes.margins(y=0.25)
+    axes.legend(frameon=False, ncols=2, loc="upper right")
     return figure
 
 
@@ -83,7 +84,7 @@ def table_picture(record: MagneticTable, *, gaps: Sequence[float] | None = None)
             values = record.evaluate(current, gap)[name] * scale
             axes.plot(current, values, color=SERIES[k % len(SERIES)], label=f"{gap * 1e3:.4g} mm")
         _label(axes, "coil current in A", f"{called(name)} of one magnet in {unit}")
-    figure.axes[0].legend(title="gap", frameon=False)
+    figure.axes[1].legend(title="gap", frameon=False, loc="lower right")
     return figure
 
 
@@ -136,7 +137,7 @@ def record_picture(record: Record, *, run: str | None = None) -> PaperFigure:
 def simulation_picture(record: Simulation) -> PaperFigure:
     """Position, currents and voltages of the sides over the time; the force where no magnet drives."""
     sides = record.current.shape[1]
-    panels: list[tuple[str, list[tuple[str, Array]]]] = [("position", [("position_m", record.position)])]
+    panels: list[tuple[str, list[tuple[str, Array]]]] = [("position_m", [("position", record.position)])]
     for quantity, values in (("current_A", record.current), ("voltage_V", record.voltage)):
         if sides:
             panels.append((quantity, [(f"side {side + 1}", values[:, side]) for side in range(sides)]))
@@ -168,10 +169,10 @@ def _over_time(time: Array, panels: Sequence[tuple[str, list[tuple[str, Array]]]
     for axes, (column, lines) in zip(frames, panels, strict=True):
         quantity, _, unit = column.rpartition("_")
         largest = max(float(np.abs(values).max(initial=0.0)) for _, values in lines)
-        shown, scale = prefixed(unit or "m", largest)
+        shown, scale = prefixed(unit, largest)
         for (name, values), colour in zip(lines, (BLUE, ORANGE, GREEN), strict=False):
             axes.plot(time[::step], values[::step] * scale, color=colour, linewidth=1.1, label=name)
-        _label(axes, "", f"{quantity or column} in {shown}")
+        _label(axes, "", f"{quantity} in {shown}")
         axes.margins(x=0.01)
         if len(lines) > 1:
             axes.legend(frameon=False, fontsize=9)
@@ -225,9 +226,11 @@ def _draw_effects(axes: Axes, record: Diagnosis) -> None:
         axes.plot(max(gain, 0.0), row, "o", color=colour, fillstyle="full" if fitted else "none")
     axes.set_yticks(range(len(shown)), [called(effect) for effect, _ in shown])
     axes.set_xscale("symlog", linthresh=10.0)
+    axes.set_xlim(-1.0, 3.0 * max([10.0, *(gain for gain, _ in best.values())]))
+    axes.margins(y=0.12)
     if np.isfinite(record.threshold):
         axes.axvline(record.threshold, color=RED, linewidth=1.0, linestyle="--", label="needed to be named")
-        axes.legend(frameon=False, fontsize=8, loc="lower right")
+        axes.legend(frameon=False, fontsize=8, loc="center right")
     _label(axes, "log evidence over the model without it, nats", "")
 
 
