@@ -125,7 +125,7 @@ class MagneticTable(Tabular):
         )
 
     def evaluate(self, current: ArrayLike, gap: ArrayLike) -> dict[str, Array]:
-        """The quantities of `NODES` in SI units at (current in A, gap in m), broadcast together; currents may be negative.
+        """The quantities of `NODES` in SI units at (current in A, gap in m), broadcast; currents may be negative.
 
         Raises
         ------
