@@ -23,6 +23,9 @@ USERS = {
     "matplotlib": {"msl_fem.report"},
     "plotly": {"msl_fem.report"},
     "pyvista": {"msl_fem.report"},
+    "casadi": {"msl_fem.export"},
+    "control": {"msl_fem.export"},
+    "gymnasium": {"msl_fem.export"},
     "pyamg": {"msl_fem.magnetics.three_d.multigrid"},
 }
 FILE_USERS = {
