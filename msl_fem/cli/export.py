@@ -61,10 +61,11 @@ def command(
     source: Annotated[
         Path, typer.Argument(metavar="TABLE|ACTUATOR|MAP", help="Table, actuator file, extended model or map.")
     ],
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="c, csv, mat, modelica or fmu.")],
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="c, csv, mat, modelica, dxf or fmu.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
     what: Annotated[
-        str | None, typer.Option(metavar="PART", help="guard, table, controller or model; without, what SOURCE is.")
+        str | None,
+        typer.Option(metavar="PART", help="guard, table, controller, section or model; without, what SOURCE is."),
     ] = None,
     table: TableFile = None,
     map_file: MapFile = None,
@@ -85,7 +86,8 @@ def command(
 
     A table as CSV, C99 header, MAT-file for Simscape or text for Modelica; a guard as C99 header, and so the whole
     controller of an actuator or an extended model, as `control` designs it with the same options (--what controller);
-    the coupled model of an actuator, or of an extended model with its effects, as FMU (FMI 2.0, co-simulation).
+    the coupled model of an actuator, or of an extended model with its effects, as FMU (FMI 2.0, co-simulation); the
+    section of a magnet as DXF.
     """
     options = DesignOptions(model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap)
     options.choice()

@@ -69,6 +69,7 @@ FORMATS = (
     Format("csv", "table", PAIR_TABLE, "msl_fem.export.pair_formats:write_pair_csv"),
     Format("mat", "table", PAIR_TABLE, "msl_fem.export.pair_formats:write_pair_mat"),
     Format("modelica", "table", TABLE, "msl_fem.export.table_formats:write_modelica"),
+    Format("dxf", "section", ACTUATOR, "msl_fem.export.dxf_section:write"),
     Format("fmu", "model", MODEL, "msl_fem.export.fmu:write", named=True),
 )
 _MADE_FROM = {
@@ -109,7 +110,14 @@ def export_as(record: Any, target: str | Path, *, to: str, what: str | None = No
     ------
     InputError : there is no such format of this record; the message says what there is
     """
-    kinds = {MagneticTable: TABLE, OperatingMap: MAP, PairMap: PAIR_MAP, PairTable: PAIR_TABLE, ModelSource: MODEL}
+    kinds = {
+        MagneticTable: TABLE,
+        OperatingMap: MAP,
+        PairMap: PAIR_MAP,
+        PairTable: PAIR_TABLE,
+        ModelSource: MODEL,
+        Actuator: ACTUATOR,
+    }
     kind = next((kind for of, kind in kinds.items() if isinstance(record, of)), None)
     if kind is None:
         known = ", ".join(of.__name__ for of in kinds)

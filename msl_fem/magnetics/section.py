@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 
 Symmetry = Literal["flux line", "equipotential", "axis", "none"]
@@ -149,3 +150,20 @@ class Section:
 def rectangle(name: str, x0: float, y0: float, x1: float, y1: float) -> Region:
     """The region between two opposite corners."""
     return Region(name, ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+
+
+def both_halves(ring: Array) -> list[Array]:
+    """The polygon (n, 2) and its mirror image about x = 0; one polygon where it touches the middle."""
+    image = ring[::-1] * (-1.0, 1.0)
+    on_middle = ring[:, 0] == 0.0
+    if not on_middle.any():
+        return [ring, image]
+    last = int(np.flatnonzero(on_middle & ~np.roll(on_middle, -1))[0])
+    right = np.roll(ring, -last, axis=0)  # begins on the middle, goes round, ends on it
+    right = right[right[:, 0] > 0]
+    return [np.concatenate([right, right[::-1] * (-1.0, 1.0)])]
+
+
+def is_taken_off(region: Region) -> bool:
+    """Whether a region of air is cut out of the iron: a window, or a chamfer's triangle."""
+    return region.name == "window" or (region.name == "air" and len(region.vertices) == 3)

@@ -7,12 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from msl_fem.actuator import Actuator, MagnetKind
-from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.kinds.kind import DrawnLength
-from msl_fem.magnetics.section import Region, Section
+from msl_fem.magnetics.section import Section, both_halves, is_taken_off
 from msl_fem.report.paper_figure import PaperFigure
 
 IRON, COPPER, LINE, INK = "#c9d1da", "#e0a070", "#334155", "#1f2937"
@@ -62,18 +61,18 @@ def save_drawing(figure: PaperFigure, path: Path) -> None:
     """The figure as svg, png or pdf by the path's end; InputError for another one or where it cannot be written."""
     form = path.suffix.removeprefix(".").lower()
     if form not in FORMATS:
-        raise InputError(f"{path}: a drawing is written as {', '.join(FORMATS)}; end the name with one of these")
+        raise InputError(f"{path}: a drawing is written as {', '.join(FORMATS)} or dxf; end the name with one of these")
     with whole_file(path) as partial:
         figure.savefig(partial, format=form, dpi=160)
 
 
 def _paint(axes: Axes, section: Section) -> None:
     """Iron and coils of both halves with their outlines, painted in order; air and windows show the paper."""
-    shown = [r for r in section.regions if r.name in section.iron or r.name in section.turns_density or _taken_off(r)]
+    shown = [r for r in section.regions if r.name in section.iron or r.name in section.turns_density or is_taken_off(r)]
     for order, region in enumerate(shown, start=1):
         iron, coil = region.name in section.iron, region.name in section.turns_density
         colour = IRON if iron else COPPER if coil else "white"
-        for ring in _both_halves(np.array(region.vertices)):
+        for ring in both_halves(np.array(region.vertices)):
             axes.add_patch(
                 Polygon(ring * 1e3, closed=True, facecolor=colour, edgecolor=LINE, linewidth=0.9, zorder=order / 10)
             )
@@ -83,23 +82,6 @@ def _paint(axes: Axes, section: Section) -> None:
     low, high = section.body[2] * 1e3, section.body[3] * 1e3
     beyond = 0.03 * (high - low)
     axes.plot([0, 0], [low - beyond, high + beyond], color=LINE, linewidth=0.6, linestyle=(0, (12, 3, 2, 3)), zorder=3)
-
-
-def _taken_off(region: Region) -> bool:
-    """Whether a region of air is cut out of the iron: a window, or a chamfer's triangle."""
-    return region.name == "window" or (region.name == "air" and len(region.vertices) == 3)
-
-
-def _both_halves(ring: Array) -> list[Array]:
-    """The polygon (n, 2) and its mirror image about x = 0; one polygon where it touches the middle."""
-    image = ring[::-1] * (-1.0, 1.0)
-    on_middle = ring[:, 0] == 0.0
-    if not on_middle.any():
-        return [ring, image]
-    last = int(np.flatnonzero(on_middle & ~np.roll(on_middle, -1))[0])
-    right = np.roll(ring, -last, axis=0)  # begins on the middle, goes round, ends on it
-    right = right[right[:, 0] > 0]
-    return [np.concatenate([right, right[::-1] * (-1.0, 1.0)])]
 
 
 def _name_parts(axes: Axes, section: Section, magnet: MagnetKind) -> None:
