@@ -160,18 +160,28 @@ def depth(content: object) -> int:
 
 
 def bare_number(content: Mapping[Any, Any], pure: Collection[str], *, path: str = "") -> str | None:
-    """The complaint about the first number without a unit (keys named in `pure` need none), or None."""
+    """The complaint about the first number without a unit or, of keys in `pure`, which need none, in quotes."""
     for key, value in content.items():
         inner = dict(enumerate(value)) if isinstance(value, list) else value
         if isinstance(inner, dict):
             said = bare_number(inner, pure, path=f"{path}{key}.")
             if said:
                 return said
+        elif isinstance(value, str) and key in pure and _is_number(value):
+            return f"{path}{key}: '{value}' is a text; write the number without quotes, {key} = {value.strip()}"
         elif isinstance(value, bool):
             return f"{path}{key}: {str(value).lower()} is not what is expected here; write a number or a text"
         elif isinstance(value, int | float) and key not in pure:
             return f'{path}{key}: {value} has no unit; write a text with one, like "0.6 mm"'
     return None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def has_unknown_key(err: ValidationError) -> bool:

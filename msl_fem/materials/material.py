@@ -2,8 +2,10 @@
 
 import json
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -339,12 +341,23 @@ def load_iron(name: str, *, folder: Path | None = None) -> Iron | AnalyticIron:
         return iron_from_points(b, h, name=name, source=f"file {name}")
     index = json.loads((LIBRARY / "index.json").read_text())
     if name not in index:
+        meant = _nearest(name, list(index))
         raise MaterialError(
-            f"unknown iron '{name}'; the library has {', '.join(sorted(index))}; "
+            f"unknown iron '{name}'{f', is {meant} meant?' if meant else ''}; "
+            f"the library has {', '.join(sorted(index))}; "
             "or give linear:<mu_r>, analytic:e1 or a file.csv with columns H_A_per_m, B_T"
         )
     b, h = _read_points(LIBRARY / f"{name}.csv")
     return iron_from_points(b, h, name=name, source=index[name]["source"])
+
+
+def _nearest(name: str, known: Sequence[str]) -> str:
+    """The known name that is most like one as people write it, "M400-50A" for m400_50a_pyleecan; "" where none is."""
+    plain = {
+        re.sub(r"[^a-z0-9]", "", one.lower().removesuffix("_pyleecan")): one for one in sorted(known, reverse=True)
+    }
+    near = get_close_matches(re.sub(r"[^a-z0-9]", "", name.lower()), plain, n=1, cutoff=0.7)
+    return plain[near[0]] if near else ""
 
 
 def _read_points(path: Path) -> tuple[Array, Array]:

@@ -256,7 +256,8 @@ def import_into(
 ) -> Path:
     """The run's file, after it became part of the record in a folder, or of a new record of the actuator.
 
-    The [noise] of a new record holds what the log's samples show, with a remark, where the actuator states none.
+    The [noise] of a new record holds what the actuator states of its sensors and, with a remark, what the log's samples
+    show of the others.
 
     Where a record is, its files stay as they are: the run's file is added, and a [[run]] at the end of rig.toml. `rate`
     is that of the samples in Hz; without, that of the run's own time.
@@ -274,9 +275,17 @@ def import_into(
         raise RecordError(f"{folder}: is no record yet; name its actuator with --actuator")
     else:
         sampling = Sampling(rate=_rate(run, rate))
-        write_record(Record("measured", actuator, sampling=sampling, runs=(run,)), folder)
+        noise = stated_noise(run, actuator)
+        write_record(Record("measured", actuator, sampling=sampling, noise=noise, runs=(run,)), folder)
         _state_noise(folder / RIG_FILE, unstated_noise(imported, actuator), run.name)
     return folder / run.file
+
+
+def stated_noise(run: Run, actuator: Actuator) -> Noise:
+    """What the actuator's file states of the sensors that the run has columns of."""
+    position, current = actuator.position_sensor.noise, actuator.current_sensor.noise
+    reads_current = any(name in run for name in ("current_1_A", "current_2_A"))
+    return Noise(position=position or None, current=(current or None) if reads_current else None)
 
 
 def unstated_noise(imported: ImportedRun, actuator: Actuator) -> dict[Quantity, float]:

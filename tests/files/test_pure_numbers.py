@@ -1,12 +1,14 @@
 """Numbers without a unit: one list of them serves actuator files and what rig.toml states in their place."""
 
+import re
 from pathlib import Path
 from typing import Any, get_args
 
 import pytest
 from pydantic import BaseModel
 
-from msl_fem.actuator import PURE_NUMBERS, Actuator
+from msl_fem.actuator import PURE_NUMBERS, Actuator, load_actuator
+from msl_fem.errors import ActuatorError
 from msl_fem.files.schema import In
 from msl_fem.record.reader import load_record
 
@@ -50,3 +52,13 @@ def test_rig_toml_states_a_number_without_a_unit(tmp_path: Path) -> None:
     motion = load_record(tmp_path).actuator.motion
     assert motion is not None
     assert motion.end_stop_restitution == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(("key", "text"), [("turns", "400"), ("fill_factor", " 0.5"), ("count", "2")])
+def test_a_number_in_quotes_is_told_with_its_mend(tmp_path: Path, key: str, text: str) -> None:
+    content = (GEOMETRIES / "fast_tool_servo.toml").read_text()
+    quoted = re.sub(rf"^{key} = .*$", f'{key} = "{text}"', content, count=1, flags=re.MULTILINE)
+    assert quoted != content
+    (tmp_path / "a.toml").write_text(quoted)
+    with pytest.raises(ActuatorError, match=rf"{key}: '{text}' is a text; write the number without quotes, {key} = "):
+        load_actuator(tmp_path / "a.toml")
