@@ -219,7 +219,7 @@ class Guard:
         """(n_level, ...) A: the limit of each level at the gap(s); nan outside the map."""
         g = np.asarray(gap, dtype=float)
         out = np.empty((self.arrays.limit.shape[0], g.size))
-        (for_few(_limits) if g.size <= FEW else _limits)(self.arrays, g.ravel(), out)
+        (for_few(_limits) if g.size <= FEW else _limits)(self.arrays, g.flatten(), out)
         return out.reshape(-1, *g.shape)
 
     def margin(self, current: ArrayLike, gap: ArrayLike) -> Array:
@@ -229,7 +229,7 @@ class Guard:
     def _judged(self, compiled_loop: Callable[..., None], current: ArrayLike, gap: ArrayLike, kind: Any) -> Any:
         i, g = np.broadcast_arrays(np.asarray(current, dtype=float), np.asarray(gap, dtype=float))
         out = np.empty(i.size, dtype=kind)
-        (for_few(compiled_loop) if i.size <= FEW else compiled_loop)(self.arrays, i.ravel(), g.ravel(), out)
+        (for_few(compiled_loop) if i.size <= FEW else compiled_loop)(self.arrays, i.flatten(), g.flatten(), out)
         return out.reshape(i.shape)
 
     def judge(self, current: float, gap: float) -> Judgement:

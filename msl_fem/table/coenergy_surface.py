@@ -38,8 +38,9 @@ class CoenergySurface:
         """(6, ...) values of W', lambda, F, dlambda/di, dF/di, dF/dg; nan outside the rectangle."""
         i, g = np.broadcast_arrays(np.asarray(current, dtype=float), np.asarray(gap, dtype=float))
         out = np.empty((STATES, i.size))
+        # flattened is copied: of what `broadcast_arrays` gives, numba asks a flag whose reading numpy warns of
         evaluated = for_few(evaluate_many) if i.size <= FEW else evaluate_many
-        evaluated(self.gap, self.current, self.coefficients, i.ravel(), g.ravel(), out)
+        evaluated(self.gap, self.current, self.coefficients, i.flatten(), g.flatten(), out)
         return out.reshape(STATES, *i.shape)
 
 

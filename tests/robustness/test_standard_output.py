@@ -6,12 +6,15 @@ import sys
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 from targets import LOG, SERVO, TABLE, TYPED_COLUMNS
 
 from msl_fem.cli import import_log
 from msl_fem.cli.output import run_guarded
 from msl_fem.files.whole_file import check_target, whole_file
+from msl_fem.maps import guard, operating_map
+from msl_fem.table import coenergy_surface
 
 LOOKUP = f"lookup {TABLE} --current '2 A' --gap '0.4 mm'"
 
@@ -93,3 +96,20 @@ def test_an_import_without_room_for_its_picture_is_done(tmp_path: Path, msl_fem,
 def test_a_warning_of_a_library_is_one_line_without_source(capsys) -> None:
     assert run_guarded(lambda: warnings.warn("odd\n  thing", UserWarning, stacklevel=1)) == 0
     assert capsys.readouterr().err == "warning: UserWarning: odd thing\n"
+
+
+def test_no_compiled_function_is_given_what_numpy_warns_of(table, monkeypatch):
+    """Numba asks a view that `broadcast_arrays` made whether it is writable, and numpy's warning met the user: a row
+    of one node at one gap."""
+
+    def look(*arrays):
+        for one in arrays:
+            getattr(one, "flags", np.zeros(1).flags).writeable  # noqa: B018
+
+    monkeypatch.setattr(coenergy_surface, "evaluate_many", look)
+    monkeypatch.setattr(guard, "_regions", look)
+    judged = guard.Guard(operating_map(table))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        table.surface(np.array([1.0]), 3e-4)
+        judged.regions(np.array([1.0]), 3e-4)
