@@ -237,6 +237,8 @@ def _check_grid(table: MagneticTable) -> None:
         raise TableError(
             f"a table needs at least 2 gaps and 3 currents (0 included), this one has {(gap.size, current.size)}"
         )
+    if not (np.isfinite(gap).all() and np.isfinite(current).all()):
+        raise TableError("gaps and currents must be finite numbers")
     if not (np.diff(gap) > 0).all() or not (np.diff(current) > 0).all() or gap[0] <= 0:
         raise TableError("gaps must be positive and increasing, currents increasing")
     if current[-1] > LARGEST_CURRENT:

@@ -21,7 +21,15 @@ from msl_fem.errors import TableError
 from msl_fem.files.netcdf_file import NetcdfVariable, read_variables, write_netcdf
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import whole_file
-from msl_fem.table.magnetic_table import MOST_VALUES, NODES, SECTION, MagneticTable, read_table, write_table
+from msl_fem.table.magnetic_table import (
+    LARGEST_VALUE,
+    MOST_VALUES,
+    NODES,
+    SECTION,
+    MagneticTable,
+    read_table,
+    write_table,
+)
 from msl_fem.table.pair_surface import CORNERS, DERIVATIVES, FEWEST_NODES, PairSurface, SharedCoenergy, fit_pair_surface
 
 SCHEMA = 1
@@ -160,7 +168,8 @@ def two_apart(magnet: MagneticTable, half: float, x: Array, i: Array, j: Array) 
 def _check(table: PairTable) -> None:
     names = ("position", "current_1", "current_2")
     for name, nodes in zip(names, table.axes, strict=True):
-        if nodes.ndim != 1 or nodes.size < FEWEST_NODES or not (np.diff(nodes) > 0).all():
+        finite = bool(np.isfinite(nodes).all())
+        if nodes.ndim != 1 or nodes.size < FEWEST_NODES or not finite or not (np.diff(nodes) > 0).all():
             raise TableError(f"'{name}' must be {FEWEST_NODES} or more increasing values, it has {nodes.shape}")
     shape = tuple(nodes.size for nodes in table.axes)
     for name in PAIR_NODES:
@@ -171,6 +180,10 @@ def _check(table: PairTable) -> None:
             raise TableError(f"variable '{name}' has shape {values.shape}, expected {names} = {shape}")
         if not np.isfinite(values).all():
             raise TableError(f"variable '{name}' is not finite at {int((~np.isfinite(values)).sum())} nodes")
+        if not np.abs(values).max() < LARGEST_VALUE:
+            raise TableError(
+                f"variable '{name}' reaches {np.abs(values).max():g}, above any magnet's; look at the unit"
+            )
     half, gap = table.gap_sum / 2, table.one_sided.gap
     if not (half - table.position[-1] >= gap[0] and half - table.position[0] <= gap[-1]):
         raise TableError(
@@ -190,8 +203,12 @@ def _check_slopes(table: PairTable) -> None:
         ("coenergy", 2, "flux_linkage_2"),
         ("coenergy", 0, "force"),
         ("flux_linkage_1", 1, "incremental_inductance_1"),
+        ("flux_linkage_2", 2, "incremental_inductance_2"),
         ("flux_linkage_1", 2, "mutual_inductance"),
+        ("flux_linkage_2", 1, "mutual_inductance"),
+        ("force", 0, "force_position_slope"),
         ("force", 1, "force_current_slope_1"),
+        ("force", 2, "force_current_slope_2"),
     )
     for name, axis, slope_name in slopes:
         nodes = table.axes[axis]

@@ -77,7 +77,8 @@ def test_sections_are_named(table):
     [
         (lambda t: dataclasses.replace(t, gap=t.gap[::-1].copy()), "increasing"),
         (lambda t: dataclasses.replace(t, gap=t.gap - t.gap[0]), "positive"),
-        (lambda t: dataclasses.replace(t, gap=np.where(t.gap > 1e-3, np.nan, t.gap)), "increasing"),
+        (lambda t: dataclasses.replace(t, gap=np.where(t.gap > 1e-3, np.nan, t.gap)), "must be finite"),
+        (lambda t: dataclasses.replace(t, current=np.where(t.current > 9, np.inf, t.current)), "must be finite"),
         (lambda t: dataclasses.replace(t, current=t.current + 1.0), "first current must be 0"),
         (lambda t: dataclasses.replace(t, current=t.current[:-1]), "expected"),
         (lambda t: dataclasses.replace(t, gap=t.gap[:1], nodes={k: v[:1] for k, v in t.nodes.items()}), "at least 2"),
