@@ -263,10 +263,9 @@ def undecidable_because(record: Record, data: Sequence[RunData]) -> str:
     stuck = [text for text in record.warnings if "clipped" in text or "stuck" in text]
     if stuck:
         return f"a sensor is stuck or clipped: {stuck[0]}"
-    samples = sum(len(run.commands) for run in fitted)
-    seconds = sum(len(run.commands) / run.rate for run in fitted)
-    if samples < FEWEST or seconds < SHORTEST:
-        return f"the fit runs hold {samples} samples in {seconds:.3g} s; at least {FEWEST} in {SHORTEST:g} s are needed"
+    too_few = _too_few([len(run.commands) for run in fitted], fitted[0].rate)
+    if too_few:
+        return too_few
     if max(float(np.ptp(run.commands, axis=0).max()) for run in fitted) == 0:
         return "the commands of the fit runs never change; excite the plant"
     moved = 0.0
@@ -275,6 +274,18 @@ def undecidable_because(record: Record, data: Sequence[RunData]) -> str:
     if moved < RESPONSE:
         return f"the position moves by {moved:.3g} times its noise; at least {RESPONSE:g} times are needed, excite more"
     return ""
+
+
+def too_few_because(problem: FitProblem) -> str:
+    """Why what counts of the fit runs does not do; empty where it does."""
+    return _too_few([part.stop - part.start for _, part in problem.pieces], problem.plant.rate)
+
+
+def _too_few(lengths: Sequence[int], rate: float) -> str:
+    samples, seconds = sum(lengths), sum(lengths) / rate
+    if samples >= FEWEST and seconds >= SHORTEST:
+        return ""
+    return f"the fit runs hold {samples} samples in {seconds:.3g} s; at least {FEWEST} in {SHORTEST:g} s are needed"
 
 
 def gauges(base: Fit, gain: float) -> tuple[str, ...]:

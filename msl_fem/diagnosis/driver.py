@@ -25,6 +25,7 @@ from msl_fem.diagnosis.decision import (
     in_sight,
     n_accepted,
     share_left,
+    too_few_because,
     too_much_left,
     undecidable_because,
     white,
@@ -39,6 +40,7 @@ from msl_fem.diagnosis.kind import (
     about_belief,
     held_out_gains,
     held_out_worse,
+    on_common_ground,
     worse_than_belief,
 )
 from msl_fem.diagnosis.likelihood import QUIET, Fit
@@ -65,7 +67,7 @@ from msl_fem.errors import InputError
 from msl_fem.plant import plant_parameters
 from msl_fem.plant.believed import PLAIN_BELIEF, Belief
 from msl_fem.plant.effects import declare
-from msl_fem.prediction import ModelHypothesis, run_data
+from msl_fem.prediction import ModelHypothesis, RunData, run_data
 from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -152,7 +154,14 @@ def kind_of(record: Record, how: DiagnosisSettings) -> Kind | str:
     how.progress("the model within its tolerances")
     if mechanical:
         return carriage(record, belief, runs)
-    return told_by_equilibria(record, belief) or dynamic_runs(record, belief, runs, threads=how.threads)
+    return told_by_equilibria(record, belief) or _followed(record, belief, runs, threads=how.threads)
+
+
+def _followed(record: Record, belief: ModelHypothesis, runs: Sequence[RunData], *, threads: int) -> Kind | str:
+    """Runs in motion, or why too little of them can be followed."""
+    kind = dynamic_runs(record, belief, runs, threads=threads)
+    too_few = too_few_because(kind.likelihood.problem)
+    return "; ".join((too_few, *(one.text for one in kind.left_out))) if too_few else kind
 
 
 def diagnosis_of(kind: Kind, how: DiagnosisSettings) -> Diagnosis:
@@ -221,7 +230,8 @@ def not_worse(kind: Kind, begin: Array, found: Fit) -> Fit:
 def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagnosis:
     """The verdict of a search, with what held-out data say."""
     models = [kind.extend(fit) for fit in result.fits[: result.taken + 1]]
-    signals = [kind.errors(model, fit) for model, fit in zip(models, result.fits, strict=False)]
+    of_models = [kind.errors(model, fit) for model, fit in zip(models, result.fits, strict=False)]
+    nominal, *signals = on_common_ground([kind.errors(kind.belief, None), *of_models])
     errors = [[signal.summary for signal in of_model] for of_model in signals]
     gains = held_out_gains(errors)
     compensating = _compensating(kind, result, models[result.taken], threads=how.threads)
@@ -236,7 +246,6 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
         probable = result.stages[-1].best.variant.effect
         notes.append(f"unclear: {probable} is most probable, {result.unclear} takes most of what is in excess of noise")
     n = result.taken
-    nominal = kind.errors(kind.belief, None)
     believed = [signal.summary for signal in nominal]
     accuracy = tuple(Accuracy(*three, kind.prediction) for three in zip(believed, errors[0], errors[n], strict=True))
     extended = None if worse_than_belief(nominal, signals[n]) else models[n]
@@ -268,6 +277,7 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
         hidden_at_most(result.stages[0].scores),
         statistics=statistics_of(result.stages),
         notes=(*kind.notes, *notes),
+        left_out=kind.left_out,
         evidence=Evidence(
             tried_variants(result.stages, n_named),
             channel_residuals(nominal, signals[0], signals[n]),

@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.decision import WORSE, Rule
 from msl_fem.diagnosis.fit import extended_belief
+from msl_fem.diagnosis.left_out import LeftOut
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.search import SearchStage
@@ -21,6 +23,7 @@ from msl_fem.prediction import ModelHypothesis, RunData
 BLOCKS = 20  # of a held-out run
 SHORTEST_BLOCK = 50  # samples
 STANDARD_ERRORS = 2.0
+LOST = 0.02  # of the samples that count, in which a model may leave its table or range and be one that follows
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,7 @@ class ErrorSignal:
     floor : the noise's sigma
     rate : samples a second; nan of the rows of a map
     samples : independent numbers; None: all
+    outside : (n_sample,) samples that do not count; None: all count
     """
 
     run: str
@@ -66,19 +70,48 @@ class ErrorSignal:
     floor: float
     rate: float
     samples: int | None = None
+    outside: NDArray[np.bool_] | None = None
 
     @classmethod
-    def of_run(cls, data: RunData, channel: str, values: Array) -> "ErrorSignal":
+    def of_run(
+        cls, data: RunData, channel: str, values: Array, outside: NDArray[np.bool_] | None = None
+    ) -> "ErrorSignal":
         """On a channel of a run as it was measured."""
         deviation = float(data.measured[channel].std())
-        return cls(data.name, data.role, channel, values, deviation, data.noise[channel].sigma, data.rate)
+        signal = cls(data.name, data.role, channel, values, deviation, data.noise[channel].sigma, data.rate)
+        return signal if outside is None else signal.without(outside)
+
+    def without(self, outside: NDArray[np.bool_]) -> "ErrorSignal":
+        """With samples that do not count."""
+        return replace(self, values=np.where(outside, np.nan, self.values), outside=outside)
+
+    @property
+    def counted(self) -> Array:
+        """The values of the samples that count."""
+        return self.values if self.outside is None else self.values[~self.outside]
 
     @property
     def summary(self) -> PredictionError:
-        rms = float(np.sqrt(np.mean(self.values**2))) if np.isfinite(self.values).all() else float("inf")
-        samples = self.values.size if self.samples is None else self.samples
+        values = self.counted
+        rms = float(np.sqrt(np.mean(values**2))) if np.isfinite(values).all() else float("inf")
+        samples = values.size if self.samples is None else self.samples
         nrmse = rms / self.deviation if self.deviation else float("inf")
         return PredictionError(self.run, self.role, self.channel, rms, nrmse, self.floor, samples, self.deviation)
+
+
+def on_common_ground(models: Sequence[Sequence[ErrorSignal]]) -> list[list[ErrorSignal]]:
+    """The signals of several models on the samples that all of them follow, where none leaves its table or range in
+    more than `LOST` of those that count; a model that leaves more has not followed."""
+    made = [list(signals) for signals in models]
+    for n in range(len(made[0])):
+        of_models = [signals[n] for signals in made]
+        left = [np.isnan(one.values) for one in of_models]
+        more = [float(np.isnan(one.counted).mean()) for one in of_models]
+        follow = [k for k in range(len(made)) if more[k] <= LOST]
+        outside = np.any([left[k] for k in follow], axis=0) if any(more[k] for k in follow) else None
+        for k in follow:
+            made[k][n] = of_models[k] if outside is None else of_models[k].without(outside)
+    return made
 
 
 def held_out_gains(models: Sequence[Sequence[PredictionError]]) -> list[float]:
@@ -108,9 +141,9 @@ def held_out_worse(before: Sequence[ErrorSignal], after: Sequence[ErrorSignal]) 
     changes: list[float] = []
     for first, second in zip(before, after, strict=True):
         if first.role == "held-out":
-            if not np.isfinite(second.values).all():
-                return bool(np.isfinite(first.values).all())
-            if np.isfinite(first.values).all():
+            if not np.isfinite(second.counted).all():
+                return bool(np.isfinite(first.counted).all())
+            if np.isfinite(first.counted).all():
                 changes += _block_changes(first, second)
     if len(changes) < 2:
         return False
@@ -127,8 +160,8 @@ def worse_than_belief(believed: Sequence[ErrorSignal], extended: Sequence[ErrorS
 
 def _block_changes(first: ErrorSignal, second: ErrorSignal) -> list[float]:
     """Of each block the change of the error's power over that of the first model, at least the noise's."""
-    scale = max(float(np.mean(first.values**2)), first.floor**2)
-    change = (second.values**2 - first.values**2) / scale
+    scale = max(float(np.mean(first.counted**2)), first.floor**2)
+    change = (second.counted**2 - first.counted**2) / scale
     blocks = np.array_split(change, max(2, min(BLOCKS, change.size // SHORTEST_BLOCK)))
     return [float(np.mean(block)) for block in blocks]
 
@@ -159,6 +192,7 @@ class Kind(ABC):
     likelihood, unknowns : of the data with the role fit, without any effect
     notes : what the reader must know beside the verdict
     begin : (unknowns.size,) where the fit without effects begins; None: as believed
+    left_out : what of the record does not count
     prediction : how models are judged, the word of the accuracy's entries
     faithful : how many times their error on the fit data effects may err on held-out data, to be named
     advice : what would show more of what is left unexplained
@@ -170,6 +204,7 @@ class Kind(ABC):
     unknowns: Unknowns
     notes: tuple[str, ...] = ()
     begin: Array | None = None
+    left_out: tuple[LeftOut, ...] = ()
 
     prediction: ClassVar[str]
     faithful: ClassVar[float] = float("inf")

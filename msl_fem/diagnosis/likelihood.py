@@ -151,7 +151,9 @@ class Likelihood:
         loud: dict[str, float] = {}
         points = Points.of(found.unknowns, found.z[None])
         for run, channels in enumerate(simulated_residuals(self.problem, points, substeps=self.substeps)):
-            for name, values in zip(self.problem.channels(run), self._over_noise(run, channels), strict=True):
+            counts = self.problem.counts(run)
+            for name, every in zip(self.problem.channels(run), self._over_noise(run, channels), strict=True):
+                values = every[:, counts]
                 power.setdefault(name, []).append(float(np.mean(values**2)))
                 loud[name] = min(loud.get(name, np.inf), loudness(values[0]))
         return {name: float(np.sqrt(np.mean(values))) / loud[name] for name, values in power.items()}

@@ -21,6 +21,7 @@ from scipy.signal import lfilter
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.spikes import bridged
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.plant import layout
 from msl_fem.plant.excitation import Inputs
@@ -112,14 +113,15 @@ class _Trajectory:
 
     def simulated(self, push: Array | None = None, more: Array | None = None) -> Array:
         """The kernel's outputs (n_sample, N_OUT) with a force beside the magnets' and additions to the commands; nan
-        behind an early end."""
+        behind an early end. Over stretches that do not count lies a straight line."""
         plant, columns = self.plant, max(self.plant.parameters.sides, 1)
         commands = self.run.commands if more is None else self.run.commands + more
         inputs = Inputs(commands[:, :columns], self.run.rate, 0.0 if push is None else push, self.run.hold)
         effects = None if plant.effects is None else plant.readings[None]
         settings = LaneSettings(effects=effects, starts=self.cut.starts[None], begins=self.cut.begins)
         found = run_lanes(plant.surface, [plant.parameters], inputs, substeps=plant.substeps, settings=settings)
-        return found.blocks[0][:, :, 0]
+        out = found.blocks[0][:, :, 0]
+        return bridged(out.T, np.flatnonzero(~self.cut.counts(len(out)))).T
 
     @cached_property
     def variables(self) -> dict[str, Array]:

@@ -56,13 +56,18 @@ class FitProblem:
 
     @property
     def pieces(self) -> list[tuple[int, slice]]:
-        """(run, its samples) of all stretches of all runs."""
+        """(run, its samples) of all stretches of all runs that count."""
         found = []
         for run, data in enumerate(self.runs):
             cut, n = self.cut(run), len(data.commands)
-            parts = [slice(0, n)] if cut is None else cut.parts(n)
+            parts = [slice(0, n)] if cut is None else cut.counted_parts(n)
             found += [(run, part) for part in parts]
         return found
+
+    def counts(self, run: int) -> NDArray[np.bool_]:
+        """(n_sample,) which samples of a run count."""
+        cut, n = self.cut(run), len(self.runs[run].commands)
+        return np.ones(n, dtype=bool) if cut is None else cut.counts(n)
 
     def surface(self, scale: float, numbers: Array) -> Surface:
         """The magnets' coenergy surface at a scale and numbers (n_mode,) of the table's error."""

@@ -11,6 +11,7 @@ from msl_fem.diagnosis.correlation import Correlation
 from msl_fem.diagnosis.fit import Estimate, unit_of
 from msl_fem.diagnosis.formula import Formula
 from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, Size
+from msl_fem.diagnosis.left_out import LeftOut
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.scores import Score
@@ -211,6 +212,7 @@ class Diagnosis(Shown):
     hidden : by effect, for those with one leading amount
     statistics : of each stage of the search the best effects with their nats, named or not
     notes : what else the reader must know
+    left_out : samples of the record that do not count
     evidence : what it rests on, for a report; None where nothing was fitted
     belief : what the plain model was believed to have beside
     correlation : of the fitted numbers' errors; None where nothing was fitted
@@ -231,6 +233,7 @@ class Diagnosis(Shown):
     hidden: Mapping[str, Hidden] = field(default_factory=dict)
     statistics: tuple[tuple[tuple[str, float], ...], ...] = ()
     notes: tuple[str, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
     evidence: Evidence | None = None
     belief: Belief = PLAIN_BELIEF
     correlation: Correlation | None = None
@@ -285,6 +288,7 @@ class Diagnosis(Shown):
             "hidden_at_most": {name: asdict(hidden) for name, hidden in self.hidden.items()},
             "formula": None if self.formula is None else self.formula.to_json(),
             "notes": list(self.notes),
+            "left_out": [one.to_json() for one in self.left_out],
         }
 
     def _null(self) -> dict[str, Any] | None:

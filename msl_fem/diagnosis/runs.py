@@ -10,6 +10,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, Size
+from msl_fem.diagnosis.left_out import left_outside, runs_inside
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.next_experiment import Question, farther, separating
 from msl_fem.diagnosis.noise import highest_line, make_bands
@@ -38,11 +39,13 @@ Cuts = tuple[Stretches | None, ...]
 
 @dataclass(frozen=True, eq=False)
 class Runs(Kind):
-    """Runs, and the rows of a static map beside them; `runs` are all with their `cuts`, those held out too."""
+    """Runs, and the rows of a static map beside them; `runs` are all of which something counts, those held out
+    too, with their `cuts`; `recorded` all that there are."""
 
     record: Record | None = None
     runs: tuple[RunData, ...] = ()
     cuts: Cuts = ()
+    recorded: tuple[RunData, ...] = ()
     threads: int = 1
 
     takes_laws: ClassVar[bool] = True
@@ -83,13 +86,14 @@ class Runs(Kind):
         values, vectors = np.linalg.eigh(covariance)
         moves = np.zeros((n, found.z.size))
         moves[:, :n] = (vectors * np.sqrt(np.maximum(values, 0.0))).T
-        return _made(self.record, self.belief, self.runs, found.z[:n], moves[:, :n], threads=self.threads)
+        return _made(self.record, self.belief, self.recorded, found.z[:n], moves[:, :n], threads=self.threads)
 
     def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:
         signals = []
         for run, cut in zip(self.runs, self.cuts, strict=True):
             values = _missed(belief, run, cut, self.tolerance)
-            signals += [ErrorSignal.of_run(run, name, values[name]) for name in counted(run)]
+            outside = None if cut is None else ~cut.counts(len(run.commands))
+            signals += [ErrorSignal.of_run(run, name, values[name], outside) for name in counted(run)]
         return signals
 
     def restatements(self) -> "Sequence[Runs]":
@@ -145,9 +149,10 @@ class Runs(Kind):
         sizes = []
         for run, cut in zip(self.runs, self.cuts, strict=True):
             present, absent = _missed(extended, run, cut, self.tolerance), _missed(without, run, cut, self.tolerance)
+            counts = slice(None) if cut is None else cut.counts(len(run.commands))
             for name in counted(run):
-                change = float(np.sqrt(np.mean((present[name] - absent[name]) ** 2)))
-                share = change / float(np.sqrt(np.mean((run.measured[name] - absent[name]) ** 2)))
+                change = float(np.sqrt(np.mean((present[name] - absent[name])[counts] ** 2)))
+                share = change / float(np.sqrt(np.mean((run.measured[name] - absent[name])[counts] ** 2)))
                 sizes.append(Size(effect, run.name, name, share, change))
         finite = (size for size in sizes if np.isfinite(size.share))
         return max(finite, key=lambda size: size.share, default=None)
@@ -176,17 +181,22 @@ def _made(
         rest = unknowns.size - at.size
         spread = ModelSpread(unknowns, np.pad(at, (0, rest)), np.pad(moves, ((0, 0), (0, rest))))
     substeps = problem.plant.substeps
-    cuts: Cuts = tuple(Shooting(problem, n, spread, substeps=substeps).chosen() for n in range(len(runs)))
+    shots = [Shooting(problem, n, spread, substeps=substeps) for n in range(len(runs))]
+    every: Cuts = tuple(shot.chosen(with_moves=at is not None) for shot in shots)
+    left_out = left_outside(belief, runs, every)
+    inside = runs_inside(belief, runs, every)
+    recorded, runs, cuts = tuple(runs), tuple(run for run, _ in inside), tuple(cut for _, cut in inside)
     kept = [n for n, run in enumerate(runs) if run.role == "fit"]
-    fitted = _cut_problem(problem, cuts, kept)
+    fitted = _cut_problem(replace(problem, runs=runs), cuts, kept)
     likelihood, unknowns = _likelihood(fitted, unknowns)
     likelihood, unknowns = joined(record, belief, likelihood, unknowns)
     notes = [MAP_BESIDE] if isinstance(likelihood, JointLikelihood) else []
-    notes += [*_told(runs, cuts), *about_spikes(runs)]
+    left_out += about_spikes(runs)
+    notes += [*_told(runs, cuts), *(one.text for one in left_out)]
     begin = None
     if at is not None:
         begin = np.pad(at, (0, unknowns.size - at.size))
-    return Runs(belief, likelihood, unknowns, tuple(notes), begin, record, tuple(runs), cuts, threads)
+    return Runs(belief, likelihood, unknowns, tuple(notes), begin, left_out, record, runs, cuts, recorded, threads)
 
 
 def prepared_runs(
@@ -258,7 +268,8 @@ def _missed(
 
 
 def _lengths(cuts: Cuts) -> list[list[int]]:
-    return [[] if cut is None else cut.begins.tolist() for cut in cuts]
+    """The first samples of the stretches that count."""
+    return [[] if cut is None else [part.start for part in cut.counted_parts(cut.begins[-1] + 1)] for cut in cuts]
 
 
 def _told(runs: Sequence[RunData], cuts: Cuts) -> list[str]:

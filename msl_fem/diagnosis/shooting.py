@@ -71,8 +71,9 @@ class Shooting:
         self.sigmas = START * start_sigmas(self.plant, self.data, tolerance=problem.tolerance)
         self.names = problem.channels(run)
 
-    def chosen(self) -> Stretches | None:
-        """The stretches; None where the run is followed as a whole."""
+    def chosen(self, *, with_moves: bool = False) -> Stretches | None:
+        """The stretches; None where the run is followed as a whole. Those do not count in which the model leaves its
+        table or range, or `with_moves` one that is off by a sigma."""
         whole = self.refined(guessed(self.plant, self.data, np.zeros(1, dtype=np.intp), self.sigmas.size))
         if self._borne(whole)[0]:
             return None
@@ -86,7 +87,17 @@ class Shooting:
             joined = self.refined(replace(cut, begins=cut.begins[keep], starts=cut.starts[keep]))
             borne = self._borne(joined)[np.searchsorted(keep, pairs)]
             cut, open_ = _after(cut, joined, keep, pairs[borne])
-        return self.refined(cut)
+        cut = self.refined(cut)
+        rows = self.spread.rows if with_moves else self.spread.rows[:0]
+        return replace(cut, outside=~self._inside(cut, np.vstack([self.spread.z, rows])))
+
+    def _inside(self, cut: Stretches, rows: Array) -> NDArray[np.bool_]:
+        """(n_stretch,) whether models (n_row, unknowns.size) stay in table and range over each."""
+        inside = np.ones(cut.begins.size, dtype=bool)
+        for at in range(0, len(rows), 8):
+            over = self._residuals(rows[at : at + 8], replace(cut, starts=cut.starts))
+            inside &= _all(np.isfinite(sum(values.sum(axis=0) for values in over)), cut)
+        return inside
 
     def refined(self, cut: Stretches, steps: int = REFINED) -> Stretches:
         """The stretches with starts that leave least, and the slopes there; where a stretch fails it stays.

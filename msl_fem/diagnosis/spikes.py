@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.left_out import LeftOut
 from msl_fem.prediction import RunData
 from msl_fem.record.columns import Channel
 
@@ -37,15 +38,13 @@ def without_spikes(data: RunData) -> RunData:
     return replace(data, spikes={name: at for name, at in found.items() if at.size})
 
 
-def about_spikes(runs: Sequence[RunData]) -> list[str]:
-    """What is left out of each run, in words."""
-    notes = []
+def about_spikes(runs: Sequence[RunData]) -> tuple[LeftOut, ...]:
+    """What is left out of each run."""
+    found = []
     for run in runs:
         for name, at in run.spikes.items():
-            count = len(_parts(at))
-            first = f"the first at {at[0] / run.rate:.4g} s"
-            notes.append(f"{name} of {run.name} has {count} spikes ({first}); {at.size} readings there do not count")
-    return notes
+            found.append(LeftOut.of(run, at, f"they lie at {len(_parts(at))} spikes", channel=name))
+    return tuple(found)
 
 
 def spikes(values: Array, calm: NDArray[np.bool_]) -> NDArray[np.intp]:

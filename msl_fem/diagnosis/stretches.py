@@ -30,11 +30,13 @@ class Stretches:
     begins : (n_stretch,) first samples, the first is 0
     starts : (n_stretch, 4) currents of the sides (A), position (m), velocity (m/s)
     slopes : (n_channel, n_start, n_sample) of the channels' residuals over their noise, by the moves of the starts
+    outside : (n_stretch,) those in which the model leaves its table or range, which do not count; None: all count
     """
 
     begins: NDArray[np.intp]
     starts: Array
     slopes: Array
+    outside: NDArray[np.bool_] | None = None
 
     @classmethod
     def whole(cls, start: Start) -> "Stretches":
@@ -46,6 +48,18 @@ class Stretches:
         """The samples of each stretch."""
         ends = [*self.begins[1:], n_sample]
         return [slice(int(begin), int(end)) for begin, end in zip(self.begins, ends, strict=True)]
+
+    def counted_parts(self, n_sample: int) -> list[slice]:
+        """The samples of each stretch that counts."""
+        parts = self.parts(n_sample)
+        return parts if self.outside is None else [p for p, out in zip(parts, self.outside, strict=True) if not out]
+
+    def counts(self, n_sample: int) -> NDArray[np.bool_]:
+        """(n_sample,) whether a sample counts."""
+        counts = np.zeros(n_sample, dtype=bool)
+        for part in self.counted_parts(n_sample):
+            counts[part] = True
+        return counts
 
     def moves(self, over: Sequence[Array]) -> Array:
         """(n_row, n_stretch, n_start) that leave least of residuals over the noise, (n_row, n_sample) each."""

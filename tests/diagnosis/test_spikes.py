@@ -63,6 +63,6 @@ def test_the_corner_behind_a_jump_of_the_command_is_its_own() -> None:
     found = without_spikes(run_of(commands, current))
     assert set(AT) <= set(found.spikes["current_1_A"]) <= AROUND
     assert found.first(600).spikes["current_1_A"].max() < 600
-    assert about_spikes([found]) == [
-        "current_1_A of noise has 3 spikes (the first at 0.498 s); 16 readings there do not count"
+    assert [one.text for one in about_spikes([found])] == [
+        "current_1_A of noise: 16 samples (0.2 %, the first at 0.498 s) do not count, since they lie at 3 spikes"
     ]
