@@ -9,7 +9,8 @@ order too, by which alone a delay and a lag differ.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -22,9 +23,11 @@ from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.plant import static_map
 from msl_fem.plant.effects import PARAMETER_INDEX, from_vector
 
-STEPS = 6
-SETTLED = 0.01  # share of d^2 that a further step must promise to be taken
-
+STEPS = 20
+ENOUGH = 0.01  # of d^2, that a further step must promise to be taken
+SETTLED = 0.01  # the same as a share of d^2
+LITTLE = 1.0  # of d^2, below which another start brings nothing that matters
+STALE = 0.5  # share of its promise that a step has to bring for the columns of what is uncertain to be kept
 
 Measured = Callable[[dict[str, float], Array, Array], float]
 """Of factors of believed parameters, numbers of the table's error and all parameters of effects."""
@@ -35,20 +38,23 @@ cell and a gap set by shims."""
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """Effects with their parameters: unknowns, and z of each."""
+    """Effects with their parameters: unknowns, and z of each; `beside` what a fit to the record at hand made of the
+    believed parameters and the table, in whose place nothing stands where it is not known."""
 
     effects: tuple[EffectUnknown, ...]
     z: Array
+    beside: Array = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of(cls, found: Fit) -> "Hypothesis":
         """The effects of a fit at their fitted values."""
-        return cls(found.unknowns.effects, found.z[found.unknowns.n_nuisance :])
+        unknowns = found.unknowns
+        return cls(unknowns.effects, found.z[unknowns.n_nuisance :], found.z[: unknowns.table_rows.stop])
 
     def scaled(self, factor: float) -> "Hypothesis":
         """With all amounts times a factor; shapes stay."""
         shape = np.array([bool(one.width) for one in self.effects])
-        return Hypothesis(self.effects, np.where(shape, self.z, factor * self.z))
+        return Hypothesis(self.effects, np.where(shape, self.z, factor * self.z), factor * self.beside)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +69,6 @@ class Measure:
 class PlannedRecord:
     """A record that could be made: what its runs, and numbers measured beside them, would tell.
 
-    The columns of what is unknown within its tolerances are computed once, for all pairs that are compared.
-
     Parameters
     ----------
     weight : by which the information of the simulated piece is multiplied; seconds planned over seconds simulated
@@ -72,9 +76,13 @@ class PlannedRecord:
 
     def __init__(self, likelihood: Likelihood, plain: Unknowns, *, weight: float) -> None:
         self.likelihood, self.plain, self.weight = likelihood, plain, weight
-        nothing = np.zeros(plain.size)
-        self.base = likelihood.spectra(Points.of(plain, nothing[None]))[0]
-        self.nuisance = jacobian_columns(likelihood, plain, nothing, np.arange(plain.size), self.base)
+
+    @cached_property
+    def nuisance(self) -> Array:
+        """Columns (n_number, plain.size) of what is uncertain, as believed; computed once for all pairs compared."""
+        nothing = np.zeros(self.plain.size)
+        base = self.likelihood.spectra(Points.of(self.plain, nothing[None]))[0]
+        return jacobian_columns(self.likelihood, self.plain, nothing, np.arange(nothing.size), base)
 
     def distance(self, truth: Hypothesis, other: Hypothesis, measures: tuple[Measure, ...] = ()) -> float:
         """d^2; nan where the model does not bear the truth."""
@@ -92,11 +100,11 @@ class _SeparationPoint:
 
 
 class _SeparationModel:
-    """d^2 near a point, the readings linear."""
+    """d^2 near a point, the readings linear; `nuisance` the columns of what is uncertain, stale where they are those
+    of another point."""
 
-    stale = False
-
-    def __init__(self, gram: Array, slope: Array) -> None:
+    def __init__(self, gram: Array, slope: Array, nuisance: Array, *, stale: bool) -> None:
+        self.nuisance, self.stale = nuisance, stale
         scale = 1 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
         scaled = gram * scale[:, None] * scale + 1e-12 * np.eye(slope.size)
         self._move = -scale * np.linalg.solve(scaled, scale * slope)
@@ -112,7 +120,7 @@ class _Separation:
     def __init__(
         self, plan: PlannedRecord, truth: Hypothesis, other: Hypothesis, measures: tuple[Measure, ...]
     ) -> None:
-        self.plan, self.measures, self.other = plan, measures, other
+        self.plan, self.measures, self.truth, self.other = plan, measures, truth, other
         p = plan.plain
         true = replace(p, effects=truth.effects)
         self.unknowns = replace(p, effects=other.effects)
@@ -121,24 +129,43 @@ class _Separation:
         self.aims = self._measured(true, at)
 
     def least(self) -> float:
-        """The least d^2, by Gauss-Newton steps that are halved until they lead down."""
+        """The least d^2, by Gauss-Newton steps that are halved until they lead down, from each of `_starts`."""
         if not np.isfinite(self.target).all():
             return float("nan")
-        nothing = np.zeros(self.plan.plain.size)
-        start = self._at(np.concatenate([nothing, self.other.z]))
-        if not np.isfinite(start.objective):
-            start = self._at(np.zeros(self.unknowns.size), self.plan.base)
-        limits = DescentSettings(HALVING, enough=0.0, enough_share=SETTLED, most_steps=STEPS)
-        return descend(self, start, limits).point.objective
+        limits = DescentSettings(HALVING, enough=ENOUGH, enough_share=SETTLED, most_steps=STEPS, renewal=STALE)
+        least = float("inf")
+        for z in self._starts():
+            start = self._at(z)
+            if least > LITTLE and np.isfinite(start.objective):
+                first = self._linearised(start, self.plan.nuisance)
+                least = min(least, descend(self, start, limits, first=first).point.objective)
+        return least
+
+    def _starts(self) -> list[Array]:
+        """Where the fit begins: what is uncertain as far apart as the fits of both to the record at hand have it, or
+        else as believed; and the other explanation absent, from where the first step is the linear model's."""
+        fitted, absent = np.zeros(self.unknowns.size), np.zeros(self.unknowns.size)
+        n = self.plan.plain.size
+        fitted[n:], absent[n:] = self.other.z, self.other.scaled(0.0).z
+        known = self.other.beside.size
+        if known == self.truth.beside.size <= n:
+            fitted[:known] = self.other.beside - self.truth.beside
+        return [fitted, absent]
 
     def moved(self, point: _SeparationPoint, move: Array) -> _SeparationPoint:
         return self._at(self.unknowns.allowed(point.z + move))
 
     def model(self, point: _SeparationPoint, neighbour: _SeparationModel | None) -> _SeparationModel:
-        effects = np.arange(self.unknowns.n_nuisance, point.z.size)
-        own = jacobian_columns(self.plan.likelihood, self.unknowns, point.z, effects, point.spectrum)
+        return self._linearised(point, None if neighbour is None else neighbour.nuisance)
+
+    def _linearised(self, point: _SeparationPoint, nuisance: Array | None) -> _SeparationModel:
+        """The model at a point; the columns of what is uncertain are computed where they are not given."""
+        n, stale = self.unknowns.n_nuisance, nuisance is not None
+        which = np.arange(n if stale else 0, point.z.size)
+        own = jacobian_columns(self.plan.likelihood, self.unknowns, point.z, which, point.spectrum)
         root = np.sqrt(self.plan.weight)
-        jacobian = np.concatenate([self.plan.nuisance, own], axis=1) * root
+        columns = own if nuisance is None else np.concatenate([nuisance, own], axis=1)
+        jacobian = columns * root
         left = (point.spectrum - self.target) * root
         slopes = [self._measured_slope(k, point) for k in range(point.z.size)]
         rows = np.array(slopes).reshape(point.z.size, -1).T
@@ -146,11 +173,10 @@ class _Separation:
         prior[self.unknowns.amounts] = 0.0
         gram = jacobian.T @ jacobian + rows.T @ rows + np.diag(prior)
         slope = jacobian.T @ left + rows.T @ (point.measured - self.aims) + self._over_prior(point.z)
-        return _SeparationModel(gram, slope)
+        return _SeparationModel(gram, slope, columns[:, :n], stale=stale)
 
-    def _at(self, z: Array, spectrum: Array | None = None) -> _SeparationPoint:
-        if spectrum is None:
-            spectrum = self.plan.likelihood.spectra(Points.of(self.unknowns, z[None]))[0]
+    def _at(self, z: Array) -> _SeparationPoint:
+        spectrum = self.plan.likelihood.spectra(Points.of(self.unknowns, z[None]))[0]
         if not np.isfinite(spectrum).all():
             return _SeparationPoint(z, spectrum, self.aims, np.inf)
         left = spectrum - self.target

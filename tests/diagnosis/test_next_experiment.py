@@ -7,6 +7,7 @@ import pytest
 
 from msl_fem.actuator import Actuator
 from msl_fem.diagnosis.next_experiment import DECIDES, Entry, Question, menu, next_experiment, planned
+from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.runs import prepared_runs
 from msl_fem.diagnosis.separation import Hypothesis
 from msl_fem.diagnosis.unknowns import EffectUnknown
@@ -83,6 +84,27 @@ def test_what_differs_in_first_order_is_far_apart_and_an_effect_is_not_apart_fro
     assert plan.distance(delay, delay) < 1e-3
     hum = hypothesis("position_sensor_lag", "lag", 4e-5)
     assert plan.distance(delay, hum) > 20 * plan.distance(delay, hypothesis("amplifier_bandwidth", "lag", 4e-5))
+
+
+def test_what_a_rival_leaves_does_not_depend_on_where_its_fit_begins(question: Question) -> None:
+    """By another route: the lag at amounts in a row, what is uncertain fitted linearly to each; the least of these."""
+    delay, lag = DELAY_AND_LAG
+    plan, _ = planned(question, some(question)[0].excitation)
+
+    def numbers(one: Hypothesis) -> np.ndarray:
+        z = np.concatenate([np.zeros(plan.plain.size), one.z])[None]
+        return plan.likelihood.spectra(Points.of(replace(plan.plain, effects=one.effects), z))[0]
+
+    columns, root = plan.nuisance, np.sqrt(plan.weight)
+    weighted, target = np.vstack([root * columns, np.eye(columns.shape[1])]), numbers(delay)
+    left = []
+    for share in np.linspace(0.9, 1.1, 9):
+        away = np.append(root * (numbers(lag.scaled(share)) - target), np.zeros(columns.shape[1]))
+        left.append(float(np.sum((away - weighted @ np.linalg.lstsq(weighted, away, rcond=None)[0]) ** 2)))
+    distance = plan.distance(delay, lag)
+    assert min(left) == pytest.approx(distance, rel=0.1)
+    far = Hypothesis(lag.effects, 3 * lag.z, np.full(len(question.believed), 5.0))
+    assert plan.distance(replace(delay, beside=np.zeros(far.beside.size)), far) == pytest.approx(distance, rel=0.03)
 
 
 def test_a_gauge_is_told_to_need_a_number_at_rest(question: Question) -> None:
