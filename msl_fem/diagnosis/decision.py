@@ -51,6 +51,8 @@ OWN_OF_A_RUN = {"sensor_drift"}
 """Effects that begin anew in every run: held-out runs cannot speak against them."""
 BESIDE = 0.1
 """Share of such an effect's gain that another one beside it has to bring."""
+FAR_WITHIN = 0.5
+"""Share of all that, up to which a refit that is not converged will not get there."""
 STRONG = 25.0  # the square of a number of standard errors at which the rest of an effect counts by itself
 COINCIDING = {
     ("gap_offset", "offset"): "nominal_gap",
@@ -152,8 +154,13 @@ def white(excess: Mapping[str, float]) -> bool:
     return max(excess.values(), default=0.0) <= QUIET
 
 
-def leaves_tolerance(problem: FitProblem, fit: Fit, effect: str) -> bool:
-    """Whether an effect of a fit is more than a believed parameter within `TOLERANCES` of its own."""
+def stays_within(problem: FitProblem, refit: Refit) -> bool:
+    """Whether a refit that is not converged is far from being more than a believed parameter within tolerances."""
+    return not leaves_tolerance(problem, refit.fit, refit.variant.effect, share=FAR_WITHIN)
+
+
+def leaves_tolerance(problem: FitProblem, fit: Fit, effect: str, *, share: float = 1.0) -> bool:
+    """Whether an effect of a fit is more than a believed parameter within a share of `TOLERANCES` of its own."""
     sigmas = dict(fit.unknowns.believed)
     estimates = effect_estimates(fit)[effect]
     amounts, apart = 0, []
@@ -166,14 +173,14 @@ def leaves_tolerance(problem: FitProblem, fit: Fit, effect: str) -> bool:
             apart.append(row)
         else:
             moved = abs(_relative(problem, unknown, estimates[unknown.name].value - unknown.base))
-            if sigma and moved >= TOLERANCES * sigma:
+            if sigma and moved >= share * TOLERANCES * sigma:
                 return True
     if not apart:
         return False
     z = fit.z[apart]
     covariance = np.linalg.inv(fit.precision)[np.ix_(apart, apart)]
     strong = float(z @ np.linalg.solve(covariance, z))
-    return strong >= STRONG or len(apart) == amounts
+    return strong >= share**2 * STRONG or len(apart) == amounts
 
 
 def known_within(sigmas: Mapping[str, float], unknown: EffectUnknown) -> float | None:

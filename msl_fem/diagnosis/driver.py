@@ -5,6 +5,7 @@ One driver for all kinds of records; what differs between them stands in their `
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from msl_fem.diagnosis.decision import (
     in_sight,
     n_accepted,
     share_left,
+    stays_within,
     too_few_because,
     too_much_left,
     undecidable_because,
@@ -198,6 +200,7 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
             tell=how.progress,
             memory=how.memory,
             least=rule.least(stages),
+            hopeless=partial(stays_within, kind.likelihood.problem),
         )
         stage = in_sight(kind.likelihood.problem, beyond_tolerances(kind.likelihood.problem, stage))
         fits[n] = stage.base

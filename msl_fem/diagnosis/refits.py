@@ -110,8 +110,14 @@ class Refinement:
     and those in front go on until nothing more is to be gained. Their simulations are run together.
     """
 
-    def __init__(self, base: Fit, tell: Callable[[str], None], memory: FitMemory) -> None:
-        self.base, self.tell, self.memory = base, tell, memory
+    def __init__(
+        self,
+        base: Fit,
+        tell: Callable[[str], None],
+        memory: FitMemory,
+        hopeless: Callable[[Refit], bool] = lambda refit: False,
+    ) -> None:
+        self.base, self.tell, self.memory, self.hopeless = base, tell, memory, hopeless
         self.nuisance_columns = base.jacobian[:, : base.unknowns.n_nuisance]
         self.gathered = GatheredRuns(0)
 
@@ -122,7 +128,9 @@ class Refinement:
         screened = [refit for refit in first if refit is not None]
         best = max((refit.gain for refit in screened), default=0.0)
         eliminated = [refit for refit in screened if best > 0 and refit.gain < ELIMINATED * best]
-        refined = sorted(self.raced([refit for refit in screened if refit not in eliminated]), key=_by_gain)
+        raced = self.raced([refit for refit in screened if refit not in eliminated])
+        eliminated += [refit for refit in raced if refit.gain > 0 and self.hopeless(refit)]
+        refined = sorted((refit for refit in raced if refit not in eliminated), key=_by_gain)
         leader = self.converged(refined[0], leads=True) if refined and refined[0].gain > 0 else None
         if leader is None:
             return sorted([*refined, *eliminated], key=_by_gain)

@@ -58,10 +58,11 @@ def search_stage(
     tell: Callable[[str], None],
     memory: FitMemory | None = None,
     least: float = 0.0,
+    hopeless: Callable[[Refit], bool] = lambda refit: False,
 ) -> SearchStage:
     """What one of these variants more would bring to a fit, which is converged as far as that asks for; refits begin
     where `memory` says that they ended. An effect needs `least` nats: where the fit leaves noise alone and the best
-    score is far below them, it alone is refitted."""
+    score is far below them, it alone is refitted. Refits that will not count are not led to their ends."""
     tell("all effects")
     quiet = max(start.excess.values()) <= QUIET
     base = converged_base(start) if quiet else start
@@ -79,7 +80,7 @@ def search_stage(
         candidates += [score for score in _best_of(every).values() if score.variant.effect in missing]
     kept = memory or FitMemory()
     kept.ended(fit_name(base.unknowns), base.z)
-    refits = Refinement(base, tell, kept).best_first(candidates)
+    refits = Refinement(base, tell, kept, hopeless).best_first(candidates)
     return SearchStage(base, every, tuple(refits), at_base.null)
 
 
