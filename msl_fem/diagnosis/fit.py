@@ -83,7 +83,9 @@ def jacobian_columns(
         rows[failed, which[failed]] = z[which[failed]] + step[failed]
         moved[failed] = likelihood.spectra(Points.of(unknowns, rows[failed]))
         moved[~np.isfinite(moved).all(axis=1)] = residual  # no slope to be had: the unknown stays where it is
-    return np.asarray(((moved - residual) / step[:, None]).T)
+    moved -= residual
+    moved /= step[:, None]
+    return np.asarray(moved.T)
 
 
 def fit(

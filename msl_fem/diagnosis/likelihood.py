@@ -4,6 +4,7 @@ A run is followed from its start to its end, or over stretches with free starts 
 residual beside the starts is what counts. The colour of the noise is estimated together with the fit (`noise`).
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -20,7 +21,7 @@ from msl_fem.diagnosis.noise import (
     transformed,
     weights_of,
 )
-from msl_fem.diagnosis.problem import FitProblem, Points, simulated_residuals
+from msl_fem.diagnosis.problem import FitProblem, Points, batches, residuals_of_run, simulated_residuals
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
 from msl_fem.diagnosis.unknowns import Unknowns
 
@@ -28,7 +29,6 @@ CONVERGED = 0.05
 """Nats that a further step would gain, at which a fit has converged."""
 QUIET = 1.1
 """RMS residual over the noise's sigma, up to which a residual is noise."""
-AT_ONCE = 16  # rows that are simulated together: what bounds the memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,17 +98,32 @@ class Likelihood:
         return self._simulated_spectra(points)
 
     def _simulated_spectra(self, points: Points) -> Array:
-        parts = [points.only(slice(at, at + AT_ONCE)) for at in range(0, len(points.rows), AT_ONCE)]
-        return np.concatenate(
-            [self.transformed(simulated_residuals(self.problem, p, substeps=self.substeps)) for p in parts]
-        )
+        return np.hstack([self._spectra_of_run(run, points) for run in range(len(self.problem.runs))])
+
+    def _spectra_of_run(self, run: int, points: Points) -> Array:
+        """A run's part of the numbers; simulated, transformed and forgotten group by group."""
+        problem, substeps = replace(self.problem, threads=1), self.substeps
+        groups = batches(problem, points, run, substeps=substeps)
+
+        def numbers(rows: NDArray[np.intp]) -> Array:
+            return self._numbers_of_run(run, residuals_of_run(problem, points.only(rows), run, substeps=substeps))
+
+        with ThreadPoolExecutor(self.problem.threads) as pool:
+            parts = list(pool.map(numbers, groups))
+        found = np.empty((len(points.rows), parts[0].shape[1]))
+        for rows, part in zip(groups, parts, strict=True):
+            found[rows] = part
+        return found
 
     def transformed(self, found: list[list[Array]]) -> Array:
         """Arrays (n_row, n_sample) of every run's channels as `spectra` orders and scales them."""
-        over = [self._over_noise(run, channels) for run, channels in enumerate(found)]
-        parts = []
-        for piece, (run, part) in enumerate(self.problem.pieces):
-            parts += [transformed(values[..., part], self.bands.lines[piece]) for values in over[run]]
+        return np.concatenate([self._numbers_of_run(run, channels) for run, channels in enumerate(found)], axis=-1)
+
+    def _numbers_of_run(self, run: int, channels: list[Array]) -> Array:
+        """A run's channels (n_row, n_sample) in the frequency domain, piece by piece."""
+        over, parts = self._over_noise(run, channels), []
+        for lines, (of, part) in zip(self.bands.lines, self.problem.pieces, strict=True):
+            parts += [transformed(values[..., part], lines) for values in over] if of == run else []
         return np.concatenate(parts, axis=-1)
 
     def _over_noise(self, run: int, channels: list[Array]) -> list[Array]:

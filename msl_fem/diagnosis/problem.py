@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
+from msl_fem.computing.lanes import LANES
 from msl_fem.diagnosis.spikes import bridged
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.table_error import TableErrorModes
@@ -15,7 +16,8 @@ from msl_fem.errors import InputError
 from msl_fem.plant import Surface
 from msl_fem.plant.effects import neutral_vector
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
+from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes, told_apart
+from msl_fem.plant.plant import PlantParameters
 from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.free_run import counted
 from msl_fem.prediction.hypothesis import with_factors
@@ -100,16 +102,28 @@ class Points:
         for n, z in enumerate(self.rows):
             yield z, neutral if self.effects is None else self.effects[n]
 
-    def only(self, rows: slice) -> "Points":
+    def only(self, rows: slice | NDArray[np.intp]) -> "Points":
         return Points(self.unknowns, self.rows[rows], None if self.effects is None else self.effects[rows])
 
 
 def simulated_residuals(problem: FitProblem, points: Points, *, substeps: int) -> list[list[Array]]:
     """Measured less simulated of every run and channel, (n_row, n_sample) in SI units; nan where a run ended early."""
-    return [_of_run(problem, points, run, substeps) for run in range(len(problem.runs))]
+    return [residuals_of_run(problem, points, run, substeps=substeps) for run in range(len(problem.runs))]
 
 
-def _of_run(problem: FitProblem, points: Points, run: int, substeps: int) -> list[Array]:
+def batches(problem: FitProblem, points: Points, run: int, *, substeps: int) -> list[NDArray[np.intp]]:
+    """The rows in groups, each of as many runs as the kernel advances at a time: what bounds the memory. Rows that it
+    sees as alike, since what instruments read alone differs, are in one group."""
+    try:
+        surface, plants, settings = _lane_settings(problem, points, run)
+        place = told_apart(surface, plants, rate=problem.runs[run].rate, substeps=substeps, settings=settings)
+    except InputError:  # see `residuals_of_run`
+        place = np.arange(len(points.rows))
+    return [np.flatnonzero(place // LANES == group) for group in range(int(place.max()) // LANES + 1)]
+
+
+def residuals_of_run(problem: FitProblem, points: Points, run: int, *, substeps: int) -> list[Array]:
+    """`simulated_residuals` of one run."""
     data, p = problem.runs[run], problem.plant.parameters
     columns = max(p.sides, 1)
     inputs = Inputs(data.commands[:, :columns], data.rate, hold=data.hold)
@@ -118,7 +132,8 @@ def _of_run(problem: FitProblem, points: Points, run: int, substeps: int) -> lis
     except InputError:  # an effect beyond what the kernel takes, like a delay of more samples than it keeps
         if len(points.rows) == 1:
             return [np.full((1, len(data.commands)), np.nan) for _ in problem.channels(run)]
-        parts = [_of_run(problem, points.only(slice(n, n + 1)), run, substeps) for n in range(len(points.rows))]
+        single = [points.only(slice(n, n + 1)) for n in range(len(points.rows))]
+        parts = [residuals_of_run(problem, row, run, substeps=substeps) for row in single]
         return [np.concatenate(channel) for channel in zip(*parts, strict=True)]
     return missed(problem, points, run, found)
 
@@ -142,6 +157,13 @@ def lanes(
 ) -> LaneRun:
     """The runs of all rows under some inputs, from the starts that the rows say, or of stretches; `own` are stretches
     in place of the problem's, with starts (n_row, n_stretch, 4)."""
+    surface, plants, settings = _lane_settings(problem, points, run, own)
+    return run_lanes(surface, plants, inputs, substeps=substeps, settings=settings)
+
+
+def _lane_settings(
+    problem: FitProblem, points: Points, run: int, own: Stretches | None = None
+) -> tuple[Surface, list[PlantParameters], LaneSettings]:
     unknowns, rows = points.unknowns, points.rows
     ideal = problem.runs[run].ideal_current
     plants = [with_factors(problem.plant.parameters, unknowns.factors(z), ideal_current=ideal) for z in rows]
@@ -158,7 +180,7 @@ def lanes(
         threads=problem.threads,
         begins=None if cut is None else cut.begins,
     )
-    return run_lanes(surface, plants, inputs, substeps=substeps, settings=settings)
+    return surface, plants, settings
 
 
 def reading(found: LaneRun, channel: str) -> Array:

@@ -25,7 +25,6 @@ from msl_fem.diagnosis.unknowns import CAUCHY, STEP_OF_AMOUNTS, EffectUnknown
 from msl_fem.diagnosis.variants import Variant
 
 Shapes = tuple[EffectUnknown, ...]
-_AT_ONCE = 64
 ROUNDING = 1e-12  # of a diagonal: amounts that act alike
 
 
@@ -38,7 +37,6 @@ class Score:
     gain : nats of log evidence, of the linear model
     guess : (n_amount,) z at which it is highest; `shift` how far all that was unknown before moves then
     own : (n_amount, n_amount) what the record tells of the amounts alone, when all else is unknown
-    signature : (n_number, n_amount) weighted columns
     """
 
     variant: Variant
@@ -46,7 +44,6 @@ class Score:
     guess: Array
     shift: Array
     own: Array
-    signature: Array
 
 
 class Background:
@@ -75,7 +72,7 @@ class Background:
             made = float(b @ a - a @ own @ a / 2 - np.log1p(a**2).sum())
             guess, best = (a, made) if made > best else (guess, best)
         gain = best + CAUCHY * at.size - float(np.linalg.slogdet(own + 2 * np.eye(at.size))[1]) / 2
-        return Score(variant, gain, guess, self.still + self.moved[:, at] @ guess, own, self.c[:, at])
+        return Score(variant, gain, guess, self.still + self.moved[:, at] @ guess, own)
 
 
 def _held(g: Array, b: Array, one_sided: NDArray[np.bool_]) -> Array:
@@ -113,10 +110,10 @@ def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True) -> Scored
     if not tried:
         return ScoredVariants()
     amounts = list(dict.fromkeys((amount, variant.shapes) for variant in tried for amount in variant.amounts))
-    starts = range(0, len(amounts), _AT_ONCE)
-    raw = np.concatenate([signatures(found, amounts[at : at + _AT_ONCE]) for at in starts], axis=1)
+    raw = signatures(found, amounts)
     seen = np.isfinite(raw).all(axis=0) & (np.abs(np.nan_to_num(raw)).max(axis=0) > 0)
-    background = Background(found, np.where(seen, raw, 0.0))
+    raw[:, ~seen] = 0.0
+    background = Background(found, raw)
     place = {amount: n for n, amount in enumerate(amounts)}
     made, amount_places = [], []
     for variant in tried:
@@ -139,4 +136,6 @@ def signatures(found: Fit, amounts: Sequence[tuple[EffectUnknown, Shapes]]) -> A
         row[one.place] = one.value(np.array(STEP_OF_AMOUNTS))
     rows = np.tile(found.z, (len(amounts), 1))
     moved = found.likelihood.spectra(Points(found.unknowns, rows, effects))
-    return np.asarray(((moved - found.residual) / STEP_OF_AMOUNTS).T)
+    moved -= found.residual
+    moved /= STEP_OF_AMOUNTS
+    return np.asarray(moved.T)

@@ -196,7 +196,9 @@ def run_lanes(
     def block_of(begin: int) -> Array:
         if begin == n_lane - 1:  # a single one is faster by itself
             lane = int(different[begin])
-            return _alone(surface, plants[lane], settings, lane, inputs, substeps)[:, :, None]
+            rows = _alone(surface, plants[lane], settings, lane, inputs, substeps)
+            if settings.begins is None or np.isfinite(rows[:, OUT_X]).all():  # else time has stood still in it
+                return rows[:, :, None]
         lanes = [int(different[min(begin + k, n_lane - 1)]) for k in range(LANES)]  # the last one fills up
         block = _block(surface, plants, settings, np.array(lanes), begun)
         out = np.empty((n_sample, N_OUT, LANES))
@@ -221,6 +223,20 @@ def run_lanes(
             rows[:] = _alone(surface, plant, settings, int(lane), inputs, substeps)
     effects = neutral_vector() if settings.effects is None else settings.effects
     return LaneRun(tuple(blocks), place, effects, sides, inputs.rate)
+
+
+def told_apart(
+    surface: Surface,
+    plants: Sequence[PlantParameters],
+    *,
+    rate: float,
+    substeps: int,
+    settings: LaneSettings,
+) -> NDArray[np.intp]:
+    """(n_lane,) the number of the run that `run_lanes` makes for each lane; one serves all that it sees as alike."""
+    step = 1.0 / (rate * substeps)
+    begun = [_begun(surface, p, settings, lane, step, substeps) for lane, p in enumerate(plants)]
+    return _different(plants, settings, begun)[1]
 
 
 def _different(

@@ -1,4 +1,4 @@
-"""What lies outside the table does not count, is counted and told, and ends nothing; all of it outside is an error."""
+"""What lies outside the table does not count and is counted; a record that lies outside as a whole is an error."""
 
 from dataclasses import replace
 
@@ -10,10 +10,14 @@ from conftest import ROOT
 from msl_fem.actuator import load_actuator
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.kind import LOST, ErrorSignal, on_common_ground
-from msl_fem.diagnosis.problem import Points
+from msl_fem.diagnosis.problem import FitProblem, Points, lanes
 from msl_fem.diagnosis.runs import dynamic_runs
+from msl_fem.diagnosis.shooting import guessed
+from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.errors import InputError
-from msl_fem.prediction import ModelHypothesis, run_data
+from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.excitation import Inputs
+from msl_fem.prediction import ModelHypothesis, kernel_plant, run_data
 from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -42,20 +46,6 @@ def short_table(record: Record) -> MagneticTable:
     return table
 
 
-def test_a_cause_is_named_beside_stretches_outside_the_table(record: Record, short_table: MagneticTable) -> None:
-    """One per cent of the weight on an unstable levitator; the friction's own form is another than the catalogue's."""
-    found = diagnose(record, DiagnosisSettings(table=short_table, threads=2))
-    assert found.names[:1] == ("coulomb_friction",)
-    assert found.causes[0].parameters["force"].value == pytest.approx(TRUTH.friction, rel=0.15)
-    assert found.accuracy[0].prediction == "multiple-shooting"
-    assert all(np.isfinite(entry.extended.rms) for entry in found.accuracy)
-    told = found.to_json()["left_out"]
-    assert [one["run"] for one in told] == ["loop_1", "loop_2"]
-    assert all(one["reason"].startswith("the model leaves") for one in told)
-    assert all(f"{short_table.gap[0] * 1e3:.4g} to 20 mm" in one["details"] for one in told)
-    assert sum("do not count" in note for note in found.notes) == 2
-
-
 def test_what_does_not_count_are_the_stretches_that_reach_below(record: Record, short_table: MagneticTable) -> None:
     """And hardly more: every sample below, and at most as many beside them that lie inside."""
     runs = [run_data(record, run) for run in record.runs]
@@ -65,14 +55,35 @@ def test_what_does_not_count_are_the_stretches_that_reach_below(record: Record, 
     assert not np.any(counts & below)
     assert np.sum(~counts) < 2 * np.sum(below)
     assert kind.left_out[0].samples == np.sum(~counts)
+    told = [one.to_json() for one in kind.left_out]
+    assert [one["run"] for one in told] == ["loop_1", "loop_2"]
+    assert all(f"{short_table.gap[0] * 1e3:.4g} to 20 mm" in one["details"] for one in told)
+    assert sum("do not count" in note for note in kind.notes) == 2
     points = Points.of(kind.unknowns, np.zeros((1, kind.unknowns.size)))
     assert len(kind.likelihood.labels) == len(kind.likelihood.spectra(points)[0])
 
 
+@pytest.mark.parametrize("count", [1, 3])
+def test_time_goes_on_where_a_model_left_its_table(record: Record, short_table: MagneticTable, count: int) -> None:
+    """What a periodic force does behind stretches outside is what it does with the whole table, in each lane."""
+    effects = EffectValues({"periodic_disturbance": {"frequency": 33.0, "force_sine": 0.02}}).vector()
+    points = Points(Unknowns((), 0, ()), np.zeros((count, 0)), np.tile(effects, (count, 1)))
+    position = []
+    for table in (levitator.table(), short_table):
+        data = run_data(record, record.runs[0])
+        plant = kernel_plant(ModelHypothesis(record.actuator, table), rate=data.rate)
+        problem = FitProblem(plant, (data,), (), (), None)
+        cut = guessed(plant, data, np.arange(0, len(data.commands), 16), 3)
+        inputs = Inputs(data.commands[:, :1], data.rate)
+        own = replace(cut, starts=np.tile(cut.starts, (count, 1, 1)))
+        position.append(lanes(problem, points, 0, inputs=inputs, substeps=plant.substeps, own=own).position[-1])
+    inside = np.repeat(np.isfinite(position[1].reshape(-1, 16)).all(axis=1), 16)
+    assert 0.6 < inside.mean() < 0.98
+    assert np.abs(position[0] - position[1])[inside].max() < 1e-9
+
+
 def test_a_record_that_lies_outside_as_a_whole_is_one_error(record: Record) -> None:
-    with pytest.raises(
-        InputError, match=r"no sample of the runs with the role fit .* table holds 12\.\d+ to 20 mm"
-    ):
+    with pytest.raises(InputError, match=r"no sample of the runs with the role fit .* table holds 12\.\d+ to 20 mm"):
         diagnose(record, DiagnosisSettings(table=table_from(12e-3)))
 
 

@@ -150,6 +150,14 @@ def test_nothing_is_named_on_a_clean_levitator(clean) -> None:
     assert any("stretches" in note for note in clean.notes)
 
 
+def test_friction_is_named_on_an_unstable_levitator(base, table) -> None:
+    """One per cent of the weight; the friction's own form is another than the catalogue's."""
+    hidden = replace(TRUTH, friction=0.01 * levitator.WEIGHT)
+    found = diagnose(levitator.record(base, hidden, seconds=2.0), DiagnosisSettings(table=table, threads=2))
+    assert found.names[:1] == ("coulomb_friction",)
+    assert found.causes[0].parameters["force"].value == pytest.approx(hidden.friction, rel=0.1)
+
+
 def test_stretches_grow_as_the_model_improves(base, table) -> None:
     """Where the coil pulls a fifth less than believed, the belief bears shorter stretches than the fitted model."""
     record = levitator.record(base, levitator.Truth(inductance=0.8), seconds=0.5)
