@@ -74,6 +74,7 @@ def least_sizes(likelihood: Likelihood, found: Fit, scored: Sequence[Score]) -> 
 
 def _least(likelihood: Likelihood, found: Fit, score: Score) -> LeastSize:
     """The first amount of a variant, its others unknown too."""
+    assert score.signature is not None
     unknown, column = score.variant.amounts[0], score.signature[:, 0]
     z = float(np.sqrt(NONCENTRALITY * np.linalg.inv(score.own)[0, 0]))
     z = max(z, _tolerated(likelihood, found, unknown))

@@ -12,7 +12,7 @@ of Kay, Statistical Signal Processing II, 1998, ch. 6).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ class Score:
     gain : nats of log evidence, of the linear model
     guess : (n_amount,) z at which it is highest; `shift` how far all that was unknown before moves then
     own : (n_amount, n_amount) what the record tells of the amounts alone, when all else is unknown
+    signature : (n_number, n_amount) weighted columns, where they were asked for
     """
 
     variant: Variant
@@ -44,6 +45,7 @@ class Score:
     guess: Array
     shift: Array
     own: Array
+    signature: Array | None = None
 
 
 class Background:
@@ -101,12 +103,12 @@ class ScoredVariants:
 
 
 def scores(found: Fit, tried: Sequence[Variant]) -> list[Score]:
-    """All variants at a fit that can be seen there, best first."""
-    return list(scored(found, tried, null=False).scores)
+    """All variants at a fit that can be seen there, best first, with their signatures."""
+    return list(scored(found, tried, null=False, signatures=True).scores)
 
 
-def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True) -> ScoredVariants:
-    """The variants at a fit; without `null` what they bring by chance is left out."""
+def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True, signatures: bool = False) -> ScoredVariants:
+    """The variants at a fit; without `null` what they bring by chance is left out, and without `signatures` these."""
     if not tried:
         return ScoredVariants()
     amounts = list(dict.fromkeys((amount, variant.shapes) for variant in tried for amount in variant.amounts))
@@ -119,7 +121,8 @@ def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True) -> Scored
     for variant in tried:
         places = [place[one, variant.shapes] for one in variant.amounts]
         if seen[places].all():
-            made.append(background.score(variant, places))
+            score = background.score(variant, places)
+            made.append(replace(score, signature=background.c[:, places]) if signatures else score)
             one_sided = tuple(one.one_sided for one in variant.amounts)
             amount_places.append(AmountPlaces(tuple(places), one_sided))
     by_chance = null_distribution(background.own, amount_places) if null else NullDistribution()
