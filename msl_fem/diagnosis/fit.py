@@ -121,6 +121,10 @@ def fit(
         simulations += posterior.simulations
         if not likelihood.is_cut:
             break
+        if end.ending == "no more steps" and not end.steps:  # next to a table's end only shorter ones lead anywhere
+            damping = replace(damping, first=damping.first * damping.factor**trials)
+            nuisance_columns = model.jacobian[:, : unknowns.n_nuisance]
+            continue
         nearer = likelihood.followed(unknowns, point.z)
         again = nearer.objective(unknowns, point.z)
         settled = end.ending in {"converged", "in vain"}

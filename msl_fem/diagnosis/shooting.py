@@ -29,6 +29,7 @@ CURRENT_REACH = 0.3  # of the RMS current
 STEP = 1e-4  # of the starts, in units of their prior
 REFINED = 6  # Gauss-Newton steps of the starts, at most
 LONG = 15  # of them, where a model is judged that is not fitted
+MARGIN = 0.5  # of a start's position, in units of its prior, within which a stretch has to stay inside
 LOST = 1e6  # times the noise, that stand for a stretch that left table or range
 SETTLED = 1e-3  # moves of the starts, in units of their prior, that are none
 LOOKED_AT = 9  # samples of the parabola that gives the first guess of a start
@@ -89,13 +90,20 @@ class Shooting:
             cut, open_ = _after(cut, joined, keep, pairs[borne])
         cut = self.refined(cut)
         rows = self.spread.rows if with_moves else self.spread.rows[:0]
-        return replace(cut, outside=~self._inside(cut, np.vstack([self.spread.z, rows])))
+        return replace(cut, outside=~self._inside(cut, rows))
 
     def _inside(self, cut: Stretches, rows: Array) -> NDArray[np.bool_]:
-        """(n_stretch,) whether models (n_row, unknowns.size) stay in table and range over each."""
-        inside = np.ones(cut.begins.size, dtype=bool)
+        """(n_stretch,) whether the model stays in table and range over each, from starts to both sides too, and models
+        (n_row, unknowns.size). Next to the end of a table a start cannot go where it suits best."""
+        aside = np.eye(self.sigmas.size)[:1] * MARGIN * self.sigmas
+        around = np.array([moved(cut.starts, by * aside) for by in (0.0, 1.0, -1.0)])
+        tried = [(np.tile(self.spread.z, (3, 1)), around)]
         for at in range(0, len(rows), 8):
-            over = self._residuals(rows[at : at + 8], replace(cut, starts=cut.starts))
+            part = rows[at : at + 8]
+            tried.append((part, np.tile(cut.starts, (len(part), 1, 1))))
+        inside = np.ones(cut.begins.size, dtype=bool)
+        for models, starts in tried:
+            over = self._residuals(models, replace(cut, starts=starts))
             inside &= _all(np.isfinite(sum(values.sum(axis=0) for values in over)), cut)
         return inside
 
@@ -169,7 +177,7 @@ class Shooting:
     def _borne(self, cut: Stretches) -> NDArray[np.bool_]:
         """(n_stretch,) whether the model and its moves stay near the record over each."""
         base, slopes = self._simulated(cut)
-        finite = _all(np.isfinite(sum(base)), cut)
+        finite = self._inside(cut, self.spread.rows[:0])
         growth = _growth(slopes[self.names.index(POSITION_COLUMN)], cut, base[0].size)
         gentle = growth <= GENTLE
         if np.all(gentle | ~finite):
