@@ -104,11 +104,11 @@ class ScoredVariants:
 
 def scores(found: Fit, tried: Sequence[Variant]) -> list[Score]:
     """All variants at a fit that can be seen there, best first, with their signatures."""
-    return list(scored(found, tried, null=False, signatures=True).scores)
+    return list(scored(found, tried, null=False, with_columns=True).scores)
 
 
-def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True, signatures: bool = False) -> ScoredVariants:
-    """The variants at a fit; without `null` what they bring by chance is left out, and without `signatures` these."""
+def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True, with_columns: bool = False) -> ScoredVariants:
+    """The variants at a fit; `null` is what they bring by chance, `with_columns` asks for their signatures."""
     if not tried:
         return ScoredVariants()
     amounts = list(dict.fromkeys((amount, variant.shapes) for variant in tried for amount in variant.amounts))
@@ -122,7 +122,7 @@ def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True, signature
         places = [place[one, variant.shapes] for one in variant.amounts]
         if seen[places].all():
             score = background.score(variant, places)
-            made.append(replace(score, signature=background.c[:, places]) if signatures else score)
+            made.append(replace(score, signature=background.c[:, places]) if with_columns else score)
             one_sided = tuple(one.one_sided for one in variant.amounts)
             amount_places.append(AmountPlaces(tuple(places), one_sided))
     by_chance = null_distribution(background.own, amount_places) if null else NullDistribution()
