@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,9 @@ def modules() -> dict[str, ast.Module]:
 
 
 MODULES = modules()
+KINDS = (ast.Import, ast.ImportFrom, ast.Call, ast.Attribute)
+NODES = {tree: [node for node in ast.walk(tree) if isinstance(node, KINDS)] for tree in MODULES.values()}
+"""What the rules look at, walked once."""
 
 
 def within(module: str, rooms: Iterable[str]) -> bool:
@@ -66,8 +70,13 @@ def entry(module: str) -> str:
     return next((room for room in ORDER if within(module, [room])), module)
 
 
-def imports(tree: ast.Module) -> Iterator[str]:
-    for node in ast.walk(tree):
+@cache
+def imports(tree: ast.Module) -> tuple[str, ...]:
+    return tuple(_imports(tree))
+
+
+def _imports(tree: ast.Module) -> Iterator[str]:
+    for node in NODES[tree]:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -131,7 +140,7 @@ def test_a_library_is_used_only_where_it_belongs(library: str) -> None:
 
 def test_files_are_opened_only_by_readers_and_writers() -> None:
     for name, tree in MODULES.items():
-        for node in ast.walk(tree):
+        for node in NODES[tree]:
             if isinstance(node, ast.Call):
                 called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
                 assert called not in FILE_CALLS or within(name, FILE_USERS), f"{name} calls {called}"
@@ -153,7 +162,7 @@ def test_imports_by_name_are_few() -> None:
 
 def _imported_names(tree: ast.Module) -> Iterator[str]:
     """`module.name` of each import, and `importlib.import_module` where it is called so."""
-    for node in ast.walk(tree):
+    for node in NODES[tree]:
         if isinstance(node, ast.ImportFrom):
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):

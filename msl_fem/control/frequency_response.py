@@ -116,10 +116,15 @@ def closed_loop_response(
 
 
 def _bearable(design: ControllerDesign, amplitude: float, position: float) -> float:
-    """Hz up to which the inertia of a sine takes at most `_FORCE_SHARE` of the force at a position."""
-    lowest, highest = force_limits(design.parameters.inverse, np.array([position]))[:, 0]
-    sides = [size for size in (-lowest, highest) if size > 0]
-    acceleration = _FORCE_SHARE * min(sides, default=0.0) / design.law.plant.mass
+    """Hz up to which the inertia of a sine takes at most `_FORCE_SHARE` of the force beside that which holds it there.
+
+    Of a rig with one side the load alone pulls back: what it holds is what is left downwards.
+    """
+    p = design.parameters
+    held = (design.suspension + p.cubic * position**2) * position - p.constant_force
+    lowest, highest = force_limits(p.inverse, np.array([position]))[:, 0]
+    left = max(0.0, min(highest - held, held - lowest))
+    acceleration = _FORCE_SHARE * left / design.law.plant.mass
     return math.sqrt(acceleration / amplitude) / (2 * math.pi)
 
 

@@ -1,7 +1,7 @@
 """Records from data frames, as a notebook has them: columns by the record's names, or a log's own to be imported."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,8 +20,8 @@ from msl_fem.record.reader import (
     known_columns,
     read_static_map,
 )
-from msl_fem.record.record import Record, Run
-from msl_fem.record.rig_file import Noise, Origin, Role, Sampling, Tolerance
+from msl_fem.record.record import Record, Run, StaticMap
+from msl_fem.record.rig_file import GapZero, Noise, Origin, Role, Sampling, Tolerance
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,6 +41,7 @@ class FrameLabels:
     excitation : by run, in words
     noise, tolerance : one sigma of the instruments, and of what is believed
     static_role : of the rows of a static map without a column `role`
+    static_gap : whose gaps a static map has, of a "gauge" with a zero of its own, or of the "mover"
     """
 
     origin: Origin = "measured"
@@ -49,6 +50,7 @@ class FrameLabels:
     noise: Noise = field(default_factory=Noise)
     tolerance: Tolerance = field(default_factory=Tolerance)
     static_role: Role = "fit"
+    static_gap: GapZero = "gauge"
 
 
 def record_from_frames(
@@ -81,7 +83,7 @@ def record_from_frames(
         noise=labels.noise,
         tolerance=labels.tolerance,
         runs=made,
-        static=None if static is None else read_static_map(_columns(static), role=labels.static_role, file=NOTEBOOK),
+        static=None if static is None else _static(static, labels),
         warnings=_doubts(made, actuator),
     )
     check_record(record, rig_file=NOTEBOOK)
@@ -89,6 +91,11 @@ def record_from_frames(
         assert record.sampling is not None
         check_run(run, actuator, record.sampling, file=run.name)
     return record
+
+
+def _static(frame: "pd.DataFrame", labels: FrameLabels) -> StaticMap:
+    rows = read_static_map(_columns(frame), role=labels.static_role, file=NOTEBOOK)
+    return replace(rows, gap_zero=labels.static_gap)
 
 
 def _run(name: str, frame: "pd.DataFrame", actuator: Actuator, labels: FrameLabels) -> Run:

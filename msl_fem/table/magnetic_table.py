@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+EXAMPLES = Path(__file__).parent / "examples"
+"""Tables that an installed package has; copies of those in lookup_tables/."""
 SCHEMA = 1
 INTERPOLANT = "C3 quintic Hermite coenergy spline"
 NODES = {
@@ -295,12 +297,14 @@ def _real(name: str, variables: Mapping[str, NetcdfVariable]) -> Array:
 
 
 def read_table(path: str | Path) -> MagneticTable:
-    """The table in a NetCDF file.
+    """The table in a NetCDF file, or that of an example of the package by the actuator's name: "fast_tool_servo".
 
     Raises
     ------
     TableError : no such file, not NetCDF, or a variable is missing or contradicts the others
     """
+    if not Path(path).exists() and (EXAMPLES / f"{path}.nc").is_file():
+        path = EXAMPLES / f"{path}.nc"
     if not Path(path).is_file():
         problem = "is no file" if Path(path).exists() else "no such file"
         raise TableError(f"{path}: {problem}; make a table with 'msl-fem table'")

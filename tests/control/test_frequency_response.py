@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from servo_controllers import TABLE, believed, delayed, delayed_design, servo, servo_design, servo_map
 
-from msl_fem.control import PlantUnderTest, closed_loop_response, design_model_of, lqr_design
+from msl_fem.control import PlantUnderTest, Wish, closed_loop_response, design_model_of, lqr_design
 from msl_fem.errors import InputError
 
 FREQUENCIES = (2.0, 5.0, 11.0, 23.0, 37.0, 50.0, 61.0, 80.0, 110.0)
@@ -79,3 +79,13 @@ def test_frequencies_out_of_range_are_refused(bad):
 def test_sines_beyond_the_reach_are_refused():
     with pytest.raises(InputError, match="beyond the"):
         closed_loop_response(servo_design(), plant=believed(), frequencies=(5.0,), position=0.49e-3)
+
+
+def test_a_load_under_one_side_is_swung_within_its_weight():
+    """Down, a mover under one magnet has its weight alone: sines that would need a push were asked for here once."""
+    one = servo(sides={"count": 1}, motion={"constant_force": -8.0, "stiffness": 0.0})
+    design = lqr_design(design_model_of(one, TABLE, servo_map()), Wish(20.0, None))
+    found = closed_loop_response(design, plant=PlantUnderTest(one, TABLE), frequencies=None)
+    inertia = found.amplitude * (2 * np.pi * found.frequency[-1]) ** 2 * one.motion.moving_mass
+    assert 2.0 < inertia < 8.0
+    assert np.abs(20 * np.log10(np.abs(found.response / found.predicted)))[found.frequency < 40].max() < 0.5
