@@ -6,9 +6,11 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
+from msl_fem.computing.splines import hermite_cubic
 from msl_fem.magnetics.reduced.curves import NO_FIELD, Curves, Indices, magnetise_at
 
 ACCEPTED = 1e-6  # relative energy norm of the last of Newton's steps, after which its square is left
+SAME_WAY = 1e-9  # of a step of the currents
 MOST_STEPS, MOST_TRIALS = 60, 30
 
 
@@ -135,8 +137,15 @@ def states_along(
         c = np.zeros(size)
         load = currents[p] @ sources
         if p > 0 and steps[p - 1] > 0:
-            c += states[p - 1] + by_coordinate[p - 1] * (coordinate[at] - coordinate[place[p - 1]])
-            c += (currents[p] - currents[p - 1]) @ by_current[p - 1]
+            straight = p > 1 and place[p - 2] == place[p - 1] == at and steps[p - 2] > 0
+            ratio = same_way(currents[p - 2], currents[p - 1], currents[p]) if straight else 0.0
+            if ratio > 0.0:
+                step = currents[p - 1] - currents[p - 2]
+                slopes = step @ by_current[p - 2], step @ by_current[p - 1]
+                c += hermite_cubic((states[p - 2], states[p - 1]), slopes, 1.0 + ratio)
+            else:
+                c += states[p - 1] + by_coordinate[p - 1] * (coordinate[at] - coordinate[place[p - 1]])
+                c += (currents[p] - currents[p - 1]) @ by_current[p - 1]
         tangent, steps[p] = newton(c, stiffness[at], load, iron, force, root)
         if steps[p] == 0:
             c[:] = 0.0
@@ -146,3 +155,11 @@ def states_along(
         answer = np.linalg.solve(tangent, right)
         by_current[p], by_coordinate[p] = answer[:, :-1].T, answer[:, -1]
     return states, by_current, by_coordinate, steps
+
+
+def same_way(first: Array, second: Array, third: Array) -> float:
+    """How many times the step from the first to the second currents (coil,) leads on to the third; 0 if it does not."""
+    step, further = second - first, third - second
+    size = step @ step
+    ratio = float(step @ further) / size if size > 0.0 else 0.0
+    return ratio if ratio > 0.0 and np.allclose(further, ratio * step, rtol=0, atol=SAME_WAY * np.sqrt(size)) else 0.0

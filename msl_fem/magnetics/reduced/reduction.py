@@ -40,6 +40,7 @@ class ReductionSettings:
     trained : states that the cubature is fitted to at first
     candidates : points at which its error is looked at
     built_at : points that a model is built for, of many
+    looked_at : points at which its error is looked at in the end, of many
     fits : of the cubature at most
     """
 
@@ -52,6 +53,7 @@ class ReductionSettings:
     trained: int = 10
     candidates: int = 128
     built_at: int = 72
+    looked_at: int = 512
     fits: int = 2
 
 
@@ -226,8 +228,9 @@ def reduce_at_all(full: FullField, points: FieldPoints, settings: ReductionSetti
     states = model.solve(points)
     if not (states.steps > 0).all():
         return None
-    error = model.cubature_error(states, np.arange(len(points)))
-    worst = [int(n) for n in np.argsort(-error)[: settings.checks // 3]]
+    looked_at = _some(points, settings.looked_at)
+    error = model.cubature_error(states, looked_at)
+    worst = [int(n) for n in looked_at[np.argsort(-error)[: settings.checks // 3]]]
     errors = point_errors(full, model, states, worst)
     before = reduction.certificate
     largest = max(before.error_estimate, SAFETY * float(errors.max()))

@@ -37,6 +37,9 @@ from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron
 
 ELEMENTS = {2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
+FALLING = 0.3  # from one of Newton's steps to the next, where they fall fast
+FALLS_FAST = 1e-2  # a relative step below which Newton's steps are a constant times the square of the one before
+NEAR = FALLS_FAST / FALLING  # a first step that falls fast from here began beside the solution
 ON_PLANE = 1e-9  # of the mesh's width: a point nearer to x = 0 lies on the plane of symmetry
 
 
@@ -365,12 +368,17 @@ def expected_error(trail: Sequence[float]) -> float:
 
     Where three steps in a row fall fast, each is a constant times the square of the one before (Kantorovich), and the
     error is about the step that would come next, which is taken ten times here, for curves that are smooth piece by
-    piece; else no more can be said than that it is below the last step. Two steps do not tell: the first one from
-    nothing is as large as the field, whatever follows.
+    piece; else no more can be said than that it is below the last step. Two steps tell, if less (a hundred times is
+    taken), where the first one is small: that from nothing is as large as the field, whatever follows.
     """
     last = trail[-1]
-    falling = len(trail) >= 3 and last <= 0.3 * trail[-2] and trail[-2] <= 0.3 * trail[-3]
-    return min(last, 10 * last * (last / trail[-2]) ** 2) if falling and last <= 1e-2 else last
+    if len(trail) < 2 or last > FALLS_FAST:
+        return last
+    before, earlier = trail[-2], trail[-3] if len(trail) > 2 else NEAR
+    if not last <= FALLING * before <= FALLING**2 * earlier:
+        return last
+    safety = 10 if len(trail) > 2 else 100
+    return min(last, safety * last * (last / before) ** 2)
 
 
 def _line_search(

@@ -16,6 +16,7 @@ from msl_fem.magnetics.field.accuracy import LEVELS
 from msl_fem.magnetics.field.magnet_field import CLOSEST
 from msl_fem.magnetics.field.pair_field import PairField, pair_magnet, pair_mesh
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
+from msl_fem.magnetics.sweep.predictor import RowPredictor
 from msl_fem.magnetics.sweep.rows import SOLVER_VERSION
 from msl_fem.magnetics.sweep.table_sweep import (
     SweepReport,
@@ -83,7 +84,7 @@ class PairSweepSolver:
     def solve(self, row: PairSweepRow) -> Arrays:
         """Arrays (n_2,) of `PAIR_NODES` and the flux densities; a point that does not converge is named in `failed`.
 
-        The row is walked from its smallest current outwards, each field from the tangent prediction of its neighbour.
+        The row is walked from its smallest current outwards, each field from where those before it lead.
         """
         started = time.process_time()
         points: list[dict[str, float]] = [{} for _ in row.currents_2]
@@ -107,13 +108,13 @@ class _Walker:
 
     def __init__(self, field: PairField, row: PairSweepRow) -> None:
         self.field, self.row = field, row
-        self.last: tuple[Array, Array, float] | None = None
+        self.predictor = RowPredictor()
 
     def solve(self, current: float) -> dict[str, float]:
         """The numbers at a current; raises NotConverged where neither the neighbour nor zero is a start."""
         solution = self._field_at(current)
         responses = self.field.by_currents(solution)
-        self.last = solution.potential, responses[1], current
+        self.predictor.take(current, solution, responses[1])
         quantities = self.field.quantities(solution, (self.row.current_1, current), responses)
         numbers = {name: float(getattr(quantities, name)) for name in PAIR_NODES}
         numbers |= {SECTION + name: value.mean for name, value in self.field.flux_densities(solution).items()}
@@ -121,12 +122,12 @@ class _Walker:
 
     def _field_at(self, current: float) -> FieldSolution:
         where = self.row.position, self.row.current_1, current
-        if self.last is not None:
-            potential, response, before = self.last
+        start = self.predictor.at(current)
+        if start is not None:
             try:
-                return self.field.solve(*where, start=potential + response * (current - before))
+                return self.field.solve(*where, start=start)
             except NotConverged:
-                self.last = None
+                self.predictor.forget()
         return self.field.solve(*where)
 
 

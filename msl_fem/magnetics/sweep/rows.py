@@ -18,12 +18,13 @@ from msl_fem.magnetics.field.end_effects import METHOD as END_EFFECTS_METHOD
 from msl_fem.magnetics.field.end_effects import EndFactors
 from msl_fem.magnetics.field.magnet_field import Accuracy, MagnetField, magnet_mesh
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
+from msl_fem.magnetics.sweep.predictor import RowPredictor
 from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION
 from msl_fem.table.origin import MAGNET_DIGEST
 
 SCALARS = (*NODES, *EXTRAS)
-SOLVER_VERSION = 1
+SOLVER_VERSION = 2
 """Raised when a change of the field solver changes its answers: cached rows of another version are not used."""
 
 
@@ -94,25 +95,24 @@ class RowSolver:
     def solve(self, row: SweepRow) -> Arrays:
         """Arrays (n_current,) of a row's quantities; a point that does not converge is nan, and named in `failed`.
 
-        Along the row each field starts from the tangent prediction of the one before; a point that fails from there
-        is tried once more from zero.
+        Along the row each field starts from where those before it lead; a point that fails from there is tried once
+        more from zero.
         """
         started = time.process_time()
         field = self.field(row.refine).near(row.gap)
         points: list[dict[str, float]] = []
         failed: list[str] = []
-        last: tuple[Array, Array, float] | None = None
+        predictor = RowPredictor()
         for current in row.currents:
-            start = None if last is None else last[0] + last[1] * (current - last[2])
             try:
-                solution = _solve_from(field, current, row.gap, start)
+                solution = _solve_from(field, current, row.gap, predictor.at(current))
             except NotConverged:
                 failed.append(f"{current:g} A at {row.gap * 1e3:g} mm")
                 points.append({})
-                last = None
+                predictor.forget()
                 continue
             points.append(_numbers(field, solution))
-            last = (solution.potential, field.slope(solution), current)
+            predictor.take(current, solution, field.slope(solution))
         names = dict.fromkeys(name for point in points for name in point)
         arrays = {name: np.array([point.get(name, np.nan) for point in points]) for name in names}
         arrays["cpu_seconds"] = np.array(time.process_time() - started)
