@@ -160,6 +160,6 @@ def states_along(
 def same_way(first: Array, second: Array, third: Array) -> float:
     """How many times the step from the first to the second currents (coil,) leads on to the third; 0 if it does not."""
     step, further = second - first, third - second
-    size = step @ step
+    size = float(step @ step)
     ratio = float(step @ further) / size if size > 0.0 else 0.0
     return ratio if ratio > 0.0 and np.allclose(further, ratio * step, rtol=0, atol=SAME_WAY * np.sqrt(size)) else 0.0
