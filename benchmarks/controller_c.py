@@ -21,16 +21,19 @@ from pathlib import Path
 import numpy as np
 from marked_text import rewrite
 
-from msl_fem.actuator import load_actuator
+from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.control import ControllerDesign, design_controller
 from msl_fem.control.design_model import design_model_of
 from msl_fem.control.lqr_design import LqrOptions, lqr_design
+from msl_fem.control.scheduled_design import RIGID, ScheduleOptions, scheduled_design
 from msl_fem.control.stepper import Stepper, reference_rows
 from msl_fem.export.c_controller import ControllerSource, controller_header
 from msl_fem.maps import operating_map
+from msl_fem.maps.pair_limits import pair_map
 from msl_fem.plant.excitation import parse_excitation, reference
 from msl_fem.plant.sampled_plant import simulate_closed
-from msl_fem.table.magnetic_table import read_table
+from msl_fem.table.magnetic_table import MagneticTable, read_table
+from msl_fem.table.pair_table import load_table, read_pair_table
 
 ROOT = Path(__file__).parent.parent
 WISHED = 2000.0  # ns; the period is 400 000
@@ -99,6 +102,17 @@ def wild(design: ControllerDesign) -> np.ndarray:
     return np.column_stack([*wanted, *wanted, 1.3 * span * rng.uniform(-1, 1, n)])
 
 
+def design_on_pair(actuator: Actuator) -> tuple[MagneticTable, ControllerDesign]:
+    """The pair's table and the dearest step: gains that follow, both sides inverted, both currents judged together."""
+    file = ROOT / "lookup_tables" / "fast_tool_servo_pair.nc"
+    table = load_table(file)
+    one_side = operating_map(table)
+    assert actuator.sides is not None
+    limits = pair_map(read_pair_table(file), levels=one_side.levels.tolist(), polarity=actuator.sides.polarity)
+    model = design_model_of(actuator, table, one_side, limits)
+    return table, scheduled_design(model, options=ScheduleOptions(overlap=OVERLAP, family=RIGID))
+
+
 def measured(design: ControllerDesign, regions, steps: np.ndarray, *, flags: list[str], repeats: int) -> np.ndarray:
     """Least ns of each step, and behind them the largest single time."""
     with tempfile.TemporaryDirectory() as name:
@@ -130,13 +144,19 @@ def main() -> None:
     regions = operating_map(table)
     hard = design_controller(actuator, table, regions)
     both = lqr_design(design_model_of(actuator, table, regions), options=LqrOptions(overlap=OVERLAP))
+    pair, of_pair = design_on_pair(actuator)
+    designs = (
+        ("lqr, one side at a time", hard, table, regions),
+        (f"lqr, {OVERLAP:g} N of overlap", both, table, regions),
+        (f"scheduled-rigid, {OVERLAP:g} N of overlap, guard of the pair", of_pair, pair, operating_map(pair)),
+    )
     rows = ["| design | steps | compiled | median (ns) | worst step (ns) | largest single time (ns) |"]
     rows.append("| --- | --- | --- | ---: | ---: | ---: |")
     worst = 0.0
-    for name, design in (("lqr, one side at a time", hard), (f"lqr, {OVERLAP:g} N of overlap", both)):
-        for kind, steps in (("a run that tracks", tracking(design, table)), ("wild", wild(design))):
+    for name, design, under, limits in designs:
+        for kind, steps in (("a run that tracks", tracking(design, under)), ("wild", wild(design))):
             for flags in (["-O2"], ["-O0"]):
-                found = measured(design, regions, steps, flags=flags, repeats=asked.repeats)
+                found = measured(design, limits, steps, flags=flags, repeats=asked.repeats)
                 least, single = found[:-1], found[-1]
                 figures = " | ".join(f"{value:.0f}" for value in (np.median(least), least.max(), single))
                 rows.append(f"| {name} | {kind} | gcc {' '.join(flags)} | {figures} |")

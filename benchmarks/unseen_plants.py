@@ -20,7 +20,7 @@ from msl_fem.control import PlantUnderTest
 from msl_fem.control.unseen_plants import SUSPECTS, on_unseen_plants, random_plant, suspected_plant
 from msl_fem.files.whole_file import whole_file
 
-SEED = 2026
+SEED = 40817
 BELIEVED = PlantUnderTest(SERVO, TABLE)
 Case = tuple[str, float, float]  # design, amplitude in m, frequency in Hz
 TOLERANCES: tuple[Case, ...] = (
@@ -31,11 +31,13 @@ TOLERANCES: tuple[Case, ...] = (
 )
 WITH_SUSPECTS: tuple[Case, ...] = (
     ("robust", 0.2e-3, 2.0),
-    ("robust", 0.1e-3, 60.0),
     ("scheduled", 0.2e-3, 2.0),
     ("lqr", 0.2e-3, 2.0),
     ("pid", 0.2e-3, 2.0),
     ("robust", 0.4e-3, 2.0),
+    ("scheduled", 0.4e-3, 2.0),
+    ("robust", 0.1e-3, 60.0),
+    ("scheduled", 0.1e-3, 60.0),
 )
 DRAWS: dict[str, tuple[Callable[..., PlantUnderTest], tuple[Case, ...]]] = {
     "tolerances": (random_plant, TOLERANCES),
@@ -69,17 +71,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plants", type=int, default=500)
     parser.add_argument("--kept", type=Path, default=Path("unseen_plants.json"))
+    parser.add_argument("--most", type=int, default=100, help="rows that are computed now")
     parser.add_argument("--docs", action="store_true")
     asked = parser.parse_args()
     kept = json.loads(asked.kept.read_text()) if asked.kept.exists() else {}
-    for table, (_, cases) in DRAWS.items():
+    left = asked.most
+    for table, (_, cases) in reversed(DRAWS.items()):
         for case in cases:
             key = json.dumps([table, *case, asked.plants, SEED])
-            if key not in kept:
+            if key not in kept and left:
+                left -= 1
                 kept[key] = judged(table, case, asked.plants)
                 with whole_file(asked.kept) as part:
                     part.write_text(json.dumps(kept))
-            print(table, row(case, kept[key]), flush=True)
+            if key in kept:
+                print(table, row(case, kept[key]), flush=True)
     if asked.docs:
         made = {}
         for table, (_, cases) in DRAWS.items():

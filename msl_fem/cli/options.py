@@ -44,7 +44,7 @@ DiagnosisFolder = Annotated[
     Path | None,
     typer.Option("--from", metavar="DIAGNOSIS|RECORD", help="Design on what a diagnosis says; a record is diagnosed."),
 ]
-DesignName = Annotated[str, typer.Option("--design", help="lqr, robust, scheduled, biased or pid.")]
+DesignName = Annotated[str, typer.Option("--design", help="lqr, robust, scheduled, scheduled-rigid, biased or pid.")]
 Bandwidth = Annotated[str | None, typer.Option("--bandwidth", help="Of the feedback.")]
 PeakSensitivity = Annotated[float | None, typer.Option("--peak-sensitivity", help="Bound on max |S|.")]
 Feedforward = Annotated[

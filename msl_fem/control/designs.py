@@ -8,10 +8,11 @@ from msl_fem.control.design import ControllerChoice, ControllerDesign, DesignKin
 from msl_fem.control.design_model import DesignModel
 from msl_fem.control.lqr_design import LQR
 from msl_fem.control.robust_design import ROBUST
-from msl_fem.control.scheduled_design import SCHEDULED
+from msl_fem.control.scheduled_design import SCHEDULED, SCHEDULED_RIGID
 from msl_fem.errors import InputError
 
-DESIGNS: dict[str, DesignKind] = {kind.name: kind for kind in (LQR, ROBUST, SCHEDULED, BIASED, PID)}
+_KINDS = (LQR, ROBUST, SCHEDULED, SCHEDULED_RIGID, BIASED, PID)
+DESIGNS: dict[str, DesignKind] = {kind.name: kind for kind in _KINDS}
 
 
 def designed(model: DesignModel, choice: ControllerChoice) -> ControllerDesign:

@@ -9,6 +9,7 @@ so the loop is closed around m x'' + c x' + (k - kappa) x. It is opened at the c
 """
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,6 +59,10 @@ class LinearLaw:
 
         Outputs: the law's force, and the position that the inverse uses.
         """
+        return self._controller
+
+    @cached_property
+    def _controller(self) -> StateSpace:
         k = self.gains.state
         f = self.estimator.prediction
         gain = self.estimator.gain

@@ -41,7 +41,7 @@ from msl_fem.errors import ComputationError, InputError
 _START = (0.9, 3.6, 7.0, 1.12, 1.3, 0.95, 0.32, 0.43, 1.0)
 """Frequency over the bandwidth, velocity and integral weights; gains over the Kalman filter's; lead over the belief's;
 the section: its frequency over half the loop rate, damping of zeros and of poles."""
-_MISSED, _HOPELESS = 100.0, 30.0
+_MISSED, HOPELESS = 100.0, 30.0
 _N_GRID, _N_DENSE, _EVALUATIONS, _ROUNDS = 90, 90, 200, 2
 
 
@@ -141,11 +141,11 @@ def robust_design(
     options = options or RobustOptions()
     check_wish(wish, model.plant)
     stage = stage_with_overlap(model, options.overlap)
-    task = _task(model, wish, options)
-    law, weights = _law(task, _searched(task))
+    task = family_task(model, wish, options)
+    law, weights = searched_law(task)
     got = feedback_bandwidth(law)
     peak = _worst(task, law, 0)
-    if not peak < _HOPELESS or not wish.kept_by(got, peak):
+    if not peak < HOPELESS or not wish.kept_by(got, peak):
         raise InputError(
             f"no law gives the whole family a {wish}; the nearest got {got:.4g} Hz "
             f"and {peak:.3g}: lower the bandwidth, allow more peak sensitivity, or raise the loop rate"
@@ -169,7 +169,7 @@ ROBUST = DesignKind(
 
 
 @dataclass(frozen=True, eq=False)
-class _FamilyTask:
+class FamilyTask:
     """What is searched for, and the plants at each place with their responses over the frequencies."""
 
     plant: LinearPlant
@@ -182,23 +182,38 @@ class _FamilyTask:
     plants: tuple[tuple[tuple[StateSpace, Complex], ...], ...]
 
 
-def _task(model: DesignModel, wish: Wish, options: RobustOptions) -> _FamilyTask:
-    rate = 1 / model.plant.period
-    modes = [d.frequency for d in options.family if d.mass_share]
-    grids = [np.geomspace(2e-3 * rate, 0.499 * rate, _N_GRID)]
-    if modes:
-        grids.append(np.geomspace(0.75 * min(modes), min(1.25 * max(modes), 0.499 * rate), _N_DENSE))
-    frequency = np.unique(np.concatenate(grids))
-    places = working_places(model, overlap=options.overlap)
-    members = [[deviating_plant(model.plant, d, p.magnet_stiffness) for d in options.family] for p in places]
-    plants = tuple(tuple((member, member.response(frequency)[:, 0, 0]) for member in row) for row in members)
+def family_task(
+    model: DesignModel, wish: Wish, options: RobustOptions, *, places: tuple[AtPosition, ...] | None = None
+) -> FamilyTask:
+    """The search for a wish that the whole family is to keep in the middle; without `places` at the usual ones."""
+    frequency = family_grid(options.family, model.plant.period, _N_GRID, lowest=2e-3)
+    places = places or working_places(model, overlap=options.overlap)
+    plants = tuple(family_at(model.plant, options.family, place, frequency) for place in places)
     gain = usual_filter(model).gain
-    return _FamilyTask(
+    return FamilyTask(
         model.plant, wish, gain, usual_noise(model), following_gains(model, DEFAULT_WISH), frequency, places, plants
     )
 
 
-def _law(task: _FamilyTask, logarithms: Array) -> tuple[LinearLaw, LqrWeights]:
+def family_grid(family: tuple[Deviation, ...], period: float, n: int, *, lowest: float = 5e-4) -> Array:
+    """Frequencies in Hz from `lowest` of the loop rate to its half, `n` over all and dense about the family's modes."""
+    rate = 1 / period
+    modes = [d.frequency for d in family if d.mass_share]
+    grids = [np.geomspace(lowest * rate, 0.499 * rate, n)]
+    if modes:
+        grids.append(np.geomspace(0.75 * min(modes), min(1.25 * max(modes), 0.499 * rate), _N_DENSE))
+    return np.unique(np.concatenate(grids))
+
+
+def family_at(
+    plant: LinearPlant, family: tuple[Deviation, ...], at: AtPosition, frequency: Array
+) -> tuple[tuple[StateSpace, Complex], ...]:
+    """The family's plants at a place, each with its response (n_frequency,)."""
+    members = [deviating_plant(plant, deviation, at.magnet_stiffness) for deviation in family]
+    return tuple((member, member.response(frequency)[:, 0, 0]) for member in members)
+
+
+def _law(task: FamilyTask, logarithms: Array) -> tuple[LinearLaw, LqrWeights]:
     plant = task.plant
     ratio = np.exp(np.clip(logarithms, -12, 12))
     weights = LqrWeights(2 * np.pi * task.wish.bandwidth * float(ratio[0]), float(ratio[1]), float(ratio[2]))
@@ -230,18 +245,30 @@ def _section(ratio: Array, period: float) -> tuple[float, ...]:
     )
 
 
-def _worst(task: _FamilyTask, law: LinearLaw, place: int) -> float:
-    """The family's highest peak sensitivity at a place; from _HOPELESS up where a member is unstable."""
-    at, worst = task.places[place], 0.0
-    feedback = law.feedback(task.frequency, at)
-    for plant, response in task.plants[place]:
+def family_peaks(
+    law: LinearLaw, at: AtPosition, feedback: Complex, plants: tuple[tuple[StateSpace, Complex], ...]
+) -> list[float]:
+    """The peak sensitivity of each plant for a law's feedback at a place; from HOPELESS up where it is unstable."""
+    peaks = []
+    for plant, response in plants:
         radius = law.spectral_radius(at, plant=plant)
-        peak = _HOPELESS * radius if radius >= 1 else min(float(np.max(1 / np.abs(1 - response * feedback))), _HOPELESS)
-        worst = max(worst, peak)
-    return worst
+        peak = HOPELESS * radius if radius >= 1 else float(np.max(1 / np.abs(1 - response * feedback)))
+        peaks.append(peak if radius >= 1 else min(peak, HOPELESS))
+    return peaks
 
 
-def _searched(task: _FamilyTask) -> Array:
+def _worst(task: FamilyTask, law: LinearLaw, place: int) -> float:
+    """The family's highest peak sensitivity at a place; from HOPELESS up where a member is unstable."""
+    at = task.places[place]
+    return max(family_peaks(law, at, law.feedback(task.frequency, at), task.plants[place]))
+
+
+def searched_law(task: FamilyTask) -> tuple[LinearLaw, LqrWeights]:
+    """The law that is best by a task, and its weights."""
+    return _law(task, _searched(task))
+
+
+def _searched(task: FamilyTask) -> Array:
     from scipy.optimize import minimize
 
     point = np.log(_START)
@@ -252,12 +279,12 @@ def _searched(task: _FamilyTask) -> Array:
     return np.asarray(point)
 
 
-def _badness(task: _FamilyTask, logarithms: Array) -> float:
+def _badness(task: FamilyTask, logarithms: Array) -> float:
     try:
         law, _ = _law(task, logarithms)
     except ComputationError:
         return 1e6
     peaks = [_worst(task, law, n) for n in range(len(task.places))]
-    if peaks[0] >= _HOPELESS:
+    if peaks[0] >= HOPELESS:
         return 1e3 * peaks[0]
     return max(peaks) + _MISSED * task.wish.missed_by(feedback_bandwidth(law, _N_GRID), peaks[0])

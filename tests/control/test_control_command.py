@@ -136,7 +136,10 @@ def test_a_report_and_a_record_are_written(msl_fem, tmp_path):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--design", "fuzzy"), "'fuzzy' is no design; choose one of lqr, robust, scheduled, biased, pid"),
+        (
+            ("--design", "fuzzy"),
+            "'fuzzy' is no design; choose one of lqr, robust, scheduled, scheduled-rigid, biased, pid",
+        ),
         (
             ("--design", "pid", "--reference", "sine:frequency=2 Hz,amplitude=0.45 mm,duration=1 s"),
             "the pid design is stable from",
