@@ -1,7 +1,7 @@
 """The table of a pair against independent fields: random points of the region that the pair's guard prefers.
 
 Each point is solved anew at `fine`, on a mesh of the section at its own place. Run: python benchmarks/pair_table.py
-[--points 200] [--seed 1].
+[--points 200] [--seed 1] [--table FILE].
 """
 
 import argparse
@@ -22,9 +22,10 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--points", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--table", type=Path, default=ROOT / "lookup_tables/fast_tool_servo_pair.nc")
     asked = parser.parse_args()
     actuator = load_actuator(ROOT / "geometries/fast_tool_servo.toml")
-    table = read_pair_table(ROOT / "lookup_tables/fast_tool_servo_pair.nc")
+    table = read_pair_table(asked.table)
     guard = PairGuard(pair_map(table))
     rng = np.random.default_rng(asked.seed)
     largest = np.abs(table.nodes["force"]).max()

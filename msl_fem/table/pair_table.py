@@ -280,6 +280,11 @@ def read_pair_table(path: str | Path) -> PairTable:
         raise TableError(
             f"{path}: this is the table of one magnet; make that of a pair with 'msl-fem table ACTUATOR --sides both'"
         )
+    return _pair_of(variables, attributes, path)
+
+
+def _pair_of(variables: Mapping[str, NetcdfVariable], attributes: Mapping[str, Any], path: str | Path) -> PairTable:
+    """The table that a file's content tells; TableError."""
     try:
         alone = _with_dims(variables, ("gap", "current"), ONE_SIDED)
         own = _with_dims(variables, ("position", "current_1", "current_2"))
@@ -319,7 +324,8 @@ def load_table(path: str | Path) -> MagneticTable:
     ------
     TableError : as of `read_table` and `read_pair_table`
     """
-    return read_pair_table(path).coupled if is_pair_table(path) else read_table(path)
+    variables, attributes = _read(Path(path))
+    return _pair_of(variables, attributes, path).coupled if "position" in variables else read_table(path)
 
 
 def save_table(table: MagneticTable, path: str | Path) -> Path:
