@@ -25,6 +25,7 @@ USERS = {
     "plotly": {"msl_fem.report"},
     "pyvista": {"msl_fem.report"},
     "casadi": {"msl_fem.export"},
+    "ezdxf": {"msl_fem.export"},
     "control": {"msl_fem.export", "msl_fem.identification"},
     "gymnasium": {"msl_fem.export"},
     "pyamg": {"msl_fem.magnetics.three_d.multigrid"},

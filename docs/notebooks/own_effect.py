@@ -28,7 +28,8 @@ with_drag.plot()
 # What the drag changes, as a frame: the two positions beside each other.
 
 # %%
-both = plain.to_pandas()[["position_m"]].join(with_drag.to_pandas()[["position_m"]], rsuffix="_drag")
+both = plain.to_pandas()[["position_m"]]
+both["position_m_drag"] = with_drag.to_pandas()["position_m"]
 both.iloc[::300]
 
 # %%

@@ -8,7 +8,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.whole_file import whole_file
-from msl_fem.magnetics.section import both_halves, is_taken_off
+from msl_fem.magnetics.section import Section, both_halves, is_taken_off
 
 COLOURS = {"iron": 8, "coil": 30, "other": 7}
 """AutoCAD's colour numbers: grey, orange, the paper's opposite."""
@@ -20,7 +20,7 @@ def dxf_text(actuator: Actuator, gap: float | None = None) -> str:
     """The drawing at a gap in m, by default the nominal one: R12 (AC1009), which every reader knows, x and y in mm.
 
     Polylines are drawn in the order in which they cover one another, a window thus cuts the core; the layer is the
-    region's name. A body of
+    region's name, of a coil coil_plus (current out of the plane) or coil_minus. A body of
     revolution has its axis at x = 0. The surrounding air, which is no part, is left out.
 
     Source of the group codes: Autodesk, DXF Reference (AC1009: POLYLINE, VERTEX, SEQEND).
@@ -39,8 +39,12 @@ def dxf_text(actuator: Actuator, gap: float | None = None) -> str:
     section = magnet.section(nominal)
     solid = dict.fromkeys(section.iron, COLOURS["iron"]) | dict.fromkeys(section.turns_density, COLOURS["coil"])
     drawn = [r for r in section.regions if r.name in solid or is_taken_off(r)]
-    colour = {r.name: solid.get(r.name, COLOURS["other"]) for r in drawn}
-    outlines = [(r.name, ring) for r in drawn for ring in both_halves(np.array(r.vertices))]
+    colour = {layer: solid.get(r.name, COLOURS["other"]) for r in drawn for layer in _layers(r.name, section)}
+    outlines = [
+        (layer, ring)
+        for r in drawn
+        for layer, ring in zip(_layers(r.name, section), both_halves(np.array(r.vertices)), strict=False)
+    ]
     lines = _pairs((0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009"), (9, "$INSUNITS"), (70, MM))
     lines += _pairs((0, "ENDSEC"), (0, "SECTION"), (2, "TABLES"), (0, "TABLE"), (2, "LAYER"), (70, len(colour)))
     for name, number in colour.items():
@@ -49,6 +53,15 @@ def dxf_text(actuator: Actuator, gap: float | None = None) -> str:
     for name, ring in outlines:
         lines += _outline(name, ring)
     return "\n".join([*lines, *_pairs((0, "ENDSEC"), (0, "EOF"))]) + "\n"
+
+
+def _layers(region: str, section: Section) -> tuple[str, str]:
+    """The layers of a region's right half and of its image: those of a coil say which way its current goes."""
+    turns = section.turns_density.get(region)
+    if turns is None:
+        return region, region
+    way = ("coil_plus", "coil_minus") if turns > 0 else ("coil_minus", "coil_plus")
+    return way if section.symmetry in ("flux line", "axis") else (way[0], way[0])
 
 
 def _outline(layer: str, ring: Array) -> list[str]:

@@ -204,6 +204,8 @@ def diagnosis_picture(record: Diagnosis) -> PaperFigure:
     _draw_effects(left, record)
     if evidence.residuals:
         _draw_residual(right, max(evidence.residuals, key=_improvement))
+    else:
+        _draw_errors(right, record)
     figure.suptitle(
         f"{record.verdict.replace('-', ' ')}{': ' if record.names else ''}"
         f"{' and '.join(called(name) for name in record.names)}",
@@ -232,6 +234,22 @@ def _draw_effects(axes: Axes, record: Diagnosis) -> None:
         axes.axvline(record.threshold, color=RED, linewidth=1.0, linestyle="--", label="needed to be named")
         axes.legend(frameon=False, fontsize=8, loc="center right")
     _label(axes, "log evidence over the model without it, nats", "")
+
+
+def _draw_errors(axes: Axes, record: Diagnosis) -> None:
+    """Errors of the three models over the noise, a row a channel and role: of a map, which has no course in time."""
+    models = (("nominal", SKY, "as believed"), ("refitted", ORANGE, "fitted within tolerances"),
+              ("extended", BLUE, "with the causes"))  # fmt: skip
+    for name, colour, told in models:
+        errors = [getattr(entry, name) for entry in record.accuracy]
+        axes.plot([e.rms / (e.floor or 1.0) for e in errors], range(len(errors)), "o", color=colour, label=told)
+    rows = [f"{channel_name(a.nominal.channel)} ({a.nominal.role})" for a in record.accuracy]
+    axes.set_yticks(range(len(rows)), rows)
+    axes.axvline(1.0, color=GREY, linewidth=1.0, linestyle="--")
+    axes.set_xscale("log")
+    axes.margins(y=0.2)
+    axes.legend(frameon=False, fontsize=8, loc="upper right")
+    _label(axes, "error over the noise, 1 is the noise itself", "")
 
 
 def _improvement(channel: ChannelResiduals) -> float:
