@@ -78,7 +78,7 @@ def runs_inside(
     """
     pairs = list(zip(runs, cuts, strict=True))
     inside = [(run, cut) for run, cut in pairs if cut is None or cut.counted_parts(len(run.commands))]
-    for role in {run.role for run in runs}:
+    for role in sorted({run.role for run in runs}):
         if not any(run.role == role for run, _ in inside):
             lost = next(run for run in runs if run.role == role)
             reached = _reached(belief, lost, np.arange(len(lost.commands)))

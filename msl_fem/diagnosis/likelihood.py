@@ -21,7 +21,7 @@ from msl_fem.diagnosis.noise import (
     transformed,
     weights_of,
 )
-from msl_fem.diagnosis.problem import FitProblem, Points, batches, residuals_of_run, simulated_residuals
+from msl_fem.diagnosis.problem import FitProblem, Points, batches, residuals_in_parts, simulated_residuals
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
 from msl_fem.diagnosis.unknowns import Unknowns
 
@@ -106,7 +106,8 @@ class Likelihood:
         groups = batches(problem, points, run, substeps=substeps)
 
         def numbers(rows: NDArray[np.intp]) -> Array:
-            return self._numbers_of_run(run, residuals_of_run(problem, points.only(rows), run, substeps=substeps))
+            parts = residuals_in_parts(problem, points.only(rows), run, substeps=substeps)
+            return np.concatenate([self._numbers_of_run(run, channels) for channels in parts])
 
         with ThreadPoolExecutor(self.problem.threads) as pool:
             parts = list(pool.map(numbers, groups))

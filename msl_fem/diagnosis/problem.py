@@ -26,6 +26,7 @@ from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record import Tolerance
 from msl_fem.record.columns import Channel
 
+AT_ONCE = 4  # rows whose readings are put together at a time
 START = 10.0  # times the instruments' sigma: how far a run's start may lie from its first guess
 
 
@@ -124,6 +125,12 @@ def batches(problem: FitProblem, points: Points, run: int, *, substeps: int) -> 
 
 def residuals_of_run(problem: FitProblem, points: Points, run: int, *, substeps: int) -> list[Array]:
     """`simulated_residuals` of one run."""
+    parts = residuals_in_parts(problem, points, run, substeps=substeps)
+    return [np.concatenate(channel) for channel in zip(*parts, strict=True)]
+
+
+def residuals_in_parts(problem: FitProblem, points: Points, run: int, *, substeps: int) -> Iterator[list[Array]]:
+    """`residuals_of_run` of a few rows at a time, in their order."""
     data, p = problem.runs[run], problem.plant.parameters
     columns = max(p.sides, 1)
     inputs = Inputs(data.commands[:, :columns], data.rate, hold=data.hold)
@@ -131,11 +138,14 @@ def residuals_of_run(problem: FitProblem, points: Points, run: int, *, substeps:
         found = lanes(problem, points, run, inputs=inputs, substeps=substeps)
     except InputError:  # an effect beyond what the kernel takes, like a delay of more samples than it keeps
         if len(points.rows) == 1:
-            return [np.full((1, len(data.commands)), np.nan) for _ in problem.channels(run)]
-        single = [points.only(slice(n, n + 1)) for n in range(len(points.rows))]
-        parts = [residuals_of_run(problem, row, run, substeps=substeps) for row in single]
-        return [np.concatenate(channel) for channel in zip(*parts, strict=True)]
-    return missed(problem, points, run, found)
+            yield [np.full((1, len(data.commands)), np.nan) for _ in problem.channels(run)]
+            return
+        for n in range(len(points.rows)):
+            yield from residuals_in_parts(problem, points.only(slice(n, n + 1)), run, substeps=substeps)
+        return
+    for at in range(0, len(points.rows), AT_ONCE):
+        rows = slice(at, at + AT_ONCE)
+        yield missed(problem, points.only(rows), run, found.only(rows))
 
 
 def missed(problem: FitProblem, points: Points, run: int, found: LaneRun) -> list[Array]:

@@ -106,6 +106,11 @@ class LaneRun:
     sides: int
     rate: float
 
+    def only(self, lanes: slice) -> "LaneRun":
+        """Some of the lanes, of the same blocks."""
+        effects = self.effects if self.effects.ndim == 1 else self.effects[lanes]
+        return LaneRun(self.blocks, self.place[lanes], effects, self.sides, self.rate)
+
     @cached_property
     def position(self) -> Array:
         slope = self._of_lanes(OUT_SENSOR_SLOPE) if self._late else self._nothing(1)[..., 0]
