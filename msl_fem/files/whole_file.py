@@ -4,6 +4,7 @@ import contextlib
 import errno
 import glob
 import os
+import shutil
 import sys
 import tempfile
 import time
@@ -15,6 +16,8 @@ from msl_fem.errors import ComputationError, InputError
 if sys.platform != "win32":
     import fcntl
 
+ASIDE = "old"
+"""Name in a staging folder of what is there still and is to be replaced."""
 NEW = 5.0
 """Seconds in which a file is made and locked, whatever else the machine does."""
 NO_ROOM = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO}
@@ -88,6 +91,25 @@ def whole_file(target: Path) -> Iterator[Path]:
         os.close(handle)
 
 
+@contextlib.contextmanager
+def staging_folder(target: Path) -> Iterator[Path]:
+    """A new folder beside `target`, for what is moved into place once all of it is written; it vanishes at the end.
+
+    What a killed run leaves of it the next one removes. OSError where the folder cannot be made.
+    """
+    folder = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part"))
+    handle = None if sys.platform == "win32" else os.open(folder, os.O_RDONLY)
+    try:
+        if handle is not None:
+            _lock(handle)
+            _remove_abandoned(target, apart_from=folder)
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        if handle is not None:
+            os.close(handle)
+
+
 def _lock(handle: int) -> bool:
     """Whether this process now has the file for itself; False too where a file system or platform has no such locks."""
     if sys.platform == "win32":
@@ -103,11 +125,21 @@ def _remove_abandoned(target: Path, *, apart_from: Path) -> None:
     """Removes what killed runs left of a target: parts that are not quite new, and that no process has locked."""
     for part in target.parent.glob(f".{glob.escape(target.name)}.*.part"):
         with contextlib.suppress(OSError):  # another process removed it, or may alone
-            if part == apart_from or not part.is_file() or time.time() - part.stat().st_mtime < NEW:
+            known = part.is_dir() or part.is_file()
+            if part == apart_from or not known or time.time() - part.stat().st_mtime < NEW:
                 continue
-            handle = os.open(part, os.O_RDWR | getattr(os, "O_NOFOLLOW", 0))
+            access = os.O_RDONLY if part.is_dir() else os.O_RDWR
+            handle = os.open(part, access | getattr(os, "O_NOFOLLOW", 0))
             try:
                 if _lock(handle):
-                    part.unlink()
+                    _remove(part)
             finally:
                 os.close(handle)
+
+
+def _remove(part: Path) -> None:
+    """Removes a part; not a folder that keeps what its run had set aside and could not put back."""
+    if not part.is_dir():
+        part.unlink()
+    elif not (part / ASIDE).exists():
+        shutil.rmtree(part)

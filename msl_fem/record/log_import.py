@@ -1,7 +1,6 @@
 """A log of another program as a run of a record, new or grown by it: its signals as columns, its clock, its noise."""
 
 import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +12,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
 from msl_fem.files.toml_text import quantity_text, toml_text
-from msl_fem.files.whole_file import cannot_be_written, whole_file
+from msl_fem.files.whole_file import cannot_be_written, staging_folder, whole_file
 from msl_fem.record.clock import common_span, evened, resample, timed_by
 from msl_fem.record.columns import CHANNELS, UNITS, Quantity, numbers, write_columns
 from msl_fem.record.frames import NOTEBOOK, frame_signals
@@ -320,8 +319,8 @@ def _append(folder: Path, run: Run) -> None:
     check_run(run, there.actuator, there.sampling, file=target)
     entry = toml_text({"run": [run_entry(run)]})
     try:
-        with tempfile.TemporaryDirectory(prefix=".", dir=folder) as partial_folder:
-            written = Path(partial_folder) / run.file
+        with staging_folder(target) as partial_folder:
+            written = partial_folder / run.file
             write_columns(written, {**run.columns, **run.extra})
             os.replace(written, target)
         with whole_file(rig_file) as partial:

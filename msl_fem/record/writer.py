@@ -20,7 +20,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.errors import RecordError
 from msl_fem.files.schema import document, first_complaint
 from msl_fem.files.toml_text import toml_text
-from msl_fem.files.whole_file import cannot_be_written
+from msl_fem.files.whole_file import ASIDE, cannot_be_written, staging_folder
 from msl_fem.materials.material import load_iron
 from msl_fem.record.columns import Column, write_columns
 from msl_fem.record.reader import check_record, check_run, read_static_map
@@ -60,14 +60,14 @@ def write_record(record: Record, folder: str | Path) -> None:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with _sole_writer(folder.parent):
             _check_target(record, folder)
-        with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as partial:
-            new = Path(partial) / "new"
+        with staging_folder(folder) as partial:
+            new = partial / "new"
             new.mkdir()
             _write_files(record, new)
             (new / RIG_FILE).write_text(rig_text, encoding="utf-8")
             with _sole_writer(folder.parent):
                 _check_target(record, folder)  # what stands there may have changed meanwhile
-                _put_in_place(new, folder, aside=Path(partial) / "old")
+                _put_in_place(new, folder, aside=partial / ASIDE)
     except OSError as err:
         raise cannot_be_written(folder, err, "choose another folder", error=RecordError) from err
 

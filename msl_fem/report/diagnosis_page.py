@@ -7,8 +7,6 @@ import datetime
 import json
 import os
 import platform
-import shutil
-import tempfile
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -21,7 +19,7 @@ from msl_fem.diagnosis.result import ChannelResiduals, Diagnosis, Evidence, Trie
 from msl_fem.errors import InputError
 from msl_fem.files.numbers import json_value
 from msl_fem.files.quantity import format_quantity
-from msl_fem.files.whole_file import cannot_be_written
+from msl_fem.files.whole_file import cannot_be_written, staging_folder
 from msl_fem.plant.effects import CATALOGUE, EffectValues, find_parameter
 from msl_fem.plant.extended_model import ExtendedModel, write_extended_model
 from msl_fem.prediction import ModelHypothesis
@@ -78,16 +76,11 @@ def write_diagnosis(record: Record, found: Diagnosis, folder: Path, *, table: Ma
     target = folder.resolve()
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        staging = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part"))
+        with staging_folder(target) as staging:
+            _write_all(record, found, staging, table=table)
+            return _moved(staging, target)
     except OSError as err:
         raise cannot_be_written(folder, err, "choose another folder") from err
-    try:
-        _write_all(record, found, staging, table=table)
-        return _moved(staging, target)
-    except OSError as err:
-        raise cannot_be_written(folder, err, "choose another folder") from err
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
 
 
 def _write_all(record: Record, found: Diagnosis, folder: Path, *, table: MagneticTable | None) -> None:

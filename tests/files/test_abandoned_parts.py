@@ -6,7 +6,7 @@ import sys
 import time
 from pathlib import Path
 
-from msl_fem.files.whole_file import NEW, whole_file
+from msl_fem.files.whole_file import ASIDE, NEW, staging_folder, whole_file
 
 
 def made_old(path: Path) -> Path:
@@ -31,6 +31,28 @@ def test_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
         assert not left.exists()
     assert other.exists(), "it belongs to another target"
     assert target.read_text() == "new"
+
+
+def test_what_a_killed_run_left_of_a_folder_is_removed(tmp_path: Path) -> None:
+    """Not while its run works, and not where it keeps what was to be replaced."""
+    target = tmp_path / "out"
+    code = (
+        "import os, sys; from pathlib import Path; from msl_fem.files.whole_file import staging_folder\n"
+        "with staging_folder(Path(sys.argv[1])) as f: (f / 'a').touch(); os.kill(os.getpid(), 9)"
+    )
+    assert subprocess.run([sys.executable, "-c", code, str(target)], check=False).returncode == -9
+    [left] = tmp_path.glob(".*.part")
+    kept = tmp_path / ".out.abcdefgh.part"
+    (kept / ASIDE).mkdir(parents=True)
+    made_old(left)
+    made_old(kept)
+    with staging_folder(target) as first:
+        assert not left.exists()
+        made_old(first)
+        with staging_folder(target) as second:
+            assert first.exists()
+            assert second.exists()
+    assert list(tmp_path.iterdir()) == [kept]
 
 
 def _touched(path: Path) -> Path:
