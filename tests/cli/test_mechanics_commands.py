@@ -53,8 +53,6 @@ def test_tolerances(msl_fem: Run, tmp_path: Path) -> None:
     assert found["band"]["method"] == "linearised"
     assert found["band"]["low_A"][0][0] < found["current_A"][0][0] < found["band"]["high_A"][0][0]
     assert [p.name for p in tmp_path.iterdir()] == ["tolerances.html"], "no kept magnets are left"
-    again = msl_fem("tolerances", SERVO, *FEW, "--tolerance", "gap=5 um", "--json").json
-    assert again["band"] == found["band"], "seeded"
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.actuator import load_actuator
+from msl_fem.design.sizing import closed_search
 from msl_fem.magnetics.sweep.table_sweep import default_grid
 
 Run = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/conftest.py
@@ -88,7 +89,11 @@ def test_people_get_the_front_and_the_choice(msl_fem: Run, file: Path, tmp_path:
     assert "Optuna" not in done.stderr
 
 
-def test_an_impossible_requirement_is_one_line_and_leaves_nothing(msl_fem: Run, file: Path, tmp_path: Path) -> None:
+def test_an_impossible_requirement_is_one_line_and_leaves_nothing(
+    msl_fem: Run, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By searches too short for good figures, which `test_clash` judges."""
+    monkeypatch.setattr(closed_search, "_GENERATIONS", 4)
     file.write_text(
         REQUIREMENT.replace('"150 N"', '"10 kN"') + '[envelope]\nwidth = "20 mm"\nheight = "20 mm"\ndepth = "20 mm"\n'
     )

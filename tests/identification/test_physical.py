@@ -40,7 +40,7 @@ def driven(prior, n_samples, seed, *, noise=1e-6):
 def test_mass_damping_and_stiffness_from_a_known_force():
     truth = OscillatorPrior(2.0, 30.0, 8e3)
     scores = []
-    for seed in range(20):
+    for seed in range(12):
         found = fit_armax([driven(truth, 3_000, seed)], ORDERS).physical_parameters(gains={"force": 1.0})
         scores.append(
             [
@@ -109,7 +109,7 @@ def test_a_right_prior_makes_the_estimate_better():
     """Short noisy records, a truth drawn from the prior: the error of the stiffness falls."""
     tolerance = OscillatorTolerance(0.005, 0.2, 0.02)
     rng, errors = np.random.default_rng(8), {False: [], True: []}
-    for seed in range(10):
+    for seed in range(6):
         truth = OscillatorPrior(2.0, 30.0 * (1 + 0.2 * rng.standard_normal()), 8e3 * (1 + 0.02 * rng.standard_normal()))
         run = driven(truth, 600, seed, noise=3e-4)
         for counts in errors:
