@@ -11,6 +11,7 @@ from msl_fem.cli.believed import belief_fields, model_with_belief, stated_belief
 from msl_fem.cli.closing import control_closing
 from msl_fem.cli.controller_maps import maps_for
 from msl_fem.cli.controllers import DesignOptions, design_of
+from msl_fem.cli.effects_told import effects_told
 from msl_fem.cli.foretold import design_of_belief, improvement_on
 from msl_fem.cli.options import (
     Bandwidth,
@@ -153,7 +154,7 @@ def command(
             )
             write_record(replace(record, belief=believed.name), output)
         fields = {"design": controller.kind} | run.to_json() | controller.to_json()
-        fields |= {"effects": list(true.effects.present)} | belief_fields(believed, as_json=json)
+        fields |= {"effects": effects_told(true.effects, as_json=json)} | belief_fields(believed, as_json=json)
         draws = _draws(acted_on, told)
         others = _on_others(controller, track, draws, n=unseen) if unseen and held is None else None
         over = None

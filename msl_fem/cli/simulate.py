@@ -9,6 +9,7 @@ import typer
 
 from msl_fem.actuator import Actuator
 from msl_fem.cli.believed import belief_fields, model_with_belief
+from msl_fem.cli.effects_told import effects_told
 from msl_fem.cli.given_map import given_map
 from msl_fem.cli.options import BeliefName, Causes, Json, TableFile, read_option
 from msl_fem.cli.output import print_result, progress_bar
@@ -159,7 +160,7 @@ def command(
         write_record(replace(record, belief=believed.name), output)
     fields = {
         "record": str(output),
-        "effects": list(model.effects.present),
+        "effects": effects_told(model.effects, as_json=json),
         "runs": {
             run.name: {
                 "samples": run.simulation.time.size,

@@ -76,7 +76,7 @@ def table_picture(record: MagneticTable, *, gaps: Sequence[float] | None = None)
     """Force and flux linkage over the current, a line a gap (m); without, round gaps over the table's range."""
     shown = round_values(float(record.gap[0]), float(record.gap[-1])) if gaps is None else list(gaps)
     figure = PaperFigure(figsize=(9.6, 4.0), layout="constrained")
-    current = np.linspace(0.0, record.current[-1], N_POINTS)
+    current = record.current[-1] * np.linspace(0.0, 1.0, N_POINTS) ** 1.5  # dense where thin gaps saturate
     for axes, name, unit, scale in zip(
         figure.subplots(1, 2), ("force", "flux_linkage"), ("N", "mWb"), (1.0, 1e3), strict=True
     ):
@@ -248,7 +248,7 @@ def _draw_errors(axes: Axes, record: Diagnosis) -> None:
     axes.axvline(1.0, color=GREY, linewidth=1.0, linestyle="--")
     axes.set_xscale("log")
     axes.margins(y=0.2)
-    axes.legend(frameon=False, fontsize=8, loc="upper right")
+    axes.legend(frameon=False, fontsize=8, loc="upper center")
     _label(axes, "error over the noise, 1 is the noise itself", "")
 
 

@@ -2,8 +2,10 @@
 
 import pytest
 
+from msl_fem.cli.effects_told import effects_told
 from msl_fem.cli.output import print_result, run_guarded
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.plant.effects import EffectValues
 
 
 @pytest.mark.parametrize(
@@ -66,3 +68,12 @@ def test_a_long_name_stands_whole_in_a_narrow_window(
     assert name in printed
     assert "…" not in printed
     assert printed.count("a") - name.count("a") == 12 + "force".count("a")
+
+
+def test_a_fitted_gain_is_no_cause_for_people() -> None:
+    """A diagnosis writes the position reading's gain as an effect; JSON keeps the name, people read what it is."""
+    gain = EffectValues({"position_sensor_nonlinearity": {"gain_error": 1e-3}, "time_delay": {"command": 2e-5}})
+    bent = EffectValues({"position_sensor_nonlinearity": {"gain_error": 1e-3, "cubic": 50.0}})
+    assert set(effects_told(gain, as_json=True)) == {"position_sensor_nonlinearity", "time_delay"}
+    assert set(effects_told(gain, as_json=False)) == {"fitted gain of the position reading", "time_delay"}
+    assert effects_told(bent, as_json=False) == ["position_sensor_nonlinearity"]

@@ -2,6 +2,7 @@
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.io import savemat
 
@@ -9,7 +10,7 @@ from msl_fem.actuator import parse_actuator
 from msl_fem.errors import RecordError
 from msl_fem.record import load_record
 from msl_fem.record.log_columns import column_sources
-from msl_fem.record.log_import import LONG, LogTiming, RunLabel, import_into, imported_run
+from msl_fem.record.log_import import LONG, LogTiming, RunLabel, import_into, import_log, imported_run
 from msl_fem.record.log_signals import read_log
 
 N = 1500
@@ -128,6 +129,19 @@ def test_a_long_run_becomes_netcdf_and_joins_a_record(tmp_path, actuator) -> Non
     import_into(folder, imported_run(log, sources, actuator, label=RunLabel("a")), actuator=actuator)
     assert import_into(folder, imported_run(log, sources, actuator, label=RunLabel("b"))).suffix == ".nc"
     assert load_record(folder).runs[1].columns["position_m"] == pytest.approx(signals["q"])
+
+
+def test_a_new_record_states_the_noise_that_the_actuator_does(tmp_path, servo) -> None:
+    """Of the sensors that the run has; who opens rig.toml need not copy it from the other file."""
+    t = np.arange(2000) / 1e4
+    frame = pd.DataFrame({"time_s": t, "position_m": 1e-5 * np.sin(60 * t)})
+    for side in (1, 2):
+        frame[f"current_{side}_A"] = 0.3 + 0.01 * np.sin(60 * t)
+    columns = ",".join(f"{name}={name}" for name in frame)
+    import_into(tmp_path / "r", import_log(frame, columns, servo), actuator=servo)
+    noise = load_record(tmp_path / "r").noise
+    assert noise.position == servo.position_sensor.noise > 0
+    assert noise.current == servo.current_sensor.noise > 0
 
 
 @pytest.mark.parametrize(
