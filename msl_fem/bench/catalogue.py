@@ -13,6 +13,7 @@ from msl_fem.bench.plant import MOST_BRANCHES, Array, Attached, Film, FlexureLaw
 from msl_fem.bench.rig import Rig
 from msl_fem.bench.setting import BenchEffect, BenchSetting, RigWithEffect, lag_to_start_with
 from msl_fem.bench.stray_effects import STRAY
+from msl_fem.bench.thermal_effects import THERMAL
 from msl_fem.bench.user_laws import effect_of_law
 from msl_fem.computing.laws import LawExpression
 from msl_fem.errors import InputError
@@ -284,7 +285,7 @@ OUTSIDE = (
 )
 
 
-INSIDE = {effect.name: effect for effect in (*MAGNETIC, *STRAY, *ELECTRICAL, *MECHANICAL, *SENSING)}
+INSIDE = {effect.name: effect for effect in (*MAGNETIC, *STRAY, *ELECTRICAL, *THERMAL, *MECHANICAL, *SENSING)}
 OUTSIDE_BY_NAME = {effect.name: effect for effect in OUTSIDE}
 
 

@@ -239,6 +239,7 @@ class Rig:
     table : of one magnet, as it truly is; None without magnets
     delay : between a command and the amplifier, s
     random_force, random_force_seed : RMS of a force that nobody asked for, N, and the seed of its path
+    warm : rises in K of coil and core of side 1, then of side 2, where a run begins
     """
 
     name: str
@@ -248,6 +249,7 @@ class Rig:
     delay: float = 0.0
     random_force: float = 0.0
     random_force_seed: int = 0
+    warm: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
     def with_parts(self, **pieces: Any) -> "Rig":
         """The rig with pieces of its plant replaced."""

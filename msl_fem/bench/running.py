@@ -56,7 +56,7 @@ def run_rig(
     padded = np.zeros((n, 2))
     padded[:lead, :columns] = lead_in
     padded[lead:, :columns] = commands
-    y = rest(plant, time=-lead / rate)
+    y = beginning(rig, plant, time=-lead / rate)
     clock = (-lead / rate, 1.0 / rate, rig.delay, substeps or bench_substeps(plant, rig.table, rate=rate))
     out = np.zeros((n, N_OUT))
     bench = compiled_bench(rig, plant)
@@ -124,6 +124,14 @@ def rest(plant: BenchPlant, *, time: float = 0.0) -> Array:
         y[plant.layout.attached] = y[X]
     if plant.layout.branches >= 0:
         y[plant.layout.branches : plant.layout.branches + plant.flexure.branches] = y[X]
+    return y
+
+
+def beginning(rig: Rig, plant: BenchPlant, *, time: float = 0.0) -> Array:
+    """The state at rest of a rig, as warm as it is then."""
+    y = rest(plant, time=time)
+    if plant.layout.thermal >= 0:
+        y[plant.layout.thermal : plant.layout.thermal + 4] = rig.warm
     return y
 
 
@@ -255,7 +263,7 @@ def follow(rig: Rig, asked: Following, *, rate: float, seed: int = 0) -> Respons
     due = np.zeros((n + late, 2))
     commands = np.zeros((n, 2))
     bench = compiled_bench(rig, plant)
-    y = rest(plant)
+    y = beginning(rig, plant)
     scratch = scratch_of(bench, y)
     pushes = random_path(rig, n, rate=rate, seed=seed)
     out = np.zeros((n, N_OUT))

@@ -178,9 +178,8 @@ def diagnosis_of(kind: Kind, how: DiagnosisSettings) -> Diagnosis:
     found = conclude(kind, result, how)
     if "unexplained" not in found.verdict or not kind.takes_laws:
         return found
-    how.progress("a formula for what is left")
     starts = (result.fits[0], result.final) if found.causes else (result.fits[0],)
-    return with_formula(found, formula_of(kind, starts, how.rule))
+    return with_formula(found, formula_of(kind, starts, how.rule, tell=how.progress))
 
 
 def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:

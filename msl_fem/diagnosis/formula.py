@@ -1,7 +1,7 @@
 """A formula for what no effect of the catalogue accounts for, a law as users state it, with what held-out runs say."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -92,7 +92,7 @@ class Formula:
         return replace(self.beside, effects=EffectValues({**stated, law.effect: law.stated}))
 
 
-def formula_of(kind: Kind, starts: Sequence[Fit], rule: Rule) -> Formula | None:
+def formula_of(kind: Kind, starts: Sequence[Fit], rule: Rule, *, tell: Callable[[str], None]) -> Formula | None:
     """The formula that accounts for what fits leave; None where none is worth it.
 
     Parameters
@@ -100,8 +100,8 @@ def formula_of(kind: Kind, starts: Sequence[Fit], rule: Rule) -> Formula | None:
     starts : the fit without effects, and where effects were taken, that with them. A formula takes their place where
         one term alone leaves noise, and is more probable than they are with one beside them
     """
-    beside = chosen_terms(starts[-1], rule)
-    alone = chosen_terms(starts[0], rule, most=1) if len(starts) > 1 else None
+    beside = chosen_terms(starts[-1], rule, tell=tell)
+    alone = chosen_terms(starts[0], rule, tell=tell, most=1) if len(starts) > 1 else None
     named = starts[-1] if beside is None else beside.fit
     if alone is not None and white(alone.fit.excess) and alone.fit.log_evidence > named.log_evidence + rule.further:
         return _told(kind, alone, alone=True)

@@ -7,7 +7,7 @@ it as long as each leaves little of what was left: forward selection by evidence
 113, 2016, 3932-3937) cut small coefficients of a regression on derivatives.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,7 +41,7 @@ class ChosenTerms:
     first: tuple[tuple[LawExpression, Refit], ...]
 
 
-def chosen_terms(start: Fit, rule: Rule, *, most: int = MOST_TERMS) -> ChosenTerms | None:
+def chosen_terms(start: Fit, rule: Rule, *, tell: Callable[[str], None], most: int = MOST_TERMS) -> ChosenTerms | None:
     """Terms taken one after the other beside a fit; None where the first is not worth it."""
     problem = start.likelihood.problem
     laws = library(problem.plant.parameters, law_sizes(problem.plant.parameters, problem.runs))
@@ -51,7 +51,7 @@ def chosen_terms(start: Fit, rule: Rule, *, most: int = MOST_TERMS) -> ChosenTer
         taken = () if found is None else found.laws
         before = base if found is None else found.fit
         with declared(*taken):
-            further = _best_term(before, [law for law in laws if _goes_with(law, taken)], rule)
+            further = _best_term(before, [law for law in laws if _goes_with(law, taken)], rule, tell)
         if further is None or not _worth(before, further, taken, rule):
             break
         found = _with_term(base, found, further)
@@ -72,8 +72,9 @@ def _goes_with(law: LawExpression, taken: Sequence[LawExpression]) -> bool:
     return all(law.equation == one.equation and law.name != one.name for one in taken)
 
 
-def _best_term(base: Fit, laws: Sequence[LawExpression], rule: Rule) -> _Step | None:
+def _best_term(base: Fit, laws: Sequence[LawExpression], rule: Rule, tell: Callable[[str], None]) -> _Step | None:
     """Every term scored, the best ones fitted anew with everything else."""
+    tell(f"{len(laws)} terms of a formula")
     scores, null = _scored(base, laws)
     if not scores or scores[0].gain < rule.further:
         return None
@@ -81,15 +82,13 @@ def _best_term(base: Fit, laws: Sequence[LawExpression], rule: Rule) -> _Step | 
     by_name = {law.effect: law for law in laws}
     tried = {law.effect: law for law in _within_room([by_name[name] for name in best])}
     with declared(*tried.values()):
-        refits = Refinement(base, _untold, FitMemory()).best_first([best[name] for name in best if name in tried])
+        refits = Refinement(base, lambda text: tell(f"a formula: {text}"), FitMemory()).best_first(
+            [best[name] for name in best if name in tried]
+        )
         pairs = tuple((tried[refit.variant.effect], refit) for refit in refits)
         for _, refit in pairs:
             assert refit.fit.excess  # simulated while the terms are declared
     return _Step(pairs, null) if pairs else None
-
-
-def _untold(text: str) -> None:
-    """No progress is told."""
 
 
 def _scored(base: Fit, laws: Sequence[LawExpression]) -> tuple[list[Score], NullDistribution]:

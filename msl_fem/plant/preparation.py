@@ -15,11 +15,12 @@ from msl_fem.plant.effects import (
     magnetic,
     sensing,
     stray_flux,
+    thermal,
 )
 from msl_fem.plant.effects.expressions import LAWS
 from msl_fem.plant.effects.mechanisms import SUM_OF_WIDTHS
 from msl_fem.plant.equations import series_iron
-from msl_fem.plant.layout import COIL_1, COIL_READING, CORE_1, HEAT_1, HEAT_2, I1, SENSOR, workspace
+from msl_fem.plant.layout import COIL_1, COIL_READING, CORE_1, HEAT_1, I1, SENSOR, workspace
 from msl_fem.plant.plant import PlantParameters, Surface, drive_lags
 from msl_fem.plant.side import Cells, cells_of, side_gap, side_with_effects
 from msl_fem.plant.step import look_at
@@ -82,8 +83,9 @@ def start_effects(surface: Surface, plant: PlantParameters, coefficients: Array,
 
 def begin_effects(e: Array, state: Array) -> None:
     """Heat, and currents of iron that has a memory, into a state of `initial_state`; iron in series is left out."""
-    state[HEAT_1] = state[HEAT_2] = e[electrical.HEAT_START]
-    state[CORE_1] = state[CORE_1 + 1] = 0.0
+    for j in range(2):
+        state[HEAT_1 + j] = e[electrical.HEAT_START] + e[thermal.RISE_1 + j]
+        state[CORE_1 + j] = e[thermal.CORE_RISE]
     pinned = e[magnetic.HYSTERESIS_SLOPE] * e[magnetic.HYSTERESIS_WIDTH] * SUM_OF_WIDTHS
     for j in range(2):
         own, other = state[COIL_1 + j], state[COIL_1 + 1 - j]

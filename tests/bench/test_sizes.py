@@ -20,6 +20,7 @@ RECORDS = {
     "coulomb_friction", "squeeze_film", "structural_mode", "flexure_relaxation", "force_offset", "support_compliance",
     "position_sensor_nonlinearity", "position_sensor_lag", "time_delay", "periodic_disturbance", "sensor_drift",
     "leakage_inductance", "mutual_inductance", "remanent_flux", "position_sensor_crosstalk", "drive_limit",
+    "thermal_history",
 }  # fmt: skip
 SETTINGS: dict[str, BenchSetting] = {}
 

@@ -69,7 +69,7 @@ def test_coercive_current_follows_from_the_loop_of_the_irons_loss() -> None:
 
 def test_what_nothing_makes_likely_is_left_out_and_said() -> None:
     plant = plant_parameters(SERVO)
-    assert set(unexpected(plant)) == {"drive_limit", "coulomb_friction"}
+    assert set(unexpected(plant)) == {"drive_limit", "thermal_history", "coulomb_friction"}
     assert "coulomb_friction" not in unexpected(plant._replace(stiffness=0.0))
     assert set(causes()) == set(CATALOGUE) - set(unexpected(plant))
     usual = [one for one in causes().values() if one.source == USUAL]

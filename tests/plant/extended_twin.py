@@ -24,6 +24,7 @@ SMOOTH = EffectValues({
     "mutual_inductance": {"share": -0.03},
     "remanent_flux": {"current_1": 0.04, "current_2": -0.03},
     "coil_heating": {"rise_per_joule": 0.05, "initial_rise": 0.02, "cooling_rate": 3.0},
+    "thermal_history": {"rise_1": 0.03, "rise_2": -0.01},
     "amplifier_bandwidth": {"bandwidth_error": -0.2},
     "stiffness_nonlinearity": {"cubic": 5e11, "quadratic": 5e7},
     "squeeze_film": {"damping": 8.0},
@@ -128,7 +129,7 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
     y, rows, period, before = np.zeros(14), [], 1 / inputs.rate, np.zeros(2)
     for j in range(2):  # u + iron(u) = what remanence stands for, with the side's own flux
         y[j] = brentq(lambda u, j=j: u + own_iron(u, j) - remanent[j], -1.0, 1.0, xtol=1e-15)
-    y[10:12] = get("coil_heating", "initial_rise")
+    y[10:12] = [get("coil_heating", "initial_rise") + get("thermal_history", f"rise_{j}") for j in (1, 2)]
     for k, (command, push) in enumerate(zip(inputs.commands, np.asarray(inputs.disturbance), strict=True)):
         current, flux = circuits(y, before)[0], mix @ (sides(y)[0][:, 0] + stray @ y[:2])
         end = solve_ivp(

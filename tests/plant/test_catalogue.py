@@ -31,6 +31,7 @@ NAMES = [
     "amplifier_bandwidth",
     "drive_limit",
     "current_sensor_error",
+    "thermal_history",
     "stiffness_nonlinearity",
     "coulomb_friction",
     "squeeze_film",

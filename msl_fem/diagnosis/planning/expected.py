@@ -107,7 +107,10 @@ def expected_causes(
 
 def unexpected(plant: PlantParameters) -> dict[str, str]:
     """Effects that nothing makes likely, and why."""
-    found = {"drive_limit": "the runs stay below the drive's limits"}
+    found = {
+        "drive_limit": "the runs stay below the drive's limits",
+        "thermal_history": "what was done before a run is not in the drawing",
+    }
     if plant.stiffness > 0:
         found["coulomb_friction"] = "a mover that hangs on its spring touches nothing"
     return found

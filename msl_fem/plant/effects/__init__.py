@@ -16,13 +16,14 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.laws import LawExpression
 from msl_fem.errors import InputError
-from msl_fem.plant.effects import expressions
+from msl_fem.plant.effects import expressions, thermal
 from msl_fem.plant.effects.electrical import ELECTRICAL, check_delay
 from msl_fem.plant.effects.entry import DesignChange, Effect, KernelSetting, MoverMotion, Parameter, Part, Values
 from msl_fem.plant.effects.magnetic import MAGNETIC
 from msl_fem.plant.effects.mechanical import MECHANICAL
 from msl_fem.plant.effects.sensing import SENSING
 from msl_fem.plant.effects.stray_flux import STRAY_FLUX
+from msl_fem.plant.effects.thermal import THERMAL
 from msl_fem.plant.plant import PlantParameters
 
 __all__ = [
@@ -49,7 +50,7 @@ __all__ = [
     "stated_causes",
 ]
 
-_GROUPS = (MAGNETIC, STRAY_FLUX, ELECTRICAL, MECHANICAL, SENSING)
+_GROUPS = (MAGNETIC, STRAY_FLUX, ELECTRICAL, THERMAL, MECHANICAL, SENSING)
 CATALOGUE: dict[str, Effect] = {effect.name: effect for group in _GROUPS for effect in group}
 
 PARAMETER_INDEX: dict[tuple[str, str], int] = {
@@ -63,7 +64,7 @@ RULES = (
     expressions.set_laws,
 )
 """What sets the kernel's coefficients; effects of one mechanism share a rule."""
-N_COEFFICIENT = expressions.LAYOUT.size
+N_COEFFICIENT = thermal.LAYOUT.size
 """Rows of the kernel's coefficients that the groups of effects have named."""
 
 

@@ -39,6 +39,8 @@ LOST_SHARE, LIMIT = LAYOUT.rows(2)  # of a command beyond the drive's own limit;
 
 def _heating(e: Array, v: Values, setting: KernelSetting) -> None:
     e[HEAT_PER_JOULE], e[COOLING] = v["coil_heating", "rise_per_joule"], v["coil_heating", "cooling_rate"]
+    if not (v["coil_heating", "rise_per_joule"] or v["coil_heating", "initial_rise"]):
+        e[COOLING] = v["thermal_history", "settling_rate"]
     e[HEAT_START], e[CORE_RATE] = v["coil_heating", "initial_rise"], v["coil_heating", "core_rate"]
 
 
