@@ -24,7 +24,7 @@ SMOOTH = EffectValues({
     "mutual_inductance": {"share": -0.03},
     "remanent_flux": {"current_1": 0.04, "current_2": -0.03},
     "coil_heating": {"rise_per_joule": 0.05, "initial_rise": 0.02, "cooling_rate": 3.0},
-    "thermal_history": {"rise_1": 0.03, "rise_2": -0.01},
+    "thermal_history": {"rise_1": 0.03, "rise_2": -0.01, "settling_rate": 3.0},
     "amplifier_bandwidth": {"bandwidth_error": -0.2},
     "stiffness_nonlinearity": {"cubic": 5e11, "quadratic": 5e7},
     "squeeze_film": {"damping": 8.0},

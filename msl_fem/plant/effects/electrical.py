@@ -18,6 +18,7 @@ from msl_fem.plant.effects.entry import (
 )
 from msl_fem.plant.effects.mechanisms import fall_stages, pole_and_delay
 
+AS_MUCH = 100.0  # J: usual amounts of heating for each joule and of a start are as large as one another
 N_QUEUE = 16  # samples by which a command can be late
 
 LAYOUT = RowLayout(after=stray_flux.LAYOUT)
@@ -38,10 +39,17 @@ LOST_SHARE, LIMIT = LAYOUT.rows(2)  # of a command beyond the drive's own limit;
 
 
 def _heating(e: Array, v: Values, setting: KernelSetting) -> None:
-    e[HEAT_PER_JOULE], e[COOLING] = v["coil_heating", "rise_per_joule"], v["coil_heating", "cooling_rate"]
-    if not (v["coil_heating", "rise_per_joule"] or v["coil_heating", "initial_rise"]):
-        e[COOLING] = v["thermal_history", "settling_rate"]
-    e[HEAT_START], e[CORE_RATE] = v["coil_heating", "initial_rise"], v["coil_heating", "core_rate"]
+    """Heating, and how fast coil and core settle: a coil has these rates once, so what states them twice, heating and
+    history, counts by its amounts."""
+    e[HEAT_PER_JOULE], e[HEAT_START] = v["coil_heating", "rise_per_joule"], v["coil_heating", "initial_rise"]
+    heating = AS_MUCH * e[HEAT_PER_JOULE] + abs(e[HEAT_START])
+    history = abs(v["thermal_history", "rise_1"]) + abs(v["thermal_history", "rise_2"])
+    history += abs(v["thermal_history", "core_rise"])
+    share = history / (history + heating) if history > 0.0 else 0.0
+    cooling, settling = v["coil_heating", "cooling_rate"], v["thermal_history", "settling_rate"]
+    e[COOLING] = cooling + share * (settling - cooling)
+    core, core_settling = v["coil_heating", "core_rate"], v["thermal_history", "core_rate"]
+    e[CORE_RATE] = core + share * (core_settling - core)
 
 
 def command_path(e: Array, v: Values, setting: KernelSetting) -> None:

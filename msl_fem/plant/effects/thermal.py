@@ -21,8 +21,8 @@ THERMAL = (
         group="electrical",
         sentence="the coils begin warm from what was done before, and settle towards the core",
         equation=(
-            "rho_j(0) = rise_j, kappa_j(0) = core_rise, rho_j' = -settling_rate (rho_j - kappa_j); beside coil_heating "
-            "its equations with these starts, and its cooling_rate"
+            "rho_j(0) = rise_j, kappa_j(0) = core_rise, rho_j' = -settling_rate (rho_j - kappa_j), "
+            "kappa_j' = core_rate (rho_j - kappa_j); beside coil_heating both rates are means by the amounts"
         ),
         source="Boglietti et al., IEEE Trans. Ind. Electron. 56(3), 2009, 871-882 (lumped capacities)",
         parameters=(
@@ -38,6 +38,17 @@ THERMAL = (
                 "one over the coil's time constant",
                 shape=True,
                 tried=(0.2, 1.5),
+                width=1.5,
+            ),
+            Parameter(
+                "core_rate",
+                "s^-1",
+                0.01,
+                (1e-6, 10.0),
+                0.01,
+                "at which the core follows the coil",
+                shape=True,
+                tried=(0.03,),
                 width=1.5,
             ),
         ),
