@@ -9,7 +9,7 @@ from msl_fem.control.design import ZONE_ENDS
 from msl_fem.control.measured_loop import MeasuredLoop, text_of
 from msl_fem.record import Record
 from msl_fem.report.figures import GREY, SERIES, figure, line, logarithmic
-from msl_fem.report.page import Page, Stage
+from msl_fem.report.page import Grid, Page, Stage
 
 _TWO_SIDED_95 = 1.959964
 
@@ -43,8 +43,9 @@ def _sensitivity(loops: Sequence[MeasuredLoop]) -> Stage:
             made.add_trace(_end(loop, size + sign * _TWO_SIDED_95 * loop.deviation, colour, filled=sign > 0))
         made.add_trace(line(loop.frequency, size, name=name, colour=colour))
     ends = np.array([min(loop.frequency[0] for loop in loops), max(loop.frequency[-1] for loop in loops)])
-    for level, zone in zip(ZONE_ENDS, "ABC", strict=True):
-        made.add_trace(line(ends, np.full(2, level), name=f"zone {zone} ends, {level:g}", colour=GREY))
+    for level, zone, dash in zip(ZONE_ENDS, "ABC", ("dot", "dash", "longdash"), strict=True):
+        name = f"zone {zone} ends, {level:g}"
+        made.add_trace(line(ends, np.full(2, level), name=name, colour=GREY, line={"dash": dash, "width": 1}))
     logarithmic(made, [loop.frequency for loop in loops], along="x")
     worst = loops[0]
     beyond = "" if worst.inside else " The peak is at the end of the excited band: it may be larger beyond."
@@ -63,16 +64,16 @@ def _end(loop: MeasuredLoop, values: np.ndarray, colour: str, *, filled: bool) -
 
 
 def _margins(loop: MeasuredLoop) -> Stage:
-    numbers = (
-        ("largest sensitivity", f"{text_of(loop.peak, '')} at {loop.peak_at:.0f} Hz"),
-        ("zones within the interval", ", ".join(loop.zones_possible)),
-        ("gain margin up", text_of(loop.gain_up, "")),
-        ("gain margin down", text_of(loop.gain_down, "")),
-        ("phase margin", text_of(loop.phase, "deg")),
-        ("delay margin", text_of(loop.delay, "s")),
-    )
+    rows = [
+        ["largest sensitivity", f"{text_of(loop.peak, '')} at {loop.peak_at:.0f} Hz"],
+        ["zones within the interval", ", ".join(loop.zones_possible)],
+        ["gain margin up", text_of(loop.gain_up, "")],
+        ["gain margin down", text_of(loop.gain_down, "")],
+        ["phase margin", text_of(loop.phase, "deg")],
+        ["delay margin", text_of(loop.delay, "s")],
+    ]
     sentence = (
         f"At {loop.position * 1e3:.3f} mm, excited from {loop.frequency[0]:.3g} to {loop.frequency[-1]:.4g} Hz. "
         "Intervals are 95 %."
     )
-    return Stage(f"Margins of {loop.run}", sentence, numbers)
+    return Stage(f"Margins of {loop.run}", sentence, (), table=Grid(["figure", "value (interval)"], rows))
