@@ -11,8 +11,9 @@ def unseen_stage(unseen: UnseenPlants) -> Stage:
     """How many were held, and how well."""
     figures = unseen.to_json()
     beside = f", each with {', '.join(unseen.suspects)}" if unseen.suspects else ""
+    kind = "within the tolerances of parameters" if unseen.suspects else "that are possible"
     sentence = (
-        f"Of {figures['plants']} plants within the tolerances of parameters{beside}, {unseen.held} were held: with "
+        f"Of {figures['plants']} plants {kind}{beside}, {unseen.held} were held: with "
         f"95 % confidence at least {100 * unseen.held_at_least:.0f} % of all such plants."
     )
     errors = {name: figures[name] for name in ("error_median", "error_95", "error_largest")}
