@@ -2,7 +2,6 @@
 
 from msl_fem.record.columns import Channel
 from msl_fem.record.frames import FrameLabels, record_from_frames
-from msl_fem.record.log_import import LogTiming, RunLabel, import_into, import_log
 from msl_fem.record.reader import load_record
 from msl_fem.record.record import Record, Run, StaticMap
 from msl_fem.record.rig_file import (
@@ -22,22 +21,18 @@ from msl_fem.record.writer import check_record_folder, write_record
 __all__ = [
     "Channel",
     "FrameLabels",
-    "LogTiming",
     "Noise",
     "Origin",
     "PidLaw",
     "Record",
     "Role",
     "Run",
-    "RunLabel",
     "Sampling",
     "StateSpaceLaw",
     "StatedLaw",
     "StaticMap",
     "Tolerance",
     "check_record_folder",
-    "import_into",
-    "import_log",
     "law_of",
     "linear_laws",
     "load_record",
