@@ -9,6 +9,7 @@ from msl_fem.diagnosis.decision import QUIET, TIE
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.kind import Kind, about_belief
 from msl_fem.diagnosis.search import SearchStage, search_stage
+from msl_fem.errors import ComputationError
 
 STEPS = 8  # of a fit: beside what a wrong statement costs, what further ones would bring is little
 
@@ -24,7 +25,10 @@ def restated(kind: Kind, stage: SearchStage) -> Kind | None:
     best = _explained(stage)
     for other in kind.restatements():
         plan = FitPlan(most_steps=STEPS, renew=False)
-        found = fit(other.likelihood, base.unknowns, base.z, plan=plan, nuisance_columns=columns)
+        try:
+            found = fit(other.likelihood, base.unknowns, base.z, plan=plan, nuisance_columns=columns)
+        except ComputationError:  # so it leaves the table where the record as stated does not
+            continue
         if found.log_evidence < base.log_evidence + TIE:
             continue
         turned = search_stage(found, about_belief(other, found), tell=_untold)

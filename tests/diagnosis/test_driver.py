@@ -167,3 +167,5 @@ def test_a_wrong_statement_is_turned_round_where_that_explains_more_than_every_e
     turned.data = turned.data + chance.standard_normal(N)
     found = diagnosis_of(made, DiagnosisSettings())
     assert (found.names, found.notes[0]) == (("sensor_drift",), "stated")
+    turned.data = np.full(N, np.nan)  # what cannot be simulated the other way round stays as it is stated
+    assert diagnosis_of(made, DiagnosisSettings()).names == ("sensor_drift",)
