@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import ROOT
-from shifted_records import shifted, simulated_record
+from shifted_records import SPECS, shifted, simulated_record
 
 from msl_fem.comparison import CompareSettings, analytic_table, compare, static_errors
 from msl_fem.comparison.accuracy import UNSTABLE, ModelAccuracy
@@ -19,11 +19,12 @@ from msl_fem.report.page import write_page
 from msl_fem.table.magnetic_table import read_table
 
 SHIFT = {"stiffness": 0.97, "damping": 1.2}
+SHORT = {role: spec.replace("duration=1 s", "duration=0.5 s") for role, spec in SPECS.items()}
 
 
 @pytest.fixture(scope="module")
 def record(servo, table):
-    return simulated_record(servo, table, SHIFT)
+    return simulated_record(servo, table, SHIFT, specs=SHORT)
 
 
 @pytest.fixture(scope="module")
