@@ -128,10 +128,14 @@ def test_simulate_takes_it_and_makes_the_measured_run(msl_fem: Run, desk: Path, 
     assert measured.std() > 20 * error
 
 
-def test_compare_takes_it(msl_fem: Run, desk: Path, said: str) -> None:
+def test_compare_takes_it(msl_fem: Run, desk: Path, said: str, tmp_path: Path) -> None:
+    """On the first 0.2 s of the runs: the late reading is seen in every one of them."""
+    record = load_record(desk / "record")
+    begins = (replace(run, columns={name: v[:1000] for name, v in run.columns.items()}) for run in record.runs)
+    write_record(replace(record, runs=tuple(begins)), tmp_path / "record")
     extended = str(desk / "out" / "extended_model.toml")
-    arguments = ["compare", str(desk / "record"), "--table", str(desk / "table.nc"), "--extended", extended]
-    rows = msl_fem(*arguments, "--belief", "plain", "--json").json["models"]
+    arguments = ["compare", str(tmp_path / "record"), "--table", str(desk / "table.nc"), "--extended", extended]
+    rows = msl_fem(*arguments, "--json").json["models"]
     free = {r["name"]: r["nrmse_free_run"] for r in rows if (r["run"], r["channel"]) == ("sweep", "position_m")}
     name = next(name for name in free if "extended" in name)
     other = min(value for model, value in free.items() if model.startswith("coupled") and value is not None)
