@@ -73,8 +73,10 @@ def columns_page() -> str:
         "A run is a CSV file with these names in its first line, or a NetCDF file with them over a dimension `time`. Missing columns "
         "are fine where the drive makes them redundant; others are kept, named in a warning, and ignored.", "",
         *rows, "",
-        "`static.csv` has `gap_m`, `current_A`, `force_N`, `flux_linkage_Wb` (one of the last two may be missing), and may have "
-        "`direction` (`up`, `down`), `sequence`, `role` and `unit`.", "",
+        "`static.csv` has `gap_m`, `current_A` and one or more of `force_N`, `flux_linkage_Wb` and `flux_density_T` (of a probe at one "
+        "place: in proportion to the flux linkage, by a factor that a fit finds). It may have `direction` (`up`, `down`), `sequence` "
+        "(numbers of separate loops), `role`, `unit` (which of several magnets of one kind), and `sigma_force_N` and so on: one sigma of "
+        "each row.", "",
         "`msl-fem import --columns` takes `column=name-in-the-log`, each with `:unit=mA`, `:scale=-1`, `:offset=2 mm` or `:time=its-own-clock` behind it.", "",
     ])  # fmt: skip
 

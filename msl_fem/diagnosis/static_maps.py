@@ -18,6 +18,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import effects_present
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, without_those_of
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.measured_map import DENSITY, FLUX, FORCE, MeasuredMap, is_stated, measured_map, path_of
 from msl_fem.diagnosis.noise import NoiseBands, NoiseWeights
 from msl_fem.diagnosis.problem import FitProblem, Points
 from msl_fem.diagnosis.table_error import TableErrorModes, Visited, corrected, table_error
@@ -35,37 +36,9 @@ from msl_fem.record import Record, StaticMap
 from msl_fem.table.magnetic_table import MagneticTable
 
 FEWEST_ROWS = 12
-FORCE, FLUX = "force_N", "flux_linkage_Wb"
-MARGIN = 4.0  # tolerances of the gap: rows nearer to the table's ends would leave it in a fit
-LEAST_NOISE = 1e-5  # of the largest value, where no noise is stated
 OF_THE_CURRENT = ("magnetic_hysteresis", "early_saturation", "current_sensor_error")
 """Effects that a map at one gap can show."""
 MAP_BESIDE = "the rows of the static map count beside the runs"
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredMap:
-    """A static map and its instruments' noise.
-
-    Attributes
-    ----------
-    channels : name to (n_row,) measured; nan where a row lacks it
-    sigmas : name to (n_row,) one sigma: of the channel, and of what the current's noise makes there
-    counted : (n_row,) rows of the role `fit` that lie inside the table
-    """
-
-    rows: StaticMap
-    channels: dict[str, Array]
-    sigmas: dict[str, Array]
-    counted: NDArray[np.bool_]
-
-    @property
-    def visited(self) -> Visited:
-        return Visited.by(self.rows.current, self.rows.gap)
-
-    def counts(self, name: str) -> NDArray[np.bool_]:
-        """(n_row,) rows of a channel that a fit looks at."""
-        return np.asarray(self.counted & np.isfinite(self.channels[name]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,14 +74,17 @@ class StaticLikelihood(Likelihood):
         offset = effects[PARAMETER_INDEX["current_sensor_error", "offset_1"]]
         current = ((rows.current - own_zero) / own_gain - offset) / (1.0 + gain)
         linked = p.inductance / (p.magnets * p.current_share**2) * factors.get("leakage_inductance_1", 0.0)
+        path = path_of(replace(rows, current=current))
         try:
             force, flux = static_map(
-                surface, p, from_vector(effects), gap=rows.gap + wider, current=current, sequence=rows.sequence
+                surface, p, from_vector(effects), gap=path.gap + wider, current=path.current, sequence=path.sequence
             )
         except (OutOfTable, InputError):
-            force = flux = np.full(rows.gap.size, np.nan)
-        force = force + effects[PARAMETER_INDEX["force_offset", "force"]]
-        return {FORCE: force_gain * force + force_zero, FLUX: flux + linked * current}
+            force = flux = np.full(path.gap.size, np.nan)
+        force = force[path.rows] + effects[PARAMETER_INDEX["force_offset", "force"]]
+        flux = flux[path.rows] + linked * current
+        modelled = {FORCE: force_gain * force + force_zero, FLUX: flux, DENSITY: flux}
+        return {name: self.measured.factor(name, modelled[name]) * modelled[name] for name in self.measured.channels}
 
     @property
     def labels(self) -> NDArray[np.intp]:
@@ -145,57 +121,6 @@ def why_no_map(static: StaticMap) -> str:
     if np.ptp(np.abs(static.current[fitted])) == 0:
         return "the rows of the static map differ in gap alone; measure over the current"
     return ""
-
-
-def measured_map(record: Record, table: MagneticTable) -> MeasuredMap:
-    """The static map of a record with its noise.
-
-    Raises
-    ------
-    InputError : no row of the role fit lies inside the table
-    """
-    static = record.static
-    assert static is not None
-    stated = {FORCE: record.noise.force, FLUX: record.noise.flux_linkage}
-    readings = {FORCE: static.force, FLUX: static.flux_linkage}
-    channels = {name: values for name, values in readings.items() if values is not None}
-    single = {name: float(stated[name] or _roughness(static, values)) for name, values in channels.items()}
-    motion = record.actuator.motion
-    nominal_gap = float((motion.nominal_gap if motion else None) or 0.0)
-    margin = MARGIN * record.tolerance.nominal_gap * nominal_gap
-    inside = (static.gap > table.gap[0] + margin) & (static.gap < table.gap[-1] - margin)
-    inside &= np.abs(static.current) < table.current[-1]
-    counted = inside & (static.role == "fit")
-    if not counted.any():
-        raise InputError("no row of static.csv lies inside the table; extend the sweep")
-    kept = {name: values[inside] for name, values in channels.items()}
-    rows = _inside(static, inside)
-    magnet = table.evaluate(rows.current, rows.gap)
-    slopes = {FORCE: magnet["force_current_slope"], FLUX: magnet["incremental_inductance"]}
-    by_current = {name: slopes[name] * (record.noise.current or 0.0) if stated[name] else 0.0 for name in channels}
-    sigmas = {name: np.hypot(single[name], by_current[name] * np.ones(rows.gap.size)) for name in channels}
-    return MeasuredMap(rows, kept, sigmas, counted[inside])
-
-
-def _inside(static: StaticMap, kept: NDArray[np.bool_]) -> StaticMap:
-    return replace(
-        static,
-        gap=static.gap[kept],
-        current=static.current[kept],
-        role=static.role[kept],
-        force=None if static.force is None else static.force[kept],
-        flux_linkage=None if static.flux_linkage is None else static.flux_linkage[kept],
-        direction=None if static.direction is None else static.direction[kept],
-        sequence=None if static.sequence is None else static.sequence[kept],
-        extra={},
-    )
-
-
-def _roughness(static: StaticMap, values: Array) -> float:
-    """One sigma of what neighbours in the order of gap and current do not share: third differences over sqrt(20)."""
-    ordered = values[np.lexsort((static.current, static.gap))]
-    third = np.diff(ordered, 3) / np.sqrt(20.0)
-    return float(max(np.median(np.abs(third)) / 0.6745, LEAST_NOISE * np.abs(values).max()))
 
 
 def static_plant(actuator: Actuator, table: MagneticTable, gap: Array) -> KernelPlant:
@@ -263,6 +188,8 @@ class MapAlone(Kind):
         effects = [name for name, effect in CATALOGUE.items() if effect.separating]
         if np.ptp(self.rows.measured.rows.gap) == 0:
             effects = [name for name in effects if name in OF_THE_CURRENT]
+        if self.rows.measured.rows.order == "unknown":
+            effects = [name for name in effects if name != "magnetic_hysteresis"]
         tried = [variant for name in effects for variant in variants(name, features, plant)]
         return without_those_of(fit, tried)
 
@@ -303,9 +230,10 @@ def map_alone(record: Record, belief: ModelHypothesis) -> MapAlone:
     """
     assert belief.table is not None
     likelihood, unknowns = prepared_map(record, belief.table)
-    stated = {FORCE: record.noise.force, FLUX: record.noise.flux_linkage}
-    guessed = [name for name in likelihood.measured.sigmas if not stated[name]]
-    notes = [f"the noise of {name} is not stated; taken from the differences of neighbouring rows" for name in guessed]
+    guessed = [name for name in likelihood.measured.sigmas if not is_stated(record, name)]
+    notes = [f"the noise of {name} is not stated; taken from repeats or neighbouring rows" for name in guessed]
+    scatter = likelihood.measured.scatter
+    notes += [] if scatter is None else [scatter.told]
     return MapAlone(belief, likelihood, unknowns, tuple(notes))
 
 

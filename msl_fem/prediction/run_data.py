@@ -13,7 +13,7 @@ from msl_fem.plant import plant_parameters
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE
 from msl_fem.record import Record, Role, Run
 from msl_fem.record.columns import Channel, side_columns
-from msl_fem.record.rig_file import READINGS
+from msl_fem.record.linear_law import READINGS
 
 POSITION_COLUMN = "position_m"
 Hold = Literal["zero-order", "linear"]

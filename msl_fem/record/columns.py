@@ -124,6 +124,15 @@ def read_columns(path: Path) -> dict[str, Column]:
         raise RecordError(f"{path}: cannot be read ({reason(err)}); write it as CSV in UTF-8 or NetCDF") from err
 
 
+def require_columns(needed: list[tuple[str, ...]], names: list[str], *, file: Path | str) -> None:
+    """RecordError where of some alternatives no name is there."""
+    for alternatives in needed:
+        if not set(alternatives) & set(names):
+            raise RecordError(
+                f"{file}: row 1: column {' or '.join(alternatives)} is missing; the file has {', '.join(names)}"
+            )
+
+
 def _read_csv(path: Path) -> dict[str, Column]:
     if path.stat().st_size > LARGEST_TEXT:
         raise RecordError(f"{path}: more than {LARGEST_TEXT // 1_000_000} MB; write it as NetCDF, or cut it into runs")

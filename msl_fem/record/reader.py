@@ -1,8 +1,6 @@
 """A record from its folder, and what makes a run or a static map unfit for use: refusals that name file, row and
 column, and warnings."""
 
-from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,33 +11,22 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.record.clock import LARGEST_JITTER, evened
-from msl_fem.record.columns import CHANNELS, Channel, Column, numbers, place, read_columns, side_columns
+from msl_fem.record.columns import CHANNELS, Channel, numbers, place, read_columns, require_columns, side_columns
+from msl_fem.record.linear_law import linear_laws
 from msl_fem.record.plausibility import (
     doubtful_against_command,
     doubtful_channels,
     doubtful_map,
     refuse_impossible,
 )
-from msl_fem.record.record import Record, Run, StaticMap, read_only
-from msl_fem.record.rig_file import (
-    RIG_FILE,
-    STATIC_FILE,
-    RigFile,
-    Role,
-    RunEntry,
-    Sampling,
-    StaticEntry,
-    linear_laws,
-    read_rig,
-    rig_actuator,
-)
+from msl_fem.record.record import Record, Run, StaticMap
+from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RunEntry, Sampling, read_rig, rig_actuator
+from msl_fem.record.static_file import read_static
 
 FEWEST_SAMPLES = 1000
 
 RATE_TOLERANCE = 1e-3
 STUCK_SHARE = 0.01
-STATIC_NUMBERS = ("gap_m", "current_A", "force_N", "flux_linkage_Wb", "sequence")
-STATIC_WORDS = {"direction": ("up", "down"), "role": ("fit", "held-out")}
 
 
 def load_record(folder: str | Path) -> Record:
@@ -54,7 +41,7 @@ def load_record(folder: str | Path) -> Record:
     rig = read_rig(folder)
     actuator = rig_actuator(rig, folder)
     runs = tuple(_read_run(entry, actuator, folder) for entry in rig.run)
-    static = _read_static(rig, folder / STATIC_FILE)
+    static = read_static(rig, folder / STATIC_FILE)
     record = Record(
         origin=rig.origin,
         actuator=actuator,
@@ -95,16 +82,6 @@ def _read_run(entry: RunEntry, actuator: Actuator, folder: Path) -> Run:
     )
 
 
-def _read_static(rig: RigFile, path: Path) -> StaticMap | None:
-    if rig.static is None and not path.exists():
-        return None
-    table = read_columns(path)
-    if rig.static is None and "role" not in table:
-        raise RecordError(f"{path.parent / RIG_FILE}: static: {STATIC_FILE} is there; state its role in [static]")
-    entry = rig.static or StaticEntry()
-    return replace(read_static_map(table, role=entry.role, file=path), gap_zero=entry.gap)
-
-
 def _warnings(
     runs: tuple[Run, ...], static: StaticMap | None, actuator: Actuator, *, measured: bool
 ) -> tuple[str, ...]:
@@ -124,46 +101,6 @@ def _warnings(
         if extra:
             warnings.append(f"{file}: column {', '.join(extra)} is not part of the format; kept, not used")
     return tuple(warnings)
-
-
-def read_static_map(table: Mapping[str, Column], *, role: Role | None, file: Path | str) -> StaticMap:
-    """The static map made of columns with RECORDS' names, (n_row,) each; a column `role` goes before `role`.
-
-    Raises
-    ------
-    RecordError : a column is missing, a value not finite, a gap below zero, a word that is none of the allowed
-    """
-    _require([("gap_m",), ("current_A",), ("force_N", "flux_linkage_Wb")], list(table), file=file)
-    value = {name: read_only(numbers(c, name, file)) for name, c in table.items() if name in STATIC_NUMBERS}
-    words = {name: _words(c, name, file) for name, c in table.items() if name in STATIC_WORDS}
-    refuse_impossible(value, file=file)
-    gap = value["gap_m"]
-    if not gap.size:
-        raise RecordError(f"{file}: row 2: there are no rows; remove the file or fill it")
-    if gap.min() < 0:
-        at = int(np.argmax(gap < 0))
-        raise RecordError(f"{place(file, at)}, column gap_m: {gap[at]:g} m is below zero; a gap is positive")
-    if "role" not in words and role is None:
-        raise RecordError(f"{file}: row 1: column role is missing; add it, or a role to [static] of rig.toml")
-    return StaticMap(
-        gap=gap,
-        current=value["current_A"],
-        force=value.get("force_N"),
-        flux_linkage=value.get("flux_linkage_Wb"),
-        role=words.get("role", np.full(gap.size, role)),
-        direction=words.get("direction"),
-        sequence=value.get("sequence"),
-        extra={name: c for name, c in table.items() if name not in (*STATIC_NUMBERS, *STATIC_WORDS)},
-    )
-
-
-def _words(column: Column, name: str, file: Path | str) -> NDArray[np.str_]:
-    words = np.array([str(cell).strip() for cell in column], dtype=str)
-    bad = np.flatnonzero(~np.isin(words, STATIC_WORDS[name]))
-    if bad.size:
-        at = int(bad[0])
-        raise RecordError(f"{place(file, at)}, column {name}: '{words[at]}' is none of {', '.join(STATIC_WORDS[name])}")
-    return words
 
 
 def sides_of(actuator: Actuator) -> int:
@@ -250,16 +187,7 @@ def _unfit_law(record: Record) -> str:
 
 def check_columns(names: list[str], actuator: Actuator, *, file: Path | str) -> None:
     """RecordError where a column is missing that the drive does not make redundant."""
-    _require(needed_columns(actuator), names, file=file)
-
-
-def _require(needed: list[tuple[str, ...]], names: list[str], *, file: Path | str) -> None:
-    """RecordError where of some alternatives no name is there."""
-    for alternatives in needed:
-        if not set(alternatives) & set(names):
-            raise RecordError(
-                f"{file}: row 1: column {' or '.join(alternatives)} is missing; the file has {', '.join(names)}"
-            )
+    require_columns(needed_columns(actuator), names, file=file)
 
 
 def check_run(run: Run, actuator: Actuator, sampling: Sampling, *, file: Path | str) -> None:

@@ -1,7 +1,7 @@
 """A record of measured or simulated data: the rig as believed, its runs and its static map, frozen."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,17 +15,18 @@ from msl_fem.errors import RecordError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.shown import Shown, Tabular
 from msl_fem.record.columns import UNITS
+from msl_fem.record.linear_law import StatedLaw, law_of, linear_laws
 from msl_fem.record.rig_file import (
+    DEMAGNETISED,
     BeliefWord,
     GapZero,
     Noise,
     Origin,
     Role,
+    RowOrder,
     Sampling,
-    StatedLaw,
+    Scale,
     Tolerance,
-    law_of,
-    linear_laws,
 )
 
 
@@ -117,6 +118,11 @@ class Run(Tabular):
         return float((self.time[-1] - self.time[0]) / (self.time.size - 1))
 
 
+_COLUMNS_OF_ROWS = (
+    "gap", "current", "force", "flux_linkage", "flux_density", "role", "direction", "sequence", "unit",
+)  # fmt: skip
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class StaticMap(Tabular):
     """Quasi-static rows of one magnet in the order of measurement, (n_row,) each.
@@ -125,10 +131,16 @@ class StaticMap(Tabular):
     ----------
     gap, current : m, A
     force, flux_linkage : N, Wb; None where not measured, one of them is there
+    flux_density : T at one place of the iron or the gap, in proportion to the flux linkage; None where not measured
     role : "fit" or "held-out", a row
     direction : "up" or "down", a row; None where not stated
     sequence : number of the loop that a row belongs to; None where there is one
+    unit : name of the magnet that a row was taken of; None where there is one
+    sigma : column to one sigma of each row, where a column of it states it
     gap_zero : whether the gaps are those of gauges, with a zero of their own, or of the mover of the runs
+    order : "measured", or "unknown": then no row knows what came before
+    before : what the iron had gone through: "demagnetised", "unknown", "cycled:+10 A"
+    scale : "stated", or "free": the readings are in proportion to what their names say
     extra : columns that the format does not know
     """
 
@@ -141,6 +153,26 @@ class StaticMap(Tabular):
     sequence: Array | None = None
     extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     gap_zero: GapZero = "gauge"
+    flux_density: Array | None = None
+    unit: NDArray[np.str_] | None = None
+    sigma: Mapping[str, Array] = field(default_factory=dict)
+    order: RowOrder = "measured"
+    before: str = DEMAGNETISED
+    scale: Scale = "stated"
+
+    @property
+    def readings(self) -> dict[str, Array]:
+        """What was measured, (n_row,) each, by its column."""
+        columns = {"force_N": self.force, "flux_linkage_Wb": self.flux_linkage, "flux_density_T": self.flux_density}
+        return {name: values for name, values in columns.items() if values is not None}
+
+    def at(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> "StaticMap":
+        """Some of its rows, without further columns."""
+        some: dict[str, Any] = {"sigma": {name: values[kept] for name, values in self.sigma.items()}, "extra": {}}
+        for name in _COLUMNS_OF_ROWS:
+            values = getattr(self, name)
+            some[name] = None if values is None else values[kept]
+        return replace(self, **some)
 
     def facts(self) -> dict[str, str]:
         """How many rows, their range and roles."""
@@ -164,6 +196,9 @@ class StaticMap(Tabular):
             "role": self.role,
             "direction": self.direction,
             "sequence": self.sequence,
+            "flux_density_T": self.flux_density,
+            "unit": self.unit,
+            **{f"sigma_{name}": values for name, values in self.sigma.items()},
             **self.extra,
         }
         return {name: values for name, values in columns.items() if values is not None}

@@ -23,9 +23,10 @@ from msl_fem.files.toml_text import toml_text
 from msl_fem.files.whole_file import ASIDE, cannot_be_written, staging_folder
 from msl_fem.materials.material import load_iron
 from msl_fem.record.columns import Column, write_columns
-from msl_fem.record.reader import check_record, check_run, read_static_map
+from msl_fem.record.reader import check_record, check_run
 from msl_fem.record.record import Record, Run, StaticMap
-from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RigFile, read_rig
+from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RigFile, StaticEntry, read_rig
+from msl_fem.record.static_file import read_static_map
 from msl_fem.table.pair_table import load_table
 
 if sys.platform != "win32":
@@ -150,7 +151,7 @@ def _rig_text(record: Record, folder: Path) -> str:
     if record.runs:
         content["run"] = [run_entry(run) for run in record.runs]
     if record.static is not None:
-        content["static"] = {"gap": record.static.gap_zero}
+        content["static"] = _static_entry(record.static)
     if record.causes:
         content["effects"] = {"expression": [one.to_toml() for one in record.causes]}
     try:
@@ -160,6 +161,13 @@ def _rig_text(record: Record, folder: Path) -> str:
         raise RecordError(f"{folder / RIG_FILE}: {first_complaint(err)}") from err
     except TypeError as err:
         raise RecordError(f"{folder / RIG_FILE}: controller: {err}; give texts, numbers and lists of them") from err
+
+
+def _static_entry(static: StaticMap) -> dict[str, str]:
+    """The [static] of rig.toml: the zero of its gaps, and what else is not as usual."""
+    usual = StaticEntry()
+    stated = {"order": static.order, "before": static.before, "scale": static.scale}
+    return {"gap": static.gap_zero} | {key: value for key, value in stated.items() if value != getattr(usual, key)}
 
 
 def run_entry(run: Run) -> dict[str, str]:
@@ -199,11 +207,12 @@ def _static_columns(static: StaticMap) -> dict[str, Column]:
     columns = {
         "gap_m": static.gap,
         "current_A": static.current,
-        "force_N": static.force,
-        "flux_linkage_Wb": static.flux_linkage,
+        **static.readings,
+        **{f"sigma_{name}": values for name, values in static.sigma.items()},
         "direction": static.direction,
         "role": static.role,
         "sequence": static.sequence,
+        "unit": static.unit,
         **static.extra,
     }
     return {name: values for name, values in columns.items() if values is not None}

@@ -14,8 +14,9 @@ from msl_fem.errors import ActuatorError, InputError, RecordError
 from msl_fem.identification.model import fit_percent
 from msl_fem.record.measured_table import table_from_measurements
 from msl_fem.record.plausibility import doubtful_against_command
-from msl_fem.record.reader import check_run, read_static_map
+from msl_fem.record.reader import check_run
 from msl_fem.record.record import Run, Sampling
+from msl_fem.record.static_file import read_static_map
 
 FILE = Path("r/noise.csv")
 

@@ -234,7 +234,11 @@ def test_a_column_role_goes_before_the_sections(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "section", "said"),
     [
-        ("gap_m,current_A\n1e-3,1\n", '[static]\nrole = "fit"', "row 1: column force_N or flux_linkage_Wb is missing"),
+        (
+            "gap_m,current_A\n1e-3,1\n",
+            '[static]\nrole = "fit"',
+            "row 1: column force_N or flux_linkage_Wb or flux_density_T is missing",
+        ),
         ("gap_mm,current_A,force_N\n1,1,1\n", '[static]\nrole = "fit"', "column gap_m is missing; the file has gap_mm"),
         ("gap_m,current_A,force_N\n1e-3,1,2\n", "", "rig.toml: static: static.csv is there"),
         ("gap_m,current_A,force_N\n1e-3,1,2\n", "[static]", "row 1: column role is missing"),
