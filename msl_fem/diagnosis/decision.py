@@ -163,8 +163,13 @@ def stays_within(problem: FitProblem, refit: Refit) -> bool:
 
 
 def leaves_tolerance(problem: FitProblem, fit: Fit, effect: str, *, share: float = 1.0) -> bool:
-    """Whether an effect of a fit is more than a believed parameter within a share of `TOLERANCES` of its own."""
+    """Whether an effect of a fit is more than a believed parameter within a share of `TOLERANCES` of its own.
+
+    Where gauges alone tell the gap, an offset of it is no more than their zero.
+    """
     sigmas = dict(fit.unknowns.believed)
+    if "static_gap_zero" in sigmas:
+        sigmas.setdefault("nominal_gap", sigmas["static_gap_zero"] / problem.plant.parameters.nominal_gap)
     estimates = effect_estimates(fit)[effect]
     amounts, apart = 0, []
     for row, unknown in enumerate(fit.unknowns.effects, fit.unknowns.n_nuisance):

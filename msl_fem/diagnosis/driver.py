@@ -36,6 +36,7 @@ from msl_fem.diagnosis.equilibria import told_by_equilibria
 from msl_fem.diagnosis.fit import FitPlan, believed_estimates, effect_estimates, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.formula import formula_of
+from msl_fem.diagnosis.in_turn import agreed, turns_of
 from msl_fem.diagnosis.kind import (
     Kind,
     PredictionError,
@@ -137,9 +138,18 @@ def diagnose(record: Record, settings: DiagnosisSettings | None = None) -> Diagn
     declare(*record.causes)
     if record.actuator.magnet is not None and how.table is None:
         raise InputError(f"{record.actuator.name} has magnets and there is no table; make one with 'msl-fem table'")
+    turns = [_of_turn(one, how) for one in turns_of(record)]
+    if turns:
+        return replace(agreed(turns), belief=how.belief)
     kind = kind_of(record, how)
     found = Diagnosis("undecidable", kind) if isinstance(kind, str) else diagnosis_of(kind, how)
     return replace(found, belief=how.belief)
+
+
+def _of_turn(record: Record, how: DiagnosisSettings) -> Diagnosis:
+    """The diagnosis of a short map with some of its rows held out."""
+    belief = ModelHypothesis.of(record.actuator, how.table, how.belief)
+    return diagnosis_of(map_alone(record, belief), replace(how, memory=FitMemory()))
 
 
 def kind_of(record: Record, how: DiagnosisSettings) -> Kind | str:

@@ -18,10 +18,10 @@ from msl_fem.record.reader import (
     doubtful_against_command,
     doubtful_sensors,
     known_columns,
-    read_static_map,
 )
 from msl_fem.record.record import Record, Run, StaticMap
 from msl_fem.record.rig_file import GapZero, Noise, Origin, Role, Sampling, Tolerance
+from msl_fem.record.static_file import read_static_map
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -204,3 +204,36 @@ def test_interleaved_units_have_histories_of_their_own(believed) -> None:
     np.testing.assert_array_equal(path.current[path.rows], both.current)
     np.testing.assert_array_equal(path.current, np.tile(static.current, 2))
     assert np.count_nonzero(np.diff(path.sequence)) == 11
+
+
+def short(believed, effects, rng, count=10):
+    """A map of a few rows over gap and current, none held out."""
+    _, surface, plant = believed
+    gap, current = rng.uniform(4e-4, 8e-4, count), rng.uniform(0.5, 6.0, count)
+    force, flux = static_map(surface, plant, effects, gap=gap, current=current, sequence=np.arange(count))
+    force = force + NOISE.force * rng.normal(size=count)
+    return StaticMap(gap, current, force, flux + NOISE.flux_linkage * rng.normal(size=count), np.full(count, "fit"))
+
+
+def test_ten_rows_are_held_out_in_turn(believed, table) -> None:
+    """A stack that is deeper is named by each turn; clean rows name nothing; a cause of two rows alone neither."""
+    deeper = short(believed, EffectValues({"fringing": {"depth_error": 0.08}}), np.random.default_rng(1))
+    found = diagnosed(believed, table, deeper)
+    assert found.names == ("fringing",)
+    assert any("in one of 4 turns" in note for note in found.notes)
+    clean = short(believed, EffectValues(), np.random.default_rng(2))
+    assert diagnosed(believed, table, clean).verdict == "nothing-found"
+    bent = replace(clean, force=clean.force * np.where(np.arange(10) < 2, 1.1, 1.0))
+    assert diagnosed(believed, table, bent).verdict != "named"
+
+
+def test_seven_rows_are_too_few(believed, table) -> None:
+    found = diagnosed(believed, table, short(believed, EffectValues(), np.random.default_rng(2), count=7))
+    assert (found.verdict, "at least 12" in found.reason) == ("undecidable", True)
+
+
+@pytest.mark.parametrize(("offset", "names"), [(4e-6, ()), (6e-5, ("gap_offset",))])
+def test_a_wrong_zero_of_the_gauges_is_named_beyond_their_tolerance(believed, table, offset, names) -> None:
+    """2 um are their tolerance; what lies beyond was called hysteresis and fringing."""
+    static = loops(believed, EffectValues({"gap_offset": {"offset": offset}}), np.random.default_rng(1))
+    assert diagnosed(believed, table, static).names == names
