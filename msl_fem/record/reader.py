@@ -12,6 +12,7 @@ from msl_fem.errors import RecordError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.record.clock import LARGEST_JITTER, evened
 from msl_fem.record.columns import CHANNELS, Channel, numbers, place, read_columns, require_columns, side_columns
+from msl_fem.record.duty import with_voltages
 from msl_fem.record.linear_law import linear_laws
 from msl_fem.record.plausibility import (
     doubtful_against_command,
@@ -23,7 +24,8 @@ from msl_fem.record.record import Record, Run, StaticMap
 from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RunEntry, Sampling, read_rig, rig_actuator
 from msl_fem.record.static_file import read_static
 
-FEWEST_SAMPLES = 1000
+FEWEST_SAMPLES = 200
+"""Of a run; whether all of them together tell enough is what a diagnosis asks."""
 
 RATE_TOLERANCE = 1e-3
 STUCK_SHARE = 0.01
@@ -40,7 +42,8 @@ def load_record(folder: str | Path) -> Record:
     folder = Path(folder)
     rig = read_rig(folder)
     actuator = rig_actuator(rig, folder)
-    runs = tuple(_read_run(entry, actuator, folder) for entry in rig.run)
+    supply = None if rig.supply is None else rig.supply.voltage
+    runs = tuple(_read_run(entry, actuator, folder, supply=supply) for entry in rig.run)
     static = read_static(rig, folder / STATIC_FILE)
     record = Record(
         origin=rig.origin,
@@ -63,11 +66,11 @@ def load_record(folder: str | Path) -> Record:
     return record
 
 
-def _read_run(entry: RunEntry, actuator: Actuator, folder: Path) -> Run:
+def _read_run(entry: RunEntry, actuator: Actuator, folder: Path, *, supply: float | None) -> Run:
     path = folder / entry.file
     if not path.resolve().is_relative_to(folder.resolve()):
         raise RecordError(f"{path}: the file lies outside the record's folder; copy it there")
-    table = read_columns(path)
+    table = with_voltages(read_columns(path), supply, file=path)
     check_columns(list(table), actuator, file=path)
     known = known_columns(actuator)
     columns = {name: numbers(table[name], name, path) for name in known if name in table}
@@ -195,7 +198,7 @@ def check_run(run: Run, actuator: Actuator, sampling: Sampling, *, file: Path | 
 
     Raises
     ------
-    RecordError : a column is missing, a value not finite, fewer than 1000 samples, time that does not increase, a
+    RecordError : a column is missing, a value not finite, fewer than 200 samples, time that does not increase, a
         jitter above 1 % of the period, a rate more than 0.1 % off the stated one, a position outside the gap, a
         value that no machine shows
     """

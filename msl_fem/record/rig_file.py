@@ -141,6 +141,12 @@ class StaticEntry(FrozenModel):
         return before
 
 
+class Supply(FrozenModel):
+    """The `[supply]` of a drive whose runs have duties instead of voltages."""
+
+    voltage: Annotated[float, In("V"), Field(gt=0)]
+
+
 class StatedEffects(FrozenModel):
     """The `[[effects.expression]]` of rig.toml: causes of the user's own that a diagnosis tries too."""
 
@@ -158,6 +164,7 @@ class RigFile(FrozenModel):
     tolerance: Tolerance = Tolerance()
     belief: BeliefWord | None = None
     controller: dict[str, Any] | None = None
+    supply: Supply | None = None
     run: tuple[RunEntry, ...] = ()
     static: StaticEntry | None = None
     effects: StatedEffects = StatedEffects()
