@@ -141,7 +141,7 @@ class StaticEntry(FrozenModel):
         return before
 
 
-class Supply(FrozenModel):
+class DutySupply(FrozenModel):
     """The `[supply]` of a drive whose runs have duties instead of voltages."""
 
     voltage: Annotated[float, In("V"), Field(gt=0)]
@@ -164,7 +164,7 @@ class RigFile(FrozenModel):
     tolerance: Tolerance = Tolerance()
     belief: BeliefWord | None = None
     controller: dict[str, Any] | None = None
-    supply: Supply | None = None
+    supply: DutySupply | None = None
     run: tuple[RunEntry, ...] = ()
     static: StaticEntry | None = None
     effects: StatedEffects = StatedEffects()
