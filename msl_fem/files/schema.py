@@ -159,15 +159,20 @@ def depth(content: object) -> int:
     return levels
 
 
-def bare_number(content: Mapping[Any, Any], pure: Collection[str], *, path: str = "") -> str | None:
-    """The complaint about the first number without a unit or, of keys in `pure`, which need none, in quotes."""
+def bare_number(
+    content: Mapping[Any, Any], pure: Collection[str], *, path: str = "", words: Collection[str] = ()
+) -> str | None:
+    """The complaint about the first number without a unit or, of keys in `pure`, which need none, in quotes.
+
+    Keys in `words` take both: the channel 1 and the channel "common".
+    """
     for key, value in content.items():
         inner = dict(enumerate(value)) if isinstance(value, list) else value
         if isinstance(inner, dict):
-            said = bare_number(inner, pure, path=f"{path}{key}.")
+            said = bare_number(inner, pure, path=f"{path}{key}.", words=words)
             if said:
                 return said
-        elif isinstance(value, str) and key in pure and _is_number(value):
+        elif isinstance(value, str) and key in pure and key not in words and _is_number(value):
             return f"{path}{key}: '{value}' is a text; write the number without quotes, {key} = {value.strip()}"
         elif isinstance(value, bool):
             return f"{path}{key}: {str(value).lower()} is not what is expected here; write a number or a text"

@@ -57,7 +57,7 @@ def load_excitations(spec: str, *, unit: Unit = "A") -> tuple[Excitation, ...]:
         raise InputError(f"{path}: {odd}; the file has one [[excitation]] for each")
     excitations = []
     for position, entry in enumerate(entries):
-        complaint = bare_number(entry, _PURE_NUMBERS, path=f"excitation.{position}.")
+        complaint = bare_number(entry, _PURE_NUMBERS, path=f"excitation.{position}.", words=("channel",))
         if complaint:
             raise InputError(f"{path}: {complaint}")
         excitations.append(_excitation_of(entry, unit=unit, where=f"{path}: excitation.{position}"))

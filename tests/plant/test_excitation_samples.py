@@ -281,3 +281,18 @@ def test_a_spec_states_role_and_loop_only_where_they_are_not_the_usual_ones() ->
     held = parse_excitation("sine:amplitude=0.1 mm,frequency=2 Hz,duration=1 s,role=held-out,loop=closed")
     assert "role=held-out" in held.spec
     assert "loop=closed" in held.spec
+
+
+def test_a_channel_is_a_number_or_a_word(tmp_path) -> None:
+    """1 and "1" are the same channel; a seed in quotes is a slip."""
+    text = '[[excitation]]\nname = "sine"\nchannel = {}\nfrequency = "5 Hz"\namplitude = "0.1 A"\nduration = "1 s"\n'
+    file = tmp_path / "e.toml"
+    specs = set()
+    for channel in ("1", '"1"'):
+        file.write_text(text.format(channel))
+        specs.add(load_excitations(str(file))[0].spec)
+    assert len(specs) == 1
+    noise = '[[excitation]]\nname = "band-limited-noise"\nseed = "3"\namplitude = "0.1 A"\nduration = "1 s"\n'
+    file.write_text(noise)
+    with pytest.raises(InputError, match="write the number without quotes, seed = 3"):
+        load_excitations(str(file))
