@@ -155,8 +155,8 @@ def test_frames_that_are_no_record_are_refused(servo: Actuator, record: Record) 
     spoiled.iloc[7, 1] = np.nan
     with pytest.raises(RecordError, match="a: "):
         msl_fem.record_from_frames(servo, {"a": spoiled})
-    with pytest.raises(RecordError, match="at least 1000"):
-        msl_fem.record_from_frames(servo, {"a": frame.iloc[:500]})
+    with pytest.raises(RecordError, match="at least 200"):
+        msl_fem.record_from_frames(servo, {"a": frame.iloc[:150]})
 
 
 def test_a_frame_with_names_of_its_own_is_imported(servo: Actuator, record: Record) -> None:
