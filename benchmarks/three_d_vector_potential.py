@@ -2,8 +2,8 @@
 
     python benchmarks/three_d_vector_potential.py [--gap 0.6] [--size 1.0] [--order 2]
 
-The same quarter, irons, coil and flux lines around, on tetrahedra, edge elements: curl (nu curl A) = curl T_0, A x n = 0.
-A makes the energy of a given current too small where the scalar potential makes it too large, so that both inductances
+The same quarter, irons, coil and flux lines, on tetrahedra with edge elements: curl (nu curl A) = curl T_0, A x n = 0.
+A makes the inductance too small where the scalar potential makes it too large, so that both
 enclose the true one. Needs ngsolve (the bench extra).
 """
 
