@@ -184,7 +184,10 @@ def test_the_zones_are_those_of_the_standard():
 @pytest.mark.parametrize(
     ("choice", "said"),
     [
-        (ControllerChoice("fuzzy"), "'fuzzy' is no design; choose one of lqr, robust, scheduled, biased, pid"),
+        (
+            ControllerChoice("fuzzy"),
+            "'fuzzy' is no design; choose one of lqr, robust, scheduled, scheduled-rigid, biased, pid",
+        ),
         (ControllerChoice("lqr", bias=1.0), "has no bias current"),
         (ControllerChoice("biased", overlap=1.0), "no hand-over"),
         (ControllerChoice("pid", feedforward=False), "comes in one form"),
