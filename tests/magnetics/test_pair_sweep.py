@@ -140,3 +140,12 @@ def test_the_command_resumes_and_lookup_reads(tmp_path: Path, capsys: pytest.Cap
     for bad in (["--current", "1 A"], ["--current", "1 A", "--gap", "0.5 mm"], where[:4]):
         assert run(["lookup", str(target), *bad]) == 2
         assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_a_table_with_far_apart_nodes_contradicts_nothing() -> None:
+    """The shipped table's every third current: its force bends between two nodes more than the slopes at both tell."""
+    table = read_pair_table(ROOT / "lookup_tables" / "fast_tool_servo_pair.nc")
+    kept = np.arange(0, table.current_1.size, 3)
+    nodes = {name: values[:, kept][:, :, kept] for name, values in table.nodes.items()}
+    currents = table.current_1[kept]
+    assert PairTable(table.one_sided, table.gap_sum, table.position, currents, currents, nodes=nodes).axes[1].size == 11
