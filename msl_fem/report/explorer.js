@@ -36,21 +36,13 @@ const explorer = (() => {
 
   function contours(name) {
     const k = data.quantities.findIndex((quantity) => quantity.name === name);
-    const { label, unit, scale } = data.quantities[k];
     const g = even(gaps[0], last(gaps), LINES);
     const i = even(0, last(currents), LINES);
-    return {
-      type: "contour", x: g.map((v) => v * 1e3), y: i, z: i.map((a) => g.map((b) => evaluate(a, b)[k] * scale)),
-      contours: { coloring: "none", showlabels: true, labelfont: { size: 11 } }, ncontours: 14, line: { color: "#6b7280", width: 1 },
-      showscale: false, name: label, showlegend: false,
-      hovertemplate: `gap %{x:.4g} mm, %{y:.4g} A: ${label} %{z:.5g} ${unit}<extra></extra>`,
-    };
+    const z = i.map((a) => g.map((b) => evaluate(a, b)[k] * data.quantities[k].scale));
+    return explorerParts.contours(data.quantities[k], g.map((v) => v * 1e3), i, z, "gap %{x:.4g} mm, %{y:.4g} A");
   }
 
-  const cross = () => ({
-    type: "scatter", mode: "markers", x: [state.gap * 1e3], y: [state.current], name: "here", showlegend: false,
-    marker: { size: 15, symbol: "cross-thin", color: "#000000", line: { width: 2.5, color: "#000000" } }, hoverinfo: "skip",
-  });
+  const cross = () => explorerParts.cross(state.gap * 1e3, state.current);
 
   function mapTraces() {
     const name = part("lines").value;

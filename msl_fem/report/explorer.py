@@ -7,6 +7,7 @@ guard say, to rounding.
 
 import base64
 import json
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -65,10 +66,7 @@ def _data(table: MagneticTable, made: OperatingMap, *, start: tuple[float, float
             "slope": [doubles_text(row) for row in lines.slope],
             "current_max": lines.current_max,
         },
-        "quantities": [
-            {"name": n, "label": label, "unit": unit, "scale": s, "largest": float(np.abs(table.nodes[n]).max())}
-            for n, label, unit, s in QUANTITIES
-        ],
+        "quantities": quantities_data(QUANTITIES, table),
         "reached": (~np.isnan(made.current)).tolist(),
         "levels": made.levels.tolist(),
         "regions": list(REGIONS),
@@ -77,6 +75,16 @@ def _data(table: MagneticTable, made: OperatingMap, *, start: tuple[float, float
         "start": {"current": start[0], "gap": start[1]},
         "map": json.loads(figure.to_json()),
     }
+
+
+def quantities_data(
+    quantities: Iterable[tuple[str, str, str, float]], table: MagneticTable | PairTable
+) -> list[dict[str, str | float]]:
+    """What the page has to know of quantities (name, label, unit, values of that unit in an SI unit) of a table."""
+    return [
+        {"name": n, "label": label, "unit": unit, "scale": s, "largest": float(np.abs(table.nodes[n]).max())}
+        for n, label, unit, s in quantities
+    ]
 
 
 def surface_data(table: MagneticTable) -> dict[str, str]:

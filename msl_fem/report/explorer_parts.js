@@ -100,5 +100,18 @@ const explorerParts = (() => {
 
   const levelColours = (levels) => levels.map((_, k) => (k === 0 ? "#009E73" : k === levels.length - 1 ? "#D55E00" : "#E69F00"));
 
-  return { doubles, clip, last, even, cell, number, coenergySurface, handle, onClick, cutLook, levelColours };
+  // The point of the sliders in a map.
+  const cross = (x, y) => ({
+    type: "scatter", mode: "markers", x: [x], y: [y], name: "here", showlegend: false,
+    marker: { size: 15, symbol: "cross-thin", color: "#000000", line: { width: 2.5, color: "#000000" } }, hoverinfo: "skip",
+  });
+
+  // Lines of equal values of a quantity of the page's data over a map; `where` is what stands before it under the pointer.
+  const contours = (quantity, x, y, z, where) => ({
+    type: "contour", x, y, z, contours: { coloring: "none", showlabels: true, labelfont: { size: 11 } }, ncontours: 14,
+    line: { color: "#6b7280", width: 1 }, showscale: false, name: quantity.label, showlegend: false,
+    hovertemplate: `${where}: ${quantity.label} %{z:.5g} ${quantity.unit}<extra></extra>`,
+  });
+
+  return { cross, contours, doubles, clip, last, even, cell, number, coenergySurface, handle, onClick, cutLook, levelColours };
 })();

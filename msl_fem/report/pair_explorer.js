@@ -134,21 +134,13 @@ const pairExplorer = (() => {
 
   function contours(name) {
     const k = quantity(name);
-    const { label, unit, scale } = data.quantities[k];
     const i = even(...ends.first, LINES);
     const j = even(...ends.second, LINES);
-    return {
-      type: "contour", x: i, y: j, z: j.map((b) => i.map((a) => evaluate(state.position, a, b)[k] * scale)),
-      contours: { coloring: "none", showlabels: true, labelfont: { size: 11 } }, ncontours: 14, line: { color: "#6b7280", width: 1 },
-      showscale: false, name: label, showlegend: false,
-      hovertemplate: `%{x:.4g} A, %{y:.4g} A: ${label} %{z:.5g} ${unit}<extra></extra>`,
-    };
+    const z = j.map((b) => i.map((a) => evaluate(state.position, a, b)[k] * data.quantities[k].scale));
+    return explorerParts.contours(data.quantities[k], i, j, z, "%{x:.4g} A, %{y:.4g} A");
   }
 
-  const cross = () => ({
-    type: "scatter", mode: "markers", x: [state.first], y: [state.second], name: "here", showlegend: false,
-    marker: { size: 15, symbol: "cross-thin", color: "#000000", line: { width: 2.5, color: "#000000" } }, hoverinfo: "skip",
-  });
+  const cross = () => explorerParts.cross(state.first, state.second);
 
   function mapTraces() {
     const name = part("lines").value;

@@ -7,12 +7,10 @@ what `table.pair_table` and `maps.pair_guard` say, to rounding.
 import json
 from typing import Any
 
-import numpy as np
-
 from msl_fem.maps.guard import REGIONS
 from msl_fem.maps.pair_guard import PairGuard
 from msl_fem.maps.pair_limits import RELATIONS, PairMap
-from msl_fem.report.explorer import doubles_text, stated_errors, surface_data
+from msl_fem.report.explorer import doubles_text, quantities_data, stated_errors, surface_data
 from msl_fem.report.figures import REGION_FILL, figure
 from msl_fem.report.page import Widget, html_from, page_part, script_text
 from msl_fem.table.pair_table import PairTable
@@ -61,10 +59,7 @@ def _data(table: PairTable, pair_map: PairMap) -> dict[str, Any]:
         "current_2": doubles_text(surface.current_2),
         "hermite": doubles_text(surface.hermite),
         "guard": guard,
-        "quantities": [
-            {"name": n, "label": label, "unit": unit, "scale": s, "largest": float(np.abs(table.nodes[n]).max())}
-            for n, label, unit, s in QUANTITIES
-        ],
+        "quantities": quantities_data(QUANTITIES, table),
         "levels": pair_map.levels.tolist(),
         "regions": list(REGIONS),
         "fills": [REGION_FILL[name] for name in REGIONS],
