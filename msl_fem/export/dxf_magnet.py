@@ -10,6 +10,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
+from msl_fem.export.dxf_section import COIL_LAYERS
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.toml_text import quantity_text, toml_text
 from msl_fem.files.whole_file import whole_file
@@ -18,7 +19,7 @@ from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
 from msl_fem.magnetics.triangles import TriangleMesh
 
 Pull = Literal["+x", "-x", "+y", "-y"]
-COILS = {"coil_plus": "coil+", "coil_minus": "coil-"}
+COILS = dict(zip(COIL_LAYERS, ("coil+", "coil-"), strict=True))
 SOLID = ("core", "armature", *COILS)
 AIR_AROUND = 2.0  # times the drawing's larger side, on each side of it
 NEAR = 4.0  # gaps from the other iron: corners where the field is singular and the mesh is graded

@@ -10,6 +10,8 @@ from msl_fem.errors import InputError
 from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.section import Section, both_halves, is_taken_off
 
+COIL_LAYERS = ("coil_plus", "coil_minus")
+"""Of conductors whose current comes out of the plane, and goes into it."""
 COLOURS = {"iron": 8, "coil": 30, "other": 7}
 """AutoCAD's colour numbers: grey, orange, the paper's opposite."""
 MM = 4
@@ -60,7 +62,7 @@ def _layers(region: str, section: Section) -> tuple[str, str]:
     turns = section.turns_density.get(region)
     if turns is None:
         return region, region
-    way = ("coil_plus", "coil_minus") if turns > 0 else ("coil_minus", "coil_plus")
+    way = COIL_LAYERS if turns > 0 else COIL_LAYERS[::-1]
     return way if section.symmetry in ("flux line", "axis") else (way[0], way[0])
 
 
