@@ -17,8 +17,9 @@ from msl_fem.files.whole_file import whole_file
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.record import load_record
+from msl_fem.record.rig_file import RIG_FILE
 
-DIAGNOSIS, MODEL, RIG = "diagnosis.json", "extended_model.toml", "rig.toml"
+DIAGNOSIS, MODEL = "diagnosis.json", "extended_model.toml"
 MARK = "diagnosed_record.txt"
 """In the folder of a diagnosis that `--from RECORD` made: which record and table it is of."""
 _OF_MOTION = ("moving_mass", "stiffness", "damping", "nominal_gap")
@@ -47,7 +48,7 @@ def told_from(folder: Path, table: Path | None) -> Told:
     ------
     InputError : as `told_by`; a record that cannot be diagnosed
     """
-    return told_by(_diagnosed(folder, table) if (folder / RIG).is_file() else folder)
+    return told_by(_diagnosed(folder, table) if (folder / RIG_FILE).is_file() else folder)
 
 
 def told_by(folder: Path) -> Told:
