@@ -8,7 +8,7 @@ values are equally likely (GUM, JCGM 100:2008, 4.3.7): sigma = limit / sqrt(3). 
 linkage grow with the stack's depth, and with half of the share by which either leg is wider (docs/tolerances.md).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -84,13 +84,7 @@ def without_scatter(
     cleaned = {
         name: values - np.einsum("rj,rj->r", columns[name], own[place]) for name, values in static.readings.items()
     }
-    kept = replace(
-        static,
-        force=cleaned.get("force_N"),
-        flux_linkage=cleaned.get("flux_linkage_Wb"),
-        flux_density=cleaned.get("flux_density_T"),
-    )
-    return kept, UnitScatter(units, own[:, 0], own[:, 1], *foretold(actuator))
+    return static.with_readings(cleaned), UnitScatter(units, own[:, 0], own[:, 1], *foretold(actuator))
 
 
 def _columns(static: StaticMap, name: str, table: MagneticTable) -> Array:

@@ -118,6 +118,8 @@ class Run(Tabular):
         return float((self.time[-1] - self.time[0]) / (self.time.size - 1))
 
 
+MAP_READINGS = {"force_N": "force", "flux_linkage_Wb": "flux_linkage", "flux_density_T": "flux_density"}
+"""Columns that a static map may have read, one of them at least, and its fields."""
 _COLUMNS_OF_ROWS = (
     "gap", "current", "force", "flux_linkage", "flux_density", "role", "direction", "sequence", "unit",
 )  # fmt: skip
@@ -163,8 +165,13 @@ class StaticMap(Tabular):
     @property
     def readings(self) -> dict[str, Array]:
         """What was measured, (n_row,) each, by its column."""
-        columns = {"force_N": self.force, "flux_linkage_Wb": self.flux_linkage, "flux_density_T": self.flux_density}
+        columns = {name: getattr(self, field_name) for name, field_name in MAP_READINGS.items()}
         return {name: values for name, values in columns.items() if values is not None}
+
+    def with_readings(self, readings: Mapping[str, Array]) -> "StaticMap":
+        """The map with other readings (n_row,) in these columns."""
+        changed: dict[str, Any] = {MAP_READINGS[name]: values for name, values in readings.items()}
+        return replace(self, **changed)
 
     def at(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> "StaticMap":
         """Some of its rows, without further columns."""

@@ -11,13 +11,11 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
 from msl_fem.record.columns import Column, numbers, place, read_columns, require_columns
 from msl_fem.record.plausibility import refuse_impossible
-from msl_fem.record.record import StaticMap, read_only
+from msl_fem.record.record import MAP_READINGS, StaticMap, read_only
 from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RigFile, Role, StaticEntry
 
-READINGS = ("force_N", "flux_linkage_Wb", "flux_density_T")
-"""Columns that a map may have read; one is there."""
-SIGMAS = tuple(f"sigma_{name}" for name in READINGS)
-NUMBERS = ("gap_m", "current_A", *READINGS, *SIGMAS, "sequence")
+SIGMAS = tuple(f"sigma_{name}" for name in MAP_READINGS)
+NUMBERS = ("gap_m", "current_A", *MAP_READINGS, *SIGMAS, "sequence")
 WORDS = {"direction": ("up", "down"), "role": ("fit", "held-out")}
 UNIT = "unit"
 
@@ -47,7 +45,7 @@ def read_static_map(table: Mapping[str, Column], *, role: Role | None, file: Pat
     RecordError : a column is missing, a value not finite, a gap or a sigma below zero, a word that is none of the
         allowed
     """
-    require_columns([("gap_m",), ("current_A",), READINGS], list(table), file=file)
+    require_columns([("gap_m",), ("current_A",), tuple(MAP_READINGS)], list(table), file=file)
     value = {name: read_only(numbers(c, name, file)) for name, c in table.items() if name in NUMBERS}
     words = {name: _words(c, name, file) for name, c in table.items() if name in WORDS}
     refuse_impossible(value, file=file)
@@ -56,7 +54,7 @@ def read_static_map(table: Mapping[str, Column], *, role: Role | None, file: Pat
     _refuse_below(value, file)
     if "role" not in words and role is None:
         raise RecordError(f"{file}: row 1: column role is missing; add it, or a role to [static] of rig.toml")
-    sigma = {name: value[f"sigma_{name}"] for name in READINGS if name in value and f"sigma_{name}" in value}
+    sigma = {name: value[f"sigma_{name}"] for name in MAP_READINGS if name in value and f"sigma_{name}" in value}
     return StaticMap(
         gap=value["gap_m"],
         current=value["current_A"],
