@@ -14,14 +14,20 @@ def made_old(path: Path) -> Path:
     return path
 
 
-def test_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
-    target = tmp_path / "t[1].nc"
+def left_by_a_killed_run(staging: str, target: Path, *, before: str = "pass") -> Path:
+    """The only part beside a target after a run was killed in that function of `whole_file`."""
     code = (
-        "import os, sys; from pathlib import Path; from msl_fem.files.whole_file import whole_file\n"
-        "with whole_file(Path(sys.argv[1])): os.kill(os.getpid(), 9)"
+        f"import os, sys; from pathlib import Path; from msl_fem.files.whole_file import {staging}\n"
+        f"with {staging}(Path(sys.argv[1])) as part: {before}; os.kill(os.getpid(), 9)"
     )
     assert subprocess.run([sys.executable, "-c", code, str(target)], check=False).returncode == -9
-    [left] = tmp_path.glob(".*.part")
+    [left] = target.parent.glob(".*.part")
+    return left
+
+
+def test_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
+    target = tmp_path / "t[1].nc"
+    left = left_by_a_killed_run("whole_file", target)
     with whole_file(target):
         assert left.exists(), "it may be of a run that has just begun"
     made_old(left)
@@ -36,12 +42,7 @@ def test_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
 def test_what_a_killed_run_left_of_a_folder_is_removed(tmp_path: Path) -> None:
     """Not while its run works, and not where it keeps what was to be replaced."""
     target = tmp_path / "out"
-    code = (
-        "import os, sys; from pathlib import Path; from msl_fem.files.whole_file import staging_folder\n"
-        "with staging_folder(Path(sys.argv[1])) as f: (f / 'a').touch(); os.kill(os.getpid(), 9)"
-    )
-    assert subprocess.run([sys.executable, "-c", code, str(target)], check=False).returncode == -9
-    [left] = tmp_path.glob(".*.part")
+    left = left_by_a_killed_run("staging_folder", target, before="(part / 'a').touch()")
     kept = tmp_path / ".out.abcdefgh.part"
     (kept / ASIDE).mkdir(parents=True)
     made_old(left)
