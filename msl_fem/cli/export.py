@@ -61,7 +61,7 @@ def command(
     source: Annotated[
         Path, typer.Argument(metavar="TABLE|ACTUATOR|MAP", help="Table, actuator file, extended model or map.")
     ],
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="c, csv, mat, modelica, dxf or fmu.")],
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="c, csv, mat, modelica, dxf, femm or fmu.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
     what: Annotated[
         str | None,
@@ -87,7 +87,7 @@ def command(
     A table as CSV, C99 header, MAT-file for Simscape or text for Modelica; a guard as C99 header, and so the whole
     controller of an actuator or an extended model, as `control` designs it with the same options (--what controller);
     the coupled model of an actuator, or of an extended model with its effects, as FMU (FMI 2.0, co-simulation); the
-    section of a magnet as DXF.
+    section of a magnet as DXF or as a problem of FEMM.
     """
     options = DesignOptions(model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap)
     options.choice()

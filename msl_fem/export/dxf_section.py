@@ -32,12 +32,8 @@ def dxf_text(actuator: Actuator, gap: float | None = None) -> str:
     ActuatorError : the magnet is not known by its dimensions
     InputError : no gap is given and the actuator states none, or the magnet is a mesh
     """
+    nominal = drawn_gap(actuator, gap)
     magnet = actuator.magnet_kind("a drawing of the section")
-    if magnet.own_mesh() is not None:
-        raise InputError(f"{actuator.name}: a drawing needs [magnet] of a kind with dimensions; this one is a mesh")
-    nominal = gap if gap is not None else actuator.motion.nominal_gap if actuator.motion is not None else None
-    if nominal is None or not nominal > 0:
-        raise InputError(f'{actuator.name} states no motion.nominal_gap; give a gap above 0, like --gap "0.5 mm"')
     section = magnet.section(nominal)
     solid = dict.fromkeys(section.iron, COLOURS["iron"]) | dict.fromkeys(section.turns_density, COLOURS["coil"])
     drawn = [r for r in section.regions if r.name in solid or is_taken_off(r)]
@@ -55,6 +51,16 @@ def dxf_text(actuator: Actuator, gap: float | None = None) -> str:
     for name, ring in outlines:
         lines += _outline(name, ring)
     return "\n".join([*lines, *_pairs((0, "ENDSEC"), (0, "EOF"))]) + "\n"
+
+
+def drawn_gap(actuator: Actuator, gap: float | None) -> float:
+    """The gap in m at which a section is drawn: the one given, else the nominal one. Raises as `dxf_text`."""
+    if actuator.magnet_kind("a drawing of the section").own_mesh() is not None:
+        raise InputError(f"{actuator.name}: a drawing needs [magnet] of a kind with dimensions; this one is a mesh")
+    nominal = gap if gap is not None else actuator.motion.nominal_gap if actuator.motion is not None else None
+    if nominal is None or not nominal > 0:
+        raise InputError(f'{actuator.name} states no motion.nominal_gap; give a gap above 0, like --gap "0.5 mm"')
+    return nominal
 
 
 def _layers(region: str, section: Section) -> tuple[str, str]:

@@ -1,5 +1,6 @@
 """What goes to other tools, read by those tools: CasADi, python-control, Gymnasium."""
 
+import casadi as ca
 import control
 import gymnasium
 import numpy as np
@@ -22,7 +23,6 @@ STEP = "step:amplitude=2 mA,bias=0.3 A,channel=differential,duration=40 ms"
 
 def test_casadi_has_the_tables_numbers_and_gradients(table: MagneticTable) -> None:
     """1e-10 of each quantity's full scale, both signs of the current, and exact derivatives at no current."""
-    pytest.importorskip("casadi", reason="CasADi is in the extra 'bench'")
     rng = np.random.default_rng(5)
     current = np.r_[rng.uniform(-12, 12, 400), 0.0, table.current[4], -table.current[-1]]
     gap = np.r_[rng.uniform(table.gap[0], table.gap[-1], 400), table.gap[3], table.gap[7], table.gap[-1]]
@@ -38,7 +38,6 @@ def test_casadi_has_the_tables_numbers_and_gradients(table: MagneticTable) -> No
 
 def test_casadi_differentiates_the_force(table: MagneticTable) -> None:
     """What an optimiser takes: the gradient of the force by the other tool, against the table's own slopes."""
-    ca = pytest.importorskip("casadi", reason="CasADi is in the extra 'bench'")
     i, g = ca.MX.sym("i"), ca.MX.sym("g")
     force = casadi_function(table)(current=i, gap=g)["force"]
     slopes = ca.Function("slopes", [i, g], [ca.gradient(force, i), ca.gradient(force, g)])(3.0, 0.4e-3)

@@ -71,7 +71,7 @@ def triangulate(section: Section, size: MeshSize | None = None) -> TriangleMesh:
 
 def _triangulate(section: Section, size: MeshSize) -> TriangleMesh:
     """One attempt; raises netgen's NgException."""
-    vertices, edges = _subdivide(section)
+    vertices, edges = elementary_edges(section)
     at_corner = _corner_sizes(section, size, vertices)
     largest_in = _iron_sizes(section, size)
     box = float(np.abs(vertices).max())
@@ -226,7 +226,7 @@ def _surrounded(mesh: TriangleMesh, factor: float) -> TriangleMesh:
     )
 
 
-def _subdivide(section: Section) -> tuple[Array, list[tuple[int, int, str, str]]]:
+def elementary_edges(section: Section) -> tuple[Array, list[tuple[int, int, str, str]]]:
     """Vertices (n, 2) and elementary edges (start, end, region to the left, to the right; "" outside)."""
     every = np.array([v for r in section.regions for v in r.vertices])
     tolerance = TOLERANCE * np.abs(every).max()
@@ -246,7 +246,7 @@ def _subdivide(section: Section) -> tuple[Array, list[tuple[int, int, str, str]]
         a, b = points[start], points[end]
         normal = np.array([a[1] - b[1], b[0] - a[0]])
         offset = normal / np.linalg.norm(normal) * 100 * tolerance
-        left, right = (_region_at((a + b) / 2 + sign * offset, section) for sign in (1, -1))
+        left, right = (region_at((a + b) / 2 + sign * offset, section) for sign in (1, -1))
         if left != right:
             edges.append((int(start), int(end), left, right))
     used = sorted({k for edge in edges for k in edge[:2]})
@@ -264,7 +264,7 @@ def _on_segment(points: Array, a: Array, b: Array, tolerance: float) -> list[int
     return [int(k) for k in on[np.argsort(t[on])]]
 
 
-def _region_at(point: Array, section: Section) -> str:
+def region_at(point: Array, section: Section) -> str:
     """The topmost region that covers the point (even-odd rule), "" outside all."""
     for region in reversed(section.regions):
         ring = np.array(region.vertices)
