@@ -100,6 +100,14 @@ def damper_record(voltage: float) -> Record:
     return Record("measured", actuator, sampling=Sampling(rate=100.0), noise=noise, tolerance=wide, runs=tuple(runs))
 
 
+def beside(found) -> str:
+    """The formula that the errors of a diagnosis' extended model hold beside its effects."""
+    if found.formula is None:
+        return ""
+    told = found.formula.to_json()
+    return f" with {told['equation']} = {told['law']} beside, which is {told['held_out_share']:.0%} of the rest"
+
+
 def damper() -> list[Judged]:
     """Each coil voltage by itself."""
     rows = []
@@ -113,7 +121,7 @@ def damper() -> list[Judged]:
         nearest = next((note.split(";")[0] for note in found.notes if "nearest" in note), "")
         means = (
             f"{sizes or nearest}; viscous {fitted:.0f} N s/m; held-out force errs by {min(held):.0%} to "
-            f"{max(held):.0%}; the authors' law fitted to the same runs: friction {law.friction:.0f} N, viscous "
+            f"{max(held):.0%}{beside(found)}; the authors' law fitted to the same runs: friction {law.friction:.0f} N, viscous "
             f"{law.viscous:.0f} N s/m, errs by {law.error:.0%}"
         )
         known = f"the authors' Dahl law: friction {friction:.0f} N, viscous {viscous:.0f} N s/m; offset 103 to 137 N"
