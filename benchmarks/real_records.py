@@ -56,6 +56,12 @@ def emps():
         f"Verdict: **{found.verdict}**. Nats of evidence: {evidence}. Left of the excess power: "
         f"{100 * found.unexplained.share:.1f} %."
     )
+    if found.formula is not None:
+        told = found.formula.to_json()
+        text += (
+            f" The last column of errors holds {told['equation']} = {told['law']} beside the effects, which is "
+            f"{told['share']:.0%} of the rest ({told['held_out_share']:.0%} on the test record)."
+        )
     head = ["parameter", "unit", "published", "fitted", "95 % interval", "off by (%)"]
     return text + "\n\n" + rows_of(head, rows) + "\n\n" + followed(found)
 

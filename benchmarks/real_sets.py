@@ -121,8 +121,8 @@ def damper() -> list[Judged]:
         nearest = next((note.split(";")[0] for note in found.notes if "nearest" in note), "")
         means = (
             f"{sizes or nearest}; viscous {fitted:.0f} N s/m; held-out force errs by {min(held):.0%} to "
-            f"{max(held):.0%}{beside(found)}; the authors' law fitted to the same runs: friction {law.friction:.0f} N, viscous "
-            f"{law.viscous:.0f} N s/m, errs by {law.error:.0%}"
+            f"{max(held):.0%}{beside(found)}; the authors' law fitted to the same runs: "
+            f"friction {law.friction:.0f} N, viscous {law.viscous:.0f} N s/m, errs by {law.error:.0%}"
         )
         known = f"the authors' Dahl law: friction {friction:.0f} N, viscous {viscous:.0f} N s/m; offset 103 to 137 N"
         rows.append(Judged(f"MR damper, {voltage:g} V", known, words(found), means))

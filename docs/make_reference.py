@@ -73,6 +73,8 @@ def columns_page() -> str:
         "A run is a CSV file with these names in its first line, or a NetCDF file with them over a dimension `time`. Missing columns "
         "are fine where the drive makes them redundant; others are kept, named in a warning, and ignored.", "",
         *rows, "",
+        "A column `valid` (1, or 0 in rows that are not) cuts the run; `valid_position_m` and so on say which readings of one channel "
+        "count.", "",
         "`static.csv` has `gap_m`, `current_A` and one or more of `force_N`, `flux_linkage_Wb` and `flux_density_T` (of a probe at one "
         "place: in proportion to the flux linkage, by a factor that a fit finds). It may have `direction` (`up`, `down`), `sequence` "
         "(numbers of separate loops), `role`, `unit` (which of several magnets of one kind), and `sigma_force_N` and so on: one sigma of "

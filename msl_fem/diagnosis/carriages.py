@@ -25,6 +25,7 @@ from msl_fem.diagnosis.noise import NoiseBands, transformed
 from msl_fem.diagnosis.problem import FitProblem, Points
 from msl_fem.diagnosis.unknowns import Unknowns, fixed_of
 from msl_fem.diagnosis.variants import RecordFeatures, Variant, every_variant, record_features, variables_of
+from msl_fem.errors import InputError
 from msl_fem.plant import PlantParameters
 from msl_fem.plant.effects import CATALOGUE
 from msl_fem.prediction import ModelHypothesis, RunData, free_parameters, kernel_plant
@@ -216,8 +217,15 @@ def carriage(record: Record, belief: ModelHypothesis, runs: Sequence[RunData]) -
 
     Raises
     ------
-    InputError : a run is too short for the filters
+    InputError : a run is too short for the filters, or has positions that do not count, of which no velocity comes
     """
+    for run in runs:
+        if POSITION_COLUMN in run.invalid:
+            lost = run.invalid[POSITION_COLUMN]
+            raise InputError(
+                f"run {run.name}: {lost.size} positions do not count, the first at {lost[0] / run.rate:.4g} s, and the "
+                "force of a mover without a spring is told by its acceleration; cut the run there by a column valid"
+            )
     fitted = [run for run in runs if run.role == "fit"]
     likelihood, unknowns = prepared_carriage(belief, fitted, record.tolerance)
     share = max(attenuation(fitted[0], likelihood.low_pass).values())

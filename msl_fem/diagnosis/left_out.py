@@ -55,6 +55,12 @@ class LeftOut:
         return found | {"channel": self.channel or None, "details": self.details.strip("; ")}
 
 
+def about_invalid(runs: Sequence[RunData]) -> tuple[LeftOut, ...]:
+    """What the record, or a clipped sensor, says does not count."""
+    reason = "the record says so, or the sensor is clipped there"
+    return tuple(LeftOut.of(run, at, reason, channel=name) for run in runs for name, at in run.invalid.items())
+
+
 def left_outside(
     belief: ModelHypothesis, runs: Sequence[RunData], cuts: Sequence[Stretches | None]
 ) -> tuple[LeftOut, ...]:

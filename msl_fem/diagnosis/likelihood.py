@@ -210,18 +210,25 @@ class Likelihood:
     @cached_property
     def spent(self) -> Array:
         """(n_label,) how many numbers of each label went into starts that were eliminated: the trace of what
-        eliminates them, which is that of Q Q' with orthonormal columns Q of the starts."""
+        eliminates them, which is that of Q Q' with orthonormal columns Q of the starts; and those that readings which
+        do not count leave out, a share of each band's."""
         spent = np.zeros(int(self.labels.max()) + 1)
         at = 0
         for piece, (run, part) in enumerate(self.problem.pieces):
             cut, lines = self.problem.cut(run), self.bands.lines[piece]
-            for n in range(len(self.problem.channels(run))):
+            for n, name in enumerate(self.problem.channels(run)):
+                own = self._labels_of_runs[at : at + 2 * lines]
+                spent += self._share_invalid(run, part, name) * np.bincount(own, minlength=spent.size)
                 if cut is not None:
                     squares = transformed(cut.orthonormal(n, part), lines) ** 2
-                    own = self._labels_of_runs[at : at + 2 * lines]
                     spent += np.bincount(own, weights=squares.sum(axis=0), minlength=spent.size)
                 at += 2 * lines
         return spent
+
+    def _share_invalid(self, run: int, part: slice, name: str) -> float:
+        """Of a channel's readings over some samples, those that do not count."""
+        at = self.problem.runs[run].invalid.get(name)
+        return 0.0 if at is None else float(np.sum((at >= part.start) & (at < part.stop)) / (part.stop - part.start))
 
     @property
     def ceilings(self) -> Array:

@@ -21,7 +21,6 @@ from scipy.signal import lfilter
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
-from msl_fem.diagnosis.spikes import bridged
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.plant import layout
 from msl_fem.plant.excitation import Inputs
@@ -29,6 +28,7 @@ from msl_fem.plant.lane_run import LaneSettings, run_lanes
 from msl_fem.plant.plant import FORCE_DRIVE
 from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, kernel_plant, measured_start
 from msl_fem.prediction.free_run import readings_of
+from msl_fem.prediction.run_data import bridged
 from msl_fem.record.columns import Channel
 
 N_SPLINE = 14

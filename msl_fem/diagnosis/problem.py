@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.lanes import LANES
-from msl_fem.diagnosis.spikes import bridged
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.table_error import TableErrorModes
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -22,7 +21,7 @@ from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.free_run import counted
 from msl_fem.prediction.hypothesis import with_factors
 from msl_fem.prediction.nuisances import line_of, together
-from msl_fem.prediction.run_data import POSITION_COLUMN
+from msl_fem.prediction.run_data import POSITION_COLUMN, bridged
 from msl_fem.record import Tolerance
 from msl_fem.record.columns import Channel
 
@@ -153,12 +152,13 @@ def missed(problem: FitProblem, points: Points, run: int, found: LaneRun) -> lis
     factors = [points.unknowns.factors(z) for z in points.rows]
     gains = np.array([f.get("position_gain", 1.0) for f in factors]) * problem.plant.gain
     data, residuals = problem.runs[run], []
+    left_out = data.left_out
     for name in problem.channels(run):
         lines = np.array([line_of(name, together(problem.plant.instruments, f)) for f in factors])
         if name == POSITION_COLUMN:
             lines[:, 0] = gains
         values = data.measured[name] - (lines[:, :1] * reading(found, name) + lines[:, 1:])
-        residuals.append(bridged(values, data.spikes[name]) if name in data.spikes else values)
+        residuals.append(bridged(values, left_out[name]) if name in left_out else values)
     return residuals
 
 

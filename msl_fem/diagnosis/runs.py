@@ -10,7 +10,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, Size
-from msl_fem.diagnosis.left_out import left_outside, runs_inside
+from msl_fem.diagnosis.left_out import about_invalid, left_outside, runs_inside
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.next_experiment import Question, farther, separating
 from msl_fem.diagnosis.noise import highest_line, make_bands
@@ -19,7 +19,7 @@ from msl_fem.diagnosis.problem import START, FitProblem, Points, simulated_resid
 from msl_fem.diagnosis.refits import ROUGH
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
-from msl_fem.diagnosis.spikes import about_spikes, bridged, without_spikes
+from msl_fem.diagnosis.spikes import about_spikes, without_spikes
 from msl_fem.diagnosis.static_maps import MAP_BESIDE, JointLikelihood, joined
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.table_error import Visited, table_error
@@ -28,7 +28,7 @@ from msl_fem.diagnosis.variants import variables_of
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import ModelHypothesis, RunData, Start, free_parameters, free_run, kernel_plant, measured_start
 from msl_fem.prediction.free_run import counted, start_sigmas
-from msl_fem.prediction.run_data import Hold
+from msl_fem.prediction.run_data import Hold, bridged
 from msl_fem.record import Record, Tolerance
 
 ROUNDS = 3
@@ -191,7 +191,7 @@ def _made(
     likelihood, unknowns = _likelihood(fitted, unknowns)
     likelihood, unknowns = joined(record, belief, likelihood, unknowns)
     notes = [MAP_BESIDE] if isinstance(likelihood, JointLikelihood) else []
-    left_out += about_spikes(runs)
+    left_out += about_spikes(runs) + about_invalid(runs)
     notes += [*_told(runs, cuts), *(one.text for one in left_out)]
     begin = None
     if at is not None:
@@ -259,7 +259,7 @@ def _missed(
     if cut is None:
         readings = free_run(plant, run, measured_start(plant, run)).readings
         missed = {name: run.measured[name] - readings[name] for name in run.measured}
-        return missed | {name: bridged(missed[name], at) for name, at in run.spikes.items()}
+        return missed | {name: bridged(missed[name], at) for name, at in run.left_out.items()}
     problem = FitProblem(plant, (run,), (), (), None, tolerance=tolerance)
     shot = Shooting(
         problem, 0, ModelSpread(Unknowns((), 0, ()), np.zeros(0), np.zeros((0, 0))), substeps=plant.substeps

@@ -34,7 +34,7 @@ def without_spikes(data: RunData) -> RunData:
     """A run that knows its spikes. Voltages have none: an amplifier's are as sudden as its command."""
     names = [name for name in data.measured if Channel.of(name).quantity != "voltage"]
     calm = ~_jumping(data.commands)
-    found = {name: spikes(data.measured[name], calm) for name in names}
+    found = {name: spikes(data.measured[name], calm, _counted(data, name)) for name in names}
     return replace(data, spikes={name: at for name, at in found.items() if at.size})
 
 
@@ -47,27 +47,17 @@ def about_spikes(runs: Sequence[RunData]) -> tuple[LeftOut, ...]:
     return tuple(found)
 
 
-def spikes(values: Array, calm: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """The samples of a reading (n_sample,) at spikes, where `calm`; none where they are more than `MOST`."""
+def spikes(values: Array, calm: NDArray[np.bool_], counted: NDArray[np.bool_] | None = None) -> NDArray[np.intp]:
+    """The samples of a reading (n_sample,) at spikes, where `calm` and `counted`; none where more than `MOST`."""
     away = _off_neighbours(values)
-    at = np.flatnonzero((np.abs(away) > SPIKE * _local_scale(away)) & calm)
+    counts = np.ones(values.size, dtype=bool) if counted is None else counted
+    scale = np.full(values.size, np.inf)
+    if counts.sum() >= AROUND:  # a line in place of readings has no noise, and would tell too small a scale
+        scale[counts] = _local_scale(away[counts])
+    at = np.flatnonzero((np.abs(away) > SPIKE * scale) & calm)
     narrow = [part for part in _parts(at) if part.size and part[-1] - part[0] < WIDEST]
     found = np.concatenate([at[:0], *narrow])
     return found if found.size <= MOST * values.size else at[:0]
-
-
-def bridged(residual: Array, at: NDArray[np.intp]) -> Array:
-    """Residuals (..., n_sample) with a straight line between neighbours in place of the samples `at`."""
-    if not at.size:
-        return residual
-    n = np.arange(residual.shape[-1])
-    rest = np.setdiff1d(n, at)
-    after = np.clip(np.searchsorted(rest, at), 1, rest.size - 1)
-    left, right = rest[after - 1], rest[after]
-    share = np.clip((at - left) / (right - left), 0.0, 1.0)
-    found = residual.copy()
-    found[..., at] = (1 - share) * residual[..., left] + share * residual[..., right]
-    return found
 
 
 def _parts(at: NDArray[np.intp]) -> list[NDArray[np.intp]]:
@@ -87,6 +77,13 @@ def _local_scale(away: Array) -> Array:
     """(n_sample,) of differences, those at the ends left out."""
     inner = median_filter(np.abs(away[2:-2]), AROUND, mode="reflect") / NORMAL_MEDIAN
     return np.pad(inner, 2, mode="edge")
+
+
+def _counted(data: RunData, name: str) -> NDArray[np.bool_]:
+    """(n_sample,) where a reading counts and is not next to one that does not: a line in its place has corners."""
+    invalid = np.zeros(len(data.commands), dtype=bool)
+    invalid[data.invalid.get(name, [])] = True
+    return np.convolve(invalid, np.ones(2 * REACH + 1), "same") < 0.5
 
 
 def _jumping(commands: Array) -> NDArray[np.bool_]:

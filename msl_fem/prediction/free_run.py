@@ -28,7 +28,7 @@ from msl_fem.plant.sampled_plant import SampledPlant, advance_sample, plant_at_r
 from msl_fem.plant.simulate import STATUS
 from msl_fem.prediction.hypothesis import KernelPlant, ModelHypothesis
 from msl_fem.prediction.nuisances import line_of
-from msl_fem.prediction.run_data import POSITION_COLUMN, LoopLaw, RunData
+from msl_fem.prediction.run_data import POSITION_COLUMN, LoopLaw, RunData, bridged
 from msl_fem.record import Tolerance
 from msl_fem.record.columns import Channel, side_columns
 
@@ -209,11 +209,12 @@ def measured_start(plant: KernelPlant, data: RunData) -> Start:
 def weighted(run: FreeRun, data: RunData, scale: Mapping[str, float] | None = None) -> Array:
     """Measured less simulated over the noise (times `scale`), channel after channel; of those with stated noise, or
     position and currents."""
-    scale = scale or {}
+    scale, left_out = scale or {}, data.left_out
     parts = []
     for name in counted(data):
         sigma = data.noise[name].sigma * scale.get(name, 1.0)
-        parts.append((data.measured[name] - run.readings[name]) / sigma)
+        missed = data.measured[name] - run.readings[name]
+        parts.append((bridged(missed, left_out[name]) if name in left_out else missed) / sigma)
     return np.concatenate(parts)
 
 

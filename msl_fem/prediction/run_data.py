@@ -12,6 +12,7 @@ from msl_fem.errors import InputError
 from msl_fem.plant import plant_parameters
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE
 from msl_fem.record import Record, Role, Run
+from msl_fem.record.clipping import clipped_samples
 from msl_fem.record.columns import Channel, side_columns
 from msl_fem.record.linear_law import READINGS
 
@@ -19,6 +20,7 @@ POSITION_COLUMN = "position_m"
 Hold = Literal["zero-order", "linear"]
 HIGHEST_BAND = 0.8  # of half the sampling rate: from here on, a channel is taken to hold noise alone
 LOWEST = 1e-9  # of a channel's span: noise below is none
+_NONE = np.zeros(0, dtype=np.intp)
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,9 @@ class RunData:
     ideal_current : the commands are measured currents
     law : what drove the run in closed loop, where it is linear and known
     read : (n_sample, 3) position and currents as recorded, for the law; columns that it does not read are 0
-    spikes : channel to the samples of readings that do not count
+    spikes : channel to the samples of readings that stand alone, which do not count
+    invalid : channel to the samples of readings that the record or a clipped sensor says do not count; there the
+        channel holds a straight line
     """
 
     name: str
@@ -74,6 +78,13 @@ class RunData:
     read: Array | None = None
     hold: Hold = "zero-order"
     spikes: Mapping[str, NDArray[np.intp]] = field(default_factory=dict)
+    invalid: Mapping[str, NDArray[np.intp]] = field(default_factory=dict)
+
+    @property
+    def left_out(self) -> dict[str, NDArray[np.intp]]:
+        """Channel to the samples of its readings that do not count, those that have some."""
+        both = {name: self.spikes.get(name, _NONE) for name in (*self.spikes, *self.invalid)}
+        return {name: np.union1d(at, self.invalid.get(name, _NONE)) for name, at in both.items()}
 
     @property
     def held(self) -> Array:
@@ -97,8 +108,9 @@ class RunData:
         """Its first n samples."""
         measured = {k: v[:n] for k, v in self.measured.items()}
         read = None if self.read is None else self.read[:n]
-        spikes = {k: at[at < n] for k, at in self.spikes.items()}
-        return replace(self, commands=self.commands[:n], measured=measured, read=read, spikes=spikes)
+        spikes, invalid = ({k: at[at < n] for k, at in some.items()} for some in (self.spikes, self.invalid))
+        head = replace(self, commands=self.commands[:n], measured=measured, read=read)
+        return replace(head, spikes=spikes, invalid=invalid)
 
 
 def run_data(record: Record, run: Run) -> RunData:
@@ -114,18 +126,41 @@ def run_data(record: Record, run: Run) -> RunData:
     for j, name in enumerate(inputs):
         commands[:, j] = run[name]
     law, read = _law(record, run, inputs)
+    invalid = {name: at for name in outputs if (at := _invalid(run, name)).size}
     return RunData(
         name=run.name,
         role=run.role,
         rate=1.0 / run.sampling_period,
         commands=commands,
-        measured={name: run[name] for name in outputs},
+        measured={name: bridged(run[name], invalid.get(name, _NONE)) for name in outputs},
         noise={name: noise_floor(record, name) for name in outputs},
         ideal_current=any(Channel.of(name).quantity == "current" for name in inputs),
         law=law,
         read=read,
         hold=record.sampling.hold if record.sampling is not None else "zero-order",
+        invalid=invalid,
     )
+
+
+def _invalid(run: Run, name: str) -> NDArray[np.intp]:
+    """The samples of a reading that do not count: as the run says, and of a position at which its sensor is clipped. A
+    current that stands still may be at the limit of its drive, so nothing is taken for granted there."""
+    stated = np.flatnonzero(~run.valid[name]) if name in run.valid else _NONE
+    return np.union1d(stated, clipped_samples(run[name])) if name == POSITION_COLUMN else stated
+
+
+def bridged(values: Array, at: NDArray[np.intp]) -> Array:
+    """Values (..., n_sample) with a straight line between neighbours in place of the samples `at`."""
+    if not at.size:
+        return values
+    n = np.arange(values.shape[-1])
+    rest = np.setdiff1d(n, at)
+    after = np.clip(np.searchsorted(rest, at), 1, rest.size - 1)
+    left, right = rest[after - 1], rest[after]
+    share = np.clip((at - left) / (right - left), 0.0, 1.0)
+    found = values.copy()
+    found[..., at] = (1 - share) * values[..., left] + share * values[..., right]
+    return found
 
 
 def _inputs(record: Record, run: Run) -> list[str]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import RecordError
+from msl_fem.record.clipping import doubtful_sensors
 from msl_fem.record.clock import evened
 from msl_fem.record.columns import numbers
 from msl_fem.record.reader import (
@@ -16,12 +17,13 @@ from msl_fem.record.reader import (
     check_record,
     check_run,
     doubtful_against_command,
-    doubtful_sensors,
+    driving_columns,
     known_columns,
 )
 from msl_fem.record.record import Record, Run, StaticMap
 from msl_fem.record.rig_file import GapZero, Noise, Origin, Role, Sampling, Tolerance
 from msl_fem.record.static_file import read_static_map
+from msl_fem.record.validity import VALID, mask_of, masked, valid_stretches
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -100,7 +102,10 @@ def _static(frame: "pd.DataFrame", labels: FrameLabels) -> StaticMap:
 
 def _run(name: str, frame: "pd.DataFrame", actuator: Actuator, labels: FrameLabels) -> Run:
     given = _columns(frame)
-    check_columns(list(given), actuator, file=name)
+    check_columns([column for column in given if not mask_of(column)], actuator, file=name)
+    if valid_stretches(given, file=name) is not None:
+        raise RecordError(f"run {name}: rows are not {VALID}; give the frames between them, each as a run")
+    given, valid = masked(given, driving_columns(actuator, given), file=name)
     known = known_columns(actuator)
     columns = {column: numbers(given[column], column, name) for column in known if column in given}
     columns[TIME] = evened(columns[TIME])[0]
@@ -110,6 +115,7 @@ def _run(name: str, frame: "pd.DataFrame", actuator: Actuator, labels: FrameLabe
         role="held-out" if name in labels.held_out else "fit",
         columns=columns,
         extra={column: values for column, values in given.items() if column not in known},
+        valid={column: flags for column, flags in valid.items() if column in known},
     )
 
 

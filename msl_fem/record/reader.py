@@ -1,17 +1,26 @@
 """A record from its folder, and what makes a run or a static map unfit for use: refusals that name file, row and
 column, and warnings."""
 
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
-from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
 from msl_fem.files.quantity import format_quantity
+from msl_fem.record.clipping import doubtful_sensors
 from msl_fem.record.clock import LARGEST_JITTER, evened
-from msl_fem.record.columns import CHANNELS, Channel, numbers, place, read_columns, require_columns, side_columns
+from msl_fem.record.columns import (
+    FIRST_ROW,
+    Column,
+    numbers,
+    place,
+    read_columns,
+    require_columns,
+    side_columns,
+)
 from msl_fem.record.duty import with_voltages
 from msl_fem.record.linear_law import linear_laws
 from msl_fem.record.plausibility import (
@@ -23,12 +32,12 @@ from msl_fem.record.plausibility import (
 from msl_fem.record.record import Record, Run, StaticMap
 from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RunEntry, Sampling, read_rig, rig_actuator
 from msl_fem.record.static_file import read_static
+from msl_fem.record.validity import VALID, mask_of, masked, valid_stretches
 
 FEWEST_SAMPLES = 200
 """Of a run; whether all of them together tell enough is what a diagnosis asks."""
 
 RATE_TOLERANCE = 1e-3
-STUCK_SHARE = 0.01
 
 
 def load_record(folder: str | Path) -> Record:
@@ -43,7 +52,8 @@ def load_record(folder: str | Path) -> Record:
     rig = read_rig(folder)
     actuator = rig_actuator(rig, folder)
     supply = None if rig.supply is None else rig.supply.voltage
-    runs = tuple(_read_run(entry, actuator, folder, supply=supply) for entry in rig.run)
+    read = [_read_runs(entry, actuator, folder, supply=supply) for entry in rig.run]
+    runs = tuple(run for one in read for run in one.runs)
     static = read_static(rig, folder / STATIC_FILE)
     record = Record(
         origin=rig.origin,
@@ -52,37 +62,101 @@ def load_record(folder: str | Path) -> Record:
         noise=rig.noise,
         tolerance=rig.tolerance,
         belief=rig.belief,
-        controller=rig.controller,
+        controller=_of_parts(rig.controller, read),
         runs=runs,
         static=static,
         causes=rig.causes(folder),
-        warnings=_warnings(runs, static, actuator, measured=rig.origin == "measured"),
+        warnings=(
+            *(told for one in read for told in one.told),
+            *_warnings(runs, static, actuator, measured=rig.origin == "measured"),
+        ),
         folder=folder,
     )
     check_record(record, rig_file=folder / RIG_FILE)
-    for run in runs:
-        assert rig.sampling is not None  # check_record saw to it
-        check_run(run, actuator, rig.sampling, file=folder / run.file)
+    for one in read:
+        for run, where in zip(one.runs, one.where, strict=True):
+            assert rig.sampling is not None  # check_record saw to it
+            check_run(run, actuator, rig.sampling, file=where)
     return record
 
 
-def _read_run(entry: RunEntry, actuator: Actuator, folder: Path, *, supply: float | None) -> Run:
+class _Read(NamedTuple):
+    """The runs that a file holds: one, or the stretches between rows that are not valid; where each begins, for
+    messages, and what has to be told."""
+
+    name: str
+    runs: tuple[Run, ...]
+    where: tuple[Path | str, ...]
+    told: tuple[str, ...] = ()
+
+
+def _read_runs(entry: RunEntry, actuator: Actuator, folder: Path, *, supply: float | None) -> _Read:
     path = folder / entry.file
     if not path.resolve().is_relative_to(folder.resolve()):
         raise RecordError(f"{path}: the file lies outside the record's folder; copy it there")
-    table = with_voltages(read_columns(path), supply, file=path)
-    check_columns(list(table), actuator, file=path)
+    table = read_columns(path)
+    name = entry.file.removesuffix(path.suffix)
+    stretches = valid_stretches(table, file=path)
+    if stretches is None:
+        return _Read(name, (_run_of(table, name, entry, actuator, file=path, supply=supply),), (path,))
+    long = [part for part in stretches if part.stop - part.start >= FEWEST_SAMPLES]
+    if not long:
+        raise RecordError(
+            f"{path}: row 1: column {VALID} leaves no stretch of {FEWEST_SAMPLES} samples, which a run needs; "
+            "record longer"
+        )
+    names = [name] if len(long) == 1 else [f"{name}_{n + 1}" for n in range(len(long))]
+    where = [f"{path} from {place('', part.start + FIRST_ROW[path.suffix]).removeprefix(': ')}" for part in long]
+    runs = []
+    for part, own, at in zip(long, names, where, strict=True):
+        rows = {column: values[part] for column, values in table.items()}
+        runs.append(_run_of(rows, own, entry, actuator, file=at, supply=supply))
+    return _Read(name, tuple(runs), tuple(where), (_cut(path, table, stretches, long, names),))
+
+
+def _cut(path: Path, table: Mapping[str, Column], stretches: list[slice], long: list[slice], names: list[str]) -> str:
+    """What rows that are not valid leave of a run, in words."""
+    count = len(next(iter(table.values())))
+    lost = count - sum(part.stop - part.start for part in stretches)
+    told = f"{path.name}: {lost} of {count} samples are not {VALID}; taken as {', '.join(names)}"
+    short = len(stretches) - len(long)
+    return told + (f"; {short} stretches of fewer than {FEWEST_SAMPLES} samples are left out" if short else "")
+
+
+def _run_of(
+    table: Mapping[str, Column], name: str, entry: RunEntry, actuator: Actuator, *, file: Path | str,
+    supply: float | None,
+) -> Run:  # fmt: skip
+    """The run of a file's rows."""
+    given = with_voltages(table, supply, file=file)
+    check_columns([column for column in given if not mask_of(column)], actuator, file=file)
+    given, valid = masked(given, driving_columns(actuator, given), file=file)
     known = known_columns(actuator)
-    columns = {name: numbers(table[name], name, path) for name in known if name in table}
+    columns = {column: numbers(given[column], column, file) for column in known if column in given}
     columns["time_s"] = evened(columns["time_s"])[0]
     return Run(
-        name=entry.file.removesuffix(path.suffix),
+        name=name,
         excitation=entry.excitation,
         role=entry.role,
         columns=columns,
-        extra={name: column for name, column in table.items() if name not in known},
-        file_format="nc" if path.suffix == ".nc" else "csv",
+        extra={column: values for column, values in given.items() if column not in known},
+        file_format="nc" if entry.file.endswith(".nc") else "csv",
+        valid={column: flags for column, flags in valid.items() if column in known},
     )
+
+
+def _of_parts(controller: Mapping[str, Any] | None, read: Sequence[_Read]) -> Mapping[str, Any] | None:
+    """What is stated of the controller, where it names runs that were cut their parts instead."""
+    parts = {one.name: [run.name for run in one.runs] for one in read}
+    laws = (controller or {}).get("linear")
+    if controller is None or not isinstance(laws, list) or all(len(names) == 1 for names in parts.values()):
+        return controller
+    made = []
+    for law in laws:
+        named = law.get("runs") if isinstance(law, dict) else None
+        every = [part for name in named for part in parts.get(name, [name])] if isinstance(named, list) else named
+        made.append(law if every is None else {**law, "runs": every})
+    return {**controller, "linear": made}
 
 
 def _warnings(
@@ -132,6 +206,15 @@ def known_columns(actuator: Actuator) -> list[str]:
         "temperature_K",
         *side_columns("flux_linkage", sides),
     ]
+
+
+def driving_columns(actuator: Actuator, names: Collection[str]) -> list[str]:
+    """The columns of a run that drive the plant: in current drive the commands where all of them are there."""
+    driving = [
+        alternatives for alternatives in needed_columns(actuator) if alternatives[0] not in ("time_s", "position_m")
+    ]
+    commanded = [alternatives[-1] for alternatives in driving]
+    return commanded if all(name in names for name in commanded) else [alternatives[0] for alternatives in driving]
 
 
 def needed_columns(actuator: Actuator) -> list[tuple[str, ...]]:
@@ -255,71 +338,3 @@ def _check_position(run: Run, actuator: Actuator, file: Path | str) -> None:
             f"{place(file, at)}, column position_m: {x[at] * 1e3:.6g} mm lies outside the mechanical gap, {allowed}; "
             "correct the zero or the unit of the position, or motion.nominal_gap"
         )
-
-
-def doubtful_sensors(run: Run, actuator: Actuator, *, file: Path | str) -> list[str]:
-    """One warning for each sensor that is stuck or clipped for more than 1 % of the run, with the samples.
-
-    Stuck is one stretch of equal values that long; clipped is that many samples at the largest or the smallest value,
-    five times as many as at the value next to it (the crest of a quantised sine has 2.4 times as many).
-    """
-    warnings: list[str] = []
-    if run.time.size == 0:  # which `check_run` refuses
-        return warnings
-    sensors = {"position", "current", "flux_linkage"}
-    if _drive_kind(actuator) != "voltage":
-        sensors.add("voltage")
-    for name, values in run.columns.items():
-        channel = CHANNELS.get(name)
-        if channel is None or channel.quantity not in sensors:
-            continue
-        command = None
-        if channel.quantity == "current":
-            command = run.columns.get(Channel("command", channel.side).column)
-        start, end = _equal_stretches(values)
-        clipped = np.isin(values[start], _clipped_levels(values, command=command))
-        doubtful = _stuck(start, end, command=command) | clipped
-        if doubtful.any():
-            share = (end - start)[doubtful].sum() / values.size
-            warnings.append(
-                f"{file}: {name} is stuck or clipped in {share:.2g} of the run, "
-                f"samples {_ranges(start[doubtful], end[doubtful])}"
-            )
-    return warnings
-
-
-def _equal_stretches(values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First sample and the sample behind the last one of each stretch of equal values."""
-    change = np.flatnonzero(np.diff(values)) + 1
-    return np.concatenate(([0], change)), np.concatenate((change, [values.size]))
-
-
-def _stuck(start: NDArray[np.intp], end: NDArray[np.intp], *, command: Array | None) -> NDArray[np.bool_]:
-    """Which stretches are too long for a live sensor; not those in which a standing command tells it to stand still."""
-    stuck = end - start > STUCK_SHARE * end[-1]
-    for k in np.flatnonzero(stuck):
-        stuck[k] = command is None or np.ptp(command[start[k] : end[k]]) > 0
-    return stuck
-
-
-def _clipped_levels(values: Array, *, command: Array | None) -> list[float]:
-    """The smallest and the largest value, where a sensor spends so much time there that it seems to be clipped."""
-    levels, counts = np.unique(values, return_counts=True)
-    if levels.size <= 2:
-        return []
-    clipped = []
-    for edge, beside in ((0, 1), (-1, -2)):
-        often = counts[edge] > max(STUCK_SHARE * values.size, 5 * counts[beside])
-        if often and (command is None or np.ptp(command[values == levels[edge]]) > 0):
-            clipped.append(float(levels[edge]))
-    return clipped
-
-
-def _ranges(start: NDArray[np.intp], end: NDArray[np.intp], *, shown: int = 3) -> str:
-    texts = []
-    for first, behind in zip(start[:shown], end[:shown], strict=True):
-        texts.append(f"{first} ... {behind - 1}" if behind - first > 1 else f"{first}")
-    text = ", ".join(texts)
-    if start.size > shown:
-        text += f" and {start.size - shown} stretches more up to {end[-1] - 1}"
-    return text

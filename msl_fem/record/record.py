@@ -56,6 +56,7 @@ class Run(Tabular):
     columns : (n_sample,) each, by RECORDS' names with the SI unit in them; read-only; `time_s` is always there
     extra : columns of the file that the format does not know; kept, not used
     file_format : "csv" or "nc" (NetCDF)
+    valid : column to (n_sample,) whether its readings count, where some do not; there the column holds a straight line
     """
 
     name: str
@@ -64,13 +65,15 @@ class Run(Tabular):
     columns: Mapping[str, Array]
     extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     file_format: Literal["csv", "nc"] = "csv"
+    valid: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         frozen = {name: read_only(values) for name, values in self.columns.items()}
         if "time_s" not in frozen:
             raise RecordError(f"run {self.name}: column time_s is missing")
         extra = {name: _texts_or_numbers(values) for name, values in self.extra.items()}
-        for name, values in {**frozen, **extra}.items():
+        valid = {name: np.array(values, dtype=bool) for name, values in self.valid.items()}
+        for name, values in {**frozen, **extra, **{f"valid_{name}": flags for name, flags in valid.items()}}.items():
             if values.shape != (frozen["time_s"].size,):
                 raise RecordError(
                     f"run {self.name}: column {name} has the shape {values.shape}, "
@@ -78,6 +81,7 @@ class Run(Tabular):
                 )
         object.__setattr__(self, "columns", frozen)
         object.__setattr__(self, "extra", extra)
+        object.__setattr__(self, "valid", valid)
 
     def facts(self) -> dict[str, str]:
         """Name, length, excitation, role and columns."""
@@ -90,8 +94,9 @@ class Run(Tabular):
         }
 
     def frame_columns(self) -> dict[str, NDArray[Any]]:
-        """time_s, the other columns, and those that the format does not know."""
-        return {"time_s": self.time, **self.columns, **self.extra}
+        """time_s, the other columns, which of their readings are valid, and what the format does not know."""
+        masks = {f"valid_{name}": flags.astype(np.float64) for name, flags in self.valid.items()}
+        return {"time_s": self.time, **self.columns, **masks, **self.extra}
 
     def __getitem__(self, column: str) -> Array:
         """The column (n_sample,); RecordError where the run has none of this name."""

@@ -189,7 +189,7 @@ def _write_files(record: Record, folder: Path) -> None:
     (folder / ACTUATOR_FILE).write_text(_actuator_text(record.actuator), encoding="utf-8")
     for run in record.runs:
         (folder / run.file).parent.mkdir(parents=True, exist_ok=True)
-        write_columns(folder / run.file, {**run.columns, **run.extra})
+        write_columns(folder / run.file, run.frame_columns())
     if record.static is not None:
         write_columns(folder / STATIC_FILE, _static_columns(record.static))
 

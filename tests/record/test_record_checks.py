@@ -9,7 +9,8 @@ from small_record import RATE, columns
 
 from msl_fem.actuator import Actuator, Motion, Sides, parse_actuator
 from msl_fem.errors import RecordError
-from msl_fem.record.reader import check_record, check_run, doubtful_sensors
+from msl_fem.record.clipping import doubtful_sensors
+from msl_fem.record.reader import check_record, check_run
 from msl_fem.record.record import Record, Run, Sampling
 
 FILE = Path("r/noise.csv")
