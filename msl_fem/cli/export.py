@@ -61,7 +61,7 @@ def command(
     source: Annotated[
         Path, typer.Argument(metavar="TABLE|ACTUATOR|MAP", help="Table, actuator file, extended model or map.")
     ],
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="c, csv, mat, modelica, dxf, femm or fmu.")],
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="c, csv, mat, modelica, dxf, femm, fmu or fmu3.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
     what: Annotated[
         str | None,
@@ -86,8 +86,8 @@ def command(
 
     A table as CSV, C99 header, MAT-file for Simscape or text for Modelica; a guard as C99 header, and so the whole
     controller of an actuator or an extended model, as `control` designs it with the same options (--what controller);
-    the coupled model of an actuator, or of an extended model with its effects, as FMU (FMI 2.0, co-simulation); the
-    section of a magnet as DXF or as a problem of FEMM.
+    the coupled model of an actuator, or of an extended model with its effects, as FMU for co-simulation (fmu: FMI 2.0,
+    fmu3: FMI 3.0); the section of a magnet as DXF or as a problem of FEMM.
     """
     options = DesignOptions(model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap)
     options.choice()
@@ -112,7 +112,7 @@ def command(
         record = _record(source, kind, wanted.needs, table=table)
     files = wanted.write(record, output, name=name)
     fields: dict[str, Any] = {"files": [str(path) for path in files]}
-    if to == "fmu":
+    if wanted.needs == MODEL:
         fields["platforms"] = platforms(output)
         if not fields["platforms"]:
             say("note: no gcc here for 64-bit Linux, so the FMU holds its sources alone; see sources/build.txt in it")

@@ -1,4 +1,4 @@
-"""The coupled model as an FMU: FMI 2.0, co-simulation, C source with the tables compiled in.
+"""The coupled model as an FMU: FMI 2.0 or 3.0, co-simulation, C source with the tables compiled in.
 
 The archive holds the model description, `sources/` with everything that a compiler needs, a page of documentation, and
 the shared library for this machine where gcc is there. What is compiled is printed from the functions that `simulate`
@@ -8,6 +8,7 @@ runs (`plant_model`): the plain model, or the one with every effect of the catal
 import hashlib
 import math
 import zipfile
+from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
@@ -31,7 +32,51 @@ from msl_fem.plant.preparation import check_effects
 from msl_fem.plant.step_count import STEP_OF_FASTEST, fastest_rate, rates_of_effects
 
 COMPILED = ("fmu_api.c", "fmu_plant.c")
-_SHIPPED = (*COMPILED, "fmu_plant.h", "fmi2/fmi2TypesPlatform.h", "fmi2/fmi2FunctionTypes.h", "fmi2/fmi2Functions.h")
+"""What a compiler takes of the sources of FMI 2.0."""
+_MODEL = ("fmu_plant.c", "fmu_plant.h", "fmu_content.h")
+
+
+@dataclass(frozen=True)
+class Interface:
+    """A version of FMI.
+
+    Attributes
+    ----------
+    version : as the model description states it
+    compiled : sources that a compiler takes
+    headers : of the standard, and what else the interface includes
+    descriptions : template to its place in the archive
+    platform : of 64-bit Linux, in the folder binaries
+    types : the names of Real, Integer and Boolean
+    """
+
+    version: str
+    compiled: tuple[str, ...]
+    headers: tuple[str, ...]
+    descriptions: tuple[tuple[str, str], ...]
+    platform: str
+    types: tuple[str, str, str]
+
+
+FMI_2 = Interface(
+    "2.0",
+    COMPILED,
+    ("fmi2/fmi2TypesPlatform.h", "fmi2/fmi2FunctionTypes.h", "fmi2/fmi2Functions.h"),
+    (("model_description.xml.j2", "modelDescription.xml"),),
+    "linux64",
+    ("Real", "Integer", "Boolean"),
+)
+FMI_3 = Interface(
+    "3.0",
+    ("fmu_api3.c", "fmu_plant.c"),
+    ("fmu_api3_refused.h", "fmi3/fmi3PlatformTypes.h", "fmi3/fmi3FunctionTypes.h", "fmi3/fmi3Functions.h"),
+    (
+        ("model_description3.xml.j2", "modelDescription.xml"),
+        ("build_description.xml.j2", "sources/buildDescription.xml"),
+    ),
+    "x86_64-linux",
+    ("Float64", "Int32", "Boolean"),
+)
 _KINDS = ("Real", "Integer", "Boolean")
 _STEP_SIZE, _STOP_TIME = 1e-4, 1.0
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # of the files in the archive, so that the same model gives the same bytes
@@ -54,7 +99,7 @@ def _xml_number(value: float | bool) -> str:
 _PAGES.filters["xml_number"] = _xml_number
 
 
-def fmu_files(source: ModelSource, *, name: str | None = None) -> dict[str, bytes]:
+def fmu_files(source: ModelSource, *, name: str | None = None, fmi: Interface = FMI_2) -> dict[str, bytes]:
     """Path in the archive to content, without libraries.
 
     Raises
@@ -62,8 +107,9 @@ def fmu_files(source: ModelSource, *, name: str | None = None) -> dict[str, byte
     InputError : a section of the actuator that the coupled model needs is missing, magnets without a table, a `name`
         that cannot begin C names
     """
-    content = _content(source, name)
-    texts = {f"sources/{Path(one).name}": files("msl_fem.export").joinpath(one).read_text() for one in _SHIPPED}
+    content = _content(source, name, fmi)
+    shipped = dict.fromkeys((*fmi.compiled, *_MODEL, *fmi.headers))
+    texts = {f"sources/{Path(one).name}": files("msl_fem.export").joinpath(one).read_text() for one in shipped}
     texts["sources/actuator.h"] = c_source("actuator.h.j2", content)
     if source.table is not None and content["plant"].sides:
         texts["sources/magnet_table.h"] = table_header(source.table, name="magnet")
@@ -75,12 +121,13 @@ def fmu_files(source: ModelSource, *, name: str | None = None) -> dict[str, byte
     content["guid"] = _guid([*texts.values(), unnamed])
     texts["sources/fmu_variables.h"] = c_source("fmu_variables.h.j2", content)
     texts["sources/build.txt"] = c_source("fmu_note.txt.j2", content)
-    texts["modelDescription.xml"] = _PAGES.get_template("model_description.xml.j2").render(content)
+    for template, place in fmi.descriptions:
+        texts[place] = _PAGES.get_template(template).render(content)
     texts["documentation/index.html"] = _PAGES.get_template("fmu_page.html.j2").render(content)
     return {path: text.encode() for path, text in texts.items()}
 
 
-def _content(source: ModelSource, name: str | None) -> dict[str, Any]:
+def _content(source: ModelSource, name: str | None, fmi: Interface) -> dict[str, Any]:
     """What the templates take."""
     actuator, table = source.actuator, source.table
     plant = plant_parameters(actuator)
@@ -115,7 +162,12 @@ def _content(source: ModelSource, name: str | None) -> dict[str, Any]:
         "listed": listed,
         "outputs": [n + 1 for n, v in enumerate(found) if v.causality == "output"],
         "units": _used_units(found),
-        "compiled": COMPILED,
+        "compiled": fmi.compiled,
+        "fmi": fmi.version,
+        "fmi_headers": [Path(one).name for one in fmi.headers if one.startswith("fmi")],
+        "platform": fmi.platform,
+        "types": dict(zip(_KINDS, fmi.types, strict=True)),
+        "numbered": [(v, n) for n, v in enumerate(v for kind in _KINDS for v in kinds[kind])],
         "flags": FLAGS,
         "step_size": repr(_STEP_SIZE),
         "stop_time": repr(_STOP_TIME),
@@ -134,7 +186,7 @@ def _guid(texts: list[str]) -> str:
     return "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"
 
 
-def write(source: ModelSource, target: Path, *, name: str | None = None) -> tuple[Path, ...]:
+def write(source: ModelSource, target: Path, *, name: str | None = None, fmi: Interface = FMI_2) -> tuple[Path, ...]:
     """The archive written, with the library for this machine where it can be compiled.
 
     Raises
@@ -142,14 +194,19 @@ def write(source: ModelSource, target: Path, *, name: str | None = None) -> tupl
     InputError : as `fmu_files`, or the folder cannot be written
     ComputationError : gcc is there and refuses the source
     """
-    content = fmu_files(source, name=name)
-    identifier = c_prefix(source.actuator.name, name)
+    content = fmu_files(source, name=name, fmi=fmi)
+    place = f"binaries/{fmi.platform}/{c_prefix(source.actuator.name, name)}.so"
     sources = {Path(path).name: text for path, text in content.items() if path.startswith("sources/")}
-    library = compile_library(sources, compiled=COMPILED, identifier=identifier)
+    library = compile_library(sources, compiled=fmi.compiled, place=place)
     with whole_file(target) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
         for path, data in sorted((content | library).items()):
             archive.writestr(zipfile.ZipInfo(path, _EPOCH), data, zipfile.ZIP_DEFLATED)
     return (target,)
+
+
+def write_fmi3(source: ModelSource, target: Path, *, name: str | None = None) -> tuple[Path, ...]:
+    """As `write`, for FMI 3.0."""
+    return write(source, target, name=name, fmi=FMI_3)
 
 
 def platforms(archive: Path) -> list[str]:

@@ -1,37 +1,12 @@
-/* FMI 2.0 for co-simulation around the coupled model of fmu_plant.h. No file is read, nothing is written. */
+/* FMI 2.0 for co-simulation around the coupled model: the interface alone, what it does stands in fmu_content.h. */
 #include "fmi2Functions.h"
-#include "fmu_plant.h"
-#include "fmu_variables.h"
-
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
-#define TWO_PI 6.283185307179586476925286766559
-
-enum { INSTANTIATED = 1, INITIALISING = 2, STEPPING = 4, TERMINATED = 8, FAILED = 16 };
-#define ANY_MODE (INSTANTIATED | INITIALISING | STEPPING | TERMINATED | FAILED)
-
-/* What fmi2GetFMUstate copies: plain numbers, no pointers. */
-typedef struct {
-    int mode;
-    double time;
-    double real[N_REAL];
-    int integer[N_INTEGER];
-    int boolean[N_BOOLEAN];
-    PlantParameters plant;
-    PlantState state;
-    char wrong[200]; /* with a parameter */
-} Content;
+#include "fmu_content.h"
 
 typedef struct {
     Content content;
     fmi2CallbackFunctions functions;
     char name[64];
 } Instance;
-
-static const char mark[8] = "msl_fem"; /* what serialized states begin with, then MODEL_GUID */
-#define MARK_SIZE (sizeof mark + sizeof MODEL_GUID)
 
 static fmi2Status complain(const Instance *self, const char *message)
 {
@@ -49,164 +24,9 @@ static Instance *called(fmi2Component c, int modes, const char *function)
         return NULL;
     if (self->content.mode & modes)
         return self;
-    sprintf(message, "%.40s cannot be called now: %s", function,
-            self->content.mode == INSTANTIATED       ? "the instance is not initialised yet"
-                : self->content.mode == INITIALISING ? "the instance is being initialised"
-                : self->content.mode == STEPPING     ? "the simulation has begun"
-                : self->content.mode == TERMINATED   ? "the simulation was terminated; reset the instance"
-                                                     : "the simulation has failed; reset the instance");
+    say_not_now(self->content.mode, function, message);
     (void)complain(self, message);
     return NULL;
-}
-
-static double or_infinite(double value)
-{
-    return value > 0.0 ? value : (double)INFINITY;
-}
-
-#if EFFECTS
-/* The parameters of effects into the state; NULL, or what is wrong with them. */
-static const char *make_effects(Content *content)
-{
-    int n;
-    for (n = 0; n < N_PARAMETER; ++n)
-        content->state.effect[n] = effect_neutral[n];
-    for (n = 0; n < N_EFFECT_VARIABLE; ++n) {
-        const EffectVariable *v = &effect_variable[n];
-        const double value = content->real[v->variable];
-        if (value < v->low || value > v->high) {
-            sprintf(content->wrong, "%.60s must be between %.6g and %.6g", v->name, v->low, v->high);
-            return content->wrong;
-        }
-        if (v->lags && value != effect_neutral[v->index] && IDEAL_CURRENT_DRIVE(&content->plant)) {
-            sprintf(content->wrong, "%.60s needs a drive whose current cannot jump; set drive_bandwidth", v->name);
-            return content->wrong;
-        }
-        content->state.effect[v->index] = value;
-    }
-    return NULL;
-}
-#endif
-
-/* The plant of the parameters; NULL, or what is wrong with them. */
-static const char *make_plant(const Content *content, PlantParameters *p)
-{
-    const double *r = content->real;
-    int n;
-    for (n = 0; n < N_REAL; ++n)
-        if (real_causality[n] == PARAMETER && !isfinite(r[n]))
-            return "a parameter is not a finite number";
-    if (!(r[V_MOVING_MASS] > 0.0))
-        return "moving_mass must be above 0 kg";
-    if (!(r[V_LARGEST_STEP] > 0.0))
-        return "largest_step must be above 0 s";
-    if (r[V_STIFFNESS] < 0.0 || r[V_DAMPING] < 0.0)
-        return "stiffness and damping must not be negative";
-    if (r[V_DRIVE_BANDWIDTH] < 0.0 || r[V_POSITION_SENSOR_BANDWIDTH] < 0.0)
-        return "bandwidths must not be negative; 0 stands for an ideal part";
-    if (r[V_END_STOP_RESTITUTION] < 0.0 || r[V_END_STOP_RESTITUTION] > 1.0)
-        return "end_stop_restitution must be between 0 and 1";
-    if (r[V_TRAVEL] < 0.0 || (content->boolean[V_END_STOP] && !(r[V_TRAVEL] > 0.0)))
-        return "travel must be above 0 m where there are end stops, and never negative";
-    p->mass = r[V_MOVING_MASS];
-    p->stiffness = r[V_STIFFNESS];
-    p->damping = r[V_DAMPING];
-    p->constant_force = r[V_CONSTANT_FORCE];
-    p->travel = or_infinite(r[V_TRAVEL]);
-    p->end_stop.there = content->boolean[V_END_STOP];
-    p->end_stop.position = p->travel;
-    p->end_stop.restitution = r[V_END_STOP_RESTITUTION];
-    p->bandwidth = or_infinite(TWO_PI * r[V_DRIVE_BANDWIDTH]);
-    p->sensor_bandwidth = or_infinite(TWO_PI * r[V_POSITION_SENSOR_BANDWIDTH]);
-    p->nominal_gap = p->voltage_limit = p->current_limit = (double)INFINITY;
-    p->resistance = 0.0;
-#if SIDES > 0
-    if (!(r[V_NOMINAL_GAP] > 0.0) || (p->end_stop.there && !(r[V_NOMINAL_GAP] > r[V_TRAVEL])))
-        return "nominal_gap must be positive and above the travel to an end stop";
-    if (r[V_RESISTANCE] < 0.0 || r[V_VOLTAGE_LIMIT] < 0.0 || r[V_CURRENT_LIMIT] < 0.0)
-        return "resistance and limits must not be negative; a limit of 0 stands for none";
-    p->nominal_gap = r[V_NOMINAL_GAP];
-    p->resistance = r[V_RESISTANCE];
-    p->voltage_limit = or_infinite(r[V_VOLTAGE_LIMIT]);
-    p->current_limit = or_infinite(r[V_CURRENT_LIMIT]);
-#endif
-    return NULL;
-}
-
-/* Plant and state of the present parameters; NULL, or what is wrong. */
-static const char *make_start(Content *content)
-{
-    double current[2] = {0.0, 0.0};
-    const char *wrong = make_plant(content, &content->plant);
-    int j;
-    if (wrong)
-        return wrong;
-    for (j = 0; j < SIDES; ++j) {
-#if SIDES > 0
-        current[j] = content->real[V_CURRENT_1_START + j];
-#endif
-    }
-    if (fabs(content->real[V_POSITION_START]) > content->plant.travel)
-        return "position_start lies outside the travel";
-#if EFFECTS
-    wrong = make_effects(content);
-    if (wrong)
-        return wrong;
-#endif
-    if (!plant_start(&content->plant, &content->state, current, content->real[V_POSITION_START],
-                     content->real[V_VELOCITY_START]))
-        return "the start lies outside the table of force and flux linkage: " TABLE_RECTANGLE;
-    return NULL;
-}
-
-/* The outputs of the present state. */
-static void write_outputs(Content *content)
-{
-    const double *s = content->state.state;
-    double *r = content->real, row[N_OUT];
-    (void)plant_row(&content->plant, &content->state, row);
-    r[V_POSITION] = s[X];
-    r[V_VELOCITY] = s[V];
-#if EFFECTS
-    r[V_POSITION_MEASURED] = content->state.readings[0];
-#else
-    r[V_POSITION_MEASURED] = s[SENSOR];
-#endif
-    r[V_ENERGY_ELECTRICAL] = s[ENERGY_ELECTRICAL];
-    r[V_ENERGY_COPPER] = s[ENERGY_COPPER];
-    r[V_ENERGY_DAMPING] = s[ENERGY_DAMPING];
-    r[V_ENERGY_EXTERNAL] = s[ENERGY_EXTERNAL];
-    r[V_ENERGY_IMPACT] = s[ENERGY_IMPACT];
-#if SIDES > 0
-    {
-        int j;
-        for (j = 0; j < SIDES; ++j) {
-            r[V_CURRENT_1 + j] = row[OUT_I1 + j];
-            r[V_VOLTAGE_1 + j] = content->state.work[MEAN_VOLTAGE_1 + j];
-            r[V_FLUX_LINKAGE_1 + j] = row[OUT_FLUX_1 + j];
-            r[V_FORCE_1 + j] = plant_force(&content->plant, &content->state, j);
-            r[V_GAP_1 + j] = plant_gap(&content->plant, &content->state, j);
-#if EFFECTS
-            r[V_CURRENT_MEASURED_1 + j] = content->state.readings[1 + j];
-#endif
-            content->integer[V_STEPS_AT_CURRENT_LIMIT_1 + j] = (int)s[AT_CURRENT_LIMIT_1 + j];
-            content->integer[V_STEPS_AT_VOLTAGE_LIMIT_1 + j] = (int)s[AT_VOLTAGE_LIMIT_1 + j];
-        }
-    }
-#else
-    r[V_DRIVE_FORCE] = content->state.work[MEAN_VOLTAGE_1];
-#endif
-}
-
-static void put_start_values(Content *content)
-{
-    content->mode = INSTANTIATED;
-    content->time = 0.0;
-    memcpy(content->real, real_start, sizeof content->real);
-    memset(content->integer, 0, sizeof content->integer);
-    memcpy(content->boolean, boolean_start, sizeof content->boolean);
-    (void)make_start(content);
-    write_outputs(content);
 }
 
 const char *fmi2GetTypesPlatform(void)
@@ -290,14 +110,8 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c)
     const char *wrong;
     if (self == NULL)
         return fmi2Error;
-    wrong = make_start(&self->content);
-    if (wrong) {
-        self->content.mode = FAILED;
-        return complain(self, wrong);
-    }
-    write_outputs(&self->content);
-    self->content.mode = STEPPING;
-    return fmi2OK;
+    wrong = begin(&self->content);
+    return wrong ? complain(self, wrong) : fmi2OK;
 }
 
 fmi2Status fmi2Terminate(fmi2Component c)
@@ -318,15 +132,6 @@ fmi2Status fmi2Reset(fmi2Component c)
     return fmi2OK;
 }
 
-/* Before the simulation begins, outputs follow the start values as they are set. */
-static void refresh(Instance *self)
-{
-    if (self->content.mode & (INSTANTIATED | INITIALISING)) {
-        (void)make_start(&self->content);
-        write_outputs(&self->content);
-    }
-}
-
 static fmi2Status unknown(const Instance *self, const char *what, fmi2ValueReference vr)
 {
     char message[120];
@@ -340,7 +145,7 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
     size_t k;
     if (self == NULL)
         return fmi2Error;
-    refresh(self);
+    refresh(&self->content);
     for (k = 0; k < n; ++k) {
         if (vr[k] >= N_REAL)
             return unknown(self, "Real", vr[k]);
@@ -389,17 +194,16 @@ fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t 
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[])
 {
     Instance *self = called(c, INSTANTIATED | INITIALISING | STEPPING, "fmi2SetReal");
+    const char *wrong;
     size_t k;
     if (self == NULL)
         return fmi2Error;
     for (k = 0; k < n; ++k) {
         if (vr[k] >= N_REAL)
             return unknown(self, "Real", vr[k]);
-        if (real_causality[vr[k]] == OUTPUT)
-            return complain(self, "an output cannot be set");
-        if (real_causality[vr[k]] == PARAMETER && self->content.mode == STEPPING)
-            return complain(self, "a parameter cannot be set once the simulation has begun; reset the instance");
-        self->content.real[vr[k]] = value[k];
+        wrong = set_real(&self->content, vr[k], value[k]);
+        if (wrong)
+            return complain(self, wrong);
     }
     return fmi2OK;
 }
@@ -485,9 +289,7 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate kept, fmi2Byte by
         return fmi2Error;
     if (size < MARK_SIZE + sizeof(Content))
         return complain(self, "the room for the serialized state is too small");
-    memcpy(bytes, mark, sizeof mark);
-    memcpy(bytes + sizeof mark, MODEL_GUID, sizeof MODEL_GUID);
-    memcpy(bytes + MARK_SIZE, kept, sizeof(Content));
+    put_bytes(kept, (unsigned char *)bytes);
     return fmi2OK;
 }
 
@@ -496,8 +298,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
     Instance *self = called(c, ANY_MODE, "fmi2DeSerializeFMUstate");
     if (self == NULL || kept == NULL)
         return fmi2Error;
-    if (size != MARK_SIZE + sizeof(Content) || memcmp(bytes, mark, sizeof mark) != 0
-        || memcmp(bytes + sizeof mark, MODEL_GUID, sizeof MODEL_GUID) != 0)
+    if (!are_ours((const unsigned char *)bytes, size))
         return complain(self, "the bytes are not a serialized state of this FMU");
     if (*kept == NULL)
         *kept = self->functions.allocateMemory(1, sizeof(Content));
@@ -507,62 +308,16 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
     return fmi2OK;
 }
 
-/* Why the simulation cannot go on, with where it stands. */
-static fmi2Status explain(Instance *self, int status)
-{
-    const Content *content = &self->content;
-    const PlantState *s = &content->state;
-    const double elapsed = s->step * s->work[STEPS_DONE];
-    char message[480], currents[64] = "";
-    const char *said = status == OUTSIDE_TABLE ? "a gap or a current left the table of force and flux linkage ("
-                                                 TABLE_RECTANGLE ")"
-        : status == OUTSIDE_RANGE ? "the mover left its travel"
-                                  : "an input or the state is no finite number";
-    if (status == ANOTHER_STEP)
-        return complain(self, "with effects all communication steps are of one size, since delays are counted in them; "
-                              "reset the instance to take another");
-    if (status == TOO_LATE)
-        return complain(self, "a delay of the effects is longer than the communication steps that are kept of it: "
-                              TOO_LATE_SAID);
-    if (SIDES > 0)
-        sprintf(currents, "i = %.6g, %.6g A, ", s->state[COIL_1], s->state[COIL_1 + 1]);
-    sprintf(message,
-            "%.200s after t = %.9g s, at %sx = %.6g m, x' = %.6g m/s; the simulation ends here, with the state of the "
-            "last good step: command less, or control the position",
-            said, content->time + elapsed, currents, s->state[X], s->state[V]);
-    return complain(self, message);
-}
-
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real size, fmi2Boolean no_way_back)
 {
     Instance *self = called(c, STEPPING, "fmi2DoStep");
-    Content *content;
-    double command[2] = {0.0, 0.0}, wanted;
-    long n_step;
-    int j, status;
+    char message[480];
+    const char *wrong;
     (void)no_way_back;
     if (self == NULL)
         return fmi2Error;
-    content = &self->content;
-    wanted = size / content->real[V_LARGEST_STEP];
-    if (!(size > 0.0) || !(wanted <= 1e9))
-        return complain(self, "a communication step must be above 0 s and at most 1e9 times largest_step");
-    n_step = (long)ceil(wanted - 1e-9);
-    if (n_step < 1)
-        n_step = 1;
-    for (j = 0; j < CHANNELS; ++j)
-        command[j] = content->real[V_COMMAND_1 + j];
-    content->time = time;
-    status = plant_advance(&content->plant, &content->state, command, content->real[V_DISTURBANCE],
-                           size / (double)n_step, n_step);
-    write_outputs(content);
-    if (status != OK) {
-        content->mode = FAILED;
-        return explain(self, status);
-    }
-    content->time = time + size;
-    ++content->integer[V_STEPS_DONE];
-    return fmi2OK;
+    wrong = advance(&self->content, time, size, message);
+    return wrong ? complain(self, wrong) : fmi2OK;
 }
 
 fmi2Status fmi2CancelStep(fmi2Component c)

@@ -13,10 +13,10 @@ FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden")
 _LONGEST = 120  # seconds for the compiler
 
 
-def compile_library(sources: dict[str, bytes], *, compiled: tuple[str, ...], identifier: str) -> dict[str, bytes]:
+def compile_library(sources: dict[str, bytes], *, compiled: tuple[str, ...], place: str) -> dict[str, bytes]:
     """Path in the archive to library: one entry on 64-bit Linux with gcc, none elsewhere.
 
-    `sources` are file names and contents, of which `compiled` are the compiler's.
+    `sources` are file names and contents, of which `compiled` are the compiler's; `place` is the library's path.
 
     Raises
     ------
@@ -43,4 +43,4 @@ def compile_library(sources: dict[str, bytes], *, compiled: tuple[str, ...], ide
                 f"gcc could not compile the FMU: {done.stderr.strip()[:400]}; without gcc on the path the FMU is "
                 "written with its sources alone"
             )
-        return {f"binaries/linux64/{identifier}.so": library.read_bytes()}
+        return {place: library.read_bytes()}

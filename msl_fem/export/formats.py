@@ -72,6 +72,7 @@ FORMATS = (
     Format("dxf", "section", ACTUATOR, "msl_fem.export.dxf_section:write"),
     Format("femm", "section", ACTUATOR, "msl_fem.export.femm_section:write"),
     Format("fmu", "model", MODEL, "msl_fem.export.fmu:write", named=True),
+    Format("fmu3", "model", MODEL, "msl_fem.export.fmu:write_fmi3", named=True),
 )
 _MADE_FROM = {
     ACTUATOR: (ACTUATOR,), MODEL: (ACTUATOR,), CONTROLLER: (ACTUATOR,), TABLE: (TABLE, ACTUATOR),

@@ -10,6 +10,7 @@ import numpy as np
 from c_programs import compiler
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
 
 from msl_fem.actuator import Actuator
 from msl_fem.export import fmu
@@ -50,6 +51,19 @@ def cases(servo: Actuator) -> dict[str, tuple[Actuator, list[float]]]:
     }
 
 
+class Fmi3Slave(FMU3Slave):
+    """An instance of FMI 3.0 under the names of FMI 2.0 that a `Master` calls."""
+
+    getReal, setReal = FMU3Slave.getFloat64, FMU3Slave.setFloat64  # noqa: N815 (the standard's names)
+    getInteger = FMU3Slave.getInt32  # noqa: N815
+
+    def setupExperiment(self, startTime: float) -> None:  # noqa: N802
+        self.start = startTime
+
+    def enterInitializationMode(self) -> None:  # noqa: N802
+        super().enterInitializationMode(startTime=self.start)
+
+
 class Master:
     """One instance of an FMU: what it says goes into `said`."""
 
@@ -58,10 +72,15 @@ class Master:
         self.reference = {v.name: v.valueReference for v in self.description.modelVariables}
         self.said: list[tuple[int, str]] = []
         self.folder = extract(str(archive))
-        self.slave = FMU2Slave(
-            guid=guid or self.description.guid, unzipDirectory=self.folder, instanceName=name,
-            modelIdentifier=self.description.coSimulation.modelIdentifier,
-        )  # fmt: skip
+        stated: dict[str, Any] = {
+            "guid": guid or self.description.guid, "unzipDirectory": self.folder, "instanceName": name,
+            "modelIdentifier": self.description.coSimulation.modelIdentifier,
+        }  # fmt: skip
+        if self.description.fmiVersion == "3.0":
+            self.slave: Any = Fmi3Slave(**stated)
+            self.slave.instantiate(logMessage=self._log3)
+            return
+        self.slave = FMU2Slave(**stated)
         self._callbacks = fmpy.fmi2.fmi2CallbackFunctions()
         self._callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._log)
         self._callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.fmi2.calloc)
@@ -71,6 +90,9 @@ class Master:
     def _log(self, environment: c_void_p, instance: bytes, status: int, category: bytes, message: bytes) -> None:
         assert category == b"logStatusError"
         self.said.append((status, message.decode()))
+
+    def _log3(self, environment: c_void_p, status: int, category: bytes, message: bytes) -> None:
+        self._log(environment, b"", status, category, message)
 
     def initialise(self, **start: float) -> "Master":
         """Start values set, initialised: ready to step."""
@@ -123,11 +145,18 @@ class Master:
         return columns | pairs
 
 
-def exported(actuator: Actuator, table: MagneticTable, folder: Path, *, effects: EffectValues | None = None) -> Path:
+def exported(
+    actuator: Actuator,
+    table: MagneticTable,
+    folder: Path,
+    *,
+    effects: EffectValues | None = None,
+    fmi: fmu.Interface = fmu.FMI_2,
+) -> Path:
     """The FMU of an actuator, its library compiled."""
     compiler("gcc")
-    archive = folder / "model.fmu"
-    fmu.write(ModelSource(actuator, table if actuator.magnet else None, effects), archive)
+    archive = folder / f"model{fmi.version[0]}.fmu"
+    fmu.write(ModelSource(actuator, table if actuator.magnet else None, effects), archive, fmi=fmi)
     return archive
 
 
