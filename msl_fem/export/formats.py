@@ -68,6 +68,7 @@ FORMATS = (
     Format("c", "table", PAIR_TABLE, "msl_fem.export.c_pair_table:write", named=True),
     Format("csv", "table", PAIR_TABLE, "msl_fem.export.pair_formats:write_pair_csv"),
     Format("mat", "table", PAIR_TABLE, "msl_fem.export.pair_formats:write_pair_mat"),
+    Format("modelica", "table", PAIR_TABLE, "msl_fem.export.pair_modelica:write_pair_modelica", named=True),
     Format("modelica", "table", TABLE, "msl_fem.export.table_formats:write_modelica"),
     Format("dxf", "section", ACTUATOR, "msl_fem.export.dxf_section:write"),
     Format("femm", "section", ACTUATOR, "msl_fem.export.femm_section:write"),

@@ -57,8 +57,3 @@ def test_what_is_of_one_magnet_is_made_of_its_table(msl_fem: Run, tmp_path: Path
     complaint = msl_fem("export", SERVO, "--table", PAIR, "--to", *what, "-o", str(target)).complaint
     assert "is of two magnets with one armature" in complaint
     assert not target.exists()
-
-
-def test_formats_of_two_variables_say_what_there_is(msl_fem: Run, tmp_path: Path) -> None:
-    complaint = msl_fem("export", PAIR, "--to", "modelica", "-o", str(tmp_path / "made")).complaint
-    assert "needs a file with table or actuator; this is one with a pair table" in complaint
