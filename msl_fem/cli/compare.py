@@ -7,17 +7,20 @@ from typing import Annotated
 import typer
 
 from msl_fem.cli.believed import belief_about, stated_belief
+from msl_fem.cli.controller_maps import maps_for
 from msl_fem.cli.options import BeliefName, Json, TableFile
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say, write_json
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.comparison import CompareSettings, Comparison, compare
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target
+from msl_fem.maps.pair_limits import PairMap
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import Record, load_record
 from msl_fem.report.comparison_page import comparison_page
 from msl_fem.report.page import write_page
+from msl_fem.table.magnetic_table import MagneticTable
 
 KINDS = {
     "nrmse_one_step": "1 step", "nrmse_ten_step": "10 steps", "nrmse_closed_loop": "closed", "nrmse_free_run": "free",
@@ -66,6 +69,7 @@ def _compare(it: Record, model: ExtendedModel | None, *, output: Path | None, ta
             extended=of_model,
             progress=lambda _, done, total: progress(done, total),
             belief=believed,
+            pair=_map_of_both(it, magnet_table, table),
         )
         found = compare(it, settings)
     fields = found.to_json() | {"belief": believed.to_json()}
@@ -77,6 +81,13 @@ def _compare(it: Record, model: ExtendedModel | None, *, output: Path | None, ta
         print_result(fields, as_json=True, title="")
     else:
         _print(found, output)
+
+
+def _map_of_both(it: Record, magnet: MagneticTable | None, file: Path | None) -> PairMap | None:
+    """What the guard of a loop of ours judged both sides by: the map of the table, where that is a pair's."""
+    if magnet is None or magnet.shared is None or "design" not in (it.controller or {}):
+        return None
+    return maps_for(it.actuator, magnet, map_file=None, table_file=file).pair
 
 
 def _print(found: Comparison, output: Path | None) -> None:

@@ -27,6 +27,7 @@ from msl_fem.comparison.models import (
 )
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.maps.pair_limits import PairMap
 from msl_fem.plant.believed import PLAIN_BELIEF, Belief
 from msl_fem.prediction import ModelHypothesis, RunData, open_loop_stable, run_data
 from msl_fem.prediction.run_data import POSITION_COLUMN
@@ -100,12 +101,13 @@ class StaticError:
 @dataclass(frozen=True, eq=False)
 class CompareSettings:
     """What a comparison takes beside the record: the table of its magnets, an extended model, a progress report, what
-    the coupled model is believed to have beside the plain one."""
+    the coupled model is believed to have beside the plain one, the map by which a loop's guard judged both sides."""
 
     table: MagneticTable | None = None
     extended: ModelHypothesis | None = None
     progress: Progress | None = None
     belief: Belief = PLAIN_BELIEF
+    pair: PairMap | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +191,7 @@ def compare(record: Record, settings: CompareSettings | None = None) -> Comparis
     if data:
         believed = ModelHypothesis.of(record.actuator, table, settings.belief)
         models = fitted_models(record, data, believed, settings.extended, steps.next)
-        loop, models = _loop(record, believed, models)
+        loop, models = _loop(record, believed, models, settings.pair)
         for run, inputs in zip(record.runs, data, strict=True):
             steps.next(inputs.name)
             law = None if loop is None else loop.beside(run, inputs)
@@ -208,10 +210,12 @@ def compare(record: Record, settings: CompareSettings | None = None) -> Comparis
     return Comparison(record, data, models, tuple(accuracies), tuple(residuals), tuple(static), verdict)
 
 
-def _loop(record: Record, believed: ModelHypothesis, models: ComparedModels) -> tuple[OwnLoop | None, ComparedModels]:
-    """The loop that a design of ours drove, and the models with a note where it cannot be made again."""
+def _loop(
+    record: Record, believed: ModelHypothesis, models: ComparedModels, pair: PairMap | None
+) -> tuple[OwnLoop | None, ComparedModels]:
+    """The loop of a design of ours, and the models with a note where it cannot be made again."""
     try:
-        return own_loop(record, believed.table, believed.effects), models
+        return own_loop(record, believed.table, believed.effects, pair), models
     except (InputError, ComputationError) as err:
         return None, replace(models, notes=(*models.notes, f"closed loop: left out, {err}"))
 

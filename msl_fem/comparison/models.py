@@ -27,6 +27,7 @@ from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.schema import In
 from msl_fem.identification import ArmaxModel, identify
 from msl_fem.maps import operating_map
+from msl_fem.maps.pair_limits import PairMap
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
 from msl_fem.plant.effects import EffectValues
@@ -245,9 +246,11 @@ class OwnLoop:
         return CallableLaw(answer, every, delay)
 
 
-def own_loop(record: Record, table: MagneticTable | None, effects: EffectValues | None = None) -> OwnLoop | None:
+def own_loop(
+    record: Record, table: MagneticTable | None, effects: EffectValues | None = None, pair: PairMap | None = None
+) -> OwnLoop | None:
     """The loop of a record whose `[controller]` states a `design`, made for a plant with these effects or without them;
-    None where it states none.
+    None where it states none. Its guard judges both currents together where the map of the pair is given.
 
     Raises
     ------
@@ -256,10 +259,10 @@ def own_loop(record: Record, table: MagneticTable | None, effects: EffectValues 
     stated = record.controller or {}
     if "design" not in stated or table is None:
         return None
-    regions = operating_map(table)
+    regions = operating_map(table) if pair is None else operating_map(table, levels=pair.levels.tolist())
     other = ""
     for believed in (effects,) if effects is None else (effects, None):
-        model = design_model_as_believed(record.actuator, table, regions, believed)
+        model = design_model_as_believed(record.actuator, table, regions, believed, pair)
         design = designed(model, _choice(stated))
         other = _other_gain(design, stated)
         if not other:

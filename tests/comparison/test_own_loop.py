@@ -5,10 +5,13 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+from conftest import ROOT
 from servo_controllers import TABLE, servo, servo_design
 
+from msl_fem.cli.compare import _map_of_both
 from msl_fem.comparison import CompareSettings, compare, nrmse
 from msl_fem.comparison.models import own_loop
+from msl_fem.control.output_stage import BIAS, VIOLATION, OutputStage, commanded_currents
 from msl_fem.control.stepper import Stepper, stated
 from msl_fem.errors import InputError
 from msl_fem.plant.excitation import parse_excitation, reference
@@ -16,7 +19,9 @@ from msl_fem.plant.sampled_plant import simulate_closed
 from msl_fem.plant.simulate import NamedRun, simulation_record
 from msl_fem.prediction import ModelHypothesis, Start, closed_run, kernel_plant, run_data
 from msl_fem.record import Record
+from msl_fem.table.pair_table import load_table
 
+PAIR = ROOT / "lookup_tables" / "fast_tool_servo_pair.nc"
 SPEC = "multisine:start=5 Hz,stop=60 Hz,amplitude=20 um,duration=0.4 s,periods=2,seed=1,loop=closed"
 AT_REST = Start((0.0, 0.0), 0.0, 0.0)
 
@@ -86,3 +91,19 @@ def test_compare_notes_a_loop_that_it_cannot_make_again(monkeypatch: pytest.Monk
     found = compare(other, CompareSettings(table=TABLE))
     assert any("closed loop: left out, controller.gain" in note for note in found.models.notes)
     assert all(j.nrmse["closed_loop"] is None for j in found.accuracies)
+
+
+def test_both_currents_are_judged_together_by_the_map_of_the_pair(record: Record) -> None:
+    """In the middle either side alone bears 4.8 A; with both on, opposing, the armature does not, and the loop cuts."""
+    table = load_table(PAIR)
+    pair = _map_of_both(record, table, PAIR)
+    assert pair is not None
+    assert _map_of_both(replace(record, controller={"rate": "2500 Hz"}), table, PAIR) is None
+    assert _map_of_both(record, TABLE, PAIR) is None
+    together, apart = own_loop(record, table, pair=pair), own_loop(record, table)
+    judged = []
+    for loop in (together, apart):
+        inverse = loop.design.parameters.inverse
+        stage = OutputStage(BIAS, 0.0, 4.8 / inverse.current_share, 1.0)
+        judged.append(commanded_currents(stage, inverse, 0.0, (0.0, 0.0), np.zeros(2))[1] == VIOLATION)
+    assert judged == [True, False]
