@@ -155,7 +155,7 @@ def _of_turn(record: Record, how: DiagnosisSettings) -> Diagnosis:
 def kind_of(record: Record, how: DiagnosisSettings) -> Kind | str:
     """The record made ready for its diagnosis; why it cannot decide, where it cannot."""
     belief = ModelHypothesis.of(record.actuator, how.table, how.belief)
-    runs = [run_data(record, run) for run in record.runs]
+    runs = [run_data(record, run, velocity=True) for run in record.runs]
     if not runs:
         assert record.static is not None
         return why_no_map(record.static) or map_alone(record, belief)

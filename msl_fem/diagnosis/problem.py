@@ -21,7 +21,7 @@ from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.free_run import counted
 from msl_fem.prediction.hypothesis import with_factors
 from msl_fem.prediction.nuisances import line_of, together
-from msl_fem.prediction.run_data import POSITION_COLUMN, bridged
+from msl_fem.prediction.run_data import POSITION_COLUMN, VELOCITY_COLUMN, bridged
 from msl_fem.record import Tolerance
 from msl_fem.record.columns import Channel
 
@@ -197,6 +197,8 @@ def reading(found: LaneRun, channel: str) -> Array:
     """(n_row, n_sample) of a channel by its column's name, before gain and zero of its instrument."""
     if channel == POSITION_COLUMN:
         return found.position
+    if channel == VELOCITY_COLUMN:
+        return found.velocity
     measured = Channel.of(channel)
     values = found.voltage if measured.quantity == "voltage" else found.current
     return values[:, :, measured.index]

@@ -35,6 +35,7 @@ from msl_fem.plant.layout import (
     OUT_SENSOR_SLOPE,
     OUT_SLOPE_AFTER_1,
     OUT_SLOPE_BEFORE_1,
+    OUT_V,
     OUT_VOLTAGE_1,
     OUT_X,
     SURFACE_START,
@@ -96,7 +97,7 @@ class LaneRun:
     effects : (n_lane, n_parameter), or (n_parameter,) neutral ones of all
     position : (n_lane, n_sample) m, as the sensor reads it
     current, voltage, flux_linkage : (n_lane, n_sample, n_side) A, V, Wb; voltages are means until the next sample
-    true_position : (n_lane, n_sample) m
+    true_position, velocity : (n_lane, n_sample) m, m/s
     done : (n_lane,) whole samples
     """
 
@@ -137,6 +138,10 @@ class LaneRun:
     @cached_property
     def true_position(self) -> Array:
         return self._of_lanes(OUT_X)
+
+    @cached_property
+    def velocity(self) -> Array:
+        return self._of_lanes(OUT_V)
 
     @cached_property
     def done(self) -> NDArray[np.int64]:

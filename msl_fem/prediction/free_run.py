@@ -232,17 +232,20 @@ def readings_of(plant: KernelPlant, data: RunData, out: Array) -> dict[str, Arra
     if plant.parameters.sides:
         currents = currents_before_noise(channels, plant.readings, rate=data.rate)
     voltages = out[:, layout.OUT_VOLTAGE_1 : layout.OUT_VOLTAGE_1 + 2]
-    return _by_channel(plant, data, position, currents, voltages)
+    return _by_channel(plant, data, position, currents, voltages, out[:, layout.OUT_V])
 
 
 def _by_channel(
-    plant: KernelPlant, data: RunData, position: Array, currents: Array, voltages: Array
+    plant: KernelPlant, data: RunData, position: Array, currents: Array, voltages: Array, velocity: Array
 ) -> dict[str, Array]:
-    """Channel to (n_sample,) of what is measured: position (n_sample,), currents and voltages (n_sample, n_side)."""
+    """Channel to (n_sample,) of what is measured: position and velocity (n_sample,), currents and voltages
+    (n_sample, n_side)."""
     readings = {}
     for name, channel in data.channels.items():
         if channel.quantity == "position":
             readings[name] = position
+        elif channel.quantity == "velocity":
+            readings[name] = velocity
         else:
             both = voltages if channel.quantity == "voltage" else currents
             readings[name] = both[:, channel.index]
@@ -284,7 +287,8 @@ def closed_run(plant: KernelPlant, data: RunData, start: Start, law: CallableLaw
         assert data.read is not None
         status, done = _run_linear(looped, data.law, state, history, data.held, data.read, out)
     out[done:] = np.nan
-    return _ended(_by_channel(plant, data, out[:, 0], out[:, 1:3], out[:, _VOLTAGES]), status, done)
+    nowhere = np.full(len(out), np.nan)  # a loop's velocity is no reading
+    return _ended(_by_channel(plant, data, out[:, 0], out[:, 1:3], out[:, _VOLTAGES], nowhere), status, done)
 
 
 def _in_loop(plant: KernelPlant) -> SampledPlant:

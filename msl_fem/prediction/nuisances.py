@@ -28,6 +28,8 @@ class Nuisance(NamedTuple):
 
 NUISANCES: dict[str, Nuisance] = {
     "position_zero": Nuisance("position_zero", 0.0, "m"),
+    "velocity_gain": Nuisance("velocity_gain", 1.0),
+    "velocity_zero": Nuisance("velocity_zero", 0.0, "m/s"),
     "force_gain": Nuisance("force_gain", 1.0),
     "force_zero": Nuisance("force_zero", 0.0, "N"),
     "static_gap_zero": Nuisance("static_gap_zero", 0.0, "m"),
@@ -63,6 +65,8 @@ def nuisances_of(
     Gains of what drives a rig and is not read beside it stand for those of the force: of a rig that a force drives.
     """
     names = ["position_zero"]
+    if "velocity_m_per_s" in channels:
+        names += ["velocity_gain", "velocity_zero"]
     if p.drive == FORCE_DRIVE:
         names += ["force_gain", "force_zero"]
     for j in range(1, p.sides + 1):
@@ -93,7 +97,7 @@ def nuisances_of_map(tolerance: Tolerance, *, gap: str) -> dict[str, float]:
 
 
 def line_of(column: str, factors: Mapping[str, float]) -> tuple[float, float]:
-    """(gain, zero) of the reading in a column: of position, force, or of a side's current or voltage."""
+    """(gain, zero) of the reading in a column: of position, velocity, force, or of a side's current or voltage."""
     channel = Channel.of(column)
     at = channel.quantity if channel.side is None else f"{channel.quantity}_{{}}_{channel.side}"
     gain, zero = (at.format(word) if "{}" in at else f"{at}_{word}" for word in ("gain", "zero"))

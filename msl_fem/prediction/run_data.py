@@ -16,7 +16,7 @@ from msl_fem.record.clipping import clipped_samples
 from msl_fem.record.columns import Channel, side_columns
 from msl_fem.record.linear_law import READINGS
 
-POSITION_COLUMN = "position_m"
+POSITION_COLUMN, VELOCITY_COLUMN = "position_m", "velocity_m_per_s"
 Hold = Literal["zero-order", "linear"]
 HIGHEST_BAND = 0.8  # of half the sampling rate: from here on, a channel is taken to hold noise alone
 LOWEST = 1e-9  # of a channel's span: noise below is none
@@ -113,8 +113,8 @@ class RunData:
         return replace(head, spikes=spikes, invalid=invalid)
 
 
-def run_data(record: Record, run: Run) -> RunData:
-    """A run's inputs and outputs by the actuator's drive.
+def run_data(record: Record, run: Run, *, velocity: bool = False) -> RunData:
+    """A run's inputs and outputs by the actuator's drive; a measured `velocity` among them where it is asked for.
 
     Raises
     ------
@@ -122,6 +122,7 @@ def run_data(record: Record, run: Run) -> RunData:
     """
     inputs = _inputs(record, run)
     outputs = _outputs(record, run, inputs)
+    outputs += [VELOCITY_COLUMN] if velocity and VELOCITY_COLUMN in run and np.ptp(run[VELOCITY_COLUMN]) > 0 else []
     commands = np.zeros((run.time.size, 2))
     for j, name in enumerate(inputs):
         commands[:, j] = run[name]

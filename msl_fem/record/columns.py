@@ -3,6 +3,7 @@ and every doubtful cell refused."""
 
 import csv
 import io
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,7 @@ Column = NDArray[Any]
 Quantity = Literal[
     "time",
     "position",
+    "velocity",
     "force",
     "reference",
     "injection",
@@ -32,6 +34,7 @@ Quantity = Literal[
 UNITS: dict[Quantity, str] = {
     "time": "s",
     "position": "m",
+    "velocity": "m/s",
     "force": "N",
     "reference": "m",
     "injection": "m",
@@ -62,9 +65,9 @@ class Channel:
 
     @property
     def column(self) -> str:
-        """The column's name in files, with the SI unit in it: `position_m`, `current_1_A`."""
+        """The column's name in files, with the SI unit in it: `position_m`, `current_1_A`, `velocity_m_per_s`."""
         side = "" if self.side is None else f"_{self.side}"
-        return f"{self.quantity}{side}_{self.unit}"
+        return f"{self.quantity}{side}_{self.unit.replace('/', '_per_')}"
 
     @property
     def index(self) -> int:
@@ -89,6 +92,15 @@ def _all_channels() -> dict[str, Channel]:
 
 CHANNELS = _all_channels()
 """Every channel that a run can have, by its column's name."""
+
+
+def name_and_unit(column: str) -> tuple[str, str]:
+    """What a column is called without its unit, and the unit: `current_1` and A of `current_1_A`."""
+    ratio = re.fullmatch(r"(.+?)_([^_]+)_per_([^_]+)", column)
+    if ratio:
+        return ratio[1], f"{ratio[2]}/{ratio[3]}"
+    name, _, unit = column.rpartition("_")
+    return name, unit
 
 
 def side_columns(quantity: Quantity, sides: int) -> list[str]:
@@ -235,7 +247,7 @@ def write_columns(path: Path, columns: Mapping[str, Column]) -> None:
 
         dataset = xr.Dataset({name: ("time", values) for name, values in columns.items()})
         for name in columns:
-            dataset[name].attrs["units"] = name.rpartition("_")[2]
+            dataset[name].attrs["units"] = name_and_unit(name)[1]
         numeric = [name for name, values in columns.items() if values.dtype.kind == "f"]
         packed = {name: {"zlib": True, "shuffle": True} for name in numeric}
         write_netcdf(dataset, path, encoding=packed)

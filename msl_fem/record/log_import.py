@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 LONG = 100_000  # samples from which a run is written as NetCDF
 TIME = "time_s"
-INSTRUMENTS: tuple[Quantity, ...] = ("position", "current", "voltage", "flux_linkage")
+INSTRUMENTS: tuple[Quantity, ...] = ("position", "velocity", "current", "voltage", "flux_linkage")
 """Whose noise is estimated where no data sheet states it; a force is the drive's own command in most logs."""
 NOISE_REMARK = "estimated from run {run}; take the data sheet's where there is one"
 

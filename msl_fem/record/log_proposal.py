@@ -22,6 +22,7 @@ WORDS: dict[Quantity, str] = {
     "reference": r"ref\w*|target|soll|desired",
     "command": r"set\d*|cmd\w*|command\w*|i_?ref\w*",
     "position": r"x|y|z|q|q?m?pos\w*|probe|gap|laser|lvdt|displ\w*|dist\w*|weg|stroke|lage|sensor",
+    "velocity": r"vel\w*|speed|geschw\w*",
     "current": r"i|il|current|curr|amps?|strom|shunt|i_coil|coil_i",
     "voltage": r"u|v|volt\w*|voltage|spannung|v_coil|u_coil|out",
     "force": r"f|fx|force\w*|load\w*|kraft|motor|thrust",

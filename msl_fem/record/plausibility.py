@@ -16,7 +16,7 @@ from msl_fem.record.record import Run, StaticMap
 
 LARGEST: dict[Quantity, float] = {
     "position": 100.0, "reference": 100.0, "force": 1e9, "temperature": 1e4, "voltage": 1e7, "current": 1e6,
-    "command": 1e6, "flux_linkage": 1e6,
+    "command": 1e6, "flux_linkage": 1e6, "velocity": 1e4,
 }  # fmt: skip
 """In SI units: more than any machine of this kind has, whatever it is."""
 STATIC: dict[str, Quantity] = {
@@ -25,7 +25,9 @@ STATIC: dict[str, Quantity] = {
 """Columns of a static map and what they are."""
 ASKED = 0.2
 """Share of the command that a dead sensor misses at least, in the mean."""
-MEASURED: tuple[Quantity, ...] = ("position", "current", "voltage", "force", "flux_linkage", "temperature")
+MEASURED: tuple[Quantity, ...] = ("position", "velocity", "current", "voltage", "force", "flux_linkage", "temperature")
+OF_A_COPY = 1e-6
+"""Of a velocity's span, within which it is what differences of the positions are."""
 OF_TWICE = 2.5
 """Factor by which the resistance that voltage and current tell may differ from the stated one: a connection is 2."""
 APART = 20.0
@@ -81,9 +83,26 @@ def doubtful_channels(run: Run, actuator: Actuator, *, file: Path | str) -> list
     sensors = {name: v for name, v in measured.items() if CHANNELS[name].quantity in ("position", "flux_linkage")}
     doubts = [*affine_copies(measured), *looked_up(measured), *coarse(sensors)]
     doubts += too_slow({name: v for name, v in measured.items() if name == "position_m"})
+    doubts += _differentiated(run)
     for side in (1, 2):
         doubts += _coil_doubts(run, actuator, side)
     return [f"{file}: {doubt}" for doubt in doubts]
+
+
+def _differentiated(run: Run) -> list[str]:
+    """Whether a velocity was made of the positions and not measured."""
+    position, velocity = run.columns.get("position_m"), run.columns.get("velocity_m_per_s")
+    if position is None or velocity is None or run.time.size < 4:
+        return []
+    step = np.diff(position) / run.sampling_period
+    made = {"forward": step[1:], "backward": step[:-1], "central": (step[1:] + step[:-1]) / 2}
+    for name, values in made.items():
+        if np.abs(velocity[1:-1] - values).max() <= OF_A_COPY * np.ptp(velocity):
+            return [
+                f"velocity_m_per_s is the {name} difference of position_m in every row: no measurement of its own; "
+                "leave it out"
+            ]
+    return []
 
 
 def _coil_doubts(run: Run, actuator: Actuator, side: int) -> list[str]:

@@ -199,6 +199,7 @@ def known_columns(actuator: Actuator) -> list[str]:
         *side_columns("voltage", sides),
         *side_columns("current", sides),
         "position_m",
+        "velocity_m_per_s",
         *side_columns("command", sides),
         "force_N",
         "reference_m",

@@ -37,6 +37,7 @@ class Noise(FrozenModel):
     """One sigma of each instrument, from its data sheet; None where it is not known."""
 
     position: PositionNoise | None = None
+    velocity: Annotated[float, In("m/s"), Field(ge=0)] | None = None
     current: CurrentNoise | None = None
     voltage: Annotated[float, In("V"), Field(ge=0)] | None = None
     force: Annotated[float, In("N"), Field(ge=0)] | None = None
@@ -74,6 +75,8 @@ class Tolerance(FrozenModel):
     magnetic_scale: Tolerated = 0.002
     table: Tolerated = 0.001
     position_zero: Annotated[float, In("m"), Field(ge=0)] = 1e-6
+    velocity_zero: Annotated[float, In("m/s"), Field(ge=0)] = 1e-4
+    velocity_gain: Tolerated = 0.005
     current_zero: Annotated[float, In("A"), Field(ge=0)] = 5e-3
     force_zero: Annotated[float, In("N"), Field(ge=0)] = 0.05
     command_zero: Annotated[float, OfDrive(), Field(ge=0)] = 5e-3

@@ -12,6 +12,7 @@ from msl_fem.comparison.accuracy import over_variable
 from msl_fem.diagnosis.fit import Estimate
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.result import Accuracy, ChannelResiduals
+from msl_fem.record.columns import name_and_unit
 from msl_fem.report.diagnosis_words import FAR, called, channel_name, floors
 from msl_fem.report.figures import BLUE, GREEN, GREY, ORANGE, SKY, dress, figure, line, logarithmic
 
@@ -39,12 +40,19 @@ _OF_VARIABLE = (
     ("time", "s"),
 )
 _OF_EQUATION = {"force": "N", "voltage": "V", "position reading": "m", "current reading": "A"}
-_UNITS = {"m": ("µm", 1e6), "A": ("mA", 1e3), "V": ("mV", 1e3), "N": ("N", 1.0), "Wb": ("µWb", 1e6)}
+_UNITS = {
+    "m": ("µm", 1e6),
+    "A": ("mA", 1e3),
+    "V": ("mV", 1e3),
+    "N": ("N", 1.0),
+    "Wb": ("µWb", 1e6),
+    "m/s": ("mm/s", 1e3),
+}
 
 
 def shown_unit(channel: str) -> tuple[str, float]:
     """The unit in which residuals of a channel are drawn, and how many of it are one SI unit."""
-    return _UNITS[channel.rpartition("_")[2]]
+    return _UNITS[name_and_unit(channel)[1]]
 
 
 def gain_figure(judged: Sequence[Accuracy], *, named: bool) -> go.Figure:

@@ -25,6 +25,7 @@ from msl_fem.plant.extended_model import ExtendedModel, write_extended_model
 from msl_fem.prediction import ModelHypothesis
 from msl_fem.prediction.hypothesis import unit_of_believed
 from msl_fem.record import Record
+from msl_fem.record.columns import name_and_unit
 from msl_fem.report.belief_stage import belief_stage
 from msl_fem.report.diagnosis_figures import (
     dependence_figure,
@@ -196,7 +197,7 @@ def _what(found: Diagnosis) -> Stage:
 def _size_text(size: Size | None) -> str:
     if size is None:
         return "-"
-    unit = size.channel.rpartition("_")[2]
+    unit = name_and_unit(size.channel)[1]
     change = format_quantity(size.change, unit, digits=3)
     return f"{100 * size.share:.3g} % of {channel_name(size.channel)} ({change} RMS, {size.run})"
 
@@ -221,7 +222,7 @@ def _accuracy(found: Diagnosis) -> Stage:
     columns = ("run", "role", "channel", "noise", "as believed", "re-fitted", *(("with what was found",) * named))
     rows = []
     for one in found.accuracy:
-        unit = one.nominal.channel.rpartition("_")[2]
+        unit = name_and_unit(one.nominal.channel)[1]
         errors = [f"{value:.4g}" for value in floors(one)]
         rows.append(
             (

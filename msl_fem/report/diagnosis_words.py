@@ -7,6 +7,7 @@ from msl_fem.diagnosis.formula import Formula
 from msl_fem.diagnosis.result import Accuracy, Cause, Diagnosis
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import CATALOGUE, find_parameter
+from msl_fem.record.columns import name_and_unit
 
 FAR = 4.0  # tolerances by which a believed parameter has to be off before it is called far out
 LITTLE = 1.05  # times the error with the effects: re-fitting alone does as well
@@ -201,7 +202,7 @@ def gain_sentence(found: Diagnosis) -> str:
 
 def channel_name(column: str) -> str:
     """A column's name without its unit: "current_1_A" is "current 1"."""
-    return column.rpartition("_")[0].replace("_", " ")
+    return name_and_unit(column)[0].replace("_", " ")
 
 
 def next_steps(found: Diagnosis) -> list[tuple[str, str]]:

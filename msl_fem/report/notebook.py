@@ -18,6 +18,7 @@ from msl_fem.magnetics.field.magnet_field import solve_with_field
 from msl_fem.maps import OperatingMap
 from msl_fem.plant.simulate import Simulation
 from msl_fem.record import Record, Run, StaticMap
+from msl_fem.record.columns import name_and_unit
 from msl_fem.report.diagnosis_words import called, channel_name
 from msl_fem.report.field_picture import draw_field
 from msl_fem.report.figures import BLUE, GREEN, GREY, ORANGE, RED, SERIES, SKY
@@ -120,7 +121,7 @@ def static_picture(record: StaticMap) -> PaperFigure:
     axes = figure.add_subplot()
     dots = axes.scatter(record.current, record.frame_columns()[name], c=record.gap * 1e3, s=9)
     figure.colorbar(dots, ax=axes, label="air gap in mm")
-    quantity, _, unit = name.rpartition("_")
+    quantity, unit = name_and_unit(name)
     _label(axes, "coil current in A", f"{called(quantity)} in {unit}")
     return figure
 
@@ -167,7 +168,7 @@ def _over_time(time: Array, panels: Sequence[tuple[str, list[tuple[str, Array]]]
     step = max(1, -(-time.size // MOST_POINTS))
     frames = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (column, lines) in zip(frames, panels, strict=True):
-        quantity, _, unit = column.rpartition("_")
+        quantity, unit = name_and_unit(column)
         largest = max(float(np.abs(values).max(initial=0.0)) for _, values in lines)
         shown, scale = prefixed(unit, largest)
         for (name, values), colour in zip(lines, (BLUE, ORANGE, GREEN), strict=False):
@@ -259,7 +260,7 @@ def _improvement(channel: ChannelResiduals) -> float:
 
 def _draw_residual(axes: Axes, channel: ChannelResiduals) -> None:
     """Least and largest residual in bins of the time, as believed and with what was named; the noise as a band."""
-    unit, scale = prefixed(channel.channel.rpartition("_")[2], float(np.nanmax(np.abs(channel.nominal))))
+    unit, scale = prefixed(name_and_unit(channel.channel)[1], float(np.nanmax(np.abs(channel.nominal))))
     starts = np.linspace(0, channel.time.size, min(BINS, channel.time.size) + 1).astype(int)[:-1]
     for values, colour, name in (
         (channel.nominal, SKY, "as believed"),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.field_map import DecouplingMap
 from msl_fem.record import Run
+from msl_fem.record.columns import name_and_unit
 from msl_fem.report.figures import BLUE, GREY, ORANGE, RED, SERIES
 from msl_fem.report.paper_figure import PaperFigure
 
@@ -50,7 +51,7 @@ def _label(column: str, largest: float) -> tuple[str, float]:
     Units that take no prefix here ("m_per_s", "degC") keep their values as they are.
     """
     above, per, below = column.partition("_per_")
-    quantity, _, unit = above.rpartition("_")
+    quantity, unit = name_and_unit(above)
     unit += f"/{below}" if per else ""
     prefix, scale = "", 1.0
     if unit in PREFIXED and 0 < largest < 0.1:
