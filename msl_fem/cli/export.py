@@ -61,7 +61,9 @@ def command(
     source: Annotated[
         Path, typer.Argument(metavar="TABLE|ACTUATOR|MAP", help="Table, actuator file, extended model or map.")
     ],
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="c, csv, mat, modelica, dxf, femm, fmu or fmu3.")],
+    to: Annotated[
+        str, typer.Option("--to", metavar="FORMAT", help="c, csv, mat, modelica, simulink, dxf, femm, fmu or fmu3.")
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
     what: Annotated[
         str | None,
@@ -84,10 +86,10 @@ def command(
 ) -> None:
     """Write a table, a guard or the coupled model for other tools.
 
-    A table as CSV, C99 header, MAT-file for Simscape or text for Modelica; a guard as C99 header, and so the whole
-    controller of an actuator or an extended model, as `control` designs it with the same options (--what controller);
-    the coupled model of an actuator, or of an extended model with its effects, as FMU for co-simulation (fmu: FMI 2.0,
-    fmu3: FMI 3.0); the section of a magnet as DXF or as a problem of FEMM.
+    A table as CSV, C99 header, MAT-file for Simscape, Simulink model or text for Modelica; a guard as C99 header, and
+    so the whole controller of an actuator or an extended model, as `control` designs it with the same options (--what
+    controller); the coupled model of an actuator, or of an extended model with its effects, as FMU for co-simulation
+    (fmu: FMI 2.0, fmu3: FMI 3.0); the section of a magnet as DXF or as a problem of FEMM.
     """
     options = DesignOptions(model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap)
     options.choice()

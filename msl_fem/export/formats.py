@@ -70,6 +70,7 @@ FORMATS = (
     Format("mat", "table", PAIR_TABLE, "msl_fem.export.pair_formats:write_pair_mat"),
     Format("modelica", "table", PAIR_TABLE, "msl_fem.export.pair_modelica:write_pair_modelica", named=True),
     Format("modelica", "table", TABLE, "msl_fem.export.table_formats:write_modelica"),
+    Format("simulink", "table", TABLE, "msl_fem.export.simulink:write"),
     Format("dxf", "section", ACTUATOR, "msl_fem.export.dxf_section:write"),
     Format("femm", "section", ACTUATOR, "msl_fem.export.femm_section:write"),
     Format("fmu", "model", MODEL, "msl_fem.export.fmu:write", named=True),

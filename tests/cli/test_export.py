@@ -83,7 +83,10 @@ def test_an_actuator_that_names_its_table(msl_fem: Run, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ((TABLE, "--to", "xml"), "--to xml is not available; there is c, csv, mat, modelica, dxf, femm, fmu, fmu3"),
+        (
+            (TABLE, "--to", "xml"),
+            "--to xml is not available; there is c, csv, mat, modelica, simulink, dxf, femm, fmu, fmu3",
+        ),
         ((TABLE, "--to", "c", "--what", "soul"), "--what soul is not available as c"),
         ((TABLE, "--to", "c", "--name", "Bad Name"), "--name 'Bad Name' cannot begin"),
         ((TABLE, "--to", "csv", "--name", "x"), "--to csv has none"),
