@@ -79,7 +79,7 @@ def columns_page() -> str:
         "place: in proportion to the flux linkage, by a factor that a fit finds). It may have `direction` (`up`, `down`), `sequence` "
         "(numbers of separate loops), `role`, `unit` (which of several magnets of one kind), and `sigma_force_N` and so on: one sigma of "
         "each row.", "",
-        "`msl-fem import --columns` takes `column=name-in-the-log`, each with `:unit=mA`, `:scale=-1`, `:offset=2 mm` or `:time=its-own-clock` behind it.", "",
+        "`msl-fem import --columns` takes `column=name-in-the-log`, each with `:unit=mA`, `:scale=-1`, `:offset=2 mm` `:time=its-own-clock` or `:curve=calibration.csv` behind it.", "",
     ])  # fmt: skip
 
 

@@ -5,12 +5,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import QuantityError, RecordError
 from msl_fem.files.quantity import parse_quantity
 from msl_fem.files.schema import read_toml
+from msl_fem.record.calibration import CalibrationCurve, read_curve
 from msl_fem.record.columns import CHANNELS
 
-COLUMN_KEYS = ("source", "unit", "scale", "offset", "time")
+COLUMN_KEYS = ("source", "unit", "scale", "offset", "time", "curve")
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
 
 
@@ -18,7 +22,8 @@ _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
 class ColumnSource:
     """One column of a run: column = scale * source + offset, scale and offset in the column's SI unit.
 
-    `time` is the signal that holds the instants of this one, where it has a clock of its own.
+    `time` is the signal that holds the instants of this one, where it has a clock of its own; `curve` what the source
+    means, of a gauge that is not linear: the values of the curve take the source's place.
     """
 
     column: str
@@ -26,6 +31,12 @@ class ColumnSource:
     scale: float
     offset: float
     time: str = ""
+    curve: CalibrationCurve | None = None
+
+    def in_si(self, raw: Array, *, file: Path | str) -> Array:
+        """The column (n_sample,) of its source's values; RecordError where one lies beyond the curve."""
+        linear = raw if self.curve is None else self.curve.values_of(raw, source=self.source, file=file)
+        return np.asarray(self.scale * linear + self.offset)
 
 
 def column_sources(text: str) -> tuple[ColumnSource, ...]:
@@ -33,7 +44,8 @@ def column_sources(text: str) -> tuple[ColumnSource, ...]:
 
     The text lists `column=source`, parted by commas, each with `:unit=mm`, `:scale=-1` (a number times the unit, or a
     quantity like `0.5 mm` for one of the log's units) and `:offset=14 mm` where needed. The file has a table for each
-    column, `[position_m]`, with the keys source, unit, scale and offset.
+    column, `[position_m]`, with the keys source, unit, scale, offset, and curve: a CSV file with the calibration
+    of a gauge that is not linear, columns `reading` and `value`, the value in `unit`.
 
     Raises
     ------
@@ -71,7 +83,11 @@ def _from_file(path: Path) -> list[tuple[str, dict[str, str]]]:
     for column, keys in content.items():
         if not isinstance(keys, dict):
             raise RecordError(f"{path}: {column}: write a table, [{column}] with a source")
-    return [(column, {key: str(value) for key, value in keys.items()}) for column, keys in content.items()]
+    entries = [(column, {key: str(value) for key, value in keys.items()}) for column, keys in content.items()]
+    for _, keys in entries:
+        if "curve" in keys:  # beside the file of columns
+            keys["curve"] = str(path.parent / keys["curve"])
+    return entries
 
 
 def _source(column: str, keys: dict[str, str]) -> ColumnSource:
@@ -83,9 +99,11 @@ def _source(column: str, keys: dict[str, str]) -> ColumnSource:
         raise RecordError(f"--columns: {column}: {problem}; the keys are {', '.join(COLUMN_KEYS)}")
     unit = CHANNELS[column].unit
     try:
-        return ColumnSource(column, keys["source"], _scale(keys, unit), _offset(keys, unit), keys.get("time", ""))
+        scale, offset = _scale(keys, unit), _offset(keys, unit)
     except QuantityError as err:
         raise RecordError(f"--columns: {column}: {err}") from err
+    curve = read_curve(Path(keys["curve"])) if "curve" in keys else None
+    return ColumnSource(column, keys["source"], scale, offset, keys.get("time", ""), curve)
 
 
 def _scale(keys: dict[str, str], unit: str) -> float:
@@ -117,4 +135,6 @@ def describe(sources: Sequence[ColumnSource]) -> dict[str, dict[str, object]]:
             "scale": source.scale,
             "offset": source.offset,
         }
+        if source.curve is not None:
+            described[source.column]["curve"] = source.curve.file
     return described

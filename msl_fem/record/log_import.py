@@ -131,7 +131,7 @@ def _imported(
     raw = {it.column: signal(signals, it.source, file=log) for it in sources}
     for source in sources:
         _refuse_no_numbers(raw[source.column], source, log, empty=timing.resampled is not None)
-    in_si = {it.column: it.scale * raw[it.column] + it.offset for it in sources}
+    in_si = {it.column: it.in_si(raw[it.column], file=log) for it in sources}
     noise = {
         name: estimated_noise(v[np.isfinite(v)]) for name, v in in_si.items() if CHANNELS[name].quantity in INSTRUMENTS
     }

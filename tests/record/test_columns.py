@@ -128,7 +128,7 @@ def test_netcdf_over_another_dimension_is_refused(tmp_path: Path) -> None:
 
 def test_a_channel_and_its_column_name_each_other() -> None:
     names = (
-        "time_s position_m force_N reference_m injection_m temperature_K voltage_1_V voltage_2_V "
+        "time_s position_m velocity_m_per_s force_N reference_m injection_m temperature_K voltage_1_V voltage_2_V "
         "current_1_A current_2_A command_1_A command_2_A flux_linkage_1_Wb flux_linkage_2_Wb"
     )
     assert list(CHANNELS) == names.split()
