@@ -270,16 +270,29 @@ def _check_start(actuator: Actuator, plant: PlantParameters, table: MagneticTabl
 
 
 def _complaint(actuator: Actuator, table: MagneticTable | None, status: int, *, time: float, state: Array) -> str:
-    where = f", x = {format_quantity(state[X], 'm')}, x' = {state[V]:.4g} m/s"
-    where = f"i = {state[I1]:.4g}, {state[I2]:.4g} A" + where
+    sides = actuator.sides.count if actuator.sides is not None else 2
+    currents = ", ".join(f"{value:.4g}" for value in (state[I1], state[I2])[:sides])
+    where = f"i = {currents} A, x = {format_quantity(state[X], 'm')}, x' = {state[V]:.4g} m/s"
     rectangle = f" ({table.rectangle})" if table is not None and status == OUTSIDE_TABLE else ""
+    met = f"{actuator.name}: {STATUS[status]}{rectangle} after t = {time:.6g} s, at {where}"
+    if table is not None and status == OUTSIDE_TABLE and (stops := _gaps_at_stops_outside(actuator, table)):
+        return f"{met}; the end stops let the mover reach gaps of {stops}: make the table over them (table --gaps)"
     limit = stability_limit(actuator, table) if table is not None else math.inf
-    known = f" (at x = 0 it is stable up to {limit:.3g} A RMS on all sides)" if math.isfinite(limit) else ""
+    known = f" (at x = 0 it is stable up to {limit:.3g} A RMS on all sides)" if 0 < limit < math.inf else ""
     return (
-        f"{actuator.name}: {STATUS[status]}{rectangle} after t = {time:.6g} s, at {where}; the open loop does not bear "
-        f"these inputs{known}: lower the amplitude or the bias, or "
+        f"{met}; the open loop does not bear these inputs{known}: lower the amplitude or the bias, or "
         "follow a reference in closed loop ('msl-fem control')"
     )
+
+
+def _gaps_at_stops_outside(actuator: Actuator, table: MagneticTable) -> str:
+    """The gaps at the end stops, where the table does not reach both; else empty."""
+    motion = actuator.motion
+    if motion is None or motion.end_stop is None or motion.nominal_gap is None:
+        return ""
+    low, high = motion.nominal_gap - motion.end_stop, motion.nominal_gap + motion.end_stop
+    inside = table.gap[0] <= low and high <= table.gap[-1]
+    return "" if inside else f"{format_quantity(low, 'm')} ... {format_quantity(high, 'm')}"
 
 
 @dataclass(frozen=True, eq=False)

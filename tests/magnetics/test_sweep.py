@@ -344,6 +344,13 @@ def test_default_grid_covers_the_ranges_with_a_margin(servo):
     assert (np.diff(current, 2) > 0).all()
 
 
+def test_the_default_grid_reaches_past_both_end_stops(servo):
+    motion = servo.motion.model_copy(update={"end_stop": 5.5e-4})
+    gap, _ = default_grid(servo.model_copy(update={"motion": motion}))
+    assert gap[0] < servo.motion.nominal_gap - 5.5e-4
+    assert gap[-1] > servo.motion.nominal_gap + 5.5e-4
+
+
 def test_default_grid_of_parallel_magnets_halves_the_current(servo):
     parallel = servo.model_copy(update={"sides": servo.sides.model_copy(update={"connection": "parallel"})})
     assert default_grid(parallel)[1][-1] == pytest.approx(6.0)

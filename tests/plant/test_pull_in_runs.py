@@ -1,12 +1,13 @@
 """Runs that are tried first on a solenoid: a voltage step with the mover locked, and a pull-in against the end stop."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from msl_fem.actuator import Actuator
-from msl_fem.errors import InputError
+from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant import refused_unless_borne
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.simulate import Options
@@ -60,6 +61,15 @@ def test_a_mover_with_an_end_stop_is_pulled_in_and_what_it_brings_is_lost_there(
     speed = run.velocity[first - 1]
     assert run.audit.impact == pytest.approx(actuator.motion.moving_mass * speed**2 / 2, rel=0.1)
     assert run.audit.imbalance < 1e-3
+
+
+def test_a_table_that_ends_before_the_stop_is_told_with_the_gaps(servo: Actuator, table: MagneticTable) -> None:
+    """A mover that falls onto its lower stop: no advice on currents, and one current for one side."""
+    short = lifter(servo, end_stop=float(table.gap[-1]) - servo.motion.nominal_gap + 2e-5)
+    with pytest.raises(ComputationError, match=r"reach gaps of .* \.\.\. .*: make the table over them") as why:
+        refused_unless_borne(short, table, STEP, rate=1e4)
+    assert "RMS on all sides" not in str(why.value)
+    assert re.search(r"at i = [^,]* A, x = ", str(why.value))
 
 
 def test_all_that_is_wrong_with_an_excitation_and_its_keys_are_told() -> None:

@@ -86,12 +86,16 @@ def drive_limit(actuator: Actuator) -> float | None:
     return float(drive.current_limit) / parallel
 
 
+PAST_STOP = 0.03
+"""Of the gap at an end stop: how much farther a default table reaches, for effects that change the gap."""
+
+
 def default_grid(actuator: Actuator) -> tuple[Array, Array]:
     """Gaps (m) and currents (A) that cover an actuator's ranges with a margin.
 
-    Gaps run from half the smallest to a sixth of the nominal gap beyond the largest, or as far as the magnet's mesh
-    follows, in a geometric series; currents from 0 to the drive's limit for one magnet, denser at small currents, where
-    small gaps saturate.
+    Gaps run from half the smallest to a sixth of the nominal gap beyond the largest, and past both end stops where they
+    are stated, or as far as the magnet's mesh follows, in a geometric series; currents from 0 to the drive's limit for
+    one magnet, denser at small currents, where small gaps saturate.
 
     Raises
     ------
@@ -105,7 +109,11 @@ def default_grid(actuator: Actuator) -> tuple[Array, Array]:
             'give one, like --gaps "0.1,0.2,0.5 mm" --currents "1,2,5 A"'
         )
     travel = motion.nominal_gap - motion.range, motion.nominal_gap + motion.range
-    ends = with_margin(actuator, travel, (travel[0] / 2, travel[1] + motion.nominal_gap / 6))
+    margin = (travel[0] / 2, travel[1] + motion.nominal_gap / 6)
+    if motion.end_stop is not None:
+        stops = (motion.nominal_gap - motion.end_stop, motion.nominal_gap + motion.end_stop)
+        margin = (min(margin[0], stops[0] * (1 - PAST_STOP)), max(margin[1], stops[1] * (1 + PAST_STOP)))
+    ends = with_margin(actuator, travel, margin)
     gaps = np.geomspace(*ends, DEFAULT_GAPS)
     share = np.arange(DEFAULT_CURRENTS) / (DEFAULT_CURRENTS - 1)
     return gaps, limit * share**2
