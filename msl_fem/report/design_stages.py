@@ -20,11 +20,13 @@ from msl_fem.materials.material import Iron, load_iron
 from msl_fem.report.figures import BLUE, GREEN, GREY, ORANGE, SERIES, figure, line, logarithmic, two_rows
 from msl_fem.report.page import Stage
 from msl_fem.report.page_words import millimetres
-from msl_fem.report.section_drawing import INK, IRON, LINE, draw_section
+from msl_fem.report.section_drawing import COPPER, INK, IRON, LINE, draw_section
 from msl_fem.table.magnetic_table import MagneticTable
 
 Numbers = tuple[tuple[str, str], ...]
-IN_THE_PAGES_COLOURS = {INK: "var(--ink)", LINE: "var(--soft)", IRON: "var(--iron)", "#ffffff": "var(--paper)"}
+IN_THE_PAGES_COLOURS = {
+    INK: "var(--ink)", LINE: "var(--soft)", IRON: "var(--iron)", COPPER: "var(--copper)", "#ffffff": "var(--paper)",
+}  # fmt: skip
 
 
 def magnet_stages(actuator: Actuator) -> list[Stage]:
@@ -133,7 +135,8 @@ def _electronics(actuator: Actuator) -> Numbers:
     rows.append(("noise of the position sensor, RMS", format_quantity(sensor.noise, "m")))
     rows.append(("noise of the current sensor, RMS", format_quantity(actuator.current_sensor.noise, "A")))
     if controller is not None:
-        rate = f"{format_quantity(controller.rate, 'Hz')}, delay {controller.delay_samples} samples"
+        delay = controller.delay_samples
+        rate = f"{format_quantity(controller.rate, 'Hz')}, delay {delay} sample{'' if delay == 1 else 's'}"
         rows.append(("controller", rate))
     return tuple(rows)
 
