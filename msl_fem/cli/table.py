@@ -14,7 +14,8 @@ from msl_fem.computing.row_cache import RowCache
 from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
 from msl_fem.magnetics.field.magnet_field import check_grid
-from msl_fem.magnetics.sweep.pair_sweep import default_pair_grid, pair_sweep
+from msl_fem.magnetics.sweep.pair_grid import default_pair_grid
+from msl_fem.magnetics.sweep.pair_sweep import pair_sweep
 from msl_fem.magnetics.sweep.solid_lift import lifted_sweep
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, default_grid, sweep
 from msl_fem.record import load_record

@@ -13,7 +13,9 @@ from msl_fem.cli.app import app
 from msl_fem.cli.output import run_guarded
 from msl_fem.errors import InputError, OutOfTable, TableError
 from msl_fem.magnetics.field.pair_field import PairField, pair_magnet, pair_mesh
-from msl_fem.magnetics.sweep.pair_sweep import default_pair_grid, pair_sweep
+from msl_fem.magnetics.sweep.pair_grid import default_pair_grid
+from msl_fem.magnetics.sweep.pair_sweep import pair_sweep
+from msl_fem.magnetics.sweep.pair_symmetry import with_each_alone
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings
 from msl_fem.table.magnetic_table import read_table
 from msl_fem.table.pair_table import PAIR_NODES, PairTable, read_pair_table, write_pair_table
@@ -88,6 +90,29 @@ def test_the_file_reads_back(swept: tuple[PairTable, SweepReport], path: Path) -
         read_table(path)
     with pytest.raises(TableError, match="one magnet"):
         read_pair_table(ROOT / "lookup_tables/fast_tool_servo.nc")
+
+
+def test_what_a_mesh_gets_wrong_of_either_side_alone_is_taken_off_exactly() -> None:
+    """W = a common term plus one of each side; a mesh with errors in those of the sides gives all derivatives of W."""
+    x, i, j = np.meshgrid([-1.0, 0.0, 1.0], [-2.0, 0.0, 2.0], [-2.0, 0.0, 2.0], indexing="ij")
+
+    def arrays(error: float) -> dict[str, np.ndarray]:
+        common = [i * j, j, i, 0 * x, 0 * x, 0 * x, 1 + 0 * x, 0 * x, 0 * x, 0 * x]
+        own = 1 + error
+        first = [(2 + x) * i**2, 2 * (2 + x) * i, 0, i**2, 2 * (2 + x), 0, 0, 2 * i, 0, 0]
+        second = [(2 - x) * j**2, 0, 2 * (2 - x) * j, -(j**2), 0, 2 * (2 - x), 0, 0, -2 * j, 0]
+        made = zip(PAIR_NODES, common, first, second, strict=True)
+        return {name: both + own * (one + two) + 0 * x for name, both, one, two in made}
+
+    exact, coarse = arrays(0.0), arrays(0.05)
+    beside = (i != 0) & (j != 0)
+    alone = {name: np.where(beside, np.nan, values) for name, values in exact.items()}
+    density = "flux_density_yoke_1"
+    alone[density], coarse[density] = np.where(beside, np.nan, np.abs(i) / 2), np.abs(i) / 2 * 0.98
+    found = with_each_alone(coarse, alone)
+    for name, values in exact.items():
+        np.testing.assert_allclose(found[name], values, atol=1e-13, err_msg=name)
+    np.testing.assert_allclose(found[density], np.abs(i) / 2, atol=1e-15)
 
 
 @pytest.mark.parametrize(

@@ -12,17 +12,25 @@ import numpy as np
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ActuatorError
-from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, irons_of
+from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, Discretisation, irons_of
 from msl_fem.magnetics.kinds.kind import PlaneMagnet
 from msl_fem.magnetics.section import Line, Region, Section, rectangle
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, solve_field
-from msl_fem.magnetics.solver.mesh import triangulate
+from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
 from msl_fem.magnetics.solver.postprocess import SectionFluxDensity, cut_flux_density, cut_probe, irons_on_tail
 from msl_fem.magnetics.solver.strip import STRIP, Strip
 from msl_fem.magnetics.triangles import TriangleMesh
 
 SHARED = ("armature",)
 """Regions and cuts that both sides have in common."""
+_COARSE = Discretisation(MeshSize(corner=1.0, gap=8.0, iron=2.0, growth=2.0), 2)
+COMMON: dict[Accuracy, Discretisation] = {
+    "fast": _COARSE,
+    "normal": _COARSE,
+    "fine": LEVELS["normal"],
+}
+"""For what both sides have in common, the field of both less that of each alone: what a mesh gets wrong of either side
+falls out of the difference, so it may be coarse."""
 ON_MIDDLE = 1e-9  # of the mesh's width: a point nearer to the armature's middle is its own mirror image
 
 
@@ -108,9 +116,11 @@ def mirrored(mesh: TriangleMesh, middle: float, shared: tuple[str, ...]) -> Tria
     return TriangleMesh(points, triangles, np.concatenate(numbers), names, mesh.gap)
 
 
-def pair_mesh(magnet: PlaneMagnet, gap: float, accuracy: Accuracy = "normal") -> TriangleMesh:
-    """The mesh of both sides, each at the same gap, for an accuracy level."""
-    half = triangulate(half_pair_section(magnet, gap), LEVELS[accuracy].size)
+def pair_mesh(
+    magnet: PlaneMagnet, gap: float, accuracy: Accuracy = "normal", size: MeshSize | None = None
+) -> TriangleMesh:
+    """The mesh of both sides, each at the same gap, for an accuracy level or of stated sizes."""
+    half = triangulate(half_pair_section(magnet, gap), size or LEVELS[accuracy].size)
     return mirrored(half, -magnet.armature_thickness / 2, SHARED)
 
 
