@@ -75,13 +75,13 @@ def _flux_of_opposing(field: PairField, position: float, currents: Array) -> Arr
     return flux
 
 
-def sizes(values: ArrayLike) -> Array:
+def half_of(values: ArrayLike) -> Array:
     """0 and the values without their signs, increasing; those that differ by rounding once."""
     sizes = np.unique(np.abs(np.r_[0.0, np.asarray(values, dtype=float)]))
     return sizes[np.r_[True, np.diff(sizes) > CLOSEST * sizes[-1]]]
 
 
-def check_grid(half_x: Array, half_i: Array, gap_sum: float) -> None:
+def check_pair_grid(half_x: Array, half_i: Array, gap_sum: float) -> None:
     if not gap_sum > 0:
         raise InputError(f"both gaps together must be above 0, they are {gap_sum:g} m")
     bad = half_x[~(half_x < gap_sum / 2)]

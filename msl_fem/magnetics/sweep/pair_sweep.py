@@ -17,7 +17,7 @@ from msl_fem.computing.row_cache import Arrays, RowCache
 from msl_fem.errors import InputError
 from msl_fem.magnetics.field.accuracy import LEVELS
 from msl_fem.magnetics.field.pair_field import pair_magnet
-from msl_fem.magnetics.sweep.pair_grid import check_grid, one_sided_grid, sizes
+from msl_fem.magnetics.sweep.pair_grid import check_pair_grid, half_of, one_sided_grid
 from msl_fem.magnetics.sweep.pair_rows import PairSweepJob, PairSweepRow, job_key, pair_job
 from msl_fem.magnetics.sweep.pair_symmetry import by_symmetry, needed, with_each_alone
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, refuse_failures, sweep
@@ -58,8 +58,8 @@ def pair_sweep(
     if settings.end_effects:
         raise InputError("a table of both sides has no correction of end effects; leave --end-effects out")
     pair_magnet(actuator)
-    half_x, half_i = sizes(positions), sizes(currents)
-    check_grid(half_x, half_i, gap_sum)
+    half_x, half_i = half_of(positions), half_of(currents)
+    check_pair_grid(half_x, half_i, gap_sum)
     started = time.process_time()
     gaps = np.unique(np.r_[gap_sum / 2 - half_x, gap_sum / 2 + half_x])
     one_sided, alone = sweep(actuator, *one_sided_grid(gaps, half_i), settings=settings)
