@@ -17,6 +17,7 @@ from msl_fem.magnetics.field.accuracy import Accuracy, PointResult
 from msl_fem.magnetics.field.magnet_field import solve_with_field
 from msl_fem.magnetics.field.two_sided import TwoSidedPosition, TwoSidedResult, solve_two_sided
 from msl_fem.magnetics.three_d.magnet_point import SolidPoint, solve_solid
+from msl_fem.magnetics.three_d.pair_point import SolidPairPoint, solve_solid_pair
 from msl_fem.report.field_picture import draw_field, save_picture
 from msl_fem.report.scene import render_scene
 from msl_fem.report.solid_picture import draw_solid_field
@@ -38,7 +39,7 @@ def command(
         Path | None, typer.Option(help="Write a PNG of the solid magnet (needs --vtu, pyvista, GL).")
     ] = None,
     dimension: Annotated[
-        int, typer.Option(metavar="2|3", help="3: with the end turns, of a stack of sheets (needs pyamg).")
+        int, typer.Option(metavar="2|3", help="3: with the end turns, or all around a pot core (needs pyamg).")
     ] = 2,
     json: Json = False,
 ) -> None:
@@ -51,7 +52,7 @@ def command(
         if target is not None:
             check_target(target, apart_from=[actuator])
     amperes, metres = read_option("--current", current, "A"), _read_gap("--gap", gap)
-    _check_dimension(dimension, two_sided=(current_2, gap_2, tilt) != (None, None, None), scene=scene)
+    _check_dimension(dimension, tilt=tilt, scene=scene)
     two_sided = (current_2, gap_2, tilt) != (None, None, None)
     if scene is not None and vtu is None:
         raise InputError("--scene draws what --vtu writes; give both")
@@ -60,6 +61,9 @@ def command(
     title = f"{it.name}: one magnet at {current}" + (f", gap {gap}" if gap else "")
     if two_sided:
         position, currents = _position(metres, gap_2, tilt), (amperes, _current_2(current_2))
+        if dimension == 3:
+            _solve_solid_pair(it, currents, position, level, json=json)
+            return
         found = solve_two_sided(it, currents, position, accuracy=level)
         _say_notes(found.notes)
         costs = what_a_polarity_costs(it, currents, position, accuracy=level)
@@ -85,11 +89,11 @@ def command(
     print_result(point_to_json(result), as_json=json, title=title)
 
 
-def _check_dimension(dimension: int, *, two_sided: bool, scene: Path | None) -> None:
+def _check_dimension(dimension: int, *, tilt: str | None, scene: Path | None) -> None:
     if dimension not in (2, 3):
         raise InputError(f"--dimension {dimension} is not known; choose 2 or 3")
-    if dimension == 3 and (two_sided or scene is not None):
-        raise InputError("--dimension 3 solves one magnet, without --scene, --current-2, --gap-2 and --tilt")
+    if dimension == 3 and (tilt is not None or scene is not None):
+        raise InputError("--dimension 3 knows neither --tilt nor --scene; leave them out")
 
 
 def _solve_solid(
@@ -111,6 +115,16 @@ def _solve_solid(
         write_solid_vtu(model, solution, vtu)
     _say_notes(point.notes)
     print_result(solid_to_json(point), as_json=json, title=title)
+
+
+def _solve_solid_pair(
+    it: Actuator, currents: tuple[float, float], position: TwoSidedPosition, accuracy: Accuracy, *, json: bool
+) -> None:
+    gaps = position.gap_1, position.gap_2
+    with progress_bar("field in three dimensions, per cent") as progress:
+        point = solve_solid_pair(it, currents, gaps, accuracy=accuracy, progress=progress)
+    _say_notes(point.notes)
+    print_result(solid_pair_to_json(point), as_json=json, title=f"{it.name}: both magnets")
 
 
 def _read_gap(name: str, text: str | None) -> float | None:
@@ -175,6 +189,29 @@ def point_to_json(result: PointResult) -> dict[str, Any]:
         "unknowns": result.unknowns,
         "newton_iterations": result.newton_iterations,
         "notes": list(result.notes),
+    }
+
+
+def solid_pair_to_json(point: SolidPairPoint) -> dict[str, Any]:
+    """The JSON fields of `solve --dimension 3` with both magnets; errors of force and flux linkage in N and Wb here."""
+    return {
+        "current_1_A": point.currents[0],
+        "current_2_A": point.currents[1],
+        "gap_1_m": point.gaps[0],
+        "gap_2_m": point.gaps[1],
+        "net_force_N": point.net_force,
+        "flux_linkage_1_Wb": point.flux_linkage[0],
+        "flux_linkage_2_Wb": point.flux_linkage[1],
+        "coenergy_J": point.coenergy,
+        "incremental_inductance_1_H": point.incremental_inductance[0],
+        "incremental_inductance_2_H": point.incremental_inductance[1],
+        "mutual_inductance_H": point.mutual_inductance,
+        "net_force_error_estimate_N": point.net_force_error,
+        "flux_linkage_error_estimate_Wb": point.flux_error,
+        "mutual_inductance_error_estimate": point.mutual_error,
+        "unknowns": point.unknowns,
+        "newton_iterations": point.newton_iterations,
+        "notes": list(point.notes),
     }
 
 

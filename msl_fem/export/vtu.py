@@ -5,6 +5,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
+from msl_fem.computing.arrays import Array
 from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
@@ -42,7 +43,7 @@ def write_vtu(field: MagnetField, solution: FieldSolution, path: Path) -> None:
 
 
 def write_solid_vtu(model: BoxModel, solution: PotentialSolution, path: Path) -> None:
-    """The boxes that were solved with phi (A, at the corners), B (T) and H (A/m), means of each box.
+    """The boxes that were solved with phi (A, at the corners), B (T) and H (A/m), means of each box, along x, y and z.
 
     `iron` is the iron's index, -1 in air; `turns` is 1 where the coil lies.
 
@@ -59,6 +60,10 @@ def write_solid_vtu(model: BoxModel, solution: PotentialSolution, path: Path) ->
     corners = [number[x, y, z].ravel() for z in (low, high) for x, y in round_trip]
     step = grid.order
     mean = [np.einsum("cqk,q->ck", values, problem.elements.weights) for values in (state.flux_density, state.strength)]
+    if problem.polar:
+        radius, height, angle = points.T
+        points = np.column_stack([radius * np.cos(angle), height, radius * np.sin(angle)])
+        mean = [_cartesian(values, grid.centres()[2]) for values in mean]
     data = meshio.Mesh(
         points,
         [("hexahedron", np.column_stack(corners))],
@@ -71,6 +76,13 @@ def write_solid_vtu(model: BoxModel, solution: PotentialSolution, path: Path) ->
         },
     )
     _write(data, path)
+
+
+def _cartesian(vectors: Array, angle: Array) -> Array:
+    """Vectors (n, 3) along the radius, y and the angle, at angles (n,), along x, y and z."""
+    along, y, around = vectors.T
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.column_stack([cosine * along - sine * around, y, sine * along + cosine * around])
 
 
 def _write(data: meshio.Mesh, path: Path) -> None:

@@ -58,7 +58,7 @@ def _mirrored(half: Array) -> Array:
 
 def _area(model: BoxModel, axis: int) -> tuple[tuple[float, float], tuple[float, float]]:
     """What is shown: from the plane of symmetry to beyond the coil and the iron, and their y with a margin."""
-    coil = model.coil
+    coil, axis = model.coil, 0 if model.polar else axis
     iron = [box for box in model.boxes if box.iron >= 0]
     reach = coil.clearance + coil.width
     ends = [(box.x, box.z)[axis // 2][1] for box in iron]

@@ -32,11 +32,43 @@ def test_numbers_picture_and_field(msl_fem: Run, tmp_path: Path) -> None:
     assert np.median(np.linalg.norm(field.cell_data["B"][0][leg], axis=1)) == pytest.approx(mean, rel=0.3)
 
 
+def test_a_pot_core_in_three_dimensions(msl_fem: Run, tmp_path: Path) -> None:
+    """Beside its section; in the VTU file boxes and flux turn about the axis."""
+    pot = str(Path(E1).with_name("pot_core_holding.toml"))
+    picture, vtu = tmp_path / "pot.png", tmp_path / "pot.vtu"
+    flat = msl_fem("solve", pot, "--current", "1 A", "--gap", "1 mm", "--accuracy", "fast", "--json").json
+    solid = msl_fem("solve", pot, *POINT, "--picture", str(picture), "--vtu", str(vtu), "--json").json
+    assert solid["force_N"] == pytest.approx(flat["force_N"], rel=0.02)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    field = meshio.read(vtu)
+    corners = field.points[field.cells[0].data]
+    middle, b = corners.mean(axis=1), field.cell_data["B"][0]
+    assert np.hypot(*field.points[:, [0, 2]].T).max() == pytest.approx(field.points[:, 0].max())
+    assert field.points[:, 2].max() == pytest.approx(field.points[:, 0].max())
+    strong = np.linalg.norm(b[:, [0, 2]], axis=1) > 0.1 * np.linalg.norm(b, axis=1)
+    turned = b[:, 0] * middle[:, 2] - b[:, 2] * middle[:, 0]
+    across = np.linalg.norm(b[:, [0, 2]], axis=1) * np.hypot(middle[:, 0], middle[:, 2])
+    assert strong.any()
+    assert np.abs(turned[strong] / across[strong]).max() < 1e-3
+
+
+def test_both_magnets_in_three_dimensions(msl_fem: Run) -> None:
+    """Equal gaps and opposing currents: no net force, and more mutual flux than the plane pair's 0.28 mH."""
+    both = ("--current-2", "-1 A", "--gap-2", "1 mm", "--json")
+    solid = msl_fem("solve", E1, *POINT, *both).json
+    flat = msl_fem("solve", E1, *POINT[:4], *POINT[6:], *both).json
+    assert {"net_force_N", "flux_linkage_1_Wb", "coenergy_J", "notes"} <= set(flat) & set(solid)
+    assert abs(solid["net_force_N"]) < 1e-3
+    assert solid["flux_linkage_1_Wb"] == pytest.approx(-solid["flux_linkage_2_Wb"], rel=1e-5)
+    assert solid["flux_linkage_1_Wb"] > 1.1 * flat["flux_linkage_1_Wb"]
+    assert solid["mutual_inductance_H"] == pytest.approx(0.575e-3, rel=0.05)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         (("--dimension", "4"), "--dimension 4 is not known; choose 2 or 3"),
-        (("--dimension", "3", "--current-2", "1 A"), "--dimension 3 solves one magnet"),
+        (("--dimension", "3", "--current-2", "1 A", "--gap-2", "1 mm", "--tilt", "1 mrad"), "neither --tilt nor"),
     ],
 )
 def test_what_is_refused(msl_fem: Run, options: tuple[str, ...], message: str) -> None:

@@ -120,7 +120,7 @@ def test_the_command_prints_one_object(msl_fem, monkeypatch: pytest.MonkeyPatch,
     changes = [one["change"] for one in found["suspects"]]
     assert changes == sorted(changes, reverse=True)
     named = {one["effect"]: one for one in found["suspects"]}
-    assert named["mutual_inductance"]["size"] == pytest.approx(-0.0234, rel=0.01)
+    assert named["mutual_inductance"]["size"] == pytest.approx(-0.0565, rel=0.01)
     keys = {"effect", "size", "unit", "change", "absorbed_by_refit", "absorbed_by_armax", "shown_by"}
     assert keys <= set(found["suspects"][0])
     assert found["belief"] == "plain"

@@ -86,5 +86,5 @@ def test_points_span_the_table_and_checks_lie_between_them() -> None:
 
 def test_a_magnet_without_a_stack_is_refused_before_any_work() -> None:
     pot_core = load_actuator(GEOMETRIES / "pot_core_holding.toml")
-    with pytest.raises(InputError, match="solved for a stack of sheets"):
+    with pytest.raises(InputError, match="no stack whose ends"):
         lifted_sweep(pot_core, [0.3e-3, 0.5e-3], [0.5, 1.0], settings=SweepSettings("fast"))

@@ -72,13 +72,29 @@ def test_ends_add_flux_and_take_force_in_saturation(e1: Actuator) -> None:
     assert shares[-1] == 100
 
 
+def test_a_pot_core_is_its_axisymmetric_section() -> None:
+    """Saturated steel; a quarter of a turn in three boxes, beside a vector potential in the half plane."""
+    pot = load_actuator(GEOMETRIES / "pot_core_holding.toml")
+    section = solve(pot, 2.0, 0.3e-3, accuracy="fast").quantities
+    point, model, solution = solve_solid(pot, 2.0, 0.3e-3, accuracy="fast")
+    assert model.copies * model.grid(0.5).cells[2] >= 12
+    assert point.force == pytest.approx(section.force, rel=5e-3)
+    assert point.force_stress == pytest.approx(section.force, rel=5e-3)
+    assert point.flux_linkage == pytest.approx(section.flux_linkage, rel=5e-3)
+    assert point.coenergy == pytest.approx(section.coenergy, rel=6e-3)
+    assert point.flux_density["post"].mean == pytest.approx(section.flux_density["post"].mean, rel=5e-3)
+    assert point.flux_density["ring"].mean == pytest.approx(section.flux_density["ring"].mean, rel=5e-3)
+    around = solution.state.strength[..., 2]
+    assert np.abs(around).max() < 1e-4 * np.abs(solution.state.strength).max()
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
-    [({"pole_chamfer": 0.5e-3}, "take no chamfered poles"), (None, "solved for a stack of sheets")],
-    ids=["chamfer", "pot core"],
+    [({"pole_chamfer": 0.5e-3}, "take no chamfered poles"), (None, "solved for e-core, u-core and pot-core")],
+    ids=["chamfer", "plunger"],
 )
 def test_what_the_boxes_cannot_be_is_refused(e1: Actuator, changes: dict[str, float] | None, message: str) -> None:
-    other = with_magnet(e1, **changes) if changes else load_actuator(GEOMETRIES / "pot_core_holding.toml")
+    other = with_magnet(e1, **changes) if changes else load_actuator(GEOMETRIES / "roters_plunger.toml")
     with pytest.raises(InputError, match=message):
         solve_solid(other, 1.0, 0.5e-3, accuracy="fast")
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import jnp_zeros, jv, jvp
 
 from msl_fem.errors import ComputationError, NotConverged
 from msl_fem.magnetics.three_d import multigrid, scalar_potential
@@ -93,6 +94,37 @@ def test_the_field_converges_with_the_order_of_its_elements(order: int) -> None:
         errors.append(np.sqrt(off / problem.integral(np.sum(exact**2, axis=-1))))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.15)
     assert errors[1] < 0.12**order
+
+
+def bessel_problem(n: int) -> tuple[PotentialProblem, np.ndarray]:
+    """phi = J_2(k r) cos(2 angle) cos(pi y) in a quarter of a cylinder of air; J_2'(k) = 0: its side is a flux line."""
+    grid = TensorGrid((np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1), np.linspace(0, np.pi / 2, n + 1)), 2)
+    r, y, angle = grid.points(integration_points(2)[0])
+    k = float(jnp_zeros(2, 1)[0])
+    source = -(k**2 + np.pi**2) / np.pi * jv(2, k * r) * np.cos(2 * angle) * np.sin(np.pi * y)
+    exact = np.stack(
+        [
+            -k * jvp(2, k * r) * np.cos(2 * angle) * np.cos(np.pi * y),
+            source + np.pi * jv(2, k * r) * np.cos(2 * angle) * np.sin(np.pi * y),
+            2 / r * jv(2, k * r) * np.sin(2 * angle) * np.cos(np.pi * y),
+        ],
+        axis=-1,
+    )
+    held = np.zeros(grid.n_nodes, dtype=bool)
+    held[-1] = True
+    return PotentialProblem(grid, np.full(n**3, -1), NO_IRON, source, held, polar=True), exact
+
+
+def test_about_an_axis_the_field_converges_with_the_order_of_its_elements() -> None:
+    errors = []
+    for n in (4, 8):
+        problem, exact = bessel_problem(n)
+        solution = solve_potential(problem, 1.0, tolerance=1e-12)
+        off = problem.integral(np.sum((solution.state.strength - exact) ** 2, axis=-1))
+        errors.append(np.sqrt(off / problem.integral(np.sum(exact**2, axis=-1))))
+    assert problem.integral(np.ones_like(problem.radius)) == pytest.approx(np.pi / 4)
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.15)
+    assert errors[1] < 0.01
 
 
 def test_a_racetrack_in_air_has_the_field_of_biot_and_savart() -> None:

@@ -17,7 +17,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.jobs import Executor, Progress, run_jobs
 from msl_fem.computing.row_cache import Arrays, RowCache, content_key
-from msl_fem.errors import NotConverged
+from msl_fem.errors import InputError, NotConverged
 from msl_fem.magnetics.field.accuracy import Accuracy, irons_of
 from msl_fem.magnetics.field.end_effects import EndFactors
 from msl_fem.magnetics.field.magnet_field import MagnetField, check_grid, degree_of, magnet_mesh
@@ -180,6 +180,8 @@ def lifted_sweep(
     The accuracy is that of both. `progress` counts the solutions in three dimensions, then the rows of the table.
     """
     check_grid(actuator, np.atleast_1d(gaps).tolist(), np.atleast_1d(currents).tolist())
+    if actuator.magnet_kind().stack_ends is None:
+        raise InputError("this magnet has no stack whose ends could be corrected; leave --end-effects out")
     magnet_boxes(actuator.magnet_kind(), float(np.min(gaps)), actuator.folder)  # what cannot be is refused first
     fitted, checks = lift_points(gaps, currents)
     job = SolidJob(actuator, settings.accuracy)

@@ -88,6 +88,7 @@ class BoxModel:
     near : x, y, z where the field is singular
     equipotential : the lowest x is a plane that the field crosses at right angles
     copies : of what is solved in the whole magnet
+    polar : a body of revolution: x is the radius, z the angle in rad, of the boxes and of the coil
     """
 
     boxes: tuple[Box, ...]
@@ -98,6 +99,7 @@ class BoxModel:
     near: tuple[tuple[SizeNear, ...], ...]
     equipotential: bool = False
     copies: int = 4
+    polar: bool = False
 
     def grid(self, refinement: float) -> TensorGrid:
         """The grid, `refinement` times as fine as the sizes ask."""
@@ -132,4 +134,4 @@ class BoxModel:
             held[0] = True
         else:
             held[-1, -1, -1] = True  # phi is known but for a constant
-        return PotentialProblem(grid, iron, self.curves, source, held.ravel())
+        return PotentialProblem(grid, iron, self.curves, source, held.ravel(), self.polar)

@@ -53,6 +53,12 @@ def below(grid: TensorGrid, layer: Interval) -> DisplacementWeight:
     return DisplacementWeight(np.ones(grid.planes[0].size), y, np.ones(grid.planes[2].size))
 
 
+def between(grid: TensorGrid, lower: Interval, upper: Interval) -> DisplacementWeight:
+    """What lies between two layers of air (their intervals of y) moves up, what lies below and above stands."""
+    y = np.interp(grid.planes[1], (*lower, *upper), (0.0, 1.0, 1.0, 0.0))
+    return DisplacementWeight(np.ones(grid.planes[0].size), y, np.ones(grid.planes[2].size))
+
+
 def virtual_work(solution: PotentialSolution, weight: DisplacementWeight) -> float:
     """The force in y in N on what moves, of the part that is solved."""
     problem, state = solution.problem, solution.state
@@ -90,6 +96,10 @@ def stress_on_plane(solution: PotentialSolution, layer: Interval) -> float:
     flat[:, 1] = 0.5
     elements = problem.elements._replace(gradient=basis_gradient(grid.order, flat))
     field = -potential_gradient(solution.potential, elements)
-    shaped = field.reshape(*grid.cells, *field.shape[1:])[:, row]
-    stress = MU_0 * (shaped[..., 1] ** 2 - np.sum(shaped**2, axis=-1) / 2)
+    area = np.ones(field.shape[:2])
+    if problem.polar:
+        area = grid.points(flat)[0]
+        field[..., 2] /= area
+    shaped, area = (values.reshape(*grid.cells, *values.shape[1:])[:, row] for values in (field, area))
+    stress = MU_0 * area * (shaped[..., 1] ** 2 - np.sum(shaped**2, axis=-1) / 2)
     return float(np.einsum("ikq,i,k,q->", stress, grid.sizes[0], grid.sizes[2], weights))

@@ -1,4 +1,4 @@
-"""A stack of sheets with its end turns as boxes: a quarter of the magnet, from the section that its kind draws."""
+"""A quarter of a magnet as boxes, from the section that its kind draws: a stack with its end turns, or a pot core."""
 
 import math
 from pathlib import Path
@@ -8,6 +8,7 @@ import numpy as np
 from msl_fem.actuator import MagnetKind
 from msl_fem.errors import InputError
 from msl_fem.magnetics.kinds.kind import PlaneMagnet
+from msl_fem.magnetics.kinds.pot_core import PotCore
 from msl_fem.magnetics.section import Region, Section
 from msl_fem.magnetics.three_d.boxes import Box, BoxModel, Interval, Racetrack
 from msl_fem.magnetics.three_d.coenergy_law import coenergy_curves
@@ -15,31 +16,36 @@ from msl_fem.magnetics.three_d.tensor_grid import SizeNear
 from msl_fem.materials.material import load_iron
 
 FINEST = 1 / 6  # of the gap: the elements beside a pole face's edge
-PLANE = (-math.inf, math.inf)
+QUARTER = math.pi / 2  # of a turn
+LAYERS = 3  # of boxes over it
 
 
 def magnet_boxes(magnet: MagnetKind, gap: float, folder: Path, *, ends: bool = True) -> BoxModel:
     """A quarter of the magnet at a gap, x >= 0 and z >= 0, from the middle of the stack to the air beyond its end.
 
-    Without `ends` the stack's end is a flux line: the plane section in one layer of boxes.
+    Without `ends` the stack's end is a flux line: the plane section in one layer of boxes. A pot core is a quarter of
+    a turn, with the radius and the angle about the axis in the place of x and z.
 
     Raises
     ------
-    InputError : not a stack of sheets, or one with chamfered poles
+    InputError : neither a stack of sheets nor a pot core, chamfered poles, a pot core of sheets
     MaterialError : an iron that cannot be read
     """
-    if not isinstance(magnet, PlaneMagnet):
-        raise InputError("three dimensions are solved for a stack of sheets (e-core, u-core); leave --dimension out")
+    if not isinstance(magnet, PlaneMagnet | PotCore):
+        raise InputError("three dimensions are solved for e-core, u-core and pot-core; leave --dimension out")
     section = magnet.section(gap)
     if any(not _upright(region) for region in section.regions):
         raise InputError("three dimensions take no chamfered poles; set pole_chamfer to 0 mm or leave --dimension out")
-    half = magnet.stack_depth / 2
+    round_core = isinstance(magnet, PotCore)
+    half, ends = (QUARTER, False) if isinstance(magnet, PotCore) else (magnet.stack_depth / 2, ends)
     irons = list(section.iron)
     solid = [region for region in section.regions if region.name not in ("air", "strip")]
     boxes = [
         Box(irons.index(r.name) if r.name in irons else -1, *_sides(r), (0.0, half if r.name in irons else math.inf))
         for r in solid
     ]
+    if round_core and any(stacking < 1 for _, stacking in section.iron.values()):
+        raise InputError("three dimensions take a pot core of solid iron; set its stacking factors to 1")
     curves = coenergy_curves([(load_iron(name, folder=folder), stacking) for name, stacking in section.iron.values()])
     x, y = _air(section)
     sizes = [SizeNear(0.0, gap * FINEST / strength) for _, _, strength in section.corners]
@@ -51,11 +57,12 @@ def magnet_boxes(magnet: MagnetKind, gap: float, folder: Path, *, ends: bool = T
     return BoxModel(
         boxes=tuple(boxes),
         curves=curves,
-        coil=_coil(magnet, section, ends=ends),
+        coil=_coil(magnet, section, half if ends else math.inf),
         air=(x, y, (0.0, half + x[1] - magnet.half_width if ends else half)),
-        breaks=((), (0.0, gap), ()),
+        breaks=((), (0.0, gap), tuple(np.linspace(0, half, LAYERS + 1)) if round_core else ()),
         near=(near[0], near[1], (edge,) if ends else (SizeNear(0.0, half),)),
         equipotential=section.symmetry == "equipotential",
+        polar=round_core,
     )
 
 
@@ -77,9 +84,9 @@ def _air(section: Section) -> tuple[Interval, Interval]:
     return (0.0, section.far * right), (section.far * low, section.far * high)
 
 
-def _coil(magnet: PlaneMagnet, section: Section, *, ends: bool) -> Racetrack:
-    """The coil round the leg that it encloses, which begins at x = 0 or between the coil's two sides."""
-    coil, half = magnet.coil, magnet.stack_depth / 2
+def _coil(magnet: PlaneMagnet | PotCore, section: Section, half: float) -> Racetrack:
+    """The coil round the leg that it encloses, which begins at x = 0 or between the coil's two sides; |z| < half."""
+    coil = magnet.coil
     sides = sorted(_sides(region) for region in section.regions if region.name in section.turns_density)
     height = sides[0][1]
     if len(sides) == 1:
@@ -88,4 +95,4 @@ def _coil(magnet: PlaneMagnet, section: Section, *, ends: bool) -> Racetrack:
     else:
         leg = sides[0][0][1] + coil.leg_clearance, sides[1][0][0] - coil.leg_clearance
     turns = magnet.turns / magnet.winding_space.coils
-    return Racetrack(leg, (-half, half) if ends else PLANE, coil.leg_clearance, coil.width, height, turns)
+    return Racetrack(leg, (-half, half), coil.leg_clearance, coil.width, height, turns)

@@ -107,14 +107,14 @@ def solve_solid(
 
     Raises
     ------
-    InputError : a point out of range, a magnet that is no stack of sheets or has chamfered poles, pyamg missing
+    InputError : a point out of range, a magnet that `magnet_boxes` refuses, pyamg missing
     ComputationError : an iteration did not converge
     """
     level_of(accuracy)
     check_point(actuator, current, gap)
     magnet = actuator.magnet_kind()
     model = magnet_boxes(magnet, gap, actuator.folder, ends=ends)
-    shares = [_Share(progress, 0, 10, START_TOLERANCE), _Share(progress, 10, 90, TOLERANCE)]
+    shares = [ShareOfWork(progress, 0, 10, START_TOLERANCE), ShareOfWork(progress, 10, 90, TOLERANCE)]
     steps = REFINEMENT[accuracy]
     coarse, problem = (model.problem(refinement) for refinement in steps)
     first = solve_potential(coarse, current, tolerance=START_TOLERANCE, progress=shares[0])
@@ -160,8 +160,8 @@ def _relative(other: float, value: float) -> float:
     return abs(other - value) / abs(value) if value else 0.0
 
 
-class _Share:
-    """Decrements of an iteration as a share of all work, in hundredths."""
+class ShareOfWork:
+    """Reports the decrements of an iteration as a share of all work, in hundredths: `size` from `begin` on."""
 
     def __init__(self, report: Callable[[int, int], None] | None, begin: int, size: int, tolerance: float) -> None:
         self.report, self.begin, self.size = report, begin, size

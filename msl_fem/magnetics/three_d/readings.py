@@ -20,9 +20,13 @@ ON_TAIL = 0.01  # of an iron's volume
 def field_at(model: BoxModel, solution: PotentialSolution, points: Array) -> tuple[Array, Array, Indices]:
     """H in A/m and B in T (n_point, 3), and the iron's index (-1: air), at points (n_point, 3) in m.
 
-    Between two boxes the one that begins there counts.
+    Between two boxes the one that begins there counts. In a body of revolution the vectors are along the radius, y
+    and the angle.
     """
     grid = solution.problem.grid
+    if model.polar:
+        x, y, z = points.T
+        points = np.column_stack([np.hypot(x, z), y, np.arctan2(z, x)])
     cells, values, slopes = [], [], []
     for axis, planes in enumerate(grid.planes):
         cell = np.clip(np.searchsorted(planes, points[:, axis], side="right") - 1, 0, planes.size - 2)
@@ -40,6 +44,8 @@ def field_at(model: BoxModel, solution: PotentialSolution, points: Array) -> tup
     for axis in range(3):
         x, y, z = (slopes[k] if k == axis else values[k] for k in range(3))
         strength[:, axis] = -np.einsum("na,nb,nc,nabc->n", x, y, z, at, optimize=True)
+    if model.polar:
+        strength[:, 2] /= points[:, 0]
     strength[:, 1] += solution.current * model.coil.current_potential(*points.T)
     iron = solution.problem.iron.reshape(grid.cells)[tuple(cells)]
     flux = respond_everywhere(strength[:, None, :], iron, model.curves)[1][:, 0]
@@ -49,16 +55,18 @@ def field_at(model: BoxModel, solution: PotentialSolution, points: Array) -> tup
 def flux_density_over_cuts(
     model: BoxModel, solution: PotentialSolution, section: Section
 ) -> dict[str, SectionFluxDensity]:
-    """Name of each of the section's cuts to |B| in the sheets over its area, as deep as the stack."""
+    """Name of each of the section's cuts to |B| in the sheets over its area, as deep as the stack or all around."""
     return {cut.name: _over_cut(model, solution, cut, section.depth) for cut in section.cuts}
 
 
 def _over_cut(model: BoxModel, solution: PotentialSolution, cut: Line, depth: float) -> SectionFluxDensity:
     along, deep = (np.arange(ALONG) + 0.5) / ALONG, (np.arange(DEEP) + 0.5) / DEEP * depth / 2
+    deep = np.zeros(1) if model.polar else deep
     start, end = np.array(cut.start), np.array(cut.end)
-    line = np.repeat(start + along[:, None] * (end - start), DEEP, axis=0)
+    line = np.repeat(start + along[:, None] * (end - start), deep.size, axis=0)
+    area = line[:, 0] if model.polar else np.ones(line.shape[0])
     b = _in_sheets(model, *field_at(model, solution, np.column_stack([line, np.tile(deep, ALONG)])))
-    return SectionFluxDensity(float(b.mean()), float(b.max()))
+    return SectionFluxDensity(float(np.average(b, weights=area)), float(b.max()))
 
 
 def _in_sheets(model: BoxModel, strength: Array, flux: Array, iron: Indices) -> Array:

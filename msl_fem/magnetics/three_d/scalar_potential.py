@@ -24,6 +24,7 @@ from msl_fem.magnetics.three_d.hexahedra import (
     curvature,
     divergence,
     elements_of,
+    integration_points,
     matrix_rows,
     potential_gradient,
     respond_everywhere,
@@ -53,6 +54,7 @@ class PotentialProblem:
     curves : the irons
     source : (n_cell, n_point) T_0 in y at 1 A, in 1/m
     held : (n_node,) nodes where phi = 0
+    polar : x is the radius and z the angle in rad about the axis r = 0; vectors are along r, y and the angle
     linear_steps : of conjugate gradients, appended by each linear system
     """
 
@@ -61,6 +63,7 @@ class PotentialProblem:
     curves: CoenergyCurves
     source: Array
     held: NDArray[np.bool_]
+    polar: bool = False
     linear_steps: list[int] = field(default_factory=list)
 
     @cached_property
@@ -70,7 +73,12 @@ class PotentialProblem:
     @cached_property
     def weights(self) -> Array:
         """m3 of the integration points, (n_cell, n_point)."""
-        return self.grid.volumes[:, None] * self.elements.weights
+        return self.grid.volumes[:, None] * self.elements.weights * (self.radius if self.polar else 1.0)
+
+    @cached_property
+    def radius(self) -> Array:
+        """m, of the integration points about the axis, (n_cell, n_point)."""
+        return self.grid.points(integration_points(self.grid.order)[0])[0]
 
     @cached_property
     def pattern(self) -> tuple[MatrixRows, NDArray[np.int32]]:
@@ -80,8 +88,16 @@ class PotentialProblem:
     def field_strength(self, potential: Array, current: float) -> Array:
         """H in A/m at the integration points, (n_cell, n_point, 3)."""
         strength = -potential_gradient(potential, self.elements)
+        if self.polar:
+            strength[..., 2] /= self.radius
         strength[..., 1] += current * self.source
         return strength
+
+    def divergence(self, flux: Array) -> Array:
+        """Minus the integral of B (n_cell, n_point, 3) times the gradient of each node's basis, (n_node,) Wb."""
+        if self.polar:
+            flux = flux * np.stack([self.radius, self.radius, np.ones_like(self.radius)], axis=-1)
+        return divergence(flux, self.elements)
 
     def integral(self, values: Array) -> float:
         """Of values at the integration points, (n_cell, n_point), over what is solved."""
@@ -96,6 +112,9 @@ class PotentialProblem:
         ComputationError : conjugate gradients did not converge
         """
         rows, columns = self.pattern
+        if self.polar:
+            r, one = self.radius, np.ones_like(self.radius)
+            tangent = tangent * np.stack([r, r, 1 / r, r, one, one], axis=-1)
         matrix = csr_array((curvature(tangent, self.elements, rows), columns, rows.begin))
         diagonal = matrix.diagonal()
         matrix.setdiag(np.where(self.held, HELD * diagonal, diagonal))
@@ -150,7 +169,7 @@ class PotentialSolution:
         problem, tangent = self.problem, self.state.tangent
         source = np.zeros_like(self.state.strength)
         source[..., 1] = problem.source
-        right = -divergence(apply_tangent(tangent, source), problem.elements)
+        right = -problem.divergence(apply_tangent(tangent, source))
         return problem.field_strength(problem.solve_linear(tangent, right, drop=EXACT), 1.0)
 
 
@@ -183,7 +202,7 @@ def solve_potential(
     state = _state_at(problem, problem.field_strength(potential, current))
     trail: list[float] = []
     for _ in range(MOST_STEPS):
-        slope = divergence(state.flux_density, problem.elements)
+        slope = problem.divergence(state.flux_density)
         step = problem.solve_linear(state.tangent, -slope, drop=COARSE)
         coenergy = problem.integral(state.coenergy_density)
         trail.append(abs(float(slope @ step)) / coenergy if coenergy else 0.0)
@@ -207,7 +226,7 @@ def _linear_start(problem: PotentialProblem, current: float) -> Array:
     tangent = np.zeros((*problem.source.shape, 6))
     tangent[..., :3] = permeability[:, None, None]
     strength = problem.field_strength(np.zeros(problem.grid.n_nodes), current)
-    slope = divergence(permeability[:, None, None] * strength, problem.elements)
+    slope = problem.divergence(permeability[:, None, None] * strength)
     return problem.solve_linear(tangent, -slope, drop=1e-3)
 
 
