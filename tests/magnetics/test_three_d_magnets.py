@@ -99,6 +99,13 @@ def test_what_the_boxes_cannot_be_is_refused(e1: Actuator, changes: dict[str, fl
         solve_solid(other, 1.0, 0.5e-3, accuracy="fast")
 
 
+def test_a_pot_core_of_sheets_is_refused() -> None:
+    pot = load_actuator(GEOMETRIES / "pot_core_holding.toml")
+    iron = pot.magnet.iron.model_copy(update={"stacking_factor": 0.95})
+    with pytest.raises(InputError, match="pot core of solid iron"):
+        solve_solid(with_magnet(pot, iron=iron.model_dump()), 1.0, 0.5e-3, accuracy="fast")
+
+
 def test_without_pyamg_one_line_says_what_to_install(e1: Actuator, monkeypatch: pytest.MonkeyPatch) -> None:
     real = builtins.__import__
 

@@ -37,15 +37,9 @@ def magnet_boxes(magnet: MagnetKind, gap: float, folder: Path, *, ends: bool = T
     if any(not _upright(region) for region in section.regions):
         raise InputError("three dimensions take no chamfered poles; set pole_chamfer to 0 mm or leave --dimension out")
     round_core = isinstance(magnet, PotCore)
-    half, ends = (QUARTER, False) if isinstance(magnet, PotCore) else (magnet.stack_depth / 2, ends)
-    irons = list(section.iron)
-    solid = [region for region in section.regions if region.name not in ("air", "strip")]
-    boxes = [
-        Box(irons.index(r.name) if r.name in irons else -1, *_sides(r), (0.0, half if r.name in irons else math.inf))
-        for r in solid
-    ]
     if round_core and any(stacking < 1 for _, stacking in section.iron.values()):
         raise InputError("three dimensions take a pot core of solid iron; set its stacking factors to 1")
+    half, ends = (QUARTER, False) if isinstance(magnet, PotCore) else (magnet.stack_depth / 2, ends)
     curves = coenergy_curves([(load_iron(name, folder=folder), stacking) for name, stacking in section.iron.values()])
     x, y = _air(section)
     sizes = [SizeNear(0.0, gap * FINEST / strength) for _, _, strength in section.corners]
@@ -55,7 +49,7 @@ def magnet_boxes(magnet: MagnetKind, gap: float, folder: Path, *, ends: bool = T
     ]
     edge = SizeNear(half, gap * FINEST)
     return BoxModel(
-        boxes=tuple(boxes),
+        boxes=_painted(section, half),
         curves=curves,
         coil=_coil(magnet, section, half if ends else math.inf),
         air=(x, y, (0.0, half + x[1] - magnet.half_width if ends else half)),
@@ -63,6 +57,16 @@ def magnet_boxes(magnet: MagnetKind, gap: float, folder: Path, *, ends: bool = T
         near=(near[0], near[1], (edge,) if ends else (SizeNear(0.0, half),)),
         equipotential=section.symmetry == "equipotential",
         polar=round_core,
+    )
+
+
+def _painted(section: Section, half: float) -> tuple[Box, ...]:
+    """The section's regions but its air, of iron over 0 < z < half, of turns over all of it."""
+    irons = list(section.iron)
+    solid = [region for region in section.regions if region.name not in ("air", "strip")]
+    return tuple(
+        Box(irons.index(r.name) if r.name in irons else -1, *_sides(r), (0.0, half if r.name in irons else math.inf))
+        for r in solid
     )
 
 
