@@ -53,7 +53,7 @@ def below(grid: TensorGrid, layer: Interval) -> DisplacementWeight:
     return DisplacementWeight(np.ones(grid.planes[0].size), y, np.ones(grid.planes[2].size))
 
 
-def between(grid: TensorGrid, lower: Interval, upper: Interval) -> DisplacementWeight:
+def between_layers(grid: TensorGrid, lower: Interval, upper: Interval) -> DisplacementWeight:
     """What lies between two layers of air (their intervals of y) moves up, what lies below and above stands."""
     y = np.interp(grid.planes[1], (*lower, *upper), (0.0, 1.0, 1.0, 0.0))
     return DisplacementWeight(np.ones(grid.planes[0].size), y, np.ones(grid.planes[2].size))

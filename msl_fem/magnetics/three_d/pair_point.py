@@ -17,7 +17,7 @@ from msl_fem.magnetics.field.accuracy import Accuracy, iron_notes, irons_of, lev
 from msl_fem.magnetics.field.magnet_field import check_point
 from msl_fem.magnetics.field.pair_field import pair_magnet
 from msl_fem.magnetics.three_d.boxes import Box, BoxModel, Interval, Racetrack
-from msl_fem.magnetics.three_d.forces import between, virtual_work
+from msl_fem.magnetics.three_d.forces import between_layers, virtual_work
 from msl_fem.magnetics.three_d.hexahedra import integration_points
 from msl_fem.magnetics.three_d.magnet_boxes import magnet_boxes
 from msl_fem.magnetics.three_d.magnet_point import (
@@ -170,7 +170,7 @@ def _read(
 ) -> SolidPairPoint:
     """The numbers of a solution; its errors are not known (nan)."""
     problem, state, copies, thick = solution.problem, solution.state, boxes.model.copies, boxes.thickness
-    weight = between(problem.grid, (-thick - boxes.gaps[1], -thick), (0.0, boxes.gaps[0]))
+    weight = between_layers(problem.grid, (-thick - boxes.gaps[1], -thick), (0.0, boxes.gaps[0]))
     one, two = (replace(solution, problem=replace(problem, source=source)).by_current for source in sources)
     answer = apply_tangent(state.tangent, one)
 
