@@ -310,7 +310,8 @@ def _score(matrix: Array, right: Array, normal: Array, stiff: Array) -> float:
 
 
 def _nearest_above(best: Array, stiff: Array, constraint: Array, floor: float) -> Array:
-    """The x with constraint @ x >= floor that is nearest to `best` in the norm of `stiff`."""
+    """The x with constraint @ x >= floor that is nearest to `best` in the norm of `stiff`; ComputationError where none
+    is within the arithmetic."""
     missing = floor - constraint @ best
     if (missing <= 0).all():
         return best
@@ -320,5 +321,10 @@ def _nearest_above(best: Array, stiff: Array, constraint: Array, floor: float) -
     target = np.r_[np.zeros(best.size), 1.0]
     weights, _ = nnls(both, target, maxiter=50 * both.shape[1])
     residual = both @ weights - target
+    if not residual[-1] < 0:  # by rounding: no surface above the floor is anywhere near
+        raise ComputationError(
+            "no surface whose inductance is positive comes near the static map: force and flux linkage contradict each "
+            "other; look at their units and signs, and at the noise stated for them"
+        )
     moved: Array = best + solve_triangular(upper, -residual[:-1] / residual[-1])
     return moved
