@@ -48,6 +48,7 @@ _VERBS = {
     "run_closed_loop": "msl_fem.control",
     "examine_design": "msl_fem.control",
     "measured_loops": "msl_fem.control",
+    "self_sensing": "msl_fem.control.self_sensing",
     "suspects": "msl_fem.diagnosis.planning.ranking",
     "experiments": "msl_fem.diagnosis.planning.experiments",
     "diagnose": "msl_fem.diagnosis",

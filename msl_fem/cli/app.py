@@ -32,6 +32,7 @@ COMMANDS = {
     "identify": "msl_fem.cli.identify:command",
     "control": "msl_fem.cli.control:command",
     "loop": "msl_fem.cli.loop:command",
+    "self-sensing": "msl_fem.cli.self_sensing:command",
     "compare": "msl_fem.cli.compare:command",
     "diagnose": "msl_fem.cli.diagnose:command",
     "calibrate": "msl_fem.cli.calibrate:command",

@@ -6,7 +6,7 @@ GROUPS = {
     "Design": ("size", "flexure", "gap-trade"),
     "Model and records": ("simulate", "bench", "import", "check", "identify", "compare", "diagnose", "calibrate"),
     "Before the bench": ("suspects", "experiments"),
-    "Control and other tools": ("control", "loop", "export"),
+    "Control and other tools": ("control", "loop", "self-sensing", "export"),
     "All in one, and help": ("study", "doctor"),
 }
 """Commands as the overview lists them."""
@@ -52,6 +52,10 @@ EXAMPLES = {
         'control servo.toml --inject "multisine:start=5 Hz,stop=1 kHz,amplitude=2 um,duration=4 s,periods=1" -o held',
     ),
     "loop": ("loop record", "loop record --report loop.html"),
+    "self-sensing": (
+        "self-sensing servo.toml --table table.nc",
+        'self-sensing servo.toml --table table.nc --belief plain --amplitude "10 V" --frequency "2 kHz"',
+    ),
     "compare": ("compare record -o comparison",),
     "diagnose": (
         "diagnose record -o diagnosis",
