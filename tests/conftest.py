@@ -18,6 +18,7 @@ from msl_fem import study as study_module
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.app import app
 from msl_fem.cli.output import run_guarded
+from msl_fem.plant.effects import declared
 from msl_fem.table.magnetic_table import MagneticTable
 
 ROOT = Path(__file__).parent.parent
@@ -26,6 +27,13 @@ sys.path.append(str(ROOT / "benchmarks"))
 settings.register_profile("untimed", deadline=None)  # a loaded machine is no error of the code
 settings.load_profile("untimed")
 threadpool_limits(limits=1, user_api="blas")  # as the verbs and `make` have it: threads of a BLAS only cost time here
+
+
+@pytest.fixture(autouse=True)
+def _no_causes_left_behind() -> Iterator[None]:
+    """What a test declares by a law is in the catalogue of that test alone."""
+    with declared():
+        yield
 
 
 def saturating_reluctance(current: np.ndarray, gap: np.ndarray) -> dict[str, np.ndarray]:

@@ -33,7 +33,7 @@ def test_it_is_read_by_people_too(msl_fem: Run) -> None:
 
 
 def test_a_program_is_found_by_what_it_answers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    answers = {"gcc": "echo 'gcc 99.1'; echo more", "octave": "echo oct >&2", "git": "exit 3"}
+    answers = {"gcc": "echo 'gcc 99.1'; echo more", "octave-cli": "echo oct >&2", "git": "exit 3"}
     for name, does in answers.items():
         (tmp_path / name).write_text(f"#!/bin/sh\n{does}\n")
         (tmp_path / name).chmod(0o755)

@@ -326,7 +326,7 @@ def test_a_mesh_from_a_file_follows_the_gap(bearing: Actuator) -> None:
         low, high = (field.quantities(field.solve(3.0, g)).coenergy for g in (gap - h, gap + h))
         assert point.quantities.force == pytest.approx((low - high) / (2 * h), rel=1e-6)
         off = abs(point.quantities.force_stress_tensor / point.quantities.force - 1)
-        assert off <= point.force_error_estimate < 0.02
+        assert off <= point.force_error_estimate * (1 + 1e-9) < 0.02
 
 
 def test_a_moved_mesh_is_the_mesh_made_at_that_gap(u_core: Actuator, tmp_path: Path) -> None:
