@@ -234,12 +234,23 @@ def set_addresses(e: Array) -> None:
 
 @cache
 def _machine_code(expressions: tuple[LawExpression, ...]) -> tuple[tuple[float, Any], ...]:
-    """(address, what keeps it alive) of the laws: voltages for one run and for lanes, motion alike."""
-    from msl_fem.computing.addresses import address_of
+    """(address, what keeps it alive) of the laws: voltages for one run and for lanes, motion alike.
+
+    Where no law gives a voltage, or none gives a motion, that part is the one of no laws at all, compiled once.
+    """
     from msl_fem.computing.lanes import LANES
 
-    _, voltages, motion = _functions(expressions)
-    return tuple(address_of(function, count) for function in (voltages, motion) for count in (1, LANES))
+    of_voltage = [one.equation == "voltage" for one in expressions]
+    voltages = _functions(expressions if any(of_voltage) else ())[1]
+    motion = _functions(() if all(of_voltage) else expressions)[2]
+    return tuple(_address(function, count) for function in (voltages, motion) for count in (1, LANES))
+
+
+@cache
+def _address(function: Callable[..., None], count: int) -> tuple[float, Any]:
+    from msl_fem.computing.addresses import address_of
+
+    return address_of(function, count)
 
 
 @compiled
