@@ -11,9 +11,11 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 SHORT := tests/test_architecture.py tests/test_package.py tests/test_names.py tests/actuator/test_actuator.py tests/files tests/table \
-  tests/materials tests/magnetics/test_mesh.py tests/magnetics/test_magnet_field.py tests/magnetics/test_sweep.py \
-  tests/cli/test_commands.py tests/computing tests/plant/test_kernel.py tests/record tests/maps/test_operating_map.py \
-  tests/export tests/control/test_design.py tests/identification/test_armax_fit.py tests/report/test_page.py tests/robustness
+  tests/materials tests/magnetics/test_mesh.py tests/magnetics/test_magnet_field.py tests/cli/test_commands.py tests/computing \
+  tests/plant/test_kernel.py tests/record tests/maps/test_operating_map.py tests/export/test_fmu.py tests/export/test_tables.py \
+  tests/export/test_c_printer.py tests/export/test_c_guard.py tests/export/test_dxf_magnet.py tests/export/test_other_tools.py \
+  tests/control/test_design.py tests/identification/test_armax_fit.py tests/report/test_page.py tests/robustness/test_hostile_logs.py \
+  tests/robustness/test_netcdf_file.py tests/robustness/test_text_files.py tests/robustness/test_supply.py
 
 .PHONY: study test short fuzz kills coverage newest bench lint docs clean diagnosis-study real-records
 .DELETE_ON_ERROR:
@@ -50,7 +52,7 @@ newest:
 	$(MAKE) VENV=$(NEWEST) $(NEWEST)/bin/python
 	$(NEWEST)/bin/python -m pip install --quiet --disable-pip-version-check --upgrade --upgrade-strategy eager -e '.[test]'
 	$(NEWEST)/bin/python -m pip list --disable-pip-version-check --format=freeze
-	$(NEWEST)/bin/python -m pytest $(SHORT)
+	$(NEWEST)/bin/python -m pytest -n $(WORKERS) --dist loadfile $(SHORT)
 
 # The README's tables, measured anew on this machine, and those of the documents that say so; half an hour.
 bench: $(VENV)/.installed-bench
