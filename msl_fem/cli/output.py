@@ -26,6 +26,7 @@ from msl_fem.files.whole_file import NO_ROOM, whole_file
 ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
 COMPUTATION_FAILED, INPUT_WRONG, INTERRUPTED = 1, 2, 130
 LONGEST = 1200  # characters of an error's line
+_ONCE_MORE = 0.05  # s
 INTERRUPTED_LINE = (
     "interrupted: files are whole; the same command again goes on (table, map, tolerances, study, diagnose, calibrate: "
     "with --resume)"
@@ -227,7 +228,7 @@ def run_guarded(app: Callable[[], None]) -> int:
     """
     interrupts: list[int] = []
     try:
-        with _interrupted_into(interrupts), _warnings_in_a_line():
+        with _interrupted_into(interrupts), _raised_once_more(interrupts), _warnings_in_a_line():
             app()
     except InputError as err:
         say(f"error: {_one_line(err)}")
@@ -293,6 +294,31 @@ def _interrupted_into(interrupts: list[int]) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler or signal.SIG_DFL)
+
+
+@contextlib.contextmanager
+def _raised_once_more(interrupts: list[int]) -> Iterator[None]:
+    """An interrupt that fell into a finaliser, which no exception leaves, comes again when that has ended."""
+    over, told = threading.Event(), sys.unraisablehook
+
+    def again() -> None:
+        if not over.is_set():
+            signal.raise_signal(signal.Signals(interrupts[-1]))
+
+    def swallowed(what: Any) -> None:
+        if not (interrupts and what.exc_type is KeyboardInterrupt):
+            told(what)
+        elif not over.is_set():
+            later = threading.Timer(_ONCE_MORE, again)
+            later.daemon = True
+            later.start()
+
+    sys.unraisablehook = swallowed
+    try:
+        yield
+    finally:
+        over.set()
+        sys.unraisablehook = told
 
 
 def _system_refused(err: OSError) -> int:

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,36 @@ def test_what_a_library_makes_of_it_is_no_error(number: int, capsys: pytest.Capt
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+class Closing:
+    """A library's handle that is interrupted while it is finalised, where Python swallows what is raised."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+    def __del__(self) -> None:
+        signal.raise_signal(self.number)
+
+
+def closed_then_busy(number: int, seconds: float) -> None:
+    Closing(number)
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        time.sleep(0.01)
+
+
+def test_it_is_heard_in_a_finaliser_too(capfd: pytest.CaptureFixture[str]) -> None:
+    began = time.monotonic()
+    assert run_guarded(lambda: closed_then_busy(signal.SIGTERM, 20.0)) == 130
+    assert time.monotonic() - began < 10
+    assert capfd.readouterr().err.split() == INTERRUPTED_LINE.split()
+
+
+def test_what_ends_before_it_is_heard_has_ended(capfd: pytest.CaptureFixture[str]) -> None:
+    assert run_guarded(lambda: closed_then_busy(signal.SIGTERM, 0.0)) == 0
+    time.sleep(0.2)
+    assert capfd.readouterr().err == ""
 
 
 def test_an_error_without_it_stays_one() -> None:
