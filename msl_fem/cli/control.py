@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 
 from msl_fem.cli.believed import belief_fields, model_with_belief, stated_belief
 from msl_fem.cli.closing import control_closing
-from msl_fem.cli.controller_maps import maps_for
+from msl_fem.cli.controller_maps import Maps, maps_for
 from msl_fem.cli.controllers import DesignOptions, design_of
 from msl_fem.cli.effects_told import effects_told
 from msl_fem.cli.foretold import design_of_belief, improvement_on
@@ -33,7 +33,10 @@ from msl_fem.cli.output import print_closing, print_result, progress_bar, say
 from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.cli.told import Told
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.laws import LawExpression
 from msl_fem.control import (
+    ClosedLoopRun,
     ControllerDesign,
     PlantUnderTest,
     check_stable_reach,
@@ -42,7 +45,7 @@ from msl_fem.control import (
     run_closed_loop,
 )
 from msl_fem.control.injection import held_under_test
-from msl_fem.control.spec_sheet import spec_sheet
+from msl_fem.control.spec_sheet import SpecSheet, spec_sheet
 from msl_fem.control.stepper import stated
 from msl_fem.control.unseen_plants import SUSPECTS, DrawPlant, UnseenPlants, on_unseen_plants, suspected_plant
 from msl_fem.errors import InputError
@@ -55,7 +58,7 @@ from msl_fem.plant.effects import EffectValues, stated_causes
 from msl_fem.plant.excitation import Reference, load_excitations, reference
 from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
-from msl_fem.record import check_record_folder, write_record
+from msl_fem.record import Record, check_record_folder, write_record
 from msl_fem.report.control_page import control_page
 from msl_fem.report.page import write_page
 from msl_fem.table.magnetic_table import MagneticTable
@@ -127,56 +130,118 @@ def command(
     with sole_run(output):
         if output is not None:
             check_record_folder(output)
-        known = options.known() if told is None else told.model
-        own = table_of_model(known.actuator, None) if isinstance(known, ExtendedModel) else None
-        magnet_table = own if own is not None else table_for(plant.actuator, table)
-        assert magnet_table is not None
-        knows_all = isinstance(known, ExtendedModel) and (told is None or actuator is None)
-        plant, believed = _as_believed(belief, plant, magnet_table, itself=not knows_all)
-        plant = replace(plant, effects=stated_causes(causes, plant.effects))
-        maps = maps_for(plant.actuator, magnet_table, map_file=map_file, table_file=table)
-        controller = design_of(options, known, plant.actuator, magnet_table, maps, belief=believed)
-        rate = 1 / controller.law.plant.period
-        held = None if inject is None else held_under_test(wanted, rate=rate)
-        track = reference(wanted, rate=rate) if held is None else held.reference
-        signal = None if held is None else held.signal
-        check_stable_reach(controller, track)
-        true = known if knows_all and isinstance(known, ExtendedModel) else plant
-        acted_on = PlantUnderTest(true.actuator, magnet_table, _effects(true))
-        run = run_closed_loop(
-            controller, track, plant=acted_on, generator=np.random.default_rng(seed), injection=signal
+        loop = _designed(
+            options, plant, told, files=(table, map_file), belief=belief, causes=causes, itself=actuator is None
         )
+        task = _task(wanted, loop.controller, injected=inject is not None)
+        run = run_closed_loop(
+            loop.controller, task.track, plant=loop.acted_on, generator=np.random.default_rng(seed),
+            injection=task.signal,
+        )  # fmt: skip
         if output is not None:
-            wishes = {name: text for name, text in (("bandwidth", bandwidth), ("bias", bias)) if text is not None}
-            section = stated(controller, **wishes)
-            record = closed_loop_record(
-                true.actuator, run, excitation=wanted.spec, controller=section, injection=signal
-            )
-            write_record(replace(record, belief=believed.name), output)
-        fields = {"design": controller.kind} | run.to_json() | controller.to_json()
-        fields |= {"effects": effects_told(true.effects, as_json=json)} | belief_fields(believed, as_json=json)
-        draws = _draws(acted_on, told)
-        others = _on_others(controller, track, draws, n=unseen) if unseen and held is None else None
-        over = None
-        if others is not None and told is not None:
-            before = design_of_belief(options, told, magnet_table, own=own is not None, files=(table, map_file))
-            over = improvement_on(before, others, track, draws.draw)
-        sheet = spec_sheet(controller, run=run, unseen=others, over_belief=over)
-        promised = sheet.to_json()
-        if not json:
-            del promised["positions"]  # a row each: of a terminal they would take all
-        fields |= {"loop": promised}
+            write_record(_record(loop, run, task, bandwidth=bandwidth, bias=bias), output)
+        sheet = _sheet(loop, run, task, options, told, unseen=unseen, files=(table, map_file))
+        fields = _fields(loop, run, sheet, as_json=json)
         if header is not None:
-            write_controller(ControllerSource(controller, maps.one_side), header)
+            write_controller(ControllerSource(loop.controller, loop.maps.one_side), header)
             fields |= {"c": str(header)}
         if report is not None:
             with progress_bar("trials") as progress:
-                trials = examine_design(controller, plant=acted_on, seed=seed, progress=progress)
+                trials = examine_design(loop.controller, plant=loop.acted_on, seed=seed, progress=progress)
             write_page(control_page(trials, sheet), report)
             fields |= {"report": str(report)}
-    title = f"{plant.actuator.name}: {controller.kind} in closed loop on {wanted.spec}"
+    title = f"{plant.actuator.name}: {loop.controller.kind} in closed loop on {wanted.spec}"
     print_result(fields, as_json=json, title=title)
-    print_closing(control_closing(run, controller), as_json=json)
+    print_closing(control_closing(run, loop.controller), as_json=json)
+
+
+@dataclass(frozen=True, eq=False)
+class _Loop:
+    """A designed controller, the maps it is guarded by, and what it acts on.
+
+    `own_table` says that what it knows brings a table of its own.
+    """
+
+    controller: ControllerDesign
+    maps: Maps
+    table: MagneticTable
+    true: ExtendedModel
+    believed: Belief
+    own_table: bool
+
+    @property
+    def acted_on(self) -> PlantUnderTest:
+        return PlantUnderTest(self.true.actuator, self.table, _effects(self.true))
+
+
+def _designed(
+    options: DesignOptions, plant: ExtendedModel, told: Told | None, *, files: tuple[Path | None, Path | None],
+    belief: str | None, causes: tuple[LawExpression, ...], itself: bool,
+) -> _Loop:  # fmt: skip
+    """The controller for what is known; `files` are table and map, `itself` says that no plant was named beside."""
+    known = options.known() if told is None else told.model
+    own = table_of_model(known.actuator, None) if isinstance(known, ExtendedModel) else None
+    table = own if own is not None else table_for(plant.actuator, files[0])
+    assert table is not None
+    knows_all = isinstance(known, ExtendedModel) and (told is None or itself)
+    plant, believed = _as_believed(belief, plant, table, itself=not knows_all)
+    plant = replace(plant, effects=stated_causes(causes, plant.effects))
+    maps = maps_for(plant.actuator, table, map_file=files[1], table_file=files[0])
+    controller = design_of(options, known, plant.actuator, table, maps, belief=believed)
+    true = known if knows_all and isinstance(known, ExtendedModel) else plant
+    return _Loop(controller, maps, table, true, believed, own is not None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What a loop is to follow, and the test signal on its reading, (n_sample,) m, where there is one."""
+
+    wanted: Excitation
+    track: Reference
+    signal: Array | None
+
+
+def _task(wanted: Excitation, controller: ControllerDesign, *, injected: bool) -> _Task:
+    """The reference at the loop's rate, or the position held under a test signal; one that the loop can reach."""
+    rate = 1 / controller.law.plant.period
+    held = held_under_test(wanted, rate=rate) if injected else None
+    track = reference(wanted, rate=rate) if held is None else held.reference
+    check_stable_reach(controller, track)
+    return _Task(wanted, track, None if held is None else held.signal)
+
+
+def _record(loop: _Loop, run: ClosedLoopRun, task: _Task, **wishes: str | None) -> Record:
+    """The run as a record that states its controller with the user's wishes."""
+    section = stated(loop.controller, **{name: text for name, text in wishes.items() if text is not None})
+    record = closed_loop_record(
+        loop.true.actuator, run, excitation=task.wanted.spec, controller=section, injection=task.signal
+    )
+    return replace(record, belief=loop.believed.name)
+
+
+def _sheet(
+    loop: _Loop, run: ClosedLoopRun, task: _Task, options: DesignOptions, told: Told | None, *, unseen: int,
+    files: tuple[Path | None, Path | None],
+) -> SpecSheet:  # fmt: skip
+    """The loop's sheet: on its plant, on others, and after a diagnosis beside the controller of the belief."""
+    draws = _draws(loop.acted_on, told)
+    judged = unseen > 0 and task.signal is None
+    others = _on_others(loop.controller, task.track, draws, n=unseen) if judged else None
+    over = None
+    if others is not None and told is not None:
+        before = design_of_belief(options, told, loop.table, own=loop.own_table, files=files)
+        over = improvement_on(before, others, task.track, draws.draw)
+    return spec_sheet(loop.controller, run=run, unseen=others, over_belief=over)
+
+
+def _fields(loop: _Loop, run: ClosedLoopRun, sheet: SpecSheet, *, as_json: bool) -> dict[str, Any]:
+    """What the command prints of a loop and its run."""
+    promised = sheet.to_json()
+    if not as_json:
+        del promised["positions"]  # a row each: of a terminal they would take all
+    fields = {"design": loop.controller.kind} | run.to_json() | loop.controller.to_json()
+    fields |= {"effects": effects_told(loop.true.effects, as_json=as_json)}
+    return fields | belief_fields(loop.believed, as_json=as_json) | {"loop": promised}
 
 
 def _as_believed(
