@@ -258,7 +258,7 @@ def wait_until(condition: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("killed_at", [0, 3, 6])
+@pytest.mark.parametrize("killed_at", [0, 6])
 def test_a_search_that_was_killed_ends_as_an_undisturbed_one(
     killed_at: int, small: tuple[DesignEvaluator, SearchResult, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

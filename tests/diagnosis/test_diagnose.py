@@ -9,7 +9,7 @@ from diagnosed import RUNS, TABLE, VOLTAGE_SERVO, bench_record, diagnosed
 from scipy.signal import lfilter
 
 from msl_fem.bench import BenchOptions, sealed_record
-from msl_fem.diagnosis import DiagnosisSettings, diagnose
+from msl_fem.diagnosis import DiagnosisSettings, diagnose, driver
 from msl_fem.diagnosis.decision import QUIET
 from msl_fem.diagnosis.kind import worst_over_floor
 from msl_fem.errors import InputError
@@ -114,8 +114,10 @@ def test_a_believed_parameter_far_out_is_a_cause_only_by_its_effect() -> None:
     [("outside:cogging", "force", "position"), ("outside:amplifier_crossover", "voltage", "command")],
 )
 def test_what_is_not_in_the_catalogue_is_unexplained_and_told_where_it_stands(
-    hidden: str, equation: str, variable: str
+    hidden: str, equation: str, variable: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    if equation == "voltage":  # the search for a formula, which takes longest, is the other's
+        monkeypatch.setattr(driver, "formula_of", lambda *_, **__: None)
     found = diagnosed(f"{hidden}=3%", rate=4e3)
     assert found.verdict == "unexplained"
     assert found.causes == ()
