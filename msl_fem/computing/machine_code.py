@@ -33,8 +33,9 @@ _PACKAGE = __name__.partition(".")[0]
 
 def dispatcher_of(function: Callable[..., object]) -> Any:
     """Numba's compiler of one function that Python calls, with our cache."""
-    _ready(function)
-    dispatcher = njit(**OPTIONS)(function)
+    with global_compiler_lock:  # numba's registries bear one thread at a time
+        _ready(function)
+        dispatcher = njit(**OPTIONS)(function)
     dispatcher._cache = _LazyCache(function)
     dispatcher.compile = partial(_compile_whole, dispatcher, dispatcher.compile)
     return dispatcher
@@ -42,8 +43,9 @@ def dispatcher_of(function: Callable[..., object]) -> Any:
 
 def linked_dispatcher_of(function: Callable[..., object]) -> Any:
     """The same for a function that compiled functions call; Python cannot call it."""
-    _ready(function)
-    dispatcher = njit(**OPTIONS, **_LINKED)(function)
+    with global_compiler_lock:
+        _ready(function)
+        dispatcher = njit(**OPTIONS, **_LINKED)(function)
     dispatcher._cache = _LazyCache(function, "linked")
     dispatcher.compile = partial(_compile_into, LinkedLibrary, dispatcher.compile)
     dispatcher.get_call_template = partial(_call_template, dispatcher.get_call_template)

@@ -75,7 +75,7 @@ class Tolerance(FrozenModel):
     magnetic_scale: Tolerated = 0.002
     table: Tolerated = 0.001
     position_zero: Annotated[float, In("m"), Field(ge=0)] = 1e-6
-    velocity_zero: Annotated[float, In("m/s"), Field(ge=0)] = 1e-4
+    velocity_zero: Annotated[float, In("m/s"), Field(ge=0)] = 1e-3
     velocity_gain: Tolerated = 0.005
     current_zero: Annotated[float, In("A"), Field(ge=0)] = 5e-3
     force_zero: Annotated[float, In("N"), Field(ge=0)] = 0.05

@@ -71,6 +71,8 @@ def test_tolerances_left_out_have_the_formats_values(tmp_path: Path) -> None:
         "magnetic_scale": 0.002,
         "table": 0.001,
         "position_zero": 1e-6,
+        "velocity_zero": 1e-3,
+        "velocity_gain": 0.005,
         "current_zero": 5e-3,
         "force_zero": 0.05,
         "command_zero": 5e-3,
