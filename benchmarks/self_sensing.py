@@ -14,6 +14,7 @@ from marked_text import rewrite
 
 from msl_fem.comparison.as_designed import as_designed
 from msl_fem.control.self_sensing import SelfSensing, self_sensing
+from msl_fem.control.unseen_plants import with_more
 from msl_fem.maps import Guard, operating_map
 from msl_fem.plant.effects import EffectValues
 
@@ -46,12 +47,7 @@ def main() -> None:
     print(rows[-1], flush=True)
     known = as_designed(SERVO, TABLE).effects or EffectValues()
     for name, more in UNKNOWN.items():
-        stated = {effect: dict(values) for effect, values in known.stated.items()}
-        for effect, values in more.items():
-            own = stated.setdefault(effect, {})
-            for parameter, value in values.items():
-                own[parameter] = own.get(parameter, 0.0) + value
-        found = self_sensing(SERVO, TABLE, guard, effects=EffectValues(stated), known=known)
+        found = self_sensing(SERVO, TABLE, guard, effects=with_more(known, more), known=known)
         rows.append(row(name, found))
         print(rows[-1], flush=True)
     if asked.docs:

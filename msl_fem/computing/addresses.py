@@ -7,7 +7,7 @@ from numba import cfunc, types
 from numba.core.compiler_lock import global_compiler_lock
 
 from msl_fem.computing.lane_code import RowsType
-from msl_fem.computing.machine_code import named_values, set_environments
+from msl_fem.computing.machine_code import make_ready, set_environments
 
 _OPTIONS = {"error_model": "numpy"}
 
@@ -15,8 +15,7 @@ _OPTIONS = {"error_model": "numpy"}
 def address_of(function: Callable[..., None], width: int) -> tuple[float, Any]:
     """(address as a number, what must live as long as it is called) of a function of two `Rows` of that many lanes."""
     with global_compiler_lock:  # fits in threads ask for them; numba's registries bear one at a time
-        for _, value in named_values(function):
-            getattr(value, "_numba_type_", None)  # what it names is there before it is compiled
+        make_ready(function)
         rows = RowsType(width)
         made = cfunc(types.void(rows, rows), **_OPTIONS)(function)
         set_environments(made._library)

@@ -34,7 +34,7 @@ _PACKAGE = __name__.partition(".")[0]
 def dispatcher_of(function: Callable[..., object]) -> Any:
     """Numba's compiler of one function that Python calls, with our cache."""
     with global_compiler_lock:  # numba's registries bear one thread at a time
-        _ready(function)
+        make_ready(function)
         dispatcher = njit(**OPTIONS)(function)
     dispatcher._cache = _LazyCache(function)
     dispatcher.compile = partial(_compile_whole, dispatcher, dispatcher.compile)
@@ -44,7 +44,7 @@ def dispatcher_of(function: Callable[..., object]) -> Any:
 def linked_dispatcher_of(function: Callable[..., object]) -> Any:
     """The same for a function that compiled functions call; Python cannot call it."""
     with global_compiler_lock:
-        _ready(function)
+        make_ready(function)
         dispatcher = njit(**OPTIONS, **_LINKED)(function)
     dispatcher._cache = _LazyCache(function, "linked")
     dispatcher.compile = partial(_compile_into, LinkedLibrary, dispatcher.compile)
@@ -52,7 +52,7 @@ def linked_dispatcher_of(function: Callable[..., object]) -> Any:
     return dispatcher
 
 
-def _ready(function: Callable[..., object]) -> None:
+def make_ready(function: Callable[..., object]) -> None:
     """What the function names is there before it compiles."""
     for _, value in named_values(function):
         if getattr(value, "py_func", None) is not function:

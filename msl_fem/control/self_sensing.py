@@ -6,7 +6,7 @@ failed, or the plant has what it does not know.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from msl_fem.control.position_observer import (
     CURRENT,
     GAP,
     GAP_RATE,
+    N_OBSERVED,
     RESISTANCE,
     ObserverNoise,
     SensingCoil,
@@ -32,6 +33,7 @@ from msl_fem.files.shown import Tabular
 from msl_fem.maps import Guard
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import Inputs
+from msl_fem.plant.instruments import current_reading
 from msl_fem.plant.plant import PlantParameters, plant_parameters, surface_of
 from msl_fem.plant.simulate import Options, Simulation, simulate
 from msl_fem.table.magnetic_table import MagneticTable
@@ -105,7 +107,7 @@ class SelfSensing(Tabular):
     bias: Array
     runs: int
     spread: float
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
     @property
     def ratio(self) -> Array:
@@ -183,7 +185,7 @@ def self_sensing(
         for m, i in enumerate(current[k]):
             held = _held_run(bench, table, carrier, plant, float(g), float(i), effects)
             generator = np.random.default_rng([seed, k, m])
-            found[:, k, m] = _judged(coil, plant, held, float(g), carrier, runs, generator)
+            found[:, k, m] = _judged(coil, bench, held, float(g), carrier, runs, generator)
     notes = _ambiguity_notes(coil, gap, current, carrier.gap_spread)
     return SelfSensing(gap, current, found[0], found[1], found[2], runs, carrier.gap_spread, notes)
 
@@ -252,22 +254,23 @@ def _held_run(
 
 
 def _judged(
-    coil: SensingCoil, plant: PlantParameters, held: Simulation, gap: float, carrier: Carrier, runs: int,
+    coil: SensingCoil, bench: Actuator, held: Simulation, gap: float, carrier: Carrier, runs: int,
     generator: np.random.Generator,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Bound, RMS error and mean error of the gap at the window's end, m."""
     voltage, current = held.voltage[:, 0], held.current[:, 0]
-    states = np.zeros((current.size, 4))
-    states[:, CURRENT], states[:, GAP], states[:, RESISTANCE] = current, gap, plant.resistance
-    spread = np.zeros(4)
+    resistance = plant_parameters(bench).resistance
+    states = np.zeros((current.size, N_OBSERVED))
+    states[:, CURRENT], states[:, GAP], states[:, RESISTANCE] = current, gap, resistance
+    spread = np.zeros(N_OBSERVED)
     spread[CURRENT], spread[GAP] = 10 * coil.noise.current, carrier.gap_spread
-    spread[RESISTANCE] = carrier.resistance_spread * plant.resistance
+    spread[RESISTANCE] = carrier.resistance_spread * resistance
     bound = bound_along(coil, voltage, states, variances=spread**2)[-1, GAP, GAP]
     errors = np.empty(runs)
     for r in range(runs):
-        start = states[0] + spread * generator.standard_normal(4)
+        start = states[0] + spread * generator.standard_normal(N_OBSERVED)
         start[GAP_RATE] = 0.0
-        reading = current + coil.noise.current * generator.standard_normal(current.size)
+        reading = current_reading(bench, current, generator=generator)
         known = voltage + coil.noise.voltage * generator.standard_normal(current.size)
         errors[r] = observe(coil, known, reading, start=start, variances=spread**2)[0][-1, GAP] - gap
     return float(np.sqrt(bound)), float(np.sqrt(np.mean(errors**2))), float(errors.mean())

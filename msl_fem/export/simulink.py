@@ -4,12 +4,10 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from scipy.io import savemat
 
-from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
-from msl_fem.export.table_formats import ODD, origin, refined_grid
+from msl_fem.export.table_formats import both_signs, origin, refined_grid
 from msl_fem.files.whole_file import whole_file
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -99,15 +97,10 @@ def simulink_script(name: str) -> str:
 def simulink_variables(table: MagneticTable) -> dict[str, Any]:
     """Variable to value: current (n,) of either sign and gap (m,), increasing; matrices (n, m) of `LOOKED_UP`."""
     grid = refined_grid(table)
-    current = np.r_[-grid.current[:0:-1], grid.current]
-    matrices = {name: _both_signs(grid.values[name].T, name) for name in LOOKED_UP}
+    current = both_signs(grid, LOOKED_UP[0])[0]
+    matrices = {name: both_signs(grid, name)[1] for name in LOOKED_UP}
     errors = origin(table, linear_error=max(grid.linear_error.values()))
     return {"current": current, "gap": grid.gap, **matrices, **errors}
-
-
-def _both_signs(values: Array, name: str) -> Array:
-    sign = -1.0 if name in ODD else 1.0
-    return np.vstack([sign * values[:0:-1], values]) + 0.0
 
 
 def write(table: MagneticTable, target: Path, *, name: str | None = None) -> tuple[Path, ...]:

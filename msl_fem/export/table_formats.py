@@ -188,11 +188,15 @@ def modelica_text(table: MagneticTable) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _matrix(grid: RefinedGrid, name: str) -> list[str]:
+def both_signs(grid: RefinedGrid, name: str) -> tuple[Array, Array]:
+    """Currents (n,) A of either sign, increasing, and the values (n, n_gap) of a quantity there."""
     sign = -1.0 if name in ODD else 1.0
     values = grid.values[name].T
-    both = np.vstack([sign * values[:0:-1], values]) + 0.0
-    current = np.r_[-grid.current[:0:-1], grid.current]
+    return np.r_[-grid.current[:0:-1], grid.current], np.vstack([sign * values[:0:-1], values]) + 0.0
+
+
+def _matrix(grid: RefinedGrid, name: str) -> list[str]:
+    current, both = both_signs(grid, name)
     head = f"double {name}({current.size + 1},{grid.gap.size + 1}) # {NODES[name][1]}, {NODES[name][0]}"
     rows = [np.r_[0.0, grid.gap], *np.column_stack([current, both])]
     return [head, *(" ".join(repr(float(v)) for v in row) for row in rows)]
