@@ -6,6 +6,7 @@ from field_problems import cubic_iron, structured_mesh
 from skfem import Basis
 
 from msl_fem.magnetics.solver.magnetostatics import ELEMENTS, FieldModel
+from msl_fem.materials.material import load_iron
 
 LINES = np.array([0.3, 0.5, 0.9, 1.0])
 
@@ -62,3 +63,17 @@ def test_next_to_no_field_the_iron_is_linear():
     none, initial = part.residual_and_tangent(0 * direction)
     assert not none.any()
     assert initial == pytest.approx(matrix, rel=1e-6, abs=1e-9 * np.abs(matrix).max())
+
+
+def test_another_iron_on_the_same_elements_is_its_own():
+    """Nothing of the first iron's curve stays; the vector is the slope of the energy, beyond the last point as well."""
+    part = crooked_model(2, axisymmetric=False).irons["iron"]
+    potential = 0.1 * np.random.default_rng(3).standard_normal(part.dofs.max() + 1)
+    for name in ("m19", "steel_1010"):
+        part = part.with_iron(load_iron(name))
+        b = part.flux_density(potential)[1]
+        assert b.min() < part.iron.tail_from < b.max()
+        step = 1e-6 * potential
+        change = part.energy(potential + step) - part.energy(potential - step)
+        vector, _ = part.residual_and_tangent(potential)
+        assert change / 2 == pytest.approx(float((vector * step[part.dofs]).sum()), rel=1e-7)

@@ -10,13 +10,13 @@ import msl_fem.magnetics.sweep.reduced_rows
 from msl_fem.actuator import load_actuator
 from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.reduced.cubature import fewest, sparse_weights
-from msl_fem.magnetics.reduced.curves import curves_of, magnetise_at
 from msl_fem.magnetics.reduced.full_field import FullField
 from msl_fem.magnetics.reduced.reduced_model import FieldPoints, ReducedModel
 from msl_fem.magnetics.reduced.reduction import Reduction, ReductionSettings, reduce
 from msl_fem.magnetics.sweep.reduced_rows import reduced_rows
 from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
+from msl_fem.materials.curves import curves_of, magnetise_at
 from msl_fem.materials.material import e1_iron, laminated, load_iron
 
 GAPS = np.geomspace(2e-4, 8e-4, 5)

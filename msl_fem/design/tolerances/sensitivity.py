@@ -20,6 +20,7 @@ from msl_fem.errors import ComputationError, NotConverged
 from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.field_map.gap_levels import CurrentContinuation
 from msl_fem.magnetics.field_map.readings import reader_of
+from msl_fem.magnetics.solver.postprocess import Cuts
 from msl_fem.magnetics.sweep.rows import field_key
 from msl_fem.maps.level_currents import Criterion
 
@@ -128,7 +129,7 @@ def only(field: MagnetField, section: str) -> MagnetField:
     """The same field, probed on one section."""
     view = copy(field)
     view.probes = copy(field.probes)
-    view.probes.cuts = {section: field.probes.cuts[section]}
+    view.probes.cuts = Cuts({section: field.probes.cuts[section]})
     return view
 
 

@@ -17,7 +17,7 @@ from msl_fem.magnetics.kinds.kind import PlaneMagnet
 from msl_fem.magnetics.section import Line, Region, Section, rectangle
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, solve_field
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
-from msl_fem.magnetics.solver.postprocess import SectionFluxDensity, cut_flux_density, cut_probe, irons_on_tail
+from msl_fem.magnetics.solver.postprocess import Cuts, SectionFluxDensity, cut_probe, irons_on_tail
 from msl_fem.magnetics.solver.strip import STRIP, Strip
 from msl_fem.magnetics.triangles import TriangleMesh
 
@@ -159,7 +159,7 @@ class PairField:
         turns = section.turns_density
         sides = ({f"{name}_{side}": density for name, density in turns.items()} for side in (1, 2))
         self.sources = tuple(self.model.with_turns(density).source for density in sides)
-        self.cuts = {cut.name: cut_probe(self.model, cut) for cut in _cuts_of_both(section, magnet)}
+        self.cuts = Cuts((cut.name, cut_probe(self.model, cut)) for cut in _cuts_of_both(section, magnet))
 
     def refined(self) -> "PairField":
         """The same mesh with one polynomial degree more."""
@@ -205,7 +205,7 @@ class PairField:
 
     def flux_densities(self, solution: FieldSolution) -> dict[str, SectionFluxDensity]:
         """|B| in the iron over the cuts of both sides, NAME_1 and NAME_2, and of the armature."""
-        return {name: cut_flux_density(self.model, cut, solution.potential) for name, cut in self.cuts.items()}
+        return self.cuts.flux_density(self.model, solution.potential)
 
     def on_tail(self, solution: FieldSolution) -> bool:
         """Whether more than 1 % of an iron lies beyond its last B-H point."""

@@ -7,7 +7,7 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.splines import hermite_cubic
-from msl_fem.magnetics.reduced.curves import NO_FIELD, Curves, Indices, magnetise_at
+from msl_fem.materials.curves import NO_FIELD, Curves, Indices, magnetise_at
 
 ACCEPTED = 1e-6  # relative energy norm of the last of Newton's steps, after which its square is left
 SAME_WAY = 1e-9  # of a step of the currents

@@ -14,9 +14,9 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.magnetics.reduced.curves import Indices
 from msl_fem.magnetics.reduced.online import ReducedIron, magnetise_field, states_along
 from msl_fem.magnetics.reduced.space import Basis
+from msl_fem.materials.curves import Indices
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,10 +15,10 @@ from scipy.linalg import qr
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.reduced.cubature import sparse_weights
-from msl_fem.magnetics.reduced.curves import Indices
 from msl_fem.magnetics.reduced.full_field import ROUGH, FullField
 from msl_fem.magnetics.reduced.reduced_model import FieldPoints, ReducedModel, ReducedStates
 from msl_fem.magnetics.reduced.space import Basis, SnapshotSpace
+from msl_fem.materials.curves import Indices
 
 CLOSE = 0.15  # in ranks of coordinate and currents, each 0 to 1
 DRAFTED = 3  # points at once

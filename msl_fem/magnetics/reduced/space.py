@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from msl_fem.computing.arrays import Array
-from msl_fem.magnetics.reduced.curves import Curves, Indices, curves_of
 from msl_fem.magnetics.reduced.online import ReducedIron
 from msl_fem.magnetics.solver.magnetostatics import FieldModel
 from msl_fem.magnetics.solver.moving_air import MovingAir
 from msl_fem.magnetics.solver.strip import StripStiffness
+from msl_fem.materials.curves import Curves, Indices, curves_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -218,9 +218,7 @@ class FieldModel:
     def with_irons(self, irons: "Mapping[str, Iron | AnalyticIron]") -> "FieldModel":
         """The same discretisation with other irons in the same regions."""
         other = self._unsolved()
-        other.irons = {name: copy(part) for name, part in self.irons.items()}
-        for name, part in other.irons.items():
-            part.iron = irons[name]
+        other.irons = {name: part.with_iron(irons[name]) for name, part in self.irons.items()}
         return other
 
     def _unsolved(self) -> "FieldModel":
@@ -289,11 +287,15 @@ class FieldModel:
         return load
 
     def linear_product(self, potential: Array, gap: float) -> Array:
-        """The product of the linear regions' stiffness at a gap with a potential, (n_dof,)."""
-        product: Array = self._rest @ potential
-        for strip in self.strips:
-            product = product + strip.product(potential, gap, self.air_depth)
-        return product
+        """The product of the linear regions' stiffness at a gap with a potential, (n_dof,); 0 at fixed entries."""
+        return self.tangent.product(self._linear_at(gap), potential)
+
+    def _linear_at(self, gap: float) -> Array:
+        """The linear regions' stiffness at a gap, on the tangent's pattern (nnz,)."""
+        if self._linear[0] != gap:
+            values = [strip.values(gap, self.air_depth) for strip in self.strips]
+            self._linear = gap, sum(values, self._rest_values)
+        return self._linear[1]
 
     def strip_energy(self, potential: Array, gap: float) -> float:
         """Field energy of the strips, as `energy`."""
@@ -306,11 +308,8 @@ class FieldModel:
 
     def assemble(self, potential: Array, gap: float) -> tuple[Array, Array]:
         """Gradient of W (n_dof,), and its second derivative's values on the pattern (nnz,)."""
-        if self._linear[0] != gap:
-            values = [strip.values(gap, self.air_depth) for strip in self.strips]
-            self._linear = gap, sum(values, self._rest_values)
         gradient = self.linear_product(potential, gap)
-        data = self._linear[1].copy()
+        data = self._linear_at(gap).copy()
         for k, part in enumerate(self.irons.values(), start=self._n_linear):
             vector, matrix = part.residual_and_tangent(potential)
             gradient += np.bincount(part.dofs.ravel(), vector.ravel(), minlength=self.n_dof)

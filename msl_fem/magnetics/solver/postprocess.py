@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -66,20 +67,48 @@ class CutProbe(NamedTuple):
         return float(self.weight @ values[1:-1])
 
 
+class Cuts(dict[str, CutProbe]):
+    """The cuts of a section by name; read together, as one product with the potential."""
+
+    @cached_property
+    def _all(self) -> tuple[sparse.csr_matrix, dict[str, list[tuple[str, slice]]]]:
+        """The maps along x, then along y, one below the other; by region its cuts and their rows."""
+        rows: dict[str, list[tuple[str, slice]]] = {}
+        n = 0
+        for name, cut in self.items():
+            rows.setdefault(cut.region, []).append((name, slice(n, n := n + cut.along_x.shape[0])))
+        maps = [cut.along_x for cut in self.values()] + [cut.along_y for cut in self.values()]
+        return sparse.vstack(maps, format="csr"), rows
+
+    def flux_density(self, model: FieldModel, potential: Array) -> dict[str, SectionFluxDensity]:
+        """|B| in the iron over each cut."""
+        if not self:
+            return {}
+        maps, rows = self._all
+        size = np.hypot(*(maps @ potential).reshape(2, -1))
+        found = {}
+        for region, cuts in rows.items():
+            sheets = model.irons[region].iron.iron_flux_density(np.concatenate([size[own] for _, own in cuts]))
+            ends = np.cumsum([own.stop - own.start for _, own in cuts])[:-1]
+            for (name, _), values in zip(cuts, np.split(sheets, ends), strict=True):
+                found[name] = SectionFluxDensity(self[name].mean(values), float(values.max()))
+        return {name: found[name] for name in self}
+
+
 class Probes:
     """Linear maps from the potential to the field where it is read; made once for a model."""
 
     def __init__(self, model: FieldModel, section: Section) -> None:
         self.model = model
         self.scale = section.scale
-        self.cuts = {cut.name: cut_probe(model, cut) for cut in section.cuts}
+        self.cuts = Cuts((cut.name, cut_probe(model, cut)) for cut in section.cuts)
         points, elements, weight = _mid_gap(model)
         self.line_weight = 2 * np.pi * points[0] * weight if model.axisymmetric else weight
         self.line_x, self.line_y = gradient_maps(model, points, elements)
 
     def section_flux_density(self, potential: Array) -> dict[str, SectionFluxDensity]:
         """|B| in the iron over each cut."""
-        return {name: cut_flux_density(self.model, cut, potential) for name, cut in self.cuts.items()}
+        return self.cuts.flux_density(self.model, potential)
 
     def force_stress_tensor(self, solution: FieldSolution) -> float:
         """Integral of (B_y^2 - B_x^2)/(2 mu_0) over the mid-gap line, in N (Maxwell's stress on a plane in air).
@@ -107,13 +136,6 @@ def cut_probe(model: FieldModel, cut: Line) -> CutProbe:
     name = model.mesh.names[model.mesh.region[elements[N_SAMPLE // 2]]]
     area = points[0, 1:-1] if model.axisymmetric else np.ones(N_SAMPLE)
     return CutProbe(name, *gradient_maps(model, points, elements), area / area.sum())
-
-
-def cut_flux_density(model: FieldModel, cut: CutProbe, potential: Array) -> SectionFluxDensity:
-    """|B| in the iron over a cut."""
-    b = np.hypot(cut.along_x @ potential, cut.along_y @ potential)
-    sheets = model.irons[cut.region].iron.iron_flux_density(b)
-    return SectionFluxDensity(cut.mean(sheets), float(sheets.max()))
 
 
 def region_probe(model: FieldModel, name: str) -> CutProbe:

@@ -9,6 +9,7 @@ of them are one product of two dense matrices (Kirby and Logg, A compiler for va
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -17,11 +18,13 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from msl_fem.computing.arrays import Array
+from msl_fem.computing.compiled import compiled
 from msl_fem.errors import NotConverged
+from msl_fem.materials.curves import NO_FIELD, Curves, curves_of, magnetise_at
 from msl_fem.materials.material import AnalyticIron, Iron
 
-NO_FIELD = 1e-12  # T: below it H is taken as linear in B
 REFINEMENTS = 1
+Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +39,14 @@ class ElementGeometry:
     weight : (element, point) of the quadrature
     """
 
-    dofs: NDArray[np.int64]
+    dofs: Indices
     jets: Array
     frame: Array
     weight: Array
 
 
 class IronElements:
-    """The elements of one iron, whose B-H curve may be exchanged."""
+    """The elements of one iron."""
 
     def __init__(self, geometry: ElementGeometry, iron: "Iron | AnalyticIron") -> None:
         self.iron = iron
@@ -52,22 +55,34 @@ class IronElements:
         self._frame = geometry.frame
         n_local, self._n_jet, self._n_point = geometry.jets.shape
         self._jets = geometry.jets.reshape(n_local, -1)
-        self._couples = list(combinations_with_replacement(range(self._n_jet), 2))
-        self._metric = [(self._frame[:, j] * self._frame[:, k]).sum(axis=0) for j, k in self._couples]
+        couples = list(combinations_with_replacement(range(self._n_jet), 2))
+        self._metric = np.array([(self._frame[:, j] * self._frame[:, k]).sum(axis=0) for j, k in couples])
         a, b = np.triu_indices(n_local)
         self.pairs = geometry.dofs[:, a], geometry.dofs[:, b]  # (element, pair) each
         jets = geometry.jets.transpose(1, 2, 0)
         products = []
-        for j, k in self._couples:
+        for j, k in couples:
             product = jets[j][:, a] * jets[k][:, b] + (j != k) * jets[k][:, a] * jets[j][:, b]
             products.append(product)
         self._products = np.concatenate(products)  # (couple and point, pair)
 
+    def with_iron(self, iron: "Iron | AnalyticIron") -> "IronElements":
+        """The same elements of another iron."""
+        other = copy(self)
+        other.iron = iron
+        other.__dict__.pop("_curves", None)
+        return other
+
+    @cached_property
+    def _curves(self) -> Curves:
+        return curves_of([self.iron])
+
     def flux_density(self, potential: Array) -> tuple[Array, Array]:
         """Gradient of A (2, element, point), and its size |B| (element, point)."""
-        jet = (potential[self.dofs] @ self._jets).reshape(-1, self._n_jet, self._n_point)
-        x, y = (sum(f[j] * jet[:, j] for j in range(self._n_jet)) for f in self._frame)
-        return np.stack([x, y]), np.sqrt(x**2 + y**2)
+        gradient = np.empty((2, *self.weight.shape))
+        size = np.empty(self.weight.shape)
+        _gradients_of(potential[self.dofs] @ self._jets, self._frame, gradient, size)
+        return gradient, size
 
     def residual_and_tangent(self, potential: Array) -> tuple[Array, Array]:
         """Element vectors (element, local), and the upper triangles of the matrices (element, pair) at `pairs`.
@@ -75,18 +90,21 @@ class IronElements:
         T = nu I + (dH/dB - nu) n n^T with B = n |B| and nu = H/B.
         """
         gradient, b = self.flux_density(potential)
-        h, slope = self.iron.magnetise(b)
-        floor = np.maximum(b, NO_FIELD)
-        nu = np.where(b > NO_FIELD, h / floor, slope)
-        x, y = gradient / floor
-        along = [self._frame[0, j] * x + self._frame[1, j] * y for j in range(self._n_jet)]  # F^T n
-        isotropic = nu * self.weight
-        extra = (slope - nu) * self.weight
-        vector = np.concatenate([isotropic * floor * m for m in along], axis=1) @ self._jets.T
-        tangent = []
-        for (j, k), metric in zip(self._couples, self._metric, strict=True):
-            tangent.append(isotropic * metric + extra * (along[j] * along[k]))
-        return vector, np.concatenate(tangent, axis=1) @ self._products
+        h, slope = self._magnetise(b)
+        n_element = len(self.dofs)
+        vector = np.empty((n_element, self._jets.shape[1]))
+        tangent = np.empty((n_element, len(self._products)))
+        _terms_of(gradient, b, h, slope, self._frame, self._metric, self.weight, vector, tangent)
+        return vector @ self._jets.T, tangent @ self._products
+
+    def _magnetise(self, b: Array) -> tuple[Array, Array]:
+        """As `Iron.magnetise`, compiled for curves of points."""
+        if isinstance(self.iron, AnalyticIron):
+            return self.iron.magnetise(b)
+        h, slope = np.empty_like(b), np.empty_like(b)
+        curves = self._curves
+        _magnetise_all(b.ravel(), curves.start, curves.b, curves.h, curves.slope, curves.tail, h.ravel(), slope.ravel())
+        return h, slope
 
     def energy(self, potential: Array) -> float:
         """Integral of w(|B|): per unit depth in J/m, or of the whole in J."""
@@ -94,7 +112,72 @@ class IronElements:
         return float(np.sum(self.iron.energy_density(b) * self.weight))
 
 
-Indices = NDArray[np.int64]
+@compiled
+def _gradients_of(jet: Array, frame: Array, gradient: Array, size: Array) -> None:
+    """Both derivatives of A (2, element, point) and their size from the jets (element, jet x point), written."""
+    n_element, n_point = size.shape
+    n_jet, each = frame.shape[1], frame.shape[3] > 1
+    for e in range(n_element):
+        for p in range(n_point):
+            q = p if each else 0
+            x = y = 0.0
+            for j in range(n_jet):
+                x += frame[0, j, e, q] * jet[e, j * n_point + p]
+                y += frame[1, j, e, q] * jet[e, j * n_point + p]
+            gradient[0, e, p], gradient[1, e, p] = x, y
+            size[e, p] = np.sqrt(x * x + y * y)
+
+
+@compiled
+def _magnetise_all(
+    b: Array, start: Indices, points: Array, values: Array, slopes: Array, tail: Array, h: Array, slope: Array
+) -> None:
+    """H and dH/dB (n,) at |B| (n,), written; the curve's arrays are those of `Curves`."""
+    for n in range(b.size):
+        h[n], slope[n] = magnetise_at(b[n], 0, start, points, values, slopes, tail)
+
+
+@compiled
+def _terms_of(
+    gradient: Array,
+    b: Array,
+    h: Array,
+    slope: Array,
+    frame: Array,
+    metric: Array,
+    weight: Array,
+    vector: Array,
+    tangent: Array,
+) -> None:
+    """Weighted w F^T H (element, jet x point) and w F^T T F (element, couple x point), written."""
+    n_element, n_point = b.shape
+    n_jet, each = frame.shape[1], frame.shape[3] > 1
+    for e in range(n_element):
+        for p in range(n_point):
+            q = p if each else 0
+            floor = max(b[e, p], NO_FIELD)
+            nu = h[e, p] / floor if b[e, p] > NO_FIELD else slope[e, p]
+            x, y = gradient[0, e, p] / floor, gradient[1, e, p] / floor
+            isotropic, extra = nu * weight[e, p], (slope[e, p] - nu) * weight[e, p]
+            couple = 0
+            for j in range(n_jet):
+                along = frame[0, j, e, q] * x + frame[1, j, e, q] * y  # F^T n
+                vector[e, j * n_point + p] = isotropic * floor * along
+                for k in range(j, n_jet):
+                    across = frame[0, k, e, q] * x + frame[1, k, e, q] * y
+                    tangent[e, couple * n_point + p] = isotropic * metric[couple, e, q] + extra * along * across
+                    couple += 1
+
+
+@compiled
+def _times_upper(rows: Indices, starts: Indices, data: Array, vector: Array, out: Array) -> None:
+    """The product of a symmetric matrix, given by its upper triangle, with a vector (n,), added to `out` (n,)."""
+    for column in range(vector.size):
+        for k in range(starts[column], starts[column + 1]):
+            row = rows[k]
+            out[row] += data[k] * vector[column]
+            if row != column:
+                out[column] += data[k] * vector[row]
 
 
 class SparseTangent:
@@ -125,12 +208,13 @@ class SparseTangent:
         columns, rows = np.divmod(unique, free.size)
         starts = np.searchsorted(columns, np.arange(free.size + 1))
         self._pattern = rows.astype(np.int32), starts.astype(np.int32)
+        self._upper = sparse.csc_matrix((np.zeros(self.nnz), *self._pattern), shape=(free.size,) * 2)
         self._solver: qdldl.Solver | None = None
 
     def unfactored(self) -> "SparseTangent":
         """The same pattern for a matrix of its own."""
         other = copy(self)
-        other._solver = None
+        other._upper, other._solver = self._upper.copy(), None
         return other
 
     def gather(self, piece: int, values: Array) -> Array:
@@ -140,12 +224,12 @@ class SparseTangent:
 
     def factor(self, data: Array) -> None:
         """Factor the matrix whose values (nnz,) are given; NotConverged where it is singular."""
-        matrix = self._matrix(data)
+        self._upper.data = data
         try:
             if self._solver is None:
-                self._solver = qdldl.Solver(matrix, upper=True)  # orders the unknowns, once for all values
+                self._solver = qdldl.Solver(self._upper, upper=True)  # orders the unknowns, once for all values
             else:
-                self._solver.update(matrix, upper=True)
+                self._solver.update(self._upper, upper=True)
         except RuntimeError as err:
             self._solver = None
             raise NotConverged(f"the tangent is singular ({err}); check the iron's B-H curve") from err
@@ -159,9 +243,10 @@ class SparseTangent:
 
     def product(self, data: Array, vector: Array) -> Array:
         """The matrix of these values times a vector (n,) that is zero at fixed entries, as is the answer."""
-        upper, inner = self._matrix(data), vector[self._free]
+        inner = np.zeros(self._free.size)
+        _times_upper(*self._pattern, data, vector[self._free], inner)
         out = np.zeros(self._n)
-        out[self._free] = upper @ inner + upper.T @ inner - upper.diagonal() * inner
+        out[self._free] = inner
         return out
 
     def refined_substitute(self, right: Array, data: Array) -> Array:
@@ -170,6 +255,3 @@ class SparseTangent:
         for _ in range(REFINEMENTS):
             answer += self.substitute(right - self.product(data, answer))
         return answer
-
-    def _matrix(self, data: Array) -> sparse.csc_matrix:
-        return sparse.csc_matrix((data, *self._pattern), shape=(self._free.size,) * 2)

@@ -13,8 +13,8 @@ from msl_fem.errors import InputError
 from msl_fem.magnetics.section import Section
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution
 from msl_fem.magnetics.solver.postprocess import (
+    Cuts,
     SectionFluxDensity,
-    cut_flux_density,
     cut_probe,
     gradient_maps,
     region_probe,
@@ -225,15 +225,15 @@ class MovingProbes:
         assert model.mesh.motion is not None, "the mesh has a motion"
         self.model = model
         self.scale = section.scale
-        self.cuts = {cut.name: cut_probe(model, cut) for cut in section.cuts}
+        self.cuts = Cuts((cut.name, cut_probe(model, cut)) for cut in section.cuts)
         if not self.cuts:
-            self.cuts = {name: region_probe(model, name) for name in model.irons}
+            self.cuts = Cuts((name, region_probe(model, name)) for name in model.irons)
         self._motion = model.mesh.motion
         self._contour = StressContour(model, self._motion.share)
 
     def section_flux_density(self, potential: Array) -> dict[str, SectionFluxDensity]:
         """|B| in the iron over each cut, or each iron."""
-        return {name: cut_flux_density(self.model, cut, potential) for name, cut in self.cuts.items()}
+        return self.cuts.flux_density(self.model, potential)
 
     def force_stress_tensor(self, solution: FieldSolution) -> float:
         """The force in N against the motion, by Maxwell's stress around the body."""

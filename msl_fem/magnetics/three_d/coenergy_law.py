@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.magnetics.reduced.curves import curves_of
 from msl_fem.materials.constants import MU_0
+from msl_fem.materials.curves import curves_of
 from msl_fem.materials.material import AnalyticIron, Iron
 
 
