@@ -180,7 +180,7 @@ def diagnosis_of(kind: Kind, how: DiagnosisSettings) -> Diagnosis:
     """The diagnosis of a record that was made ready."""
     kind = kind.settled()
     result = search_effects(kind, how)
-    other = restated(kind, result.stages[0])
+    other = restated(kind, result.fits)
     if other is not None:
         how.progress("a statement of rig.toml turned round")
         kind, result = other, search_effects(other, replace(how, memory=FitMemory()))

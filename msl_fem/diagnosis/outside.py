@@ -28,8 +28,8 @@ from msl_fem.plant.lane_run import LaneSettings, run_lanes
 from msl_fem.plant.plant import FORCE_DRIVE
 from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, kernel_plant, measured_start
 from msl_fem.prediction.free_run import readings_of
-from msl_fem.prediction.run_data import bridged
 from msl_fem.record.columns import Channel
+from msl_fem.record.validity import bridged
 
 N_SPLINE = 14
 SIZES = np.geomspace(1e-4, 1e2, 13)

@@ -21,9 +21,10 @@ from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.free_run import counted
 from msl_fem.prediction.hypothesis import with_factors
 from msl_fem.prediction.nuisances import line_of, together
-from msl_fem.prediction.run_data import POSITION_COLUMN, VELOCITY_COLUMN, bridged
+from msl_fem.prediction.run_data import POSITION_COLUMN, VELOCITY_COLUMN
 from msl_fem.record import Tolerance
 from msl_fem.record.columns import Channel
+from msl_fem.record.validity import bridged
 
 AT_ONCE = 4  # rows whose readings are put together at a time
 START = 10.0  # times the instruments' sigma: how far a run's start may lie from its first guess

@@ -28,8 +28,9 @@ from msl_fem.diagnosis.variants import variables_of
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import ModelHypothesis, RunData, Start, free_parameters, free_run, kernel_plant, measured_start
 from msl_fem.prediction.free_run import counted, start_sigmas
-from msl_fem.prediction.run_data import Hold, bridged
+from msl_fem.prediction.run_data import Hold
 from msl_fem.record import Record, Tolerance
+from msl_fem.record.validity import bridged
 
 ROUNDS = 3
 """How often stretches are chosen anew at a better model."""

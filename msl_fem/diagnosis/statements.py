@@ -1,46 +1,64 @@
 """What rig.toml states about a record that is either so or not, like the hold of its commands, judged by the record.
 
 A wrong statement is an error of the model: at low rates as large as an effect, and one effect or another makes up for
-part of it. Each is tried the other way round, with everything fitted anew as for an effect; it has no number of its
-own, so its evidence is that of the fit.
+part of it. Each is tried the other way round at what a search has found, with everything fitted anew; it has no number
+of its own, so its evidence is that of the fit.
 """
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from msl_fem.diagnosis.decision import QUIET, TIE
 from msl_fem.diagnosis.fit import FitPlan, fit
-from msl_fem.diagnosis.kind import Kind, about_belief
-from msl_fem.diagnosis.search import SearchStage, search_stage
+from msl_fem.diagnosis.kind import Kind
+from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.errors import ComputationError
 
 STEPS = 8  # of a fit: beside what a wrong statement costs, what further ones would bring is little
 
 
-def restated(kind: Kind, stage: SearchStage) -> Kind | None:
-    """The record with the statement turned round that explains it better, with one effect or none, than it is explained
-    as stated with the best effect of the first stage, by more than a tie; None where none does, or nothing but noise is
-    to be explained."""
-    base = stage.base
-    if max(base.excess.values(), default=0.0) <= QUIET:
+def restated(kind: Kind, fits: Sequence[Fit]) -> Kind | None:
+    """The record with the statement turned round that explains it better than as it is stated, by more than a tie:
+    without any effect, and then more than the last of these fits, with its effects or without one or all of them, since
+    an effect may make up for the statement. None where none does, or nothing but noise is to be explained.
+
+    Parameters
+    ----------
+    fits : of the record as it is stated: without effects, with the first, and so on
+    """
+    bare, last = fits[0], fits[-1]
+    if max(bare.excess.values(), default=0.0) <= QUIET:
         return None
-    columns = base.jacobian[:, : base.unknowns.n_nuisance]
-    best = _explained(stage)
     for other in kind.restatements():
-        plan = FitPlan(most_steps=STEPS, renew=False)
-        try:
-            found = fit(other.likelihood, base.unknowns, base.z, plan=plan, nuisance_columns=columns)
-        except ComputationError:  # so it leaves the table where the record as stated does not
+        turned = _evidence(other, bare)
+        if turned <= bare.log_evidence + TIE:
             continue
-        if found.log_evidence < base.log_evidence + TIE:
-            continue
-        turned = search_stage(found, about_belief(other, found), tell=_untold)
-        if _explained(turned) > best + TIE:
+        if max(turned, *(_evidence(other, last, without=name) for name in ("", *_effects(last)))) > (
+            last.log_evidence + TIE
+        ):
             return other
     return None
 
 
-def _explained(stage: SearchStage) -> float:
-    """Log evidence with the best effect of a stage, where that brings anything."""
-    return stage.base.log_evidence + max(stage.best.gain if stage.best is not None else 0.0, 0.0)
+def _effects(found: Fit) -> list[str]:
+    """The names of the effects of a fit."""
+    return list(dict.fromkeys(one.effect for one in found.unknowns.effects))
 
 
-def _untold(text: str) -> None:
-    """No progress is told."""
+def _evidence(other: Kind, found: Fit, *, without: str = "") -> float:
+    """Log evidence of the record turned round, fitted from where a fit of the record as stated ended, `without` one of
+    its effects; minus infinity where that cannot be simulated."""
+    kept = np.array([one.effect != without for one in found.unknowns.effects], dtype=bool)
+    n = found.unknowns.n_nuisance
+    unknowns = replace(
+        found.unknowns, effects=tuple(one for one, stays in zip(found.unknowns.effects, kept, strict=True) if stays)
+    )
+    start = found.z[np.concatenate([np.ones(n, dtype=bool), kept])]
+    likelihood = replace(other.likelihood, strict=True) if found.likelihood.strict else other.likelihood
+    plan = FitPlan(most_steps=STEPS, renew=False)
+    try:
+        return fit(likelihood, unknowns, start, plan=plan, nuisance_columns=found.jacobian[:, :n]).log_evidence
+    except ComputationError:  # so it leaves the table where the record as stated does not
+        return -np.inf

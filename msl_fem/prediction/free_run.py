@@ -28,9 +28,10 @@ from msl_fem.plant.sampled_plant import SampledPlant, advance_sample, plant_at_r
 from msl_fem.plant.simulate import STATUS
 from msl_fem.prediction.hypothesis import KernelPlant, ModelHypothesis
 from msl_fem.prediction.nuisances import line_of
-from msl_fem.prediction.run_data import POSITION_COLUMN, LoopLaw, RunData, bridged
+from msl_fem.prediction.run_data import POSITION_COLUMN, LoopLaw, RunData
 from msl_fem.record import Tolerance
 from msl_fem.record.columns import Channel, side_columns
+from msl_fem.record.validity import bridged
 
 GROWTH = 20.0  # of an error in one stretch of a run, beyond which a free run says nothing
 LOOKED_AT = 4000  # samples of a run at which its stiffness is looked at

@@ -15,6 +15,7 @@ from msl_fem.record import Record, Role, Run
 from msl_fem.record.clipping import clipped_samples
 from msl_fem.record.columns import Channel, side_columns
 from msl_fem.record.linear_law import READINGS
+from msl_fem.record.validity import bridged
 
 POSITION_COLUMN, VELOCITY_COLUMN = "position_m", "velocity_m_per_s"
 Hold = Literal["zero-order", "linear"]
@@ -148,20 +149,6 @@ def _invalid(run: Run, name: str) -> NDArray[np.intp]:
     current that stands still may be at the limit of its drive, so nothing is taken for granted there."""
     stated = np.flatnonzero(~run.valid[name]) if name in run.valid else _NONE
     return np.union1d(stated, clipped_samples(run[name])) if name == POSITION_COLUMN else stated
-
-
-def bridged(values: Array, at: NDArray[np.intp]) -> Array:
-    """Values (..., n_sample) with a straight line between neighbours in place of the samples `at`."""
-    if not at.size:
-        return values
-    n = np.arange(values.shape[-1])
-    rest = np.setdiff1d(n, at)
-    after = np.clip(np.searchsorted(rest, at), 1, rest.size - 1)
-    left, right = rest[after - 1], rest[after]
-    share = np.clip((at - left) / (right - left), 0.0, 1.0)
-    found = values.copy()
-    found[..., at] = (1 - share) * values[..., left] + share * values[..., right]
-    return found
 
 
 def _inputs(record: Record, run: Run) -> list[str]:

@@ -94,10 +94,19 @@ def _filled(column: Column, flags: Mask, name: str, file: Path | str) -> Array:
     """The readings as numbers, those that are not valid on a straight line between their neighbours."""
     told = column.copy()
     told[~flags] = 0.0 if column.dtype.kind == "f" else "0"
-    return between_valid(numbers(told, name, file), flags)
+    return bridged(numbers(told, name, file), np.flatnonzero(~flags))
 
 
-def between_valid(values: Array, flags: Mask) -> Array:
-    """Readings (n_sample,) with a straight line in place of those that are not valid; some are."""
-    at = np.arange(values.size)
-    return np.where(flags, values, np.interp(at, at[flags], values[flags]))
+def bridged(values: Array, at: NDArray[np.intp]) -> Array:
+    """Values (..., n_sample) with a straight line between neighbours in place of the samples `at`; beyond the first and
+    the last that stays, its own value."""
+    if not at.size:
+        return values
+    n = np.arange(values.shape[-1])
+    rest = np.setdiff1d(n, at)
+    after = np.clip(np.searchsorted(rest, at), 1, rest.size - 1)
+    left, right = rest[after - 1], rest[after]
+    share = np.clip((at - left) / (right - left), 0.0, 1.0)
+    found = values.copy()
+    found[..., at] = (1 - share) * values[..., left] + share * values[..., right]
+    return found

@@ -24,6 +24,7 @@ class LinearRecord:
     nuisances: Array
     of_effect: dict[str, Array]
     is_cut = False
+    strict = False
 
     def gathering(self, runs: GatheredRuns | None) -> "LinearRecord":
         return self

@@ -26,6 +26,7 @@ class LinearRecord:
     """White noise, and an effect of known size in its readings; two further columns are unknown."""
 
     is_cut = False
+    strict = False
 
     def __init__(self, unknown: EffectUnknown) -> None:
         chance = np.random.default_rng(3)

@@ -5,7 +5,8 @@ import pytest
 
 from msl_fem.diagnosis.spikes import MOST, about_spikes, spikes, without_spikes
 from msl_fem.prediction import RunData
-from msl_fem.prediction.run_data import NoiseFloor, bridged
+from msl_fem.prediction.run_data import NoiseFloor
+from msl_fem.record.validity import bridged
 
 N, RATE = 8000, 1e3
 CALM = np.ones(N, dtype=bool)

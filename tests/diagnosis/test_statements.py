@@ -1,10 +1,17 @@
 """The hold of the commands, stated wrongly: what the record says against what rig.toml says."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 from diagnosed import TABLE, bench_record
+from linear_record import CUBIC, OFFSET, LinearRecord, record, with_effect
 
+from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.runs import Runs, dynamic_runs
+from msl_fem.diagnosis.statements import restated
 from msl_fem.prediction import ModelHypothesis, run_data
 
 
@@ -25,3 +32,21 @@ def test_the_hold_is_turned_round_in_all_runs_and_the_true_one_is_more_probable(
     (back,) = turned.restatements()
     assert believed(back) == believed(kind)
     assert 'held "linear" and not "zero-order"' in turned.notes[-1]
+
+
+def test_an_effect_that_makes_up_for_a_statement_gives_way_to_it_and_one_that_is_there_does_not() -> None:
+    """Turned round, the record needs one effect less; or it leaves less without effects, and more with them."""
+
+    def turned_of(stated: LinearRecord, turned: LinearRecord) -> bool:
+        sets = ((), (OFFSET,), (OFFSET, CUBIC))
+        fits = [fit(stated, with_effect(unknowns, *every), np.zeros(3 + len(every))) for every in sets]  # type: ignore[arg-type]
+        other: Any = SimpleNamespace(likelihood=turned)
+        kind: Any = SimpleNamespace(restatements=lambda: (other,))
+        return restated(kind, fits) is other
+
+    true, unknowns = record(size=5.0)
+    cubic = true.of_effect["stiffness_nonlinearity"]
+    wrong = replace(true, data=true.data + 5 * cubic)
+    rest = np.random.default_rng(5).standard_normal(cubic.size)
+    assert turned_of(wrong, true)
+    assert not turned_of(wrong, replace(true, data=true.data + 2 * cubic + 0.3 * rest))
