@@ -15,9 +15,15 @@ _EXAMPLES = {"": "0.96", "m": "0.6 mm", "A": "5 A", "T": "1.2 T", "Hz": "2.5 kHz
 
 
 _PREFIXES = {"": 1.0, "k": 1e3, "M": 1e6, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "n": 1e-9}
-PLAIN = {f"{prefix}{unit}": (factor, unit) for unit in ("A", "m", "T", "N", "Hz", "s", "V", "W")
-         for prefix, factor in _PREFIXES.items()}  # fmt: skip
+PLAIN = {f"{prefix}{unit}": (factor, unit) for unit in ("A", "m", "T", "N", "Hz", "s", "V", "W", "Wb", "ohm")
+         for prefix, factor in _PREFIXES.items()} | {
+    "%": (0.01, ""), "g": (1e-3, "kg"), "kg": (1.0, "kg"), "kg m^2": (1.0, "kg m^2"), "kg/m^3": (1.0, "kg/m^3"),
+    "Ω": (1.0, "ohm"), "mΩ": (1e-3, "ohm"), "m/s": (1.0, "m/s"), "N/m": (1.0, "N/m"), "kN/m": (1e3, "N/m"),
+    "N/mm": (1e3, "N/m"), "N s/m": (1.0, "N s/m"), "N/s": (1.0, "N/s"), "A/m^2": (1.0, "A/m^2"),
+    "A/mm^2": (1e6, "A/m^2"), "K": (1.0, "K"), "K/W": (1.0, "K/W"), "W/(m^2 K)": (1.0, "W/(m^2 K)"),
+}  # fmt: skip
 """Units with their factor and SI unit, read without pint, whose import costs more than all else of a look-up."""
+_SCALES = {"K": 0.0, "degC": 273.15}  # K at their zero
 
 
 @lru_cache(maxsize=1)
@@ -107,16 +113,20 @@ def parse_temperature(text: str) -> float:
     match = _QUANTITY.fullmatch(text.replace("°", "deg")) if isinstance(text, str) else None
     if match is None or match.group(2) is None:
         raise QuantityError(f'{text!r} is not a temperature; write a number and a unit, like "20 degC" or "293 K"')
-    if _POWER.search(match.group(2)):
-        raise QuantityError(f"{text!r} is not a temperature; use degC or K")
-    registry = _registry()
-    try:
-        value = float(registry.Quantity(float(match.group(1)), match.group(2).strip()).to("K").magnitude)
-    except Exception as err:  # pint raises errors of many kinds on a text that is no unit
-        raise QuantityError(f"{text!r} is not a temperature; use degC or K") from err
+    number, scale = float(match.group(1)), match.group(2).strip()
+    value = number + _SCALES[scale] if scale in _SCALES else _temperature_by_pint(text, number, scale)
     if not 0 <= value < math.inf:
         raise QuantityError(f"{text!r} is below absolute zero or not finite; look at its unit")
     return value
+
+
+def _temperature_by_pint(text: str, number: float, scale: str) -> float:
+    if _POWER.search(scale):
+        raise QuantityError(f"{text!r} is not a temperature; use degC or K")
+    try:
+        return float(_registry().Quantity(number, scale).to("K").magnitude)
+    except Exception as err:  # pint raises errors of many kinds on a text that is no unit
+        raise QuantityError(f"{text!r} is not a temperature; use degC or K") from err
 
 
 def parse_quantities(text: str, unit: str) -> list[float]:

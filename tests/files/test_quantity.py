@@ -1,11 +1,14 @@
 """Quantities: what people write becomes SI, what is no quantity is refused in one line."""
 
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from msl_fem.actuator import load_actuator
+from msl_fem.design.sizing import load_requirement
 from msl_fem.errors import InputError, QuantityError
 from msl_fem.files import quantity
 from msl_fem.files.quantity import format_quantity, parse_quantities, parse_quantity, parse_temperature
@@ -156,3 +159,24 @@ def test_units_read_without_pint_are_those_of_pint() -> None:
     """The same number to the last bit."""
     for text, (factor, unit) in quantity.PLAIN.items():
         assert quantity._factor_by_pint(text, unit) == factor, text
+
+
+@pytest.mark.parametrize(("text", "scale"), [("20 degC", "degC"), ("-10.5 degC", "degC"), ("293.15 K", "K")])
+def test_temperatures_read_without_pint_are_those_of_pint(text: str, scale: str) -> None:
+    """The same number to the last bit."""
+    assert quantity._temperature_by_pint(text, float(text.split()[0]), scale) == parse_temperature(text)
+
+
+def test_the_files_that_come_along_are_read_without_pint(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its import and its list of units take as long as all else of a command that begins with an actuator."""
+
+    def registry() -> None:
+        raise AssertionError("pint was asked")
+
+    quantity._factor.cache_clear()
+    monkeypatch.setattr(quantity, "_registry", registry)
+    root = Path(__file__).parents[2]
+    for file in sorted((root / "geometries").glob("*.toml")):
+        assert load_actuator(file).name
+    for file in sorted((root / "requirements").glob("*.toml")):
+        assert load_requirement(file).name
