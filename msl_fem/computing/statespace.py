@@ -1,12 +1,15 @@
 """A linear time-invariant system in state space, continuous or sampled."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
+
+_KEPT = 4  # responses
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +65,24 @@ class StateSpace:
     def response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """C (q I - A)^-1 B + D at frequencies in Hz (n_frequency,): (n_frequency, n_output, n_input).
 
-        q = j w in continuous time, exp(j w T) with a sampling period T.
+        q = j w in continuous time, exp(j w T) with a sampling period T. Read-only: that of the last few sets of
+        frequencies is kept, for a design asks the same system again and again.
         """
-        jw = 2j * np.pi * np.atleast_1d(np.asarray(frequency, dtype=float))
+        f = np.atleast_1d(np.asarray(frequency, dtype=float))
+        key = f.tobytes()
+        if key not in self._responses:
+            if len(self._responses) >= _KEPT:
+                self._responses.clear()
+            self._responses[key] = self._response(f)
+            self._responses[key].flags.writeable = False
+        return self._responses[key]
+
+    @cached_property
+    def _responses(self) -> dict[bytes, NDArray[np.complex128]]:
+        return {}
+
+    def _response(self, frequency: Array) -> NDArray[np.complex128]:
+        jw = 2j * np.pi * frequency
         q = jw if self.sampling_period is None else np.exp(jw * self.sampling_period)
         resolvent = q[:, None, None] * np.eye(self.A.shape[0]) - self.A
         return np.asarray(self.C @ np.linalg.solve(resolvent, self.B.astype(complex)[None]) + self.D)

@@ -9,7 +9,7 @@ so the loop is closed around m x'' + c x' + (k - kappa) x. It is opened at the c
 """
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,8 +51,10 @@ class LinearLaw:
     preview: bool = True
 
     def by_integral_alone(self) -> "LinearLaw":
-        """The law to which the reference comes by the integral alone."""
-        return replace(self, feedforward=False, reference_gain=np.zeros(3))
+        """The law to which the reference comes by the integral alone; what is fed back is the same."""
+        alone = replace(self, feedforward=False, reference_gain=np.zeros(3))
+        alone.__dict__["_controller"] = self._controller
+        return alone
 
     def controller(self) -> StateSpace:
         """Inputs: measured position, a force added before and one behind the section, what the integral is to hold.
@@ -157,9 +159,12 @@ class LinearLaw:
         return np.asarray(np.linalg.solve(resolvent, model.B.astype(complex)[None])[:, :, 0].T)
 
 
+@lru_cache(maxsize=16)
 def grid(period: float, n: int = 400) -> Array:
-    """(n,) frequencies in Hz from 1/2000 of the loop rate up to its half, spaced evenly in their logarithm."""
-    return np.geomspace(5e-4 / period, 0.499 / period, n)
+    """(n,) Hz from 1/2000 of the loop rate up to its half, spaced evenly in their logarithm; read-only."""
+    frequencies = np.geomspace(5e-4 / period, 0.499 / period, n)
+    frequencies.flags.writeable = False
+    return frequencies
 
 
 def bandwidth(response: Complex, frequency: Array) -> float:

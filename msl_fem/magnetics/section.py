@@ -126,13 +126,15 @@ class Section:
         """m3 of a part of the whole magnet, sheets only: its area times depth, or turned about the axis (Pappus)."""
         if not part.vertices:
             return self.iron[part.region][1] * self.scale * part.area
-        x, y = np.array(part.vertices).T
-        following = np.roll(x, -1), np.roll(y, -1)
-        cross = x * following[1] - following[0] * y
+        area = moment = 0.0
+        for (x, y), (x_next, y_next) in zip(part.vertices, (*part.vertices[1:], part.vertices[0]), strict=True):
+            cross = x * y_next - x_next * y
+            area += cross / 2
+            moment += (x + x_next) * cross / 6  # of area, about the axis
         stacking = self.iron[part.region][1]
         if self.axisymmetric:
-            return stacking * 2 * np.pi * abs(float(np.sum((x + following[0]) * cross))) / 6
-        return stacking * self.scale * abs(float(cross.sum())) / 2
+            return stacking * 2 * np.pi * abs(moment)
+        return stacking * self.scale * abs(area)
 
     @property
     def iron_volumes(self) -> dict[str, float]:

@@ -3,6 +3,9 @@
 from functools import cache
 from pathlib import Path
 
+import pytest
+from short_menu import cut_menu
+
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record
 from msl_fem.bench.sealed import SealedRecord
@@ -18,8 +21,8 @@ VOLTAGE_SERVO = SERVO.model_copy(
     update={"drive": SERVO.drive.model_copy(update={"kind": "voltage", "bandwidth": None})}
 )
 RUNS = (
-    "band-limited-noise:amplitude=610 mV,bias=1.2 V,duration=2 s,seed=1,band=500 Hz,role=fit",
-    "swept-sine:amplitude=300 mV,bias=1.2 V,duration=1 s,start=5 Hz,stop=300 Hz,role=held-out",
+    "band-limited-noise:amplitude=610 mV,bias=1.2 V,duration=1 s,seed=1,band=500 Hz,role=fit",
+    "swept-sine:amplitude=300 mV,bias=1.2 V,duration=0.6 s,start=5 Hz,stop=300 Hz,role=held-out",
 )
 
 
@@ -33,4 +36,7 @@ def bench_record(*hidden: str, seed: int = 7, noise: str = "coloured", rate: flo
 
 @cache
 def diagnosed(*hidden: str, seed: int = 7, noise: str = "coloured", rate: float = 1e4) -> Diagnosis:
-    return diagnose(bench_record(*hidden, seed=seed, noise=noise, rate=rate).record, DiagnosisSettings(table=TABLE))
+    record = bench_record(*hidden, seed=seed, noise=noise, rate=rate).record
+    with pytest.MonkeyPatch.context() as patch:
+        cut_menu(patch)
+        return diagnose(record, DiagnosisSettings(table=TABLE))

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import Outcome
+from short_menu import cut_menu
 
 import msl_fem as package
 from msl_fem.actuator import Actuator, load_actuator
@@ -59,7 +60,8 @@ def said(desk: Path) -> str:
     """What the command printed when it made `out`."""
     printed = StringIO()
     arguments = ["diagnose", str(desk / "record"), "--table", str(desk / "table.nc"), "-o", str(desk / "out"), "--json"]
-    with redirect_stdout(printed):
+    with redirect_stdout(printed), pytest.MonkeyPatch.context() as patch:
+        cut_menu(patch)
         assert run_guarded(lambda: app(arguments)) == 0
     return printed.getvalue()
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from conftest import Outcome
 from docs_walk import ROOT, TRIED, Block, blocks
+from short_menu import cut_menu
 
 from msl_fem import study as study_module
 from msl_fem.actuator import Actuator
@@ -48,6 +49,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(table_command, "default_grid", small_grid)
     for command in (table_command, study_command):  # a small grid is not worth a process that imports everything
         monkeypatch.setattr(command, "default_workers", lambda: 1)
+    cut_menu(monkeypatch)
     monkeypatch.setenv("MPLBACKEND", "Agg")
     return tmp_path
 
