@@ -17,8 +17,8 @@ TEN_KILONEWTON = {"force": {"minimum": "10 kN", "gap": "0.5 mm"}}
 
 @pytest.fixture(autouse=True)
 def short_searches(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Half as many generations find the same to some per cent."""
-    monkeypatch.setattr(closed_search, "_GENERATIONS", 20)
+    """A quarter of the generations find the same to some per cent."""
+    monkeypatch.setattr(closed_search, "_GENERATIONS", 10)
 
 
 def complaint(**changes: object) -> str:
