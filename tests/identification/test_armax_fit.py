@@ -19,7 +19,7 @@ def test_parameter_error_is_at_the_cramer_rao_bound(case):
     """Squared parameter error over the bound, mean of six seeds: 1 when efficient, at most 1.5."""
     ratios = []
     for seed in range(6):
-        run, innovations = case.run(20_000, np.random.default_rng(seed))
+        run, innovations = case.run(8_000, np.random.default_rng(seed))
         model = fit_armax([run], case.orders)
         assert model.convergence.converged, model.convergence.reason
         ratios.append(efficiency(case, model.parameters, fisher_information(case, run, innovations)))
@@ -48,9 +48,9 @@ def test_long_memory_does_not_stop_the_search():
 
 
 def test_intervals_cover_the_truth():
-    """Over 120 fits, errors over standard errors have unit variance, and 95 % intervals cover 90 to 98 %."""
+    """Over 60 fits, errors over standard errors have unit variance, and 95 % intervals cover 90 to 98 %."""
     case, scores = CASES[0], []
-    for seed in range(120):
+    for seed in range(60):
         run, _ = case.run(2_000, np.random.default_rng(1_000 + seed))
         model = fit_armax([run], case.orders)
         scores.append((model.parameters - case.theta) / model.standard_errors)
@@ -93,7 +93,7 @@ def test_runs_of_one_fit_keep_their_own_start():
     case, ratios = CASES[3], []
     for seed in range(5):
         rng = np.random.default_rng(50 + seed)
-        parts = [case.run(8_000, rng), case.run(12_000, rng)]
+        parts = [case.run(4_000, rng), case.run(6_000, rng)]
         model = fit_armax([run for run, _ in parts], case.orders)
         information = sum(fisher_information(case, *part) for part in parts)
         ratios.append(efficiency(case, model.parameters, information))
