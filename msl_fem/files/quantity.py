@@ -15,12 +15,13 @@ _EXAMPLES = {"": "0.96", "m": "0.6 mm", "A": "5 A", "T": "1.2 T", "Hz": "2.5 kHz
 
 
 _PREFIXES = {"": 1.0, "k": 1e3, "M": 1e6, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "n": 1e-9}
-PLAIN = {f"{prefix}{unit}": (factor, unit) for unit in ("A", "m", "T", "N", "Hz", "s", "V", "W", "Wb", "ohm")
+_BEARERS = (
+    "A", "m", "T", "N", "Hz", "s", "V", "W", "Wb", "H", "K", "J", "ohm", "Ω", "m/s", "N/m", "N s/m", "N/s", "K/W",
+)  # fmt: skip
+PLAIN = {f"{prefix}{unit}": (factor, unit.replace("Ω", "ohm")) for unit in _BEARERS
          for prefix, factor in _PREFIXES.items()} | {
     "%": (0.01, ""), "g": (1e-3, "kg"), "kg": (1.0, "kg"), "kg m^2": (1.0, "kg m^2"), "kg/m^3": (1.0, "kg/m^3"),
-    "Ω": (1.0, "ohm"), "mΩ": (1e-3, "ohm"), "m/s": (1.0, "m/s"), "N/m": (1.0, "N/m"), "kN/m": (1e3, "N/m"),
-    "N/mm": (1e3, "N/m"), "N s/m": (1.0, "N s/m"), "N/s": (1.0, "N/s"), "A/m^2": (1.0, "A/m^2"),
-    "A/mm^2": (1e6, "A/m^2"), "K": (1.0, "K"), "K/W": (1.0, "K/W"), "W/(m^2 K)": (1.0, "W/(m^2 K)"),
+    "N/mm": (1e3, "N/m"), "A/m^2": (1.0, "A/m^2"), "A/mm^2": (1e6, "A/m^2"), "W/(m^2 K)": (1.0, "W/(m^2 K)"),
 }  # fmt: skip
 """Units with their factor and SI unit, read without pint, whose import costs more than all else of a look-up."""
 _SCALES = {"K": 0.0, "degC": 273.15}  # K at their zero

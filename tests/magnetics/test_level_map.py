@@ -66,11 +66,11 @@ def test_the_stated_error_covers_the_true_one(gap, criterion):
 
 @pytest.mark.parametrize("actuator", [E1, SERVO], ids=["e1", "servo"])
 def test_no_chord_lies_above_the_curve_between_the_gaps(actuator):
-    """Fresh roots at 15 gaps off the nodes, on another mesh than the map's, and of some gaps on one of their own."""
+    """Fresh roots at eight gaps off the nodes, on another mesh than the map's, and of some gaps on one of their own."""
     made = field_map(actuator, default_gaps(actuator)[::2], settings=FAST)
     guard = Guard(made)
     other = field_at(actuator, 3e-4)
-    for n, gap in enumerate(np.random.default_rng(5).uniform(made.gap[0], made.gap[-1], 15)):
+    for n, gap in enumerate(np.random.default_rng(5).uniform(made.gap[0], made.gap[-1], 8)):
         true = currents_at(actuator, float(gap), (1.2, 1.6), field=None if n % 5 == 0 else other)
         limit = guard.limit(gap)
         assert (limit <= true).all(), gap
