@@ -4,9 +4,17 @@ The verbs of the command line as functions of records; results carry the JSON's 
 first used, so that a control engineer needs no finite elements.
 """
 
+from collections.abc import Sequence
 from importlib import import_module
 from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from msl_fem.actuator import Actuator
+    from msl_fem.maps import OperatingMap
+    from msl_fem.table.magnetic_table import MagneticTable
 
 _VERBS = {
     "load_actuator": "msl_fem.actuator",
@@ -59,15 +67,34 @@ _VERBS = {
 __all__ = sorted(_VERBS)
 
 
-def operating_map(source: Any, *gap: Any, **wishes: Any) -> Any:
+def operating_map(
+    source: "Actuator | MagneticTable",
+    gap: "ArrayLike | None" = None,
+    *,
+    levels: Sequence[float] = (1.2, 1.6),
+    **further: Any,
+) -> "OperatingMap":
     """The operating map of an actuator, by root finding on field solutions, or of a table, by interpolation.
 
-    Takes what `msl_fem.magnetics.field_map.field_map` or `msl_fem.maps.operating_map` takes; only the first needs
-    finite elements.
+    Parameters
+    ----------
+    source : an actuator or a table of one magnet; only the first needs finite elements
+    gap : (n_gap,) m, increasing, at least 2; by default those of the actuator's range, or the table's own
+    levels : flux densities in the iron in T, increasing
+    further : of an actuator `criterion`, `settings` and `progress` as of `msl_fem.magnetics.field_map.field_map`; of a
+        table `actuator` and `digest` as of `msl_fem.maps.operating_map`
+
+    Raises
+    ------
+    InputError : levels, gaps, a criterion or a largest current that are not allowed
+    TableError : the table has no section flux densities, or some are not finite
+    ComputationError : field solutions or the search failed at some gap
     """
-    fields = isinstance(source, import_module("msl_fem.actuator").Actuator)
-    home = import_module("msl_fem.magnetics.field_map" if fields else "msl_fem.maps")
-    return (home.field_map if fields else home.operating_map)(source, *gap, **wishes)
+    if isinstance(source, import_module("msl_fem.actuator").Actuator):
+        found = import_module("msl_fem.magnetics.field_map").field_map(source, gap, levels=levels, **further)
+    else:
+        found = import_module("msl_fem.maps").operating_map(source, gap=gap, levels=levels, **further)
+    return cast("OperatingMap", found)
 
 
 def __getattr__(name: str) -> Any:

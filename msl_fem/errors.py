@@ -45,5 +45,9 @@ class CostWarning(UserWarning):
     """What was asked for is possible and costs far more than usual; the message names the key and what to write."""
 
 
+class FolderWarning(UserWarning):
+    """A folder to write into was not there and has been made, which a mistyped path would do too."""
+
+
 class NotConverged(ComputationError):  # noqa: N818
     """An iteration did not reach its tolerance; the trail of residuals is in the message."""

@@ -1,11 +1,13 @@
 """The package's door: its verbs are functions, whatever was imported before."""
 
+import inspect
 import subprocess
 import sys
 
 import pytest
 
 import msl_fem
+from msl_fem.table.magnetic_table import MagneticTable
 
 VERBS = ("load_actuator", "solve", "sweep", "operating_map", "simulate", "identify", "design_controller", "diagnose")
 
@@ -46,3 +48,11 @@ def test_first_lines_of_a_notebook() -> None:
     actuator = msl_fem.load_actuator("fast_tool_servo")
     assert repr(actuator) == "Actuator(fast_tool_servo: e-core, 0.9 kg at 0.6 mm, 2 x 2 magnets, current drive)"
     assert isinstance(msl_fem.draw(actuator), Figure)
+
+
+def test_the_map_s_signature_says_what_it_takes_and_gives(table: MagneticTable) -> None:
+    signature = inspect.signature(msl_fem.operating_map)
+    assert list(signature.parameters) == ["source", "gap", "levels", "further"]
+    assert signature.return_annotation == "OperatingMap"
+    made = msl_fem.operating_map(table, table.gap[:3], levels=(0.5, 1.0))
+    assert made.current.shape == (2, 3)

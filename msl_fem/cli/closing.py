@@ -71,9 +71,11 @@ def loop_closing(worst: MeasuredLoop) -> tuple[str, str, str]:
         way = "measure it again at the ends of the travel, where loops are worst"
     else:
         way = 'lower the feedback, like msl-fem control --bandwidth "40 Hz", or take --design scheduled'
+    meaning = f"zone {worst.zone} of ISO 14839-3: {words[worst.zone]}"
+    if worst.zones_possible == "ABCD":
+        meaning = "which noise could make alone: this run does not tell the zone of ISO 14839-3"
     return (
-        f"What it means: largest sensitivity {worst.peak.value:.3g} at {worst.peak_at:.0f} Hz, zone {worst.zone} of "
-        f"ISO 14839-3: {words[worst.zone]}.",
+        f"What it means: largest sensitivity {worst.peak.value:.3g} at {worst.peak_at:.0f} Hz, {meaning}.",
         f"How sure: with 95 % confidence it is {low:.3g} to {high:.3g} within the excited band.",
         f"What to do: {way}.",
     )

@@ -74,6 +74,7 @@ def _compare(it: Record, model: ExtendedModel | None, *, output: Path | None, ta
         found = compare(it, settings)
     fields = found.to_json() | {"belief": believed.to_json()}
     if output is not None:
+        output.mkdir(parents=True, exist_ok=True)
         write_json(fields, output / "compare.json")
         write_page(comparison_page(found), output / "report.html")
         fields |= {"report": str(output / "report.html")}

@@ -166,7 +166,7 @@ def _map_of_both(
         write_page(pair_map_page(table, made, str(source)), targets.report)
     for level, opposing, aiding in zip(made.levels, *made.equal_currents(), strict=True):
         bear = f"{opposing:.3g} A each opposing, {aiding:.3g} A aiding"
-        say(f"note: in the middle both sides bear {bear}, below {level:g} T")
+        say(f"note: {level:g} T with the armature in the middle and both sides on: {bear}")
     if json:
         print_result(pair_map_to_json(made) | reported(targets.report), as_json=True, title="")
         return

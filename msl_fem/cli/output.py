@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from msl_fem.cli.readable import readable_name, readable_number
-from msl_fem.errors import ComputationError, CostWarning, InputError
+from msl_fem.errors import ComputationError, CostWarning, FolderWarning, InputError
 from msl_fem.files.numbers import json_value
 from msl_fem.files.whole_file import NO_ROOM, whole_file
 
@@ -267,8 +267,9 @@ def _warnings_in_a_line() -> Iterator[None]:
     with warnings.catch_warnings():
 
         def show(message: Warning | str, category: type[Warning], *where: Any, **further: Any) -> None:
-            said = "" if issubclass(category, CostWarning) else f"{category.__name__}: "
-            say(f"warning: {said}{_one_line(message)}")
+            kind = "note" if issubclass(category, FolderWarning) else "warning"
+            said = "" if issubclass(category, CostWarning | FolderWarning) else f"{category.__name__}: "
+            say(f"{kind}: {said}{_one_line(message)}")
 
         warnings.showwarning = show
         yield

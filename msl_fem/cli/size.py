@@ -26,7 +26,7 @@ from msl_fem.design.sizing import (
     write_sized_actuator,
 )
 from msl_fem.errors import InputError
-from msl_fem.files.whole_file import check_target
+from msl_fem.files.whole_file import check_target, make_folder
 from msl_fem.losses import CLASS_130_RISE
 from msl_fem.report.field_picture import save_picture
 from msl_fem.report.pictures import FrontPoints, draw_front
@@ -62,7 +62,7 @@ def command(
     drawn = picture or target.with_name(f"{target.stem}_pareto.png")
     _check_files(requirement, target, drawn)
     if storage is None:
-        target.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(target.parent)
         storage = f"sqlite:///{target.with_name(f'.{target.name}.trials.sqlite3')}"
     settings = SearchSettings(storage, trials, seed, workers or default_workers(), scheduler)
     evaluator = DesignEvaluator(wanted)

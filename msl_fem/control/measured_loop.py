@@ -199,7 +199,8 @@ def _local(
 def _peak(local: LocalResponse, frequency: Array, near: float) -> tuple[Bounded, float, bool]:
     """The peak with its interval, where it is, and whether it lies within the band.
 
-    At a peak the slope is zero, so the error there is the peak's; what errors of its place add is taken off.
+    At a peak the slope is zero, so the error there is the peak's; what errors of its place add is taken off. Where
+    noise is as large as the peak, no such expansion holds, and the largest value stands as it was found.
     """
     low, high = max(near / _STEP, frequency[0]), min(near * _STEP, frequency[-1])
     fine = np.linspace(low, high, 8 * _FINE)
@@ -208,11 +209,11 @@ def _peak(local: LocalResponse, frequency: Array, near: float) -> tuple[Bounded,
     half = _quantile(local.freedom) * float(local.deviation(fine[top : top + 1])[0])
     inside = frequency[0] < fine[top] < frequency[-1]
     value = float(size[top])
-    if 0 < top < fine.size - 1:
+    if 0 < top < fine.size - 1 and half < value:
         apart = fine[1] - fine[0]
         curvature = (size[top - 1] - 2 * value + size[top + 1]) / apart**2
         value -= min(half, local.excess(float(fine[top]), curvature=float(curvature), step=apart))
-    return Bounded(value, (value - half, value + half)), float(fine[top]), bool(inside)
+    return Bounded(value, (max(value - half, 0.0), value + half)), float(fine[top]), bool(inside)
 
 
 def _margin_estimates(

@@ -405,7 +405,8 @@ def _reason(result: EffectSearch, explained: bool) -> str:
     n = result.taken
     excess = result.excesses[n]
     worst = max(excess, key=lambda name: excess[name])
-    told = f"the largest residual is {excess[worst]:.3g} times the noise ({worst})"
+    size = "no larger than the noise" if excess[worst] < 1.05 else f"{excess[worst]:.3g} times the noise"
+    told = f"the largest residual is {size} ({worst})"
     if n and explained:
         return told
     best = result.stages[n].best if n < len(result.stages) else None

@@ -141,6 +141,8 @@ def look_through(path: Path, *, most_values: float, most_objects: int = MOST_OBJ
     """
     import h5py
 
+    if not h5py.is_hdf5(path):
+        raise ValueError("the file is no NetCDF-4 and no other HDF5 file")
     values = 0
     with h5py.File(path, "r") as file:
         found: list[Any] = [file]

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from msl_fem.errors import InputError
-from msl_fem.files.whole_file import cannot_be_written
+from msl_fem.files.whole_file import cannot_be_written, make_folder
 
 if sys.platform == "win32":
     import msvcrt
@@ -62,7 +62,7 @@ def _taken(output: Path) -> tuple[Path, int]:
         try:
             beside = target.parent / f".{target.name}.lock"
             with contextlib.suppress(FileExistsError):  # a file in its place: opening says so
-                beside.parent.mkdir(parents=True, exist_ok=True)
+                make_folder(beside.parent)
             return beside, _locked(beside)
         except OSError:
             if not target.is_dir():

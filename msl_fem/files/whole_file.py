@@ -8,10 +8,11 @@ import shutil
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from msl_fem.errors import ComputationError, InputError
+from msl_fem.errors import ComputationError, FolderWarning, InputError
 
 if sys.platform != "win32":
     import fcntl
@@ -57,6 +58,13 @@ def _refuse_what_is_no_file(target: Path) -> None:
         raise InputError(f"{target}: cannot be written (a device or a pipe, no file); choose another name")
 
 
+def make_folder(folder: Path) -> None:
+    """Makes a folder and those above it where they lack, and says so by a FolderWarning; OSError where it cannot."""
+    if not folder.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        warnings.warn(f"the folder {folder} was not there and has been made", FolderWarning, stacklevel=3)
+
+
 @contextlib.contextmanager
 def whole_file(target: Path) -> Iterator[Path]:
     """A temporary path beside `target` that takes its place when the block ends well, and vanishes otherwise.
@@ -68,7 +76,7 @@ def whole_file(target: Path) -> Iterator[Path]:
     """
     _refuse_what_is_no_file(target)
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(target.parent)
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
     except OSError as err:
         raise cannot_be_written(target, err, "choose another folder") from err

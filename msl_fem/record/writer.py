@@ -20,7 +20,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.errors import RecordError
 from msl_fem.files.schema import document, first_complaint
 from msl_fem.files.toml_text import toml_text
-from msl_fem.files.whole_file import ASIDE, cannot_be_written, staging_folder
+from msl_fem.files.whole_file import ASIDE, cannot_be_written, make_folder, staging_folder
 from msl_fem.materials.material import load_iron
 from msl_fem.record.columns import Column, write_columns
 from msl_fem.record.reader import check_record, check_run
@@ -58,7 +58,7 @@ def write_record(record: Record, folder: str | Path) -> None:
     check_companions(record.actuator)
     rig_text = _rig_text(record, folder)
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(folder.parent)
         with _sole_writer(folder.parent):
             _check_target(record, folder)
         with staging_folder(folder) as partial:

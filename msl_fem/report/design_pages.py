@@ -99,7 +99,7 @@ def flexure_page(actuator: Actuator, report: SuspensionReport) -> Page:
         "No range is stated."
         if full is None
         else f"At full range the leaves push back {100 * (full.force_exact / full.force_linear - 1):.1f} % more than "
-        f"a linear spring and bear {full.stress / report.allowed_stress:.0%} of the allowed stress."
+        f"a linear spring and reach {full.stress / report.allowed_stress:.0%} of the allowed stress."
     )
     above = {modes.sets: modes.above_first for modes in report.modes}
     modes_said = "Second and third mode lie " + "; ".join(
@@ -200,7 +200,8 @@ def tolerance_effects(study: ToleranceStudy) -> go.Figure:
         shares = [relative_limit(s, study.point[1]) for s in study.sensitivities]
         values = [100 * abs(e * share) for e, share in zip(elasticities, shares, strict=True)]
         made.add_trace(go.Bar(x=values, y=names, name=name, orientation="h", marker={"color": colour}))
-    made.update_layout(barmode="group", height=520, margin={"l": 150})
+    made.update_layout(barmode="group", height=520)
+    made.update_yaxes(autorange="reversed", automargin=True)
     return made
 
 

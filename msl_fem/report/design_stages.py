@@ -199,9 +199,9 @@ def heat_stage(actuator: Actuator, *, limit: ThermalLimit | None = None) -> Stag
         *((f"note {n}", note) for n, note in enumerate(bearable.notes, start=1)),
     )
     sentence = (
-        f"A coil bears {bearable.continuous:.3g} A without pause before its winding is {allowed.temperature_rise:g} K "
-        "above ambient, by its copper loss alone and an estimated way of the heat; 'msl-fem losses' takes iron loss, "
-        "duty cycles and a measured thermal resistance."
+        f"A coil may carry {bearable.continuous:.3g} A without pause before its winding is "
+        f"{allowed.temperature_rise:g} K above ambient, by its copper loss alone and an estimated way of the heat; "
+        "'msl-fem losses' takes iron loss, duty cycles and a measured thermal resistance."
     )
     return Stage("Heat and continuous current", sentence, numbers, plot=plot)
 

@@ -72,7 +72,7 @@ def _data(table: MagneticTable, made: OperatingMap, *, start: tuple[float, float
         "regions": list(REGIONS),
         "reasons": list(REASONS),
         "magnets": magnets,
-        "start": {"current": start[0], "gap": start[1]},
+        "start": {"current": float(f"{start[0]:.3g}"), "gap": float(f"{start[1]:.3g}")},
         "map": json.loads(figure.to_json()),
     }
 

@@ -40,7 +40,9 @@ def _sensitivity(loops: Sequence[MeasuredLoop]) -> Stage:
         size = np.abs(loop.sensitivity)
         name = f"{loop.run}, {loop.position * 1e3:.3g} mm"
         for sign in (-1, 1):
-            made.add_trace(_end(loop, size + sign * _TWO_SIDED_95 * loop.deviation, colour, filled=sign > 0))
+            made.add_trace(
+                _end(loop, np.maximum(size + sign * _TWO_SIDED_95 * loop.deviation, 0.0), colour, filled=sign > 0)
+            )
         made.add_trace(line(loop.frequency, size, name=name, colour=colour))
     ends = np.array([min(loop.frequency[0] for loop in loops), max(loop.frequency[-1] for loop in loops)])
     for level, zone, dash in zip(ZONE_ENDS, "ABC", ("dot", "dash", "longdash"), strict=True):

@@ -35,7 +35,7 @@ def map_page(table: MagneticTable, made: OperatingMap, source: str) -> Page:
     stage = Stage("Operating regions", sentence, (), widget=widget)
     return Page(
         f"{_name(table.provenance)}: operating map",
-        "What current a magnet bears at each gap.",
+        "How much current a magnet may carry at each gap.",
         headline,
         (stage,),
         _sources(table.provenance, source),
@@ -46,13 +46,13 @@ def pair_map_page(table: PairTable, made: PairMap, source: str) -> Page:
     """The page of a pair's map; `source` is the table's file."""
     each = made.equal_currents()
     headline = tuple(
-        (f"{each[k, n]:.2f} A", f"both sides bear in the middle below {level:g} T, {relation}")
+        (f"{each[k, n]:.2f} A", f"in both sides, armature in the middle, brings {level:g} T, {relation}")
         for n, level in enumerate(made.levels)
         for k, relation in enumerate(RELATIONS)
     )
     sentence = (
-        "Both magnets' fluxes meet in the armature: what one side bears depends on the other side's current. Different "
-        "signs of the currents oppose, their fluxes add in the armature; equal signs aid. "
+        "Both magnets' fluxes meet in the armature: how much one side may carry depends on the other side's current. "
+        "Different signs of the currents oppose, their fluxes add in the armature; equal signs aid. "
         f"Positive currents of this actuator's sides are {made.polarity}."
     )
     stage = Stage("Operating regions of both sides", sentence, (), widget=pair_explorer(table, made))

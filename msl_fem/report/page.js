@@ -9,6 +9,8 @@ const report = (() => {
     "#56B4E9": "#9BD4F5",
   };
   const PAPER_WIDTH = 690; // CSS pixels between the margins of A4
+  const NARROW = 600; // CSS pixels of a telephone's window
+  const LETTER = 7; // CSS pixels of a title's letter there
   const drawn = [];
   const listeners = [];
   let chosen = null;
@@ -40,11 +42,28 @@ const report = (() => {
     layout.height = Math.min(layout.height, Math.round(wide * layout.meta.shape) + (margin.t || 0) + (margin.b || 0));
   }
 
+  // A title in lines no longer than its axis, on a narrow screen in smaller letters.
+  function fitTitle(axis, across, layout) {
+    const [from, to] = axis.domain || [0, 1];
+    const { t = 0, b = 0 } = layout.margin || {};
+    const room = (across ? 0.62 * (window.innerWidth - 40) : (layout.height || 420) - t - b) * (to - from);
+    const lines = [""];
+    for (const word of axis.title.text.split(" ")) {
+      const longer = `${lines[lines.length - 1]} ${word}`.trim();
+      if (longer.length * LETTER > room && lines[lines.length - 1]) lines.push(word);
+      else lines[lines.length - 1] = longer;
+    }
+    return { ...axis, automargin: true, title: { ...axis.title, text: lines.join("<br>"), font: { size: 13 } } };
+  }
+
   function dressLayout(layout, keep) {
     const made = { ...layout, font: { ...layout.font, color: colour("--ink") } };
     for (const key of Object.keys(layout).filter((name) => /^[xy]axis\d*$/.test(name))) {
       made[key] = { ...layout[key], linecolor: colour("--soft"), gridcolor: colour("--rule") };
       const now = keep && keep[key];
+      if (window.innerWidth <= NARROW && !onPaper && layout[key].title && layout[key].title.text) {
+        made[key] = fitTitle(made[key], key.startsWith("x"), layout);
+      }
       if (now && now.autorange === false && layout[key].range === undefined) made[key].range = now.range.slice();
     }
     made.hoverlabel = { bgcolor: colour("--panel"), bordercolor: colour("--rule"), font: { color: colour("--ink") } };

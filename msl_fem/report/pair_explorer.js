@@ -89,7 +89,7 @@ const pairExplorer = (() => {
     const relation = i * j > 0 ? 1 : 0;
     const levels = data.levels.map((_, k) => k);
     const limits = [levels.map((k) => limitAt(relation, k, x, size[1])), levels.map((k) => limitAt(relation, k, -x, size[0]))];
-    const regions = limits.map((bears, side) => (!(size[side] <= last(bears)) ? 2 : size[side] <= bears[0] ? 0 : 1));
+    const regions = limits.map((limit, side) => (!(size[side] <= last(limit)) ? 2 : size[side] <= limit[0] ? 0 : 1));
     return { limits, region: Math.max(...regions) };
   }
 
@@ -99,11 +99,11 @@ const pairExplorer = (() => {
     const how = i === 0 || j === 0 ? "one side on" : `both sides on, ${data.relations[i * j > 0 ? 1 : 0]}`;
     const level = judged.region === 2 ? data.levels.length - 1 : 0;
     const side = size[1] - judged.limits[1][level] > size[0] - judged.limits[0][level] ? 1 : 0;
-    const bears = judged.limits[side][level];
+    const limit = judged.limits[side][level];
     const where = `${data.levels[level]} T in its iron or the armature`;
-    if (judged.region === 0) return `${how}: side ${side + 1} bears ${number(bears)} A below ${where}`;
-    if (bears < 0) return `${how}: the current of side ${2 - side} alone may bring ${data.levels[level]} T in the armature`;
-    return `${how}: above the ${number(bears)} A that side ${side + 1} bears below ${where}`;
+    if (judged.region === 0) return `${how}: side ${side + 1} stays below ${where} up to ${number(limit)} A`;
+    if (limit < 0) return `${how}: the current of side ${2 - side} alone may bring ${data.levels[level]} T in the armature`;
+    return `${how}: above the ${number(limit)} A up to which side ${side + 1} stays below ${where}`;
   }
 
   const part = (name) => document.getElementById(`pair-explorer-${name}`);
@@ -186,10 +186,10 @@ const pairExplorer = (() => {
     data.quantities.forEach(({ name, unit, scale, largest }, k) => {
       write(name, `${number((Math.abs(values[k]) < ROUNDING * largest ? 0 : values[k]) * scale, 5)} ${unit}`);
     });
-    write("gaps", `${number((half - position) * 1e3)} mm, ${number((half + position) * 1e3)} mm`);
+    write("gaps", `${number((half - position) * 1e3)}, ${number((half + position) * 1e3)} mm`);
     data.levels.forEach((_, k) => [0, 1].forEach((side) => {
-      const bears = judged.limits && judged.limits[side][k];
-      write(`limit_${side}_${k}`, !judged.limits ? "outside the map" : bears < 0 ? "none" : `${number(bears)} A`);
+      const limit = judged.limits && judged.limits[side][k];
+      write(`limit_${side}_${k}`, !judged.limits ? "outside the map" : limit < 0 ? "none" : `${number(limit)} A`);
     }));
     write("region", data.regions[judged.region]);
     document.querySelector('#pair-explorer [data-out="region"]').className = data.regions[judged.region];

@@ -50,7 +50,7 @@ def _data(table: PairTable, pair_map: PairMap) -> dict[str, Any]:
     guard = {name: getattr(lines, name) for name in lines._fields if name != "limit"}
     guard["limit"] = [[[doubles_text(row) for row in rows] for rows in levels] for levels in lines.limit]
     relation = 1.0 if pair_map.polarity == RELATIONS[1] else -1.0
-    both = float(pair_map.equal_currents()[RELATIONS.index(pair_map.polarity), 0])
+    start = float(f"{0.9 * pair_map.equal_currents()[RELATIONS.index(pair_map.polarity), 0]:.3g}")
     return {
         "one_sided": surface_data(table.one_sided),
         "gap_sum": table.gap_sum,
@@ -64,7 +64,7 @@ def _data(table: PairTable, pair_map: PairMap) -> dict[str, Any]:
         "regions": list(REGIONS),
         "fills": [REGION_FILL[name] for name in REGIONS],
         "relations": list(RELATIONS),
-        "start": {"position": 0.0, "first": 0.9 * both, "second": 0.9 * relation * both},
+        "start": {"position": 0.0, "first": start, "second": relation * start},
         "look": json.loads(figure(x="", y="").to_json())["layout"],
     }
 

@@ -75,3 +75,22 @@ def test_ticks_of_a_logarithmic_axis_say_their_number(browser: Browser, tmp_path
     browser.until("document.querySelectorAll('.xtick text').length > 0")
     ticks = browser.run("[...document.querySelectorAll('.xtick text')].map(t => t.textContent)")
     assert ticks == ["2", "5", "10", "20", "50", "100", "200"]
+
+
+def test_titles_of_axes_are_whole_on_a_telephone(browser: Browser, tmp_path: Path) -> None:
+    plot = figure(x="change at the limit of the tolerance in %", y="")
+    plot.add_trace(line([0.0, 1.0], ["a category of many words", "b"], name="n", colour="#000000"))
+    plot.update_yaxes(automargin=True)
+    stage = Stage("title", "It is said.", (("name", "1 N"),), plot=plot)
+    browser.size(390)
+    browser.open(write_page(Page("a_name_of_parts" * 4, "s", (), (stage,), ()), tmp_path / "page.html"))
+    browser.until("document.querySelectorAll('.xtitle').length > 0")
+    left, right = browser.run(
+        "(() => { const b = document.querySelector('.xtitle').getBoundingClientRect(); return [b.left, b.right]; })()"
+    )
+    assert left >= 0
+    assert right <= 390
+    order = "[...document.querySelectorAll('.stage > *')].map(e => e.tagName)"
+    assert browser.run(order) == ["P", "DIV", "TABLE"]
+    browser.size(1200)
+    browser.until("document.querySelector('.stage .said').getBoundingClientRect().left > 600")

@@ -1,9 +1,11 @@
 """What every command shares: plain JSON, exit status, one line for an error."""
 
+from pathlib import Path
+
 import pytest
 
 from msl_fem.cli.effects_told import effects_told
-from msl_fem.cli.output import print_result, run_guarded
+from msl_fem.cli.output import print_result, run_guarded, write_json
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.effects import EffectValues
 
@@ -77,3 +79,10 @@ def test_a_fitted_gain_is_no_cause_for_people() -> None:
     assert set(effects_told(gain, as_json=True)) == {"position_sensor_nonlinearity", "time_delay"}
     assert set(effects_told(gain, as_json=False)) == {"fitted gain of the position reading", "time_delay"}
     assert effects_told(bent, as_json=False) == ["position_sensor_nonlinearity"]
+
+
+def test_a_folder_that_is_made_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_guarded(lambda: write_json({"a": 1}, tmp_path / "mistyped" / "map.json")) == 0
+    assert "note: the folder" in capsys.readouterr().err
+    assert run_guarded(lambda: write_json({"a": 2}, tmp_path / "mistyped" / "map.json")) == 0
+    assert capsys.readouterr().err == ""

@@ -8,6 +8,7 @@ from conftest import ROOT
 from servo_controllers import RATE, believed, servo_belief, servo_design
 
 from msl_fem.actuator import load_actuator
+from msl_fem.cli.closing import loop_closing
 from msl_fem.control import closed_loop_record, measured_loops, run_closed_loop
 from msl_fem.control.design_model import AtPosition
 from msl_fem.control.injection import held_under_test
@@ -139,3 +140,14 @@ def test_records_that_tell_nothing_are_refused(servo_record: Record) -> None:
         measured_loops(changed(servo_record, reference_m=np.sin(np.arange(n) / 100)))
     with pytest.raises(InputError, match="lines; at least 64"):
         measured_loops(changed(servo_record, injection_m=1e-6 * np.sin(2 * np.pi * np.arange(n) / 25)))
+
+
+def test_noise_as_large_as_the_answer_tells_no_zone(servo_record: Record) -> None:
+    """The test signal drowned in noise: a peak is still a size, and no zone is said to be met."""
+    run = servo_record.runs[0]
+    drowned = 300 * np.std(run["injection_m"]) * np.random.default_rng(2).normal(size=run["time_s"].size)
+    loop = measured_loops(changed(servo_record, position_m=run["position_m"] + drowned))[0]
+    assert loop.peak.interval[0] == 0.0
+    assert 0.0 < loop.peak.value < loop.peak.interval[1]
+    assert loop.zones_possible == "ABCD"
+    assert "does not tell the zone" in loop_closing(loop)[0]

@@ -94,3 +94,9 @@ def test_an_empty_file_is_no_netcdf(tmp_path: Path) -> None:
     (tmp_path / "a.nc").touch()
     with pytest.raises(TableError, match="not a magnetic table"):
         read_table(tmp_path / "a.nc")
+
+
+def test_a_text_that_is_named_as_a_table_is_told_in_words(tmp_path: Path) -> None:
+    (tmp_path / "junk.nc").write_text("junk")
+    with pytest.raises(TableError, match="no NetCDF-4 and no other HDF5 file"):
+        read_table(tmp_path / "junk.nc")
