@@ -52,7 +52,7 @@ def solve(point: Point) -> None:
     name, gap_1, gap_2, current_1, current_2 = point
     started = time.process_time()
     level = "normal" if name in NORMAL else "fast"
-    found = solve_solid_pair(actuator(name), (current_1, current_2), (gap_1, gap_2), accuracy=level)
+    found, _, _ = solve_solid_pair(actuator(name), (current_1, current_2), (gap_1, gap_2), accuracy=level)
     row = {
         "gap_1": gap_1, "gap_2": gap_2, "current_1": current_1, "current_2": current_2,
         "net_force": found.net_force, "flux_1": found.flux_linkage[0], "flux_2": found.flux_linkage[1],

@@ -56,13 +56,13 @@ def command(
     two_sided = (current_2, gap_2, tilt) != (None, None, None)
     if scene is not None and vtu is None:
         raise InputError("--scene draws what --vtu writes; give both")
-    if two_sided and (picture or vtu):
-        raise InputError("--picture and --vtu draw the field of one magnet; leave them out here")
+    if two_sided and dimension == 2 and (picture or vtu):
+        raise InputError("--picture and --vtu draw both magnets with --dimension 3; add it, or leave them out")
     title = f"{it.name}: one magnet at {current}" + (f", gap {gap}" if gap else "")
     if two_sided:
         position, currents = _position(metres, gap_2, tilt), (amperes, _current_2(current_2))
         if dimension == 3:
-            _solve_solid_pair(it, currents, position, level, json=json)
+            _solve_solid_pair(it, currents, position, level, picture=picture, vtu=vtu, json=json)
             return
         found = solve_two_sided(it, currents, position, accuracy=level)
         _say_notes(found.notes)
@@ -118,13 +118,26 @@ def _solve_solid(
 
 
 def _solve_solid_pair(
-    it: Actuator, currents: tuple[float, float], position: TwoSidedPosition, accuracy: Accuracy, *, json: bool
+    it: Actuator,
+    currents: tuple[float, float],
+    position: TwoSidedPosition,
+    accuracy: Accuracy,
+    *,
+    picture: Path | None,
+    vtu: Path | None,
+    json: bool,
 ) -> None:
     gaps = position.gap_1, position.gap_2
     with progress_bar("field in three dimensions, per cent") as progress:
-        point = solve_solid_pair(it, currents, gaps, accuracy=accuracy, progress=progress)
+        point, model, solution = solve_solid_pair(it, currents, gaps, accuracy=accuracy, progress=progress)
+    title = f"{it.name}: both magnets"
+    if picture is not None:
+        at = (f"{current:g} A at {gap * 1e3:g} mm" for current, gap in zip(currents, gaps, strict=True))
+        save_picture(draw_solid_field(model, solution, title=f"{title}, {' and '.join(at)}"), picture)
+    if vtu is not None:
+        write_solid_vtu(model, solution, vtu)
     _say_notes(point.notes)
-    print_result(solid_pair_to_json(point), as_json=json, title=f"{it.name}: both magnets")
+    print_result(solid_pair_to_json(point), as_json=json, title=title)
 
 
 def _read_gap(name: str, text: str | None) -> float | None:

@@ -52,16 +52,25 @@ def test_a_pot_core_in_three_dimensions(msl_fem: Run, tmp_path: Path) -> None:
     assert np.abs(turned[strong] / across[strong]).max() < 1e-3
 
 
-def test_both_magnets_in_three_dimensions(msl_fem: Run) -> None:
+def test_both_magnets_in_three_dimensions(msl_fem: Run, tmp_path: Path) -> None:
     """Equal gaps and opposing currents: no net force, and more mutual flux than the plane pair's 0.28 mH."""
     both = ("--current-2", "-1 A", "--gap-2", "1 mm", "--json")
-    solid = msl_fem("solve", E1, *POINT, *both).json
+    picture, vtu = tmp_path / "pair.png", tmp_path / "pair.vtu"
+    solid = msl_fem("solve", E1, *POINT, *both, "--picture", str(picture), "--vtu", str(vtu)).json
     flat = msl_fem("solve", E1, *POINT[:4], *POINT[6:], *both).json
     assert {"net_force_N", "flux_linkage_1_Wb", "coenergy_J", "notes"} <= set(flat) & set(solid)
     assert abs(solid["net_force_N"]) < 1e-3
     assert solid["flux_linkage_1_Wb"] == pytest.approx(-solid["flux_linkage_2_Wb"], rel=1e-5)
     assert solid["flux_linkage_1_Wb"] > 1.1 * flat["flux_linkage_1_Wb"]
     assert solid["mutual_inductance_H"] == pytest.approx(0.575e-3, rel=0.05)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    field = meshio.read(vtu)
+    middle = field.points[field.cells[0].data].mean(axis=1)
+    b, turns = field.cell_data["B"][0], field.cell_data["turns"][0] == 1
+    legs = (field.cell_data["iron"][0] == 0) & (np.abs(middle[:, 0]) < 4e-3) & (np.abs(middle[:, 2]) < 9e-3)
+    upper, lower = (b[legs & side, 1] for side in (middle[:, 1] > 3e-3, middle[:, 1] < -9e-3))
+    assert middle[turns, 1].max() > 0 > middle[turns, 1].min()
+    assert upper.mean() == pytest.approx(-lower.mean(), rel=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,12 @@ import pytest
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.errors import ActuatorError, InputError
 from msl_fem.magnetics.field.pair_field import PairField, pair_magnet, pair_mesh
-from msl_fem.magnetics.three_d.boxes import BoxModel, Racetrack
+from msl_fem.magnetics.three_d.boxes import BoxModel, Racetrack, TwoRacetracks
 from msl_fem.magnetics.three_d.coenergy_law import coenergy_curves
+from msl_fem.magnetics.three_d.hexahedra import integration_points
 from msl_fem.magnetics.three_d.pair_point import PairBoxes, SolidPairPoint, solve_solid_pair
-from msl_fem.magnetics.three_d.scalar_potential import solve_potential
+from msl_fem.magnetics.three_d.readings import field_at
+from msl_fem.magnetics.three_d.scalar_potential import PotentialSolution, solve_potential
 from msl_fem.magnetics.three_d.tensor_grid import SizeNear
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import linear_iron
@@ -28,12 +30,17 @@ def e1() -> Actuator:
 
 
 def flat_pair(e1: Actuator, currents: tuple[float, float], gaps: tuple[float, float] = GAPS) -> SolidPairPoint:
-    return solve_solid_pair(e1, currents, gaps, accuracy="fast", ends=False)
+    return solve_solid_pair(e1, currents, gaps, accuracy="fast", ends=False)[0]
 
 
 @pytest.fixture(scope="module")
-def flat(e1: Actuator) -> SolidPairPoint:
-    return flat_pair(e1, CURRENTS)
+def solved(e1: Actuator) -> tuple[SolidPairPoint, BoxModel, PotentialSolution]:
+    return solve_solid_pair(e1, CURRENTS, GAPS, accuracy="fast", ends=False)
+
+
+@pytest.fixture(scope="module")
+def flat(solved: tuple[SolidPairPoint, BoxModel, PotentialSolution]) -> SolidPairPoint:
+    return solved[0]
 
 
 def test_one_layer_between_flux_lines_is_the_plane_pair(e1: Actuator, flat: SolidPairPoint) -> None:
@@ -49,6 +56,19 @@ def test_one_layer_between_flux_lines_is_the_plane_pair(e1: Actuator, flat: Soli
     assert flat.incremental_inductance[0] == pytest.approx(plane.incremental_inductance_1, rel=0.015)
     assert abs(flat.net_force - plane.force) < flat.net_force_error
     assert abs(flat.flux_linkage[0] - plane.flux_linkage_1) < flat.flux_error
+
+
+def test_the_field_at_points_is_that_of_both_coils(solved: tuple[SolidPairPoint, BoxModel, PotentialSolution]) -> None:
+    _, model, solution = solved
+    grid = solution.problem.grid
+    every = np.stack(grid.points(integration_points(grid.order)[0]), axis=-1)[::7].reshape(-1, 3)
+    strength, flux, _ = field_at(model, solution, every)
+    assert strength == pytest.approx(solution.state.strength[::7].reshape(-1, 3), rel=1e-9, abs=1e-6)
+    assert flux == pytest.approx(solution.state.flux_density[::7].reshape(-1, 3), rel=1e-7, abs=1e-9)
+    assert isinstance(model.coil, TwoRacetracks)
+    for coil in (model.coil, model.coil.other):
+        in_coil = coil.x[1] + coil.clearance + coil.width / 2, np.mean(coil.height), 0.0
+        assert model.coil.has_turns(*(np.array([v]) for v in in_coil)).all()
 
 
 def test_sides_may_change_their_places(e1: Actuator, flat: SolidPairPoint) -> None:

@@ -69,6 +69,24 @@ class Racetrack:
         return np.hypot(_beyond(x, self.x), _beyond(z, self.z))
 
 
+@dataclass(frozen=True)
+class TwoRacetracks(Racetrack):
+    """Two coils, one above the other round the same rectangle, that bear `currents` (A) where one coil bears 1 A."""
+
+    other: Racetrack
+    currents: tuple[float, float]
+
+    def current_potential(self, x: Array, y: Array, z: Array) -> Array:
+        """T_0 in y of both at their currents, in 1/m times A, at points."""
+        one, two = super().current_potential(x, y, z), self.other.current_potential(x, y, z)
+        return self.currents[0] * one + self.currents[1] * two
+
+    def has_turns(self, x: Array, y: Array, z: Array) -> Flags:
+        """Whether points lie in one of the coils."""
+        inside: Flags = super().has_turns(x, y, z) | self.other.has_turns(x, y, z)
+        return inside
+
+
 def _beyond(values: Array, interval: Interval) -> Array:
     low, high = interval
     return np.maximum(np.maximum(low - values, values - high), 0.0)

@@ -16,7 +16,7 @@ from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.magnetics.field.accuracy import Accuracy, iron_notes, irons_of, level_of
 from msl_fem.magnetics.field.magnet_field import check_point
 from msl_fem.magnetics.field.pair_field import pair_magnet
-from msl_fem.magnetics.three_d.boxes import Box, BoxModel, Interval, Racetrack
+from msl_fem.magnetics.three_d.boxes import Box, BoxModel, Interval, Racetrack, TwoRacetracks
 from msl_fem.magnetics.three_d.forces import between_layers, virtual_work
 from msl_fem.magnetics.three_d.hexahedra import integration_points
 from msl_fem.magnetics.three_d.magnet_boxes import magnet_boxes
@@ -90,6 +90,14 @@ class PairBoxes:
         points = problem.grid.points(integration_points(problem.grid.order)[0])
         return problem, (problem.source, self.coil_2.current_potential(*points))
 
+    def driven(self, currents: Pair) -> BoxModel:
+        """All boxes with both coils at currents in A, for a solution at a current of 1."""
+        coil = self.model.coil
+        both = TwoRacetracks(
+            coil.x, coil.z, coil.clearance, coil.width, coil.height, coil.turns, other=self.coil_2, currents=currents
+        )
+        return replace(self.model, coil=both)
+
 
 def pair_boxes(actuator: Actuator, gaps: Pair, *, ends: bool = True) -> PairBoxes:
     """A quarter of both magnets; without `ends` the plane section in one layer of boxes.
@@ -133,10 +141,11 @@ def solve_solid_pair(
     accuracy: Accuracy = "normal",
     ends: bool = True,
     progress: Callable[[int, int], None] | None = None,
-) -> SolidPairPoint:
+) -> tuple[SolidPairPoint, BoxModel, PotentialSolution]:
     """Net force, flux linkages and mutual inductance of two magnets with their end turns at currents (A) and gaps (m).
 
-    The errors are those of `solve_solid`: what a coarser grid differs by. `progress` as there.
+    Beside the numbers stand the boxes with both coils at their currents, and the field, whose own current is 1. The
+    errors are those of `solve_solid`: what a coarser grid differs by. `progress` as there.
 
     Raises
     ------
@@ -149,6 +158,17 @@ def solve_solid_pair(
         check_point(actuator, current, gap)
     boxes = pair_boxes(actuator, gaps, ends=ends)
     steps = REFINEMENT[accuracy]
+    found, solution = _on_two_grids(boxes, currents, steps, progress)
+    left = max(1.0, 1 / ((steps[1] / steps[0]) ** RATE - 1))
+    irons = irons_of(actuator.magnet_kind().section(gaps[0]).iron, actuator.folder)
+    point = replace(_with_errors(found[0], found[1], left), notes=iron_notes(irons))
+    return point, boxes.driven(currents), solution
+
+
+def _on_two_grids(
+    boxes: PairBoxes, currents: Pair, steps: Pair, progress: Callable[[int, int], None] | None
+) -> tuple[list[SolidPairPoint], PotentialSolution]:
+    """The numbers on the coarse and the fine grid, their errors not known, and the field on the fine one."""
     found: list[SolidPairPoint] = []
     start: PotentialSolution | None = None
     for step, share, tolerance in zip(steps, ((0, 10), (10, 90)), (START_TOLERANCE, TOLERANCE), strict=True):
@@ -160,9 +180,8 @@ def solve_solid_pair(
         found.append(_read(boxes, start, sources, currents))
     if progress is not None:
         progress(100, 100)
-    left = max(1.0, 1 / ((steps[1] / steps[0]) ** RATE - 1))
-    irons = irons_of(actuator.magnet_kind().section(gaps[0]).iron, actuator.folder)
-    return replace(_with_errors(found[0], found[1], left), notes=iron_notes(irons))
+    assert start is not None
+    return found, start
 
 
 def _read(
