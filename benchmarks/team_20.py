@@ -2,6 +2,7 @@
 
     python benchmarks/team_20.py 1000 3000 4500 5000
     python benchmarks/team_20.py --sensitivity      # at 1000 ampere-turns
+    python benchmarks/team_20.py --flux 1000 3000 4500 5000
 
 A steel pole in a coil over the bottom of a steel frame (Takahashi, Nakata and Morishige, Summary of results for
 problem 20, COMPEL 14 (1995) 57; compumag.org, problem 20). Dimensions, B-H curve and forces are those of the problem,
@@ -13,18 +14,25 @@ pole's own faces and a box: with w = 1 on the pole and 0 from the box on, F_y = 
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from msl_fem.magnetics.three_d.boxes import Box, BoxModel, Racetrack
 from msl_fem.magnetics.three_d.coenergy_law import coenergy_curves
 from msl_fem.magnetics.three_d.forces import DisplacementWeight
+from msl_fem.magnetics.three_d.readings import field_at
 from msl_fem.magnetics.three_d.scalar_potential import PotentialSolution, solve_potential
 from msl_fem.magnetics.three_d.tensor_grid import SizeNear
 from msl_fem.materials.constants import MU_0
-from msl_fem.materials.material import iron_from_points
+from msl_fem.materials.material import iron_from_points, linear_iron
 
 MEASURED = {1000: 8.1, 3000: 54.4, 4500: 75.0, 5000: 80.1}  # ampere-turns to N
+FLUX_DENSITY = {
+    1000: (0.36, 0.24, 0.72, 0.13), 3000: (0.84, 0.63, 1.75, 0.36), 4500: (0.99, 0.72, 2.01, 0.43),
+    5000: (1.03, 0.74, 2.05, 0.46),
+}  # fmt: skip
+"""T along y as measured: P1 and P2 in mid-gap, below the pole's middle and its corner; means in pole and outer leg."""
 B = [0, 0.01, 0.025, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.35, 1.4, 1.45,
      1.5, 1.55, 1.6, 1.65, 1.7, 1.75, 1.8, 1.85, 1.9, 1.95, 2.0, 2.05, 2.1, 2.15, 2.2, 2.25, 2.3]  # fmt: skip
 H = [0, 27, 58, 100, 153, 185, 205, 233, 255, 285, 320, 355, 405, 470, 555, 673, 836, 1065, 1220, 1420, 1720, 2130,
@@ -80,6 +88,39 @@ def attraction(model: BoxModel, turns: float, refinement: float, face: float = 2
     return far, near, solution.problem.grid.n_nodes
 
 
+def flux_densities(model: BoxModel, turns: float, refinement: float) -> list[float]:
+    """T along y: at P1 and P2, and the means over pole and outer leg between y = 70 and 80 mm."""
+    x_near, y_near, z_near = model.near
+    model = replace(model, near=(x_near, (*y_near, SizeNear(75 * MM, 4 * MM)), z_near))
+    solution = solve_potential(model.problem(refinement), turns, tolerance=1e-8)
+    points = MM * np.array([(0.0, 25.75, 0.0), (12.5, 25.75, 5.0)])
+    at_points = field_at(model, solution, points)[1][:, 1]
+    problem = solution.problem
+    x, y, z = (centres / MM for centres in problem.grid.centres())
+    means = []
+    for inside in ((x < 12.5) & (z < 5), (x > 38.5) & (x < 63.5) & (z < 12.5)):
+        cells = inside & (y > 70) & (y < 80)
+        flux, weights = solution.state.flux_density[cells, :, 1], problem.weights[cells]
+        means.append(abs(float(np.sum(weights * flux) / weights.sum())))
+    return [*map(float, at_points), *means]
+
+
+def ideal_steel() -> None:
+    """The force and the flux densities at 1000 ampere-turns of steel with a relative permeability of 100 000."""
+    model = replace(problem_20(), curves=coenergy_curves([(linear_iron(1e5), 1.0)]))
+    found = ", ".join(f"{value:.3f}" for value in flux_densities(model, 1000, 1.0))
+    print(f"ideal steel: {attraction(model, 1000, 1.0)[0]:.2f} N; P1, P2, pole, leg in T: {found}", flush=True)
+
+
+def flux_table(turns: Sequence[int]) -> None:
+    """Measured and computed flux densities, and what they differ by in per cent."""
+    print("| ampere-turns | P1 | P2 | pole | outer leg |\n| ---: | ---: | ---: | ---: | ---: |")
+    for at in turns:
+        pairs = zip(FLUX_DENSITY[at], flux_densities(problem_20(), at, 1.4), strict=True)
+        cells = (f"{was:.2f}, {found:.3f} ({100 * (found / was - 1):+.1f})" for was, found in pairs)
+        print(f"| {at} | {' | '.join(cells)} |", flush=True)
+
+
 def sensitivity() -> None:
     """By how much the force at 1000 ampere-turns changes with what the problem states."""
     base, _, _ = attraction(problem_20(), 1000, 0.7)
@@ -95,6 +136,10 @@ def sensitivity() -> None:
 if __name__ == "__main__":
     if "--sensitivity" in sys.argv:
         sensitivity()
+        ideal_steel()
+        sys.exit()
+    if "--flux" in sys.argv:
+        flux_table([int(word) for word in sys.argv[1:] if word != "--flux"])
         sys.exit()
     print("| ampere-turns | measured N | computed N | thinner shell | coarser grid | off % | unknowns | CPU s |")
     print("| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")

@@ -46,9 +46,10 @@ def kept(file: Path) -> Rows:
 
 
 def actuator(name: str) -> Actuator:
-    """An actuator of geometries/; "deep" is E1 with another stack, window and armature."""
+    """An actuator of geometries/; "lifted" is the servo, "deep" E1 with another stack, window and armature."""
     if name != "deep":
-        return load_actuator(HERE.parent / "geometries" / f"{name}.toml")
+        file = "fast_tool_servo" if name == "lifted" else name
+        return load_actuator(HERE.parent / "geometries" / f"{file}.toml")
     e1 = load_actuator(HERE.parent / "geometries" / "e1.toml")
     stated = e1.magnet_kind().model_dump() | DEEP
     return e1.model_copy(update={"name": "deep", "magnet": type(e1.magnet_kind()).model_validate(stated)})

@@ -43,6 +43,10 @@ def test_a_lifted_sweep_finds_the_factors_states_its_errors_and_resumes(
     assert table.mesh_error == pytest.approx(max(2e-3, lift.check_error, lift.fit_error), rel=0.5)
     assert table.provenance["end_effects"].startswith("three dimensions: 5 solutions")
     assert table.provenance["end_factors"]["leakage"] == lift.factors.leakage
+    points = table.provenance["lift_points"]
+    assert [p["current"] for p in points] == pytest.approx([1.8, 6.0, 1.8, 6.0, 3.9])
+    assert [p["gap"] for p in points[:4]] == pytest.approx([4e-4, 4e-4, 8e-4, 8e-4])
+    assert points[3]["force"] == pytest.approx(float(table.force(6.0, 8e-4)), rel=3e-3)
     ((force, flux),) = SectionPoints(e1, [SolidRow(0.55e-3, 4.0)], "fast")(TRUTH)
     assert table.force(4.0, 0.55e-3) == pytest.approx(force, rel=4e-3)
     assert table.flux_linkage(4.0, 0.55e-3) == pytest.approx(flux, rel=4e-3)

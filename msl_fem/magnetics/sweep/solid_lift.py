@@ -203,7 +203,7 @@ def lifted_sweep(
     flat, report = sweep(actuator, gaps, currents, settings=replace(settings, end_effects=factors), progress=progress)
     lifted = with_leakage(flat, factors.leakage)
     lift = _lift_report(lifted, factors, [*fitted, *checks], solved, n)
-    return _stated(lifted, lift), report, lift
+    return _stated(lifted, lift, _points([*fitted, *checks], solved)), report, lift
 
 
 def with_leakage(table: MagneticTable, inductance: float) -> MagneticTable:
@@ -233,13 +233,16 @@ def _lift_report(
     )
 
 
-def _stated(table: MagneticTable, lift: LiftReport) -> MagneticTable:
+def _points(rows: Sequence[SolidRow], solved: Mapping[str, Array]) -> list[dict[str, float]]:
+    """What was solved in three dimensions, in SI units; the errors are relative."""
+    names = ("force", "flux_linkage", "force_error", "flux_error")
+    return [asdict(row) | {name: float(solved[name][n]) for name in names} for n, row in enumerate(rows)]
+
+
+def _stated(table: MagneticTable, lift: LiftReport, points: list[dict[str, float]]) -> MagneticTable:
     """The lifted table with its origin, and with what fit and solutions are wrong by among its errors."""
     error = max(lift.solution_error, lift.fit_error, lift.check_error)
     stated = {name: value for name, value in asdict(lift).items() if name != "factors"}
     method = f"three dimensions: {lift.solutions} solutions set the factors of the section's correction"
-    return replace(
-        table,
-        mesh_error=max(error, table.mesh_error),
-        provenance={**table.provenance, "end_effects": method, "end_factors": asdict(lift.factors), "lift": stated},
-    )
+    origin = {"end_effects": method, "end_factors": asdict(lift.factors), "lift": stated, "lift_points": points}
+    return replace(table, mesh_error=max(error, table.mesh_error), provenance={**table.provenance, **origin})
