@@ -34,8 +34,9 @@ def test_a_lifted_sweep_finds_the_factors_states_its_errors_and_resumes(
     monkeypatch.setattr(solid_lift, "solve_solid", point_of_known_factors)
     e1 = load_actuator(GEOMETRIES / "e1.toml")
     settings = SweepSettings("fast", cache=tmp_path, resume=True)
-    table, _, lift = lifted_sweep(e1, *GRID, settings=settings)
+    table, report, lift = lifted_sweep(e1, *GRID, settings=settings)
     assert lift.solutions == 5
+    assert report.mesh_error == table.mesh_error
     assert lift.fit_error < 1e-3
     assert lift.check_error < 0.015, "the interpolation of four currents across the knee"
     assert lift.factors.leakage == pytest.approx(TRUTH.leakage, rel=0.1)

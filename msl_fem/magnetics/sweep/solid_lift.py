@@ -203,7 +203,8 @@ def lifted_sweep(
     flat, report = sweep(actuator, gaps, currents, settings=replace(settings, end_effects=factors), progress=progress)
     lifted = with_leakage(flat, factors.leakage)
     lift = _lift_report(lifted, factors, [*fitted, *checks], solved, n)
-    return _stated(lifted, lift, _points([*fitted, *checks], solved)), report, lift
+    stated = _stated(lifted, lift, _points([*fitted, *checks], solved))
+    return stated, replace(report, mesh_error=stated.mesh_error), lift
 
 
 def with_leakage(table: MagneticTable, inductance: float) -> MagneticTable:
