@@ -12,12 +12,14 @@ from msl_fem.report.field_picture import COLOURS, HIGHEST
 from msl_fem.report.paper_figure import PaperFigure
 
 N_PIXELS = 260  # along the longer side of a plane
+WIDTH, LOWEST, TALLEST = 10.5, 5.2, 8.0  # inches
+SHARE = 0.7  # of the width, for both planes without their axes and the scale
 MARGIN = 0.25  # of the magnet's half width around it
 
 
 def draw_solid_field(model: BoxModel, solution: PotentialSolution, *, title: str) -> PaperFigure:
     """|B| in T over (x, y) in the middle of the stack, and over (z, y) in the middle of the leg that bears the coil."""
-    figure = PaperFigure(figsize=(10.5, 5.2), layout="constrained")
+    figure = PaperFigure(figsize=(WIDTH, _height(model)), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     leg = max(0.0, sum(model.coil.x) / 2)
     shaded = _paint(left, model, solution, axis=0, at=(leg, 0.0))
@@ -27,6 +29,12 @@ def draw_solid_field(model: BoxModel, solution: PotentialSolution, *, title: str
     figure.suptitle(title, fontsize=11)
     figure.colorbar(shaded, ax=[left, right], label="|B| in T", extend="max")
     return figure
+
+
+def _height(model: BoxModel) -> float:
+    """Inches that let both planes fill the figure's width, if they are not too tall."""
+    wide = sum(2 * _area(model, axis)[0][1] for axis in (0, 2))
+    return float(np.clip(WIDTH * SHARE * np.ptp(_area(model, 0)[1]) / wide, LOWEST, TALLEST))
 
 
 def _paint(
