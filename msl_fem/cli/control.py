@@ -11,6 +11,7 @@ from msl_fem.cli.believed import belief_fields, model_with_belief, stated_belief
 from msl_fem.cli.closing import control_closing
 from msl_fem.cli.controller_maps import Maps, maps_for
 from msl_fem.cli.controllers import DesignOptions, design_of
+from msl_fem.cli.currents_commanded import currents_commanded
 from msl_fem.cli.effects_told import effects_told
 from msl_fem.cli.foretold import design_of_belief, improvement_on
 from msl_fem.cli.options import (
@@ -18,6 +19,7 @@ from msl_fem.cli.options import (
     BeliefName,
     Bias,
     Causes,
+    CurrentLoop,
     DesignName,
     DiagnosisFolder,
     Feedforward,
@@ -101,6 +103,7 @@ def command(
         Path | None,
         typer.Option(metavar="FILE", help="Page of the design's trials: the paper's figures, margins (HTML)."),
     ] = None,
+    current_loop: CurrentLoop = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise.")] = 1,
     effect: Causes = None,
     belief: BeliefName = None,
@@ -112,9 +115,12 @@ def command(
     does not know; as --model, one that it knows.
     With --from the controller knows what a diagnosis says, a record is diagnosed first; it is judged on plants that the
     diagnosis leaves possible, beside the controller of the belief.
+    About the amplifier of a voltage drive a current loop is taken (--current-loop).
     The plant has the causes of --effect beside. With --inject the run holds a position, and 'msl-fem loop' measures it.
     """
-    options = DesignOptions(model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap)
+    options = DesignOptions(
+        model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap, current_loop
+    )
     options.choice()  # a wrong unit is told before anything is computed
     if actuator is None and diagnosis is None:
         raise InputError("ACTUATOR is missing; give an actuator file, or --from a diagnosis or a record")
@@ -123,6 +129,7 @@ def command(
             check_target(file)
     told = options.told(diagnosis, table)
     plant = told.model if actuator is None and told is not None else load_extended_model(Path(str(actuator)))
+    plant = currents_commanded(plant, current_loop)
     causes = read_causes(effect)
     wanted = _followed(reference_, inject)
     if lacking := plant.actuator.lacking("magnet", "controller"):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from msl_fem.actuator import Actuator
 from msl_fem.cli.controller_maps import Maps
+from msl_fem.cli.currents_commanded import currents_commanded
 from msl_fem.cli.options import read_option
 from msl_fem.cli.told import Told, told_from
 from msl_fem.control import (
@@ -40,6 +41,7 @@ class DesignOptions:
     preview: bool = True
     bias: str | None = None
     overlap: str = "0 N"
+    current_loop: str | None = None
 
     @property
     def stated(self) -> list[str]:
@@ -66,11 +68,14 @@ class DesignOptions:
             return None
         if self.model != "table":
             raise InputError(f"--from {folder} and --model {self.model} both tell the controller; give one of them")
-        return told_from(folder, table)
+        return told_from(folder, table).commanding_currents(self.current_loop)
 
     def known(self) -> ExtendedModel | ArmaxModel | None:
         """What `--model` tells the controller; None: table and actuator file."""
-        return None if self.model == "table" else known_model(Path(self.model))
+        if self.model == "table":
+            return None
+        found = known_model(Path(self.model))
+        return currents_commanded(found, self.current_loop) if isinstance(found, ExtendedModel) else found
 
 
 def design_of(

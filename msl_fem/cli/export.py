@@ -10,11 +10,13 @@ from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.believed import model_with_belief
 from msl_fem.cli.controller_maps import maps_for
 from msl_fem.cli.controllers import DesignOptions, design_of
+from msl_fem.cli.currents_commanded import currents_commanded
 from msl_fem.cli.given_map import given_map
 from msl_fem.cli.options import (
     Bandwidth,
     BeliefName,
     Bias,
+    CurrentLoop,
     DesignName,
     DiagnosisFolder,
     Feedforward,
@@ -80,6 +82,7 @@ def command(
     preview: Preview = True,
     bias: Bias = None,
     overlap: Overlap = "0 N",
+    current_loop: CurrentLoop = None,
     belief: BeliefName = None,
     name: Annotated[str | None, typer.Option(help="Beginning of C names; without, the actuator's name.")] = None,
     json: Json = False,
@@ -91,7 +94,9 @@ def command(
     controller); the coupled model of an actuator, or of an extended model with its effects, as FMU for co-simulation
     (fmu: FMI 2.0, fmu3: FMI 3.0); the section of a magnet as DXF or as a problem of FEMM.
     """
-    options = DesignOptions(model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap)
+    options = DesignOptions(
+        model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap, current_loop
+    )
     options.choice()
     kind = _kind(source)
     wanted = find_format(to, what, kind)
@@ -107,7 +112,7 @@ def command(
     if wanted.needs == CONTROLLER:
         told = options.told(diagnosis, table)
         known = options.known() if told is None else told.model
-        model_file = load_extended_model(source)
+        model_file = currents_commanded(load_extended_model(source), current_loop)
         files_given = _Files(table, map_file)
         record: Source = _controller(model_file, options, known=known, files=files_given, belief=belief)
     else:

@@ -55,6 +55,10 @@ Preview = Annotated[
 ]
 Bias = Annotated[str | None, typer.Option("--bias", help="Of the biased design, a side.")]
 Overlap = Annotated[str, typer.Option("--overlap", help="Force with which both sides pull at zero force.")]
+CurrentLoop = Annotated[
+    str | None,
+    typer.Option(help="Bandwidth of the current loop about a voltage drive; without, a tenth of the loop's rate."),
+]
 BeliefName = Annotated[
     str | None,
     typer.Option("--belief", help="as-designed: all that the drawing tells (usual); plain: the table alone."),

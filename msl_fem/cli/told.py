@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from msl_fem.actuator import Actuator
+from msl_fem.cli.currents_commanded import currents_commanded
 from msl_fem.cli.output import say
 from msl_fem.cli.sweeping import table_for
 from msl_fem.control.posterior_plants import Posterior, posterior_of
@@ -39,6 +40,11 @@ class Told:
     model: ExtendedModel
     posterior: Posterior
     believed: ExtendedModel
+
+    def commanding_currents(self, bandwidth: str | None) -> "Told":
+        """The same with a current loop about the amplifier of a voltage drive, see `currents_commanded`."""
+        model, believed = (currents_commanded(it, bandwidth) for it in (self.model, self.believed))
+        return Told(model, self.posterior, believed)
 
 
 def told_from(folder: Path, table: Path | None) -> Told:
