@@ -170,7 +170,7 @@ def _terms_of(
 
 
 @compiled
-def _times_upper(rows: Indices, starts: Indices, data: Array, vector: Array, out: Array) -> None:
+def _times_upper(rows: NDArray[np.int32], starts: NDArray[np.int32], data: Array, vector: Array, out: Array) -> None:
     """The product of a symmetric matrix, given by its upper triangle, with a vector (n,), added to `out` (n,)."""
     for column in range(vector.size):
         for k in range(starts[column], starts[column + 1]):

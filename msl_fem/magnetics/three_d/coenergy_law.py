@@ -1,6 +1,6 @@
 """B(H), dB/dH and the coenergy density of irons and stacks of sheets, for compiled code.
 
-A curve is H(B) as cubics between points with the saturation tail (`magnetics.reduced.curves`). It is inverted point
+A curve is H(B) as cubics between points with the saturation tail (`materials.curves`). It is inverted point
 by point, and its energy is the cubics' own integral: coenergy, flux density and slope belong to one another to
 rounding, so that a force can be the exact derivative of the coenergy.
 
