@@ -41,19 +41,21 @@ class ReductionSettings:
     candidates : points at which its error is looked at
     built_at : points that a model is built for, of many
     looked_at : points at which its error is looked at in the end, of many
+    widened : times at most that those where it is too large there are built for as well
     fits : of the cubature at most
     """
 
     tolerance: float = 2.5e-4
-    rounds: int = 3
+    rounds: int = 4
     checks: int = 9
     drafts: int = 3
-    modes: float = 1e-3
-    fit: float = 3e-5
+    modes: float = 7e-4
+    fit: float = 1.5e-5
     trained: int = 10
     candidates: int = 128
     built_at: int = 72
     looked_at: int = 512
+    widened: int = 3
     fits: int = 2
 
 
@@ -87,7 +89,8 @@ class Reducer:
     """Builds the reduced model of a field for points (n,)."""
 
     def __init__(self, full: FullField, points: FieldPoints, settings: ReductionSettings) -> None:
-        self.full, self.points, self.settings = full, points, settings
+        self.full, self.settings = full, settings
+        self.look_at(points)
         ends = np.unique(points.coordinate)
         data, slopes = full.without_field(float(ends[ends.size // 2]))
         self.space = SnapshotSpace(full.model, data)
@@ -95,10 +98,13 @@ class Reducer:
         self._without_field(slopes)
         for q in {float(ends[0]), float(ends[-1])}:
             self._without_field(full.without_field(q)[1])
-        axes = points.coordinate, *points.currents.T
-        self.places = np.stack([_ranks(axis) for axis in axes], axis=1)
-        rest = [float(_rank(np.unique(axis), 0.0)) for axis in axes[1:]]
+        rest = [float(_rank(np.unique(axis), 0.0)) for axis in points.currents.T]
         self._seen = [np.array([share, *rest]) for share in (0.0, 0.5, 1.0)]
+
+    def look_at(self, points: FieldPoints) -> None:
+        """Go on for these points (n,)."""
+        self.points = points
+        self.places = np.stack([_ranks(axis) for axis in (points.coordinate, *points.currents.T)], axis=1)
         self._driven = np.abs(points.currents).max(axis=1) > 0
 
     def _without_field(self, vectors: Sequence[Array]) -> None:
@@ -196,48 +202,60 @@ class Reducer:
         error = _error(self.full, states, n, exact.potential)
         return estimate / error if error > 0 else 1.0
 
+    def reduction(self) -> Reduction | None:
+        """The reduced model whose checks all hold; None where none does after all rounds."""
+        settings = self.settings
+        for attempt in range(settings.rounds):
+            built = self.model()
+            if built is None:
+                return None
+            model, states = built
+            chosen = self.doubtful(model, states)
+            errors = self.check(model, states, chosen, enrich=attempt + 1 < settings.rounds)
+            if (SAFETY * errors <= settings.tolerance).all():
+                worst = int(np.argmax(errors))
+                ratio = self.effectivity(model, states, chosen[worst], errors[worst])
+                certificate = Certificate(SAFETY * float(errors.max()), len(chosen), SAFETY * ratio)
+                return Reduction(model, states, certificate, self.solutions)
+        return None
+
 
 def reduce(full: FullField, points: FieldPoints, settings: ReductionSettings) -> Reduction | None:
-    """The reduced model whose checks all hold; None where none does after all rounds."""
+    """The reduced model of points (n,) whose checks all hold; None where none does after all rounds."""
     reducer = Reducer(full, points, settings)
     reducer.draft()
-    for attempt in range(settings.rounds):
-        built = reducer.model()
-        if built is None:
-            return None
-        model, states = built
-        chosen = reducer.doubtful(model, states)
-        errors = reducer.check(model, states, chosen, enrich=attempt + 1 < settings.rounds)
-        if (SAFETY * errors <= settings.tolerance).all():
-            worst = int(np.argmax(errors))
-            ratio = reducer.effectivity(model, states, chosen[worst], errors[worst])
-            certificate = Certificate(SAFETY * float(errors.max()), len(chosen), SAFETY * ratio)
-            return Reduction(model, states, certificate, reducer.solutions)
-    return None
+    return reducer.reduction()
 
 
 def reduce_at_all(full: FullField, points: FieldPoints, settings: ReductionSettings) -> Reduction | None:
     """The reduced model of many points (n,), built and checked at some of them, then checked at the worst of all.
 
-    None where one of the checks does not hold.
+    Where one of these checks does not hold, the model is built for those points as well. None where that does not help.
     """
-    reduction = reduce(full, points.only(_some(points, settings.built_at)), settings)
-    if reduction is None:
-        return None
-    model = reduction.model
-    states = model.solve(points)
-    if not (states.steps > 0).all():
-        return None
-    looked_at = _some(points, settings.looked_at)
-    error = model.cubature_error(states, looked_at)
-    worst = [int(n) for n in looked_at[np.argsort(-error)[: settings.checks // 3]]]
-    errors = point_errors(full, model, states, worst)
-    before = reduction.certificate
-    largest = max(before.error_estimate, SAFETY * float(errors.max()))
-    if not largest <= settings.tolerance:
-        return None
-    certificate = Certificate(largest, before.checked + len(worst), before.effectivity)
-    return Reduction(model, states, certificate, reduction.solutions)
+    some = _some(points, settings.built_at)
+    reducer = Reducer(full, points.only(some), settings)
+    reducer.draft()
+    for _ in range(settings.widened):
+        reduction = reducer.reduction()
+        if reduction is None:
+            return None
+        model = reduction.model
+        states = model.solve(points)
+        if not (states.steps > 0).all():
+            return None
+        looked_at = _some(points, settings.looked_at)
+        error = model.cubature_error(states, looked_at)
+        worst = looked_at[np.argsort(-error)[: settings.checks // 3]]
+        some = np.union1d(some, worst)
+        reducer.look_at(points.only(some))
+        among = np.searchsorted(some, worst).tolist()
+        errors = reducer.check(model, model.solve(reducer.points), among, enrich=True)
+        before = reduction.certificate
+        largest = max(before.error_estimate, SAFETY * float(errors.max()))
+        if largest <= settings.tolerance:
+            certificate = Certificate(largest, before.checked + len(worst), before.effectivity)
+            return Reduction(model, states, certificate, reduction.solutions)
+    return None
 
 
 def _some(points: FieldPoints, most: int) -> Indices:
@@ -248,11 +266,6 @@ def _some(points: FieldPoints, most: int) -> Indices:
         ends &= current == current.max()
     spread = way[np.linspace(0, way.size - 1, min(most, way.size)).round().astype(int)]
     return np.unique(np.r_[spread, np.flatnonzero(ends)])
-
-
-def point_errors(full: FullField, model: ReducedModel, states: ReducedStates, chosen: Sequence[int]) -> Array:
-    """(len(chosen),) estimated errors of force and flux linkage, of full scale, by steps of Newton's in full."""
-    return np.array([_corrected(full, model, states, n)[0] for n in chosen])
 
 
 def _corrected(full: FullField, model: ReducedModel, states: ReducedStates, n: int) -> tuple[float, Array]:
