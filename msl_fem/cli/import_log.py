@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -39,6 +40,9 @@ def command(
     name: Annotated[str, typer.Option(help="Of the run; without, the log's.")] = "",
     role: Annotated[Literal["fit", "held-out"], typer.Option(help="What the run is for.")] = "fit",
     excitation: Annotated[str, typer.Option(help="What moved the rig, in words.")] = "",
+    mover: Annotated[
+        Literal["free", "locked", "imposed"], typer.Option(help="Locked: held; imposed: moved by hand or machine.")
+    ] = "free",
     rate: Annotated[str, typer.Option(help='Samples a second, like "10 kHz"; goes before a rounded time column.')] = "",
     resampled: Annotated[
         str, typer.Option("--resample", help='Bring irregular or several clocks to this rate, like "1 kHz".')
@@ -61,6 +65,7 @@ def command(
         raise InputError("Missing option '--columns'; --propose columns.toml writes a file of them from the log")
     sources = column_sources(columns)
     label = _label(name or re.sub(r"[^A-Za-z0-9_.-]+", "_", log.stem), role, excitation, start, end)
+    label = replace(label, mover=mover)
     timing = LogTiming(_positive("--rate", rate), _positive("--resample", resampled))
     with sole_run(output):
         check_record_folder(output)

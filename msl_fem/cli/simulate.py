@@ -154,7 +154,7 @@ def command(
                         guard=guard, generator=generator, options=start,
                     )  # fmt: skip
                     words = f"{one.spec}; mover locked at {position}" if locked else one.spec
-                    runs.append(NamedRun(name, words, one.role, run))
+                    runs.append(NamedRun(name, words, one.role, run, locked=locked))
             progress(len(excitations), len(excitations))
         record = simulation_record(it, runs, controller=None if loop is None else loop.section)
         write_record(replace(record, belief=believed.name), output)

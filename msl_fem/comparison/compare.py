@@ -181,6 +181,7 @@ def compare(record: Record, settings: CompareSettings | None = None) -> Comparis
     ComputationError : a model's equations cannot be solved
     """
     settings = settings or CompareSettings()
+    record = record.free
     table = settings.table
     if record.actuator.magnet is not None and table is None:
         raise InputError(f"{record.actuator.name} has magnets and there is no table; make one with 'msl-fem table'")

@@ -1,8 +1,11 @@
-"""A mover that a force drives and no spring holds: the likelihood of its inverse dynamics, in the equation's band.
+"""A mover that a force drives and no spring holds, or whose motion is imposed: the likelihood of its inverse dynamics,
+in the equation's band.
 
-A free run of such a rig drifts with every error of the force, so the equation is compared and not its solution: the
-residual is a force, and its lines below the equation's low-pass are what counts. Its white sigma is what the
-instruments say: the force's noise and the position's, which passes the differences as |s^2 m + s c|.
+A free run of such a rig drifts with every error of the force, and one whose motion a machine or a hand imposes obeys no
+equation but the machine's; so the equation is compared and not its solution: the residual is a force, and its lines
+below the equation's low-pass are what counts. Of an imposed motion the force is a reading, of another one the drive.
+The residual's white sigma is what the instruments say: the force's noise and the position's, which passes the
+differences as |s^2 m + s c|.
 
 Errors in variables: the columns of a regression hold the position's noise too, which makes a parameter smaller by the
 noise's share of the column's power (Fuller, Measurement Error Models, 1987, ch. 1). `attenuation` states that share;
@@ -23,6 +26,7 @@ from msl_fem.diagnosis.kind import ErrorSignal, Kind, without_those_of
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.noise import NoiseBands, transformed
 from msl_fem.diagnosis.problem import FitProblem, Points
+from msl_fem.diagnosis.robust_errors import robust_errors
 from msl_fem.diagnosis.unknowns import Unknowns, fixed_of
 from msl_fem.diagnosis.variants import RecordFeatures, Variant, every_variant, record_features, variables_of
 from msl_fem.errors import InputError
@@ -31,6 +35,7 @@ from msl_fem.plant.effects import CATALOGUE
 from msl_fem.prediction import ModelHypothesis, RunData, free_parameters, kernel_plant
 from msl_fem.prediction.hypothesis import with_factors
 from msl_fem.prediction.run_data import POSITION_COLUMN, highest_band_sigma
+from msl_fem.prediction.scheduling import schedule_sigmas
 from msl_fem.record import Record, Tolerance
 
 Spectrum = NDArray[np.complexfloating]
@@ -64,23 +69,30 @@ class InverseLikelihood(Likelihood):
             factors = points.unknowns.factors(z)
             plant = with_factors(self.problem.plant.parameters, factors)
             gain = self.problem.plant.gain * factors.get("position_gain", 1.0)
-            runs = [self._of_run(n, plant, effects, gain) for n in range(len(self.sigmas))]
+            runs = [self._of_run(n, plant, effects, factors, gain) for n in range(len(self.sigmas))]
             rows.append(np.concatenate(runs))
         return np.array(rows)
 
-    def _of_run(self, run: int, plant: PlantParameters, effects: Array, gain: float) -> Array:
+    def _of_run(
+        self, run: int, plant: PlantParameters, effects: Array, factors: Mapping[str, float], gain: float
+    ) -> Array:
         data = self.problem.runs[run]
-        force = missing_force(plant, data, effects, gain=gain, low_pass=self.low_pass)
+        ratios = {one.parameter: one.ratio(factors) for one in data.schedules}
+        force = missing_force(plant, data, effects, gain=gain, low_pass=self.low_pass, ratios=ratios)
         return transformed(force[self.low_pass.kept(force.size)] / self.sigmas[run], self.bands.lines[run])
+
+    def standard_errors(self, found: Fit, along: Array | None = None) -> Array:
+        """Of what inverse dynamics leave, which is no white noise: see `robust_errors`."""
+        return robust_errors(found, self.bands.lines, np.eye(found.z.size) if along is None else along)
 
     def excess(self, found: Fit) -> dict[str, float]:
         """RMS missing force in the equation's band over what the instruments' noise makes there."""
         return {FORCE: float(np.sqrt(np.mean(found.residual**2)))}
 
 
-def is_carriage(plant: PlantParameters) -> bool:
-    """Whether a force drives a mover that no spring holds."""
-    return plant.sides == 0 and plant.stiffness == 0.0
+def is_carriage(plant: PlantParameters, runs: Sequence[RunData]) -> bool:
+    """Whether a force drives a mover that no spring holds, or that does what is imposed on it."""
+    return plant.sides == 0 and (plant.stiffness == 0.0 or any(run.mover == "imposed" for run in runs))
 
 
 def prepared_carriage(
@@ -94,7 +106,7 @@ def prepared_carriage(
     bands = one_band([k.stop - k.start for k in kept], low_pass)
     sigmas = tuple(force_sigma(plant.parameters, run, low_pass) for run in runs)
     problem = FitProblem(plant, smooth, (), (), None)
-    believed = tuple(free_parameters(belief, tolerance).items())
+    believed = (*free_parameters(belief, tolerance).items(), *schedule_sigmas(runs[0].schedules).items())
     unknowns = Unknowns(believed, 0, (0,) * len(runs), fixed=fixed_of(belief))
     return InverseLikelihood(problem, bands, plant.substeps, low_pass, sigmas), unknowns
 
@@ -190,7 +202,10 @@ class Carriage(Kind):
             plant = kernel_plant(belief, rate=run.rate)
             kept = self._low_pass.kept(len(run.commands))
             smooth = smoothed(run, self._low_pass)
-            missing = missing_force(plant.parameters, smooth, plant.readings, gain=plant.gain, low_pass=self._low_pass)
+            missing = missing_force(
+                plant.parameters, smooth, plant.readings, gain=plant.gain, low_pass=self._low_pass,
+                ratios={one.parameter: one.ratio(belief.factors) for one in run.schedules},
+            )  # fmt: skip
             missed = self._low_pass.both_sides(missing)[kept]
             force = self._low_pass.both_sides(run.held[:, 0])[kept]
             band = 2 * self._low_pass.equation / run.rate

@@ -284,6 +284,8 @@ def undecidable_because(record: Record, data: Sequence[RunData]) -> str:
     if max(float(np.ptp(run.commands, axis=0).max()) for run in fitted) == 0:
         return "the commands of the fit runs never change; excite the plant"
     moved = 0.0
+    if any(run.mover == "locked" for run in fitted):
+        return ""
     for run in fitted:
         moved = max(moved, float(run.measured[POSITION_COLUMN].std() / run.noise[POSITION_COLUMN].sigma))
     if moved < RESPONSE:

@@ -63,6 +63,7 @@ from msl_fem.diagnosis.result import (
     with_formula,
 )
 from msl_fem.diagnosis.runs import dynamic_runs
+from msl_fem.diagnosis.scheduled import scheduled_estimates, told
 from msl_fem.diagnosis.search import SearchStage, search_stage, statistics_of
 from msl_fem.diagnosis.statements import restated
 from msl_fem.diagnosis.static_maps import map_alone, why_no_map
@@ -159,7 +160,7 @@ def kind_of(record: Record, how: DiagnosisSettings) -> Kind | str:
     if not runs:
         assert record.static is not None
         return why_no_map(record.static) or map_alone(record, belief)
-    mechanical = is_carriage(plant_parameters(record.actuator))
+    mechanical = is_carriage(plant_parameters(record.actuator), runs)
     reason = undecidable_because(record, runs)
     if reason:
         return reason
@@ -266,6 +267,8 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
     unfaithful = _unfaithful(errors[n], kind) if n else ""
     explained = white(result.excesses[n]) and not compensating
     notes += kind.above_noise(result.final) if explained else []
+    schedules = kind.likelihood.problem.schedules
+    scheduling = scheduled_estimates(kind.belief, result.final, schedules)
     unexplained = Unexplained(0.0)
     ranked: list[Dependence] = []
     if unfaithful:
@@ -288,7 +291,8 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
         main,
         hidden_at_most(result.stages[0].scores),
         statistics=statistics_of(result.stages),
-        notes=(*kind.notes, *notes),
+        notes=(*kind.notes, *notes, *told(schedules, scheduling)),
+        scheduling=scheduling,
         left_out=kind.left_out,
         evidence=Evidence(
             tried_variants(result.stages, n_named),

@@ -48,7 +48,7 @@ def static_equilibria(record: Record) -> StaticEquilibria:
     p = plant_parameters(record.actuator)
     gaps, currents, forces, roles = [], [], [], []
     for run in record.runs:
-        for late in _still(record, run):
+        for late in _still(record, run) if run.mover == "free" else []:
             position = float(run[POSITION_COLUMN][late].mean())
             gaps.append(p.nominal_gap - position)
             currents.append(p.current_share * float(run["current_1_A"][late].mean()))

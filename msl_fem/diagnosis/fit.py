@@ -25,6 +25,7 @@ from msl_fem.plant.effects import PARAMETER_INDEX, EffectValues, find_parameter,
 from msl_fem.prediction import ModelHypothesis
 from msl_fem.prediction.hypothesis import believed_value
 from msl_fem.prediction.nuisances import ADDITIVE, NUISANCES, together
+from msl_fem.prediction.scheduling import LEVEL
 
 STALE = 0.6
 """Share of the predicted decrease that a step has to bring for the nuisances' columns to be kept."""
@@ -269,8 +270,8 @@ def extended_belief(belief: ModelHypothesis, problem: FitProblem, found: Fit) ->
     vector[place] = gain * (1.0 + vector[place]) - 1.0
     for key in _READ:
         vector[PARAMETER_INDEX[key]] *= gain
-    instruments = together(belief.factors, {name: v for name, v in factors.items() if name in NUISANCES})
-    kept = {name: value for name, value in instruments.items() if name in NUISANCES}
+    instruments = together(belief.factors, {n: v for n, v in factors.items() if n in NUISANCES or LEVEL in n})
+    kept = {name: value for name, value in instruments.items() if name in NUISANCES or LEVEL in name}
     return ModelHypothesis(fitted_actuator(belief.actuator, factors), table, effects_present(vector), kept)
 
 
@@ -302,9 +303,11 @@ def fitted_actuator(actuator: Actuator, factors: dict[str, float]) -> Actuator:
 
 def believed_estimates(belief: ModelHypothesis, found: Fit) -> dict[str, Estimate]:
     """The believed parameters after a fit."""
-    error = np.sqrt(np.diag(np.linalg.inv(found.precision)))
+    error = found.likelihood.standard_errors(found)
     made = {}
     for n, (name, sigma) in enumerate(found.unknowns.believed):
+        if LEVEL in name:
+            continue
         z, value = float(found.z[n]), believed_value(belief, name)
         at = [z + k * INTERVAL * error[n] for k in (-1, 0, 1)]
         low, middle, high = (value + sigma * a if name in ADDITIVE else value * factor(sigma, a) for a in at)
@@ -314,7 +317,7 @@ def believed_estimates(belief: ModelHypothesis, found: Fit) -> dict[str, Estimat
 
 def effect_estimates(found: Fit) -> dict[str, dict[str, Estimate]]:
     """The parameters of the effects of a fit, by effect and name."""
-    error = np.sqrt(np.diag(np.linalg.inv(found.precision)))
+    error = found.likelihood.standard_errors(found)
     made: dict[str, dict[str, Estimate]] = {}
     for n, one in enumerate(found.unknowns.effects):
         row = found.unknowns.n_nuisance + n

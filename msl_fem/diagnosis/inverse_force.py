@@ -2,13 +2,15 @@
 
 Position and force pass one zero-phase low-pass; velocity and acceleration are central differences of the low-passed
 position (A. Janot, P.-O. Vandanjon, M. Gautier, IEEE Trans. Control Syst. Technol. 22, 2014, 776-782). The second
-difference of a mass under held forces is exactly the mean of those before and behind the sample. An effect of the
+difference of a mass under held forces is exactly the mean of those before and behind the sample; of an imposed motion
+differences of five points are taken. An effect of the
 sensor is undone on the way from reading to motion, one of the drive done to the commands, one of the mover adds to the
 force; friction is the catalogue's stops at the measured position. Delays, lags and a second mass are filters.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +80,13 @@ def usual_low_pass(runs: Sequence[RunData]) -> ZeroPhaseLowPass:
 
 
 def missing_force(
-    plant: PlantParameters, data: RunData, effects: Array, *, gain: float, low_pass: ZeroPhaseLowPass
+    plant: PlantParameters,
+    data: RunData,
+    effects: Array,
+    *,
+    gain: float,
+    low_pass: ZeroPhaseLowPass,
+    ratios: Mapping[str, Array] | None = None,
 ) -> Array:
     """The force applied less the force that the measured motion takes, (n_sample,) N, not yet low-passed.
 
@@ -88,21 +96,41 @@ def missing_force(
     data : position and commands already low-passed alike
     effects : (N_PARAMETER,) of the catalogue
     gain : position reading over position, beside the effects
+    ratios : parameter to (n_sample,) by which a second input makes it larger, "damping" or "effect.parameter"
     """
     v = values_of(effects)
     motion = measured_motion(plant, data, effects, gain=gain, low_pass=low_pass)
-    plain = plant.mass * motion.acceleration + plant.damping * motion.velocity + plant.stiffness * motion.position
-    return applied_force(data, v) + plant.constant_force - (plain + needed_force(plant, v, motion))
+    mass, damping, stiffness = (
+        value * (ratios or {}).get(name, 1.0)
+        for name, value in (
+            ("moving_mass", plant.mass), ("damping", plant.damping), ("stiffness", plant.stiffness),
+        )
+    )  # fmt: skip
+    plain = mass * motion.acceleration + damping * motion.velocity + stiffness * motion.position
+    needed = needed_force(plant, scheduled_values(v, ratios or {}), motion)
+    return applied_force(data, v) + plant.constant_force - (plain + needed)
+
+
+def scheduled_values(v: Mapping[tuple[str, str], float], ratios: Mapping[str, Array]) -> dict[tuple[str, str], Any]:
+    """Parameters of effects, those that a second input changes along the run, (n_sample,)."""
+    found: dict[tuple[str, str], Any] = dict(v)
+    for name, ratio in ratios.items():
+        effect, _, parameter = name.rpartition(".")
+        if effect and v[effect, parameter]:
+            found[effect, parameter] = v[effect, parameter] * ratio
+    return found
 
 
 def applied_force(data: RunData, v: dict[tuple[str, str], float]) -> Array:
     """The force of the commands at the instants of the samples, (n_sample,) N.
 
-    A command is held from its sample to the next, so at a sample it is the mean of both sides.
+    A command is held from its sample to the next, so at a sample it is the mean of both sides; what a machine reads of
+    the force of a motion that it imposes is as it was at the sample.
     """
     command = data.held[:, 0]
     force = command.copy()
-    force[1:] = (command[1:] + command[:-1]) / 2
+    if data.mover != "imposed":
+        force[1:] = (command[1:] + command[:-1]) / 2
     lag, delay = pole_and_delay(v, "amplifier_bandwidth")
     late = delay + v["time_delay", "command"]
     if late or lag:
@@ -131,10 +159,20 @@ def measured_motion(
         seen = _filtered(
             seen, rate, lambda s: np.exp(s * late) * (1 + s * lag) / (1 + read * mode(s)) * (np.abs(s) < 4 * highest)
         )
-    velocity, acceleration = np.gradient(seen, 1 / rate), np.zeros(seen.size)
-    acceleration[1:-1] = (seen[2:] - 2 * seen[1:-1] + seen[:-2]) * rate**2
+    velocity, acceleration = _differences(seen, rate, held=data.mover != "imposed")
     other = _filtered(acceleration, rate, mode) if share else np.zeros(seen.size)
     return MoverMotion(data.time, seen, velocity, acceleration, other)
+
+
+def _differences(x: Array, rate: float, *, held: bool) -> tuple[Array, Array]:
+    """Velocity and acceleration (n_sample,): three-point differences, which suit forces that are `held`; else those of
+    five points, good to the fourth order (B. Fornberg, Math. Comp. 51, 1988, 699-706)."""
+    velocity, acceleration = np.gradient(x, 1 / rate), np.zeros(x.size)
+    acceleration[1:-1] = (x[2:] - 2 * x[1:-1] + x[:-2]) * rate**2
+    if not held:
+        velocity[2:-2] = (8 * (x[3:-1] - x[1:-3]) - (x[4:] - x[:-4])) * rate / 12
+        acceleration[2:-2] = (16 * (x[3:-1] + x[1:-3]) - (x[4:] + x[:-4]) - 30 * x[2:-2]) * rate**2 / 12
+    return velocity, acceleration
 
 
 def _undone(reading: Array, polynomial: Array) -> Array:

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.errors import InputError
-from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, kernel_plant
+from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData
 from msl_fem.prediction.free_run import read_current
+from msl_fem.prediction.hypothesis import plant_of_run
 from msl_fem.prediction.run_data import POSITION_COLUMN
 
 OUTSIDE = "the model leaves its table or range"
@@ -98,7 +99,7 @@ def runs_inside(
 def _reached(belief: ModelHypothesis, run: RunData, at: NDArray[np.intp]) -> str:
     """Where readings at these samples lie beside the table, in words; empty of a rig without one."""
     table = belief.table
-    plant = kernel_plant(belief, rate=run.rate, ideal_current=run.ideal_current)
+    plant = plant_of_run(belief, run)
     if table is None or not plant.parameters.sides:
         return ""
     gaps, currents = _gaps(plant, run)[:, at], _currents(plant, run)[:, at]

@@ -174,6 +174,12 @@ class Likelihood:
                 loud[name] = min(loud.get(name, np.inf), loudness(values[0]))
         return {name: float(np.sqrt(np.mean(values))) / loud[name] for name, values in power.items()}
 
+    def standard_errors(self, found: Fit, along: Array | None = None) -> Array:
+        """(unknowns.size,) of the unknowns at a fit, or (n,) of sums of them with weights `along` (n, unknowns.size): a
+        95 % interval is 1.96 of them to either side."""
+        along = np.eye(found.z.size) if along is None else along
+        return np.asarray(np.sqrt(np.sum(along @ np.linalg.inv(found.precision) * along, axis=1)))
+
     def above_noise(self, found: Fit) -> list[str]:
         """In which octaves what is left is more than an instrument's noise can be, in words."""
         count = np.maximum(np.bincount(self.labels) - self.spent, 1.0)

@@ -26,8 +26,9 @@ from msl_fem.plant import layout
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_run import LaneSettings, run_lanes
 from msl_fem.plant.plant import FORCE_DRIVE
-from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, kernel_plant, measured_start
+from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, measured_start
 from msl_fem.prediction.free_run import readings_of
+from msl_fem.prediction.hypothesis import plant_in_run, plant_of_run
 from msl_fem.record.columns import Channel
 from msl_fem.record.validity import bridged
 
@@ -82,7 +83,7 @@ def dependences(
     few : only `FEW`, in an eighth of the time
     """
     run = likelihood.problem.runs[0]
-    plant = kernel_plant(belief, rate=run.rate, ideal_current=run.ideal_current)
+    plant = plant_of_run(belief, run)
     cut = likelihood.problem.cut(0) or Stretches.whole(measured_start(plant, run))
     trajectory = _Trajectory(plant, run, cut)
     if not np.isfinite(trajectory.out).all():
@@ -119,7 +120,13 @@ class _Trajectory:
         inputs = Inputs(commands[:, :columns], self.run.rate, 0.0 if push is None else push, self.run.hold)
         effects = None if plant.effects is None else plant.readings[None]
         settings = LaneSettings(effects=effects, starts=self.cut.starts[None], begins=self.cut.begins)
-        found = run_lanes(plant.surface, [plant.parameters], inputs, substeps=plant.substeps, settings=settings)
+        found = run_lanes(
+            plant.surface,
+            [plant_in_run(plant.parameters, self.run)],
+            inputs,
+            substeps=plant.substeps,
+            settings=settings,
+        )
         out = found.blocks[0][:, :, 0]
         return bridged(out.T, np.flatnonzero(~self.cut.counts(len(out)))).T
 

@@ -19,9 +19,10 @@ from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes, told_apart
 from msl_fem.plant.plant import PlantParameters
 from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.free_run import counted
-from msl_fem.prediction.hypothesis import with_factors
+from msl_fem.prediction.hypothesis import plant_in_run, times_factors, with_factors
 from msl_fem.prediction.nuisances import line_of, together
 from msl_fem.prediction.run_data import POSITION_COLUMN, VELOCITY_COLUMN
+from msl_fem.prediction.scheduling import Schedule
 from msl_fem.record import Tolerance
 from msl_fem.record.columns import Channel
 from msl_fem.record.validity import bridged
@@ -52,6 +53,11 @@ class FitProblem:
     threads: int = 1
     stretches: tuple[Stretches | None, ...] = ()
     tolerance: Tolerance | None = None
+
+    @property
+    def schedules(self) -> tuple[Schedule, ...]:
+        """What goes with a second input, as the first run has it."""
+        return self.runs[0].schedules if self.runs else ()
 
     def cut(self, run: int) -> Stretches | None:
         """The stretches of a run, None of one that is followed as a whole."""
@@ -176,8 +182,16 @@ def _lane_settings(
     problem: FitProblem, points: Points, run: int, own: Stretches | None = None
 ) -> tuple[Surface, list[PlantParameters], LaneSettings]:
     unknowns, rows = points.unknowns, points.rows
-    ideal = problem.runs[run].ideal_current
-    plants = [with_factors(problem.plant.parameters, unknowns.factors(z), ideal_current=ideal) for z in rows]
+    data = problem.runs[run]
+    factors = [unknowns.factors(z) for z in rows]
+    standing = [data.standing(f) for f in factors] if data.schedules else [{} for _ in factors]
+    plants = [
+        plant_in_run(with_factors(problem.plant.parameters, together(f, more), ideal_current=data.ideal_current), data)
+        for f, more in zip(factors, standing, strict=True)
+    ]
+    effects = points.effects
+    if effects is not None and data.schedules:
+        effects = np.array([times_factors(v, more) for v, more in zip(effects, standing, strict=True)])
     cut = own or problem.cut(run)
     if cut is None:
         starts = np.array([_start(problem, unknowns, z, run) for z in rows])
@@ -185,7 +199,7 @@ def _lane_settings(
         starts = np.broadcast_to(cut.starts, (len(rows), cut.begins.size, 4))
     surface, index = _surfaces(problem, unknowns, rows)
     settings = LaneSettings(
-        effects=points.effects,
+        effects=effects,
         starts=starts,
         surface_index=index,
         threads=problem.threads,

@@ -14,6 +14,7 @@ from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, Size
 from msl_fem.diagnosis.left_out import LeftOut
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.outside import Dependence
+from msl_fem.diagnosis.scheduled import ScheduledEstimate
 from msl_fem.diagnosis.scores import Score
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import WIDE
@@ -213,6 +214,7 @@ class Diagnosis(Shown):
     statistics : of each stage of the search the best effects with their nats, named or not
     notes : what else the reader must know
     left_out : samples of the record that do not count
+    scheduling : parameters that go with a second input, at its levels
     evidence : what it rests on, for a report; None where nothing was fitted
     belief : what the plain model was believed to have beside
     correlation : of the fitted numbers' errors; None where nothing was fitted
@@ -234,6 +236,7 @@ class Diagnosis(Shown):
     statistics: tuple[tuple[tuple[str, float], ...], ...] = ()
     notes: tuple[str, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
+    scheduling: tuple[ScheduledEstimate, ...] = ()
     evidence: Evidence | None = None
     belief: Belief = PLAIN_BELIEF
     correlation: Correlation | None = None
@@ -281,6 +284,7 @@ class Diagnosis(Shown):
             },
             "accuracy": [entry.to_json() for entry in self.accuracy],
             "parameters": parameters,
+            "scheduling": [one.to_json() for one in self.scheduling],
             "correlation": None if self.correlation is None else self.correlation.to_json(),
             "threshold": json_value(self.threshold),
             "null": self._null(),

@@ -28,6 +28,7 @@ from msl_fem.diagnosis.variants import variables_of
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import ModelHypothesis, RunData, Start, free_parameters, free_run, kernel_plant, measured_start
 from msl_fem.prediction.free_run import counted, start_sigmas
+from msl_fem.prediction.hypothesis import plant_of_run
 from msl_fem.prediction.run_data import Hold
 from msl_fem.record import Record, Tolerance
 from msl_fem.record.validity import bridged
@@ -256,7 +257,7 @@ def _missed(
 ) -> Mapping[str, Array]:
     """Channel to (n_sample,) measured less simulated: from a measured start, or over stretches with starts that suit
     the model."""
-    plant = kernel_plant(model, rate=run.rate, ideal_current=run.ideal_current)
+    plant = plant_of_run(model, run)
     if cut is None:
         readings = free_run(plant, run, measured_start(plant, run)).readings
         missed = {name: run.measured[name] - readings[name] for name in run.measured}

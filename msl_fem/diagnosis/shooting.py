@@ -178,7 +178,9 @@ class Shooting:
         """(n_stretch,) whether the model and its moves stay near the record over each."""
         base, slopes = self._simulated(cut)
         finite = self._inside(cut, self.spread.rows[:0])
-        growth = _growth(slopes[self.names.index(POSITION_COLUMN)], cut, base[0].size)
+        growth = np.ones(cut.begins.size)
+        if self.data.mover != "locked":
+            growth = _growth(slopes[self.names.index(POSITION_COLUMN)], cut, base[0].size)
         gentle = growth <= GENTLE
         if np.all(gentle | ~finite):
             return finite
@@ -217,6 +219,8 @@ def guessed(plant: KernelPlant, data: RunData, begins: NDArray[np.intp], n_start
         first = int(np.clip(begin - half, 0, x.size - LOOKED_AT))
         time = (np.arange(first, first + LOOKED_AT) - begin) / data.rate
         _, starts[n, 3], starts[n, 2] = np.polyfit(time, x[first : first + LOOKED_AT], 2)
+    if data.mover == "locked":
+        starts[:, 2], starts[:, 3] = x.mean(), 0.0
     for side in range(plant.parameters.sides):
         starts[:, side] = read_current(plant, data, side)[begins]
     return Stretches(begins, starts, np.zeros((len(data.measured), n_start, x.size)))

@@ -25,6 +25,7 @@ MAINS = (50.0, 60.0)
 LOUD = 12.0  # times the mean power of the lines around: what noise does once in e^12 lines
 APART = 4  # lines between two that are taken
 FEWEST_LINES = 62  # of a stretch: two widths of the mean around
+LEAST = 1e-9  # m or m/s, of a mover that stands still
 SLOWEST = 3  # periods of a run below which a line is a drift
 SMOOTH_SECONDS = 0.5e-3  # over which a velocity is taken, at least three samples
 SMOOTH = 20  # samples over which a velocity is taken
@@ -134,9 +135,9 @@ def record_features(likelihood: Likelihood, found: Fit) -> RecordFeatures:
     currents = [run.measured.get("current_1_A", run.commands[:, 0]) for run in problem.runs]
     own = np.sqrt(p.stiffness / p.mass) / (2 * np.pi) if p.stiffness else 0.0
     return RecordFeatures(
-        position=_rms([run.measured[POSITION_COLUMN] for run in problem.runs]),
+        position=max(_rms([run.measured[POSITION_COLUMN] for run in problem.runs]), LEAST),
         current=_rms(currents) if p.sides else 1.0,
-        velocity=_rms([_velocity(run) for run in problem.runs]),
+        velocity=max(_rms([_velocity(run) for run in problem.runs]), LEAST),
         own_frequency=float(own) or 20.0,
         lines=loud_lines(likelihood, found),
         rate=problem.runs[0].rate if problem.runs else None,

@@ -118,6 +118,7 @@ def identify(record: Record, *, choice: ModelChoice | None = None) -> Identifica
     InputError : no run to fit, no channel that drives the position, terms or orders that the data cannot bear
     """
     choice = choice or ModelChoice()
+    record = record.free
     fitted = record.runs_of("fit")
     if not fitted:
         raise InputError("the record has no run with role fit; mark one in rig.toml")

@@ -299,7 +299,7 @@ def _gaps_at_stops_outside(actuator: Actuator, table: MagneticTable) -> str:
 class NamedRun:
     """A simulation with what rig.toml says about a run: its name (also the file's), excitation in words, and role.
 
-    `reference` is what a closed loop was to follow, (n_sample,) m.
+    `reference` is what a closed loop was to follow, (n_sample,) m; `locked` whether the mover was held.
     """
 
     name: str
@@ -307,6 +307,7 @@ class NamedRun:
     role: Role
     simulation: Simulation
     reference: Array | None = None
+    locked: bool = False
 
 
 def simulation_record(
@@ -331,7 +332,10 @@ def simulation_record(
     noise = Noise(position=actuator.position_sensor.noise)
     if any(run.simulation.current.shape[1] for run in runs):
         noise = Noise(position=actuator.position_sensor.noise, current=actuator.current_sensor.noise)
-    named = tuple(Run(run.name, run.excitation, run.role, _columns(actuator, run)) for run in runs)
+    named = tuple(
+        Run(run.name, run.excitation, run.role, _columns(actuator, run), mover="locked" if run.locked else "free")
+        for run in runs
+    )
     sampling = Sampling(rate=rates.pop())
     return Record("simulated", actuator, sampling=sampling, noise=noise, controller=controller, runs=named)
 

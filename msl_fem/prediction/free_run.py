@@ -26,7 +26,7 @@ from msl_fem.plant.plant import FORCE_DRIVE, drive_lags, plant_parameters
 from msl_fem.plant.preparation import start_effects
 from msl_fem.plant.sampled_plant import SampledPlant, advance_sample, plant_at_rest, read_instruments
 from msl_fem.plant.simulate import STATUS
-from msl_fem.prediction.hypothesis import KernelPlant, ModelHypothesis
+from msl_fem.prediction.hypothesis import KernelPlant, ModelHypothesis, plant_in_run
 from msl_fem.prediction.nuisances import line_of
 from msl_fem.prediction.run_data import POSITION_COLUMN, LoopLaw, RunData
 from msl_fem.record import Tolerance
@@ -117,7 +117,9 @@ def free_run(plant: KernelPlant, data: RunData, start: Start) -> FreeRun:
     out = np.full((n, layout.N_OUT), np.nan)
     state = kernel_state(plant, start)
     linear = data.hold == "linear"
-    status, done = kernel.run(*plant.model, state, data.commands, np.zeros(n), *plant.timing, out, linear)
+    surface, p, effects = plant.model
+    p = plant_in_run(p, data)
+    status, done = kernel.run(surface, p, effects, state, data.commands, np.zeros(n), *plant.timing, out, linear)
     out[done:] = np.nan
     return _ended(readings_of(plant, data, out), status, done)
 
@@ -137,10 +139,13 @@ def kernel_state(plant: KernelPlant, start: Start) -> Array:
 
 
 def guessed_start(plant: KernelPlant, data: RunData) -> Start:
-    """Position and velocity of the straight line through the first samples, currents as read or commanded."""
-    time = np.arange(FIRST_LOOK) / data.rate
+    """Position and velocity of the straight line through the first samples, of a locked mover the mean position;
+    currents as read or commanded."""
     zero = line_of(POSITION_COLUMN, plant.instruments)[1]
-    slope, position = np.polyfit(time, (data.measured[POSITION_COLUMN][:FIRST_LOOK] - zero) / plant.gain, 1)
+    read = (data.measured[POSITION_COLUMN] - zero) / plant.gain
+    slope, position = 0.0, read.mean()
+    if data.mover != "locked":
+        slope, position = np.polyfit(np.arange(FIRST_LOOK) / data.rate, read[:FIRST_LOOK], 1)
     currents = [0.0, 0.0]
     if plant.parameters.drive != FORCE_DRIVE:
         for j in range(plant.parameters.sides):
@@ -169,7 +174,7 @@ def start_sigmas(plant: KernelPlant, data: RunData, *, tolerance: Tolerance | No
     if drive_lags(plant.parameters):
         columns = side_columns("current", plant.parameters.sides)
         lagging = [float(np.hypot(data.noise[name].sigma, zero[1])) for name in columns if name in data.measured]
-    return np.array([position, noise * data.rate, *lagging])
+    return np.array([position, 0.0 if data.mover == "locked" else noise * data.rate, *lagging])
 
 
 def moved_start(guess: Start, by: Array) -> Start:
@@ -220,8 +225,9 @@ def weighted(run: FreeRun, data: RunData, scale: Mapping[str, float] | None = No
 
 
 def counted(data: RunData) -> list[str]:
-    """Channels that a fit looks at: voltages only where their noise is stated."""
-    channels = data.channels.items()
+    """Channels that a fit looks at: voltages only where their noise is stated, no position that was set."""
+    without = [POSITION_COLUMN] if data.still else []
+    channels = [(name, channel) for name, channel in data.channels.items() if name not in without]
     return [name for name, channel in channels if channel.quantity != "voltage" or data.noise[name].stated]
 
 

@@ -16,9 +16,12 @@ from msl_fem.plant.preparation import check_effects, small_signal_inductance
 from msl_fem.plant.step_count import MANY_STEPS, default_substeps
 from msl_fem.prediction.nuisances import ADDITIVE, NUISANCES, nuisances_of, together, with_nuisances
 from msl_fem.prediction.run_data import RunData
+from msl_fem.prediction.scheduling import LEVEL, schedule_sigmas
 from msl_fem.record import Tolerance
 from msl_fem.table.magnetic_table import MagneticTable
 
+HEAVY = 1e15
+"""Times the mass: a locked mover, which 1 kN moves by less than a nanometre in ten seconds."""
 STEP_OF_FASTEST = 0.25
 """A step times the fastest rate: Runge-Kutta errs by 1e-5 of a signal, a hundredth of the instruments' noise."""
 BELIEVED = (
@@ -119,6 +122,7 @@ def free_parameters(belief: ModelHypothesis, tolerance: Tolerance, *, runs: Sequ
     known = {name: sigma for name, sigma in sigmas.items() if sigma > 0}
     known |= belief.known
     for run in runs:
+        known |= schedule_sigmas(run.schedules)
         channels = tuple(run.measured)
         known |= nuisances_of(p, tolerance, channels=channels, ideal_current=run.ideal_current)
     return known
@@ -137,6 +141,8 @@ def effect_and_parameter(name: str) -> tuple[str, str]:
 
 def unit_of_believed(name: str) -> str:
     """The unit of a parameter of `BELIEVED`, `NUISANCES` or "effect.parameter"; "" of a pure number."""
+    if LEVEL in name:
+        return ""
     return find_parameter(*effect_and_parameter(name)).unit if "." in name else UNITS.get(name, "")
 
 
@@ -154,7 +160,7 @@ def believed_value(belief: ModelHypothesis, name: str) -> float:
     """A parameter of `BELIEVED` or `NUISANCES` in SI units, the belief's factor in it."""
     if name in ADDITIVE:
         return belief.factors.get(name, 0.0)
-    if "." in name and belief.effects is not None:
+    if "." in name and LEVEL not in name and belief.effects is not None:
         return belief.effects.get(*effect_and_parameter(name)) * belief.factors.get(name, 1.0)
     if name not in OF_THE_PLANT:
         return belief.factors.get(name, 1.0)
@@ -197,6 +203,18 @@ def with_factors(p: PlantParameters, factors: Mapping[str, float], *, ideal_curr
         resistance=p.resistance * factors.get("coil_resistance", 1.0),
         nominal_gap=p.nominal_gap * factors.get("nominal_gap", 1.0),
     )
+
+
+def plant_in_run(p: PlantParameters, data: RunData) -> PlantParameters:
+    """The plant as it is in a run: where the mover is locked, too heavy for anything to move it."""
+    return p._replace(mass=HEAVY * p.mass, end_stop=None) if data.mover == "locked" else p
+
+
+def plant_of_run(belief: ModelHypothesis, data: RunData) -> KernelPlant:
+    """The plant of a belief at a run's rate, with what a second input makes of it there; raises as `kernel_plant`, and
+    InputError where that input changes."""
+    factors = data.standing(belief.factors)
+    return kernel_plant(belief, rate=data.rate, factors=factors, ideal_current=data.ideal_current)
 
 
 def kernel_plant(

@@ -11,7 +11,8 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.plant import plant_parameters
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE
-from msl_fem.record import Record, Role, Run
+from msl_fem.prediction.scheduling import Schedule, schedules_of, standing_factors
+from msl_fem.record import Mover, Record, Role, Run
 from msl_fem.record.clipping import clipped_samples
 from msl_fem.record.columns import Channel, side_columns
 from msl_fem.record.linear_law import READINGS
@@ -66,6 +67,8 @@ class RunData:
     spikes : channel to the samples of readings that stand alone, which do not count
     invalid : channel to the samples of readings that the record or a clipped sensor says do not count; there the
         channel holds a straight line
+    mover : "free", "locked" or "imposed", as `Run` has it
+    schedules : parameters that go with a second input
     """
 
     name: str
@@ -80,6 +83,8 @@ class RunData:
     hold: Hold = "zero-order"
     spikes: Mapping[str, NDArray[np.intp]] = field(default_factory=dict)
     invalid: Mapping[str, NDArray[np.intp]] = field(default_factory=dict)
+    mover: Mover = "free"
+    schedules: tuple[Schedule, ...] = ()
 
     @property
     def left_out(self) -> dict[str, NDArray[np.intp]]:
@@ -89,12 +94,18 @@ class RunData:
 
     @property
     def held(self) -> Array:
-        """(n_sample, 2) commands as means over their samples, for what takes them one by one."""
-        if self.hold == "zero-order":
+        """(n_sample, 2) commands as means over their samples, for what takes them one by one; of an imposed motion the
+        force is a reading, which is as it was at its instant."""
+        if self.hold == "zero-order" or self.mover == "imposed":
             return self.commands
         held = self.commands.copy()
         held[:-1] = (self.commands[:-1] + self.commands[1:]) / 2
         return held
+
+    @property
+    def still(self) -> bool:
+        """Whether the position is that of a locked mover and reads the same throughout: a setting and no reading."""
+        return self.mover == "locked" and float(np.ptp(self.measured[POSITION_COLUMN])) == 0
 
     @property
     def channels(self) -> dict[str, Channel]:
@@ -105,13 +116,19 @@ class RunData:
     def time(self) -> Array:
         return np.arange(len(self.commands)) / self.rate
 
+    def standing(self, factors: Mapping[str, float]) -> dict[str, float]:
+        """Parameters over those of `factors` by what a second input makes of them in this run, one value throughout;
+        InputError where it changes."""
+        return standing_factors(self.schedules, factors, run=self.name)
+
     def first(self, n: int) -> "RunData":
         """Its first n samples."""
         measured = {k: v[:n] for k, v in self.measured.items()}
         read = None if self.read is None else self.read[:n]
         spikes, invalid = ({k: at[at < n] for k, at in some.items()} for some in (self.spikes, self.invalid))
         head = replace(self, commands=self.commands[:n], measured=measured, read=read)
-        return replace(head, spikes=spikes, invalid=invalid)
+        schedules = tuple(one.first(n) for one in self.schedules)
+        return replace(head, spikes=spikes, invalid=invalid, schedules=schedules)
 
 
 def run_data(record: Record, run: Run, *, velocity: bool = False) -> RunData:
@@ -141,6 +158,8 @@ def run_data(record: Record, run: Run, *, velocity: bool = False) -> RunData:
         read=read,
         hold=record.sampling.hold if record.sampling is not None else "zero-order",
         invalid=invalid,
+        mover=run.mover,
+        schedules=schedules_of(record, run),
     )
 
 
@@ -148,7 +167,8 @@ def _invalid(run: Run, name: str) -> NDArray[np.intp]:
     """The samples of a reading that do not count: as the run says, and of a position at which its sensor is clipped. A
     current that stands still may be at the limit of its drive, so nothing is taken for granted there."""
     stated = np.flatnonzero(~run.valid[name]) if name in run.valid else _NONE
-    return np.union1d(stated, clipped_samples(run[name])) if name == POSITION_COLUMN else stated
+    moving = name == POSITION_COLUMN and run.mover != "locked"
+    return np.union1d(stated, clipped_samples(run[name])) if moving else stated
 
 
 def _inputs(record: Record, run: Run) -> list[str]:
@@ -223,8 +243,8 @@ def noise_floor(record: Record, channel: str) -> NoiseFloor:
     stated = getattr(record.noise, Channel.of(channel).quantity)
     if stated:
         return NoiseFloor(float(stated), "stated in [noise]")
-    estimates = [highest_band_sigma(run[channel]) for run in record.runs if channel in run]
-    return NoiseFloor(min(estimates), "estimated above 80 % of half the sampling rate")
+    estimates = [highest_band_sigma(run[channel]) for run in record.runs if channel in run and np.ptp(run[channel]) > 0]
+    return NoiseFloor(min(estimates, default=LOWEST), "estimated above 80 % of half the sampling rate")
 
 
 def highest_band_sigma(signal: Array) -> float:

@@ -5,12 +5,13 @@ from msl_fem.record.frames import FrameLabels, record_from_frames
 from msl_fem.record.linear_law import PidLaw, StatedLaw, StateSpaceLaw, law_of, linear_laws
 from msl_fem.record.reader import load_record
 from msl_fem.record.record import Record, Run, StaticMap
-from msl_fem.record.rig_file import Noise, Origin, Role, Sampling, Tolerance
+from msl_fem.record.rig_file import Mover, Noise, Origin, Role, Sampling, Tolerance
 from msl_fem.record.writer import check_record_folder, write_record
 
 __all__ = [
     "Channel",
     "FrameLabels",
+    "Mover",
     "Noise",
     "Origin",
     "PidLaw",

@@ -31,6 +31,8 @@ def doubtful_sensors(run: Run, actuator: Actuator, *, file: Path | str) -> list[
         channel = CHANNELS.get(name)
         if channel is None or channel.quantity not in sensors:
             continue
+        if channel.quantity == "position" and run.mover == "locked":
+            continue
         command = None
         if channel.quantity == "current":
             command = run.columns.get(Channel("command", channel.side).column)

@@ -21,7 +21,7 @@ from msl_fem.record.reader import (
     known_columns,
 )
 from msl_fem.record.record import Record, Run, StaticMap
-from msl_fem.record.rig_file import GapZero, Noise, Origin, Role, Sampling, Tolerance
+from msl_fem.record.rig_file import GapZero, Mover, Noise, Origin, Role, Sampling, Tolerance
 from msl_fem.record.static_file import read_static_map
 from msl_fem.record.validity import VALID, mask_of, masked, valid_stretches
 
@@ -41,6 +41,7 @@ class FrameLabels:
     origin : "measured" or "simulated"
     held_out : names of the runs that no fit may see
     excitation : by run, in words
+    mover : of runs in which it is not free, by run: "locked" or "imposed"
     noise, tolerance : one sigma of the instruments, and of what is believed
     static_role : of the rows of a static map without a column `role`
     static_gap : whose gaps a static map has, of a "gauge" with a zero of its own, or of the "mover"
@@ -49,6 +50,7 @@ class FrameLabels:
     origin: Origin = "measured"
     held_out: Collection[str] = ()
     excitation: Mapping[str, str] = field(default_factory=dict)
+    mover: Mapping[str, Mover] = field(default_factory=dict)
     noise: Noise = field(default_factory=Noise)
     tolerance: Tolerance = field(default_factory=Tolerance)
     static_role: Role = "fit"
@@ -74,7 +76,7 @@ def record_from_frames(
     """
     labels = labels or FrameLabels()
     runs = runs or {}
-    for name in (*labels.held_out, *labels.excitation):
+    for name in (*labels.held_out, *labels.excitation, *labels.mover):
         if name not in runs:
             raise RecordError(f"no run '{name}' among the frames; there are {', '.join(runs) or 'none'}")
     made = tuple(_run(name, frame, actuator, labels) for name, frame in runs.items())
@@ -116,6 +118,7 @@ def _run(name: str, frame: "pd.DataFrame", actuator: Actuator, labels: FrameLabe
         columns=columns,
         extra={column: values for column, values in given.items() if column not in known},
         valid={column: flags for column, flags in valid.items() if column in known},
+        mover=labels.mover.get(name, "free"),
     )
 
 

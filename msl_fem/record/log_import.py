@@ -21,7 +21,7 @@ from msl_fem.record.log_noise import estimated_noise
 from msl_fem.record.log_signals import read_log, signal
 from msl_fem.record.reader import check_columns, check_run, known_columns, load_record
 from msl_fem.record.record import Record, Run
-from msl_fem.record.rig_file import RIG_FILE, Noise, Role, Sampling
+from msl_fem.record.rig_file import RIG_FILE, Mover, Noise, Role, Sampling
 from msl_fem.record.writer import run_entry, write_record
 
 if TYPE_CHECKING:
@@ -36,13 +36,15 @@ NOISE_REMARK = "estimated from run {run}; take the data sheet's where there is o
 
 @dataclass(frozen=True)
 class RunLabel:
-    """What the log does not say of itself: name, excitation and role of the run, and the part in s that is taken."""
+    """What the log does not say of itself: name, excitation and role of the run, the part in s that is taken, and what
+    became of the mover."""
 
     name: str
     excitation: str = ""
     role: Role = "fit"
     start: float = -np.inf
     end: float = np.inf
+    mover: Mover = "free"
 
 
 @dataclass(frozen=True)
@@ -161,6 +163,7 @@ def _run_of(
         role=label.role,
         columns={name: values[kept] for name, values in columns.items()},
         file_format="nc" if kept.sum() >= LONG else "csv",
+        mover=label.mover,
     )
     by_quantity: dict[Quantity, float] = {}
     for name, sigma in noise.items():

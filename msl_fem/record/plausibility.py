@@ -80,9 +80,10 @@ def doubtful_channels(run: Run, actuator: Actuator, *, file: Path | str) -> list
     measured = {name: v for name, v in run.columns.items() if CHANNELS[name].quantity in MEASURED}
     if run.time.size < 2:
         return []
-    sensors = {name: v for name, v in measured.items() if CHANNELS[name].quantity in ("position", "flux_linkage")}
+    live = ("position", "flux_linkage") if run.mover != "locked" else ("flux_linkage",)
+    sensors = {name: v for name, v in measured.items() if CHANNELS[name].quantity in live}
     doubts = [*affine_copies(measured), *looked_up(measured), *coarse(sensors)]
-    doubts += too_slow({name: v for name, v in measured.items() if name == "position_m"})
+    doubts += too_slow({name: v for name, v in sensors.items() if name == "position_m"})
     doubts += _differentiated(run)
     for side in (1, 2):
         doubts += _coil_doubts(run, actuator, side)

@@ -30,7 +30,7 @@ from msl_fem.record.plausibility import (
     refuse_impossible,
 )
 from msl_fem.record.record import Record, Run, StaticMap
-from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RunEntry, Sampling, read_rig, rig_actuator
+from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RigFile, RunEntry, Sampling, read_rig, rig_actuator
 from msl_fem.record.static_file import read_static
 from msl_fem.record.validity import VALID, mask_of, masked, valid_stretches
 
@@ -66,9 +66,10 @@ def load_record(folder: str | Path) -> Record:
         runs=runs,
         static=static,
         causes=rig.causes(folder),
+        scheduling=rig.scheduling,
         warnings=(
             *(told for one in read for told in one.told),
-            *_warnings(runs, static, actuator, measured=rig.origin == "measured"),
+            *_warnings(runs, static, actuator, measured=rig.origin == "measured", named=_named(rig)),
         ),
         folder=folder,
     )
@@ -94,7 +95,7 @@ def _read_runs(entry: RunEntry, actuator: Actuator, folder: Path, *, supply: flo
     path = folder / entry.file
     if not path.resolve().is_relative_to(folder.resolve()):
         raise RecordError(f"{path}: the file lies outside the record's folder; copy it there")
-    table = read_columns(path)
+    table = _with_levels(read_columns(path), entry, file=path)
     name = entry.file.removesuffix(path.suffix)
     stretches = valid_stretches(table, file=path)
     if stretches is None:
@@ -112,6 +113,21 @@ def _read_runs(entry: RunEntry, actuator: Actuator, folder: Path, *, supply: flo
         rows = {column: values[part] for column, values in table.items()}
         runs.append(_run_of(rows, own, entry, actuator, file=at, supply=supply))
     return _Read(name, tuple(runs), tuple(where), (_cut(path, table, stretches, long, names),))
+
+
+def _with_levels(table: dict[str, Column], entry: RunEntry, *, file: Path) -> dict[str, Column]:
+    """The columns with those that the run's entry states by their one value."""
+    count = len(next(iter(table.values()), ()))
+    for name, value in entry.levels.items():
+        if name in table:
+            raise RecordError(f"{file}: row 1: column {name} is there, and rig.toml states levels.{name}; remove one")
+        table = table | {name: np.full(count, value)}
+    return table
+
+
+def _named(rig: RigFile) -> set[str]:
+    """Columns that are no part of the format by themselves, and that rig.toml says how to take."""
+    return {one.column for one in rig.scheduling}
 
 
 def _cut(path: Path, table: Mapping[str, Column], stretches: list[slice], long: list[slice], names: list[str]) -> str:
@@ -142,6 +158,7 @@ def _run_of(
         extra={column: values for column, values in given.items() if column not in known},
         file_format="nc" if entry.file.endswith(".nc") else "csv",
         valid={column: flags for column, flags in valid.items() if column in known},
+        mover=entry.mover,
     )
 
 
@@ -160,7 +177,7 @@ def _of_parts(controller: Mapping[str, Any] | None, read: Sequence[_Read]) -> Ma
 
 
 def _warnings(
-    runs: tuple[Run, ...], static: StaticMap | None, actuator: Actuator, *, measured: bool
+    runs: tuple[Run, ...], static: StaticMap | None, actuator: Actuator, *, measured: bool, named: Collection[str]
 ) -> tuple[str, ...]:
     """What is odd about the data without being refused."""
     warnings: list[str] = []
@@ -171,9 +188,9 @@ def _warnings(
             warnings += doubtful_channels(run, actuator, file=run.file)
     if measured and static is not None:
         warnings += doubtful_map(static, file=STATIC_FILE)
-    extras = {run.file: run.extra for run in runs}
+    extras = {run.file: [name for name in run.extra if name not in named] for run in runs}
     if static is not None:
-        extras[STATIC_FILE] = static.extra
+        extras[STATIC_FILE] = list(static.extra)
     for file, extra in extras.items():
         if extra:
             warnings.append(f"{file}: column {', '.join(extra)} is not part of the format; kept, not used")
@@ -246,11 +263,28 @@ def _unfit_record(record: Record) -> str:
         return f"run: the actuator '{record.actuator.name}' has no [drive]; state its kind"
     if len(set(names)) < len(names):
         return f"run: the names {', '.join(names)} are not all different; name each run once"
-    complaint = _unfit_law(record)
+    complaint = _unfit_movers(record) or _unfit_law(record)
     if complaint:
         return complaint
     if not record.runs_of("fit") and (record.static is None or not record.static.rows("fit").size):
         return 'run, static: no run or map has the role "fit"; give one of them role = "fit"'
+    return ""
+
+
+def _unfit_movers(record: Record) -> str:
+    """Why runs tell nothing with the mover as they state it, or an empty text."""
+    driven = _drive_kind(record.actuator) == "force"
+    for run in record.runs:
+        if run.mover == "locked" and driven:
+            return f"run: {run.name}: a rig without magnets tells nothing while its mover is locked; leave the run out"
+        if run.mover == "imposed" and not driven:
+            return (
+                f'run: {run.name}: mover = "imposed" is of rigs that a force drives; of a magnet write force and flux '
+                f"linkage over gap and current into {STATIC_FILE}"
+            )
+    movers = {run.mover for run in record.runs}
+    if len(movers) > 1 and "imposed" in movers and record.actuator.motion and record.actuator.motion.stiffness:
+        return "run: a mover on a spring is free in some runs and moved by a machine in others; make a record of each"
     return ""
 
 

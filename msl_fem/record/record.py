@@ -20,12 +20,14 @@ from msl_fem.record.rig_file import (
     DEMAGNETISED,
     BeliefWord,
     GapZero,
+    Mover,
     Noise,
     Origin,
     Role,
     RowOrder,
     Sampling,
     Scale,
+    Scheduling,
     Tolerance,
 )
 
@@ -57,6 +59,7 @@ class Run(Tabular):
     extra : columns of the file that the format does not know; kept, not used
     file_format : "csv" or "nc" (NetCDF)
     valid : column to (n_sample,) whether its readings count, where some do not; there the column holds a straight line
+    mover : "free", "locked" (held where it was), or "imposed": moved by a hand or a machine that measures the force
     """
 
     name: str
@@ -66,6 +69,7 @@ class Run(Tabular):
     extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     file_format: Literal["csv", "nc"] = "csv"
     valid: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    mover: Mover = "free"
 
     def __post_init__(self) -> None:
         frozen = {name: read_only(values) for name, values in self.columns.items()}
@@ -91,7 +95,7 @@ class Run(Tabular):
             "role": self.role,
             "excitation": self.excitation,
             "columns": ", ".join(self.columns),
-        }
+        } | ({} if self.mover == "free" else {"mover": self.mover})
 
     def frame_columns(self) -> dict[str, NDArray[Any]]:
         """time_s, the other columns, which of their readings are valid, and what the format does not know."""
@@ -235,6 +239,7 @@ class Record(Shown):
     causes : that the user states in [[effects.expression]] of rig.toml
     belief : what the model is believed to have beside the plain one, where rig.toml states it: "as-designed" (all that
         the drawing tells) or "plain"
+    scheduling : columns beside the drive that change parameters of the rig
     warnings : what is odd about the data without being refused
     folder : where it was read from
     """
@@ -250,6 +255,7 @@ class Record(Shown):
     warnings: tuple[str, ...] = ()
     causes: tuple[LawExpression, ...] = ()
     belief: BeliefWord | None = None
+    scheduling: tuple[Scheduling, ...] = ()
     folder: Path | None = None
 
     def facts(self) -> dict[str, str]:
@@ -279,6 +285,27 @@ class Record(Shown):
             if run.name == name:
                 return run
         raise RecordError(f"no run '{name}' in the record; it has {', '.join(r.name for r in self.runs)}")
+
+    @property
+    def free(self) -> "Record":
+        """The record with those runs alone in which nothing but the drive moves the mover.
+
+        Raises
+        ------
+        RecordError : there are runs, and none of them is such a one; parameters go with a second input
+        """
+        runs = tuple(run for run in self.runs if run.mover == "free")
+        if self.runs and not runs:
+            raise RecordError(
+                f"the mover is {self.runs[0].mover} in all runs of {self.actuator.name}, and a free one is followed "
+                "here; 'msl-fem diagnose' takes them"
+            )
+        if self.scheduling:
+            raise RecordError(
+                f"parameters of {self.actuator.name} go with {self.scheduling[0].column}, which only "
+                "'msl-fem diagnose' takes; make a record of the runs at one value of it"
+            )
+        return replace(self, runs=runs)
 
     def law_of(self, run: str) -> StatedLaw | None:
         """The linear law that drove a run, as `[[controller.linear]]` states it; None where none is stated."""

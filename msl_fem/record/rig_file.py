@@ -13,6 +13,7 @@ from msl_fem.errors import InputError, RecordError
 from msl_fem.files.schema import FrozenModel, In, bare_number, first_complaint, read_toml
 
 Role = Literal["fit", "held-out"]
+Mover = Literal["free", "locked", "imposed"]
 Origin = Literal["measured", "simulated"]
 BeliefWord = Literal["as-designed", "plain"]
 GapZero = Literal["gauge", "mover"]
@@ -90,11 +91,14 @@ class Tolerance(FrozenModel):
 
 
 class RunEntry(FrozenModel):
-    """A `[[run]]` of rig.toml."""
+    """A `[[run]]` of rig.toml; `mover` says whether it was free to move, held where it was, or moved by a hand or a
+    machine whose force is measured; `levels` are columns that have one value throughout, by name."""
 
     file: Annotated[str, Field(min_length=1)]
     excitation: str = ""
     role: Role
+    mover: Mover = "free"
+    levels: dict[str, float] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _stays_in_the_folder(self) -> "RunEntry":
@@ -150,6 +154,27 @@ class DutySupply(FrozenModel):
     voltage: Annotated[float, In("V"), Field(gt=0)]
 
 
+class Scheduling(FrozenModel):
+    """A `[[scheduling]]`: a column of the runs, beside the drive, that changes parameters of the rig.
+
+    `changes` are "damping" and the like, or amounts of effects, "coulomb_friction.force"; `at` the levels of the column
+    between which they go straight (left out: those of the runs); `tolerance` one sigma of the logarithm by which they
+    may differ from their value at the first level.
+    """
+
+    column: Annotated[str, Field(pattern="^[A-Za-z][A-Za-z0-9_]*_[A-Za-z0-9]+$")]
+    changes: Annotated[tuple[str, ...], Field(min_length=1)]
+    at: tuple[float, ...] = ()
+    tolerance: Annotated[float, Field(gt=0)] = 1.0
+
+    @field_validator("at")
+    @classmethod
+    def _ascend(cls, at: tuple[float, ...]) -> tuple[float, ...]:
+        if at and (len(at) < 2 or any(b <= a for a, b in zip(at, at[1:], strict=False))):
+            raise ValueError(f"{list(at)} are no levels; give two or more, in ascending order")
+        return at
+
+
 class StatedEffects(FrozenModel):
     """The `[[effects.expression]]` of rig.toml: causes of the user's own that a diagnosis tries too."""
 
@@ -168,6 +193,7 @@ class RigFile(FrozenModel):
     belief: BeliefWord | None = None
     controller: dict[str, Any] | None = None
     supply: DutySupply | None = None
+    scheduling: tuple[Scheduling, ...] = ()
     run: tuple[RunEntry, ...] = ()
     static: StaticEntry | None = None
     effects: StatedEffects = StatedEffects()
@@ -196,7 +222,10 @@ def read_rig(folder: Path) -> RigFile:
     file = folder / RIG_FILE
     content = read_toml(file, error=RecordError, wanted="a record, which is a folder with a rig.toml")
     overrides = {key: content.pop(key) for key in OVERRIDES if isinstance(content.get(key), dict)}
-    dimensional = {key: value for key, value in content.items() if key not in ("controller", "tolerance")}
+    dimensional = {k: v for k, v in content.items() if k not in ("controller", "tolerance", "scheduling")}
+    if isinstance(content.get("run"), list):  # levels have their units in their names
+        entries = [entry for entry in content["run"] if isinstance(entry, dict)]
+        dimensional["run"] = [{k: v for k, v in entry.items() if k != "levels"} for entry in entries]
     dimensional |= overrides
     dimensional["controller"] = _timing(content.get("controller"))
     complaint = bare_number(dimensional, PURE_NUMBERS)

@@ -148,6 +148,8 @@ def _rig_text(record: Record, folder: Path) -> str:
         content["belief"] = record.belief
     if record.controller is not None:
         content["controller"] = dict(record.controller)
+    if record.scheduling:
+        content["scheduling"] = [document(one) for one in record.scheduling]
     if record.runs:
         content["run"] = [run_entry(run) for run in record.runs]
     if record.static is not None:
@@ -172,7 +174,8 @@ def _static_entry(static: StaticMap) -> dict[str, str]:
 
 def run_entry(run: Run) -> dict[str, str]:
     """A run's `[[run]]` of rig.toml."""
-    return {"file": run.file, "excitation": run.excitation, "role": run.role}
+    entry = {"file": run.file, "excitation": run.excitation, "role": run.role}
+    return entry if run.mover == "free" else entry | {"mover": run.mover}
 
 
 def _write_files(record: Record, folder: Path) -> None:

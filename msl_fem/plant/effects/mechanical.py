@@ -59,7 +59,7 @@ def _friction(e: Array, v: Values, setting: KernelSetting) -> None:
 
 def _friction_force(v: Values, plant: PlantParameters, motion: MoverMotion) -> Array | float:
     friction = v["coulomb_friction", "force"]
-    if not friction:
+    if not np.any(friction):
         return 0.0
     slowness = 1 + (motion.velocity / v["coulomb_friction", "stribeck_velocity"]) ** 2
     width = v["coulomb_friction", "presliding"] / N_STOP
