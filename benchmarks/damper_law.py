@@ -35,6 +35,20 @@ def fitted_law(runs: list[tuple[Array, Array]], period: float) -> DahlLaw:
     return min(laws, key=lambda law: law.error)
 
 
+def error_of(
+    runs: list[tuple[Array, Array]], period: float, *, viscous: float, friction: float, travel: float
+) -> float:
+    """RMS error over the force's standard deviation of the law with these values, the best offset for each run."""
+    left, forces = [], []
+    for position, force in runs:
+        kept = slice(round(BEGIN / period), force.size - round(EDGE / period))
+        smooth = sosfiltfilt(butter(4, CUTOFF, fs=1 / period, output="sos"), position)
+        missed = (force - viscous * np.gradient(smooth, period) - friction * bristle(smooth, travel))[kept]
+        left.append(missed - missed.mean())
+        forces.append(force[kept])
+    return float(np.sqrt(np.mean(np.concatenate(left) ** 2)) / np.std(np.concatenate(forces)))
+
+
 def _with_travel(runs: list[tuple[Array, Array]], period: float, travel: float) -> DahlLaw:
     rows, forces = [], []
     for position, force in runs:

@@ -243,3 +243,24 @@ def test_a_cut_first_row_of_a_log_without_names_is_not_skipped(tmp_path) -> None
     log.write_text("\n".join(["0.000,3", *rows[1:]]) + "\n")
     with pytest.raises(RecordError, match="row 1: 2 cells, 3 in the rows below"):
         read_log(log)
+
+
+NO_LOG = {"empty": b"", "zeros": bytes(20_000), "prose": b"this is no log\n" * 9}
+
+
+@pytest.mark.parametrize("form", FORMS, ids=[form.name for form in FORMS])
+def test_what_is_no_log_of_its_form_is_refused_in_one_line(form: RawLog, tmp_path) -> None:
+    """Nothing, zeros, prose, and a column that is not there, in each of the forms."""
+    if form.package:
+        pytest.importorskip(form.package)
+    good, bad = tmp_path / f"good{form.ending}", tmp_path / f"bad{form.ending}"
+    form.write(good)
+    missing = form.columns.replace("position_m=", "position_m=none_")
+    cases = [(content, form.columns) for content in NO_LOG.values()] + [(good.read_bytes(), missing)]
+    for content, columns in cases:
+        bad.write_bytes(content)
+        timing = LogTiming(form.rate, form.resampled)
+        with pytest.raises(RecordError) as refusal:
+            imported_run(bad, column_sources(columns), ACTUATOR, label=RunLabel("log"), timing=timing)
+        assert "\n" not in str(refusal.value)
+        assert "bad" in str(refusal.value)
