@@ -63,7 +63,7 @@ from msl_fem.diagnosis.result import (
     with_formula,
 )
 from msl_fem.diagnosis.runs import dynamic_runs
-from msl_fem.diagnosis.scheduled import scheduled_estimates, told
+from msl_fem.diagnosis.scheduled import about_schedules, scheduled_estimates
 from msl_fem.diagnosis.search import SearchStage, search_stage, statistics_of
 from msl_fem.diagnosis.statements import restated
 from msl_fem.diagnosis.static_maps import map_alone, why_no_map
@@ -291,7 +291,7 @@ def conclude(kind: Kind, result: EffectSearch, how: DiagnosisSettings) -> Diagno
         main,
         hidden_at_most(result.stages[0].scores),
         statistics=statistics_of(result.stages),
-        notes=(*kind.notes, *notes, *told(schedules, scheduling)),
+        notes=(*kind.notes, *notes, *about_schedules(schedules, scheduling)),
         scheduling=scheduling,
         left_out=kind.left_out,
         evidence=Evidence(

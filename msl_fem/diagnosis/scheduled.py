@@ -89,7 +89,7 @@ def _logarithms(belief: ModelHypothesis, found: Fit, schedule: Schedule, rows: A
         return np.log(np.array(made))
 
 
-def told(schedules: Sequence[Schedule], estimates: Sequence[ScheduledEstimate]) -> list[str]:
+def about_schedules(schedules: Sequence[Schedule], estimates: Sequence[ScheduledEstimate]) -> list[str]:
     """What a second input does, in sentences."""
     if not schedules:
         return []
