@@ -3,6 +3,7 @@
     python benchmarks/team_20.py 1000 3000 4500 5000
     python benchmarks/team_20.py --sensitivity      # at 1000 ampere-turns
     python benchmarks/team_20.py --flux 1000 3000 4500 5000
+    python benchmarks/team_20.py --grids            # at 1000 ampere-turns
 
 A steel pole in a coil over the bottom of a steel frame (Takahashi, Nakata and Morishige, Summary of results for
 problem 20, COMPEL 14 (1995) 57; compumag.org, problem 20). Dimensions, B-H curve and forces are those of the problem,
@@ -121,6 +122,16 @@ def flux_table(turns: Sequence[int]) -> None:
         print(f"| {at} | {' | '.join(cells)} |", flush=True)
 
 
+def grids() -> None:
+    """Force in N by three shells and coenergy in mJ at 1000 ampere-turns, as the grid becomes finer."""
+    shells = (13.5, 25, 126, 6), (13.0, 25.75, 126, 6), (13.5, 25, 125.5, 6)
+    for refinement in (0.7, 1.0, 1.4, 2.0):
+        solution = solve_potential(problem_20().problem(refinement), 1000, tolerance=1e-8)
+        forces = ", ".join(f"{-force_in_shell(solution, box):.3f}" for box in shells)
+        nodes = solution.problem.grid.n_nodes
+        print(f"{nodes} unknowns: {forces} N, {4e3 * solution.coenergy:.2f} mJ", flush=True)
+
+
 def sensitivity() -> None:
     """By how much the force at 1000 ampere-turns changes with what the problem states."""
     base, _, _ = attraction(problem_20(), 1000, 0.7)
@@ -137,6 +148,9 @@ if __name__ == "__main__":
     if "--sensitivity" in sys.argv:
         sensitivity()
         ideal_steel()
+        sys.exit()
+    if "--grids" in sys.argv:
+        grids()
         sys.exit()
     if "--flux" in sys.argv:
         flux_table([int(word) for word in sys.argv[1:] if word != "--flux"])

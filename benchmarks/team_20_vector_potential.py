@@ -53,9 +53,9 @@ def meshed(model, size):
     boxes = [occ_box(air, 25 * size), *(occ_box(box, 4 * size) for box in steel), occ_box(coil, 5 * size)]
     whole = Glue([*boxes, occ_box(side, 3 * size), *(occ_box(box, 0.7 * size) for box in ends)])
     for solid in whole.solids:
-        c = solid.center
-        inside = (all(a < v < b for v, (a, b) in zip((c.x, c.y, c.z), box, strict=True)) for box in steel)
-        solid.name = "steel" if any(inside) else "air"
+        low, high = ((p.x, p.y, p.z) for p in solid.bounding_box)
+        corners = list(zip(low, high, strict=True))
+        solid.name = "steel" if any(within(corners, box) for box in steel) else "air"
     for edge in whole.edges:
         c = edge.center
         if c.x < 13.6 and c.z < 6 and (24.9 < c.y < 26.6 or 124.9 < c.y < 126):
@@ -65,6 +65,11 @@ def meshed(model, size):
         on_side = (abs(v - side) < 1e-6 for v, sides in zip((c.x, c.y, c.z), air, strict=True) for side in sides)
         face.name = "outer" if any(on_side) else "inner"
     return Mesh(OCCGeometry(whole).GenerateMesh(maxh=25 * size, grading=0.35))
+
+
+def within(inner, outer):
+    """Whether intervals lie in others, to the thickness that bounding boxes are enlarged by."""
+    return all(a > low - 1e-3 and b < high + 1e-3 for (a, b), (low, high) in zip(inner, outer, strict=True))
 
 
 def side_in_mm(sides):
@@ -81,7 +86,7 @@ def steel_energy():
 
 
 def solved(mesh, turns, coil, order=2):
-    """The vector potential in T mm, by Newton's method with halved steps, and its unknowns."""
+    """The vector potential in T mm, by Newton's method with halved steps, its coenergy in J and its unknowns."""
     space = HCurl(mesh, order=order, dirichlet="outer", nograds=True)
     u = space.TrialFunction()
     size = sqrt(InnerProduct(curl(u), curl(u)) + 1e-12)
@@ -97,7 +102,7 @@ def solved(mesh, turns, coil, order=2):
             energy = form.Energy(potential.vec)
             form.Apply(potential.vec, residual)
             form.AssembleLinearization(potential.vec)
-            solver = CGSolver(form.mat, preconditioner.mat, tol=1e-7, maxiter=400)
+            solver = CGSolver(form.mat, preconditioner.mat, tol=1e-6, maxiter=400)
             step.data = solver * residual
             gain, share = abs(InnerProduct(step, residual)), 1.0
             while share > 1e-3:
@@ -108,7 +113,8 @@ def solved(mesh, turns, coil, order=2):
             potential.vec.data = tried
             if gain < DROP * abs(energy):
                 break
-    return potential, space.ndof
+        coenergy = -4e-9 * form.Energy(potential.vec)  # J/m3 mm3
+    return potential, coenergy, space.ndof
 
 
 def between(coordinate, low, high):
@@ -146,11 +152,12 @@ if __name__ == "__main__":
     grid = meshed(model, given.size)
     for turns in given.turns:
         started = time.process_time()
-        answer, unknowns = solved(grid, float(turns), model.coil)
+        answer, coenergy, unknowns = solved(grid, float(turns), model.coil)
         force = -pole_force(grid, answer)
         near = mean_flux_density(grid, answer, ((0, 3), (0, 2)), 25.75)
         pole = mean_flux_density(grid, answer, ((0, 12.5), (0, 5)), 75.0)
         leg = mean_flux_density(grid, answer, ((38.5, 63.5), (0, 12.5)), 75.0)
         off, spent = 100 * (force / MEASURED[turns] - 1), time.process_time() - started
-        print(f"{turns} ampere-turns: {force:.3f} N ({off:+.1f} %), {unknowns} unknowns, {spent:.0f} s", flush=True)
+        print(f"{turns} ampere-turns: {force:.3f} N ({off:+.1f} %), {1e3 * coenergy:.2f} mJ", flush=True)
+        print(f"    {grid.ne} tetrahedra, {unknowns} unknowns, {spent:.0f} s", flush=True)
         print(f"    B in mid-gap {near:.4f} T, in the pole {pole:.4f} T, in the outer leg {leg:.4f} T", flush=True)
