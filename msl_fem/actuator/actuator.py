@@ -4,8 +4,9 @@ import hashlib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer, model_validator
 
+from msl_fem.actuator.current_loop import CurrentLoop
 from msl_fem.actuator.motion import Motion, Sides
 from msl_fem.actuator.tolerances import Tolerances
 from msl_fem.errors import ActuatorError
@@ -18,7 +19,7 @@ from msl_fem.magnetics.kinds import Magnet, MagnetKind, MeshMagnet
 PURE_NUMBERS = frozenset({
     "schema", "turns", "fill_factor", "stacking_factor", "core_stacking_factor", "armature_stacking_factor",
     "count", "magnets_per_side", "delay_samples", "sets", "bh_polarisation", "bh_field_strength",
-    "end_stop_restitution",
+    "end_stop_restitution", "converter_bits", "pulse_steps",
 })  # fmt: skip
 """Keys of an actuator's sections whose numbers have no unit."""
 
@@ -36,6 +37,7 @@ class Drive(FrozenModel):
     bandwidth : first order, -3 dB; ideal without it
     voltage_limit, current_limit : of a side, in size
     coil_resistance : of one magnet's coil at 20 degC; from the winding without it
+    current_loop : of a controller around a voltage drive; its defaults where the section is left out
     """
 
     kind: Literal["current", "voltage", "force"]
@@ -43,6 +45,23 @@ class Drive(FrozenModel):
     voltage_limit: Voltage | None = None
     current_limit: Current | None = None
     coil_resistance: Resistance | None = None
+    current_loop: CurrentLoop | None = None
+
+    @model_serializer(mode="wrap")
+    def _as_stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        content: dict[str, Any] = dump(self)
+        if self.current_loop is None:
+            content.pop("current_loop", None)
+        return content
+
+    @model_validator(mode="after")
+    def _loop_around_a_voltage(self) -> "Drive":
+        if self.current_loop is not None and self.kind != "voltage":
+            raise ValueError(
+                f"current_loop is stated and kind is '{self.kind}'; a current drive has its loop inside, stated by its "
+                'bandwidth: use kind = "voltage", or leave the section out'
+            )
+        return self
 
 
 class PositionSensor(FrozenModel):

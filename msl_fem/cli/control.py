@@ -23,6 +23,8 @@ from msl_fem.cli.options import (
     DesignName,
     DiagnosisFolder,
     Feedforward,
+    GuardedAmbient,
+    GuardedRise,
     Json,
     Known,
     MapFile,
@@ -30,6 +32,7 @@ from msl_fem.cli.options import (
     PeakSensitivity,
     Preview,
     TableFile,
+    ThermalResistance,
 )
 from msl_fem.cli.output import print_closing, print_result, progress_bar, say
 from msl_fem.cli.stated_causes import read_causes
@@ -92,6 +95,9 @@ def command(
     preview: Preview = True,
     bias: Bias = None,
     overlap: Overlap = "0 N",
+    temperature_rise: GuardedRise = None,
+    ambient: GuardedAmbient = None,
+    thermal_resistance: ThermalResistance = None,
     unseen: Annotated[
         int, typer.Option(min=0, metavar="N", help="Plants beside the believed one to judge the loop on; 0: none.")
     ] = 20,
@@ -119,8 +125,10 @@ def command(
     The plant has the causes of --effect beside. With --inject the run holds a position, and 'msl-fem loop' measures it.
     """
     options = DesignOptions(
-        model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap, current_loop
-    )
+        model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap, current_loop, temperature_rise,
+        ambient, thermal_resistance,
+    )  # fmt: skip
+    options.thermal_limit()
     options.choice()  # a wrong unit is told before anything is computed
     if actuator is None and diagnosis is None:
         raise InputError("ACTUATOR is missing; give an actuator file, or --from a diagnosis or a record")

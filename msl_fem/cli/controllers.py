@@ -7,6 +7,7 @@ from pathlib import Path
 from msl_fem.actuator import Actuator
 from msl_fem.cli.controller_maps import Maps
 from msl_fem.cli.currents_commanded import currents_commanded
+from msl_fem.cli.losses import ThermalTexts, thermal_limit
 from msl_fem.cli.options import read_option
 from msl_fem.cli.told import Told, told_from
 from msl_fem.control import (
@@ -20,10 +21,12 @@ from msl_fem.control import (
     design_model_with_effects,
     designed,
 )
+from msl_fem.control.design import with_thermal_limit
 from msl_fem.errors import InputError
 from msl_fem.files.schema import reason, small_text
 from msl_fem.identification import ArmaxModel, KnownMass, model_from_json, physical_parameters
 from msl_fem.identification.data import rational_term
+from msl_fem.losses.thermal_limit import ThermalLimit
 from msl_fem.plant.believed import PLAIN_BELIEF, Belief
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model
 from msl_fem.table.magnetic_table import MagneticTable
@@ -42,6 +45,9 @@ class DesignOptions:
     bias: str | None = None
     overlap: str = "0 N"
     current_loop: str | None = None
+    temperature_rise: str | None = None
+    ambient: str | None = None
+    thermal_resistance: str | None = None
 
     @property
     def stated(self) -> list[str]:
@@ -61,6 +67,16 @@ class DesignOptions:
             bias=None if self.bias is None else read_option("--bias", self.bias, "A"),
             preview=self.preview,
         )
+
+    def thermal_limit(self) -> ThermalLimit | None:
+        """What the windings are allowed; None where nothing is stated. InputError for a wrong unit."""
+        texts = ThermalTexts()
+        texts = ThermalTexts(
+            rise=self.temperature_rise or texts.rise,
+            ambient=self.ambient or texts.ambient,
+            resistance=self.thermal_resistance,
+        )
+        return None if texts == ThermalTexts() else thermal_limit(texts)
 
     def told(self, folder: Path | None, table: Path | None) -> Told | None:
         """What `--from` tells, a record by its diagnosis with the table given; InputError beside `--model`."""
@@ -87,7 +103,8 @@ def design_of(
         model = design_model_as_believed(actuator, table, maps.one_side, belief.effects, maps.pair)
     else:
         model = _design_model(actuator, known, table, maps)
-    return designed(model, options.choice())
+    made, limit = designed(model, options.choice()), options.thermal_limit()
+    return made if limit is None else with_thermal_limit(made, limit)
 
 
 def known_model(file: Path) -> ExtendedModel | ArmaxModel:

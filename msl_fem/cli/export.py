@@ -20,6 +20,8 @@ from msl_fem.cli.options import (
     DesignName,
     DiagnosisFolder,
     Feedforward,
+    GuardedAmbient,
+    GuardedRise,
     Json,
     Known,
     MapFile,
@@ -27,6 +29,7 @@ from msl_fem.cli.options import (
     PeakSensitivity,
     Preview,
     TableFile,
+    ThermalResistance,
 )
 from msl_fem.cli.output import print_result, say
 from msl_fem.cli.sweeping import table_for, table_of_model
@@ -83,6 +86,9 @@ def command(
     bias: Bias = None,
     overlap: Overlap = "0 N",
     current_loop: CurrentLoop = None,
+    temperature_rise: GuardedRise = None,
+    ambient: GuardedAmbient = None,
+    thermal_resistance: ThermalResistance = None,
     belief: BeliefName = None,
     name: Annotated[str | None, typer.Option(help="Beginning of C names; without, the actuator's name.")] = None,
     json: Json = False,
@@ -95,8 +101,10 @@ def command(
     (fmu: FMI 2.0, fmu3: FMI 3.0); the section of a magnet as DXF or as a problem of FEMM.
     """
     options = DesignOptions(
-        model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap, current_loop
-    )
+        model, design, bandwidth, peak_sensitivity, feedforward, preview, bias, overlap, current_loop, temperature_rise,
+        ambient, thermal_resistance,
+    )  # fmt: skip
+    options.thermal_limit()
     options.choice()
     kind = _kind(source)
     wanted = find_format(to, what, kind)

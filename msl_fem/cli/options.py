@@ -54,10 +54,14 @@ Preview = Annotated[
     bool, typer.Option("--preview/--no-preview", help="The reference is known ahead, or carried on from now.")
 ]
 Bias = Annotated[str | None, typer.Option("--bias", help="Of the biased design, a side.")]
+GuardedRise = Annotated[
+    str | None, typer.Option("--temperature-rise", help='Of the windings over ambient, that the guard allows; "80 K".')
+]
+GuardedAmbient = Annotated[str | None, typer.Option("--ambient", help='That the guard believes, like "20 degC".')]
 Overlap = Annotated[str, typer.Option("--overlap", help="Force with which both sides pull at zero force.")]
 CurrentLoop = Annotated[
     str | None,
-    typer.Option(help="Bandwidth of the current loop about a voltage drive; without, a tenth of the loop's rate."),
+    typer.Option(help="Bandwidth of the current loop around a voltage drive; without, the most that there is."),
 ]
 BeliefName = Annotated[
     str | None,

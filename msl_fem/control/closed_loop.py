@@ -1,6 +1,6 @@
 """The loop: controller at its rate around the coupled model, compiled as one; its run as a record."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -14,15 +14,21 @@ from msl_fem.control.controller import (
     INNOVATION,
     N_DISCOURAGED,
     N_FORCE_LIMITED,
+    N_HEAT_LIMITED,
     N_PREFERRED,
     N_VIOLATION,
+    RISE_1,
+    RISE_2,
     V_HAT,
     ControllerParameters,
     controller_state,
     controller_step,
 )
+from msl_fem.control.current_step import N_LIMITED
 from msl_fem.control.design import ControllerDesign
+from msl_fem.control.driven_plant import driven_plant
 from msl_fem.control.inverse import force_limits
+from msl_fem.control.power_stage import CurrentLoopInPlant, advance_on_current_loop
 from msl_fem.control.stepper import reference_rows
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
@@ -39,13 +45,12 @@ from msl_fem.plant.layout import (
     OUTSIDE_RANGE,
     X,
 )
-from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
-from msl_fem.plant.sampled_plant import SampledPlant, advance_sample, plant_at_rest, read_instruments, sampled_plant
+from msl_fem.plant.plant import PlantParameters
+from msl_fem.plant.sampled_plant import SampledPlant, advance_sample, plant_at_rest, read_instruments
 from msl_fem.table.magnetic_table import MagneticTable
 
 _N_OUT = 16
 _REGIONS = (("preferred", N_PREFERRED), ("discouraged", N_DISCOURAGED), ("unacceptable", N_VIOLATION))
-STEP_OF_FASTEST = 0.42  # of the plant's fastest time constant: within 20 nm of steps a tenth as long, in motion
 _NO_CURRENT = 1e-18  # A
 
 # Columns of the compiled loop's output
@@ -88,9 +93,12 @@ class ClosedLoopRun(Tabular):
     force, velocity_hat, disturbance_hat, innovation : (n_sample,) N, m/s, N, m of the controller
     region_counts : number of commands by the guard's region of what was wanted; `unacceptable` ones were cut
     force_limited : number of commands cut for the drive's or the table's current
+    heat_limited : number of commands cut as the windings would get too warm
+    winding_rise : K over ambient, of the warmer side's windings at the end, as the controller believes
     tracking_rms : m, of position - reference over the run
     peak_current : A, the largest of a side
     copper_loss : W, mean of R i^2 of all sides
+    voltage_limited : number of voltages that the current loop cut at the limit; None without a current loop
     """
 
     time: Array
@@ -108,9 +116,12 @@ class ClosedLoopRun(Tabular):
     innovation: Array
     region_counts: dict[str, int]
     force_limited: int
+    heat_limited: int
+    winding_rise: float
     tracking_rms: float
     peak_current: float
     copper_loss: float
+    voltage_limited: int | None = None
 
     def facts(self) -> dict[str, str]:
         """How well it followed, with which currents, and what the guard had to do."""
@@ -149,13 +160,16 @@ class ClosedLoopRun(Tabular):
 
     def to_json(self) -> dict[str, Any]:
         """The JSON object of the run's figures."""
-        return {
+        cut = {} if self.voltage_limited is None else {"voltage_limited": self.voltage_limited}
+        return cut | {
             "tracking_rms_m": self.tracking_rms,
             "peak_current_A": self.peak_current,
             "copper_loss_W": self.copper_loss,
             "guard_violations": self.guard_violations,
             "guard_regions": dict(self.region_counts),
             "force_limited": self.force_limited,
+            "heat_limited": self.heat_limited,
+            "winding_rise_K": self.winding_rise,
         }
 
 
@@ -197,11 +211,8 @@ def run_closed_loop(
     """
     samples = checked_reference(design, reference)
     n, period = samples.shape[0], design.law.plant.period
-    true = sampled_plant(
-        plant.actuator, plant.table, rate=1 / period, effects=plant.effects, largest_step=STEP_OF_FASTEST
-    )
-    if true.parameters.drive != CURRENT_DRIVE:
-        raise InputError(f'{plant.actuator.name}: the controller commands currents; use drive.kind = "current"')
+    of_plant = plant.actuator, plant.table, plant.effects
+    true, inner = driven_plant(of_plant, design.current_loop, (n, 1 / period), generator=generator)
     inputs = _Inputs(
         reference=reference_rows(design, samples, period=period),
         noise=reading_noise(plant.actuator, n, generator=generator),
@@ -211,10 +222,11 @@ def run_closed_loop(
     state, history = plant_at_rest(true)
     memory = controller_state(design.parameters)
     out = np.zeros((n, _N_OUT))
-    status, done = loop(true, (state, history), design.parameters, memory, inputs, out)
+    status, done = loop(true, (state, history), design.parameters, memory, inputs, out, inner)
     if status != OK:
         raise ComputationError(_why(status, done * period, state, plant))
-    return _result(reference, true.parameters, memory, out)
+    found = _result(reference, true.parameters, memory, out)
+    return found if inner is None else replace(found, voltage_limited=int(inner.state[N_LIMITED]))
 
 
 def _of_samples(name: str, values: Array | None, n: int) -> Array:
@@ -233,6 +245,7 @@ def loop(
     memory: Array,
     inputs: _Inputs,
     out: Array,
+    inner: CurrentLoopInPlant | None,
 ) -> tuple[int, int]:
     """(status, samples done); a row of `out` a sample. Plant (state, history) and controller are moved on."""
     state, history = plant_memory
@@ -258,7 +271,12 @@ def loop(
         row[_INNOVATION] = memory[INNOVATION]
         row[_FORCE] = memory[FORCE]
         row[_READ_1], row[_READ_2] = readings[1], readings[2]
-        status = advance_sample(plant, state, waiting[0], inputs.disturbance[k], voltage)
+        if inner is None:
+            status = advance_sample(plant, state, waiting[0], inputs.disturbance[k], voltage)
+        else:
+            status = advance_on_current_loop(
+                plant, state, inner, k, waiting[0], row[_MEASURED], inputs.disturbance[k], voltage
+            )
         row[_VOLTAGE_1], row[_VOLTAGE_2] = voltage[0], voltage[1]
         if plant.effects is None:
             for j in range(I1, I2 + 1):  # an idle side's current decays for ever; below 1e-300 it is slow to compute
@@ -351,6 +369,8 @@ def _result(reference: ReferenceArrays, plant: PlantParameters, memory: Array, o
         innovation=out[:, _INNOVATION].copy(),
         region_counts={name: int(memory[n]) for name, n in _REGIONS},
         force_limited=int(memory[N_FORCE_LIMITED]),
+        heat_limited=int(memory[N_HEAT_LIMITED]),
+        winding_rise=float(max(memory[RISE_1], memory[RISE_2])),
         tracking_rms=float(np.sqrt(np.mean((position - target) ** 2))),
         peak_current=float(np.abs(current).max()),
         copper_loss=float(plant.resistance * np.mean(np.sum(current**2, axis=1))),

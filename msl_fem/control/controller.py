@@ -19,16 +19,20 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
+from msl_fem.control.heat import N_NODE, ThermalArrays, bearable_now, warm
 from msl_fem.control.inverse import Inverse
 from msl_fem.control.output_stage import OutputStage, commanded_currents
 
 # The state: the filter's prediction for the coming sample (m, m/s, N) and its last estimate, the integral (N), the last
 # innovation (m) and force (N); then counts of commands by the verdict of the output stage:
 # what the guard says of what was wanted, and commands that were cut for the drive or the table; whether a first sample
-# was taken; the memory of the second-order section; the magnets' stiffness that the gains follow (N/m).
+# was taken; the memory of the second-order section; the magnets' stiffness that the gains follow (N/m); how much warmer
+# than the ambient winding and core of a magnet of each side are (K).
 X_PREDICTED, V_PREDICTED, D_PREDICTED, V_HAT, D_HAT, INTEGRAL, INNOVATION, FORCE = range(8)
-N_PREFERRED, N_DISCOURAGED, N_FORCE_LIMITED, N_VIOLATION, STARTED, SHAPE_1, SHAPE_2, STIFFNESS = range(8, 16)
-N_FIXED = 16
+N_PREFERRED, N_DISCOURAGED, N_FORCE_LIMITED, N_HEAT_LIMITED, N_VIOLATION = range(8, 13)
+STARTED, SHAPE_1, SHAPE_2, STIFFNESS, RISE_1 = range(13, 18)
+RISE_2 = RISE_1 + N_NODE
+N_FIXED = RISE_2 + N_NODE
 # After these: the known states of the believed plant (n - 2), the followed model (n), the feedforward's queue (delay).
 
 NO_SHAPE = (1.0, 0.0, 0.0, 0.0, 0.0)
@@ -63,6 +67,7 @@ class ControllerParameters(NamedTuple):
     schedule: Array  # (n_node, n + 3) factors of gain, integral_gain and filter_gain
     schedule_share: float  # of a sample's stiffness in that which the gains follow
     nominal_gap: float  # m
+    thermal: ThermalArrays  # of a magnet
 
 
 def controller_state(parameters: ControllerParameters) -> Array:
@@ -109,8 +114,13 @@ def controller_step(
     coming = _position_to_come(p, state, y, force, known)
     apart = p.cubic * coming * coming * coming - p.constant_force  # forces that the linear plant has not
     positions = (y, coming)
-    of_magnets, verdict = commanded_currents(p.stage, p.inverse, force + apart if seen else np.nan, positions, command)
+    rises_1, rises_2 = state[RISE_1:RISE_2], state[RISE_2:N_FIXED]
+    borne = bearable_now(p.thermal, rises_1), bearable_now(p.thermal, rises_2)
+    total = force + apart if seen else np.nan
+    of_magnets, verdict = commanded_currents(p.stage, p.inverse, total, positions, borne, command)
     state[N_PREFERRED + verdict] += 1.0
+    warm(p.thermal, rises_1, command[0] * p.inverse.current_share)
+    warm(p.thermal, rises_2, command[1] * p.inverse.current_share)
     given = of_magnets - apart
     state[FORCE] = given
     # Anti-windup: the integral stands while the force is cut and the error would push it further.

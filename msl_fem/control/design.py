@@ -9,15 +9,18 @@ import numpy as np
 
 from msl_fem.actuator import Actuator
 from msl_fem.control.controller import ControllerParameters, pull_stiffness
+from msl_fem.control.current_loop import CurrentLoopDesign
 from msl_fem.control.design_model import AtPosition, DesignModel, LinearPlant, reach_of
 from msl_fem.control.gain_schedule import BANDWIDTH, GainSchedule, fixed_gains
 from msl_fem.control.gap_to_come import position_after
+from msl_fem.control.heat import UNGUARDED, ThermalGuard, thermal_guard
 from msl_fem.control.linear_loop import LinearLaw, feedback_bandwidth, flat_band, grid, sensitivity_bound
 from msl_fem.control.linear_loop import bandwidth as _bandwidth
 from msl_fem.control.lqg import LqrWeights
 from msl_fem.control.output_stage import HARD_HAND_OVER, OutputStage
 from msl_fem.errors import InputError
 from msl_fem.files.numbers import json_value
+from msl_fem.losses.thermal_limit import ThermalLimit
 
 ZONE_ENDS = (3.0, 4.0, 5.0)
 """Peak sensitivity up to which a loop is in zone A, B, C of ISO 14839-3 (2006)."""
@@ -79,6 +82,8 @@ class ControllerDesign:
     suspension : N/m, believed
     domain : the JSON object of where the input transformation has an inverse
     schedule : how the law's gains follow the magnets' stiffness
+    current_loop : around a voltage drive
+    thermal : that the guard knows of the windings' heat; None: nothing
     """
 
     kind: str
@@ -96,6 +101,8 @@ class ControllerDesign:
     suspension: float
     domain: Mapping[str, Any]
     schedule: GainSchedule
+    current_loop: CurrentLoopDesign | None = None
+    thermal: ThermalGuard | None = None
 
     def law_at(self, position: float, push: float = 0.0) -> LinearLaw:
         """The law as its gains are where the mover is held at a position in m against a push in N along +x."""
@@ -129,7 +136,9 @@ class ControllerDesign:
 
     def to_json(self) -> dict[str, Any]:
         """The JSON object: what was got and the reach."""
-        return {
+        inner = {} if self.current_loop is None else {"current_loop": self.current_loop.to_json()}
+        inner |= {} if self.thermal is None else {"thermal_guard": self.thermal.to_json()}
+        return inner | {
             "bandwidth_Hz": json_value(self.bandwidth),
             "feedback_bandwidth_Hz": json_value(self.feedback_bandwidth),
             "flat_band_Hz": self.flat_band,
@@ -280,6 +289,7 @@ def completed(model: DesignModel, linear: LinearDesign) -> ControllerDesign:
     response = law.reference_response(f)
     positions = np.linspace(*reach, _N_FROZEN)
     schedule = linear.schedule or fixed_gains(law)
+    thermal = thermal_guard(model.actuator, law.plant.period)
 
     def frozen(x: float) -> FrozenPosition:
         stiffness = pull_stiffness(model.holding_force(x), x, model.coupled.nominal_gap)
@@ -291,7 +301,7 @@ def completed(model: DesignModel, linear: LinearDesign) -> ControllerDesign:
         actuator=model.actuator,
         law=law,
         weights=linear.weights,
-        parameters=_parameters(model, law, linear.stage, schedule),
+        parameters=_parameters(model, law, linear.stage, schedule, thermal),
         feedback_bandwidth=feedback_bandwidth(law),
         bandwidth=_bandwidth(response, f),
         flat_band=flat_band(response, f),
@@ -301,7 +311,16 @@ def completed(model: DesignModel, linear: LinearDesign) -> ControllerDesign:
         suspension=model.plant.stiffness,
         domain=model.domain(),
         schedule=schedule,
+        current_loop=model.current_loop,
+        thermal=thermal,
     )
+
+
+def with_thermal_limit(design: ControllerDesign, limit: ThermalLimit) -> ControllerDesign:
+    """The same controller, its windings guarded by a limit; InputError where their heat is not known."""
+    thermal = thermal_guard(design.actuator, design.law.plant.period, limit)
+    assert thermal is not None
+    return replace(design, thermal=thermal, parameters=design.parameters._replace(thermal=thermal.arrays))
 
 
 def with_measured_gap(design: ControllerDesign) -> ControllerDesign:
@@ -329,7 +348,9 @@ def _frozen(law: LinearLaw, position: float, at: AtPosition) -> FrozenPosition:
     )
 
 
-def _parameters(model: DesignModel, law: LinearLaw, stage: OutputStage, schedule: GainSchedule) -> ControllerParameters:
+def _parameters(
+    model: DesignModel, law: LinearLaw, stage: OutputStage, schedule: GainSchedule, thermal: ThermalGuard | None
+) -> ControllerParameters:
     plant = law.plant
     sampled = plant.sampled()
     return ControllerParameters(
@@ -357,4 +378,5 @@ def _parameters(model: DesignModel, law: LinearLaw, stage: OutputStage, schedule
         schedule=np.ascontiguousarray(schedule.factors),
         schedule_share=1.0 - math.exp(-2 * math.pi * BANDWIDTH * plant.period),
         nominal_gap=model.coupled.nominal_gap,
+        thermal=UNGUARDED if thermal is None else thermal.arrays,
     )

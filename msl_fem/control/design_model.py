@@ -15,6 +15,7 @@ Effects that a controller knows go into its inverse, its linear plant and its co
 | squeeze_film | the damping, as the films of all sides make it in the middle |
 | amplifier_bandwidth, eddy_currents | the lag of the linear plant: the sum of the time constants |
 | time_delay.command | whole samples into the delay, what is left into the lag |
+| leakage_inductance, mutual_inductance | the flux linkage of the current loop, where the drive gives voltages |
 
 Everything else is left to the feedback, and named.
 """
@@ -29,6 +30,7 @@ import numpy as np
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.statespace import StateSpace
+from msl_fem.control.current_loop import KNOWN_STRAY, CurrentLoopDesign, designed_current_loop
 from msl_fem.control.inverse import Inverse, SideModel, force_domain, held_stiffness, inverse_of
 from msl_fem.errors import ActuatorError, InputError
 from msl_fem.maps.guard import Guard
@@ -113,12 +115,13 @@ def with_delay(moving: StateSpace, delay: int) -> StateSpace:
     return StateSpace(a, b, np.eye(1, n + delay), np.zeros((1, 1)), moving.sampling_period)
 
 
-def linear_plant(actuator: Actuator) -> LinearPlant:
-    """The linear plant that an actuator file describes.
+def linear_plant(actuator: Actuator, current_loop: CurrentLoopDesign | None = None) -> LinearPlant:
+    """The linear plant that an actuator file describes; around a voltage drive with its current loop's measured lag.
 
     Raises
     ------
-    ActuatorError : [motion], [drive], [controller] or [sides] is missing, or the drive is no current drive
+    ActuatorError : [motion], [drive], [controller] or [sides] is missing, or the drive is neither a current drive nor a
+        voltage drive with a current loop
     InputError : the loop is slower than the drive's lag or the suspension, so that no sample would see them
     """
     motion = actuator.motion
@@ -130,10 +133,10 @@ def linear_plant(actuator: Actuator) -> LinearPlant:
     assert motion is not None
     assert drive is not None
     assert controller is not None
-    if drive.kind != "current":
+    if drive.kind != "current" and current_loop is None:
         raise ActuatorError(
             f"{actuator.name}: drive.kind is '{drive.kind}'; feedback linearization commands currents, "
-            'use kind = "current"'
+            'use kind = "current", or kind = "voltage" with a table, on which the current loop rests'
         )
     natural = math.sqrt(motion.stiffness / motion.moving_mass) / (2 * math.pi)
     if natural > controller.rate / 4:
@@ -141,11 +144,14 @@ def linear_plant(actuator: Actuator) -> LinearPlant:
             f"{actuator.name}: the suspension's {natural:.4g} Hz is too fast for a loop at {controller.rate:g} Hz; "
             "at least four samples a period are needed: raise controller.rate or lower motion.stiffness"
         )
+    lag = math.inf if drive.bandwidth is None else 2 * math.pi * drive.bandwidth
+    if current_loop is not None:
+        lag = 1.0 / current_loop.lag
     return LinearPlant(
         mass=motion.moving_mass,
         stiffness=motion.stiffness,
         damping=motion.damping,
-        lag=math.inf if drive.bandwidth is None else 2 * math.pi * drive.bandwidth,
+        lag=lag,
         period=1.0 / controller.rate,
         delay=controller.delay_samples,
     )
@@ -190,6 +196,7 @@ class DesignModel:
     source : what the input transformation comes from, in words
     left_out : known parameters of effects that the design has no place for, left to the feedback
     shared : what both sides' armature adds where both are on; None: the sides are believed apart
+    current_loop : around a voltage drive
     """
 
     actuator: Actuator
@@ -200,6 +207,7 @@ class DesignModel:
     source: str = "table"
     left_out: tuple[str, ...] = ()
     shared: SharedCoenergy | None = None
+    current_loop: CurrentLoopDesign | None = None
 
     def holding_force(self, position: float) -> float:
         """N of the magnets that hold the mover at a position in m."""
@@ -232,14 +240,15 @@ def design_model_of(
     Raises
     ------
     ActuatorError : a section that a design needs is missing
-    InputError : a table and a map that do not belong together
+    InputError : a table and a map that do not belong together; a current loop that cannot be
     """
-    plant = linear_plant(actuator)
     coupled = plant_parameters(actuator)
     side = SideModel(surface_of(table)._replace(mutual=None), coupled.nominal_gap)
     check_shared(coupled, table)
     inverse = inverse_of(coupled, Guard(operating_map), side, pair=guard_of_pair(actuator, pair))
-    return DesignModel(actuator, plant, coupled, inverse, shared=table.shared)
+    loop = designed_current_loop(actuator, inverse, coupled)
+    plant = linear_plant(actuator, loop)
+    return DesignModel(actuator, plant, coupled, inverse, shared=table.shared, current_loop=loop)
 
 
 def guard_of_pair(actuator: Actuator, record: PairMap | None) -> PairGuard | None:
@@ -291,7 +300,7 @@ def design_model_with_effects(
     Raises
     ------
     ActuatorError : a section that a design needs is missing
-    InputError : a table and a map that do not belong together
+    InputError : a table and a map that do not belong together; a current loop that cannot be
     """
     coupled = plant_parameters(actuator)
     change = design_change(effects, sides=coupled.sides)
@@ -299,15 +308,18 @@ def design_model_with_effects(
     check_shared(coupled, table)
     surface = surface_with_effects(table, effects)
     sides = [SideModel(surface, coupled.nominal_gap + wider) for wider in (change.gap_1, change.gap_2)]
+    inverse = inverse_of(coupled, Guard(operating_map), *sides, pair=guard_of_pair(actuator, pair))
+    loop = designed_current_loop(actuator, inverse, coupled, effects)
     return DesignModel(
         actuator,
-        plant_with_effects(linear_plant(actuator), effects, sides=coupled.sides),
+        plant_with_effects(linear_plant(actuator, loop), effects, sides=coupled.sides),
         coupled,
-        inverse_of(coupled, Guard(operating_map), *sides, pair=guard_of_pair(actuator, pair)),
+        inverse,
         cubic=change.cubic,
         source="extended model",
-        left_out=left_to_feedback(effects),
+        left_out=tuple(name for name in left_to_feedback(effects) if loop is None or name not in KNOWN_STRAY),
         shared=table.shared,
+        current_loop=loop,
     )
 
 

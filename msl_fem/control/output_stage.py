@@ -22,7 +22,7 @@ from msl_fem.maps.guard import UNACCEPTABLE
 INVERSE, BIAS = 0, 1
 
 # What the guard and the limits say of a side's command; of a step counts the worst
-PREFERRED, DISCOURAGED, FORCE_LIMITED, VIOLATION = range(4)
+PREFERRED, DISCOURAGED, FORCE_LIMITED, HEAT_LIMITED, VIOLATION = range(5)
 
 
 class OutputStage(NamedTuple):
@@ -44,22 +44,24 @@ HARD_HAND_OVER = OutputStage(INVERSE, 0.0, 0.0, 1.0)
 
 @compiled
 def commanded_currents(
-    stage: OutputStage, inverse: Inverse, force: float, positions: tuple[float, float], command: Array
-) -> tuple[float, int]:
+    stage: OutputStage, inverse: Inverse, force: float, positions: tuple[float, float], bearable: tuple[float, float],
+    command: Array,
+) -> tuple[float, int]:  # fmt: skip
     """(force in N that the belief expects, the worst verdict); side currents in A into command (2,).
 
     `positions` are the measured one and the one to come, m: currents are inverted at the one to come, and the stricter
-    limit of the two counts. A current that the guard's last level forbids is cut to it, VIOLATION; one beyond the drive
-    or the table is cut, FORCE_LIMITED. Where the map of a pair is known it judges both currents together. A force that
-    is no number gives no current, and VIOLATION.
+    limit of the two counts. A current that the guard's last level forbids is cut to it, VIOLATION; one beyond what
+    is `bearable` for the winding of a magnet of each side, A, is cut, HEAT_LIMITED; one beyond the drive or the table
+    is cut, FORCE_LIMITED. Where the map of a pair is known it judges both currents together. A force that is no number
+    gives no current, and VIOLATION.
     """
     command[0] = command[1] = 0.0
     if not np.isfinite(force):
         return 0.0, VIOLATION
     if stage.kind == BIAS:
-        given, verdict = _about_bias(stage, inverse, force, positions[0], command)
+        given, verdict = _about_bias(stage, inverse, force, positions[0], bearable, command)
     else:
-        given, verdict = _pulls(stage, inverse, force, positions, command)
+        given, verdict = _pulls(stage, inverse, force, positions, bearable, command)
     if inverse.both.relation < 0:
         return given, verdict
     return _together(stage, inverse, positions, command, given, verdict)
@@ -67,8 +69,9 @@ def commanded_currents(
 
 @compiled
 def _pulls(
-    stage: OutputStage, inverse: Inverse, force: float, positions: tuple[float, float], command: Array
-) -> tuple[float, int]:
+    stage: OutputStage, inverse: Inverse, force: float, positions: tuple[float, float], bearable: tuple[float, float],
+    command: Array,
+) -> tuple[float, int]:  # fmt: skip
     """`commanded_currents` by the exact inverse, each side judged alone."""
     pulls = hand_over(force, stage.overlap)
     given, verdict = 0.0, PREFERRED
@@ -78,7 +81,8 @@ def _pulls(
             if side >= inverse.sides:
                 verdict = max(verdict, FORCE_LIMITED)
             else:
-                side_force, side_verdict = _pull(inverse, side, pull, positions, command)
+                borne = bearable[0] if side == 0 else bearable[1]
+                side_force, side_verdict = _pull(inverse, side, pull, positions, borne, command)
                 given += side_force if side == 0 else -side_force
                 verdict = max(verdict, side_verdict)
     return given, verdict
@@ -123,7 +127,7 @@ def _force_of(inverse: Inverse, position: float, magnet: Array) -> float:
 
 @compiled
 def _pull(
-    inverse: Inverse, side: int, pull: float, positions: tuple[float, float], command: Array
+    inverse: Inverse, side: int, pull: float, positions: tuple[float, float], bearable: float, command: Array
 ) -> tuple[float, int]:
     """(force given, verdict) of a side that is to pull with a force in N."""
     last = inverse.guard.limit.shape[0] - 1
@@ -135,11 +139,11 @@ def _pull(
     if not allowed >= 0:
         return 0.0, VIOLATION
     surface = side_surface(inverse, side)
-    largest = min(magnet_current_limit(inverse, gap), allowed)
+    largest = min(min(magnet_current_limit(inverse, gap), allowed), bearable)
     most = inverse.magnets * magnet_force(surface, largest, gap)
     if not pull <= most:
         command[side] = largest / inverse.current_share
-        return most, VIOLATION if allowed <= inverse.current_limit else FORCE_LIMITED
+        return most, _cut_by(inverse, largest, allowed, bearable)
     current = magnet_current(surface, pull / inverse.magnets, gap, largest)
     command[side] = current / inverse.current_share
     mild = min(level_limit(inverse, 0, now), level_limit(inverse, 0, gap))
@@ -147,8 +151,16 @@ def _pull(
 
 
 @compiled
+def _cut_by(inverse: Inverse, largest: float, allowed: float, bearable: float) -> int:
+    """What cut a current to the `largest`: the winding's heat, the guard's last level, or drive and table."""
+    if bearable <= largest and bearable < allowed:
+        return HEAT_LIMITED
+    return VIOLATION if allowed <= inverse.current_limit else FORCE_LIMITED
+
+
+@compiled
 def _about_bias(
-    stage: OutputStage, inverse: Inverse, force: float, position: float, command: Array
+    stage: OutputStage, inverse: Inverse, force: float, position: float, bearable: tuple[float, float], command: Array
 ) -> tuple[float, int]:
     """(force by the tangent, the worst verdict): a side's current is cut at nothing and at its limits."""
     verdict = PREFERRED
@@ -156,19 +168,22 @@ def _about_bias(
     for side in range(2):
         current = (stage.bias + difference if side == 0 else stage.bias - difference) * inverse.current_share
         gap = believed_gap(inverse, side, position)
-        side_verdict = _about_bias_of_side(inverse, side, current, gap, command)
+        borne = bearable[0] if side == 0 else bearable[1]
+        side_verdict = _about_bias_of_side(inverse, side, current, gap, borne, command)
         verdict = max(verdict, side_verdict)
     return 0.5 * stage.force_per_current * (command[0] - command[1]), verdict
 
 
 @compiled
-def _about_bias_of_side(inverse: Inverse, side: int, current: float, gap: float, command: Array) -> int:
+def _about_bias_of_side(
+    inverse: Inverse, side: int, current: float, gap: float, bearable: float, command: Array
+) -> int:
     """The verdict on a magnet's current, which is cut at nothing and at its limits."""
     allowed = level_limit(inverse, inverse.guard.limit.shape[0] - 1, gap)
     if not allowed >= 0:
         return VIOLATION
-    largest = min(allowed, inverse.current_limit)
+    largest = min(min(allowed, inverse.current_limit), bearable)
     command[side] = min(max(current, 0.0), largest) / inverse.current_share
     if current > largest:
-        return VIOLATION if allowed <= inverse.current_limit else FORCE_LIMITED
+        return _cut_by(inverse, largest, allowed, bearable)
     return DISCOURAGED if current > level_limit(inverse, 0, gap) else PREFERRED

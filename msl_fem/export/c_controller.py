@@ -11,6 +11,7 @@ from msl_fem.control.controller import ControllerParameters, causal_step, contro
 from msl_fem.control.design import ControllerDesign
 from msl_fem.control.output_stage import BIAS
 from msl_fem.control.stepper import reference_rows
+from msl_fem.export.c_current_loop import current_loop_content, print_current_loop
 from msl_fem.export.c_guard import guard_header, guard_names
 from msl_fem.export.c_printer import Printer, header_style
 from msl_fem.export.c_table import table_functions
@@ -24,7 +25,10 @@ from msl_fem.table.magnetic_table import INTERPOLANT
 Array = NDArray[np.float64]
 _CHECKED = 64
 _CELLS_CHECKED = 5
-_ROWS = ("INNOVATION", "FORCE", "N_PREFERRED", "N_DISCOURAGED", "N_FORCE_LIMITED", "N_VIOLATION")
+_ROWS = (
+    "INNOVATION", "FORCE", "N_PREFERRED", "N_DISCOURAGED", "N_FORCE_LIMITED", "N_HEAT_LIMITED", "N_VIOLATION", "RISE_1",
+    "RISE_2",
+)  # fmt: skip
 """Of the controller's state, what the header tells."""
 
 
@@ -47,10 +51,13 @@ def controller_header(source: ControllerSource, *, name: str | None = None) -> s
     parameters, plant = design.parameters, design.law.plant
     prefix = c_prefix(belief.name, name)
     inverse, biased = parameters.inverse, parameters.stage.kind == BIAS
-    two = not biased and inverse.surface_1 is not inverse.surface_2
-    surfaces = [] if biased else [(inverse.surface_1, prefix)]
-    surfaces += [(inverse.surface_2, f"{prefix}_2")] if two else []
+    two = inverse.surface_1 is not inverse.surface_2
+    alone = biased and design.current_loop is None  # about a bias no force is inverted
+    surfaces = [] if alone else [(inverse.surface_1, prefix)]
+    surfaces += [(inverse.surface_2, f"{prefix}_2")] if two and not alone else []
     printer = controller_printer(parameters, prefix, surfaces)
+    if design.current_loop is not None:
+        print_current_loop(printer, design.current_loop)
     return c_header(
         "controller.h.j2",
         prefix,
@@ -73,6 +80,7 @@ def controller_header(source: ControllerSource, *, name: str | None = None) -> s
             "printed": f"{printer.declarations}\n{printer.definitions}",
             "row": {name: getattr(controller, name) for name in _ROWS},
             "check": check_steps(design),
+            "inner": current_loop_content(design.current_loop),
         },
     )
 

@@ -106,5 +106,7 @@ def test_both_currents_are_judged_together_by_the_map_of_the_pair(record: Record
     for loop in (together, apart):
         inverse = loop.design.parameters.inverse
         stage = OutputStage(BIAS, 0.0, 4.8 / inverse.current_share, 1.0)
-        judged.append(commanded_currents(stage, inverse, 0.0, (0.0, 0.0), np.zeros(2))[1] == VIOLATION)
+        judged.append(
+            commanded_currents(stage, inverse, 0.0, (0.0, 0.0), (np.inf, np.inf), np.zeros(2))[1] == VIOLATION
+        )
     assert judged == [True, False]

@@ -37,7 +37,7 @@ def belief(polarity: str = "opposing", *, together: bool = True) -> DesignModel:
 def commands(stage: OutputStage, model: DesignModel, forces, positions):
     out = np.zeros((len(forces), 2))
     told = [
-        commanded_currents(stage, model.inverse, float(f), (float(x), float(y)), row)
+        commanded_currents(stage, model.inverse, float(f), (float(x), float(y)), (np.inf, np.inf), row)
         for f, (x, y), row in zip(forces, positions, out, strict=True)
     ]
     return np.array([given for given, _ in told]), np.array([verdict for _, verdict in told]), out

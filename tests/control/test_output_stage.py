@@ -24,7 +24,7 @@ HELD = servo_design().parameters.inverse
 
 def currents(stage: OutputStage, force: float, *, position: float = 0.0, inverse=HELD):
     command = np.full(2, 7.0)
-    given, verdict = commanded_currents(stage, inverse, force, (position, position), command)
+    given, verdict = commanded_currents(stage, inverse, force, (position, position), (np.inf, np.inf), command)
     return given, verdict, command
 
 

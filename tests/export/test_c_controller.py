@@ -12,6 +12,7 @@ from servo_controllers import TABLE, delayed_design, servo, servo_design, servo_
 from msl_fem.control.both_sides import BothSides
 from msl_fem.control.controller import N_PREFERRED, N_VIOLATION, controller_state, controller_step
 from msl_fem.control.design import ControllerDesign
+from msl_fem.control.heat import thermal_guard
 from msl_fem.control.output_stage import BIAS, INVERSE, OutputStage
 from msl_fem.control.stepper import Stepper, reference_rows
 from msl_fem.errors import InputError
@@ -37,7 +38,7 @@ int main(void)
         if (fwrite(out, sizeof out[0], 2, stdout) != 2 || fflush(stdout))
             return 2;
     }
-    fprintf(stderr, "%lu %lu %lu %lu", c.preferred, c.discouraged, c.force_limited, c.violation);
+    fprintf(stderr, "%lu %lu %lu %lu %lu", c.preferred, c.discouraged, c.force_limited, c.heat_limited, c.violation);
     return 0;
 }
 """
@@ -99,6 +100,9 @@ def designs() -> dict[str, ControllerDesign]:
     weaker = Surface(*(np.array(a) for a in inverse.surface_1[:3]))
     weaker = weaker._replace(coefficients=0.8 * weaker.coefficients)
     shape = np.array([1.1, -0.3, 0.2, -0.4, 0.15])
+    soon = thermal_guard(plain.actuator, 0.2)  # warms 500 times faster
+    assert soon is not None
+    heating = soon.arrays
     factors = np.outer([1.0, 1.3, 0.7], np.ones(7)) ** np.arange(1, 8)
     return {
         "two degrees of freedom": plain,
@@ -117,6 +121,8 @@ def designs() -> dict[str, ControllerDesign]:
         "judged together": changed(
             plain, inverse=inverse._replace(both=BOTH, gap_2=6.1e-4), stage=OutputStage(INVERSE, 8.0, 0.0, 1.0)
         ),
+        "in the heat": changed(plain, thermal=heating, stage=OutputStage(INVERSE, 8.0, 0.0, 1.0)),
+        "a bias in the heat": changed(plain, thermal=heating, stage=OutputStage(BIAS, 0.0, 0.7, 75.0)),
         "a bias judged together": changed(
             plain, inverse=inverse._replace(both=BOTH._replace(relation=1)), stage=OutputStage(BIAS, 0.0, 1.7, 75.0)
         ),
@@ -126,7 +132,7 @@ def designs() -> dict[str, ControllerDesign]:
 NAMES = (
     "two degrees of freedom", "integral alone", "no delay, no lag", "three periods late", "shaped, with references",
     "gravity, negative gain", "overlap", "about a bias", "one side", "gains that follow", "two surfaces",
-    "judged together", "a bias judged together",
+    "judged together", "in the heat", "a bias in the heat", "a bias judged together",
 )  # fmt: skip
 
 
@@ -141,7 +147,8 @@ def test_every_design_steps_as_python_does_to_the_last_bit(name: str, tmp_path: 
     assert_same_bits(found, expected)
     assert counts == python_counts
     assert counts[0] > 0
-    assert counts[3] > 0, "beyond the guard too"
+    assert counts[4] > 0, "beyond the guard too"
+    assert (counts[3] > 0) == ("heat" in name)
     if "bias" not in name:
         assert (np.ptp(found, axis=0) > 0).sum() == (1 if name == "one side" else 2)
 
