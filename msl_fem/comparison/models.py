@@ -250,14 +250,16 @@ def own_loop(
     record: Record, table: MagneticTable | None, effects: EffectValues | None = None, pair: PairMap | None = None
 ) -> OwnLoop | None:
     """The loop of a record whose `[controller]` states a `design`, made for a plant with these effects or without them;
-    None where it states none. Its guard judges both currents together where the map of the pair is given.
+    None where it states none, or commands no currents. Its guard judges both currents together where the map of the
+    pair is given.
 
     Raises
     ------
     InputError : a design or a wish that is none; what is made again has other gains than those stated
     """
     stated = record.controller or {}
-    if "design" not in stated or table is None:
+    drive = record.actuator.drive
+    if "design" not in stated or table is None or drive is None or drive.kind != "current":
         return None
     regions = operating_map(table) if pair is None else operating_map(table, levels=pair.levels.tolist())
     other = ""

@@ -12,7 +12,6 @@ from msl_fem.actuator import load_actuator
 from msl_fem.cli.controllers import identified_plant
 from msl_fem.comparison.as_designed import as_designed
 from msl_fem.comparison.models import own_loop
-from msl_fem.control.current_loop import with_current_loop
 from msl_fem.identification import identify
 from msl_fem.plant import NamedRun, bearable_run, simulation_record
 from msl_fem.plant.excitation import parse_excitation
@@ -238,16 +237,15 @@ def test_what_is_no_diagnosis_is_said(msl_fem, diagnosis, tmp_path):
 
 
 def test_one_file_of_a_voltage_drive_serves_controllers_too(msl_fem, tmp_path: Path) -> None:
-    """The current loop about its amplifier is a current drive of that bandwidth, and both are the same loop."""
+    voltage = tmp_path / "voltage.toml"
     text = Path(SERVO).read_text()
-    voltage, current = tmp_path / "voltage.toml", tmp_path / "current.toml"
     voltage.write_text(text.replace('kind = "current"', 'kind = "voltage"').replace('bandwidth = "1 kHz"\n', ""))
-    current.write_text(text.replace('bandwidth = "1 kHz"', 'bandwidth = "400 Hz"'))
     run = ("--table", TABLE, "--reference", SINE, *ALONE, "--json")
-    found = msl_fem("control", str(voltage), "--current-loop", "400 Hz", *run)
-    same = msl_fem("control", str(current), *run)
-    assert "a current loop of 400 Hz is taken" in found.stderr
-    assert found.json["tracking_rms_m"] == pytest.approx(same.json["tracking_rms_m"], rel=1e-9)
-    assert with_current_loop(load_actuator(voltage)).drive.bandwidth == 250.0, "a tenth of 2.5 kHz"
+    found = msl_fem("control", str(voltage), "--current-loop", "400 Hz", *run).json
+    assert found["current_loop"]["bandwidth_Hz"] == 400.0
+    assert found["current_loop"]["limited_by"] == "wish"
+    assert found["voltage_limited"] >= 0
+    assert found["thermal_guard"]["continuous_current_A"] == pytest.approx(1.5666, rel=1e-4)
     assert "state drive.bandwidth" in msl_fem("control", SERVO, "--current-loop", "400 Hz", *run).complaint
-    assert "is not between 0 and 1250" in msl_fem("control", str(voltage), "--current-loop", "2 kHz", *run).complaint
+    assert "is not to be had at 20 kHz" in msl_fem("control", str(voltage), "--current-loop", "3 kHz", *run).complaint
+    assert "a rise of 900 K" in msl_fem("control", SERVO, "--temperature-rise", "900 K", *run).complaint
