@@ -52,15 +52,15 @@ def test_the_linearised_map_is_the_solved_one(study, servo: Actuator) -> None:  
     """Sample by sample, and so the bands; half a band is about 4 % of the current."""
     nominal, found = study
     wanted = [s.tolerance for s in found]
-    direct = answers(JOB, draw(wanted, 24, 3), HERE)
-    linear = linearised_answers(nominal, found, draw(wanted, 24, 3), gap=GAP)
+    direct = answers(JOB, draw(wanted, 12, 3), HERE)
+    linear = linearised_answers(nominal, found, draw(wanted, 12, 3), gap=GAP)
     solved = np.stack([row["current"] for row in direct])
     assert linear["current"] == pytest.approx(solved, rel=3e-3)
     assert np.std(solved) > 10 * np.abs(linear["current"] - solved).max()
     assert linear["force"] == pytest.approx(np.array([row["force"] for row in direct]), rel=1.5e-2)
     bands = (
-        linearised_band(nominal, found, gap=GAP, samples=24, seed=3),
-        direct_band(JOB, wanted, HERE, samples=24, seed=3),
+        linearised_band(nominal, found, gap=GAP, samples=12, seed=3),
+        direct_band(JOB, wanted, HERE, samples=12, seed=3),
     )
     width = bands[1].high - bands[1].low
     for side in ("low", "high"):

@@ -6,6 +6,7 @@ import levitator
 import numpy as np
 import pytest
 from conftest import ROOT
+from short_menu import cut_menu
 
 from msl_fem.actuator import load_actuator
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
@@ -137,7 +138,7 @@ def test_a_stable_plant_is_followed_as_a_whole(short, table) -> None:
 
 @pytest.fixture(scope="module")
 def clean(base, table):
-    return diagnose(levitator.record(base, TRUTH, seconds=2.0), DiagnosisSettings(table=table))
+    return diagnose(levitator.record(base, TRUTH, seconds=1.6), DiagnosisSettings(table=table))
 
 
 def test_nothing_is_named_on_a_clean_levitator(clean) -> None:
@@ -150,10 +151,11 @@ def test_nothing_is_named_on_a_clean_levitator(clean) -> None:
     assert any("stretches" in note for note in clean.notes)
 
 
-def test_friction_is_named_on_an_unstable_levitator(base, table) -> None:
+def test_friction_is_named_on_an_unstable_levitator(base, table, monkeypatch) -> None:
     """One per cent of the weight; the friction's own form is another than the catalogue's."""
+    cut_menu(monkeypatch)
     hidden = replace(TRUTH, friction=0.01 * levitator.WEIGHT)
-    found = diagnose(levitator.record(base, hidden, seconds=2.0), DiagnosisSettings(table=table, threads=2))
+    found = diagnose(levitator.record(base, hidden, seconds=1.6), DiagnosisSettings(table=table, threads=2))
     assert found.names[:1] == ("coulomb_friction",)
     assert found.causes[0].parameters["force"].value == pytest.approx(hidden.friction, rel=0.1)
 
