@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import OutOfTable, TableError
-from msl_fem.files.netcdf_file import NetcdfVariable, read_variables, write_netcdf
+from msl_fem.files.netcdf_file import NetcdfVariable, read_variables, write_variables
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.shown import Tabular
 from msl_fem.files.whole_file import whole_file
@@ -38,6 +38,7 @@ NODES = {
 }
 EXTRAS = {"force_stress_tensor": ("N", "force by the Maxwell stress tensor in mid-gap")}
 SECTION = "flux_density_"
+COORDINATES = {"gap": ("m", "air gap between pole faces and armature"), "current": ("A", "coil current of one magnet")}
 SMALLEST_GAP, LARGEST_GAP = 1e-9, 100.0  # m
 LARGEST_CURRENT, LARGEST_VALUE = 1e6, 1e20  # A, SI: beyond are mistakes of units and damaged files
 MOST_VALUES = 20_000_000  # of a file
@@ -143,29 +144,30 @@ class MagneticTable(Tabular):
         """The nodes' arrays with units over gap (m) and current (A), stated errors and provenance as attributes."""
         import xarray as xr
 
-        units = NODES | EXTRAS
-        variables = {}
+        variables, attributes = self._content()
+        return xr.Dataset({name: tuple(one) for name, one in variables.items()}, attrs=attributes)
+
+    def _content(self) -> tuple[dict[str, NetcdfVariable], dict[str, Any]]:
+        """The variables and attributes of its file."""
+        units, variables = NODES | EXTRAS, {}
+        for name, (unit, long_name) in COORDINATES.items():
+            values = getattr(self, name)
+            variables[name] = NetcdfVariable((name,), values, {"units": unit, "long_name": long_name})
         for name, values in {**self.nodes, **self.extras}.items():
             section = name.removeprefix(SECTION).replace("_", " ")
             unit, long_name = units.get(name, ("T", f"mean flux density in the iron, {section}"))
-            variables[name] = (("gap", "current"), np.asarray(values), {"units": unit, "long_name": long_name})
-        return xr.Dataset(
-            variables,
-            coords={
-                "gap": ("gap", self.gap, {"units": "m", "long_name": "air gap between pole faces and armature"}),
-                "current": ("current", self.current, {"units": "A", "long_name": "coil current of one magnet"}),
-            },
-            attrs={
-                "schema": SCHEMA,
-                "title": "force and flux of one magnet over gap and current",
-                "interpolant": INTERPOLANT,
-                "mesh_error": self.mesh_error,
-                "interpolation_error": self.interpolation_error,
-                "reciprocity_error": self.reciprocity_error,
-                "certificate": json.dumps(self.provenance.get("certificate", {}), sort_keys=True),
-                "provenance": json.dumps(dict(self.provenance), sort_keys=True),
-            },
-        )
+            about = {"units": unit, "long_name": long_name}
+            variables[name] = NetcdfVariable(("gap", "current"), np.asarray(values), about)
+        return variables, {
+            "schema": SCHEMA,
+            "title": "force and flux of one magnet over gap and current",
+            "interpolant": INTERPOLANT,
+            "mesh_error": self.mesh_error,
+            "interpolation_error": self.interpolation_error,
+            "reciprocity_error": self.reciprocity_error,
+            "certificate": json.dumps(self.provenance.get("certificate", {}), sort_keys=True),
+            "provenance": json.dumps(dict(self.provenance), sort_keys=True),
+        }
 
     def _complain(self, i: Array, g: Array) -> None:
         gaps = f"{self.gap[0] * 1e3:.4g} ... {self.gap[-1] * 1e3:.4g} mm"
@@ -253,11 +255,10 @@ def _check_grid(table: MagneticTable) -> None:
 
 def write_table(table: MagneticTable, path: str | Path) -> Path:
     """The NetCDF-4 file written; it appears whole or not at all."""
-    data = table.to_xarray()
+    content = table._content()
     target = Path(path)
-    checksums = {str(name): {"fletcher32": True} for name in data.variables}  # damage must not read as a table
     with whole_file(target) as partial:
-        write_netcdf(data, partial, encoding=checksums)
+        write_variables(*content, partial)
     return target
 
 

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.splines import spline_derivative
 from msl_fem.errors import TableError
-from msl_fem.files.netcdf_file import NetcdfVariable, read_variables, write_netcdf
+from msl_fem.files.netcdf_file import NetcdfVariable, read_variables, write_variables
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.whole_file import whole_file
 from msl_fem.table.magnetic_table import (
@@ -238,20 +238,19 @@ def _check_slopes(table: PairTable) -> None:
 
 def write_pair_table(table: PairTable, path: str | Path) -> Path:
     """The NetCDF-4 file written; it appears whole or not at all."""
-    import xarray as xr
-
     dims = ("position", "current_1", "current_2")
-    variables: dict[str, Any] = {}
+    alone, variables = table.one_sided, {}
+    coordinates = dict(zip(dims, table.axes, strict=True)) | {"gap": alone.gap, "current": alone.current}
+    for name, values in coordinates.items():
+        unit = "m" if name in ("position", "gap") else "A"
+        variables[name] = NetcdfVariable((name,), values, {"units": unit})
     for name, values in {**table.nodes, **table.extras}.items():
         section = name.removeprefix(SECTION).replace("_", " ")
         unit, long_name = PAIR_NODES.get(name, ("T", f"mean flux density in the iron, {section}"))
-        variables[name] = (dims, np.asarray(values), {"units": unit, "long_name": long_name})
-    alone = table.one_sided
+        variables[name] = NetcdfVariable(dims, np.asarray(values), {"units": unit, "long_name": long_name})
     for name, values in {**alone.nodes, **alone.extras}.items():
         unit = NODES[name][0] if name in NODES else "T" if name.startswith(SECTION) else "N"
-        variables[ONE_SIDED + name] = (("gap", "current"), np.asarray(values), {"units": unit})
-    coordinates = dict(zip(dims, table.axes, strict=True)) | {"gap": alone.gap, "current": alone.current}
-    units = {"position": "m", "gap": "m"}
+        variables[ONE_SIDED + name] = NetcdfVariable(("gap", "current"), np.asarray(values), {"units": unit})
     attributes: dict[str, Any] = {
         "schema": SCHEMA,
         "title": "force and flux of two magnets with one armature over its position and both currents",
@@ -261,14 +260,9 @@ def write_pair_table(table: PairTable, path: str | Path) -> Path:
     }
     attributes |= {name: getattr(table, name) for name in ERRORS}
     attributes |= {ONE_SIDED + name: getattr(alone, name) for name in ERRORS}
-    data = xr.Dataset(
-        variables,
-        coords={name: (name, values, {"units": units.get(name, "A")}) for name, values in coordinates.items()},
-        attrs=attributes,
-    )
     target = Path(path)
     with whole_file(target) as partial:
-        write_netcdf(data, partial, encoding={str(name): {"fletcher32": True} for name in data.variables})
+        write_variables(variables, attributes, partial)
     return target
 
 
