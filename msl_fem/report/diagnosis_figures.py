@@ -165,8 +165,8 @@ def over_variables(left: ChannelResiduals, variables: Mapping[str, Array], *, na
     known = [name for name in VARIABLES if name in variables and name != "time_s"]
     columns = 2
     rows = -(-len(known) // columns)
-    made = make_subplots(rows=rows, cols=columns, vertical_spacing=0.22 / max(rows - 1, 1), horizontal_spacing=0.1)
-    dress(made, height=60 + 250 * rows)
+    made = make_subplots(rows=rows, cols=columns, vertical_spacing=0.3 / max(rows - 1, 1), horizontal_spacing=0.1)
+    dress(made, height=60 + 270 * rows)
     for n, name in enumerate(known):
         label, factor = VARIABLES[name]
         place = {"row": n // columns + 1, "col": n % columns + 1}
@@ -186,7 +186,8 @@ def over_variables(left: ChannelResiduals, variables: Mapping[str, Array], *, na
             made.add_trace(drawn, **place)
         made.add_hline(y=left.sigma * scale, line={"color": GREY, "dash": "dash", "width": 1}, **place)
         made.update_xaxes(title={"text": label}, **place)
-        made.update_yaxes(title={"text": f"RMS in {unit}"}, rangemode="tozero", **place)
+        words = f"RMS in {unit}" if n % columns == 0 else ""  # one unit: said where no other figure stands before it
+        made.update_yaxes(title={"text": words}, rangemode="tozero", **place)
     return made
 
 

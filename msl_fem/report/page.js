@@ -10,6 +10,8 @@ const report = (() => {
   };
   const PAPER_WIDTH = 690; // CSS pixels between the margins of A4
   const NARROW = 600; // CSS pixels of a telephone's window
+  const FEW = 6; // names in a legend that stand above a figure without taking its room
+  const ENTRY = 20; // CSS pixels of a name
   const LETTER = 7; // CSS pixels of a title's letter there
   const drawn = [];
   const listeners = [];
@@ -53,7 +55,8 @@ const report = (() => {
       if (longer.length * LETTER > room && lines[lines.length - 1]) lines.push(word);
       else lines[lines.length - 1] = longer;
     }
-    return { ...axis, automargin: true, title: { ...axis.title, text: lines.join("<br>"), font: { size: 13 } } };
+    const ticks = across && to - from < 0.6 ? { nticks: 3, tickangle: 0 } : {}; // beside another figure
+    return { ...axis, ...ticks, automargin: true, title: { ...axis.title, text: lines.join("<br>"), font: { size: 13 } } };
   }
 
   function dressLayout(layout, keep) {
@@ -81,7 +84,10 @@ const report = (() => {
   function draw(figure) {
     const config = onPaper ? { ...CONFIG, responsive: false } : CONFIG;
     const layout = dressLayout(figure.layout, figure.div._fullLayout);
-    if (layout.meta && layout.meta.shape) figure.div.style.height = layout.height + "px";
+    const named = figure.data.filter((trace) => trace.name && trace.showlegend !== false).length;
+    const tall = window.innerWidth <= NARROW && !onPaper && named > FEW;
+    if (tall) layout.height = (layout.height || 420) + ENTRY * named;
+    if (tall || (layout.meta && layout.meta.shape)) figure.div.style.height = layout.height + "px";
     return Plotly.react(figure.div, figure.data.map(dressTrace), layout, config);
   }
 
