@@ -1,13 +1,15 @@
 """The package's door: its verbs are functions, whatever was imported before."""
 
 import inspect
+import re
 import subprocess
 import sys
 
 import pytest
+from conftest import ROOT
 
 import msl_fem
-from msl_fem.table.magnetic_table import MagneticTable
+from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 VERBS = ("load_actuator", "solve", "sweep", "operating_map", "simulate", "identify", "design_controller", "diagnose")
 
@@ -56,3 +58,13 @@ def test_the_map_s_signature_says_what_it_takes_and_gives(table: MagneticTable) 
     assert signature.return_annotation == "OperatingMap"
     made = msl_fem.operating_map(table, table.gap[:3], levels=(0.5, 1.0))
     assert made.current.shape == (2, 3)
+
+
+def test_the_run_of_the_notebook_s_first_lines_stays_in_range() -> None:
+    """The excitation on the page about notebooks, taken from there."""
+    page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    spec, rate = re.findall(r'excitation_inputs\(actuator, "([^"]+)", rate=([0-9e]+)\)', page)[0]
+    actuator = msl_fem.load_actuator("fast_tool_servo")
+    inputs = msl_fem.excitation_inputs(actuator, spec, rate=float(rate))
+    run = msl_fem.simulate(actuator, read_table(ROOT / "lookup_tables" / "fast_tool_servo.nc"), inputs)
+    assert 1e-6 < abs(run.position).max() < 5e-4
