@@ -41,7 +41,12 @@ def control_closing(run: ClosedLoopRun, design: ControllerDesign) -> tuple[str, 
     good = sensitivity <= ZONE_A
     robust = "zone A of ISO 14839-3, as new machines should be" if good else "beyond zone A of ISO 14839-3 (3)"
     cut = run.guard_violations + run.force_limited
-    if cut:
+    if run.heat_limited:
+        way = (
+            f"{run.heat_limited} commands were cut, the windings would get too warm: ask for less force, or for a "
+            "shorter time, or cool better (--thermal-resistance)"
+        )
+    elif cut:
         way = f"{cut} commands were cut: take a smaller or slower reference, or more current"
     elif not good:
         way = 'lower the wish, like --bandwidth "40 Hz", until the peak sensitivity is below 3'

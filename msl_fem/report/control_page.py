@@ -89,6 +89,8 @@ def _reference(name: str, run: ClosedLoopRun | str, found: Examination) -> Stage
         ("copper loss", f"{run.copper_loss:.2f} W"),
         *((f"commands {region}", f"{count}") for region, count in run.region_counts.items()),
         ("commands cut for drive or table", f"{run.force_limited}"),
+        ("commands cut for the windings' heat", f"{run.heat_limited}"),
+        ("windings warmer than ambient by", f"{run.winding_rise:.3g} K"),
     )
     shown = Tracking(run.time, run.reference, run.position, run.current)
     return Stage(_TITLES[name], sentence, numbers, plot=tracking(shown))
