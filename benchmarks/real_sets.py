@@ -67,6 +67,8 @@ class Value:
     @property
     def cells(self) -> list[str]:
         """Of the table of values."""
+        if np.isnan(self.found):
+            return [f"{self.of} ({self.unit})", f"{self.known:.4g}", "not named", "", "", f"no: {self.why}"]
         low, high = self.interval or (np.nan, np.nan)
         off = self.found / self.known - 1
         inside = "interval" if low <= self.known <= high else ("" if abs(off) > self.allowed else f"{self.allowed:.0%}")
