@@ -94,7 +94,7 @@ def identify_closing(found: Identification) -> tuple[str, str, str]:
     reached = "leaves all bounds" if diverged else f"is followed to {fit.free_run:.2f} %"
     outside = [test for test in found.residual_tests if not test.inside_band]
     if outside:
-        names = " and ".join(test.name for test in outside)
+        names = " and ".join("themselves" if test.name == "residuals" else test.name for test in outside)
         left = (
             f"the residuals of the fitted run still depend on {names} (p = {min(t.p_value for t in outside):.1g}): "
             "a small part of the plant is not in the model; the error in free run says how much it matters"

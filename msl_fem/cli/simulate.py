@@ -12,7 +12,7 @@ from msl_fem.cli.believed import belief_fields, model_with_belief
 from msl_fem.cli.effects_told import effects_told
 from msl_fem.cli.given_map import given_map
 from msl_fem.cli.options import BeliefName, Causes, Json, TableFile, read_option
-from msl_fem.cli.output import print_result, progress_bar
+from msl_fem.cli.output import print_result, progress_bar, say
 from msl_fem.cli.stated_causes import read_causes
 from msl_fem.cli.sweeping import table_for
 from msl_fem.control import design_model_as_believed
@@ -158,6 +158,9 @@ def command(
             progress(len(excitations), len(excitations))
         record = simulation_record(it, runs, controller=None if loop is None else loop.section)
         write_record(replace(record, belief=believed.name), output)
+    for run in runs:
+        if met := int(run.simulation.samples_at_voltage_limit.max()):
+            say(f"note: {run.name}: the voltage limit was met in {met} samples, as where a command jumps at the start")
     fields = {
         "record": str(output),
         "effects": effects_told(model.effects, as_json=json),

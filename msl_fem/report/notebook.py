@@ -19,7 +19,7 @@ from msl_fem.maps import OperatingMap
 from msl_fem.plant.simulate import Simulation
 from msl_fem.record import Record, Run, StaticMap
 from msl_fem.record.columns import name_and_unit
-from msl_fem.report.diagnosis_words import called, channel_name
+from msl_fem.report.diagnosis_words import called, channel_name, either
 from msl_fem.report.field_picture import draw_field
 from msl_fem.report.figures import BLUE, GREEN, GREY, ORANGE, RED, SERIES, SKY
 from msl_fem.report.page_words import round_values
@@ -209,7 +209,7 @@ def diagnosis_picture(record: Diagnosis) -> PaperFigure:
         _draw_errors(right, record)
     figure.suptitle(
         f"{record.verdict.replace('-', ' ')}{': ' if record.names else ''}"
-        f"{' and '.join(called(name) for name in record.names)}",
+        f"{' and '.join(either(cause) for cause in record.causes)}",
         fontsize=11,
     )
     return figure

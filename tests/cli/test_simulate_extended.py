@@ -44,3 +44,20 @@ def test_a_run_outside_the_map_is_refused(msl_fem: Run, tmp_path: Path) -> None:
     assert "side 1 leaves the operating map" in msl_fem(*arguments, "--excitation", STEP).complaint
     quiet = "step:channel=differential,bias=0.1 A,amplitude=0.02 A,duration=0.2 s"
     assert msl_fem(*arguments, "--excitation", quiet, "--json").json["record"] == record
+
+
+def test_a_voltage_limit_that_was_met_is_explained(msl_fem, tmp_path: Path) -> None:
+    step = "step:bias=0.6 A,amplitude=10 mA,duration=40 ms"
+    run = msl_fem(
+        "simulate",
+        str(SERVO),
+        "--table",
+        str(TABLE),
+        "--excitation",
+        step,
+        "--belief",
+        "plain",
+        "-o",
+        str(tmp_path / "r"),
+    )
+    assert "the voltage limit was met in" in run.stderr
