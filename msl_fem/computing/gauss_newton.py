@@ -88,6 +88,8 @@ HALVING = Damping(first=0.0, least=np.inf, rise=1.0, most=3.0, factor=2.0)
 """For steps shortened by `halved`: the whole step first at every point, then its half, quarter and eighth."""
 
 
+ROWS_AT_ONCE = 4096
+"""Of a Jacobian, that are weighted and multiplied at a time."""
 VAIN = 0.1
 """Share of its promise below which the step of a new model was in vain."""
 MOST_VAIN = 2
@@ -175,6 +177,28 @@ def descend(
         else:
             mu = how.damping.after_failure(mu)
     return Descent(point, model, "no more steps", steps)
+
+
+def normal_equations(jacobian: Array, root: Array, residual: Array | None = None) -> tuple[Array, Array]:
+    """(J'J (n, n), J'r (n,)) of a Jacobian (n_number, n) and a residual (n_number,) times `root` (n_number,), some rows
+    at a time: as large as the Jacobian nothing is made beside it. Without a residual J'r is zero."""
+    gram, slope = np.zeros((jacobian.shape[1],) * 2), np.zeros(jacobian.shape[1])
+    for begin in range(0, len(jacobian), ROWS_AT_ONCE):
+        rows = slice(begin, begin + ROWS_AT_ONCE)
+        weighted = jacobian[rows] * root[rows, None]
+        gram += weighted.T @ weighted
+        if residual is not None:
+            slope += weighted.T @ (residual[rows] * root[rows])
+    return gram, slope
+
+
+def with_outer(jacobian: Array, column: Array, row: Array) -> Array:
+    """A Jacobian (n_number, n) with column (n_number,) times row (n,) added, in an array of its own."""
+    found = jacobian.copy()
+    for begin in range(0, len(found), ROWS_AT_ONCE):
+        rows = slice(begin, begin + ROWS_AT_ONCE)
+        found[rows] += column[rows, None] * row
+    return found
 
 
 def log_evidence(objective: float, precision: Array) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
-from msl_fem.computing.gauss_newton import Damping, DescentSettings, descend, log_evidence
+from msl_fem.computing.gauss_newton import Damping, DescentSettings, descend, log_evidence, normal_equations, with_outer
 from msl_fem.diagnosis.likelihood import CONVERGED, Fit, Likelihood
 from msl_fem.diagnosis.noise import NoiseWeights
 from msl_fem.diagnosis.problem import FitProblem, Points
@@ -172,10 +172,9 @@ class _FitModel:
     def __init__(self, unknowns: Unknowns, point: _FitPoint, jacobian: Array, *, stale: bool) -> None:
         self.unknowns, self.point = unknowns, point
         self.jacobian, self.stale = jacobian, stale
-        weighted = jacobian * point.weights.root[:, None]
         _, prior_slope, self.curvature = unknowns.prior(point.z)
-        self.gram = weighted.T @ weighted
-        self.slope = weighted.T @ (point.residual * point.weights.root) + prior_slope
+        self.gram, slope = normal_equations(jacobian, point.weights.root, point.residual)
+        self.slope = slope + prior_slope
         self.free = _free(unknowns, point.z, self.slope)
         self.promised = self.step(-1.0)[1]
 
@@ -194,7 +193,7 @@ class _FitModel:
         move = point.z - self.point.z
         missed = point.residual - self.point.residual - self.jacobian @ move
         n = self.unknowns.n_nuisance
-        return np.asarray(self.jacobian[:, :n] + np.outer(missed, move[:n] / max(float(move @ move), TINY)))
+        return with_outer(self.jacobian[:, :n], missed, move[:n] / max(float(move @ move), TINY))
 
 
 class _FitPosterior:

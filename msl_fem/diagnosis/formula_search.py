@@ -19,7 +19,7 @@ from msl_fem.diagnosis.formula_terms import law_sizes, library
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.refits import Refinement, Refit
-from msl_fem.diagnosis.scores import Background, Score, signatures
+from msl_fem.diagnosis.scores import Background, Score, seen_columns, signatures
 from msl_fem.diagnosis.search import converged_base, ranked
 from msl_fem.diagnosis.variants import record_features, variants
 from msl_fem.plant.effects import declared
@@ -100,7 +100,7 @@ def _scored(base: Fit, laws: Sequence[LawExpression]) -> tuple[list[Score], Null
         with declared(*batch):
             tried = [variant for law in batch for variant in variants(law.effect, features, plant)]
             raw = signatures(base, [(variant.amounts[0], variant.shapes) for variant in tried])
-            seen = np.flatnonzero(np.isfinite(raw).all(axis=0) & (np.abs(np.nan_to_num(raw)).max(axis=0) > 0))
+            seen = np.flatnonzero(seen_columns(raw))
             background = Background(base, raw[:, seen])
             scores += [background.score(tried[k], (place,)) for place, k in enumerate(seen)]
             columns.append(raw[:, seen])

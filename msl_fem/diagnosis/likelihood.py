@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
+from msl_fem.computing.gauss_newton import normal_equations
 from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.noise import (
     NoiseBands,
@@ -70,8 +71,8 @@ class Fit:
     @property
     def precision(self) -> Array:
         """J'J and the prior's curvature."""
-        j = self.jacobian * self.weights.root[:, None]
-        return np.asarray(j.T @ j + np.diag(self.unknowns.prior(self.z)[2]))
+        gram, _ = normal_equations(self.jacobian, self.weights.root)
+        return gram + np.diag(self.unknowns.prior(self.z)[2])
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import GatheredRuns
-from msl_fem.diagnosis.likelihood import CONVERGED, Fit
+from msl_fem.diagnosis.likelihood import CONVERGED, Fit, Likelihood
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.scores import Score
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -64,19 +64,19 @@ def extended(base: Unknowns, variant: Variant) -> Unknowns:
     return replace(base, effects=(*base.effects, *variant.unknowns))
 
 
-def started(base: Fit, score: Score) -> Array:
+def started(base: Fit, score: Score, likelihood: Likelihood) -> Array:
     """Where the refit of a scored variant begins: of some points on the way to the linear model's best, the one of the
-    highest density. All else moves along, since it makes up for what is alike."""
+    highest density by `likelihood`. All else moves along, since it makes up for what is alike."""
     shapes = np.zeros(len(score.variant.shapes))
     rows = [np.concatenate([base.z + part * score.shift, part * score.guess, shapes]) for part in SHARES]
     rows += [np.concatenate([base.z, part * score.guess, shapes]) for part in SHARES]
     unknowns = extended(base.unknowns, score.variant)
     points = np.array([unknowns.allowed(row) for row in rows])
-    residuals = base.likelihood.spectra(Points.of(unknowns, points))
+    residuals = likelihood.spectra(Points.of(unknowns, points))
     costs = np.full(len(points), np.inf)
     for n, residual in enumerate(residuals):
         if np.isfinite(residual).all():
-            costs[n] = base.likelihood.weights(residual).nats + unknowns.prior(points[n])[0]
+            costs[n] = likelihood.weights(residual).nats + unknowns.prior(points[n])[0]
     return np.asarray(points[int(np.argmin(costs))])
 
 
@@ -170,7 +170,8 @@ class Refinement:
         unknowns = extended(self.base.unknowns, score.variant)
         begin = self.memory.end_of(fit_name(self.base.unknowns, score.variant.name), unknowns)
         try:
-            begin = started(self.base, score) if begin is None else begin
+            if begin is None:  # at the same time, all their runs would be in the memory together
+                begin = started(self.base, score, self.base.likelihood.gathering(self.gathered))
             return self._refit(self.base, score.variant, begin, plan, self.nuisance_columns)
         except ComputationError:
             return None

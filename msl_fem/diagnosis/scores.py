@@ -52,9 +52,10 @@ class Background:
     """What is unknown at a fit, and the columns of many amounts, multiplied with one another once."""
 
     def __init__(self, found: Fit, raw: Array) -> None:
-        """`raw` are columns (n_number, n_amount) of the residual, not weighted."""
+        """`raw` are columns (n_number, n_amount) of the residual, not weighted; they are weighted in place."""
         root = found.weights.root
-        j, self.c = found.jacobian * root[:, None], raw * root[:, None]
+        raw *= root[:, None]
+        j, self.c = found.jacobian * root[:, None], raw
         residual = found.residual * root
         inverse = np.linalg.inv(j.T @ j + np.diag(found.unknowns.prior(found.z)[2]))
         mixed = self.c.T @ j
@@ -113,7 +114,7 @@ def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True, with_colu
         return ScoredVariants()
     amounts = list(dict.fromkeys((amount, variant.shapes) for variant in tried for amount in variant.amounts))
     raw = signatures(found, amounts)
-    seen = np.isfinite(raw).all(axis=0) & (np.abs(np.nan_to_num(raw)).max(axis=0) > 0)
+    seen = seen_columns(raw)
     raw[:, ~seen] = 0.0
     background = Background(found, raw)
     place = {amount: n for n, amount in enumerate(amounts)}
@@ -127,6 +128,11 @@ def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True, with_colu
             amount_places.append(AmountPlaces(tuple(places), one_sided))
     by_chance = null_distribution(background.own, amount_places) if null else NullDistribution()
     return ScoredVariants(tuple(sorted(made, key=lambda s: -s.gain)), by_chance)
+
+
+def seen_columns(raw: Array) -> NDArray[np.bool_]:
+    """(n_amount,) which columns (n_number, n_amount) could be simulated and show anything."""
+    return np.array([np.isfinite(column).all() and bool(np.any(column)) for column in raw.T], dtype=bool)
 
 
 def signatures(found: Fit, amounts: Sequence[tuple[EffectUnknown, Shapes]]) -> Array:

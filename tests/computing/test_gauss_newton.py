@@ -5,7 +5,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from msl_fem.computing.gauss_newton import HALVING, DescentSettings, FitSettings, descend, fit_map, halved
+from msl_fem.computing.gauss_newton import (
+    HALVING,
+    ROWS_AT_ONCE,
+    DescentSettings,
+    FitSettings,
+    descend,
+    fit_map,
+    halved,
+    normal_equations,
+    with_outer,
+)
 from msl_fem.errors import ComputationError
 
 
@@ -201,3 +211,16 @@ def test_a_descent_ends_where_promises_are_not_kept() -> None:
     end = descend(Promises(), Kinked(1.0), settings)
     assert (end.ending, end.steps) == ("in vain", 3)
     assert descend(Promises(), Kinked(1.0), replace(settings, enough=0.005)).ending == "no more steps"
+
+
+def test_products_made_of_some_rows_at_a_time_are_those_of_the_whole() -> None:
+    chance = np.random.default_rng(2)
+    n = ROWS_AT_ONCE + 100
+    jacobian, residual, root = chance.standard_normal((n, 3)), chance.standard_normal(n), chance.uniform(1, 2, n)
+    weighted, row = jacobian * root[:, None], np.array([1.0, -2.0, 3.0])
+    gram, slope = normal_equations(jacobian, root, residual)
+    assert gram == pytest.approx(weighted.T @ weighted, rel=1e-12)
+    assert slope == pytest.approx(weighted.T @ (root * residual), rel=1e-12)
+    before = jacobian.copy()
+    assert with_outer(jacobian, residual, row) == pytest.approx(jacobian + np.outer(residual, row), rel=1e-12)
+    assert np.array_equal(jacobian, before)

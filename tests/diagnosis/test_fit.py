@@ -10,6 +10,7 @@ from linear_record import CUBIC, OFFSET, LinearRecord, record, with_effect
 
 from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.fit_memory import FitMemory
+from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.likelihood import Likelihood
 from msl_fem.diagnosis.noise import MISSTATED, PRIOR, ceilings, loudness, make_bands, transformed, weights_of
 from msl_fem.diagnosis.problem import Points
@@ -125,6 +126,35 @@ def test_of_two_effects_the_one_that_is_there_wins_and_nothing_costs_evidence() 
     assert found.refits[1].gain < -2
     assert [s.variant.effect for s in ranked(found.scores)] == ["stiffness_nonlinearity", "force_offset"]
     assert found.rivals(5.0) == []
+
+
+def test_simulations_of_candidates_are_asked_for_where_those_of_all_meet(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each by itself, they would all be in the memory at the same time."""
+    it, unknowns = record(seed=7, size=0.15, of="stiffness_nonlinearity")
+    base = fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
+    variants = [Variant(one.effect, (one,)) for one in (OFFSET, CUBIC)]
+    met, apart = [], []
+
+    class Meeting(LinearRecord):
+        def spectra(self, points: Points) -> np.ndarray:
+            met.append(len(points.rows))
+            return super().spectra(points)
+
+    plain = LinearRecord.spectra
+
+    def counted(likelihood: LinearRecord, points: Points) -> np.ndarray:
+        if type(likelihood) is LinearRecord:
+            apart.append(len(points.rows))
+        return plain(likelihood, points)
+
+    def gathering(likelihood: LinearRecord, runs: GatheredRuns | None) -> LinearRecord:
+        return it if runs is None else Meeting(it.data, it.nuisances, it.of_effect)
+
+    monkeypatch.setattr(LinearRecord, "spectra", counted)
+    monkeypatch.setattr(LinearRecord, "gathering", gathering)
+    search_stage(base, variants, tell=str)
+    assert len(apart) == 1, "what all candidates bring in the linear model"
+    assert met
 
 
 def test_the_best_refit_alone_is_led_to_its_end_and_no_further_later() -> None:
