@@ -177,13 +177,15 @@ class Refinement:
             return None
 
     def raced(self, kept: Sequence[Refit]) -> list[Refit]:
-        """Candidates after rounds of a few steps, where each goes on as long as it gains and may still lead."""
+        """Candidates after rounds of a few steps, where each goes on as long as it gains, may still lead, and would
+        count if it did."""
         running, ended = [refit for refit in kept if refit.promising], [r for r in kept if not r.promising]
         for _ in range(REFINEMENT_STEPS // RACED_STEPS):
             moved = self._together(self.refined, running)
             leader = max((refit.gain for refit in [*moved, *ended]), default=0.0)
             pairs = list(zip(running, moved, strict=True))
             running = [new for old, new in pairs if new.promising and _may_lead(old, new, leader)]
+            running = [new for new in running if not self.hopeless(new)]
             ended += [new for new in moved if new not in running]
         return [*running, *ended]
 
