@@ -158,9 +158,9 @@ def command(
             progress(len(excitations), len(excitations))
         record = simulation_record(it, runs, controller=None if loop is None else loop.section)
         write_record(replace(record, belief=believed.name), output)
-    for run in runs:
-        if met := int(run.simulation.samples_at_voltage_limit.max()):
-            say(f"note: {run.name}: the voltage limit was met in {met} samples, as where a command jumps at the start")
+    for made in runs:
+        if met := int(made.simulation.samples_at_voltage_limit.max()):
+            say(f"note: {made.name}: the voltage limit was met in {met} samples, as where a command jumps at the start")
     fields = {
         "record": str(output),
         "effects": effects_told(model.effects, as_json=json),

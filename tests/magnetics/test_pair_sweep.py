@@ -14,8 +14,10 @@ from msl_fem.cli.output import run_guarded
 from msl_fem.errors import InputError, OutOfTable, TableError
 from msl_fem.magnetics.field.pair_field import PairField, pair_magnet, pair_mesh
 from msl_fem.magnetics.sweep.pair_grid import default_pair_grid
+from msl_fem.magnetics.sweep.pair_rows import PairSweepRow, pair_job
 from msl_fem.magnetics.sweep.pair_sweep import pair_sweep
 from msl_fem.magnetics.sweep.pair_symmetry import with_each_alone
+from msl_fem.magnetics.sweep.reduced_rows import reduced_side_rows
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings
 from msl_fem.table.magnetic_table import read_table
 from msl_fem.table.pair_table import PAIR_NODES, PairTable, read_pair_table, write_pair_table
@@ -174,3 +176,23 @@ def test_a_table_with_far_apart_nodes_contradicts_nothing() -> None:
     nodes = {name: values[:, kept][:, :, kept] for name, values in table.nodes.items()}
     currents = table.current_1[kept]
     assert PairTable(table.one_sided, table.gap_sum, table.position, currents, currents, nodes=nodes).axes[1].size == 11
+
+
+def test_one_side_alone_by_a_reduced_field(servo: Actuator) -> None:
+    """It is the full field within its certificate, forces and flux linkages; slopes follow."""
+    positions, currents = np.linspace(-0.25e-3, 0.25e-3, 11), 6 * np.linspace(0, 1, 16) ** 1.5
+    job = pair_job(servo, GAP_SUM / 2 + positions, gap_sum=GAP_SUM, accuracy="fast")
+    rows = [PairSweepRow(float(x), 0.0, tuple(currents.tolist())) for x in positions]
+    reduced = reduced_side_rows(job.field(), rows, "fast")
+    assert reduced is not None
+    solver = job.solver()
+    for k in (0, 7, 10):
+        exact = solver.solve(rows[k])
+        for name in ("force", "flux_linkage_2"):
+            full_scale = max(np.abs(answer[name]).max() for answer in reduced.answers)
+            off = np.abs(reduced.answers[k][name] - exact[name]).max()
+            assert off <= reduced.certificate.error_estimate * full_scale, name
+        for name in ("force_current_slope_2", "incremental_inductance_2", "force_position_slope"):
+            assert reduced.answers[k][name] == pytest.approx(exact[name], abs=0.01 * np.abs(exact[name]).max()), name
+        assert reduced.answers[k]["flux_density_yoke_2"] == pytest.approx(exact["flux_density_yoke_2"], abs=2e-3)
+        assert "mutual_inductance" not in reduced.answers[k]

@@ -15,7 +15,7 @@ from msl_fem.errors import ActuatorError
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, Discretisation, irons_of
 from msl_fem.magnetics.kinds.kind import PlaneMagnet
 from msl_fem.magnetics.section import Line, Region, Section, rectangle
-from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, solve_field
+from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, NewtonSettings, solve_field
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
 from msl_fem.magnetics.solver.postprocess import Cuts, SectionFluxDensity, cut_probe, irons_on_tail
 from msl_fem.magnetics.solver.strip import STRIP, Strip
@@ -166,11 +166,17 @@ class PairField:
         return PairField(self.actuator, self.model.mesh, gap_sum=self.gap_sum, order=self.order + 1)
 
     def solve(
-        self, position: float, current_1: float, current_2: float, *, start: Array | None = None
+        self,
+        position: float,
+        current_1: float,
+        current_2: float,
+        *,
+        start: Array | None = None,
+        settings: NewtonSettings | None = None,
     ) -> FieldSolution:
         """The field with the armature at `position` (m, towards side 1), from a potential nearby; NotConverged."""
         self.model.source = current_1 * self.sources[0] + current_2 * self.sources[1]
-        return solve_field(self.model, 1.0, position, start=start)
+        return solve_field(self.model, 1.0, position, start=start, settings=settings)
 
     def by_currents(self, solution: FieldSolution) -> tuple[Array, Array]:
         """dA/di_1 and dA/di_2 at the last solution."""

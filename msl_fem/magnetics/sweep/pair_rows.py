@@ -12,12 +12,15 @@ from msl_fem.computing.row_cache import Arrays, content_key
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.field.pair_field import COMMON, PairField, pair_magnet, pair_mesh
-from msl_fem.magnetics.solver.magnetostatics import FieldSolution
+from msl_fem.magnetics.solver.magnetostatics import FieldSolution, NewtonSettings
 from msl_fem.magnetics.sweep.predictor import RowPredictor
 from msl_fem.magnetics.sweep.rows import SOLVER_VERSION
 from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.table.magnetic_table import SECTION
 from msl_fem.table.pair_table import PAIR_NODES
+
+STEPS = NewtonSettings(tolerance=1e-6)
+"""A hundredth of what meshes and interpolation leave."""
 
 
 @dataclass(frozen=True)
@@ -125,10 +128,10 @@ class _Walker:
         start = self.predictor.at(current)
         if start is not None:
             try:
-                return self.field.solve(*where, start=start)
+                return self.field.solve(*where, start=start, settings=STEPS)
             except NotConverged:
                 self.predictor.forget()
-        return self.field.solve(*where)
+        return self.field.solve(*where, settings=STEPS)
 
 
 def job_key(job: PairSweepJob) -> str:

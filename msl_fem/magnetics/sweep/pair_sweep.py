@@ -20,12 +20,13 @@ from msl_fem.magnetics.field.pair_field import pair_magnet
 from msl_fem.magnetics.sweep.pair_grid import check_pair_grid, half_of, one_sided_grid
 from msl_fem.magnetics.sweep.pair_rows import PairSweepJob, PairSweepRow, job_key, pair_job
 from msl_fem.magnetics.sweep.pair_symmetry import by_symmetry, needed, with_each_alone
+from msl_fem.magnetics.sweep.reduced_rows import reduced_side_rows
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, refuse_failures, sweep
 from msl_fem.table.magnetic_table import SECTION
 from msl_fem.table.pair_table import PAIR_NODES, PairTable
 
-CHECKS = 8
-"""Every so many midpoints of the second current are solved to state the interpolation error."""
+CHECKS = 4
+"""Every so many midpoints of each current are solved to state the interpolation error."""
 
 
 def pair_sweep(
@@ -71,8 +72,11 @@ def pair_sweep(
     one_on = [PairSweepRow(float(x), 0.0, tuple(half_i.tolist())) for x in whole_x]
     between, judged = _between_nodes(half_x, half_i), _judged(half_x, half_i)
     refined = [replace(row, refine=True) for row in judged]
-    done = _answers(job, [*common, *one_on, *between, *judged, *refined], settings, progress)
-    parts = iter(done)
+    reduced = None if settings.full else reduced_side_rows(job.field(), one_on, settings.accuracy)
+    easy = [] if reduced is None else reduced.answers
+    solved = [*common, *([] if easy else one_on), *between]
+    done = _answers(job, [*solved, *judged, *refined], settings, progress)
+    parts = iter([*done[: len(common)], *easy, *done[len(common) :]])
     answers = [[next(parts) for _ in rows] for rows in (common, one_on, between, judged, refined)]
     arrays = with_each_alone(
         by_symmetry(half_x, half_i, common, answers[0]), by_symmetry(half_x, half_i, one_on, answers[1])
@@ -88,6 +92,8 @@ def pair_sweep(
     )
     largest = float(np.abs(table.nodes["force"]).max())
     mesh_error = LEVELS[settings.accuracy].safety * _mesh_error(largest, answers[3], answers[4])
+    if reduced is not None:
+        mesh_error += reduced.certificate.error_estimate
     interpolation_error, reciprocity_error = _interpolation_error(table, between, answers[2])
     notes = list(alone.notes)
     table = replace(
@@ -111,7 +117,10 @@ def pair_sweep(
         interpolation_error=interpolation_error,
         reciprocity_error=reciprocity_error,
         cpu_seconds=time.process_time() - started + in_workers + others,
-        solutions=alone.solutions + sum(len(row.currents_2) for row in [*common, *one_on, *between]),
+        certificate=alone.certificate if reduced is None else reduced.certificate,
+        solutions=alone.solutions
+        + sum(len(row.currents_2) for row in solved)
+        + (0 if reduced is None else reduced.solutions),
         reused_rows=sum("reused" in row for row in done) + alone.reused_rows,
         notes=tuple(notes),
     )
@@ -142,10 +151,10 @@ def _between_nodes(half_x: Array, half_i: Array) -> list[PairSweepRow]:
     """Rows midway between positions and currents of side 1, each at some midpoints of side 2, staggered."""
     both = np.r_[-half_i[:0:-1], half_i]
     middle_x, middle_1, middle_2 = ((v[1:] + v[:-1]) / 2 for v in (half_x, half_i, both))
-    rows = []
+    rows, apart = [], min(CHECKS, middle_1.size)
     for m, x in enumerate(middle_x):
-        for n, i in enumerate(middle_1[m % 2 :: 2]):
-            currents = middle_2[(m + 2 * n) % CHECKS :: CHECKS].tolist()
+        for n, i in enumerate(middle_1[m % apart :: apart]):
+            currents = middle_2[(m + n) % CHECKS :: CHECKS].tolist()
             rows.append(PairSweepRow(float(x), float(i), tuple(currents or middle_2.tolist())))
     return rows
 

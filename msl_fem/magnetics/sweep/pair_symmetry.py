@@ -28,9 +28,10 @@ def needed(position: float, current_1: float, both: Array) -> tuple[float, ...]:
 
 
 def by_symmetry(half_x: Array, half_i: Array, rows: list[PairSweepRow], answers: list[Arrays]) -> dict[str, Array]:
-    """The arrays over all positions and both signs of both currents."""
+    """The arrays over all positions and both signs of both currents; nan where no answer has a quantity."""
     n_x, n_i = half_x.size, half_i.size
-    names = [name for name in answers[0] if name in PAIR_NODES or name.startswith(SECTION)]
+    told = [name for name in answers[0] if name in PAIR_NODES or name.startswith(SECTION)]
+    names = dict.fromkeys([*told, *PAIR_NODES])
     shape = 2 * n_x - 1, 2 * n_i - 1, 2 * n_i - 1
     arrays = {name: np.full(shape, np.nan) for name in names}
     both = np.r_[-half_i[:0:-1], half_i]
@@ -39,7 +40,7 @@ def by_symmetry(half_x: Array, half_i: Array, rows: list[PairSweepRow], answers:
     for row, answer in zip(rows, answers, strict=True):
         x, i = row.position, row.current_1
         for k, j in enumerate(row.currents_2):
-            for name in names:
+            for name in told:
                 value = answer[name][k]
                 # as solved, with both currents reversed, with the sides exchanged, and both
                 odd = -1.0 if name.startswith("flux_linkage") or name.startswith("force_current") else 1.0

@@ -10,10 +10,12 @@ from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.row_cache import Arrays
 from msl_fem.magnetics.field.accuracy import Accuracy
 from msl_fem.magnetics.field.magnet_field import MagnetField
+from msl_fem.magnetics.field.pair_field import PairField
 from msl_fem.magnetics.reduced.full_field import FullField
 from msl_fem.magnetics.reduced.reduced_model import FieldPoints, ReducedModel, ReducedStates
-from msl_fem.magnetics.reduced.reduction import Certificate, ReductionSettings, reduce_at_all
-from msl_fem.magnetics.solver.postprocess import TAIL_SHARE, CutProbe, Probes
+from msl_fem.magnetics.reduced.reduction import Certificate, Reduction, ReductionSettings, reduce_at_all
+from msl_fem.magnetics.solver.postprocess import TAIL_SHARE, Cuts, Probes
+from msl_fem.magnetics.sweep.pair_rows import PairSweepRow
 from msl_fem.magnetics.sweep.rows import SweepRow
 from msl_fem.materials.constants import MU_0
 from msl_fem.table.magnetic_table import SECTION
@@ -43,18 +45,52 @@ def reduced_rows(field: MagnetField, rows: Sequence[SweepRow], accuracy: Accurac
     probes = field.probes
     if current.size < LEAST_POINTS or not isinstance(probes, Probes):
         return None
-    points = FieldPoints(gap, current[:, None])
     full = FullField(field.model, [field.model.source])
-    reduction = reduce_at_all(full, points, ReductionSettings(TOLERANCE[accuracy]))
+    reduction = reduce_at_all(full, FieldPoints(gap, current[:, None]), ReductionSettings(TOLERANCE[accuracy]))
     if reduction is None:
         return None
     arrays = _magnet_arrays(probes, reduction.states) | _read_fields(probes, reduction.model, reduction.states)
-    ends = np.cumsum([len(row.currents) for row in rows])[:-1]
+    return _by_row(arrays, [len(row.currents) for row in rows], reduction)
+
+
+@one_blas_thread
+def reduced_side_rows(field: PairField, rows: Sequence[PairSweepRow], accuracy: Accuracy) -> ReducedRows | None:
+    """Rows with side 2 alone on, as `reduced_rows`; what belongs to side 1, and the mutual inductance, is left out."""
+    counts = [len(row.currents_2) for row in rows]
+    position = np.repeat([row.position for row in rows], counts)
+    if position.size < LEAST_POINTS:
+        return None
+    points = FieldPoints(position, np.concatenate([row.currents_2 for row in rows])[:, None])
+    full = FullField(field.model, [field.sources[1]])
+    reduction = reduce_at_all(full, points, ReductionSettings(TOLERANCE[accuracy]))
+    if reduction is None:
+        return None
+    model, states = reduction.model, reduction.states
+    arrays = _side_arrays(field.scale, states) | _cut_means(field.cuts, model, states)
+    return _by_row(arrays | {"tail": on_tail(model, states).astype(float)}, counts, reduction)
+
+
+def _by_row(arrays: Arrays, counts: Sequence[int], reduction: Reduction) -> ReducedRows:
+    """Arrays (n,) of all points as the rows' answers."""
+    ends = np.cumsum(counts)[:-1]
     pieces = {name: np.split(values, ends) for name, values in arrays.items()}
-    answers = [{name: piece[k] for name, piece in pieces.items()} for k in range(len(rows))]
+    answers = [{name: piece[k] for name, piece in pieces.items()} for k in range(len(counts))]
     return ReducedRows(
         [answer | {"cpu_seconds": np.array(0.0)} for answer in answers], reduction.certificate, reduction.solutions
     )
+
+
+def _side_arrays(scale: float, states: ReducedStates) -> Arrays:
+    """(n,) of a pair's nodes with side 2 alone on; the coordinate is the position towards side 1, force its way."""
+    arrays = {
+        "coenergy": states.coenergy,
+        "flux_linkage_2": states.flux_linkage[:, 0],
+        "force": -states.energy_slope,
+        "incremental_inductance_2": states.inductance[:, 0, 0],
+        "force_current_slope_2": -states.energy_slope_by_current[:, 0],
+        "force_position_slope": -states.energy_slope_by_coordinate,
+    }
+    return {name: scale * values for name, values in arrays.items()} | {"newton_iterations": states.steps.astype(float)}
 
 
 def _magnet_arrays(probes: Probes, states: ReducedStates) -> Arrays:
@@ -74,7 +110,7 @@ def _magnet_arrays(probes: Probes, states: ReducedStates) -> Arrays:
 def _read_fields(probes: Probes, model: ReducedModel, states: ReducedStates) -> Arrays:
     """(n,) flux densities of the sections, the force by the stress tensor, and whether an iron rests on its tail."""
     vectors, c = model.basis.vectors, states.states.T
-    arrays = {SECTION + name: _mean_flux_density(probes, cut, vectors, c) for name, cut in probes.cuts.items()}
+    arrays = _cut_means(probes.cuts, model, states)
     gap = states.points.coordinate
     b_y = (probes.line_x @ vectors) @ c
     b_x = (probes.line_y @ vectors) @ c * (probes.model.mesh.gap / gap)
@@ -97,10 +133,15 @@ def strip_energy(model: ReducedModel, states: ReducedStates) -> Array:
     return total
 
 
-def _mean_flux_density(probes: Probes, cut: CutProbe, vectors: Array, c: Array) -> Array:
-    """(n,) mean of |B| in the iron over a cut."""
-    b = np.hypot((cut.along_x @ vectors) @ c, (cut.along_y @ vectors) @ c)
-    return np.asarray(cut.weight @ probes.model.irons[cut.region].iron.iron_flux_density(b)[1:-1])
+def _cut_means(cuts: Cuts, model: ReducedModel, states: ReducedStates) -> Arrays:
+    """(n,) means of |B| in the iron over cuts."""
+    vectors, c = model.basis.vectors, states.states.T
+    arrays = {}
+    for name, cut in cuts.items():
+        b = np.hypot((cut.along_x @ vectors) @ c, (cut.along_y @ vectors) @ c)
+        sheets = model.basis.model.irons[cut.region].iron.iron_flux_density(b)
+        arrays[SECTION + name] = np.asarray(cut.weight @ sheets[1:-1])
+    return arrays
 
 
 def on_tail(model: ReducedModel, states: ReducedStates) -> Array:
