@@ -1,8 +1,8 @@
 """Force of both sides about a bias, as a biased controller believes it: by the pair's table and by one magnet's alone.
 
 Each held position is solved anew with both sides at `fine`. Run: python benchmarks/pair_bias.py [--bias 3]. With
---overlap 10 30 60 (N): what the exact inverse, which takes the sides apart, gets wrong by the pair's table while both
-pull.
+--overlap 10 30 60 (N): what the exact inverse gets wrong by the pair's table while both pull, the sides taken apart and
+with what they share.
 """
 
 import argparse
@@ -13,35 +13,35 @@ import numpy as np
 from msl_fem.actuator import load_actuator
 from msl_fem.control.baselines import bias_point
 from msl_fem.control.design_model import DesignModel, design_model_of
-from msl_fem.control.inverse import hand_over, magnet_current, magnet_current_limit
+from msl_fem.control.inverse import magnet_current_limit
+from msl_fem.control.lqr_design import stage_with_overlap
+from msl_fem.control.shared_force import NOTHING_SHARED, magnet_currents, shared_force_at
 from msl_fem.magnetics.field.two_sided import TwoSidedField, TwoSidedPosition
 from msl_fem.maps import operating_map
+from msl_fem.maps.pair_limits import RELATIONS
 from msl_fem.plant.operating_point import net_force
 from msl_fem.plant.plant import plant_parameters
-from msl_fem.table.magnetic_table import MagneticTable
 from msl_fem.table.pair_table import load_table
 
 ROOT = Path(__file__).parents[1]
 
 
-def worst_of_hand_over(model: DesignModel, pair: MagneticTable, overlap: float) -> str:
-    """The largest error of the force over positions to 0.4 mm and forces to 120 N, in both polarities."""
-    assert pair.shared is not None
-    plant, inverse = plant_parameters(model.actuator), model.inverse
-    worst = {}
-    for polarity in (-1.0, 1.0):
+def worst_of_hand_over(model: DesignModel, overlap: float) -> str:
+    """The largest errors of the force to 120 N over the positions, the sides apart and with what they share."""
+    both, inverse, polarity = model.shared, model.inverse, model.coupled.polarity
+    assert both is not None
+    stage, worst = stage_with_overlap(model, overlap), []
+    for shared in (NOTHING_SHARED, stage.shared):
         errors = [0.0]
-        for x in np.linspace(-0.4e-3, 0.4e-3, 9):
+        for x in np.linspace(-0.39e-3, 0.39e-3, 9):
             for force in np.linspace(-120, 120, 25):
-                gaps = plant.nominal_gap - x, plant.nominal_gap + x
-                most = [magnet_current_limit(inverse, gap) for gap in gaps]
-                pulls = [pull / plant.magnets for pull in hand_over(float(force), overlap)]
-                both = zip(pulls, gaps, most, strict=True)
-                one, two = (magnet_current(inverse.surface_1, *each) for each in both)
-                if np.isfinite(one + two):
-                    errors.append(plant.magnets * float(pair.shared.evaluate(x, one, polarity * two)["x"]))
-        worst["aiding" if polarity > 0 else "opposing"] = max(errors, key=abs)
-    return ", ".join(f"{error:+.3f} N {name}" for name, error in worst.items())
+                known = shared_force_at(shared, x, force)
+                one, two = magnet_currents(inverse, force - known, x, overlap)
+                if max(one, two) < magnet_current_limit(inverse, model.coupled.nominal_gap + abs(x)):
+                    found = inverse.magnets * float(both.evaluate(x, one, polarity * two)["x"])
+                    errors.append(found - known)
+        worst.append(max(errors, key=abs))
+    return f"{worst[0]:+.3f} N apart, {worst[1]:+.4f} N by the pair"
 
 
 def main() -> None:
@@ -53,9 +53,14 @@ def main() -> None:
     plant = plant_parameters(actuator)
     pair = load_table(ROOT / "lookup_tables/fast_tool_servo_pair.nc")
     alone = load_table(ROOT / "lookup_tables/fast_tool_servo.nc")
-    model = design_model_of(actuator, pair, operating_map(pair, levels=(1.2, 1.6)))
+    model_map = operating_map(pair, levels=(1.2, 1.6))
+    model = design_model_of(actuator, pair, model_map)
     for overlap in asked.overlap:
-        print(f"overlap of {overlap:g} N: {worst_of_hand_over(model, pair, overlap)}", flush=True)
+        for polarity in RELATIONS:
+            assert actuator.sides is not None
+            sides = actuator.sides.model_copy(update={"polarity": polarity})
+            other = design_model_of(actuator.model_copy(update={"sides": sides}), pair, model_map)
+            print(f"overlap of {overlap:g} N, {polarity}: {worst_of_hand_over(other, overlap)}", flush=True)
     if asked.overlap:
         return
     print("bias A | x mm | control A | force N | error by the pair, one magnet: N, % of the spring's force")

@@ -25,6 +25,7 @@ from msl_fem.cli.options import (
     read_options,
 )
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say, write_json
+from msl_fem.cli.polarity import polarity_off_the_middle, polarity_sentence
 from msl_fem.cli.sweeping import checked_accuracy, checked_end_effects, default_workers
 from msl_fem.computing.row_cache import RowCache
 from msl_fem.errors import InputError
@@ -131,15 +132,28 @@ def command(
         table = _default_table(actuator, settings) if request.frequency is not None else None
         made = _from_fields(actuator, wanted, criterion, options, settings)
     thermal = thermal_to_json(source, made.gap, request, table=table)
+    costs = {} if actuator is None else _polarity_costs(actuator, made)
     if output is not None:
-        write_json(map_to_json(made) | thermal, output)
+        write_json(map_to_json(made) | thermal | costs, output)
         RowCache(_cache(output)).clear()
     for note in (*_notes(made), *made.warnings, *_holes(made), *thermal_notes(thermal)):
         say(f"note: {note}")
+    if costs:
+        say(f"note: {polarity_sentence(costs['polarity'])}")
     if json:
-        print_result(map_to_json(made) | thermal | reported(report), as_json=True, title="")
+        print_result(map_to_json(made) | thermal | costs | reported(report), as_json=True, title="")
         return
     print_columns(_columns(made) | thermal_columns(thermal), title=f"operating map of {source}, {made.criterion}")
+
+
+def _polarity_costs(actuator: Actuator, made: OperatingMap) -> dict[str, Any]:
+    """The JSON field `polarity` at the first level's current half the range off the middle; empty if there is none."""
+    motion = actuator.motion
+    if motion is None or motion.nominal_gap is None or motion.range is None:
+        return {}
+    gap = motion.nominal_gap - motion.range / 2
+    current = float(np.interp(gap, made.gap, made.current[0], left=np.nan, right=np.nan))
+    return polarity_off_the_middle(actuator, current, accuracy="fast") if np.isfinite(current) else {}
 
 
 def _map_of_both(

@@ -32,6 +32,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.statespace import StateSpace
 from msl_fem.control.current_loop import KNOWN_STRAY, CurrentLoopDesign, designed_current_loop
 from msl_fem.control.inverse import Inverse, SideModel, force_domain, held_stiffness, inverse_of
+from msl_fem.control.shared_force import magnet_currents
 from msl_fem.errors import ActuatorError, InputError
 from msl_fem.maps.guard import Guard
 from msl_fem.maps.level_currents import OperatingMap
@@ -228,7 +229,12 @@ class DesignModel:
 
     def place(self, position: float, *, overlap: float = 0.0) -> AtPosition:
         """The magnets near a position in m that they hold through the inverse; raises as `held_stiffness`."""
-        held = held_stiffness(self.inverse, self.holding_force(position), position, overlap=overlap)
+        force = self.holding_force(position)
+        held = held_stiffness(self.inverse, force, position, overlap=overlap)
+        if overlap and self.shared is not None:
+            first, second = magnet_currents(self.inverse, force, position, overlap)
+            both = self.shared.evaluate(np.array(position), np.array(first), np.array(self.coupled.polarity * second))
+            held += self.coupled.magnets * float(both["xx"])
         return AtPosition(held - 3 * self.cubic * position**2)
 
 

@@ -21,6 +21,7 @@ from msl_fem.control.inverse import force_domain
 from msl_fem.control.linear_loop import LinearLaw, feedback_bandwidth, grid
 from msl_fem.control.lqg import FilterNoise, LqrGains, LqrWeights, ReducedOrderFilter, lqr_gains, reduced_order_filter
 from msl_fem.control.output_stage import HARD_HAND_OVER, INVERSE, OutputStage
+from msl_fem.control.shared_force import shared_force
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.maps.level_currents import OperatingMap
 from msl_fem.table.magnetic_table import MagneticTable
@@ -181,7 +182,10 @@ LQR = DesignKind(
 
 
 def stage_with_overlap(model: DesignModel, overlap: float) -> OutputStage:
-    """The inverse with both sides pulling with `overlap` N at zero force; InputError where they cannot."""
+    """The inverse with both sides pulling with `overlap` N at zero force; InputError where they cannot.
+
+    With the table of the pair it takes what the sides' armature shares.
+    """
     if overlap == 0.0:
         return HARD_HAND_OVER
     domain = force_domain(model.inverse, 0.0)
@@ -191,7 +195,11 @@ def stage_with_overlap(model: DesignModel, overlap: float) -> OutputStage:
             f"an overlap of {overlap:g} N is not possible; it must be 0 ... {most:.4g} N, what each of two sides can "
             "pull with in the middle"
         )
-    return OutputStage(INVERSE, overlap, 0.0, 1.0)
+    if model.shared is None:
+        return OutputStage(INVERSE, overlap, 0.0, 1.0)
+    reach, polarity = reach_of(model), model.coupled.polarity
+    common = shared_force(model.inverse, model.shared, polarity=polarity, overlap=overlap, reach=reach)
+    return OutputStage(INVERSE, overlap, 0.0, 1.0, common)
 
 
 def working_places(model: DesignModel, *, overlap: float = 0.0, share: float = WORKING_SHARE) -> tuple[AtPosition, ...]:

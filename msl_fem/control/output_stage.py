@@ -17,6 +17,7 @@ from msl_fem.control.inverse import (
     magnet_force,
     side_surface,
 )
+from msl_fem.control.shared_force import NOTHING_SHARED, SharedForce, shared_force_at
 from msl_fem.maps.guard import UNACCEPTABLE
 
 INVERSE, BIAS = 0, 1
@@ -28,7 +29,8 @@ PREFERRED, DISCOURAGED, FORCE_LIMITED, HEAT_LIMITED, VIOLATION = range(5)
 class OutputStage(NamedTuple):
     """How a force becomes currents.
 
-    INVERSE: the exact input transformation at the gap to come; with an overlap both sides pull near zero force.
+    INVERSE: the exact input transformation at the gap to come; with an overlap both sides pull near zero force, and
+    what their armature shares is part of it where the table of the pair is known.
     BIAS: i_1 = bias + d, i_2 = bias - d with d = force/force_per_current, the tangent of the plant at the bias.
     """
 
@@ -36,6 +38,7 @@ class OutputStage(NamedTuple):
     overlap: float  # N
     bias: float  # A, of a side
     force_per_current: float  # N/A
+    shared: SharedForce = NOTHING_SHARED  # of the pulls in an overlap
 
 
 HARD_HAND_OVER = OutputStage(INVERSE, 0.0, 0.0, 1.0)
@@ -73,8 +76,9 @@ def _pulls(
     command: Array,
 ) -> tuple[float, int]:  # fmt: skip
     """`commanded_currents` by the exact inverse, each side judged alone."""
-    pulls = hand_over(force, stage.overlap)
-    given, verdict = 0.0, PREFERRED
+    shared = shared_force_at(stage.shared, positions[1], force)
+    pulls = hand_over(force - shared, stage.overlap)
+    given, verdict = shared, PREFERRED
     for side in range(2):
         pull = pulls[0] if side == 0 else pulls[1]
         if pull > 0.0:

@@ -14,6 +14,7 @@ from msl_fem.control.controller import N_PREFERRED, N_VIOLATION, controller_stat
 from msl_fem.control.design import ControllerDesign
 from msl_fem.control.heat import thermal_guard
 from msl_fem.control.output_stage import BIAS, INVERSE, OutputStage
+from msl_fem.control.shared_force import SharedForce
 from msl_fem.control.stepper import Stepper, reference_rows
 from msl_fem.errors import InputError
 from msl_fem.export.c_controller import ControllerSource, controller_header, write
@@ -51,6 +52,7 @@ def pair_limits() -> np.ndarray:
     return np.stack([[0.7 * bears, bears], [0.8 * bears, bears + 0.4]])
 
 
+SHARED = SharedForce(-4e-4, -90.0, 4 / 8e-4, 6 / 180.0, np.random.default_rng(8).normal(0, 1.5, (5, 7)))
 BOTH = BothSides(PairGuardArrays(-4e-4, 0.0, 4e-4, 6.0, 8 / 8e-4, 1.0, pair_limits()), 0)
 
 
@@ -114,6 +116,7 @@ def designs() -> dict[str, ControllerDesign]:
         ),
         "gravity, negative gain": changed(plain, constant_force=-9.0, integral_gain=-500.0, shape=shape),
         "overlap": changed(plain, stage=OutputStage(INVERSE, 8.0, 0.0, 1.0)),
+        "a shared overlap": changed(plain, stage=OutputStage(INVERSE, 8.0, 0.0, 1.0, SHARED)),
         "about a bias": changed(plain, stage=OutputStage(BIAS, 0.0, 0.7, 75.0)),
         "one side": changed(plain, inverse=inverse._replace(sides=1)),
         "gains that follow": changed(plain, schedule_at=np.array([0.0, 2e5, 6e5]), schedule=factors),
@@ -131,8 +134,8 @@ def designs() -> dict[str, ControllerDesign]:
 
 NAMES = (
     "two degrees of freedom", "integral alone", "no delay, no lag", "three periods late", "shaped, with references",
-    "gravity, negative gain", "overlap", "about a bias", "one side", "gains that follow", "two surfaces",
-    "judged together", "in the heat", "a bias in the heat", "a bias judged together",
+    "gravity, negative gain", "overlap", "a shared overlap", "about a bias", "one side", "gains that follow",
+    "two surfaces", "judged together", "in the heat", "a bias in the heat", "a bias judged together",
 )  # fmt: skip
 
 
