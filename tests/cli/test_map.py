@@ -63,7 +63,7 @@ def test_a_page_of_a_table_s_map(msl_fem: Run, table: str, title: str, tmp_path:
     page = tmp_path / "map.html"
     made = msl_fem("map", table, "--report", page, "--json").json
     assert made["report"] == str(page)
-    assert f"fast_tool_servo: {title}</h1>" in page.read_text()
+    assert f"fast_tool_servo: {title}</h1>" in page.read_text().replace("<wbr>", "")
 
 
 @pytest.mark.parametrize(
