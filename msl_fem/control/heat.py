@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
@@ -119,6 +118,8 @@ def thermal_guard(actuator: Actuator, period: float, limit: ThermalLimit | None 
 
 def _transition(network: ThermalNetwork, duration: float) -> tuple[Array, Array]:
     """(Phi (n, n), Gamma (n,) K/W): rises after a duration in s, over those before and a loss in the winding."""
+    from scipy.linalg import expm  # no part of what a control engineer's import waits for
+
     n = network.capacity.size
     rates = np.zeros((n + 1, n + 1))
     rates[:n, :n] = -network.conductance / network.capacity[:, None]

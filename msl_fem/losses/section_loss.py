@@ -3,10 +3,10 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import RectBivariateSpline
 
 from msl_fem.actuator import Actuator, MagnetKind
 from msl_fem.computing.arrays import Array
@@ -15,6 +15,9 @@ from msl_fem.files.quantity import format_quantity
 from msl_fem.losses.sheet_loss import FEWEST, FluxWaveform, LossDensity, loss_density
 from msl_fem.materials.core_loss_data import Sheet, sheet_of
 from msl_fem.table.magnetic_table import SECTION, MagneticTable
+
+if TYPE_CHECKING:
+    from scipy.interpolate import RectBivariateSpline
 
 SAMPLES = 256  # of a sine's period: the two routes to <(dB/dt)^2> are 5e-5 apart
 
@@ -56,7 +59,9 @@ class SectionFlux:
         self.values = values
 
     @cached_property
-    def _spline(self) -> RectBivariateSpline:
+    def _spline(self) -> "RectBivariateSpline":
+        from scipy.interpolate import RectBivariateSpline
+
         i = self.table.current
         both_signs = np.r_[-i[:0:-1], i]
         odd = np.hstack([-self.values[:, :0:-1], self.values])

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
@@ -148,6 +147,8 @@ def _on_phase_current(network: ThermalNetwork, heating: Heating, limit: ThermalL
     cycle = limit.cycle
     if cycle.duty == 1.0:
         return continuous
+
+    from scipy.optimize import brentq
 
     def excess(current: float) -> float:
         rise = peak_rise(network, heating, current, cycle=cycle)

@@ -7,7 +7,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
 from msl_fem.actuator import Actuator, MagnetKind
 from msl_fem.computing.arrays import Array
@@ -288,4 +287,6 @@ def _transition(network: ThermalNetwork, matrix: Array, source: Array, duration:
     rates[:n, n] = source / network.capacity
     if float(np.linalg.eigvals(rates[:n, :n]).real.max()) * duration > 200:
         return None
+    from scipy.linalg import expm
+
     return np.asarray(expm(rates * duration))

@@ -34,7 +34,7 @@ class LinearRecord:
         self.column = chance.standard_normal(N)
         self.data = self.column + chance.standard_normal(N)
         self.labels, self.ceilings = np.zeros(N, dtype=np.intp), np.array([np.inf])
-        self.problem = SimpleNamespace(plant=SimpleNamespace(parameters=None))
+        self.problem = SimpleNamespace(plant=SimpleNamespace(parameters=None), schedules=())
 
     def spectra(self, points: Points) -> np.ndarray:
         rows = []
@@ -53,6 +53,9 @@ class LinearRecord:
 
     def gathering(self, runs: GatheredRuns | None) -> "LinearRecord":
         return self
+
+    def standard_errors(self, found: Fit) -> np.ndarray:
+        return np.sqrt(np.diag(np.linalg.inv(found.precision)))
 
     def excess(self, fit: Fit) -> dict[str, float]:
         return {"position_m": float(np.sqrt(np.mean(fit.residual**2)))}

@@ -135,6 +135,7 @@ def test_two_runs_at_once_on_one_record_leave_it_whole(tmp_path: Path) -> None:
     """One waits for the other to put its record in place; what stands there in the end is a record."""
     source, target = tmp_path / "source", tmp_path / "out" / "rec"
     source.mkdir()
+    target.parent.mkdir()
     _record("rig.toml")(source)
     code = (
         "import sys; from msl_fem.record import load_record, write_record; record = load_record(sys.argv[1])\n"

@@ -47,7 +47,7 @@ def test_markup_in_a_text_is_shown_and_not_run(text: str, tmp_path: Path) -> Non
     """The page has the elements of a page with harmless texts of the same lengths, and no more."""
     harmless = Elements(write_page(page_of("p" * len(text)), tmp_path / "h.html").read_text(encoding="utf-8"))
     found = Elements(write_page(page_of(text), tmp_path / "p.html").read_text(encoding="utf-8"))
-    assert found.names == harmless.names
+    assert [name for name in found.names if name != "wbr"] == harmless.names  # lines break after an underscore
     assert found.suspicious == harmless.suspicious
     assert text in found.shown
 

@@ -163,7 +163,7 @@ class FieldModel:
         self.basis = whole
         self.n_dof = whole.N
         fixed = whole.get_dofs(_box_facets(self.skfem_mesh, symmetry)).all()
-        self.free = np.setdiff1d(np.arange(self.n_dof), fixed)
+        self.free, self._fixed = np.setdiff1d(np.arange(self.n_dof), fixed), fixed
         strips = strips if mesh.motion is None else ()
         stretched = [self._stiffness(mesh.elements(strip.region)) for strip in strips]
         other_regions = set(mesh.names) - set(irons) - {strip.region for strip in strips}
@@ -287,8 +287,16 @@ class FieldModel:
         return load
 
     def linear_product(self, potential: Array, gap: float) -> Array:
-        """The product of the linear regions' stiffness at a gap with a potential, (n_dof,); 0 at fixed entries."""
-        return self.tangent.product(self._linear_at(gap), potential)
+        """The product of the linear regions' stiffness at a gap with a potential, (n_dof,).
+
+        Where the potential is zero at fixed entries, the product is left at zero there.
+        """
+        if not potential[self._fixed].any():
+            return self.tangent.product(self._linear_at(gap), potential)
+        product: Array = self._rest @ potential
+        for strip in self.strips:
+            product = product + strip.product(potential, gap, self.air_depth)
+        return product
 
     def _linear_at(self, gap: float) -> Array:
         """The linear regions' stiffness at a gap, on the tangent's pattern (nnz,)."""
