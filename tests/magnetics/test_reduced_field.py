@@ -12,7 +12,7 @@ from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.reduced.cubature import fewest, sparse_weights
 from msl_fem.magnetics.reduced.full_field import FullField
 from msl_fem.magnetics.reduced.reduced_model import FieldPoints, ReducedModel
-from msl_fem.magnetics.reduced.reduction import Reduction, ReductionSettings, reduce
+from msl_fem.magnetics.reduced.reduction import Reducer, Reduction, ReductionSettings
 from msl_fem.magnetics.sweep.reduced_rows import reduced_rows
 from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
@@ -39,6 +39,12 @@ def full(field: MagnetField) -> FullField:
 @pytest.fixture(scope="module")
 def points() -> FieldPoints:
     return FieldPoints(np.repeat(GAPS, CURRENTS.size), np.tile(CURRENTS, GAPS.size)[:, None])
+
+
+def reduce(full: FullField, points: FieldPoints, settings: ReductionSettings) -> Reduction | None:
+    reducer = Reducer(full, points, settings)
+    reducer.draft()
+    return reducer.reduction()
 
 
 @pytest.fixture(scope="module")

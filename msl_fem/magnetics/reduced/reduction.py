@@ -220,13 +220,6 @@ class Reducer:
         return None
 
 
-def reduce(full: FullField, points: FieldPoints, settings: ReductionSettings) -> Reduction | None:
-    """The reduced model of points (n,) whose checks all hold; None where none does after all rounds."""
-    reducer = Reducer(full, points, settings)
-    reducer.draft()
-    return reducer.reduction()
-
-
 def reduce_at_all(full: FullField, points: FieldPoints, settings: ReductionSettings) -> Reduction | None:
     """The reduced model of many points (n,), built and checked at some of them, then checked at the worst of all.
 
