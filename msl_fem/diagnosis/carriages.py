@@ -35,7 +35,7 @@ from msl_fem.plant.effects import CATALOGUE
 from msl_fem.prediction import ModelHypothesis, RunData, free_parameters, kernel_plant
 from msl_fem.prediction.hypothesis import with_factors
 from msl_fem.prediction.run_data import POSITION_COLUMN, highest_band_sigma
-from msl_fem.prediction.scheduling import schedule_sigmas
+from msl_fem.prediction.scheduling import ratios_along, schedule_sigmas
 from msl_fem.record import Record, Tolerance
 
 Spectrum = NDArray[np.complexfloating]
@@ -77,7 +77,7 @@ class InverseLikelihood(Likelihood):
         self, run: int, plant: PlantParameters, effects: Array, factors: Mapping[str, float], gain: float
     ) -> Array:
         data = self.problem.runs[run]
-        ratios = {one.parameter: one.ratio(factors) for one in data.schedules}
+        ratios = ratios_along(data.schedules, factors)
         force = missing_force(plant, data, effects, gain=gain, low_pass=self.low_pass, ratios=ratios)
         return transformed(force[self.low_pass.kept(force.size)] / self.sigmas[run], self.bands.lines[run])
 
@@ -204,7 +204,7 @@ class Carriage(Kind):
             smooth = smoothed(run, self._low_pass)
             missing = missing_force(
                 plant.parameters, smooth, plant.readings, gain=plant.gain, low_pass=self._low_pass,
-                ratios={one.parameter: one.ratio(belief.factors) for one in run.schedules},
+                ratios=ratios_along(run.schedules, belief.factors),
             )  # fmt: skip
             missed = self._low_pass.both_sides(missing)[kept]
             force = self._low_pass.both_sides(run.held[:, 0])[kept]

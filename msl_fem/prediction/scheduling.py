@@ -81,6 +81,11 @@ def schedule_sigmas(schedules: Sequence[Schedule]) -> dict[str, float]:
     return {name: one.sigma for one in schedules for name in one.names}
 
 
+def ratios_along(schedules: Sequence[Schedule], factors: Mapping[str, float]) -> dict[str, Array]:
+    """Parameter to (n_sample,), over its value at the first level."""
+    return {one.parameter: one.ratio(factors) for one in schedules}
+
+
 def standing_factors(schedules: Sequence[Schedule], factors: Mapping[str, float], *, run: str) -> dict[str, float]:
     """Parameters over their values at the first level in a run in which no scheduling variable changes.
 
