@@ -13,9 +13,9 @@ import numpy as np
 from msl_fem.actuator import load_actuator
 from msl_fem.control.baselines import bias_point
 from msl_fem.control.design_model import DesignModel, design_model_of
-from msl_fem.control.inverse import magnet_current_limit
+from msl_fem.control.inverse import magnet_current_limit, magnet_currents
 from msl_fem.control.lqr_design import stage_with_overlap
-from msl_fem.control.shared_force import NOTHING_SHARED, magnet_currents, shared_force_at
+from msl_fem.control.shared_force import NOTHING_SHARED, shared_force_at
 from msl_fem.magnetics.field.two_sided import TwoSidedField, TwoSidedPosition
 from msl_fem.maps import operating_map
 from msl_fem.maps.pair_limits import RELATIONS

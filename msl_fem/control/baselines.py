@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from msl_fem.computing.arrays import Array
 from msl_fem.control.design import (
     ControllerChoice,
     ControllerDesign,
@@ -211,7 +210,7 @@ def _forces(model: DesignModel, bias: float, control: float, position: float) ->
     """(force N, its slope by d in N/A, its slope by x in N/m) of both sides."""
     inverse = model.inverse
     currents = np.maximum([bias + control, bias - control], 0.0)
-    total, slope, stiffness = _common_forces(model, currents, position)
+    total, slope, stiffness = model.common_forces(currents, position)
     for side, toward in ((0, 1.0), (1, -1.0)):
         current = float(currents[side])
         if current > 0.0:
@@ -222,21 +221,6 @@ def _forces(model: DesignModel, bias: float, control: float, position: float) ->
             slope += inverse.magnets * inverse.current_share * float(out[_CURRENT_SLOPE])
             stiffness -= inverse.magnets * float(out[_GAP_SLOPE])
     return total, slope, stiffness
-
-
-def _common_forces(model: DesignModel, currents: Array, position: float) -> tuple[float, float, float]:
-    """What the sides' armature adds to `_forces` where both carry currents (2,) in A."""
-    if model.shared is None:
-        return 0.0, 0.0, 0.0
-    plant, on = model.coupled, (currents > 0.0) * np.array([1.0, -1.0])
-    turned = plant.current_share * np.array([1.0, plant.polarity])
-    both = model.shared.evaluate(np.array(position), *(turned * currents))
-    by_currents = turned * [float(both["x1"]), float(both["x2"])]
-    return (
-        plant.magnets * float(both["x"]),
-        plant.magnets * float(by_currents @ on),
-        plant.magnets * float(both["xx"]),
-    )
 
 
 def pid_design(model: DesignModel, wish: Wish = DEFAULT_WISH, *, overlap: float = 0.0) -> ControllerDesign:

@@ -22,6 +22,7 @@ from msl_fem.control.power_stage import PowerStage, bridge_voltage, converted
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.instruments import current_reading
 from msl_fem.plant.plant import PlantParameters
 
 LEAST_RATE = 2e4
@@ -282,7 +283,4 @@ def current_noise(
     design: CurrentLoopDesign, actuator: Actuator, n: int, *, generator: np.random.Generator | None
 ) -> Array:
     """(n, periods, 2) A of noise in the current readings of n samples of the controller."""
-    shape = (n, design.stage.periods, 2)
-    if generator is None or actuator.current_sensor.noise == 0.0:
-        return np.zeros(shape)
-    return actuator.current_sensor.noise * generator.standard_normal(shape)
+    return current_reading(actuator, np.zeros((n, design.stage.periods, 2)), generator=generator)

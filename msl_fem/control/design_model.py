@@ -31,8 +31,14 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.statespace import StateSpace
 from msl_fem.control.current_loop import KNOWN_STRAY, CurrentLoopDesign, designed_current_loop
-from msl_fem.control.inverse import Inverse, SideModel, force_domain, held_stiffness, inverse_of
-from msl_fem.control.shared_force import magnet_currents
+from msl_fem.control.inverse import (
+    Inverse,
+    SideModel,
+    force_domain,
+    held_stiffness,
+    inverse_of,
+    magnet_currents,
+)
 from msl_fem.errors import ActuatorError, InputError
 from msl_fem.maps.guard import Guard
 from msl_fem.maps.level_currents import OperatingMap
@@ -231,11 +237,25 @@ class DesignModel:
         """The magnets near a position in m that they hold through the inverse; raises as `held_stiffness`."""
         force = self.holding_force(position)
         held = held_stiffness(self.inverse, force, position, overlap=overlap)
-        if overlap and self.shared is not None:
-            first, second = magnet_currents(self.inverse, force, position, overlap)
-            both = self.shared.evaluate(np.array(position), np.array(first), np.array(self.coupled.polarity * second))
-            held += self.coupled.magnets * float(both["xx"])
+        if overlap:
+            magnet = np.array(magnet_currents(self.inverse, force, position, overlap))
+            held += self.common_forces(magnet / self.coupled.current_share, position)[2]
         return AtPosition(held - 3 * self.cubic * position**2)
+
+    def common_forces(self, currents: Array, position: float) -> tuple[float, float, float]:
+        """What the sides' armature adds where both carry currents (2,) in A: force (N), its slope by the first current
+        less the second (N/A), its slope by the position (N/m)."""
+        if self.shared is None:
+            return 0.0, 0.0, 0.0
+        plant, on = self.coupled, (currents > 0.0) * np.array([1.0, -1.0])
+        turned = plant.current_share * np.array([1.0, plant.polarity])
+        both = self.shared.evaluate(np.array(position), *(turned * currents))
+        by_currents = turned * [float(both["x1"]), float(both["x2"])]
+        return (
+            plant.magnets * float(both["x"]),
+            plant.magnets * float(by_currents @ on),
+            plant.magnets * float(both["xx"]),
+        )
 
 
 def design_model_of(

@@ -23,7 +23,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.errors import ActuatorError, InputError
 from msl_fem.losses.thermal_limit import ThermalLimit
-from msl_fem.losses.thermal_network import ThermalNetwork, thermal_network
+from msl_fem.losses.thermal_network import ThermalNetwork, phase_transition, thermal_network
 from msl_fem.materials.constants import TEMPERATURE_COEFFICIENT, resistance_ratio
 
 AHEAD = 0.1
@@ -118,13 +118,9 @@ def thermal_guard(actuator: Actuator, period: float, limit: ThermalLimit | None 
 
 def _transition(network: ThermalNetwork, duration: float) -> tuple[Array, Array]:
     """(Phi (n, n), Gamma (n,) K/W): rises after a duration in s, over those before and a loss in the winding."""
-    from scipy.linalg import expm  # no part of what a control engineer's import waits for
-
     n = network.capacity.size
-    rates = np.zeros((n + 1, n + 1))
-    rates[:n, :n] = -network.conductance / network.capacity[:, None]
-    rates[0, n] = 1.0 / network.capacity[0]
-    moved = expm(rates * duration)
+    moved = phase_transition(network, network.conductance, np.eye(n)[0], duration)
+    assert moved is not None  # a held loss lets nothing grow
     return moved[:n, :n], moved[:n, n]
 
 

@@ -226,18 +226,24 @@ def held_stiffness(inverse: Inverse, force: float, position: float, *, overlap: 
             f"{force:.4g} N at x = {position * 1e3:.4g} mm is outside the {domain.lowest:.4g} ... "
             f"{domain.highest:.4g} N that the magnets may give there; ask for a smaller travel"
         )
-    pulls = hand_over(force, overlap)
     total = 0.0
-    for side in range(inverse.sides):
-        gap = believed_gap(inverse, side, position)
-        surface = side_surface(inverse, side)
-        limit = magnet_current_limit(inverse, gap)
-        if pulls[side] > 0.0 and limit > 0.0:
-            current = magnet_current(surface, pulls[side] / inverse.magnets, gap, limit)
+    for side, current in enumerate(magnet_currents(inverse, force, position, overlap)):
+        if current > 0.0:
             out = np.empty(6)
-            evaluate(*surface[:3], current, gap, out)
+            evaluate(*side_surface(inverse, side)[:3], current, believed_gap(inverse, side, position), out)
             total -= inverse.magnets * float(out[_GAP_SLOPE])
     return total
+
+
+def magnet_currents(inverse: Inverse, force: float, position: float, overlap: float) -> tuple[float, float]:
+    """A of a magnet of each side by the hand-over, the sides taken apart; cut where a side can pull no more."""
+    currents = []
+    for side, pull in enumerate(hand_over(force, overlap)[: inverse.sides]):
+        gap = believed_gap(inverse, side, position)
+        largest = magnet_current_limit(inverse, gap)
+        current = magnet_current(side_surface(inverse, side), pull / inverse.magnets, gap, largest) if largest else 0.0
+        currents.append(largest if np.isnan(current) else current)
+    return currents[0], currents[1] if inverse.sides > 1 else 0.0
 
 
 @compiled

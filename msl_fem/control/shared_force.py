@@ -12,15 +12,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.control.inverse import (
-    Inverse,
-    believed_gap,
-    force_limits,
-    hand_over,
-    magnet_current,
-    magnet_current_limit,
-    side_surface,
-)
+from msl_fem.control.inverse import Inverse, force_limits, magnet_currents
 from msl_fem.table.pair_surface import SharedCoenergy
 
 _POSITIONS, _FORCES = 17, 49
@@ -87,14 +79,3 @@ def shared_force(
             break
     steps = positions[1] - positions[0], forces[1] - forces[0]
     return SharedForce(float(positions[0]), float(forces[0]), float(1 / steps[0]), float(1 / steps[1]), shared)
-
-
-def magnet_currents(inverse: Inverse, force: float, position: float, overlap: float) -> tuple[float, float]:
-    """A of a magnet of each side by the hand-over, the sides taken apart; cut where a side can pull no more."""
-    currents = []
-    for side, pull in enumerate(hand_over(force, overlap)):
-        gap = believed_gap(inverse, side, position)
-        largest = magnet_current_limit(inverse, gap)
-        current = magnet_current(side_surface(inverse, side), pull / inverse.magnets, gap, largest) if largest else 0.0
-        currents.append(largest if np.isnan(current) else current)
-    return currents[0], currents[1]

@@ -266,11 +266,11 @@ def peak_rise(network: ThermalNetwork, heating: Heating, current: float, *, cycl
             "the winding's heat capacity is not known, so a period cannot be judged; leave --period out, or describe "
             "the magnet by its dimensions"
         )
-    on = _transition(network, *_matrix_and_source(network, heating, current), cycle.duty * cycle.period)
+    on = phase_transition(network, *_matrix_and_source(network, heating, current), cycle.duty * cycle.period)
     if on is None:
         return math.inf
     idle = Heating(heating.resistance, heating.ambient)
-    off = _transition(network, *_matrix_and_source(network, idle, 0.0), (1 - cycle.duty) * cycle.period)
+    off = phase_transition(network, *_matrix_and_source(network, idle, 0.0), (1 - cycle.duty) * cycle.period)
     assert off is not None  # without current nothing grows
     around = on @ off  # from the end of an on phase to the next one
     n = network.capacity.size
@@ -279,7 +279,7 @@ def peak_rise(network: ThermalNetwork, heating: Heating, current: float, *, cycl
     return float(np.linalg.solve(np.eye(n) - around[:n, :n], around[:n, n])[0])
 
 
-def _transition(network: ThermalNetwork, matrix: Array, source: Array, duration: float) -> Array | None:
+def phase_transition(network: ThermalNetwork, matrix: Array, source: Array, duration: float) -> Array | None:
     """(n_node + 1, n_node + 1): takes (rises, 1) at the beginning of a phase to those at its end; None beyond e^200."""
     n = source.size
     rates = np.zeros((n + 1, n + 1))
