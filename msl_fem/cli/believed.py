@@ -6,9 +6,8 @@ from typing import Any
 from msl_fem.actuator import Actuator
 from msl_fem.cli.output import say
 from msl_fem.errors import InputError
-from msl_fem.files.quantity import format_quantity
-from msl_fem.plant.believed import AS_DESIGNED, PLAIN, PLAIN_BELIEF, Belief, BelievedValue
-from msl_fem.plant.effects import EffectValues, find_parameter
+from msl_fem.plant.believed import AS_DESIGNED, PLAIN, PLAIN_BELIEF, Belief
+from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.extended_model import ExtendedModel
 from msl_fem.record import Record
 from msl_fem.record.rig_file import BeliefWord
@@ -27,15 +26,16 @@ def stated_belief(name: str) -> BeliefWord:
 
 
 def belief_of(name: str | None, actuator: Actuator, table: MagneticTable | None) -> Belief:
-    """The belief of that name, told on stderr; without a name `DEFAULT`. Raises as `stated_belief`."""
+    """The belief of that name, told on stderr in a line; without a name `DEFAULT`. Raises as `stated_belief`."""
     if stated_belief(name or DEFAULT) == PLAIN:
         return PLAIN_BELIEF
     # here, for the field solver's import takes longer than a small command
     from msl_fem.comparison.as_designed import as_designed
 
     belief = as_designed(actuator, table)
-    for one in belief.values:
-        say(f"believed as designed: {told(one)}")
+    if belief.values:
+        effects = ", ".join(dict.fromkeys(one.effect.replace("_", " ") for one in belief.values))
+        say(f"believed as designed: {effects} (simulate --json lists values and sources; --belief plain goes without)")
     for reason in belief.left_out:
         say(f"note: not in the belief: {reason}")
     return belief
@@ -70,10 +70,3 @@ def model_with_belief(
 def belief_fields(belief: Belief, *, as_json: bool) -> dict[str, Any]:
     """What a command's result says of the belief: all of it in JSON; for people, who read it on stderr, its name."""
     return {"belief": belief.to_json() if as_json else belief.name}
-
-
-def told(one: BelievedValue) -> str:
-    """A believed value in words."""
-    unit = find_parameter(*one.key).unit
-    value, sigma = (format_quantity(number, unit, digits=3) for number in (one.value, one.sigma))
-    return f"{one.name} {value}, sigma {sigma} ({one.source})"

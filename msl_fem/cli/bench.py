@@ -26,7 +26,7 @@ NOISES = ("coloured", "white", "none")
 def command(
     actuator: ActuatorFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="Record folder to write; must not be there.")],
-    seed: Annotated[int, typer.Option(min=0, help="Of true parameters, noise, and the effect's own chance.")],
+    seed: Annotated[int, typer.Option(min=0, help="Seed of true parameters, noise, and the effect's own chance.")],
     excitation: Annotated[
         list[str] | None,
         typer.Option(help='Repeatable: like "multisine:...", or a TOML file with several; without, noise and a sweep.'),
@@ -41,7 +41,7 @@ def command(
         Path | None, typer.Option(metavar="FILE", help="Sealed answer (JSON); without, beside the record folder.")
     ] = None,
     table: TableFile = None,
-    rate: Annotated[str, typer.Option(help="Samples a second.")] = "10 kHz",
+    rate: Annotated[str, typer.Option(help="Sampling rate of the record.")] = "10 kHz",
     static: Annotated[bool, typer.Option("--static", help="Add a quasi-static map of one magnet.")] = False,
     exact_size: Annotated[
         bool,
@@ -57,7 +57,7 @@ def command(
         "zero-order"
     ),
     stated_bandwidth: Annotated[
-        str | None, typer.Option(help="Of the drive, in rig.toml; without, the true one.")
+        str | None, typer.Option(help="Bandwidth of the drive that rig.toml states; without, the true one.")
     ] = None,
     effect: Causes = None,
     json: Json = False,

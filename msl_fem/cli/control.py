@@ -110,7 +110,7 @@ def command(
         typer.Option(metavar="FILE", help="Page of the design's trials: the paper's figures, margins (HTML)."),
     ] = None,
     current_loop: CurrentLoop = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the sensors' noise.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the sensors' noise.")] = 1,
     effect: Causes = None,
     belief: BeliefName = None,
     json: Json = False,

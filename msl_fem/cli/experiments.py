@@ -47,12 +47,17 @@ def command(
     ] = None,
     instruments: Annotated[
         str | None,
-        typer.Option(help="Of position, current, voltage, gauge-block, scales, ohmmeter, load-cell."),
+        typer.Option(
+            help="Instruments at hand, some of position, current, voltage, gauge-block, scales, ohmmeter, load-cell."
+        ),
     ] = None,
     table: TableFile = None,
     rate: Annotated[str, typer.Option(help="Sampling rate of the runs.")] = "10 kHz",
     belief: Annotated[
-        str, typer.Option("--belief", help="plain: suspects beside the table alone; as-designed: beside what is drawn.")
+        str,
+        typer.Option(
+            "--belief", help="What is believed: plain: the table alone; as-designed: also what the drawing tells."
+        ),
     ] = "plain",
     json: Json = False,
 ) -> None:

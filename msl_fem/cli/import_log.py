@@ -33,17 +33,20 @@ def command(
         Path, typer.Argument(metavar="FILE", help="A log: .mat, .csv, oscilloscope CSV, .xlsx, .tdms, .mf4.")
     ],
     columns: Annotated[
-        str, typer.Option(help='Like "time_s=t,position_m=q:unit=mm:scale=-1:offset=14 mm", or a TOML file.')
+        str,
+        typer.Option(
+            help='Which columns mean what, like "time_s=t,position_m=q:unit=mm:scale=-1:offset=14 mm", or a TOML file.'
+        ),
     ] = "",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Record folder, new or there.")] = None,
     actuator: Annotated[Path | None, typer.Option(help="Actuator file, for a new record.")] = None,
-    name: Annotated[str, typer.Option(help="Of the run; without, the log's.")] = "",
+    name: Annotated[str, typer.Option(help="Name of the run; without, the log's.")] = "",
     role: Annotated[Literal["fit", "held-out"], typer.Option(help="What the run is for.")] = "fit",
     excitation: Annotated[str, typer.Option(help="What moved the rig, in words.")] = "",
     mover: Annotated[
         Literal["free", "locked", "imposed"], typer.Option(help="Locked: held; imposed: moved by hand or machine.")
     ] = "free",
-    rate: Annotated[str, typer.Option(help='Samples a second, like "10 kHz"; goes before a rounded time column.')] = "",
+    rate: Annotated[str, typer.Option(help='Sampling rate, like "10 kHz"; goes before a rounded time column.')] = "",
     resampled: Annotated[
         str, typer.Option("--resample", help='Bring irregular or several clocks to this rate, like "1 kHz".')
     ] = "",

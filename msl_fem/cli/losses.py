@@ -71,20 +71,26 @@ class _RecordedRun(NamedTuple):
 
 def command(
     actuator: ActuatorFile,
-    current: Annotated[str | None, typer.Option(help="Of one magnet's coil, or a sine's bias, like \"2 A\".")] = None,
-    amplitude: Annotated[str, typer.Option(help="Of a sine about --current.")] = "0 A",
-    gap: Annotated[str | None, typer.Option(help="The nominal gap without it.")] = None,
-    gap_amplitude: Annotated[str, typer.Option(help="Smallest gap where the current is largest.")] = "0 mm",
-    frequency: Annotated[str | None, typer.Option(help="Of the sine, or of a record's excitation.")] = None,
+    current: Annotated[
+        str | None, typer.Option(help='Current of one magnet\'s coil, or the bias of a sine, like "2 A".')
+    ] = None,
+    amplitude: Annotated[str, typer.Option(help="Amplitude of a sine of current about --current.")] = "0 A",
+    gap: Annotated[str | None, typer.Option(help='Air gap, like "0.5 mm"; without, the nominal one.')] = None,
+    gap_amplitude: Annotated[
+        str, typer.Option(help="Amplitude of a sine of the gap, which is smallest where the current is largest.")
+    ] = "0 mm",
+    frequency: Annotated[str | None, typer.Option(help="Frequency of the sine, or of a record's excitation.")] = None,
     table: TableFile = None,
     record: Annotated[Path | None, typer.Option(help="Record folder, in place of a sine.")] = None,
-    run: Annotated[str | None, typer.Option(help="Of the record.")] = None,
-    side: Annotated[int, typer.Option(min=1, max=2, help="Of the record.")] = 1,
+    run: Annotated[
+        str | None, typer.Option(help="Run of the record, by name; may be left out where there is one.")
+    ] = None,
+    side: Annotated[int, typer.Option(min=1, max=2, help="Side of the record whose current is taken.")] = 1,
     sheet: Annotated[str | None, typer.Option(help='Thickness of the sheets, like "0.36 mm".')] = None,
-    temperature: Annotated[str, typer.Option(help="Of the winding.")] = "20 degC",
-    wire: Annotated[str, typer.Option(help="metric or awg.")] = "metric",
-    grade: Annotated[int, typer.Option(help="Of the insulation, 1 or 2.")] = 1,
-    packing: Annotated[str, typer.Option(help="square or orthocyclic.")] = "square",
+    temperature: Annotated[str, typer.Option(help="Temperature of the winding, for the copper loss.")] = "20 degC",
+    wire: Annotated[str, typer.Option(help="Series of the wire's diameters: metric or awg.")] = "metric",
+    grade: Annotated[int, typer.Option(help="Grade of the wire's insulation, 1 or 2.")] = 1,
+    packing: Annotated[str, typer.Option(help="How the turns lie: square or orthocyclic.")] = "square",
     temperature_rise: TemperatureRise = DEFAULT_RISE,
     ambient: Ambient = DEFAULT_AMBIENT,
     duty: HeatDuty = 1.0,
@@ -92,7 +98,7 @@ def command(
     thermal_resistance: ThermalResistance = None,
     json: Json = False,
 ) -> None:
-    """The wire that fits, copper and iron loss of one magnet, its temperature and the current it bears."""
+    """The wire that fits, copper and iron loss of one magnet, its temperature and the continuous current."""
     it = load_actuator(actuator)
     limit = thermal_limit(ThermalTexts(temperature_rise, ambient, duty, period, thermal_resistance))
     warmth = read_temperature("--temperature", temperature)

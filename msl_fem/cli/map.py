@@ -64,7 +64,7 @@ class Targets(NamedTuple):
 def command(
     source: Annotated[Path, typer.Argument(metavar="ACTUATOR|TABLE", help="Actuator file or table.")],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="JSON file to write.")] = None,
-    levels: Annotated[str, typer.Option(help="Flux densities in the iron.")] = "1.2,1.6 T",
+    levels: Annotated[str, typer.Option(help="Flux densities in the iron whose currents are mapped.")] = "1.2,1.6 T",
     criterion: Annotated[
         str,
         typer.Option(
@@ -72,7 +72,9 @@ def command(
             "in the iron, farther than that from its corners."
         ),
     ] = "mean",
-    gaps: Annotated[str | None, typer.Option(help='Like "0.1,0.2 mm"; else from the actuator\'s range.')] = None,
+    gaps: Annotated[
+        str | None, typer.Option(help='Gaps of the map, like "0.1,0.2 mm"; else from the actuator\'s range.')
+    ] = None,
     current_max: Annotated[
         str | None, typer.Option(help="Largest current to look for a level; else as far as the levels need.")
     ] = None,

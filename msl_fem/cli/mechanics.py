@@ -19,7 +19,9 @@ from msl_fem.report.page import write_page
 
 def flexure(
     actuator: ActuatorFile,
-    bandwidth: Annotated[str | None, typer.Option(help='Wanted below the first mode, like "50 Hz".')] = None,
+    bandwidth: Annotated[
+        str | None, typer.Option(help='Bandwidth that is wanted below the first mode, like "50 Hz".')
+    ] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="HTML page with the figures.")] = None,
     json: Json = False,
 ) -> None:
@@ -96,8 +98,10 @@ def trade_gap(
     table: TableFile = None,
     level: Annotated[str, typer.Option(help="Flux density in the iron that bounds the current.")] = "1.2 T",
     clearance: Annotated[str | None, typer.Option(help="Gap left at the end of the travel.")] = None,
-    amplitude: Annotated[str | None, typer.Option(help="Of the bandwidth at a fixed amplitude.")] = None,
-    force: Annotated[str | None, typer.Option(help="Whose current is told.")] = None,
+    amplitude: Annotated[
+        str | None, typer.Option(help='Amplitude of motion at which the bandwidth is told, like "0.1 mm".')
+    ] = None,
+    force: Annotated[str | None, typer.Option(help='Force whose current is told at each gap, like "50 N".')] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="HTML page with the figure.")] = None,
     json: Json = False,
 ) -> None:

@@ -12,19 +12,27 @@ ActuatorFile = Annotated[
     Path, typer.Argument(metavar="ACTUATOR", help="Actuator file (TOML), or an example: fast_tool_servo.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-AccuracyLevel = Annotated[str, typer.Option("--accuracy", help="fast, normal or fine.")]
+AccuracyLevel = Annotated[str, typer.Option("--accuracy", help="How fine the field is solved: fast, normal or fine.")]
 TableFile = Annotated[Path | None, typer.Option("--table", help="Table of the magnet; without, it is computed.")]
 Current = Annotated[str, typer.Option("--current", help='Coil current, like "5 A".')]
 Gap = Annotated[str, typer.Option("--gap", help='Air gap, like "0.5 mm".')]
-TemperatureRise = Annotated[str, typer.Option("--temperature-rise", help="Allowed, of the winding over ambient.")]
-Ambient = Annotated[str, typer.Option("--ambient", help='Like "20 degC".')]
+TemperatureRise = Annotated[
+    str, typer.Option("--temperature-rise", help="Temperature rise of the winding over ambient that is allowed.")
+]
+Ambient = Annotated[str, typer.Option("--ambient", help='Ambient temperature, like "20 degC".')]
 HeatDuty = Annotated[float, typer.Option("--duty", help="Share of each period in which the current flows.")]
-HeatPeriod = Annotated[str | None, typer.Option("--period", help='Of the duty, like "10 s"; short without it.')]
+HeatPeriod = Annotated[
+    str | None,
+    typer.Option("--period", help='Period of the duty cycle, like "10 s"; without, short beside all time constants.'),
+]
 ThermalResistance = Annotated[
-    str | None, typer.Option("--thermal-resistance", help='Winding to ambient, like "2 K/W"; estimated without it.')
+    str | None,
+    typer.Option(
+        "--thermal-resistance", help='Thermal resistance from winding to ambient, like "2 K/W"; without, estimated.'
+    ),
 ]
 IronFrequency = Annotated[
-    str | None, typer.Option("--frequency", help="Of a sine whose iron loss counts in the thermal limit.")
+    str | None, typer.Option("--frequency", help="Frequency of a sine whose iron loss counts in the thermal limit.")
 ]
 Causes = Annotated[
     list[str] | None,
@@ -44,20 +52,36 @@ DiagnosisFolder = Annotated[
     Path | None,
     typer.Option("--from", metavar="DIAGNOSIS|RECORD", help="Design on what a diagnosis says; a record is diagnosed."),
 ]
-DesignName = Annotated[str, typer.Option("--design", help="lqr, robust, scheduled, scheduled-rigid, biased or pid.")]
-Bandwidth = Annotated[str | None, typer.Option("--bandwidth", help="Of the feedback.")]
-PeakSensitivity = Annotated[float | None, typer.Option("--peak-sensitivity", help="Bound on max |S|.")]
+DesignName = Annotated[
+    str, typer.Option("--design", help="Kind of controller: lqr, robust, scheduled, scheduled-rigid, biased or pid.")
+]
+Bandwidth = Annotated[
+    str | None,
+    typer.Option("--bandwidth", help='Bandwidth of the feedback, like "40 Hz"; without, one that suits the rig.'),
+]
+PeakSensitivity = Annotated[
+    float | None, typer.Option("--peak-sensitivity", help="Bound on the peak of the sensitivity, max |S|, like 2.")
+]
 Feedforward = Annotated[
-    bool, typer.Option("--feedforward/--no-feedforward", help="Two degrees of freedom, or the paper's integral alone.")
+    bool,
+    typer.Option(
+        "--feedforward/--no-feedforward",
+        help="Feedforward of the reference (two degrees of freedom), or the paper's integral action alone.",
+    ),
 ]
 Preview = Annotated[
-    bool, typer.Option("--preview/--no-preview", help="The reference is known ahead, or carried on from now.")
+    bool, typer.Option("--preview/--no-preview", help="The reference is known ahead of time, or only up to now.")
 ]
-Bias = Annotated[str | None, typer.Option("--bias", help="Of the biased design, a side.")]
+Bias = Annotated[str | None, typer.Option("--bias", help='Bias current of each side in the biased design, like "2 A".')]
 GuardedRise = Annotated[
-    str | None, typer.Option("--temperature-rise", help='Of the windings over ambient, that the guard allows; "80 K".')
+    str | None,
+    typer.Option(
+        "--temperature-rise", help='Temperature rise of the windings over ambient that the guard allows, like "80 K".'
+    ),
 ]
-GuardedAmbient = Annotated[str | None, typer.Option("--ambient", help='That the guard believes, like "20 degC".')]
+GuardedAmbient = Annotated[
+    str | None, typer.Option("--ambient", help='Ambient temperature that the guard believes, like "20 degC".')
+]
 Overlap = Annotated[str, typer.Option("--overlap", help="Force with which both sides pull at zero force.")]
 CurrentLoop = Annotated[
     str | None,
@@ -65,7 +89,9 @@ CurrentLoop = Annotated[
 ]
 BeliefName = Annotated[
     str | None,
-    typer.Option("--belief", help="as-designed: all that the drawing tells (usual); plain: the table alone."),
+    typer.Option(
+        "--belief", help="What is believed: as-designed: also what the drawing tells (usual); plain: the table alone."
+    ),
 ]
 DEFAULT_RISE, DEFAULT_AMBIENT = "80 K", "20 degC"
 """Of the thermal limit of `losses` and `map`, as they are written."""

@@ -19,7 +19,7 @@ def lookup(
         str | None, typer.Option("--current-2", help="Coil current of side 2, equal signs aid; of a pair.")
     ] = None,
     position: Annotated[
-        str | None, typer.Option(help='Of the armature, towards side 1, like "0.1 mm"; of a pair.')
+        str | None, typer.Option(help='Position of the armature, towards side 1, like "0.1 mm"; of a pair.')
     ] = None,
     json: Json = False,
 ) -> None:
@@ -69,15 +69,18 @@ _NO_NUMBER = re.compile(r"\s*([+-]?)(nan|inf|infinity)\b\s*(.*)", re.IGNORECASE)
 
 def guard(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="Operating map (JSON).")],
-    current: Annotated[list[str], typer.Option("--current", help='Like "4 A"; nan and inf are judged too.')],
+    current: Annotated[
+        list[str], typer.Option("--current", help='Commanded current, like "4 A"; nan and inf are judged too.')
+    ],
     gap: Annotated[
-        list[str] | None, typer.Option("--gap", help='Like "0.3 mm"; nan and inf are judged too; of one magnet.')
+        list[str] | None,
+        typer.Option("--gap", help='Air gap, like "0.3 mm"; nan and inf are judged too; of one magnet.'),
     ] = None,
     current_2: Annotated[
         str | None, typer.Option("--current-2", help="Coil current of side 2, equal signs aid; of a pair.")
     ] = None,
     position: Annotated[
-        str | None, typer.Option(help='Of the armature, towards side 1, like "0.1 mm"; of a pair.')
+        str | None, typer.Option(help='Position of the armature, towards side 1, like "0.1 mm"; of a pair.')
     ] = None,
     json: Json = False,
 ) -> None:

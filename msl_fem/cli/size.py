@@ -43,7 +43,7 @@ def command(
     storage: Annotated[
         str | None, typer.Option(metavar="URL", help="Optuna storage URL; without, a sqlite file beside the output.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the search's random numbers.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the search's random numbers.")] = 1,
     workers: Annotated[int, typer.Option(min=0, max=256, help="Processes; 0: one a core.")] = 0,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Judge designs on a dask.distributed cluster.")

@@ -27,7 +27,9 @@ def command(
     rate: Annotated[str, typer.Option(help="Sampling rate of the runs.")] = "10 kHz",
     belief: Annotated[
         str,
-        typer.Option("--belief", help="plain: all that the table lacks; as-designed: what is left of what is drawn."),
+        typer.Option(
+            "--belief", help="What is believed: plain: the table alone; as-designed: also what the drawing tells."
+        ),
     ] = "plain",
     json: Json = False,
 ) -> None:

@@ -31,8 +31,12 @@ SIDES = ("one", "both")
 def command(
     actuator: ActuatorFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="NetCDF file to write.")],
-    currents: Annotated[str | None, typer.Option(help='Like "0.5,1,2 A".')] = None,
-    gaps: Annotated[str | None, typer.Option(help='Like "0.1,0.2 mm".')] = None,
+    currents: Annotated[
+        str | None, typer.Option(help='Currents of the table, like "0.5,1,2 A"; without, up to the drive\'s limit.')
+    ] = None,
+    gaps: Annotated[
+        str | None, typer.Option(help='Gaps of the table, like "0.1,0.2 mm"; without, over the travel.')
+    ] = None,
     accuracy: AccuracyLevel = "normal",
     workers: Annotated[int, typer.Option(min=0, max=256, help="Processes; 0: one a core.")] = 0,
     scheduler: Annotated[
@@ -49,7 +53,8 @@ def command(
     ] = "none",
     sides: Annotated[str, typer.Option(help="one, or both with the armature they share.")] = "one",
     positions: Annotated[
-        str | None, typer.Option(help='Of the armature, like "0,0.1,0.2 mm", for both directions; of both sides.')
+        str | None,
+        typer.Option(help='Positions of the armature, like "0,0.1,0.2 mm", for both directions; with --sides both.'),
     ] = None,
     measured: Annotated[
         Path | None,

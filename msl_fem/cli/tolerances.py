@@ -23,16 +23,20 @@ from msl_fem.report.page import write_page
 def command(
     actuator: ActuatorFile,
     tolerance: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=LIMIT", help='Like gap="20 um" or bh_polarisation=2%. Repeatable.')
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=LIMIT",
+            help='A limit in place of the usual one, like gap="20 um" or bh_polarisation=2%; repeatable.',
+        ),
     ] = None,
-    gaps: Annotated[str | None, typer.Option(help="Of the map; by default five over the travel.")] = None,
-    levels: Annotated[str, typer.Option(help="Flux densities in the iron.")] = "1.2,1.6 T",
-    current: Annotated[str | None, typer.Option(help="For force and flux; needs --gap.")] = None,
-    gap: Annotated[str | None, typer.Option(help="For force and flux; needs --current.")] = None,
-    samples: Annotated[int, typer.Option(help="Of the Monte Carlo.")] = 2000,
+    gaps: Annotated[str | None, typer.Option(help="Gaps of the map; without, five over the travel.")] = None,
+    levels: Annotated[str, typer.Option(help="Flux densities in the iron whose currents are mapped.")] = "1.2,1.6 T",
+    current: Annotated[str | None, typer.Option(help="Current at which force and flux are told; needs --gap.")] = None,
+    gap: Annotated[str | None, typer.Option(help="Air gap at which force and flux are told; needs --current.")] = None,
+    samples: Annotated[int, typer.Option(help="Magnets that the Monte Carlo study draws.")] = 2000,
     checks: Annotated[int, typer.Option(help="Samples solved directly, to check the linearised map.")] = 24,
     direct: Annotated[bool, typer.Option("--direct", help="Solve the fields of all samples.")] = False,
-    seed: Annotated[int, typer.Option(min=0)] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the magnets that are drawn.")] = 1,
     accuracy: AccuracyLevel = "fast",
     workers: Annotated[int, typer.Option(min=0, max=256, help="Processes; 0: one a core.")] = 0,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="HTML page with the figures.")] = None,

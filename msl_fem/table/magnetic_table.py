@@ -181,7 +181,7 @@ class MagneticTable(Tabular):
         bad = ~(np.abs(i) <= highest)
         worst = format_quantity(float(i[bad].flat[0]), "A") if bad.any() else "nan"
         raise OutOfTable(
-            f"current {worst} lies outside the table's {-highest:g} ... {highest:g} A (gaps {gaps}); "
+            f"current {worst} lies outside the table's 0 ... {highest:g} A of either sign (gaps {gaps}); "
             "extend the sweep (--currents) or clip the request"
         )
 

@@ -44,3 +44,12 @@ def test_what_is_lacking_is_left_out_and_the_rest_believed(capfd: pytest.Capture
     said = capfd.readouterr().err
     for what in ("end effects", "film of air", "eddy currents in the sheets", "heat of the windings"):
         assert f"note: not in the belief: {what}" in " ".join(said.split())
+
+
+def test_what_is_believed_is_told_in_one_line(capfd: pytest.CaptureFixture[str]) -> None:
+    """Every effect once, and where its values stand; seven long lines at every run were not read."""
+    belief = belief_of(None, load_actuator(ROOT / "geometries" / "fast_tool_servo.toml"), read_table(TABLE))
+    lines = [line for line in capfd.readouterr().err.splitlines() if "believed as designed" in line]
+    assert len(belief.values) > len(lines) == 1
+    assert all(lines[0].count(one.effect.replace("_", " ")) == 1 for one in belief.values)
+    assert "--json" in lines[0]

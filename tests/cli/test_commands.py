@@ -87,7 +87,7 @@ def test_table_then_lookup(msl_fem: Run, tmp_path: Path) -> None:
     found = msl_fem("lookup", str(file), "--current", "2 A", "--gap", "0.5 mm", "--json").json
     assert found["force_N"] == pytest.approx(read_table(file).nodes["force"][1, 2], rel=1e-12)
     beyond = msl_fem("lookup", str(file), "--current", "5 A", "--gap", "0.5 mm").complaint
-    assert "current 5 A lies outside the table's -3 ... 3 A (gaps 0.45 ... 0.56 mm)" in beyond
+    assert "current 5 A lies outside the table's 0 ... 3 A of either sign (gaps 0.45 ... 0.56 mm)" in beyond
     assert (
         "outside the table's 0.45 ... 0.56 mm"
         in msl_fem("lookup", str(file), "--current", "1 A", "--gap", "0.1 mm").complaint

@@ -37,3 +37,12 @@ def test_the_overview_shows_whole_sentences_in_groups(capsys: pytest.CaptureFixt
     printed = capsys.readouterr().out
     assert "..." not in printed.partition("\n\n")[2]
     assert all(f"{group}:" in printed for group in GROUPS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_says_what_it_is(name: str) -> None:
+    """A text that begins in the middle of a sentence ("Of the record.") is a riddle to who reads the help first."""
+    for option in GROUP.get_command(None, name).params:
+        text = option.help or ""
+        assert len(text.split()) > 1, option.name
+        assert text.split()[0] not in {"Of", "For", "Like", "That", "Whose", "Allowed,"}, option.name
