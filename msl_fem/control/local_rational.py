@@ -3,9 +3,11 @@
 The spectra of a finite run obey E = S W + T, where S is the response and T, smooth like S, what the run's beginning
 and end leave. Within a window both are polynomials over one denominator, S = B/A and T = C/A. A of first degree with a
 complex root follows a resonance where polynomials do not (McKelvey and Guerin, IFAC SYSID 2012; Geerardyn and Oomen,
-Control Engineering Practice 68, 2017, on the peak of a response); it is taken where Schwarz's criterion wants it. What
-the fit leaves is the noise with all that is not linear, and states the variance (Pintelon and Schoukens, System
-Identification, 2nd ed., 2012, ch. 7).
+Control Engineering Practice 68, 2017, on the peak of a response). It is taken where Schwarz's criterion wants it, and
+wherever its pole is broad: of a broad resonance in noise the criterion takes polynomials until they miss it by about a
+standard error, which no interval of theirs tells (Leeb and Poetscher, Econometric Theory 21, 2005, on inference after a
+choice of model), while a broad pole costs little variance. What the fit leaves is the noise with all that is not
+linear, and states the variance (Pintelon and Schoukens, System Identification, 2nd ed., 2012, ch. 7).
 """
 
 from dataclasses import dataclass
@@ -21,6 +23,7 @@ MOST_PARAMETERS = 8  # four of B, three of C, one of A
 _STEPS = 6
 _SETTLED = 1e-5  # of the parameters
 _NARROWEST = 2.0  # bins: a resonance must be wider to be seen
+_BROAD = 0.3  # of a window's half width: a pole as far from the real axis is taken anyway
 _B, _C, _A = slice(0, 4), slice(4, 7), slice(7, None)  # of the parameters
 
 
@@ -99,7 +102,8 @@ def fit_local_response(
     rational = window.fitted(_least_squares(columns, answer))
     spacing = (frequency[-1] - frequency[0]) / (frequency.size - 1)
     seen = rational.narrowest() > _NARROWEST * spacing
-    return rational if seen and rational.misfit < plain.misfit else plain
+    broad = rational.narrowest() > _BROAD * half_width
+    return rational if seen and (broad or rational.misfit < plain.misfit) else plain
 
 
 @dataclass(frozen=True, eq=False)
