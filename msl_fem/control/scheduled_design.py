@@ -139,7 +139,7 @@ def _family_base(model: DesignModel, wish: Wish, options: ScheduleOptions) -> _B
     stage = stage_with_overlap(model, options.overlap)
     _, high = reach_of(model)
     places = tuple(model.place(share * high, overlap=options.overlap) for share in (0.0, _BASE_SHARE))
-    of_family = RobustOptions(options.family, options.overlap)
+    of_family = RobustOptions(options.family, options.overlap, compliance=0.0)
     task = family_task(model, Wish(wish.bandwidth, FAMILY_TARGET), of_family, places=places)
     law, weights = searched_law(task)
     law = _with_factors(

@@ -12,6 +12,7 @@ from msl_fem.control import (
     ControllerChoice,
     Deviation,
     PlantUnderTest,
+    RobustOptions,
     Wish,
     biased_design,
     check_stable_reach,
@@ -19,6 +20,7 @@ from msl_fem.control import (
     designed,
     held_points,
     pid_design,
+    robust_design,
     run_closed_loop,
 )
 from msl_fem.control.baselines import bias_point
@@ -65,6 +67,17 @@ def test_the_robust_law_is_stable_for_its_family_where_the_lqr_is_not():
     mode = deviating_plant(plant, Deviation(mass_share=0.08, frequency=500.0), place.magnet_stiffness)
     assert rival("robust").law.spectral_radius(place, plant=mode) < 1
     assert servo_design().law.spectral_radius(place, plant=mode) > 1
+
+
+def test_the_robust_search_weighs_the_compliance_against_the_peak():
+    """What a spring that is 2 % off leaves of a sine at 60 Hz goes with |P S|."""
+    f, softest = np.linspace(20.0, 100.0, 41), []
+    for law in (rival("robust").law, robust_design(servo_belief(), options=RobustOptions(compliance=0.0)).law):
+        p, jw = law.plant, 2j * np.pi * f
+        own = p.mass * jw**2 + p.damping * jw + p.stiffness
+        softest.append(np.abs((1 + law.loop_transfer(f)) * own).min())
+    assert softest[0] > 1.08 * softest[1]
+    assert rival("robust").peak_sensitivity < 1.9
 
 
 @pytest.mark.parametrize("deviation", [Deviation(), Deviation(lag=2e-4), Deviation(gain=1.1)])
