@@ -76,7 +76,7 @@ def test_the_robust_search_weighs_the_compliance_against_the_peak():
         p, jw = law.plant, 2j * np.pi * f
         own = p.mass * jw**2 + p.damping * jw + p.stiffness
         softest.append(np.abs((1 + law.loop_transfer(f)) * own).min())
-    assert softest[0] > 1.08 * softest[1]
+    assert softest[0] > 1.03 * softest[1]
     assert rival("robust").peak_sensitivity < 1.9
 
 
