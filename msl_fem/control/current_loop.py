@@ -73,6 +73,17 @@ class CurrentLoopDesign:
         return (1.5 + a / (1.0 - a)) * self.parameters.period
 
     @property
+    def dead_time(self) -> float:
+        """s of the lag that are a pure delay, the rest being of first order.
+
+        Mean and variance of the response to a pulse are then those of the loop: a/(1 - a)^2 periods squared by the
+        pole, 1/12 by the voltage that is held over a period.
+        """
+        a = self.parameters.pole
+        spread = math.sqrt(a / (1.0 - a) ** 2 + 1.0 / 12.0)
+        return max(0.0, self.promised_lag - spread * self.parameters.period)
+
+    @property
     def step_voltage(self) -> float:
         """V, the first of a step in the middle."""
         return _step_voltage(self.parameters.pole, self.inductance * self.step / self.parameters.period)

@@ -31,6 +31,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.statespace import StateSpace
 from msl_fem.control.current_loop import KNOWN_STRAY, CurrentLoopDesign, designed_current_loop
+from msl_fem.control.held_input import late_hold, with_delay
 from msl_fem.control.inverse import (
     Inverse,
     SideModel,
@@ -52,6 +53,7 @@ from msl_fem.table.magnetic_table import MagneticTable
 from msl_fem.table.pair_surface import SharedCoenergy
 
 _N_REACH = 101
+_LEAST_LAG = 1e-3  # of a period
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,8 @@ class LinearPlant:
     lag : bandwidth of the drive in rad/s; inf where it is ideal
     period : s, of the loop
     delay : samples from a measurement to the command that answers it
+    dead_time : s of 1/lag that are a pure delay of the drive; the states of a controller take them for a part of the
+        lag, its sensitivity, margins and response are computed with the delay
     """
 
     mass: float
@@ -72,6 +76,7 @@ class LinearPlant:
     lag: float
     period: float
     delay: int
+    dead_time: float = 0.0
 
     @property
     def lead(self) -> float:
@@ -86,6 +91,16 @@ class LinearPlant:
         """
         return _sampled(self, magnet_stiffness)
 
+    def driven(self, *, magnet_stiffness: float = 0.0) -> StateSpace:
+        """`sampled` with the drive's delay as one: a further state is the command before."""
+        return (
+            self.sampled(magnet_stiffness=magnet_stiffness) if not self.dead_time else _driven(self, magnet_stiffness)
+        )
+
+    def prompt_lag(self) -> float:
+        """rad/s of the lag without its pure delay."""
+        return 1.0 / max(1.0 / self.lag - self.dead_time, _LEAST_LAG * self.period) if self.dead_time else self.lag
+
     def motion(self, magnet_stiffness: float = 0.0) -> tuple[Array, Array]:
         """A and B of the continuous motion, states (position, velocity[, force])."""
         k = self.stiffness - magnet_stiffness
@@ -99,27 +114,18 @@ class LinearPlant:
 
 
 @lru_cache(maxsize=256)
+def _driven(plant: LinearPlant, magnet_stiffness: float) -> StateSpace:
+    a, b = replace(plant, lag=plant.prompt_lag()).motion(magnet_stiffness)
+    return with_delay(late_hold(a, b, plant.period, plant.dead_time), plant.delay)
+
+
+@lru_cache(maxsize=256)
 def _sampled(plant: LinearPlant, magnet_stiffness: float) -> StateSpace:
     a, b = plant.motion(magnet_stiffness)
     moving = StateSpace(a, b, np.eye(1, a.shape[0]), np.zeros((1, 1))).sampled(plant.period)
     names = ("position", "velocity", "force")[: a.shape[0]] + tuple(f"queue_{j + 1}" for j in range(plant.delay))
     late = with_delay(moving, plant.delay)
     return replace(late, states=names, inputs=("force_command",), outputs=("position",))
-
-
-def with_delay(moving: StateSpace, delay: int) -> StateSpace:
-    """A sampled motion whose input acts `delay` samples later: further states are the queue, the next to act first."""
-    n = moving.A.shape[0]
-    a = np.zeros((n + delay, n + delay))
-    b = np.zeros((n + delay, 1))
-    a[:n, :n] = moving.A
-    if delay:
-        a[:n, n : n + 1] = moving.B
-        a[n : n + delay - 1, n + 1 :] = np.eye(delay - 1)
-        b[-1] = 1.0
-    else:
-        b[:] = moving.B
-    return StateSpace(a, b, np.eye(1, n + delay), np.zeros((1, 1)), moving.sampling_period)
 
 
 def linear_plant(actuator: Actuator, current_loop: CurrentLoopDesign | None = None) -> LinearPlant:
@@ -152,8 +158,10 @@ def linear_plant(actuator: Actuator, current_loop: CurrentLoopDesign | None = No
             "at least four samples a period are needed: raise controller.rate or lower motion.stiffness"
         )
     lag = math.inf if drive.bandwidth is None else 2 * math.pi * drive.bandwidth
+    dead_time = 0.0
     if current_loop is not None:
         lag = 1.0 / current_loop.lag
+        dead_time = min(current_loop.dead_time, current_loop.lag)
     return LinearPlant(
         mass=motion.moving_mass,
         stiffness=motion.stiffness,
@@ -161,6 +169,7 @@ def linear_plant(actuator: Actuator, current_loop: CurrentLoopDesign | None = No
         lag=lag,
         period=1.0 / controller.rate,
         delay=controller.delay_samples,
+        dead_time=dead_time,
     )
 
 

@@ -91,7 +91,7 @@ class LinearLaw:
 
     def loop_transfer(self, frequency: ArrayLike, at: AtPosition = MIDDLE) -> Complex:
         """(n_frequency,) open-loop transfer at the plant's input, negative feedback taken out: S = 1/(1 + L)."""
-        plant = self.plant.sampled(magnet_stiffness=at.magnet_stiffness).response(frequency)[:, 0, 0]
+        plant = self.plant.driven(magnet_stiffness=at.magnet_stiffness).response(frequency)[:, 0, 0]
         return np.asarray(-plant * self.feedback(frequency, at))
 
     def feedback(self, frequency: ArrayLike, at: AtPosition = MIDDLE) -> Complex:
@@ -104,7 +104,7 @@ class LinearLaw:
 
         `plant` is position over force where it is not the believed one (with the magnet stiffness in it).
         """
-        plant = plant or self.plant.sampled(magnet_stiffness=at.magnet_stiffness)
+        plant = plant or self.plant.driven(magnet_stiffness=at.magnet_stiffness)
         law = self.controller()
         c = at.gain * (law.C[0] - at.taken_off * law.C[1])
         d = at.gain * (law.D[0, 0] - at.taken_off * law.D[1, 0])
@@ -123,7 +123,7 @@ class LinearLaw:
         f = np.atleast_1d(np.asarray(frequency, dtype=float))
         z = np.exp(2j * np.pi * f * self.plant.period)
         jw = 2j * np.pi * f
-        plant = self.plant.sampled().response(f)[:, 0, 0]
+        plant = self.plant.driven().response(f)[:, 0, 0]
         by_position, by_fed_back, by_force, by_held = self.controller().response(f)[:, 0].T
         if not self.feedforward:
             ahead = self.reference_gain @ np.stack([np.ones_like(jw), jw, jw**2])

@@ -26,7 +26,8 @@ from msl_fem.control.design import (
     check_wish,
     completed,
 )
-from msl_fem.control.design_model import AtPosition, DesignModel, LinearPlant, with_delay
+from msl_fem.control.design_model import AtPosition, DesignModel, LinearPlant
+from msl_fem.control.held_input import late_hold, with_delay
 from msl_fem.control.linear_loop import LinearLaw
 from msl_fem.control.lqg import FilterNoise, LqrGains, LqrWeights, filter_of_gain, lqr_gains
 from msl_fem.control.lqr_design import (
@@ -75,7 +76,7 @@ def deviating_plant(plant: LinearPlant, deviation: Deviation, magnet_stiffness: 
     """
     d = deviation
     lags = [1.0 / tau for tau in (deviation.lag,) if tau > 0]
-    rates = lags + ([] if math.isinf(plant.lag) else [plant.lag])
+    rates = lags + ([] if math.isinf(plant.lag) else [plant.prompt_lag()])
     n = 4 + len(rates)  # position, velocity, second mass against the first, its rate, then the chain of lags to a force
     a = np.zeros((n, n))
     b = np.zeros((n, 1))
@@ -101,8 +102,9 @@ def deviating_plant(plant: LinearPlant, deviation: Deviation, magnet_stiffness: 
             b[4] = rate
     a[3], b[3] = -a[1], -b[1]
     a[3, 2:4] += -(w**2), -2 * d.damping_ratio * w
-    moving = StateSpace(a, b, np.eye(1, n), np.zeros((1, 1))).sampled(plant.period)
-    return with_delay(moving, plant.delay)
+    if plant.dead_time:
+        return with_delay(late_hold(a, b, plant.period, plant.dead_time), plant.delay)
+    return with_delay(StateSpace(a, b, np.eye(1, n), np.zeros((1, 1))).sampled(plant.period), plant.delay)
 
 
 Complex = NDArray[np.complex128]

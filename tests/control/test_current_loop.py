@@ -75,6 +75,23 @@ def test_the_measured_lag_is_that_of_the_closed_form(bandwidth: float, bias: flo
     assert found == pytest.approx(promised, rel=0.01)
 
 
+def test_delay_and_lag_of_first_order_have_mean_and_variance_of_the_loop() -> None:
+    loop = usual()
+    p, start = loop.parameters._replace(voltage_limit=1e9, voltage_step=0.0), 5
+    found = linkages(loop, held_coil(p, IDEAL, np.where(np.arange(80) < start, 4.0, 4.4)))
+    pulse = np.diff(found[start:]) / (
+        found[-1] - found[start]
+    )  # of a voltage that is held the flux linkage is straight
+    middle = (np.arange(pulse.size) + 0.5) * p.period
+    mean = float(pulse @ middle)
+    variance = float(pulse @ (middle**2 + p.period**2 / 12)) - mean**2
+    plant = belief().plant
+    assert mean == pytest.approx(loop.promised_lag, rel=0.01)
+    assert loop.promised_lag - loop.dead_time == pytest.approx(np.sqrt(variance), rel=0.02)
+    assert plant.dead_time == loop.dead_time
+    assert 1.0 / plant.prompt_lag() == pytest.approx(loop.lag - loop.dead_time)
+
+
 def test_converters_and_dead_time_change_the_lag_little_and_leave_no_lasting_error() -> None:
     loop = loop_of(dead_time=1e-6)
     assert loop.stage.dead_time_voltage == pytest.approx(3.2)

@@ -1,5 +1,7 @@
 """The sampled belief against the differential equation, and what it refuses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -63,3 +65,18 @@ def test_other_drives_and_slow_loops_are_refused():
         linear_plant(servo(drive={"kind": "voltage"}))
     with pytest.raises(InputError, match="four samples"):
         linear_plant(servo(controller={"rate": 200.0}))
+
+
+@pytest.mark.parametrize("magnets", [0.0, 3e5])
+def test_a_delay_within_a_sample_is_that_of_ten_samples_a_sample(magnets: float) -> None:
+    late = 0.3 * PLANT.period
+    drive = replace(PLANT, lag=1 / (1 / PLANT.lag + late), dead_time=late, delay=0)
+    assert drive.lead == pytest.approx(0.5 * PLANT.period + 1 / PLANT.lag + late)
+    whole = drive.driven(magnet_stiffness=magnets)
+    tenth = replace(PLANT, period=PLANT.period / 10, delay=3).sampled(magnet_stiffness=magnets)
+    state, finer = np.zeros(whole.A.shape[0]), np.zeros(tenth.A.shape[0])
+    for command in np.random.default_rng(1).normal(size=40):
+        assert float(whole.C[0] @ state) == pytest.approx(float(tenth.C[0] @ finer), rel=1e-8, abs=1e-15)
+        state = whole.A @ state + whole.B[:, 0] * command
+        for _ in range(10):
+            finer = tenth.A @ finer + tenth.B[:, 0] * command

@@ -8,7 +8,7 @@ from servo_controllers import believed, plain, rest, servo_design, sine
 
 from msl_fem.control import closed_loop_response, run_closed_loop
 from msl_fem.control.design import without_preview
-from msl_fem.control.design_model import with_delay
+from msl_fem.control.held_input import with_delay
 from msl_fem.control.inverse import force_limits
 from msl_fem.control.spec_sheet import SpecSheet, spec_sheet
 from msl_fem.errors import ComputationError, InputError

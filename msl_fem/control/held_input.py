@@ -1,0 +1,36 @@
+"""Sampled motions whose held input acts late: by a part of a sample, by whole ones."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.statespace import StateSpace
+
+
+def late_hold(a: Array, b: Array, period: float, late: float) -> StateSpace:
+    """Position of a motion x' = a x + b u whose held input acts `late` s, less than a period, after its sample.
+
+    The last state is the input before (Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sec. 2.3).
+    """
+    n = a.shape[0]
+    whole = StateSpace(a, b, np.eye(n), np.zeros((n, 1)))
+    rest = whole.sampled(period - late)
+    begun = whole.sampled(late) if late > 0.0 else replace(rest, A=np.eye(n), B=np.zeros((n, 1)))
+    moved = np.block([[rest.A @ begun.A, rest.A @ begun.B], [np.zeros((1, n + 1))]])
+    return StateSpace(moved, np.vstack([rest.B, [[1.0]]]), np.eye(1, n + 1), np.zeros((1, 1)), period)
+
+
+def with_delay(moving: StateSpace, delay: int) -> StateSpace:
+    """A sampled motion whose input acts `delay` samples later: further states are the queue, the next to act first."""
+    n = moving.A.shape[0]
+    a = np.zeros((n + delay, n + delay))
+    b = np.zeros((n + delay, 1))
+    a[:n, :n] = moving.A
+    if delay:
+        a[:n, n : n + 1] = moving.B
+        a[n : n + delay - 1, n + 1 :] = np.eye(delay - 1)
+        b[-1] = 1.0
+    else:
+        b[:] = moving.B
+    return StateSpace(a, b, np.eye(1, n + delay), np.zeros((1, 1)), moving.sampling_period)
