@@ -172,9 +172,11 @@ def main() -> None:
     hard = design_controller(actuator, table, regions)
     both = lqr_design(design_model_of(actuator, table, regions), options=LqrOptions(overlap=OVERLAP))
     pair, of_pair = design_on_pair(actuator)
+    follows = scheduled_design(design_model_of(actuator, table, regions), options=ScheduleOptions(overlap=OVERLAP))
     designs = (
         ("lqr, one side at a time", hard, table, regions),
         (f"lqr, {OVERLAP:g} N of overlap", both, table, regions),
+        (f"scheduled, {OVERLAP:g} N of overlap", follows, table, regions),
         (f"scheduled-rigid, {OVERLAP:g} N of overlap, guard of the pair", of_pair, pair, operating_map(pair)),
     )
     rows = ["| design | steps | compiled | median (ns) | worst step (ns) | largest single time (ns) |"]
