@@ -209,11 +209,17 @@ def load_actuator(path: str | Path) -> Actuator:
     ActuatorError : no such file, not TOML, an unknown or a missing key, a wrong unit, a value out of its range;
         the message names the file and the key path
     """
-    file = Path(path)
-    if str(path) in example_actuators() and not file.exists():
-        file = EXAMPLES / f"{path}.toml"
+    file = actuator_file(path)
     content = read_toml(file, error=ActuatorError, wanted="an actuator file")
     return parse_actuator(content, file=file)
+
+
+def actuator_file(path: str | Path) -> Path:
+    """The file that is meant: the path itself, or that of the package's example of this name."""
+    file = Path(path)
+    if str(path) in example_actuators() and not file.exists():
+        return EXAMPLES / f"{path}.toml"
+    return file
 
 
 def example_actuators() -> tuple[str, ...]:

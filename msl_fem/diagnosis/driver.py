@@ -409,7 +409,7 @@ def _reason(result: EffectSearch, explained: bool) -> str:
     n = result.taken
     excess = result.excesses[n]
     worst = max(excess, key=lambda name: excess[name])
-    size = "no larger than the noise" if excess[worst] < 1.05 else f"{excess[worst]:.3g} times the noise"
+    size = "no larger than the noise as fitted" if excess[worst] < 1.05 else f"{excess[worst]:.3g} times the noise"
     told = f"the largest residual is {size} ({worst})"
     if n and explained:
         return told

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from msl_fem.actuator import Actuator, parse_actuator
+from msl_fem.actuator import Actuator, actuator_file, parse_actuator
 from msl_fem.computing.laws import expressions_of_table
 from msl_fem.errors import ActuatorError, InputError, QuantityError
 from msl_fem.files.quantity import parse_quantity
@@ -36,14 +36,14 @@ class ExtendedModel:
 
 
 def load_extended_model(path: str | Path) -> ExtendedModel:
-    """The extended model, or plain actuator, that a TOML file describes.
+    """The extended model, or plain actuator, that a TOML file describes, or an example of the package by its name.
 
     Raises
     ------
     ActuatorError : as `load_actuator`; an unknown effect or parameter, a wrong unit, a value outside its bounds; the
         message names the file and the key path
     """
-    file = Path(path)
+    file = actuator_file(path)
     content = read_toml(file, error=ActuatorError, wanted="an actuator file or an extended model")
     effects = content.pop("effects", {})
     known = effects if isinstance(effects, dict) else {}

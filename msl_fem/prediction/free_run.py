@@ -153,6 +153,19 @@ def guessed_start(plant: KernelPlant, data: RunData) -> Start:
     return Start((currents[0], currents[1]), float(position), float(slope))
 
 
+def _bend(plant: KernelPlant, data: RunData) -> Array:
+    """(2,) m, m/s: by how much the straight line of the first guess misses position and velocity at its beginning,
+    since the mover accelerates; zeros of a locked one.
+
+    The least-squares line through b t^2 over 0 ... T is b (T t - T^2/6).
+    """
+    if data.mover == "locked":
+        return np.zeros(2)
+    time = np.arange(FIRST_LOOK) / data.rate
+    bent = abs(np.polyfit(time, data.measured[POSITION_COLUMN][:FIRST_LOOK] / plant.gain, 2)[0])
+    return np.array([bent * time[-1] ** 2 / 6, bent * time[-1]])
+
+
 def read_current(plant: KernelPlant, data: RunData, j: int) -> Array:
     """(n_sample,) current of side j, as read or commanded."""
     column = Channel("current", j + 1).column
@@ -193,6 +206,7 @@ def measured_start(plant: KernelPlant, data: RunData) -> Start:
     guess = guessed_start(plant, data)
     head = data.first(max(START_SAMPLES, int(START_SECONDS * data.rate)))
     sigmas = start_sigmas(plant, data)
+    sigmas[:2] = np.hypot(sigmas[:2], _bend(plant, data))
     size = 1.0
 
     def residual(z: Array) -> Array:

@@ -88,3 +88,10 @@ def test_effects_that_are_no_table_and_files_that_are_not_there(tmp_path: Path) 
         load_extended_model(tmp_path / "none.toml")
     with pytest.raises(InputError):
         write_extended_model(ExtendedModel(load_actuator(ROOT / "geometries" / "e1.toml")), tmp_path)
+
+
+def test_an_example_is_read_by_its_name_here_too() -> None:
+    """`control` and `simulate` take extended models; their help offers the example by its name, as everywhere."""
+    model = load_extended_model("fast_tool_servo")
+    assert model.actuator == load_actuator("fast_tool_servo")
+    assert not model.effects.stated
