@@ -10,20 +10,26 @@ INPUTS ?= 20000
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-SHORT := tests/test_architecture.py tests/test_package.py tests/test_names.py tests/actuator/test_actuator.py tests/files tests/table \
-  tests/materials tests/magnetics/test_mesh.py tests/magnetics/test_magnet_field.py tests/cli/test_commands.py tests/computing \
-  tests/plant/test_kernel.py tests/record tests/maps/test_operating_map.py tests/export/test_fmu.py tests/export/test_tables.py \
-  tests/export/test_c_printer.py tests/export/test_c_guard.py tests/export/test_dxf_magnet.py tests/export/test_other_tools.py \
-  tests/control/test_design.py tests/identification/test_armax_fit.py tests/report/test_page.py tests/robustness/test_hostile_logs.py \
+SHORT := tests/test_architecture.py tests/test_package.py tests/test_names.py tests/actuator/test_actuator.py \
+  tests/files/test_quantity.py tests/files/test_toml_text.py tests/files/test_whole_file.py tests/table tests/materials \
+  tests/magnetics/test_mesh.py tests/magnetics/test_published_magnets.py tests/cli/test_commands.py tests/computing \
+  tests/plant/test_kernel.py tests/record/test_log_import.py tests/record/test_raw_logs.py tests/record/test_record_reader.py \
+  tests/record/test_record_writer.py tests/maps/test_operating_map.py tests/export/test_fmi3.py tests/export/test_tables.py \
+  tests/export/test_c_printer.py tests/export/test_dxf_magnet.py tests/export/test_other_tools.py tests/control/test_design.py \
+  tests/identification/test_simulate_and_predict.py tests/identification/test_physical.py tests/report/test_page.py \
   tests/robustness/test_netcdf_file.py tests/robustness/test_text_files.py tests/robustness/test_supply.py
 
-.PHONY: study test short fuzz kills coverage newest bench lint docs clean diagnosis-study real-records
+.PHONY: study test pytest short fuzz kills coverage newest bench lint docs clean diagnosis-study real-records
 .DELETE_ON_ERROR:
 
 study: $(VENV)/.installed
 	$(BIN)/msl-fem study $(ACTUATOR) -o $(OUT)
 
-test: $(VENV)/.installed-test lint
+# The type checker runs beside the tests.
+test: $(VENV)/.installed-test
+	$(MAKE) --no-print-directory -j 2 lint pytest
+
+pytest: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 # Bad files by the thousand against all that reads files, with a table of how they ended; hours.

@@ -2,7 +2,7 @@
 
 import ast
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
@@ -47,18 +47,37 @@ FILE_USERS = {
 FILE_CALLS = {"open", "read_text", "read_bytes", "write_text", "write_bytes", "open_dataset", "read_csv", "to_csv"}
 
 
-def modules() -> dict[str, ast.Module]:
-    found = {}
-    for path in sorted(PACKAGE.rglob("*.py")):
-        name = ".".join(["msl_fem", *path.relative_to(PACKAGE).with_suffix("").parts]).removesuffix(".__init__")
-        found[name] = ast.parse(path.read_text())
-    return found
+class Trees(Mapping[str, ast.Module]):
+    """Syntax trees of the package's modules by name, read when asked for: every process collects, one looks at them."""
+
+    def __init__(self) -> None:
+        self._paths = {self._name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
+        self._read: dict[str, ast.Module] = {}
+
+    @staticmethod
+    def _name(path: Path) -> str:
+        return ".".join(["msl_fem", *path.relative_to(PACKAGE).with_suffix("").parts]).removesuffix(".__init__")
+
+    def __getitem__(self, name: str) -> ast.Module:
+        if name not in self._read:
+            self._read[name] = ast.parse(self._paths[name].read_text())
+        return self._read[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._paths)
+
+    def __len__(self) -> int:
+        return len(self._paths)
 
 
-MODULES = modules()
+MODULES = Trees()
 KINDS = (ast.Import, ast.ImportFrom, ast.Call, ast.Attribute)
-NODES = {tree: [node for node in ast.walk(tree) if isinstance(node, KINDS)] for tree in MODULES.values()}
-"""What the rules look at, walked once."""
+
+
+@cache
+def nodes(tree: ast.Module) -> list[ast.AST]:
+    """What the rules look at, walked once."""
+    return [node for node in ast.walk(tree) if isinstance(node, KINDS)]
 
 
 def within(module: str, rooms: Iterable[str]) -> bool:
@@ -77,7 +96,7 @@ def imports(tree: ast.Module) -> tuple[str, ...]:
 
 
 def _imports(tree: ast.Module) -> Iterator[str]:
-    for node in NODES[tree]:
+    for node in nodes(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -141,7 +160,7 @@ def test_a_library_is_used_only_where_it_belongs(library: str) -> None:
 
 def test_files_are_opened_only_by_readers_and_writers() -> None:
     for name, tree in MODULES.items():
-        for node in NODES[tree]:
+        for node in nodes(tree):
             if isinstance(node, ast.Call):
                 called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
                 assert called not in FILE_CALLS or within(name, FILE_USERS), f"{name} calls {called}"
@@ -163,7 +182,7 @@ def test_imports_by_name_are_few() -> None:
 
 def _imported_names(tree: ast.Module) -> Iterator[str]:
     """`module.name` of each import, and `importlib.import_module` where it is called so."""
-    for node in NODES[tree]:
+    for node in nodes(tree):
         if isinstance(node, ast.ImportFrom):
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):

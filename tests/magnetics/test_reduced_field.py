@@ -109,6 +109,15 @@ def test_reciprocity_to_rounding(reduction: Reduction, points: FieldPoints) -> N
     assert np.abs(states.energy_slope_by_current[:, 0] + by_gap).max() <= 1e-9 * largest
 
 
+def test_where_the_states_are_sought_from_changes_them_by_little_and_spares_steps(reduction: Reduction) -> None:
+    """From what the slopes at other points promise; at the points themselves the states are those already found."""
+    others = FieldPoints(reduction.states.points.coordinate * 1.02, reduction.states.points.currents * 0.97)
+    along, near = (reduction.model.solve(others, start) for start in (None, reduction.states.near(others)))
+    assert near.energy_slope == pytest.approx(along.energy_slope, rel=1e-6, abs=1e-8)
+    assert near.steps.sum() < 0.8 * along.steps.sum()
+    assert np.array_equal(reduction.states.near(reduction.states.points), reduction.states.states)
+
+
 def test_error_falls_with_the_number_of_functions(reduction: Reduction, full: FullField) -> None:
     basis = reduction.model.basis
     whole = ReducedModel(basis, full.sources, basis.whole_iron())

@@ -117,8 +117,9 @@ def states_along(
     slope: Array,
     sources: Array,
     iron: ReducedIron,
+    start: Array | None,
 ) -> tuple[Array, Array, Array, Indices]:
-    """States (n, N), dc/di (n, coil, N), dc/dq (n, N) and Newton's steps (n,) of points, each from the one before.
+    """States (n, N), dc/di (n, coil, N), dc/dq (n, N) and Newton's steps (n,) of points.
 
     Parameters
     ----------
@@ -127,6 +128,7 @@ def states_along(
     currents : (n, coil)
     stiffness, slope : (n_q, N, N) of the linear regions, and its derivative with respect to q
     sources : (coil, N)
+    start : (n, N) what is expected; None: each point begins at what the ones before lead to
     """  # fmt: skip
     n, n_coil, size = place.size, sources.shape[0], sources.shape[1]
     states, steps = np.zeros((n, size)), np.zeros(n, dtype=np.int64)
@@ -136,7 +138,9 @@ def states_along(
         at = place[p]
         c = np.zeros(size)
         load = currents[p] @ sources
-        if p > 0 and steps[p - 1] > 0:
+        if start is not None:
+            c += start[p]
+        elif p > 0 and steps[p - 1] > 0:
             straight = p > 1 and place[p - 2] == place[p - 1] == at and steps[p - 2] > 0
             ratio = same_way(currents[p - 2], currents[p - 1], currents[p]) if straight else 0.0
             if ratio > 0.0:

@@ -8,7 +8,7 @@ derivatives follow by the state's own, dc/di and dc/dq, so that mixed ones agree
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -68,6 +68,21 @@ class ReducedStates:
     energy_slope_by_coordinate: Array
     steps: Indices
 
+    def only(self, chosen: "Indices | Sequence[int]") -> "ReducedStates":
+        """What was found at some of the points."""
+        arrays = {f.name: getattr(self, f.name)[chosen] for f in fields(self) if f.name != "points"}
+        return ReducedStates(self.points.only(chosen), **arrays)
+
+    def near(self, points: FieldPoints) -> Array:
+        """(n, N) expected at other points: along the slopes from the nearest of these, each axis over its span."""
+        axes = [(self.points.coordinate, points.coordinate)]
+        axes += list(zip(self.points.currents.T, points.currents.T, strict=True))
+        away = sum(((there[:, None] - here) / (np.ptp(here) or 1.0)) ** 2 for here, there in axes)
+        nearest = np.argmin(away, axis=1)
+        further = (points.coordinate - self.points.coordinate[nearest])[:, None] * self.by_coordinate[nearest]
+        rise = points.currents - self.points.currents[nearest]
+        return np.asarray(self.states[nearest] + further + np.einsum("nk,nkj->nj", rise, self.by_current[nearest]))
+
 
 class ReducedModel:
     """A basis, the linear regions in it, and a quadrature of the irons.
@@ -95,12 +110,15 @@ class ReducedModel:
         return other
 
     @one_blas_thread
-    def solve(self, points: FieldPoints) -> ReducedStates:
-        """The states and numbers at points."""
+    def solve(self, points: FieldPoints, start: "Array | None" = None) -> ReducedStates:
+        """The states and numbers at points; `start` (n, N) where something is expected."""
         coordinate, place = np.unique(points.coordinate, return_inverse=True)
         stiffness, slope, bend = (np.stack(part) for part in zip(*map(self.linear.at, coordinate), strict=True))
         way = points.way()
-        found = states_along(place[way], coordinate, points.currents[way], stiffness, slope, self.sources, self.iron)
+        begin = None if start is None else start[way]
+        found = states_along(
+            place[way], coordinate, points.currents[way], stiffness, slope, self.sources, self.iron, begin
+        )
         back = np.argsort(way)
         states, by_current, by_coordinate = (array[back] for array in found[:3])
         steps = found[3][back]

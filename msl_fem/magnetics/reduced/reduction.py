@@ -22,6 +22,7 @@ from msl_fem.materials.curves import Indices
 
 CLOSE = 0.15  # in ranks of coordinate and currents, each 0 to 1
 DRAFTED = 3  # points at once
+DRAFTED_FOR = 20
 SAFETY = 2.0  # for points that are not checked
 SLOPE_SHARE = 0.3  # of a derivative beside a solution in the space
 
@@ -34,11 +35,11 @@ class ReductionSettings:
     ----------
     tolerance : of force and flux linkage, of full scale, that every check must hold
     rounds : of checks at most, each of `checks` points
-    drafts : rounds before, with a coarse quadrature
+    drafts : rounds before, with a coarse quadrature, at most: one for every `DRAFTED_FOR` points
     modes : below this share of a solution's size a mode is left out
     fit : of the cubature's sums, relative to the largest, below which they are not kept
     trained : states that the cubature is fitted to at first
-    candidates : points at which its error is looked at
+    candidates : points at which the states are sought that it is fitted to
     built_at : points that a model is built for, of many
     looked_at : points at which its error is looked at in the end, of many
     widened : times at most that those where it is too large there are built for as well
@@ -48,11 +49,11 @@ class ReductionSettings:
     tolerance: float = 2.5e-4
     rounds: int = 4
     checks: int = 9
-    drafts: int = 3
+    drafts: int = 5
     modes: float = 7e-4
     fit: float = 1.5e-5
     trained: int = 10
-    candidates: int = 128
+    candidates: int = 32
     built_at: int = 72
     looked_at: int = 512
     widened: int = 3
@@ -95,6 +96,8 @@ class Reducer:
         data, slopes = full.without_field(float(ends[ends.size // 2]))
         self.space = SnapshotSpace(full.model, data)
         self.solutions = 0
+        self._last: tuple[ReducedModel, ReducedStates] | None = None
+        self._missed = np.zeros(0)
         self._without_field(slopes)
         for q in {float(ends[0]), float(ends[-1])}:
             self._without_field(full.without_field(q)[1])
@@ -134,7 +137,7 @@ class Reducer:
         potential = np.zeros(self.full.model.n_dof)
         for n in self.farthest(1 + self.points.currents.shape[1]):
             self._solve_roughly(n, potential)
-        for _ in range(self.settings.drafts):
+        for _ in range(min(self.settings.drafts, len(self.points) // DRAFTED_FOR)):
             chosen = self.farthest(DRAFTED)
             basis = self.space.basis(self.settings.modes)
             states = ReducedModel(basis, self.full.sources, basis.coarse_iron()).solve(self.points.only(chosen)).states
@@ -161,29 +164,37 @@ class Reducer:
         settings = self.settings
         basis = self.space.basis(settings.modes)
         coarse = ReducedModel(basis, self.full.sources, basis.coarse_iron())
-        predicted = coarse.solve(self.points.only(self._candidates(settings.candidates // 4))).states
-        trained = predicted[_spread(predicted, settings.trained)]
+        some = self.points.only(self._candidates(settings.candidates))
+        predicted = coarse.solve(some, self._expected(basis, some))
+        trained = predicted.states[_spread(predicted.states, settings.trained)]
+        start = self._expected(basis, self.points)
+        start = predicted.near(self.points) if start is None else start
         for _ in range(settings.fits):
             rows = iron_integrands(basis, trained)
             points, weight = sparse_weights(rows, basis.quadrature.weight, tolerance=settings.fit)
             model = ReducedModel(basis, self.full.sources, basis.some_iron(points, weight))
-            states = model.solve(self.points)
+            states = model.solve(self.points, start)
             if not (states.steps > 0).all():
                 return None
-            candidates = self._candidates(settings.candidates)
-            errors = model.cubature_error(states, candidates)
-            if SAFETY * errors.max() <= settings.tolerance:
+            self._last, start = (model, states), states.states
+            self._missed = model.cubature_error(states, np.arange(len(self.points)))
+            if SAFETY * self._missed.max() <= settings.tolerance:
                 break
-            worst = _apart(candidates[np.argsort(-errors)], self.places, settings.trained // 2)
+            worst = _apart(np.argsort(-self._missed), self.places, settings.trained // 2)
             trained = np.concatenate([trained, states.states[worst]])
         return model, states
 
+    def _expected(self, basis: Basis, points: FieldPoints) -> Array | None:
+        """(n, N) states in a basis from those of the last model; None before there is one."""
+        if self._last is None:
+            return None
+        model, states = self._last
+        return np.asarray(np.linalg.lstsq(basis.vectors, model.basis.vectors @ states.near(points).T)[0].T)
+
     def doubtful(self, model: ReducedModel, states: ReducedStates) -> list[int]:
         """Points to check: where the cubature errs most, where the last modes matter most, and far from all."""
-        every = np.arange(len(self.points))
         third = self.settings.checks // 3
-        order = np.argsort(-model.cubature_error(states, every))
-        chosen = _apart(order, self.places, third)
+        chosen = _apart(np.argsort(-self._missed), self.places, third)
         chosen += _apart(np.argsort(-_sensitivity(model, states)), self.places, third)
         return [*dict.fromkeys(chosen), *self.farthest(self.settings.checks - 2 * third)]
 
@@ -242,7 +253,7 @@ def reduce_at_all(full: FullField, points: FieldPoints, settings: ReductionSetti
         some = np.union1d(some, worst)
         reducer.look_at(points.only(some))
         among = np.searchsorted(some, worst).tolist()
-        errors = reducer.check(model, model.solve(reducer.points), among, enrich=True)
+        errors = reducer.check(model, states.only(some), among, enrich=True)
         before = reduction.certificate
         largest = max(before.error_estimate, SAFETY * float(errors.max()))
         if largest <= settings.tolerance:
@@ -324,6 +335,7 @@ def _spread(states: Array, count: int) -> Indices:
 
 def _sensitivity(model: ReducedModel, states: ReducedStates) -> Array:
     """(n,) what force and flux linkage change by, of full scale, when the last third of the modes is left out."""
-    fewer = model.without_last(model.basis.size // 3).solve(states.points)
+    model = model.without_last(model.basis.size // 3)
+    fewer = model.solve(states.points, states.states[:, : model.basis.size])
     parts = [(states.energy_slope[:, None], fewer.energy_slope[:, None]), (states.flux_linkage, fewer.flux_linkage)]
     return np.max([np.abs(a - b).max(axis=1) / np.abs(a).max() for a, b in parts], axis=0)

@@ -20,7 +20,7 @@ from msl_fem.magnetics.sweep.rows import SweepRow
 from msl_fem.materials.constants import MU_0
 from msl_fem.table.magnetic_table import SECTION
 
-LEAST_POINTS = 150
+LEAST_POINTS = 60
 """Below that many the full solver is as fast."""
 TOLERANCE: dict[Accuracy, float] = {"fast": 5e-4, "normal": 2.5e-4, "fine": 1e-4}
 
