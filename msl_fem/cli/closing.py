@@ -31,8 +31,13 @@ def diagnosis_closing(found: Diagnosis) -> tuple[str, str, str]:
     )
 
 
-def control_closing(run: ClosedLoopRun, design: ControllerDesign) -> tuple[str, str, str]:
-    """How well it follows, how robust the loop is, and the way on."""
+def control_closing(
+    run: ClosedLoopRun, design: ControllerDesign, *, held_share: float | None = None
+) -> tuple[str, str, str]:
+    """How well it follows, how robust the loop is, and the way on.
+
+    held_share : of plants that the design has not seen; None where none were tried
+    """
     span = float(np.ptp(run.reference)) / 2
     share = f", {100 * run.tracking_rms / span:.2g} % of the amplitude" if span > 0 else ""
     follows = f"{format_quantity(run.tracking_rms, 'm', digits=3)} RMS{share}"
@@ -40,6 +45,7 @@ def control_closing(run: ClosedLoopRun, design: ControllerDesign) -> tuple[str, 
     sensitivity = design.peak_sensitivity
     good = sensitivity <= ZONE_A
     robust = "zone A of ISO 14839-3, as new machines should be" if good else "beyond zone A of ISO 14839-3 (3)"
+    unseen = "" if held_share is None else f"; of the plants that it has not seen it holds {100 * held_share:.0f} %"
     cut = run.guard_violations + run.force_limited
     if run.heat_limited:
         way = (
@@ -50,11 +56,13 @@ def control_closing(run: ClosedLoopRun, design: ControllerDesign) -> tuple[str, 
         way = f"{cut} commands were cut: take a smaller or slower reference, or more current"
     elif not good:
         way = 'lower the wish, like --bandwidth "40 Hz", until the peak sensitivity is below 3'
+    elif held_share is not None and held_share < 1.0:
+        way = "try --design robust or a lower --bandwidth, or measure what is in doubt (msl-fem suspects)"
     else:
         way = "look at its trials (--report loop.html), then take it along as C: msl-fem export ... --what controller"
     return (
         f"What it means: the position follows the reference within {follows}; the largest current is {peak}.",
-        f"How sure: largest sensitivity in mid-travel {sensitivity:.3g}, {robust}. All of it is simulated.",
+        f"How sure: largest sensitivity in mid-travel {sensitivity:.3g}, {robust}{unseen}. All of it is simulated.",
         f"What to do: {way}.",
     )
 

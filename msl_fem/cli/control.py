@@ -167,7 +167,8 @@ def command(
             fields |= {"report": str(report)}
     title = f"{plant.actuator.name}: {loop.controller.kind} in closed loop on {wanted.spec}"
     print_result(fields, as_json=json, title=title)
-    print_closing(control_closing(run, loop.controller), as_json=json)
+    held = fields["loop"].get("held_share")
+    print_closing(control_closing(run, loop.controller, held_share=held), as_json=json)
 
 
 @dataclass(frozen=True, eq=False)
