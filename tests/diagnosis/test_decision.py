@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from msl_fem.diagnosis import decision, driver
+from msl_fem.diagnosis.conclusion import EffectSearch, _compensating, _named, main_cause
 from msl_fem.diagnosis.decision import (
     RELAXED,
     Rule,
@@ -21,7 +22,6 @@ from msl_fem.diagnosis.decision import (
     n_accepted,
     white,
 )
-from msl_fem.diagnosis.driver import EffectSearch, _compensating, _named, main_cause
 from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, held_out_worse, log_likelihood_gain
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.refits import Refit

@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from msl_fem.diagnosis.driver import NO_EXTENDED_MODEL, DiagnosisSettings, diagnosis_of
+from msl_fem.diagnosis.conclusion import NO_EXTENDED_MODEL
+from msl_fem.diagnosis.driver import DiagnosisSettings, diagnosis_of
 from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.kind import ErrorSignal, Kind
 from msl_fem.diagnosis.likelihood import Fit

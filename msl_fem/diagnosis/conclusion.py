@@ -1,0 +1,263 @@
+"""What a search says: the verdict, the causes that are named, what held-out data say of them, and what is left."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from msl_fem.diagnosis.correlation import correlation_of
+from msl_fem.diagnosis.decision import (
+    MOST_OF_IT,
+    OWN_OF_A_RUN,
+    TIE,
+    WORSE,
+    excess_power,
+    gauges,
+    share_left,
+    too_much_left,
+    white,
+)
+from msl_fem.diagnosis.fit import believed_estimates, effect_estimates
+from msl_fem.diagnosis.kind import (
+    Kind,
+    PredictionError,
+    held_out_gains,
+    held_out_worse,
+    on_common_ground,
+    worse_than_belief,
+)
+from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.outside import WORTH_NAMING, Dependence, named_dependence
+from msl_fem.diagnosis.result import (
+    Accuracy,
+    Cause,
+    Diagnosis,
+    Evidence,
+    MainCause,
+    Unexplained,
+    Verdict,
+    channel_residuals,
+    hidden_at_most,
+    tried_variants,
+)
+from msl_fem.diagnosis.scheduled import about_schedules, scheduled_estimates
+from msl_fem.diagnosis.search import SearchStage, statistics_of
+from msl_fem.prediction import ModelHypothesis
+
+NO_EXTENDED_MODEL = "held-out runs are followed worse than by the believed model, so there is no extended model"
+
+
+@dataclass(frozen=True, eq=False)
+class EffectSearch:
+    """What a search went through.
+
+    Attributes
+    ----------
+    fits : without effects, with the first, and so on
+    stages : what was tried beside each of these fits
+    excesses : of each fit, channel to residuals over the noise
+    taken : of how many stages the best effect is named
+    unclear : the effect that takes most of the excess where another is most probable, so that neither is named
+    """
+
+    fits: tuple[Fit, ...]
+    stages: tuple[SearchStage, ...]
+    excesses: tuple[dict[str, float], ...]
+    taken: int
+    unclear: str = ""
+
+    @property
+    def final(self) -> Fit:
+        return self.fits[self.taken]
+
+    @property
+    def effects(self) -> list[str]:
+        """The names that were taken, in their order."""
+        return [stage.best.variant.effect for stage in self.stages[: self.taken] if stage.best is not None]
+
+
+def conclude(
+    kind: Kind, result: EffectSearch, *, threshold: float, threads: int, tell: Callable[[str], None]
+) -> Diagnosis:
+    """The verdict of a search, with what held-out data say.
+
+    Parameters
+    ----------
+    threshold : nats that an effect had to bring
+    tell : is told what is looked at
+    """
+    models = [kind.extend(fit) for fit in result.fits[: result.taken + 1]]
+    of_models = [kind.errors(model, fit) for model, fit in zip(models, result.fits, strict=False)]
+    nominal, *signals = on_common_ground([kind.errors(kind.belief, None), *of_models])
+    errors = [[signal.summary for signal in of_model] for of_model in signals]
+    gains = held_out_gains(errors)
+    compensating = _compensating(kind, result, models[result.taken], threads=threads)
+    if compensating:
+        result = replace(result, taken=1)
+    worse = [held_out_worse(*pair) for pair in zip(signals, signals[1:], strict=False)]
+    main = main_cause(result, worse)
+    result, notes = _named(result, [gain if bad else max(gain, 0.0) for gain, bad in zip(gains, worse, strict=True)])
+    if compensating:
+        notes.append("several effects together leave what a function of one variable explains; only the first is kept")
+    if result.unclear and result.stages[-1].best is not None:
+        probable = result.stages[-1].best.variant.effect
+        notes.append(f"unclear: {probable} is most probable, {result.unclear} takes most of what is in excess of noise")
+    n = result.taken
+    believed = [signal.summary for signal in nominal]
+    accuracy = tuple(Accuracy(*three, kind.prediction) for three in zip(believed, errors[0], errors[n], strict=True))
+    extended = None if worse_than_belief(nominal, signals[n]) else models[n]
+    if extended is None:
+        notes.append(NO_EXTENDED_MODEL)
+    unfaithful = _unfaithful(errors[n], kind) if n else ""
+    explained = white(result.excesses[n]) and not compensating
+    notes += kind.above_noise(result.final) if explained else []
+    schedules = kind.likelihood.problem.schedules
+    scheduling = scheduled_estimates(kind.belief, result.final, schedules)
+    unexplained = Unexplained(0.0)
+    ranked: list[Dependence] = []
+    if unfaithful:
+        unexplained = Unexplained(share_left(result.excesses, n), next_experiment=kind.look_further(()))
+    elif not explained:
+        tell("what is left over every variable")
+        unexplained, ranked = _left(kind, result, models[n], threads=threads)
+    n_named = 0 if unfaithful else n
+    found = Diagnosis(
+        _verdict(n, explained),
+        _reason(result, explained),
+        tuple(_cause(kind, result, stage, gains[stage]) for stage in range(n_named)),
+        unexplained,
+        accuracy,
+        believed_estimates(kind.belief, result.final),
+        models[0],
+        extended,
+        threshold,
+        result.stages[0].null,
+        main,
+        hidden_at_most(result.stages[0].scores),
+        statistics=statistics_of(result.stages),
+        notes=(*kind.notes, *notes, *about_schedules(schedules, scheduling)),
+        scheduling=scheduling,
+        left_out=kind.left_out,
+        evidence=Evidence(
+            tried_variants(result.stages, n_named),
+            channel_residuals(nominal, signals[0], signals[n]),
+            kind.variables(),
+            tuple(kind.sizes(models[n], result.effects)),
+            tuple(ranked),
+            kind.likelihood.noise_spectra(result.final.weights.density),
+        ),
+        correlation=correlation_of(result.final),
+    )
+    return _undecided(found, result, unfaithful, kind) if unfaithful else found
+
+
+def main_cause(result: EffectSearch, worse: Sequence[bool]) -> MainCause | None:
+    """The first effect that was taken, where it accounts for most of the excess and held-out data do not speak against
+    it, whatever else is left."""
+    if not result.taken or worse[0]:
+        return None
+    explained = 1 - excess_power(result.excesses[1]) / max(excess_power(result.excesses[0]), 1e-300)
+    if white(result.excesses[0]) or explained < MOST_OF_IT:
+        return None
+    return MainCause(result.effects[0], explained, share_left(result.excesses, result.taken))
+
+
+def _explained(result: EffectSearch, n: int) -> float | None:
+    """Share of the excess power that effect n takes beside those before it; None where there is none."""
+    if white(result.excesses[0]):
+        return None
+    before, after = excess_power(result.excesses[n]), excess_power(result.excesses[n + 1])
+    return (before - after) / excess_power(result.excesses[0])
+
+
+def _compensating(kind: Kind, result: EffectSearch, model: ModelHypothesis, *, threads: int) -> bool:
+    """Whether several effects only make up together for what none of them is: what they leave, small as it may be, is
+    a function of one variable that brings more than the last of them did."""
+    if result.taken < 2:
+        return False
+    ranked = kind.dependences(result.final, model, few=True, threads=threads)
+    last = result.stages[result.taken - 1].best
+    return bool(ranked and last is not None and ranked[0].gain > max(WORTH_NAMING, last.gain))
+
+
+def _named(result: EffectSearch, gains: Sequence[float]) -> tuple[EffectSearch, list[str]]:
+    """The search with as many effects as are named, and why not more."""
+    taken, effects = result.taken, result.effects
+    notes = []
+    too_much = too_much_left(effects, result.excesses)
+    if too_much:
+        notes.append(too_much)
+        taken = 0
+    while taken and gains[taken - 1] < -WORSE:
+        effect = effects[taken - 1]
+        if effect in OWN_OF_A_RUN:
+            notes.append(f"{effect} is of each run's own: that of the fit run says nothing of held-out runs")
+            break
+        taken -= 1
+        notes.append(f"{effect} makes held-out runs worse and is not named")
+    return replace(result, taken=taken), notes
+
+
+def _unfaithful(errors: Sequence[PredictionError], kind: Kind) -> str:
+    """On which channel held-out data are followed much worse than fit data, in words; empty where on none."""
+    for held in (error for error in errors if error.role == "held-out"):
+        own = [error.rms for error in errors if error.role == "fit" and error.channel == held.channel]
+        if own and held.rms > kind.faithful * max(*own, held.floor):
+            ratio = held.rms / max(own)
+            return f"errs by {held.rms:.3g} on held-out {held.channel}, {ratio:.3g} times as much as there"
+    return ""
+
+
+def _undecided(found: Diagnosis, result: EffectSearch, unfaithful: str, kind: Kind) -> Diagnosis:
+    """The diagnosis where effects hold on the data they were fitted to alone."""
+    effects = ", ".join(result.effects)
+    reason = (
+        f"{effects} would account for the fit data, and {unfaithful}: something else acts alike where they were taken"
+    )
+    advice = kind.look_further(())
+    if advice:
+        reason += f"; what would decide: {advice}"
+    return replace(found, verdict="undecidable", reason=reason, parameters={}, extended=None)
+
+
+def _left(
+    kind: Kind, result: EffectSearch, model: ModelHypothesis, *, threads: int
+) -> tuple[Unexplained, list[Dependence]]:
+    """What no effect accounts for, and on which variables it depends."""
+    ranked = kind.dependences(result.final, model, threads=threads)
+    equation, variables = named_dependence(ranked)
+    share = share_left(result.excesses, result.taken)
+    return Unexplained(share, variables, equation, kind.look_further(variables)), ranked
+
+
+def _verdict(n_named: int, explained: bool) -> Verdict:
+    if n_named:
+        return "named" if explained else "named-and-unexplained"
+    return "nothing-found" if explained else "unexplained"
+
+
+def _cause(kind: Kind, result: EffectSearch, n: int, gain: float) -> Cause:
+    stage = result.stages[n]
+    best = stage.best
+    assert best is not None
+    effect = best.variant.effect
+    rivals = tuple(refit.variant.effect for refit in stage.rivals(TIE))
+    p_value = stage.null.p_value(best.gain) if stage.null.gains.size else None
+    parameters = effect_estimates(result.final)[effect]
+    experiment = kind.separating(stage, rivals)
+    partners = tuple(name for name in (*rivals, *gauges(stage.base, best.gain)) if name != effect)
+    return Cause(effect, parameters, best.gain, p_value, gain, partners, experiment, _explained(result, n))
+
+
+def _reason(result: EffectSearch, explained: bool) -> str:
+    n = result.taken
+    excess = result.excesses[n]
+    worst = max(excess, key=lambda name: excess[name])
+    size = "no larger than the noise as fitted" if excess[worst] < 1.05 else f"{excess[worst]:.3g} times the noise"
+    told = f"the largest residual is {size} ({worst})"
+    if n and explained:
+        return told
+    best = result.stages[n].best if n < len(result.stages) else None
+    further = "" if best is None else f"{best.variant.effect} would bring {best.gain:.3g} nats"
+    if n == 0:
+        return f"{told}; {further or 'no effect'}"
+    told += ", which the named effects do not account for"
+    return f"{told}; {further} more" if further else told
