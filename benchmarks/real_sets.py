@@ -57,7 +57,7 @@ def emps() -> list[Judged]:
             known,
             words(found),
             "all four within their intervals"
-            if all(v.cells[-1] == "yes, interval" for v in values)
+            if all(v.inside.startswith("interval") for v in values)
             else "see the values",
             values,
         )

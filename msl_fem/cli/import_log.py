@@ -44,7 +44,8 @@ def command(
     role: Annotated[Literal["fit", "held-out"], typer.Option(help="What the run is for.")] = "fit",
     excitation: Annotated[str, typer.Option(help="What moved the rig, in words.")] = "",
     mover: Annotated[
-        Literal["free", "locked", "imposed"], typer.Option(help="Locked: held; imposed: moved by hand or machine.")
+        Literal["free", "locked", "imposed", "absent"],
+        typer.Option(help="Locked: held; imposed: moved by hand or machine; absent: taken away."),
     ] = "free",
     rate: Annotated[str, typer.Option(help='Sampling rate, like "10 kHz"; goes before a rounded time column.')] = "",
     resampled: Annotated[

@@ -27,6 +27,7 @@ from msl_fem.diagnosis.equilibria import told_by_equilibria
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.formula import formula_of
+from msl_fem.diagnosis.imposed_maps import with_imposed_maps
 from msl_fem.diagnosis.in_turn import agreed, turns_of
 from msl_fem.diagnosis.kind import (
     Kind,
@@ -42,6 +43,7 @@ from msl_fem.diagnosis.runs import dynamic_runs
 from msl_fem.diagnosis.search import SearchStage, search_stage
 from msl_fem.diagnosis.statements import restated
 from msl_fem.diagnosis.static_maps import map_alone, why_no_map
+from msl_fem.diagnosis.without_mover import without_absent
 from msl_fem.errors import InputError
 from msl_fem.plant import plant_parameters
 from msl_fem.plant.believed import PLAIN_BELIEF, Belief
@@ -82,6 +84,8 @@ def diagnose(record: Record, settings: DiagnosisSettings | None = None) -> Diagn
     """
     how = settings or DiagnosisSettings()
     declare(*record.causes)
+    record, of_coil = without_absent(record)
+    record, of_motion = with_imposed_maps(record, how.table)
     if record.actuator.magnet is not None and how.table is None:
         raise InputError(f"{record.actuator.name} has magnets and there is no table; make one with 'msl-fem table'")
     turns = [_of_turn(one, how) for one in turns_of(record)]
@@ -89,7 +93,7 @@ def diagnose(record: Record, settings: DiagnosisSettings | None = None) -> Diagn
         return replace(agreed(turns), belief=how.belief)
     kind = kind_of(record, how)
     found = Diagnosis("undecidable", kind) if isinstance(kind, str) else diagnosis_of(kind, how)
-    return replace(found, belief=how.belief)
+    return replace(found, belief=how.belief, notes=(*of_coil, *of_motion, *found.notes))
 
 
 def _of_turn(record: Record, how: DiagnosisSettings) -> Diagnosis:

@@ -59,12 +59,12 @@ class MeasuredMap:
         """(n_row,) rows of a channel that a fit looks at."""
         return np.asarray(self.counted & np.isfinite(self.channels[name]))
 
-    def factor(self, name: str, modelled: Array) -> float:
-        """What a channel is over the model's (n_row,): 1, or the factor of least squares where it is free."""
+    def factor(self, name: str, modelled: Array, *, zero: float = 0.0) -> float:
+        """What a channel less its zero is over the model's (n_row,): 1, or that of least squares where it is free."""
         if name not in self.free:
             return 1.0
         at = self.counts(name)
-        weighted, model = self.channels[name][at] / self.sigmas[name][at], modelled[at] / self.sigmas[name][at]
+        weighted, model = (self.channels[name][at] - zero) / self.sigmas[name][at], modelled[at] / self.sigmas[name][at]
         power = float(model @ model)
         return float(weighted @ model) / power if power > 0 else 1.0
 

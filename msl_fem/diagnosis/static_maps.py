@@ -6,7 +6,7 @@ the role `fit` count. The noise of each channel is white, its density estimated 
 belong to one likelihood with them: table, scale and gap are the same unknowns.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -31,7 +31,7 @@ from msl_fem.plant.plant import VOLTAGE_DRIVE
 from msl_fem.plant.preparation import small_signal_inductance
 from msl_fem.plant.static_map import static_map
 from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData
-from msl_fem.prediction.nuisances import line_of, nuisances_of_map
+from msl_fem.prediction.nuisances import line_of, nuisances_of_map, read_of_map
 from msl_fem.record import Record, StaticMap
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -69,7 +69,6 @@ class StaticLikelihood(Likelihood):
         if rows.gap_zero == "gauge":
             wider = -factors.get("static_gap_zero", 0.0)
         own_gain, own_zero = line_of("current_1_A", factors)
-        force_gain, force_zero = line_of(FORCE, factors)
         gain = effects[PARAMETER_INDEX["current_sensor_error", "gain_1"]]
         offset = effects[PARAMETER_INDEX["current_sensor_error", "offset_1"]]
         current = ((rows.current - own_zero) / own_gain - offset) / (1.0 + gain)
@@ -83,8 +82,14 @@ class StaticLikelihood(Likelihood):
             force = flux = np.full(path.gap.size, np.nan)
         force = force[path.rows] + effects[PARAMETER_INDEX["force_offset", "force"]]
         flux = flux[path.rows] + linked * current
-        modelled = {FORCE: force_gain * force + force_zero, FLUX: flux, DENSITY: flux}
-        return {name: self.measured.factor(name, modelled[name]) * modelled[name] for name in self.measured.channels}
+        there = {FORCE: force, FLUX: flux, DENSITY: flux}
+        return {name: self._reading(name, there[name], factors) for name in self.measured.channels}
+
+    def _reading(self, name: str, there: Array, factors: Mapping[str, float]) -> Array:
+        """What the instrument of a channel reads of what is there."""
+        shape = read_of_map(name, there, factors)
+        zero = read_of_map(name, np.zeros(1), factors)[0]
+        return read_of_map(name, there, factors, factor=self.measured.factor(name, shape - zero, zero=float(zero)))
 
     @property
     def labels(self) -> NDArray[np.intp]:
@@ -163,7 +168,7 @@ def prepared_map(record: Record, table: MagneticTable) -> tuple[StaticLikelihood
     stated = {"nominal_gap": tolerance.nominal_gap, "magnetic_scale": tolerance.magnetic_scale}
     if measured.rows.gap_zero == "gauge":
         del stated["nominal_gap"]  # it is the gauges' zero that the map is off by
-    stated |= nuisances_of_map(tolerance, gap=measured.rows.gap_zero)
+    stated |= nuisances_of_map(tolerance, gap=measured.rows.gap_zero, readings=measured.channels)
     believed = tuple((name, sigma) for name, sigma in stated.items() if sigma)
     unknowns = Unknowns(believed, 0 if error is None else len(error.modes), ())
     return StaticLikelihood(problem, bands, 1, measured), unknowns
@@ -299,7 +304,7 @@ def joined(
     error = common_error(record, belief, runs.plant, runs.runs, static)
     static = replace(static, problem=replace(static.problem, table_error=error))
     both = JointLikelihood(replace(runs, table_error=error), likelihood.bands, likelihood.substeps, static)
-    own = nuisances_of_map(record.tolerance, gap=static.measured.rows.gap_zero)
+    own = nuisances_of_map(record.tolerance, gap=static.measured.rows.gap_zero, readings=static.measured.channels)
     believed = tuple((dict(unknowns.believed) | own).items())
     return both, replace(unknowns, believed=believed, n_table=0 if error is None else len(error.modes))
 

@@ -1,6 +1,7 @@
 """Gains and zeros of the instruments, leakage and mutual flux: believed within tolerances, as mass and resistance are.
 
-A reading is gain times what is there, plus zero. What drives the plant is known by a reading or a command:
+A reading is gain times what is there, plus zero; of a static map 1 + a of it where it is positive, 1 - a where it is
+negative, a the instrument's asymmetry. What drives the plant is known by a reading or a command:
 
     voltage drive             v = voltage / voltage_gain + command_zero
     current drive             target = command_gain command + command_zero
@@ -10,12 +11,15 @@ A reading is gain times what is there, plus zero. What drives the plant is known
 Leakage and mutual inductance are stated over the inductance of a side at the nominal gap without current.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
+import numpy as np
+
+from msl_fem.computing.arrays import Array
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE, PlantParameters
 from msl_fem.record import Tolerance
-from msl_fem.record.columns import Channel
+from msl_fem.record.columns import CHANNELS, Channel
 
 
 class Nuisance(NamedTuple):
@@ -32,6 +36,12 @@ NUISANCES: dict[str, Nuisance] = {
     "velocity_zero": Nuisance("velocity_zero", 0.0, "m/s"),
     "force_gain": Nuisance("force_gain", 1.0),
     "force_zero": Nuisance("force_zero", 0.0, "N"),
+    "force_asymmetry": Nuisance("force_asymmetry", 0.0),
+    "flux_linkage_gain": Nuisance("flux_linkage_gain", 1.0),
+    "flux_linkage_zero": Nuisance("flux_linkage_zero", 0.0, "Wb"),
+    "flux_linkage_asymmetry": Nuisance("flux_linkage_asymmetry", 0.0),
+    "flux_density_zero": Nuisance("flux_density_zero", 0.0, "T"),
+    "flux_density_asymmetry": Nuisance("flux_density_asymmetry", 0.0),
     "static_gap_zero": Nuisance("static_gap_zero", 0.0, "m"),
     "mutual_inductance": Nuisance("mutual_inductance", 0.0),
 }
@@ -87,9 +97,13 @@ def nuisances_of(
     return {name: sigma for name, sigma in sigmas.items() if sigma > 0}
 
 
-def nuisances_of_map(tolerance: Tolerance, *, gap: str) -> dict[str, float]:
-    """One sigma of the nuisances of a static map whose gaps are those of gauges, or of the mover."""
+def nuisances_of_map(tolerance: Tolerance, *, gap: str, readings: Collection[str]) -> dict[str, float]:
+    """One sigma of the nuisances of a static map with these readings; its gaps are those of gauges, or of the mover."""
     names = ["current_gain_1", "current_zero_1", "force_gain", "force_zero", "leakage_inductance_1"]
+    for column in readings:
+        quantity = Channel.of(column).quantity if column in CHANNELS else column.rpartition("_")[0]
+        own = (f"{quantity}_{word}" for word in ("gain", "zero", "asymmetry"))
+        names += [name for name in own if name in NUISANCES and name not in names]
     if gap == "gauge":
         names += ["static_gap_zero"]
     sigmas = {name: float(getattr(tolerance, NUISANCES[name].tolerance)) for name in names}
@@ -102,6 +116,16 @@ def line_of(column: str, factors: Mapping[str, float]) -> tuple[float, float]:
     at = channel.quantity if channel.side is None else f"{channel.quantity}_{{}}_{channel.side}"
     gain, zero = (at.format(word) if "{}" in at else f"{at}_{word}" for word in ("gain", "zero"))
     return factors.get(gain, 1.0), factors.get(zero, 0.0)
+
+
+def read_of_map(column: str, values: Array, factors: Mapping[str, float], *, factor: float = 1.0) -> Array:
+    """What a static map's instrument reads of values (n_row,): gain x, more where it is positive and less where it is
+    negative by its asymmetry, times a `factor`, plus its zero."""
+    quantity = column.rpartition("_")[0]
+    gain, zero, uneven = (
+        factors.get(f"{quantity}_{w}", n) for w, n in (("gain", 1.0), ("zero", 0.0), ("asymmetry", 0.0))
+    )
+    return factor * gain * (1.0 + uneven * np.sign(values)) * values + zero
 
 
 def with_nuisances(p: PlantParameters, factors: Mapping[str, float], *, ideal_current: bool = False) -> PlantParameters:

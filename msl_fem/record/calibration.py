@@ -1,5 +1,6 @@
 """The calibration curve of a gauge that is not linear: what it read at known values, and what its readings mean."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,9 +9,10 @@ from scipy.interpolate import PchipInterpolator
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
-from msl_fem.record.columns import numbers, place, read_columns
+from msl_fem.record.columns import Column, numbers, place, read_columns
 
 FEWEST_POINTS = 3
+POSITION, SENSOR = "position_m", "position_sensor_V"
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,3 +71,46 @@ def read_curve(path: Path) -> CalibrationCurve:
             "look at the point, or use a part of the curve"
         )
     return CalibrationCurve(path.name, readings, values)
+
+
+def calibrated(
+    table: Mapping[str, Column], curves: Mapping[str, CalibrationCurve], *, file: Path | str
+) -> dict[str, Column]:
+    """The columns with those that have a curve by what their readings mean; an empty cell stays one (nan).
+
+    Raises
+    ------
+    RecordError : a curve's column is missing, a cell is no number, a reading lies beyond its curve
+    """
+    found = dict(table)
+    for name, curve in curves.items():
+        if name not in table:
+            raise RecordError(f"{file}: row 1: column {name} is missing, which {curve.file} is the curve of")
+        cells = table[name]
+        empty = np.array([str(cell).strip().lower() in ("", "nan") for cell in cells])
+        readings = np.full(len(cells), np.nan)
+        readings[~empty] = numbers(cells[~empty], name, file)
+        found[name] = curve.values_of(readings, source=name, file=file)
+    return found
+
+
+def with_position(
+    table: Mapping[str, Column], curve: CalibrationCurve | None, *, file: Path | str
+) -> dict[str, Column]:
+    """The columns of a run with `position_m` made of its sensor's signal, `position_sensor_V`.
+
+    Raises
+    ------
+    RecordError : the signal has no curve; both columns are there, though a curve is stated
+    """
+    if SENSOR not in table or (POSITION in table and curve is None):
+        return dict(table)
+    if POSITION in table:
+        raise RecordError(f"{file}: row 1: {POSITION} is there, and {SENSOR} has a curve that makes it; remove one")
+    if curve is None:
+        raise RecordError(
+            f"{file}: row 1: {SENSOR} is a signal; name a file with the columns reading and value (V, m) in rig.toml, "
+            'position_sensor_curve = "probe.csv"'
+        )
+    made = calibrated(table, {SENSOR: curve}, file=file)
+    return {POSITION if name == SENSOR else name: values for name, values in made.items()}

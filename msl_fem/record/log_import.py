@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,7 @@ from msl_fem.record.columns import CHANNELS, UNITS, Quantity, numbers, write_col
 from msl_fem.record.frames import NOTEBOOK, frame_signals
 from msl_fem.record.log_columns import ColumnSource, column_sources
 from msl_fem.record.log_noise import estimated_noise
-from msl_fem.record.log_signals import read_log, signal
+from msl_fem.record.log_signals import cut_remark, read_log, signal
 from msl_fem.record.reader import check_columns, check_run, known_columns, load_record
 from msl_fem.record.record import Record, Run
 from msl_fem.record.rig_file import RIG_FILE, Mover, Noise, Role, Sampling
@@ -98,7 +98,9 @@ def imported_run(
     """
     own_clocks = {it.time for it in sources if it.time}
     signals = read_log(log, only={it.source for it in sources} | own_clocks)
-    return _imported(signals, sources, actuator, label=label, timing=timing or LogTiming(), log=log)
+    made = _imported(signals, sources, actuator, label=label, timing=timing or LogTiming(), log=log)
+    told = cut_remark(Path(log))
+    return replace(made, remarks=(*made.remarks, told)) if told else made
 
 
 def import_log(
@@ -153,7 +155,7 @@ def _run_of(
     kept = (time >= label.start) & (time <= label.end)
     if not kept.any():
         raise RecordError(f"{log}: nothing lies between --from and --to; the time runs {time[0]:g} ... {time[-1]:g} s")
-    check_columns(list(columns), actuator, file=log)
+    check_columns(list(columns), actuator, file=log, mover=label.mover)
     strange = [name for name in columns if name not in known_columns(actuator)]
     if strange:
         raise RecordError(f"{log}: {strange[0]} does not belong to {actuator.name}; leave it out")

@@ -25,6 +25,8 @@ UNIT_WORDS = {
     *("m", "mm", "um", "µm", "nm", "k", "degc", "°c"),
 }
 """What stands in a row of units below the names; a row of Rigol's begins with Sequence there."""
+LENGTHS, SEGMENTS = ("segmentsize", "record length", "points"), "segments"
+"""Words of preambles behind which the number of rows stands: LeCroy (in each segment), Tektronix, Keysight."""
 _UNIT_IN_BRACKETS = re.compile(r"[(\[].{0,12}[)\]]")
 _INCREMENT = re.compile(r"sample interval|(x ?|time )?inc(rement)?|dt|delta ?t", re.IGNORECASE)
 _ORIGIN = re.compile(r"x ?org|x ?origin|x ?zero|start( time)?", re.IGNORECASE)
@@ -45,6 +47,7 @@ class TextLayout:
     units : by name, where the log tells
     first : number of the first row of numbers
     clock : (start, step) in s where the preamble tells them and no column is the time
+    stated : how many rows the preamble states, and by which word; None where it states none
     """
 
     delimiter: str | None
@@ -56,6 +59,7 @@ class TextLayout:
     first: int
     units: dict[str, str] = field(default_factory=dict)
     clock: tuple[float, float] | None = None
+    stated: tuple[int, str] | None = None
 
     def split(self, line: str) -> list[str]:
         """The cells of a row."""
@@ -103,7 +107,8 @@ def text_layout(head: Sequence[Row], comments: Sequence[Row], *, file: Path) -> 
         clock, names = start, ("sequence", *names[1:])
     first = rows[begin][0] if begin < len(rows) else rows[-1][0] + 1
     numbered = tuple(name or str(k + 1) for k, name in enumerate(names or ("",) * width))
-    layout = TextLayout(delimiter, comma, 0, width, cells, _distinct(numbered), first, {}, clock)
+    stated = stated_rows([row for _, row in rows[:begin]], comma)
+    layout = TextLayout(delimiter, comma, 0, width, cells, _distinct(numbered), first, {}, clock, stated)
     layout.units.update({name: unit for name, unit in zip(layout.names, units, strict=False) if unit})
     layout.units.update(_units_in_names(layout.names))
     return layout
@@ -211,6 +216,18 @@ def _clock(pairs: dict[str, str], comma: bool) -> tuple[float, float] | None:
     return (found.get("start", 0.0), found["step"]) if found.get("step", 0.0) > 0 else None
 
 
+def stated_rows(above: Sequence[Sequence[str]], comma: bool) -> tuple[int, str] | None:
+    """How many rows a preamble states behind one of the words `LENGTHS`, times its segments, and the word."""
+    cells = [cell.lower().strip(": ") for row in above for cell in row]
+    numbers: dict[str, int] = {}
+    for word, text in zip(cells, cells[1:], strict=False):
+        text = text.replace(",", ".") if comma else text
+        if word in (*LENGTHS, SEGMENTS) and is_number(text) and 0 < float(text) < 1e12:
+            numbers[word] = round(float(text))
+    words = [word for word in LENGTHS if word in numbers]
+    return (numbers[words[0]] * numbers.get(SEGMENTS, 1), words[0]) if words else None
+
+
 def _sequence(above: Sequence[tuple[int, list[str]]], width: int, comma: bool) -> tuple[float, float] | None:
     """(start, step) where the first column counts samples and the names tell both behind the columns (Rigol)."""
     if len(above) < 2:
@@ -235,7 +252,9 @@ def _beside_preamble(
     begin = _first_of_body(inner, width, comma)
     names = ("TIME", pairs.get("source", "CH1"))[:width] if width == 2 else tuple(str(k + 1) for k in range(width))
     units = {name: pairs.get(key, "") for name, key in zip(names, ("horizontal units", "vertical units"), strict=False)}
-    layout = TextLayout(delimiter, comma, lead, width, cells, names, rows[0][0] if begin <= 1 else rows[begin][0])
+    first = rows[0][0] if begin <= 1 else rows[begin][0]
+    stated = stated_rows([row for _, row in rows if row[0]], comma)
+    layout = TextLayout(delimiter, comma, lead, width, cells, names, first, stated=stated)
     layout.units.update({name: unit for name, unit in units.items() if unit})
     return layout
 

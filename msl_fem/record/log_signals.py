@@ -12,7 +12,7 @@ from msl_fem.files.schema import reason
 from msl_fem.record.log_libraries import READERS, SignalsAndUnits
 from msl_fem.record.log_limits import ELEMENT
 from msl_fem.record.log_mat import read_mat
-from msl_fem.record.log_text import read_text_log
+from msl_fem.record.log_text import ends_in_a_row, read_text_log
 
 TEXTS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm")
 ENDINGS = (".mat", *TEXTS, *READERS)
@@ -100,3 +100,10 @@ def _listed(signals: dict[str, Array]) -> str:
     names = [n if v.ndim == 1 else f"{n}[0..{v.shape[0] - 1}]" for n, v in signals.items()]
     more = f" and {len(names) - 20} more" if len(names) > 20 else ""
     return ", ".join(names[:20]) + more
+
+
+def cut_remark(path: Path) -> str:
+    """That a text log may have been cut, in words; empty where nothing shows it."""
+    if path.suffix.lower() not in TEXTS or not path.is_file() or not ends_in_a_row(path):
+        return ""
+    return f"{path.name} ends without an end of line: if it was cut, its last row is no reading; look at it"

@@ -2,6 +2,7 @@
 
 import codecs
 import math
+import os
 from collections.abc import Collection, Iterator
 from itertools import chain, islice
 from pathlib import Path
@@ -28,7 +29,8 @@ def read_text_log(path: Path, only: Collection[str] | None) -> tuple[dict[str, A
 
     Raises
     ------
-    RecordError : no rows, a row that does not fit, an endless row, too many numbers
+    RecordError : no rows, a row that does not fit, fewer rows than the preamble states, an endless row, too many
+        numbers
     """
     with path.open(encoding=encoding_of(path), errors="surrogateescape") as stream:
         comments: list[Row] = []
@@ -41,6 +43,12 @@ def read_text_log(path: Path, only: Collection[str] | None) -> tuple[dict[str, A
         parts, count = _parts(body, layout, _asked(layout.names, only), path)
     if count < 2:
         return {}, {}
+    if layout.stated is not None and count < layout.stated[0]:
+        length, word = layout.stated
+        raise RecordError(
+            f"{path}: holds {count} rows and states {length} ('{word}'): it is cut; export it once more, or correct "
+            "that number where a part was meant"
+        )
     signals = {}
     for k, name in enumerate(layout.names):
         signals[name] = np.concatenate(parts[k]) if k in parts else not_read((count,))
@@ -83,6 +91,14 @@ def encoding_of(path: Path) -> str:
     except UnicodeDecodeError:
         return "latin-1"
     return "utf-8-sig"
+
+
+def ends_in_a_row(path: Path) -> bool:
+    """Whether no end of line stands behind a log's last row, as where it was cut."""
+    with path.open("rb") as stream:
+        size = stream.seek(0, os.SEEK_END)
+        stream.seek(max(size - 2, 0))
+        return not any(end in stream.read() for end in (b"\n", b"\r"))
 
 
 def _rows(stream: TextIO, path: Path, comments: list[Row]) -> Iterator[Row]:

@@ -10,6 +10,7 @@ import numpy as np
 from msl_fem.actuator import Actuator
 from msl_fem.errors import RecordError
 from msl_fem.files.quantity import format_quantity
+from msl_fem.record.calibration import CalibrationCurve, read_curve, with_position
 from msl_fem.record.clipping import doubtful_sensors
 from msl_fem.record.clock import LARGEST_JITTER, evened
 from msl_fem.record.columns import (
@@ -30,7 +31,7 @@ from msl_fem.record.plausibility import (
     refuse_impossible,
 )
 from msl_fem.record.record import Record, Run, StaticMap
-from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, RigFile, RunEntry, Sampling, read_rig, rig_actuator
+from msl_fem.record.rig_file import RIG_FILE, STATIC_FILE, Mover, RigFile, RunEntry, Sampling, read_rig, rig_actuator
 from msl_fem.record.static_file import read_static
 from msl_fem.record.validity import VALID, mask_of, masked, valid_stretches
 
@@ -52,7 +53,8 @@ def load_record(folder: str | Path) -> Record:
     rig = read_rig(folder)
     actuator = rig_actuator(rig, folder)
     supply = None if rig.supply is None else rig.supply.voltage
-    read = [_read_runs(entry, actuator, folder, supply=supply) for entry in rig.run]
+    curve = None if rig.position_sensor_curve is None else read_curve(folder / rig.position_sensor_curve)
+    read = [_read_runs(entry, actuator, folder, supply=supply, curve=curve) for entry in rig.run]
     runs = tuple(run for one in read for run in one.runs)
     static = read_static(rig, folder / STATIC_FILE)
     record = Record(
@@ -91,11 +93,13 @@ class _Read(NamedTuple):
     told: tuple[str, ...] = ()
 
 
-def _read_runs(entry: RunEntry, actuator: Actuator, folder: Path, *, supply: float | None) -> _Read:
+def _read_runs(
+    entry: RunEntry, actuator: Actuator, folder: Path, *, supply: float | None, curve: CalibrationCurve | None
+) -> _Read:
     path = folder / entry.file
     if not path.resolve().is_relative_to(folder.resolve()):
         raise RecordError(f"{path}: the file lies outside the record's folder; copy it there")
-    table = _with_levels(read_columns(path), entry, file=path)
+    table = _with_levels(with_position(read_columns(path), curve, file=path), entry, file=path)
     name = entry.file.removesuffix(path.suffix)
     stretches = valid_stretches(table, file=path)
     if stretches is None:
@@ -145,7 +149,7 @@ def _run_of(
 ) -> Run:  # fmt: skip
     """The run of a file's rows."""
     given = with_voltages(table, supply, file=file)
-    check_columns([column for column in given if not mask_of(column)], actuator, file=file)
+    check_columns([column for column in given if not mask_of(column)], actuator, file=file, mover=entry.mover)
     given, valid = masked(given, driving_columns(actuator, given), file=file)
     known = known_columns(actuator)
     columns = {column: numbers(given[column], column, file) for column in known if column in given}
@@ -235,8 +239,11 @@ def driving_columns(actuator: Actuator, names: Collection[str]) -> list[str]:
     return commanded if all(name in names for name in commanded) else [alternatives[0] for alternatives in driving]
 
 
-def needed_columns(actuator: Actuator) -> list[tuple[str, ...]]:
-    """One tuple of alternatives for each thing that a run must tell: the position and what drives each side."""
+def needed_columns(actuator: Actuator, mover: Mover = "free") -> list[tuple[str, ...]]:
+    """One tuple of alternatives for each thing that a run must tell: the position and what drives each side; without a
+    mover no position, of a magnet that is moved its current and the force that moves it."""
+    if mover == "imposed" and _drive_kind(actuator) != "force":
+        return [("time_s",), ("position_m",), ("current_1_A",), ("force_N",)]
     sides = sides_of(actuator)
     drive: dict[str | None, list[tuple[str, ...]]] = {
         None: [],
@@ -244,7 +251,8 @@ def needed_columns(actuator: Actuator) -> list[tuple[str, ...]]:
         "voltage": [(column,) for column in side_columns("voltage", sides)],
         "force": [("force_N",)],
     }
-    return [("time_s",), ("position_m",), *drive[_drive_kind(actuator)]]
+    place = [] if mover == "absent" else [("position_m",)]
+    return [("time_s",), *place, *drive[_drive_kind(actuator)]]
 
 
 def check_record(record: Record, *, rig_file: Path | str) -> None:
@@ -277,13 +285,23 @@ def _unfit_movers(record: Record) -> str:
     for run in record.runs:
         if run.mover == "locked" and driven:
             return f"run: {run.name}: a rig without magnets tells nothing while its mover is locked; leave the run out"
-        if run.mover == "imposed" and not driven:
+        if run.mover == "absent" and (driven or "current_1_A" not in run):
+            return f"run: {run.name}: without its mover a magnet tells its resistance by its voltage and current"
+        if run.mover == "imposed" and not driven and sides_of(record.actuator) != 1:
             return (
-                f'run: {run.name}: mover = "imposed" is of rigs that a force drives; of a magnet write force and flux '
-                f"linkage over gap and current into {STATIC_FILE}"
+                f'run: {run.name}: mover = "imposed" is of a magnet on one side; of two, whose forces one '
+                f"machine cannot tell apart, write force and flux linkage of each into {STATIC_FILE}"
             )
+    if record.runs and record.static is None and all(run.mover == "absent" for run in record.runs):
+        return "run: the mover is absent in all runs, so nothing moves; add a run with it, or a static map"
     movers = {run.mover for run in record.runs}
-    if len(movers) > 1 and "imposed" in movers and record.actuator.motion and record.actuator.motion.stiffness:
+    if (
+        driven
+        and len(movers) > 1
+        and "imposed" in movers
+        and record.actuator.motion
+        and record.actuator.motion.stiffness
+    ):
         return "run: a mover on a spring is free in some runs and moved by a machine in others; make a record of each"
     return ""
 
@@ -306,9 +324,9 @@ def _unfit_law(record: Record) -> str:
     return ""
 
 
-def check_columns(names: list[str], actuator: Actuator, *, file: Path | str) -> None:
+def check_columns(names: list[str], actuator: Actuator, *, file: Path | str, mover: Mover = "free") -> None:
     """RecordError where a column is missing that the drive does not make redundant."""
-    require_columns(needed_columns(actuator), names, file=file)
+    require_columns(needed_columns(actuator, mover), names, file=file)
 
 
 def check_run(run: Run, actuator: Actuator, sampling: Sampling, *, file: Path | str) -> None:
@@ -320,7 +338,7 @@ def check_run(run: Run, actuator: Actuator, sampling: Sampling, *, file: Path | 
         jitter above 1 % of the period, a rate more than 0.1 % off the stated one, a position outside the gap, a
         value that no machine shows
     """
-    check_columns(list(run.columns), actuator, file=file)
+    check_columns(list(run.columns), actuator, file=file, mover=run.mover)
     for name, values in run.columns.items():
         numbers(values, name, file)
     refuse_impossible(run.columns, file=file)
@@ -361,7 +379,7 @@ def _check_time(run: Run, sampling: Sampling, file: Path | str) -> None:
 
 def _check_position(run: Run, actuator: Actuator, file: Path | str) -> None:
     gap = actuator.motion.nominal_gap if actuator.motion else None
-    if gap is None:
+    if gap is None or "position_m" not in run:
         return
     x = run["position_m"]
     lowest = -gap if sides_of(actuator) == 2 else -np.inf

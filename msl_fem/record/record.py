@@ -59,7 +59,8 @@ class Run(Tabular):
     extra : columns of the file that the format does not know; kept, not used
     file_format : "csv" or "nc" (NetCDF)
     valid : column to (n_sample,) whether its readings count, where some do not; there the column holds a straight line
-    mover : "free", "locked" (held where it was), or "imposed": moved by a hand or a machine that measures the force
+    mover : "free", "locked" (held where it was), "imposed" (moved by a hand or a machine that measures the force), or
+        "absent": taken away
     """
 
     name: str

@@ -13,7 +13,7 @@ from msl_fem.errors import InputError, RecordError
 from msl_fem.files.schema import FrozenModel, In, bare_number, first_complaint, read_toml
 
 Role = Literal["fit", "held-out"]
-Mover = Literal["free", "locked", "imposed"]
+Mover = Literal["free", "locked", "imposed", "absent"]
 Origin = Literal["measured", "simulated"]
 BeliefWord = Literal["as-designed", "plain"]
 GapZero = Literal["gauge", "mover"]
@@ -86,13 +86,19 @@ class Tolerance(FrozenModel):
     current_gain: Tolerated = 0.005
     force_gain: Tolerated = 0.005
     static_gap_zero: Annotated[float, In("m"), Field(ge=0)] = 2e-6
+    force_asymmetry: Tolerated = 0.0
+    flux_linkage_zero: Annotated[float, In("Wb"), Field(ge=0)] = 0.0
+    flux_linkage_gain: Tolerated = 0.0
+    flux_linkage_asymmetry: Tolerated = 0.0
+    flux_density_zero: Annotated[float, In("T"), Field(ge=0)] = 0.0
+    flux_density_asymmetry: Tolerated = 0.0
     leakage_inductance: Tolerated = 0.01
     mutual_inductance: Tolerated = 0.003
 
 
 class RunEntry(FrozenModel):
-    """A `[[run]]` of rig.toml; `mover` says whether it was free to move, held where it was, or moved by a hand or a
-    machine whose force is measured; `levels` are columns that have one value throughout, by name."""
+    """A `[[run]]` of rig.toml; `mover` says whether it was free to move, held where it was, moved by a hand or a
+    machine whose force is measured, or taken away; `levels` are columns that have one value throughout, by name."""
 
     file: Annotated[str, Field(min_length=1)]
     excitation: str = ""
@@ -132,7 +138,7 @@ class StaticEntry(FrozenModel):
     `gap` says whether its gaps were set by gauges, with a zero of their own, or by the mover of the runs; `order`
     whether the rows stand as they were measured; `before` what the iron had gone through: "demagnetised", "unknown",
     or "cycled:+10 A" (between both currents, that one last); `scale` whether the readings are in their unit, or
-    ("free") in proportion to it.
+    ("free") in proportion to it; `curves` are files of calibration curves, by the columns of static.csv.
     """
 
     role: Role | None = None
@@ -140,6 +146,7 @@ class StaticEntry(FrozenModel):
     order: RowOrder = "measured"
     before: str = DEMAGNETISED
     scale: Scale = "stated"
+    curves: dict[str, str] = Field(default_factory=dict)
 
     @field_validator("before")
     @classmethod
@@ -193,6 +200,7 @@ class RigFile(FrozenModel):
     belief: BeliefWord | None = None
     controller: dict[str, Any] | None = None
     supply: DutySupply | None = None
+    position_sensor_curve: str | None = None
     scheduling: tuple[Scheduling, ...] = ()
     run: tuple[RunEntry, ...] = ()
     static: StaticEntry | None = None

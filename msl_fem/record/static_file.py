@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
+from msl_fem.record.calibration import calibrated, read_curve
 from msl_fem.record.columns import Column, numbers, place, read_columns, require_columns
 from msl_fem.record.plausibility import refuse_impossible
 from msl_fem.record.record import MAP_READINGS, StaticMap, read_only
@@ -33,6 +34,8 @@ def read_static(rig: RigFile, path: Path) -> StaticMap | None:
     if rig.static is None and "role" not in table:
         raise RecordError(f"{path.parent / RIG_FILE}: static: {STATIC_FILE} is there; state its role in [static]")
     entry = rig.static or StaticEntry()
+    curves = {column: read_curve(path.parent / file) for column, file in entry.curves.items()}
+    table = calibrated(table, curves, file=path)
     static = read_static_map(table, role=entry.role, file=path)
     return replace(static, gap_zero=entry.gap, order=entry.order, before=entry.before, scale=entry.scale)
 

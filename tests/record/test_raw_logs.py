@@ -264,3 +264,55 @@ def test_what_is_no_log_of_its_form_is_refused_in_one_line(form: RawLog, tmp_pat
             imported_run(bad, column_sources(columns), ACTUATOR, label=RunLabel("log"), timing=timing)
         assert "\n" not in str(refusal.value)
         assert "bad" in str(refusal.value)
+
+
+def spoilt(content: bytes, rng: np.random.Generator, damage: str) -> bytes:
+    """A log cut somewhere in its second half, or with 40 bytes in a row of its first half that are others."""
+    if damage == "cut":
+        return content[: int(rng.integers(len(content) // 2, len(content) * 9 // 10))]
+    at = int(rng.integers(len(content) // 8, len(content) // 2))
+    return content[:at] + rng.integers(128, 256, 40).astype("u1").tobytes() + content[at + 40 :]
+
+
+def answer_to(form: RawLog, path) -> tuple[str, tuple[str, ...]]:
+    """Why a log is refused, or the remarks with which it is taken."""
+    try:
+        return "", import_of(form, path).remarks
+    except RecordError as refusal:
+        return str(refusal), ()
+
+
+UNTOLD = 6
+"""Of 204 at most, of which nothing is told: no length is stated, and bytes of a binary file stay numbers."""
+
+
+def test_logs_of_all_forms_cut_or_spoilt_in_the_middle(tmp_path) -> None:
+    """204 over all forms: refused in one line by file, or told; never a traceback; refused where a length is stated."""
+    rng = np.random.default_rng(11)
+    forms = [form for form in FORMS if not form.package]
+    stating = {"LeCroy", "Tektronix MSO", "Tektronix TDS", "Keysight Infiniium"}
+    taken: list[tuple[str, str]] = []
+    for k in range(204):
+        form, damage = forms[k % len(forms)], ("cut", "bytes")[k // len(forms) % 2]
+        path = tmp_path / f"log_{k}{form.ending}"
+        form.write(path)
+        path.write_bytes(spoilt(path.read_bytes(), rng, damage))
+        said, remarks = answer_to(form, path)
+        assert "\n" not in said
+        assert not said or path.name in said
+        if not said and not any("if it was cut" in remark for remark in remarks):
+            taken.append((form.name, damage))
+        path.unlink()
+    assert not [form for form, _ in taken if form in stating]
+    assert len(taken) <= UNTOLD, taken
+
+
+@pytest.mark.parametrize("name", ["LeCroy", "Tektronix MSO", "Tektronix TDS", "Keysight Infiniium"])
+def test_a_log_with_fewer_rows_than_it_states_is_refused(name, tmp_path) -> None:
+    """Cut at the end of a row, so that nothing else shows it."""
+    (form,) = (form for form in FORMS if form.name == name)
+    path = tmp_path / f"log{form.ending}"
+    form.write(path)
+    path.write_bytes(b"\n".join(path.read_bytes().split(b"\n")[:900]) + b"\n")
+    with pytest.raises(RecordError, match=rf"holds 8\d\d rows and states {N} .*: it is cut|holds 900 rows and states"):
+        import_of(form, path)
