@@ -296,7 +296,8 @@ def write_row(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows
         state[V],
         state[SENSOR] + state[ADDED_READING],
     )
-    row[start + OUT_SENSOR_SLOPE] = v if np.isinf(first(bandwidth)) else bandwidth * (x - state[SENSOR])
+    lags = bandwidth < np.inf
+    row[start + OUT_SENSOR_SLOPE] = choose(lags, choose(lags, bandwidth, 0.0) * (x - state[SENSOR]), v)
     inside = x == x
     if p.sides == 2:
         inside = set_mutual_flux(cells, p, e, work, state[I1], state[I2])

@@ -203,3 +203,18 @@ def test_many_steps_are_said_with_the_key_and_what_to_write(servo: Actuator, tab
         assert default_substeps(plant_parameters(servo), table, rate=1e4, effects=effect) > MANY_STEPS
     with pytest.raises(InputError, match="steps a sample at 10 kHz; at most 100000"):
         default_substeps(stiff._replace(damping=1e9), table, rate=1e4)
+
+
+def test_each_lane_has_its_own_sensor(servo: Actuator, table: MagneticTable) -> None:
+    """Beside one whose sensor lags and is late a sensor without a lag reads what it does in front of it."""
+    late = effects("position_sensor_lag", lag=2e-4, delay_share=0.3).vector()
+    rows = np.array([late, EffectValues().vector()])
+    bench = changed(servo, drive={"kind": "voltage"})
+    plants = [plant_parameters(bench)._replace(mass=1e6, sensor_bandwidth=np.inf)] * 2
+    inputs, starts = Inputs(np.zeros((60, 2)), 1e4), np.array([0.0, 0.0, 1e-5, 1e-2])
+    read = [
+        run_lanes(surface_of(table), plants, inputs, substeps=4, settings=LaneSettings(order, starts)).position
+        for order in (rows, rows[::-1])
+    ]
+    assert np.isfinite(read[0]).all()
+    np.testing.assert_array_equal(read[0], read[1][::-1])
