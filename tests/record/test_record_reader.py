@@ -81,6 +81,12 @@ def test_tolerances_left_out_have_the_formats_values(tmp_path: Path) -> None:
         "current_gain": 0.005,
         "force_gain": 0.005,
         "static_gap_zero": 2e-6,
+        "force_asymmetry": 0.0,
+        "flux_linkage_zero": 0.0,
+        "flux_linkage_gain": 0.0,
+        "flux_linkage_asymmetry": 0.0,
+        "flux_density_zero": 0.0,
+        "flux_density_asymmetry": 0.0,
         "leakage_inductance": 0.01,
         "mutual_inductance": 0.003,
     }
