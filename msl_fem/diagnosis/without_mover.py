@@ -22,7 +22,7 @@ FOLLOWED = 3.0
 
 
 @dataclass(frozen=True)
-class Coil:
+class LoneCoil:
     """Ohm of a side with one standard error, henry, and the RMS that both leave of the current (A)."""
 
     resistance: float
@@ -42,7 +42,7 @@ def without_absent(record: Record) -> tuple[Record, tuple[str, ...]]:
     if not absent:
         return record, ()
     p = plant_parameters(record.actuator)
-    coils = [coil_of(run, side) for run in absent for side in range(1, p.sides + 1) if f"current_{side}_A" in run]
+    coils = [lone_coil_of(run, side) for run in absent for side in range(1, p.sides + 1) if f"current_{side}_A" in run]
     believed = np.array([p.resistance, p.resistance * record.tolerance.coil_resistance])
     each = np.array([(believed[0], max(believed[1], 1e-12)), *((coil.resistance, coil.error) for coil in coils)])
     weight = 1.0 / each[:, 1] ** 2
@@ -61,7 +61,7 @@ def without_absent(record: Record) -> tuple[Record, tuple[str, ...]]:
     return replace(record, actuator=actuator, tolerance=tolerance, runs=runs), tuple(told)
 
 
-def coil_of(run: Run, side: int) -> Coil:
+def lone_coil_of(run: Run, side: int) -> LoneCoil:
     """Resistance and inductance of a side by the response of its current to its voltage.
 
     Raises
@@ -87,7 +87,7 @@ def coil_of(run: Run, side: int) -> Coil:
     left = float(np.sqrt(2 * found.cost / (current.size - 3)))
     error = left * float(np.sqrt(np.linalg.inv(found.jac.T @ found.jac)[0, 0]))
     resistance = ohm * float(np.exp(found.x[0]))
-    return Coil(resistance, resistance * error, float(np.exp(found.x[1])), left)
+    return LoneCoil(resistance, resistance * error, float(np.exp(found.x[1])), left)
 
 
 def response(voltage: Array, period: float, resistance: float, inductance: float, begin: float) -> Array:
@@ -98,7 +98,7 @@ def response(voltage: Array, period: float, resistance: float, inductance: float
     return np.asarray(later)
 
 
-def _badly_followed(coil: Coil, noise: float | None) -> str:
+def _badly_followed(coil: LoneCoil, noise: float | None) -> str:
     if not noise or coil.left < FOLLOWED * noise:
         return ""
     return f", which leave {coil.left / noise:.3g} times the current's noise: there are eddy currents or iron about"

@@ -9,7 +9,7 @@ from conftest import ROOT
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
-from msl_fem.diagnosis.without_mover import coil_of, without_absent
+from msl_fem.diagnosis.without_mover import lone_coil_of, without_absent
 from msl_fem.errors import InputError, RecordError
 from msl_fem.record import Noise, Record, Run, Sampling, load_record, write_record
 
@@ -81,7 +81,7 @@ def without_mover(name: str = "coil") -> Run:
 
 def test_a_coil_without_its_mover_tells_resistance_and_inductance(base, tmp_path) -> None:
     """Both within their errors, and what the record then believes; written and read without a position."""
-    coil_alone = coil_of(without_mover(), 1)
+    coil_alone = lone_coil_of(without_mover(), 1)
     assert abs(coil_alone.resistance - OHM) < 3 * coil_alone.error
     assert coil_alone.inductance == pytest.approx(HENRY, rel=2e-3)
     assert coil_alone.left == pytest.approx(coil.CURRENT_NOISE, rel=0.05)
@@ -98,7 +98,7 @@ def test_movers_that_cannot_be_are_refused(base) -> None:
     still = without_mover()
     still = replace(still, columns={**still.columns, "voltage_1_V": np.ones(still.time.size)})
     with pytest.raises(InputError, match="missing or stands still"):
-        coil_of(still, 1)
+        lone_coil_of(still, 1)
     record = machine(base)
     for bad, said in (
         (replace(record, runs=(without_mover(),)), "the mover is absent in all runs"),
