@@ -11,7 +11,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.actuator.current_loop import CurrentLoop
 from msl_fem.control import DesignModel, PlantUnderTest, closed_loop_response, design_model_of, run_closed_loop
 from msl_fem.control.current_loop import CurrentLoopDesign, held_coil, measured_lag
-from msl_fem.control.current_step import N_LIMITED, N_STATE, UNKNOWN, current_step, side_linkage
+from msl_fem.control.current_step import ACTING, BEGUN, N_LIMITED, N_STATE, UNKNOWN, current_step, side_linkage
 from msl_fem.control.design import ControllerDesign, completed
 from msl_fem.control.lqr_design import lqr_design
 from msl_fem.control.power_stage import PowerStage, bridge_voltage, converted
@@ -149,7 +149,9 @@ def test_a_section_beside_a_current_drive_is_refused() -> None:
 
 def test_a_reading_that_is_no_number_gives_no_voltage() -> None:
     p, state, voltage = usual().parameters, np.zeros(N_STATE), np.zeros(2)
+    state[[UNKNOWN, BEGUN]] = 3.0, 1.0
     current_step(p, state, np.ones(2), np.array([0.5, np.nan]), 0.0, voltage)
+    assert (state[[UNKNOWN, BEGUN, ACTING]] == 0.0).all()
     assert (voltage == 0.0).all()
     current_step(p, state, np.ones(2), np.array([0.5, 0.5]), 0.0, voltage)
     assert (voltage > 0.0).all()
