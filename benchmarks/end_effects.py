@@ -12,6 +12,7 @@ from marked_text import rewrite
 
 from msl_fem.actuator import ECore, load_actuator
 from msl_fem.magnetics.field.end_effects import (
+    EndFactors,
     EndSection,
     EndTurns,
     FlushEdges,
@@ -26,6 +27,7 @@ from msl_fem.table.magnetic_table import MagneticTable
 
 ROOT = Path(__file__).parent.parent
 DOCUMENT = ROOT / "docs" / "end_effects.md"
+DERIVED = (False, EndFactors())  # without, and as the formulas have it
 GAPS = np.array([0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2]) * 1e-3
 CURRENTS = np.array([0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0])
 WHAT_IF = ((1.0, 0.6e-3), (6.0, 0.6e-3), (12.0, 0.6e-3), (12.0, 1.2e-3))
@@ -85,7 +87,7 @@ def sections(magnet: ECore) -> list[str]:
 def what_if(magnet: ECore, folder: Path) -> list[str]:
     """Change of force / flux linkage in per cent against the plane section, by parts and with other fringes."""
     mesh = magnet_mesh(magnet, float(WHAT_IF[0][1]))
-    plain, corrected = (MagnetField(magnet, mesh, folder=folder, order=2, end_effects=on) for on in (False, True))
+    plain, corrected = (MagnetField(magnet, mesh, folder=folder, order=2, end_effects=on) for on in DERIVED)
     at_gap = SECTION_GAPS[2]
     low_high = [
         EndSection(at_gap, magnet.height, magnet.armature_thickness, t).excess()
@@ -123,9 +125,7 @@ def reach_of(delta: float, gap: float) -> float:
 def main() -> None:
     actuator = load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")
     magnet = actuator.magnet
-    plain, corrected = (
-        sweep(actuator, GAPS, CURRENTS, settings=SweepSettings(end_effects=on))[0] for on in (False, True)
-    )
+    plain, corrected = (sweep(actuator, GAPS, CURRENTS, settings=SweepSettings(end_effects=on))[0] for on in DERIVED)
     parts = {
         "sections": sections(magnet),
         "force": changes(plain, corrected, "force"),

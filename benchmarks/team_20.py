@@ -40,10 +40,17 @@ H = [0, 27, 58, 100, 153, 185, 205, 233, 255, 285, 320, 355, 405, 470, 555, 673,
      2670, 3480, 4500, 5950, 7650, 10100, 13000, 15900, 21100, 26300, 32900, 42700, 61700, 84300, 110000,
      135000]  # fmt: skip
 MM = 1e-3
+EDGE = 0.05
+SHELLS = (13.5, 25, 126, 6), (13.0, 25.75, 126, 6), (13.5, 25, 125.5, 6)  # of air around the pole, in mm
+GRIDS = ((0.4, 0.7), (0.4, 1.0), (0.05, 0.7), (0.05, 1.0), (0.02, 1.0), (0.05, 1.4))
+"""Sizes in mm at the pole's edges, and refinements of all."""
 
 
-def problem_20(gap: float = 1.5, field: Sequence[float] = H) -> BoxModel:
-    """A quarter: frame, pole and coil; x = 0 and z = 0 are planes of symmetry. The gap in mm, the steel's H in A/m."""
+def problem_20(gap: float = 1.5, field: Sequence[float] = H, edge: float = EDGE) -> BoxModel:
+    """A quarter: frame, pole and coil; x = 0 and z = 0 are planes of symmetry.
+
+    The gap in mm, the steel's H in A/m, and the boxes' size in mm at the pole's edges, where the field is singular.
+    """
     face = 26.5 - gap
     mm = [
         ((0, 63.5), (0, face), (0, 12.5)),
@@ -59,10 +66,10 @@ def problem_20(gap: float = 1.5, field: Sequence[float] = H) -> BoxModel:
         air=((0.0, 0.3), (-0.25, 0.4), (0.0, 0.3)),
         breaks=((13 * MM,), ((face + gap / 2) * MM, 126 * MM), (6 * MM,)),
         near=(
-            (SizeNear(12.5 * MM, 0.4 * MM), SizeNear(13.5 * MM, 0.4 * MM), SizeNear(38.5 * MM, 4 * MM)),
-            (SizeNear(face * MM, 0.4 * MM), SizeNear(26.5 * MM, 0.4 * MM), SizeNear(125 * MM, 0.5 * MM),
+            (SizeNear(12.5 * MM, edge * MM), SizeNear(13.5 * MM, edge * MM), SizeNear(38.5 * MM, 4 * MM)),
+            (SizeNear(face * MM, edge * MM), SizeNear(26.5 * MM, edge * MM), SizeNear(125 * MM, edge * MM),
              SizeNear(150 * MM, 4 * MM)),
-            (SizeNear(5 * MM, 0.5 * MM), SizeNear(12.5 * MM, 2 * MM)),
+            (SizeNear(5 * MM, edge * MM), SizeNear(12.5 * MM, 2 * MM)),
         ),
     )  # fmt: skip
 
@@ -123,13 +130,12 @@ def flux_table(turns: Sequence[int]) -> None:
 
 
 def grids() -> None:
-    """Force in N by three shells and coenergy in mJ at 1000 ampere-turns, as the grid becomes finer."""
-    shells = (13.5, 25, 126, 6), (13.0, 25.75, 126, 6), (13.5, 25, 125.5, 6)
-    for refinement in (0.7, 1.0, 1.4, 2.0):
-        solution = solve_potential(problem_20().problem(refinement), 1000, tolerance=1e-8)
-        forces = ", ".join(f"{-force_in_shell(solution, box):.3f}" for box in shells)
+    """Force in N by three shells and coenergy in mJ at 1000 ampere-turns, as edges and grid become finer."""
+    for edge, refinement in GRIDS:
+        solution = solve_potential(problem_20(edge=edge).problem(refinement), 1000, tolerance=1e-8)
+        forces = ", ".join(f"{-force_in_shell(solution, box):.4f}" for box in SHELLS)
         nodes = solution.problem.grid.n_nodes
-        print(f"{nodes} unknowns: {forces} N, {4e3 * solution.coenergy:.2f} mJ", flush=True)
+        print(f"{edge:g} mm, {nodes} unknowns: {forces} N, {4e3 * solution.coenergy:.3f} mJ", flush=True)
 
 
 def sensitivity() -> None:
@@ -159,8 +165,8 @@ if __name__ == "__main__":
     print("| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for turns in map(int, sys.argv[1:]):
         started = time.process_time()
-        before, _, _ = attraction(problem_20(), turns, 1.0)
-        far, near, unknowns = attraction(problem_20(), turns, 1.4)
+        before, _, _ = attraction(problem_20(), turns, 0.7)
+        far, near, unknowns = attraction(problem_20(), turns, 1.0)
         cells = [turns, MEASURED[turns], f"{far:.2f}", f"{near:.2f}", f"{before:.2f}"]
         cells += [f"{100 * (far / MEASURED[turns] - 1):+.1f}", unknowns, f"{time.process_time() - started:.0f}"]
         print("|", " | ".join(map(str, cells)), "|", flush=True)

@@ -88,7 +88,16 @@ def comparison(name: str, rows: Rows, by: list[EndFactors]) -> list[str]:
     points = SectionPoints(actuator(name), [SolidRow(r["gap"], r["current"]) for r in rows], "normal")
     truth = np.array([(row["force"], row["flux_linkage"]) for row in rows])
     off = [100 * (points(factors) / truth - 1) for factors in by]
-    head = ["g (mm)", "i (A)", "force (N)", "flux linkage (mWb)", "stated errors (%)", "plane", "section", "3d"]
+    head = [
+        "g (mm)",
+        "i (A)",
+        "force (N)",
+        "flux linkage (mWb)",
+        "stated errors (%)",
+        "plane",
+        "as derived",
+        "factors of E1",
+    ]
     lines = [head[: 5 + len(by)], ["---:"] * (5 + len(by))]
     for k, row in enumerate(rows):
         cells = [f"{row['gap'] * 1e3:g}", f"{row['current']:g}", f"{row['force']:.5g}"]

@@ -110,11 +110,13 @@ class Actuator(Shown, FrozenModel):
     ----------
     schema_version : of the file's format; always 1
     name : letters, digits, spaces and _ . -
+    end_effects : whether fields in two dimensions are corrected for the flux at the stack's ends, if it has any
     sources : free texts: where the numbers come from
     """
 
     schema_version: Literal[1] = Field(alias="schema")
     name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9_. -]+$")]
+    end_effects: Literal["none", "section"] = "section"
     magnet: Annotated[Magnet, Field(discriminator="kind")] | None = None
     sides: Sides | None = None
     motion: Motion | None = None
@@ -171,8 +173,13 @@ class Actuator(Shown, FrozenModel):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the content: equal for equal actuators, whatever the file's comments, sources and tolerances."""
-        return hashlib.sha256(self.model_dump_json(exclude={"sources", "tolerances"}).encode()).hexdigest()
+        """SHA-256 of the content: equal for equal actuators, whatever the file's comments, sources and tolerances.
+
+        How its ends are to be solved for is no part of it: a table states that itself.
+        """
+        return hashlib.sha256(
+            self.model_dump_json(exclude={"sources", "tolerances", "end_effects"}).encode()
+        ).hexdigest()
 
     def lacking(self, *sections: str) -> str:
         """Those of the sections that the file does not have, like "[magnet], [controller]"; "" where it has all."""

@@ -50,7 +50,7 @@ class FieldOptions(NamedTuple):
     current_max: str | None = None
     workers: int = 0
     resume: bool = False
-    end_effects: bool = False
+    end_effects: bool | None = None
     decoupling: bool = False
 
 
@@ -82,8 +82,13 @@ def command(
     workers: Annotated[int, typer.Option(min=0, max=256, help="Processes; 0: one a core.")] = 0,
     resume: Annotated[bool, typer.Option(help="Take finished gaps of an interrupted run.")] = False,
     end_effects: Annotated[
-        str, typer.Option(metavar="none|section", help="Correct for the flux that bulges out at the stack's ends.")
-    ] = "none",
+        str | None,
+        typer.Option(
+            metavar="none|section",
+            help="Correct for the flux that bulges out at the stack's ends; by default, where the kind has such ends "
+            "and the file does not say none.",
+        ),
+    ] = None,
     decoupling: Annotated[
         bool, typer.Option("--decoupling", help="Add how far the two sides are independent over the map.")
     ] = False,
@@ -112,7 +117,7 @@ def command(
         if target is not None:
             check_target(target, apart_from=[source])
     request = thermal_request(ThermalTexts(temperature_rise, ambient, duty, period, thermal_resistance, frequency))
-    corrected = checked_end_effects(end_effects, ("none", "section")) == "section"
+    corrected = checked_end_effects(end_effects)
     options = FieldOptions(gaps, current_max, workers, resume, corrected, decoupling)
     actuator = load_actuator(source) if source.suffix == ".toml" else None
     if actuator is None and is_pair_table(source):
@@ -269,7 +274,7 @@ def _from_fields(
 
 def _default_table(actuator: Actuator, settings: FieldMapSettings) -> MagneticTable:
     """What the iron's loss in the thermal limit is read from."""
-    table_settings = SweepSettings(accuracy=settings.accuracy, workers=settings.workers)
+    table_settings = SweepSettings(settings.accuracy, settings.workers, end_effects=settings.end_effects)
     with progress_bar("field solutions, rows") as progress:
         return sweep(actuator, *default_grid(actuator), settings=table_settings, progress=progress)[0]
 

@@ -9,13 +9,15 @@ from msl_fem.actuator import Actuator, MeshMagnet, load_actuator
 from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Current, Json, read_option
 from msl_fem.cli.output import print_result, progress_bar, say
 from msl_fem.cli.polarity import what_a_polarity_costs
-from msl_fem.cli.sweeping import checked_accuracy
+from msl_fem.cli.sweeping import checked_accuracy, checked_end_effects
 from msl_fem.errors import InputError
 from msl_fem.export.vtu import write_solid_vtu, write_vtu
 from msl_fem.files.whole_file import check_target
 from msl_fem.magnetics.field.accuracy import Accuracy, PointResult
+from msl_fem.magnetics.field.end_effects import NONE as NO_ENDS
 from msl_fem.magnetics.field.magnet_field import solve_with_field
 from msl_fem.magnetics.field.two_sided import TwoSidedPosition, TwoSidedResult, solve_two_sided
+from msl_fem.magnetics.sweep.rows import stated_ends
 from msl_fem.magnetics.three_d.magnet_point import SolidPoint, solve_solid
 from msl_fem.magnetics.three_d.pair_point import SolidPairPoint, solve_solid_pair
 from msl_fem.report.field_picture import draw_field, save_picture
@@ -38,6 +40,14 @@ def command(
     scene: Annotated[
         Path | None, typer.Option(help="Write a PNG of the solid magnet (needs --vtu, pyvista, GL).")
     ] = None,
+    end_effects: Annotated[
+        str | None,
+        typer.Option(
+            metavar="none|section",
+            help="Correct one magnet's section for the flux at the stack's ends; by default, where the kind has such "
+            "ends and the file does not say none.",
+        ),
+    ] = None,
     dimension: Annotated[
         int, typer.Option(metavar="2|3", help="3: with the end turns, or all around a pot core (needs pyamg).")
     ] = 2,
@@ -54,6 +64,12 @@ def command(
     amperes, metres = read_option("--current", current, "A"), _read_gap("--gap", gap)
     _check_dimension(dimension, tilt=tilt, scene=scene)
     two_sided = (current_2, gap_2, tilt) != (None, None, None)
+    corrected = checked_end_effects(end_effects)
+    if corrected is not None and (two_sided or dimension == 3):
+        raise InputError(
+            "--end-effects are of the section of one magnet; leave it out: three dimensions have the ends, and both "
+            "magnets in two dimensions are solved without"
+        )
     if scene is not None and vtu is None:
         raise InputError("--scene draws what --vtu writes; give both")
     if two_sided and dimension == 2 and (picture or vtu):
@@ -76,7 +92,7 @@ def command(
     if dimension == 3:
         _solve_solid(it, amperes, metres, level, picture=picture, vtu=vtu, title=title, json=json)
         return
-    result, field, solution = solve_with_field(it, amperes, metres, accuracy=level)
+    result, field, solution = solve_with_field(it, amperes, metres, accuracy=level, end_effects=corrected)
     if picture is not None:
         save_picture(draw_field(field, solution, title=f"{it.name}: {current}, gap {metres * 1e3:g} mm"), picture)
     if vtu is not None:
@@ -86,7 +102,8 @@ def command(
         if reason:
             say(f"note: {reason}")
     _say_notes(result.notes)
-    print_result(point_to_json(result), as_json=json, title=title)
+    stated = stated_ends(field.magnet, field.ends)
+    print_result(point_to_json(result) | stated, as_json=json, title=title)
 
 
 def _check_dimension(dimension: int, *, tilt: str | None, scene: Path | None) -> None:
@@ -182,6 +199,7 @@ def two_sided_to_json(result: TwoSidedResult) -> dict[str, Any]:
         "net_force_error_estimate_N": result.force_error_estimate,
         "unknowns": result.unknowns,
         "newton_iterations": result.newton_iterations,
+        "end_effects": NO_ENDS,
         "notes": list(result.notes),
     }
 

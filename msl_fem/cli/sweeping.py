@@ -21,11 +21,18 @@ def checked_accuracy(text: str) -> Accuracy:
     return cast(Accuracy, text)
 
 
-def checked_end_effects(text: str, known: tuple[str, ...]) -> str:
-    """The end effects of that name; InputError where a command does not know them."""
+def checked_end_effects(text: str | None, known: tuple[str, ...] = ("none", "section")) -> bool | None:
+    """Whether end effects of that name are wanted; None where none is given, so that the actuator's file decides.
+
+    Raises
+    ------
+    InputError : a command does not know them
+    """
+    if text is None:
+        return None
     if text not in known:
         raise InputError(f"--end-effects {text} is not known here; choose one of {', '.join(known)}")
-    return text
+    return text != "none"
 
 
 def default_workers() -> int:

@@ -44,13 +44,14 @@ def command(
     ] = None,
     resume: Annotated[bool, typer.Option(help="Take finished rows of an interrupted run.")] = False,
     end_effects: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="none|section|3d",
-            help="Flux that bulges out at the stack's ends: by a correction of the section, or by a few solutions in "
-            "three dimensions (needs pyamg) that lift the table.",
+            help="Flux that bulges out at the stack's ends: section by a correction of the section (the default, where "
+            "the kind has such ends and the file does not say none), 3d by a few solutions in three dimensions (needs "
+            "pyamg) that lift the table.",
         ),
-    ] = "none",
+    ] = None,
     sides: Annotated[str, typer.Option(help="one, or both with the armature they share.")] = "one",
     positions: Annotated[
         str | None,
@@ -72,9 +73,9 @@ def command(
     """
     it = load_actuator(actuator)
     check_target(output, apart_from=[actuator])
-    checked_end_effects(end_effects, ("none", "section", "3d"))
+    corrected = checked_end_effects(end_effects, ("none", "section", "3d"))
     if measured is not None:
-        if scheduler is not None or workers or resume or end_effects != "none" or full:
+        if scheduler is not None or workers or resume or end_effects is not None or full:
             raise InputError(
                 "--measured solves no fields: leave out --workers, --scheduler, --resume, --end-effects and --full"
             )
@@ -89,13 +90,15 @@ def command(
         scheduler=scheduler,
         cache=cache.folder,
         resume=resume,
-        end_effects=end_effects != "none",
+        end_effects=corrected,
         full=full,
     )
     if sides not in SIDES:
         raise InputError(f"--sides {sides} is not known; choose one or both")
     lift: dict[str, object] = {}
     if sides == "both":
+        if end_effects == "3d":
+            raise InputError("a table of both sides is not lifted by three dimensions; give --end-effects section")
         report = _sweep_both(it, output, settings, positions=positions, gaps=gaps, currents=currents)
     else:
         if positions is not None:

@@ -11,7 +11,7 @@ from conftest import ROOT
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.comparison.as_designed import as_designed
 from msl_fem.comparison.as_designed.mover import plate_film_damping
-from msl_fem.comparison.as_designed.stray_field import _inductances, ends_of
+from msl_fem.comparison.as_designed.stray_field import _inductances
 from msl_fem.magnetics.field.end_effects import EndFactors
 from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.field.two_sided import TwoSidedPosition, solve_two_sided
@@ -64,21 +64,21 @@ def test_the_ends_are_those_of_three_dimensions() -> None:
     drawn = e1.model_copy(update={"motion": mover.model_copy(update={"nominal_gap": 8e-4, "range": 2e-4})})
     rows = list(csv.DictReader((ROOT / "benchmarks" / "three_d_e1.csv").open()))
     (solid,) = [row for row in rows if (row["gap"], row["current"]) == ("0.0008", "1.5")]
-    factors, sigma, _ = ends_of(drawn.magnet_kind())
-    plain, ends = _inductances(drawn, (8e-4,), 1.2, factors)
+    known = drawn.magnet_kind().known_ends
+    plain, ends = _inductances(drawn, (8e-4,), 1.2, known.factors)
     inductance = float(solid["flux_linkage"]) / 1.5
     assert ends[0] == pytest.approx(inductance, rel=0.01)
     derived = _inductances(drawn, (8e-4,), 1.2, EndFactors())[1][0]
     assert abs(derived - inductance) > 0.3 * (inductance - plain[0])
-    assert abs(ends[0] - inductance) < sigma * (inductance - plain[0])
+    assert abs(ends[0] - inductance) < known.share * (inductance - plain[0])
 
 
 def test_end_effects_are_told_where_the_table_lacks_them(belief: Belief) -> None:
     """Depth and leakage together give back the inductance with end effects at another gap, within 0.5 %."""
     gap, magnet = 7.5e-4, SERVO.magnet_kind()
-    factors = ends_of(magnet)[0]
+    factors = magnet.known_ends.factors
     linked = [
-        field.quantities(field.solve(1.2, gap)).flux_linkage + 1.2 * (factors.leakage if ends else 0.0)
+        field.quantities(field.solve(1.2, gap)).flux_linkage
         for ends in (False, factors)
         for field in [
             MagnetField(magnet, magnet_mesh(magnet, gap, "fast"), folder=SERVO.folder, order=2, end_effects=ends)

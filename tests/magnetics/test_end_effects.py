@@ -9,6 +9,7 @@ from random_cores import random_core
 
 from msl_fem.actuator import Actuator, ECore, load_actuator
 from msl_fem.magnetics.field.end_effects import (
+    EndFactors,
     EndSection,
     FlushEdges,
     corner_excess,
@@ -31,7 +32,7 @@ def e1() -> Actuator:
 @pytest.fixture(scope="module")
 def field(e1) -> MagnetField:
     magnet = e1.magnet
-    return MagnetField(magnet, magnet_mesh(magnet, 4e-4, "fast"), folder=ROOT, order=2, end_effects=True)
+    return MagnetField(magnet, magnet_mesh(magnet, 4e-4, "fast"), folder=ROOT, order=2, end_effects=EndFactors())
 
 
 def at(field: MagnetField, current: float, gap: float) -> FieldQuantities:
@@ -41,7 +42,7 @@ def at(field: MagnetField, current: float, gap: float) -> FieldQuantities:
 def both(magnet: ECore) -> tuple[MagnetField, MagnetField]:
     """Without and with end effects, on one mesh."""
     mesh = magnet_mesh(magnet, 4e-4, "fast")
-    off, on = (MagnetField(magnet, mesh, folder=ROOT, order=2, end_effects=e) for e in (False, True))
+    off, on = (MagnetField(magnet, mesh, folder=ROOT, order=2, end_effects=e) for e in (False, EndFactors()))
     return off, on
 
 

@@ -10,10 +10,9 @@ from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.errors import InputError
 from msl_fem.magnetics.field.end_effects import EndFactors
 from msl_fem.magnetics.sweep import solid_lift
-from msl_fem.magnetics.sweep.solid_lift import SectionPoints, SolidRow, lift_points, lifted_sweep, with_leakage
+from msl_fem.magnetics.sweep.solid_lift import SectionPoints, SolidRow, lift_points, lifted_sweep
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings
 from msl_fem.magnetics.three_d.magnet_point import SolidPoint
-from msl_fem.table.magnetic_table import MagneticTable
 
 GEOMETRIES = Path(__file__).parents[2] / "geometries"
 TRUTH = EndFactors(gap=1.3, window=1.15, outer=0.35, leakage=0.4e-3)
@@ -59,26 +58,6 @@ def test_a_lifted_sweep_finds_the_factors_states_its_errors_and_resumes(
     monkeypatch.setattr(solid_lift, "fit_factors", lambda *_: lift.factors)
     again, _, _ = lifted_sweep(e1, *GRID, settings=settings)
     assert again.nodes["force"] == pytest.approx(table.nodes["force"])
-
-
-def test_leakage_adds_to_coenergy_and_flux_alone() -> None:
-    gap, current = np.array([0.3, 0.6, 1.0]) * 1e-3, np.array([0.0, 1.0, 2.0])
-    i, g = np.meshgrid(current, gap)
-    nodes = {
-        "coenergy": 1e-6 * i**2 / g,
-        "flux_linkage": 2e-6 * i / g,
-        "force": 1e-6 * i**2 / g**2,
-        "incremental_inductance": 2e-6 / g,
-        "force_current_slope": 2e-6 * i / g**2,
-        "force_gap_slope": -2e-6 * i**2 / g**3,
-    }
-    plain = MagneticTable(gap, current, nodes)
-    more = with_leakage(plain, 0.5e-3)
-    off, on = plain.evaluate(1.3, 0.5e-3), more.evaluate(1.3, 0.5e-3)
-    assert on["force"] == pytest.approx(off["force"], rel=1e-12)
-    assert on["flux_linkage"] - off["flux_linkage"] == pytest.approx(0.65e-3)
-    assert on["coenergy"] - off["coenergy"] == pytest.approx(0.5 * 0.5e-3 * 1.3**2)
-    assert on["incremental_inductance"] - off["incremental_inductance"] == pytest.approx(0.5e-3)
 
 
 def test_points_span_the_table_and_checks_lie_between_them() -> None:

@@ -4,18 +4,16 @@ Both are taken in linear iron: a tenth of the table's largest current. Of both t
 what is missing is by solutions in three dimensions: beside the stack's ends flux passes the armature from leg to leg.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from msl_fem.actuator import Actuator, MagnetKind
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ActuatorError, InputError
 from msl_fem.magnetics.field.accuracy import LEVELS
-from msl_fem.magnetics.field.end_effects import EndFactors
 from msl_fem.magnetics.field.magnet_field import MagnetField, degree_of, magnet_mesh
 from msl_fem.magnetics.field.pair_field import PairField, pair_magnet, pair_mesh
 from msl_fem.magnetics.kinds.e_core import ECore
+from msl_fem.magnetics.kinds.ends import EndFactors
 from msl_fem.magnetics.kinds.u_core import UCore
 from msl_fem.plant.believed import BelievedValue
 from msl_fem.table.magnetic_table import MagneticTable
@@ -24,14 +22,6 @@ LINEAR = 0.1  # of the table's largest current
 MUTUAL_OF_SOLIDS = {ECore: (2.41, 0.05), UCore: (1.96, 0.1)}
 """Mutual inductance in three dimensions over the plane field's, and its relative sigma, docs/three_dimensions.md: the
 mean of E1 at three gaps, where two other E-cores are within 4 %; one U-core, whose solution states 9 %."""
-ENDS = 0.3
-"""Relative sigma of the end effects of other kinds: fringes by three other methods, docs/end_effects.md."""
-ENDS_OF_SOLIDS = 0.12
-"""Of E- and U-cores: share of the ends that is missed at most in three dimensions, at points and magnets that were not
-fitted: 0.10 (E1's shape with another iron, stack, window and armature), 0.15 (U-core, where ends are 3 %)."""
-E1_LENGTH, E1_TURNS = 20e-3, 200  # centre leg and window together, as the end turns go around them, m
-E1_ENDS = EndFactors(gap=1.237, window=1.198, outer=0.393, leakage=0.326e-3)
-"""By twelve solutions of E1 in three dimensions: docs/three_dimensions.md."""
 N_GAP = 5
 
 
@@ -70,45 +60,36 @@ def _mutual_inductance(actuator: Actuator, gap: float, currents: tuple[float, fl
 def end_flux(actuator: Actuator, table: MagneticTable) -> tuple[BelievedValue, ...]:
     """What the flux at the stack's ends adds over the travel: depth (force and flux), and leakage (flux alone).
 
-    Least squares of the inductances with and without end effects, L_ends - L = depth_error L + leakage. An E-core's
-    ends are those of E1 in three dimensions, the leakage of its end turns in proportion to their length and to the
-    square of their number. None where the table has them, or was measured.
+    Least squares of the inductances with and without end effects, L_ends - L = depth_error L + leakage, with the
+    factors that the magnet's kind knows. To a table that has the kind's ends nothing is added: both are 0, with the
+    sigma that the ends are known by. None where the table has other ends, or was measured.
 
     Raises
     ------
     InputError : the magnet has no stack whose ends are known
     """
-    if not str(table.provenance.get("end_effects", "")).startswith("none"):
+    there = "end_effects_error" in table.provenance
+    if not there and not str(table.provenance.get("end_effects", "")).startswith("none"):
         return ()
     magnet, gap = actuator.magnet, _nominal_gap(actuator)
     if not isinstance(magnet, MagnetKind) or magnet.stack_ends is None:
         raise InputError("this magnet has no stack whose ends are known")
     reach = 0.6 * float((actuator.motion and actuator.motion.range) or 0.5 * gap)
     gaps = np.linspace(gap - reach, gap + reach, N_GAP)
-    factors, sigma, source = ends_of(magnet)
-    plain, ends = _inductances(actuator, tuple(gaps.tolist()), LINEAR * float(table.current[-1]), factors)
+    known = magnet.known_ends
+    source = f"air that is deeper than the stack (docs/end_effects.md), five gaps, linear iron; {known.source}"
+    plain, ends = _inductances(actuator, tuple(gaps.tolist()), LINEAR * float(table.current[-1]), known.factors)
     (depth, leakage), *_ = np.linalg.lstsq(np.column_stack([plain, np.ones(N_GAP)]), ends - plain, rcond=None)
-    share = float(leakage) / _inductance(table, gap)
+    share, missing = float(leakage) / _inductance(table, gap), 0.0 if there else 1.0
+    if there:
+        source = f"nothing beside the table's own end effects, which are as sure as this: {source}"
     sides = actuator.sides.count if actuator.sides else 1
     leaks = [
-        BelievedValue("leakage_inductance", f"share_{j}", share, sigma * abs(share), source)
+        BelievedValue("leakage_inductance", f"share_{j}", missing * share, known.share * abs(share), source)
         for j in range(1, sides + 1)
     ]
-    return BelievedValue("fringing", "depth_error", float(depth), sigma * abs(float(depth)), source), *leaks
-
-
-def ends_of(magnet: MagnetKind) -> tuple[EndFactors, float, str]:
-    """The factors of a magnet's end effects, their relative sigma and their source."""
-    source = "air that is deeper than the stack (docs/end_effects.md), five gaps, linear iron"
-    if isinstance(magnet, ECore):
-        length = (magnet.centre_leg_width + magnet.window_width) / E1_LENGTH
-        leakage = E1_ENDS.leakage * length * (magnet.coil.turns / E1_TURNS) ** 2
-        solid = "; its factors by solutions in three dimensions of E1 (docs/three_dimensions.md)"
-        return replace(E1_ENDS, leakage=leakage), ENDS_OF_SOLIDS, source + solid
-    if isinstance(magnet, UCore):
-        solid = "; as three dimensions have it within 0.8 % of the flux (docs/three_dimensions.md)"
-        return EndFactors(), ENDS_OF_SOLIDS, source + solid
-    return EndFactors(), ENDS, source
+    deeper = missing * float(depth)
+    return BelievedValue("fringing", "depth_error", deeper, known.share * abs(float(depth)), source), *leaks
 
 
 def _inductances(
@@ -121,7 +102,7 @@ def _inductances(
     for ends in (None, factors):
         field = MagnetField(magnet, mesh, folder=actuator.folder, order=order, end_effects=ends or False)
         linked = [field.quantities(field.solve(current, gap)).flux_linkage for gap in gaps]
-        found.append(np.array(linked) / current + (ends.leakage if ends else 0.0))
+        found.append(np.array(linked) / current)
     return found[0], found[1]
 
 

@@ -20,13 +20,16 @@ drives a magnetomotive force of 1 A across all of the gap to its right. The air 
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
 from msl_fem.computing.arrays import Array
-from msl_fem.magnetics.kinds.kind import StackEnds
+from msl_fem.errors import InputError
+from msl_fem.magnetics.kinds.ends import DERIVED, EndFactors, StackEnds
+from msl_fem.magnetics.kinds.kind import MagnetKind
 from msl_fem.magnetics.section import Section, rectangle
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, solve_field
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
@@ -38,6 +41,7 @@ PERMEABILITY = 1e7
 SIZE = MeshSize(corner=0.02, gap=0.5, iron=1.0, growth=0.4)
 OUTER_AIR = "air"
 METHOD = "gap by the closed form of two flush edges, window by a plane section across the legs; iron at stack depth"
+NONE = "none: plane section times stack depth"
 
 
 @dataclass(frozen=True)
@@ -174,24 +178,31 @@ def window_factor(ends: StackEnds) -> float:
     return 1 + 2 * ends.window_width * legs.excess() / ends.depth
 
 
-@dataclass(frozen=True)
-class EndFactors:
-    """What solutions in three dimensions make of the correction: see `magnetics.sweep.solid_lift`.
+EndEffects = bool | EndFactors | None
+"""Which ends are wanted: of given factors, those of the kind (True), none (False), or what the kind knows (None)."""
 
-    Attributes
-    ----------
-    gap, window : the additional depth over that of the closed form and of the section across the legs
-    outer : the additional depth of all other air, over the stack's
-    leakage : H, of the end turns: flux that passes neither gap nor window, and adds to the flux linkage alone
+
+def wanted_ends(magnet: MagnetKind, wanted: EndEffects) -> EndFactors | None:
+    """The factors of the ends that are wanted; None for a plane section. With None those of a kind that states ends.
+
+    Raises
+    ------
+    InputError : ends are asked for, and the kind states none
     """
+    if wanted is False or (wanted is None and magnet.stack_ends is None):
+        return None
+    ends_of(magnet)
+    return wanted if isinstance(wanted, EndFactors) else magnet.known_ends.factors
 
-    gap: float = 1.0
-    window: float = 1.0
-    outer: float = 0.0
-    leakage: float = 0.0
+
+def ends_of(magnet: MagnetKind) -> StackEnds:
+    """The stack's ends; InputError where the kind states none."""
+    if magnet.stack_ends is None:
+        raise InputError("this kind of magnet states no ends of a stack; leave the end effects out")
+    return magnet.stack_ends
 
 
-def deeper_air(ends: StackEnds, mesh_gap: float, factors: EndFactors = EndFactors()) -> AirDepth:
+def deeper_air(ends: StackEnds, mesh_gap: float, factors: EndFactors = DERIVED) -> AirDepth:
     """The depth of the air of a magnet's section over that of its stack, for a mesh made at a gap.
 
     In the strip it is the factor of the gap. In the window, at the height y above the pole faces, it is that of the
@@ -218,3 +229,17 @@ def deeper_air(ends: StackEnds, mesh_gap: float, factors: EndFactors = EndFactor
 
     regions = dict.fromkeys(ends.regions, window)
     return AirDepth(strip, {**regions, OUTER_AIR: outer} if factors.outer else regions)
+
+
+def deeper_air_of_both(ends: StackEnds, mesh_gap: float, factors: EndFactors, middle: float) -> AirDepth:
+    """As `deeper_air`, of a magnet above the armature and its mirror image about y = `middle`, NAME_1 and NAME_2."""
+    one = deeper_air(ends, mesh_gap, factors)
+    regions: dict[str, Callable[[Array], Array]] = {}
+    for name, depth in one.regions.items():
+        regions[f"{name}_1"] = depth
+        regions[f"{name}_2"] = partial(_mirrored, depth, middle)
+    return AirDepth(one.strip, regions)
+
+
+def _mirrored(depth: Callable[[Array], Array], middle: float, points: Array) -> Array:
+    return depth(np.stack([points[0], 2 * middle - points[1]]))

@@ -22,8 +22,7 @@ from msl_fem.magnetics.field.accuracy import (
     level_of,
     solve_with_estimate,
 )
-from msl_fem.magnetics.field.end_effects import EndFactors, deeper_air
-from msl_fem.magnetics.kinds.kind import StackEnds
+from msl_fem.magnetics.field.end_effects import EndEffects, EndFactors, deeper_air, ends_of, wanted_ends
 from msl_fem.magnetics.section import MovingRegions, Section
 from msl_fem.magnetics.solver.magnetostatics import (
     FieldModel,
@@ -52,9 +51,9 @@ CLOSEST = 1e-6  # of the largest: the least distance of two of them
 class MagnetField:
     """A magnet's section meshed for gaps near `mesh.gap`, ready to be solved at any current and gap.
 
-    With `end_effects` the air of strip and window is deeper than the stack, by given factors or as derived. `remesh`
-    gives the mesh at another gap, where a mesh cannot follow far. Raises ActuatorError, MaterialError or
-    ComputationError (mesher).
+    With `end_effects` (`wanted_ends`) the air of strip and window is deeper than the stack, and the end turns leak.
+    `remesh` gives the mesh at another gap, where a mesh cannot follow far. Raises ActuatorError, MaterialError,
+    InputError (ends of a kind that states none) or ComputationError (mesher).
     """
 
     def __init__(
@@ -64,13 +63,13 @@ class MagnetField:
         *,
         folder: Path,
         order: int,
-        end_effects: bool | EndFactors = False,
+        end_effects: EndEffects = False,
         remesh: Remesh | None = None,
     ) -> None:
         self.magnet = magnet
         self.folder = folder
         self.order = order
-        self.end_effects = end_effects
+        self.ends: EndFactors | None = wanted_ends(magnet, end_effects)
         self.remesh = remesh
         self.section: Section = magnet.section(mesh.gap)
         self.irons = irons_of(self.section.iron, folder)
@@ -81,7 +80,7 @@ class MagnetField:
             turns_density=self.section.turns_density,
             order=order,
             symmetry=self.section.symmetry,
-            air_depth=deeper_air(_ends_of(magnet), mesh.gap, _factors(end_effects)) if end_effects else None,
+            air_depth=deeper_air(ends_of(magnet), mesh.gap, self.ends) if self.ends else None,
         )
         self.probes = _probes(self.model, self.section)
 
@@ -94,8 +93,14 @@ class MagnetField:
         return field_response(self.model, solution).by_current
 
     def quantities(self, solution: FieldSolution) -> FieldQuantities:
-        """The numbers of the last solution."""
-        return evaluate_field(self.probes, solution)
+        """The numbers of the last solution; the end turns' leakage is in flux linkage, coenergy and inductance."""
+        found = evaluate_field(self.probes, solution)
+        return found if self.leakage == 0.0 else _with_leakage(found, self.leakage, solution.current)
+
+    @property
+    def leakage(self) -> float:
+        """H of the end turns; 0 in a plane section."""
+        return self.ends.leakage if self.ends else 0.0
 
     def refined(self) -> "MagnetField":
         """The same mesh with one polynomial degree more."""
@@ -117,7 +122,7 @@ class MagnetField:
             mesh,
             folder=self.folder,
             order=order,
-            end_effects=self.end_effects,
+            end_effects=self.ends or False,
             remesh=self.remesh,
         )
 
@@ -130,19 +135,18 @@ class MagnetField:
         return other
 
 
+def _with_leakage(found: FieldQuantities, inductance: float, current: float) -> FieldQuantities:
+    """The quantities with an inductance (H) in series, that of flux which passes no iron and does not know the gap."""
+    return replace(
+        found,
+        flux_linkage=found.flux_linkage + inductance * current,
+        coenergy=found.coenergy + inductance * current**2 / 2,
+        incremental_inductance=found.incremental_inductance + inductance,
+    )
+
+
 def _probes(model: FieldModel, section: Section) -> Probes | MovingProbes:
     return Probes(model, section) if model.mesh.motion is None else MovingProbes(model, section)
-
-
-def _factors(end_effects: bool | EndFactors) -> EndFactors:
-    return end_effects if isinstance(end_effects, EndFactors) else EndFactors()
-
-
-def _ends_of(magnet: MagnetKind) -> StackEnds:
-    """The stack's ends; InputError where the kind states none."""
-    if magnet.stack_ends is None:
-        raise InputError("this kind of magnet states no ends of a stack; leave the end effects out")
-    return magnet.stack_ends
 
 
 def magnet_mesh(magnet: MagnetKind, gap: float, accuracy: Accuracy = "normal") -> TriangleMesh:
@@ -195,12 +199,23 @@ def gap_reach(magnet: MagnetKind) -> tuple[float, float]:
     return max(low, mesh.gap + down), min(high, mesh.gap + up)
 
 
-def field_of(actuator: Actuator, gap: float, *, accuracy: Accuracy = "normal") -> MagnetField:
-    """The field of an actuator's magnet, meshed at `gap`."""
+def chosen_ends(actuator: Actuator, wanted: EndEffects = None) -> EndFactors | None:
+    """The ends that are wanted of an actuator's magnet, by default what its file says; else as `wanted_ends`."""
+    stated = False if wanted is None and actuator.end_effects == "none" else wanted
+    return wanted_ends(actuator.magnet_kind(), stated)
+
+
+def field_of(
+    actuator: Actuator, gap: float, *, accuracy: Accuracy = "normal", end_effects: EndEffects = None
+) -> MagnetField:
+    """The field of an actuator's magnet, meshed at `gap`; end effects as in `chosen_ends`."""
     magnet = actuator.magnet_kind()
     mesh = magnet_mesh(magnet, gap, accuracy)
     remesh = partial(magnet_mesh, magnet, accuracy=accuracy) if magnet.OWN_MESHES else None
-    return MagnetField(magnet, mesh, folder=actuator.folder, order=degree_of(magnet, accuracy), remesh=remesh)
+    ends = chosen_ends(actuator, end_effects) or False
+    return MagnetField(
+        magnet, mesh, folder=actuator.folder, order=degree_of(magnet, accuracy), end_effects=ends, remesh=remesh
+    )
 
 
 def with_margin(actuator: Actuator, travel: tuple[float, float], margin: tuple[float, float]) -> tuple[float, float]:
@@ -244,24 +259,28 @@ def check_grid(actuator: Actuator, gaps: Sequence[float], currents: Sequence[flo
             raise InputError(f"{name} {a} and {b} are closer than {CLOSEST:g} of the largest; leave one of them out")
 
 
-def solve(actuator: Actuator, current: float, gap: float, *, accuracy: Accuracy = "normal") -> PointResult:
+def solve(
+    actuator: Actuator, current: float, gap: float, *, accuracy: Accuracy = "normal", end_effects: EndEffects = None
+) -> PointResult:
     """One field solution, with the force's error estimated by one polynomial degree more on the same mesh.
+
+    `end_effects` : False for the plane section, True or factors for its correction; by default as the file says
 
     Raises
     ------
     InputError : a gap that is not positive or larger than the core's half width, an unknown accuracy
     ComputationError : the mesher or Newton's iteration failed
     """
-    return solve_with_field(actuator, current, gap, accuracy=accuracy)[0]
+    return solve_with_field(actuator, current, gap, accuracy=accuracy, end_effects=end_effects)[0]
 
 
 @one_blas_thread
 def solve_with_field(
-    actuator: Actuator, current: float, gap: float, *, accuracy: Accuracy = "normal"
+    actuator: Actuator, current: float, gap: float, *, accuracy: Accuracy = "normal", end_effects: EndEffects = None
 ) -> tuple[PointResult, MagnetField, FieldSolution]:
     """As `solve`, with the field itself for pictures."""
     level_of(accuracy)
     check_point(actuator, current, gap)
-    field = field_of(actuator, gap, accuracy=accuracy)
+    field = field_of(actuator, gap, accuracy=accuracy, end_effects=end_effects)
     point, solution = solve_with_estimate(field, lambda meshed: meshed.solve(current, gap), accuracy=accuracy)
     return point, field, solution

@@ -13,6 +13,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ActuatorError
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, Discretisation, irons_of
+from msl_fem.magnetics.field.end_effects import EndEffects, deeper_air_of_both, ends_of, wanted_ends
 from msl_fem.magnetics.kinds.kind import PlaneMagnet
 from msl_fem.magnetics.section import Line, Region, Section, rectangle
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, NewtonSettings, solve_field
@@ -133,13 +134,17 @@ class PairField:
     mesh : of `pair_mesh`
     gap_sum : both gaps together, in m
     order : polynomial degree of the potential
+    end_effects : of each side, as of one magnet (`wanted_ends`)
 
     Raises
     ------
     ActuatorError : the magnets share no armature
+    InputError : end effects of a kind that states none
     """
 
-    def __init__(self, actuator: Actuator, mesh: TriangleMesh, *, gap_sum: float, order: int) -> None:
+    def __init__(
+        self, actuator: Actuator, mesh: TriangleMesh, *, gap_sum: float, order: int, end_effects: EndEffects = False
+    ) -> None:
         self.actuator, self.gap_sum, self.order = actuator, gap_sum, order
         self.magnet = magnet = pair_magnet(actuator)
         section = magnet.section(mesh.gap)
@@ -147,13 +152,16 @@ class PairField:
         iron = {"core_1": core, "core_2": core, "armature": section.iron["armature"]}
         self.irons = irons_of(iron, actuator.folder)
         self.scale = section.scale
-        middle = gap_sum / 2
+        self.ends = ends = wanted_ends(magnet, end_effects)
+        self.leakage = ends.leakage if ends else 0.0
+        centre, middle = -magnet.armature_thickness / 2, gap_sum / 2
         self.model = FieldModel(
             mesh,
             self.irons,
             turns_density={},
             order=order,
             symmetry=section.symmetry,
+            air_depth=deeper_air_of_both(ends_of(magnet), mesh.gap, ends, centre) if ends else None,
             strips=(Strip(f"{STRIP}_1", middle, -1.0), Strip(f"{STRIP}_2", middle, 1.0)),
         )
         turns = section.turns_density
@@ -163,7 +171,8 @@ class PairField:
 
     def refined(self) -> "PairField":
         """The same mesh with one polynomial degree more."""
-        return PairField(self.actuator, self.model.mesh, gap_sum=self.gap_sum, order=self.order + 1)
+        mesh, ends = self.model.mesh, self.ends or False
+        return PairField(self.actuator, mesh, gap_sum=self.gap_sum, order=self.order + 1, end_effects=ends)
 
     def solve(
         self,
@@ -189,20 +198,22 @@ class PairField:
         """The numbers of the last solution, with its `by_currents`.
 
         With E the field's energy at a given potential, dW'/dx = -dE/dx: virtual work (Coulomb 1983). The slopes follow
-        by the responses of the potential, as those of one magnet.
+        by the responses of the potential, as those of one magnet. The end turns' leakage belongs to each side alone.
         """
         model, scale, a = self.model, self.scale, solution.potential
         first, second = model.strip_products(a, solution.gap)
         by_position = -model.tangent.refined_substitute(first, solution.tangent)
         one, two = self.sources
-        flux_1, flux_2 = scale * float(one @ a), scale * float(two @ a)
+        leak = self.leakage
+        flux_1, flux_2 = scale * float(one @ a) + leak * currents[0], scale * float(two @ a) + leak * currents[1]
+        leaked = leak * (currents[0] ** 2 + currents[1] ** 2) / 2
         return PairQuantities(
-            coenergy=currents[0] * flux_1 + currents[1] * flux_2 - scale * model.energy(a, solution.gap),
+            coenergy=currents[0] * flux_1 + currents[1] * flux_2 - leaked - scale * model.energy(a, solution.gap),
             flux_linkage_1=flux_1,
             flux_linkage_2=flux_2,
             force=-scale * float(a @ first) / 2,
-            incremental_inductance_1=scale * float(one @ responses[0]),
-            incremental_inductance_2=scale * float(two @ responses[1]),
+            incremental_inductance_1=scale * float(one @ responses[0]) + leak,
+            incremental_inductance_2=scale * float(two @ responses[1]) + leak,
             mutual_inductance=scale * float(one @ responses[1]),
             force_current_slope_1=-scale * float(first @ responses[0]),
             force_current_slope_2=-scale * float(first @ responses[1]),

@@ -1,7 +1,7 @@
 """Over the operating map: what of a side's flux links the other, and what treating the sides as independent misses."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -78,7 +78,7 @@ class PairSolver:
         accuracy = self.job.accuracy
         try:
             both = TwoSidedField(actuator, TwoSidedPosition(*row.gaps), accuracy=accuracy)
-            singles = [field_of(actuator, gap, accuracy=accuracy) for gap in row.gaps]
+            singles = [field_of(actuator, gap, accuracy=accuracy, end_effects=False) for gap in row.gaps]
             arrays = _pairs(both, row) | _singles(singles, row)
             if row.check is not None:
                 finer = [single.refined() for single in singles]
@@ -337,7 +337,7 @@ def _currents(actuator: Actuator, gap: Array, level: Array, settings: FieldMapSe
     """(n_position, 2, n_level) A that bring each level in a side alone."""
     gaps = np.unique(gap.round(12))
     needed = gaps if gaps.size > 1 else np.r_[gaps, 1.1 * gaps]
-    without_cache = FieldMapSettings(settings.accuracy, settings.workers, current_max=settings.current_max)
+    without_cache = replace(settings, cache=None, resume=False)
     one_side = field_map(actuator, needed, levels=level[1:].tolist(), settings=without_cache)
     place = np.searchsorted(gaps, gap.round(12))
     by_level = np.concatenate([np.zeros((1, one_side.gap.size)), one_side.current])

@@ -15,7 +15,8 @@ from msl_fem.computing.row_cache import Arrays, RowCache
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field.accuracy import Accuracy, level_of
-from msl_fem.magnetics.field.magnet_field import MagnetField, check_grid, check_point, with_margin
+from msl_fem.magnetics.field.end_effects import EndEffects
+from msl_fem.magnetics.field.magnet_field import MagnetField, check_grid, check_point, chosen_ends, with_margin
 from msl_fem.magnetics.field_map.gap_levels import GapRow, GapSolver, LevelJob, level_mesh, level_order, level_safety
 from msl_fem.magnetics.sweep.rows import field_key, field_provenance
 from msl_fem.magnetics.sweep.table_sweep import drive_limit
@@ -122,7 +123,7 @@ class FieldMapSettings:
     workers : processes; 1 solves in this process
     cache : folder of finished gaps; None keeps none
     resume : take finished gaps from the cache
-    end_effects : correct for the flux that bulges out of gap and window at the stack's ends
+    end_effects : as of `SweepSettings`
     current_max : A, the largest current at which levels are looked for and the end of the map; None: as far as the
         levels or the drive need, at most 100 A/mm2 in the copper
     """
@@ -131,7 +132,7 @@ class FieldMapSettings:
     workers: int = 1
     cache: Path | None = None
     resume: bool = False
-    end_effects: bool = False
+    end_effects: EndEffects = None
     current_max: float | None = None
 
 
@@ -175,7 +176,7 @@ def field_map(
         level_mesh(magnet, float(np.sqrt(gaps[0] * gaps[-1])), accuracy, where),
         actuator.folder,
         level_order(magnet, accuracy, where),
-        settings.end_effects,
+        chosen_ends(actuator, settings.end_effects) or False,
         accuracy,
         criterion=where,
         safety=level_safety(accuracy, where),

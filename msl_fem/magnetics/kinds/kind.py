@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 from pydantic import model_validator
 
 from msl_fem.files.schema import FrozenModel
+from msl_fem.magnetics.kinds.ends import KnownEnds, StackEnds
 from msl_fem.magnetics.kinds.parts import Air, Coil, IronSpec
 from msl_fem.magnetics.kinds.proportions import metres
 from msl_fem.magnetics.section import Section
@@ -143,27 +144,6 @@ class SizedLengths:
 
 
 @dataclass(frozen=True)
-class StackEnds:
-    """Where flux bulges out at both ends of a plane section's stack; lengths in m (see `magnetics.field.end_effects`).
-
-    Attributes
-    ----------
-    depth : of the stack
-    reach : height of the pole's end face that counts
-    window_width : between two legs
-    regions : of the section that lie in the window
-    legs : what one leg and the other are wide, the second as far as a plane of symmetry in its middle if `mirror`
-    """
-
-    depth: float
-    reach: float
-    window_width: float
-    legs: tuple[float, float]
-    mirror: bool
-    regions: tuple[str, ...] = ("window", "coil")
-
-
-@dataclass(frozen=True)
 class DrawnLength:
     """A dimension of the drawing, by the name it has in the actuator file, between two points (x, y) in m."""
 
@@ -174,12 +154,6 @@ class DrawnLength:
     @property
     def length(self) -> float:
         return math.dist(self.start, self.end)
-
-
-def mean_height(begin: float, end: float) -> float:
-    """The geometric mean of the heights between two, the permeance of an edge being a logarithm of the height."""
-    mean_log = math.log(end) - 1 + begin / (end - begin) * (math.log(end / begin) if begin else 0.0)
-    return math.exp(mean_log)
 
 
 class MagnetKind(FrozenModel, ABC):
@@ -279,6 +253,11 @@ class MagnetKind(FrozenModel, ABC):
     def stack_ends(self) -> StackEnds | None:
         """What end effects need to know; None where the kind has no ends or does not state them."""
         return None
+
+    @property
+    def known_ends(self) -> KnownEnds:
+        """The factors of the stack's ends and what they leave; the formulas' where solutions tell no others."""
+        return KnownEnds()
 
     @property
     def circuit(self) -> CircuitOfKind | None:

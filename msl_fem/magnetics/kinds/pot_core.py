@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 from pydantic import model_validator
 
 from msl_fem.files.dimensions import Clearance, Length
+from msl_fem.magnetics.kinds.ends import mean_height
 from msl_fem.magnetics.kinds.kind import (
     CircuitOfKind,
     CircuitPart,
@@ -16,7 +17,6 @@ from msl_fem.magnetics.kinds.kind import (
     PoleFace,
     SizedLengths,
     WindingSpace,
-    mean_height,
 )
 from msl_fem.magnetics.kinds.parts import Air, Coil, IronSpec
 from msl_fem.magnetics.kinds.proportions import check_coil_fits, check_proportions

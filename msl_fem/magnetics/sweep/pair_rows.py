@@ -11,6 +11,7 @@ from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.row_cache import Arrays, content_key
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
+from msl_fem.magnetics.field.end_effects import EndEffects
 from msl_fem.magnetics.field.pair_field import COMMON, PairField, pair_magnet, pair_mesh
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution, NewtonSettings
 from msl_fem.magnetics.sweep.predictor import RowPredictor
@@ -51,11 +52,11 @@ class PairSweepJob:
     gap_sum: float
     order: int
     common_order: int
+    end_effects: EndEffects = False
 
     def field(self, *, refine: bool = False, common: bool = False) -> PairField:
-        if common:
-            return PairField(self.actuator, self.common, gap_sum=self.gap_sum, order=self.common_order)
-        return PairField(self.actuator, self.mesh, gap_sum=self.gap_sum, order=self.order + refine)
+        mesh, order = (self.common, self.common_order) if common else (self.mesh, self.order + refine)
+        return PairField(self.actuator, mesh, gap_sum=self.gap_sum, order=order, end_effects=self.end_effects)
 
     def solver(self) -> "PairSweepSolver":
         return PairSweepSolver(self)
@@ -98,12 +99,14 @@ class PairSweepSolver:
         return arrays | ({"failed": np.array(failed)} if failed else {})
 
 
-def pair_job(actuator: Actuator, gaps: Array, *, gap_sum: float, accuracy: Accuracy) -> PairSweepJob:
+def pair_job(
+    actuator: Actuator, gaps: Array, *, gap_sum: float, accuracy: Accuracy, end_effects: EndEffects = False
+) -> PairSweepJob:
     """The job of both sides at an accuracy level, over gaps (n,) in m, increasing."""
     magnet = pair_magnet(actuator)
     gap, coarse = float(np.sqrt(gaps[0] * gaps[-1])), COMMON[accuracy]
     mesh, common = pair_mesh(magnet, gap, accuracy), pair_mesh(magnet, gap, size=coarse.size)
-    return PairSweepJob(actuator, mesh, common, gap_sum, LEVELS[accuracy].order, coarse.order)
+    return PairSweepJob(actuator, mesh, common, gap_sum, LEVELS[accuracy].order, coarse.order, end_effects)
 
 
 class _Walker:
@@ -147,5 +150,6 @@ def job_key(job: PairSweepJob) -> str:
             "gap_sum": job.gap_sum,
             "solver": SOLVER_VERSION,
             "sides": "both",
+            "end_effects": str(field.ends or ""),
         }
     )

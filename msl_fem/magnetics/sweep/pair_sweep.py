@@ -14,8 +14,8 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.jobs import Executor, Progress, run_jobs
 from msl_fem.computing.row_cache import Arrays, RowCache
-from msl_fem.errors import InputError
 from msl_fem.magnetics.field.accuracy import LEVELS
+from msl_fem.magnetics.field.magnet_field import chosen_ends
 from msl_fem.magnetics.field.pair_field import pair_magnet
 from msl_fem.magnetics.sweep.pair_grid import check_pair_grid, half_of, one_sided_grid
 from msl_fem.magnetics.sweep.pair_rows import PairSweepJob, PairSweepRow, job_key, pair_job
@@ -56,16 +56,15 @@ def pair_sweep(
     InputError, ComputationError : as `sweep`
     """
     settings = settings or SweepSettings()
-    if settings.end_effects:
-        raise InputError("a table of both sides has no correction of end effects; leave --end-effects out")
     pair_magnet(actuator)
+    ends = chosen_ends(actuator, settings.end_effects) or False
     half_x, half_i = half_of(positions), half_of(currents)
     check_pair_grid(half_x, half_i, gap_sum)
     started = time.process_time()
     gaps = np.unique(np.r_[gap_sum / 2 - half_x, gap_sum / 2 + half_x])
     one_sided, alone = sweep(actuator, *one_sided_grid(gaps, half_i), settings=settings)
     whole_x, both = (np.r_[-half[:0:-1], half] for half in (half_x, half_i))
-    job = pair_job(actuator, gaps, gap_sum=gap_sum, accuracy=settings.accuracy)
+    job = pair_job(actuator, gaps, gap_sum=gap_sum, accuracy=settings.accuracy, end_effects=ends)
     common = [
         PairSweepRow(float(x), float(i), needed(float(x), float(i), both), common=True) for x in half_x for i in half_i
     ]

@@ -50,6 +50,7 @@ def reduced_rows(field: MagnetField, rows: Sequence[SweepRow], accuracy: Accurac
     if reduction is None:
         return None
     arrays = _magnet_arrays(probes, reduction.states) | _read_fields(probes, reduction.model, reduction.states)
+    _add_leakage(arrays, field.leakage, current)
     return _by_row(arrays, [len(row.currents) for row in rows], reduction)
 
 
@@ -67,6 +68,7 @@ def reduced_side_rows(field: PairField, rows: Sequence[PairSweepRow], accuracy: 
         return None
     model, states = reduction.model, reduction.states
     arrays = _side_arrays(field.scale, states) | _cut_means(field.cuts, model, states)
+    _add_leakage(arrays, field.leakage, points.currents[:, 0], side="_2")
     return _by_row(arrays | {"tail": on_tail(model, states).astype(float)}, counts, reduction)
 
 
@@ -78,6 +80,13 @@ def _by_row(arrays: Arrays, counts: Sequence[int], reduction: Reduction) -> Redu
     return ReducedRows(
         [answer | {"cpu_seconds": np.array(0.0)} for answer in answers], reduction.certificate, reduction.solutions
     )
+
+
+def _add_leakage(arrays: Arrays, inductance: float, current: Array, side: str = "") -> None:
+    """Adds the flux (H) of the end turns, of one side where it is named, at its currents (n,) in A."""
+    arrays["coenergy"] = arrays["coenergy"] + inductance * current**2 / 2
+    arrays[f"flux_linkage{side}"] = arrays[f"flux_linkage{side}"] + inductance * current
+    arrays[f"incremental_inductance{side}"] = arrays[f"incremental_inductance{side}"] + inductance
 
 
 def _side_arrays(scale: float, states: ReducedStates) -> Arrays:

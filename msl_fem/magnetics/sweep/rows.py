@@ -3,7 +3,7 @@
 import datetime
 import platform
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.row_cache import Arrays, content_key
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field.end_effects import METHOD as END_EFFECTS_METHOD
-from msl_fem.magnetics.field.end_effects import EndFactors
+from msl_fem.magnetics.field.end_effects import NONE, EndEffects, EndFactors
 from msl_fem.magnetics.field.magnet_field import Accuracy, MagnetField, magnet_mesh
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.magnetics.sweep.predictor import RowPredictor
@@ -36,7 +36,7 @@ class FieldJob:
     mesh: TriangleMesh
     folder: Path
     order: int
-    end_effects: bool | EndFactors = False
+    end_effects: EndEffects = False
     accuracy: Accuracy = "normal"
 
     def mesh_at(self, gap: float) -> TriangleMesh:
@@ -147,15 +147,10 @@ def field_key(field: MagnetField, **more: object) -> str:
         "magnet": field.magnet.model_dump(),
         "irons": {name: iron.magnetise(probe)[0].tolist() for name, iron in field.irons.items()},
         "mesh": [mesh.gap, mesh.points.shape, mesh.points.sum(), field.order],
-        "end_effects": f"{END_EFFECTS_METHOD} {_stated_factors(field)}".strip() if field.end_effects else "",
+        "end_effects": f"{END_EFFECTS_METHOD} {field.ends}" if field.ends else "",
         "solver": SOLVER_VERSION,
     }
     return content_key(content | more)
-
-
-def _stated_factors(field: MagnetField) -> str:
-    """The factors of end effects that are not those derived."""
-    return str(field.end_effects) if isinstance(field.end_effects, EndFactors) else ""
 
 
 def field_provenance(field: MagnetField, accuracy: Accuracy) -> dict[str, object]:
@@ -173,7 +168,19 @@ def field_provenance(field: MagnetField, accuracy: Accuracy) -> dict[str, object
             "unknowns": field.model.free.size,
             "gap_m": field.model.mesh.gap,
         },
-        "end_effects": END_EFFECTS_METHOD if field.end_effects else "none: plane section times stack depth",
+        **stated_ends(field.magnet, field.ends),
         "versions": {"python": platform.python_version()} | {name: version(name) for name in libraries},
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
     }
+
+
+def stated_ends(magnet: MagnetKind, ends: EndFactors | None) -> dict[str, object]:
+    """What provenance says of end effects: how they are corrected, by which factors, and what is left of the error."""
+    if ends is None:
+        return {"end_effects": NONE}
+    stated: dict[str, object] = {"end_effects": END_EFFECTS_METHOD, "end_factors": asdict(ends)}
+    known = magnet.known_ends
+    if ends != known.factors:
+        return stated
+    left = {"force": known.force_error, "flux_linkage": known.flux_error}
+    return stated | {"end_effects": f"{END_EFFECTS_METHOD}; {known.source}", "end_effects_error": left}

@@ -19,8 +19,8 @@ from msl_fem.computing.jobs import Executor, Progress, run_jobs
 from msl_fem.computing.row_cache import Arrays, RowCache, content_key
 from msl_fem.errors import InputError, NotConverged
 from msl_fem.magnetics.field.accuracy import Accuracy, irons_of
-from msl_fem.magnetics.field.end_effects import EndFactors
 from msl_fem.magnetics.field.magnet_field import MagnetField, check_grid, degree_of, magnet_mesh
+from msl_fem.magnetics.kinds.ends import EndFactors
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, refuse_failures, sweep
 from msl_fem.magnetics.three_d.magnet_boxes import magnet_boxes
 from msl_fem.magnetics.three_d.magnet_point import REFINEMENT, solve_solid
@@ -136,7 +136,7 @@ class SectionPoints:
             solution = field.solve(row.current, row.gap, start=self._last.get(row))
             self._last[row] = solution.potential
             quantities = field.quantities(solution)
-            values.append((quantities.force, quantities.flux_linkage + factors.leakage * row.current))
+            values.append((quantities.force, quantities.flux_linkage))
         return np.array(values)
 
 
@@ -200,20 +200,10 @@ def lifted_sweep(
     factors = fit_factors(
         SectionPoints(actuator, fitted, settings.accuracy), solved["force"][:n], solved["flux_linkage"][:n]
     )
-    flat, report = sweep(actuator, gaps, currents, settings=replace(settings, end_effects=factors), progress=progress)
-    lifted = with_leakage(flat, factors.leakage)
+    lifted, report = sweep(actuator, gaps, currents, settings=replace(settings, end_effects=factors), progress=progress)
     lift = _lift_report(lifted, factors, [*fitted, *checks], solved, n)
     stated = _stated(lifted, lift, _points([*fitted, *checks], solved))
     return stated, replace(report, mesh_error=stated.mesh_error), lift
-
-
-def with_leakage(table: MagneticTable, inductance: float) -> MagneticTable:
-    """The table with an inductance (H) in series, that of flux which passes no iron and does not know the gap."""
-    nodes = dict(table.nodes)
-    nodes["coenergy"] = nodes["coenergy"] + inductance * table.current**2 / 2
-    nodes["flux_linkage"] = nodes["flux_linkage"] + inductance * table.current
-    nodes["incremental_inductance"] = nodes["incremental_inductance"] + inductance
-    return replace(table, nodes=nodes)
 
 
 def _lift_report(

@@ -13,11 +13,12 @@ from msl_fem.computing.jobs import Executor, Progress, run_jobs
 from msl_fem.computing.row_cache import Arrays, RowCache
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
-from msl_fem.magnetics.field.end_effects import EndFactors
+from msl_fem.magnetics.field.end_effects import EndEffects
 from msl_fem.magnetics.field.magnet_field import (
     MagnetField,
     check_grid,
     check_point,
+    chosen_ends,
     degree_of,
     magnet_mesh,
     with_margin,
@@ -41,8 +42,8 @@ class SweepSettings:
     cache : folder of finished rows; None keeps none
     resume : take finished rows from the cache
     scheduler : address of a dask.distributed scheduler whose workers solve, in place of processes here
-    end_effects : correct for the flux that bulges out of gap and window at the stack's ends, as derived or by factors
-        (whose leakage `solid_lift` adds)
+    end_effects : correct for the flux that bulges out of gap and window at the stack's ends, by the kind's factors
+        (True) or others; None: as the actuator's file says, corrected where it says nothing and the kind has ends
     full : solve every point in full, instead of by a reduced field where its certificate holds
     """
 
@@ -51,7 +52,7 @@ class SweepSettings:
     cache: Path | None = None
     resume: bool = False
     scheduler: str | None = None
-    end_effects: bool | EndFactors = False
+    end_effects: EndEffects = None
     full: bool = False
 
 
@@ -150,9 +151,8 @@ def sweep(
     magnet = actuator.magnet_kind()
     level = LEVELS[settings.accuracy]
     mesh = magnet_mesh(magnet, float(np.sqrt(gap[0] * gap[-1])), settings.accuracy)
-    job = SweepJob(
-        magnet, mesh, actuator.folder, degree_of(magnet, settings.accuracy), settings.end_effects, settings.accuracy
-    )
+    ends = chosen_ends(actuator, settings.end_effects) or False
+    job = SweepJob(magnet, mesh, actuator.folder, degree_of(magnet, settings.accuracy), ends, settings.accuracy)
     field = job.field()
     nodes = [SweepRow(float(g), tuple(current.tolist())) for g in gap]
     between = _between_nodes(gap, current)
