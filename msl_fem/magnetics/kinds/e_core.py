@@ -238,7 +238,7 @@ class ECore(PlaneMagnet):
         return KnownEnds(
             factors=replace(E1_ENDS, leakage=leakage),
             force_error=0.012,
-            flux_error=0.011,
+            flux_error=0.014,
             share=0.12,
             source="factors by solutions of E1 in three dimensions",
         )
