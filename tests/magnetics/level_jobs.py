@@ -12,7 +12,7 @@ from msl_fem.magnetics.field_map.readings import reader_of
 from msl_fem.maps import parse_criterion
 
 E1 = load_actuator(ROOT / "geometries" / "e1.toml")
-SERVO = load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")
+SERVO = load_actuator(ROOT / "geometries" / "fast_tool_servo.toml").model_copy(update={"end_effects": "none"})
 
 
 def with_iron(actuator: Actuator, name: str, **more: float) -> Actuator:
