@@ -337,7 +337,7 @@ def _currents(actuator: Actuator, gap: Array, level: Array, settings: FieldMapSe
     """(n_position, 2, n_level) A that bring each level in a side alone."""
     gaps = np.unique(gap.round(12))
     needed = gaps if gaps.size > 1 else np.r_[gaps, 1.1 * gaps]
-    without_cache = replace(settings, cache=None, resume=False)
+    without_cache = replace(settings, cache=None, resume=False, end_effects=False)
     one_side = field_map(actuator, needed, levels=level[1:].tolist(), settings=without_cache)
     place = np.searchsorted(gaps, gap.round(12))
     by_level = np.concatenate([np.zeros((1, one_side.gap.size)), one_side.current])
