@@ -94,6 +94,16 @@ def test_end_effects_are_told_where_the_table_lacks_them(belief: Belief) -> None
     assert "mutual_inductance" in names
 
 
+def test_ends_that_a_table_has_are_not_counted_twice(belief: Belief) -> None:
+    """Nothing beside the kind's own, and as sure as these are: 12 % of what they add."""
+    stated = {"end_effects": "corrected", "end_effects_error": {"force": 0.012, "flux_linkage": 0.014}}
+    own = as_designed(SERVO, replace(TABLE, provenance={**TABLE.provenance, **stated}))
+    for name in ("leakage_inductance.share_1", "leakage_inductance.share_2", "fringing.depth_error"):
+        (told,) = [one for one in own.values if one.name == name]
+        assert told.value == 0.0
+        assert told.sigma == pytest.approx(0.12 * value(belief, name))
+
+
 def test_a_pairs_table_has_its_mutual_flux_itself() -> None:
     pair = load_table(ROOT / "lookup_tables" / "fast_tool_servo_pair.nc")
     assert "mutual_inductance" not in {one.effect for one in as_designed(SERVO, pair).values}
