@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
@@ -41,6 +40,8 @@ class CalibrationCurve:
                 f"{file}: sample {at} (from 0), column {source}: {readings[at]:.6g} lies beyond the curve {self.file}, "
                 f"{self.readings[0]:.6g} ... {self.readings[-1]:.6g}; calibrate further, or leave the part out"
             )
+        from scipy.interpolate import PchipInterpolator
+
         return np.asarray(PchipInterpolator(self.readings, self.values)(readings))
 
 

@@ -26,7 +26,7 @@ def test_an_extended_model_is_simulated_and_not_given_away(msl_fem: Run, tmp_pat
     runs = [record.runs[0] for record in records]
     assert np.mean(runs[1]["current_1_A"] - runs[0]["current_1_A"]) - 0.05 < 1e-3
     assert abs(np.mean(runs[1]["current_2_A"] - runs[0]["current_2_A"])) < 1e-9
-    assert "effects" not in "".join(p.read_text() for p in (tmp_path / "extended").glob("*.toml"))
+    assert "[effects" not in "".join(p.read_text() for p in (tmp_path / "extended").glob("*.toml"))
 
 
 def test_an_effect_that_is_none_is_one_line(msl_fem: Run, tmp_path: Path) -> None:

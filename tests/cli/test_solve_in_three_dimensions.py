@@ -16,7 +16,7 @@ def test_numbers_picture_and_field(msl_fem: Run, tmp_path: Path) -> None:
     picture, vtu = tmp_path / "e1.png", tmp_path / "e1.vtu"
     flat = msl_fem("solve", E1, "--current", "1 A", "--gap", "1 mm", "--accuracy", "fast", "--json").json
     solid = msl_fem("solve", E1, *POINT, "--picture", str(picture), "--vtu", str(vtu), "--json").json
-    assert set(flat) <= set(solid)
+    assert set(flat) - {"end_effects"} <= set(solid), "ends are no correction there"
     assert 1.0 < solid["force_N"] / flat["force_N"] < 1.05
     assert 1.1 < solid["flux_linkage_Wb"] / flat["flux_linkage_Wb"] < 1.3
     linear = solid["flux_linkage_Wb"] * 1.0 / 2

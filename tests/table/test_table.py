@@ -41,10 +41,10 @@ def with_nodes(table: MagneticTable, **nodes: np.ndarray) -> MagneticTable:
         (1.0, 3e-5, ("gap 30 µm", "0.05 ... 1.2 mm", "--gaps")),
         (1.0, 2e-3, ("gap 2 mm", "0.05 ... 1.2 mm")),
         (1.0, np.nan, ("gap nan", "0.05 ... 1.2 mm")),
-        (12.5, 5e-4, ("current 12.5 A", "-12 ... 12 A", "--currents")),
-        (-12.5, 5e-4, ("current -12.5 A", "-12 ... 12 A")),
-        (np.nan, 5e-4, ("current nan", "-12 ... 12 A")),
-        (np.inf, 5e-4, ("current inf", "-12 ... 12 A")),
+        (12.5, 5e-4, ("current 12.5 A", "0 ... 12 A of either sign", "--currents")),
+        (-12.5, 5e-4, ("current -12.5 A", "0 ... 12 A of either sign")),
+        (np.nan, 5e-4, ("current nan", "0 ... 12 A of either sign")),
+        (np.inf, 5e-4, ("current inf", "0 ... 12 A of either sign")),
     ],
 )
 def test_outside_names_the_rectangle_and_the_way_out(table, current, gap, words):

@@ -138,7 +138,9 @@ def states_along(
         at = place[p]
         c = np.zeros(size)
         load = currents[p] @ sources
-        if start is not None:
+        if not load.any():
+            pass  # no field, to the last bit
+        elif start is not None:
             c += start[p]
         elif p > 0 and steps[p - 1] > 0:
             straight = p > 1 and place[p - 2] == place[p - 1] == at and steps[p - 2] > 0
