@@ -86,7 +86,7 @@ def study_page(study: Study) -> Page:
     preferred = float(np.interp(nominal, study.operating_map.gap, study.operating_map.current[0]))
     headline = (
         (f"{preferred:.3g} A", f"brings {first:g} T at the nominal gap of {millimetres(nominal)}"),
-        (percent(table_force_error(study)), "error of the force table, of its largest force"),
+        (percent(table_force_error(study) + ends_force_error(study)), _error_label(study)),
         (fit_text(fit.free_run), "ARMAX free-run fit, held-out swept sine"),
         (format_quantity(sine.tracking_rms, "m", digits=3), "RMS tracking error, 2 Hz sine"),
         (str(violations), "guard violations in all closed-loop runs"),
@@ -173,15 +173,18 @@ def _table(study: Study) -> Stage:
         f"The force rises with the square of the current until the iron saturates, up to {top:.0f} N a magnet at "
         f"{millimetres(float(table.gap[0]))}; between the {report.points} solved points it is the "
         "derivative of "
-        f"one smooth coenergy surface. Its error is at most {percent(table_force_error(study))} of the largest force: "
+        "one smooth coenergy surface. It follows the fields to "
+        f"{percent(table_force_error(study))} of the largest force: "
         f"{percent(report.mesh_error)} from the mesh and {percent(report.interpolation_error)} from interpolation."
+        f"{_of_the_ends(study)}"
     )
     numbers = (
         ("gaps", f"{table.gap[0] * 1e3:.3g} ... {table.gap[-1] * 1e3:.3g} mm ({table.gap.size})"),
         ("currents", f"0 ... {table.current[-1]:.3g} A ({table.current.size})"),
-        ("error of the table, both together", percent(table_force_error(study))),
+        ("error of the table, all together", percent(table_force_error(study) + ends_force_error(study))),
         ("of it, mesh", percent(report.mesh_error)),
         ("of it, interpolation", percent(report.interpolation_error)),
+        ("of it, what is not known of the stack's ends", percent(ends_force_error(study))),
         ("reciprocity error", percent(report.reciprocity_error)),
         ("unknowns", f"{report.unknowns}"),
         ("CPU seconds", f"{report.cpu_seconds:.1f}"),
@@ -274,6 +277,20 @@ def _provenance(study: Study) -> Numbers:
 def table_force_error(study: Study) -> float:
     """Bound of the table's force, of its largest force: that of the mesh and that of interpolation together."""
     return study.field.report.mesh_error + study.field.report.interpolation_error
+
+
+def ends_force_error(study: Study) -> float:
+    """Relative: what is left of the stack's ends in the force, where they are corrected; else 0."""
+    return float(study.field.table.provenance.get("end_effects_error", {}).get("force", 0.0))
+
+
+def _error_label(study: Study) -> str:
+    return f"error of the force table{', its ends included' if ends_force_error(study) else ', of its largest force'}"
+
+
+def _of_the_ends(study: Study) -> str:
+    ends = ends_force_error(study)
+    return f" The fields themselves know the flux at the stack's ends to {percent(ends)} of the force." if ends else ""
 
 
 def _nominal_gap(study: Study) -> float:
