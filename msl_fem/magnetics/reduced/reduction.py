@@ -7,7 +7,7 @@ by is the estimate, and where it is too large the corrected state enters the spa
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import qr
@@ -23,7 +23,7 @@ from msl_fem.materials.curves import Indices
 CLOSE = 0.15  # in ranks of coordinate and currents, each 0 to 1
 DRAFTED = 3  # points at once
 DRAFTED_FOR = 20
-SAFETY = 2.0  # for points that are not checked
+SAFETY = 3.0  # for points that are not checked
 SLOPE_SHARE = 0.3  # of a derivative beside a solution in the space
 
 
@@ -50,8 +50,8 @@ class ReductionSettings:
     rounds: int = 4
     checks: int = 9
     drafts: int = 5
-    modes: float = 7e-4
-    fit: float = 1.5e-5
+    modes: float = 5e-4
+    fit: float = 7e-6
     trained: int = 10
     candidates: int = 32
     built_at: int = 72
@@ -137,7 +137,7 @@ class Reducer:
         potential = np.zeros(self.full.model.n_dof)
         for n in self.farthest(1 + self.points.currents.shape[1]):
             self._solve_roughly(n, potential)
-        for _ in range(min(self.settings.drafts, len(self.points) // DRAFTED_FOR)):
+        for _ in range(self.settings.drafts):
             chosen = self.farthest(DRAFTED)
             basis = self.space.basis(self.settings.modes)
             states = ReducedModel(basis, self.full.sources, basis.coarse_iron()).solve(self.points.only(chosen)).states
@@ -237,6 +237,7 @@ def reduce_at_all(full: FullField, points: FieldPoints, settings: ReductionSetti
     Where one of these checks does not hold, the model is built for those points as well. None where that does not help.
     """
     some = _some(points, settings.built_at)
+    settings = replace(settings, drafts=min(settings.drafts, len(points) // DRAFTED_FOR))
     reducer = Reducer(full, points.only(some), settings)
     reducer.draft()
     for _ in range(settings.widened):
