@@ -9,7 +9,7 @@ import typer
 
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.believed import stated_belief
-from msl_fem.cli.options import Json, TableFile, read_option
+from msl_fem.cli.options import Json, PlainBelief, TableFile, read_option
 from msl_fem.cli.output import print_closing, print_columns, print_result, progress_bar
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.cli.told import DIAGNOSIS, told_by
@@ -53,12 +53,7 @@ def command(
     ] = None,
     table: TableFile = None,
     rate: Annotated[str, typer.Option(help="Sampling rate of the runs.")] = "10 kHz",
-    belief: Annotated[
-        str,
-        typer.Option(
-            "--belief", help="What is believed: plain: the table alone; as-designed: also what the drawing tells."
-        ),
-    ] = "plain",
+    belief: PlainBelief = "plain",
     json: Json = False,
 ) -> None:
     """Which causes these instruments can tell apart, which instrument to add, and the run that decides.

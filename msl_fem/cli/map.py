@@ -19,6 +19,7 @@ from msl_fem.cli.options import (
     HeatPeriod,
     IronFrequency,
     Json,
+    SectionEnds,
     TemperatureRise,
     ThermalResistance,
     read_option,
@@ -81,14 +82,7 @@ def command(
     accuracy: AccuracyLevel = "normal",
     workers: Annotated[int, typer.Option(min=0, max=256, help="Processes; 0: one a core.")] = 0,
     resume: Annotated[bool, typer.Option(help="Take finished gaps of an interrupted run.")] = False,
-    end_effects: Annotated[
-        str | None,
-        typer.Option(
-            metavar="none|section",
-            help="Correct for the flux that bulges out at the stack's ends; by default, where the kind has such ends "
-            "and the file does not say none.",
-        ),
-    ] = None,
+    end_effects: SectionEnds = None,
     decoupling: Annotated[
         bool, typer.Option("--decoupling", help="Add how far the two sides are independent over the map.")
     ] = False,

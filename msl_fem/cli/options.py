@@ -93,6 +93,21 @@ BeliefName = Annotated[
         "--belief", help="What is believed: as-designed: also what the drawing tells (usual); plain: the table alone."
     ),
 ]
+PlainBelief = Annotated[
+    str,
+    typer.Option(
+        "--belief", help="What is believed: plain: the table alone; as-designed: also what the drawing tells."
+    ),
+]
+SectionEnds = Annotated[
+    str | None,
+    typer.Option(
+        "--end-effects",
+        metavar="none|section",
+        help="Correct the section of one magnet for the flux at the stack's ends; by default, where the kind has such "
+        "ends and the file does not say none.",
+    ),
+]
 DEFAULT_RISE, DEFAULT_AMBIENT = "80 K", "20 degC"
 """Of the thermal limit of `losses` and `map`, as they are written."""
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from msl_fem.actuator import Actuator, MeshMagnet, load_actuator
-from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Current, Json, read_option
+from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Current, Json, SectionEnds, read_option
 from msl_fem.cli.output import print_result, progress_bar, say
 from msl_fem.cli.polarity import what_a_polarity_costs
 from msl_fem.cli.sweeping import checked_accuracy, checked_end_effects
@@ -40,14 +40,7 @@ def command(
     scene: Annotated[
         Path | None, typer.Option(help="Write a PNG of the solid magnet (needs --vtu, pyvista, GL).")
     ] = None,
-    end_effects: Annotated[
-        str | None,
-        typer.Option(
-            metavar="none|section",
-            help="Correct one magnet's section for the flux at the stack's ends; by default, where the kind has such "
-            "ends and the file does not say none.",
-        ),
-    ] = None,
+    end_effects: SectionEnds = None,
     dimension: Annotated[
         int, typer.Option(metavar="2|3", help="3: with the end turns, or all around a pot core (needs pyamg).")
     ] = 2,

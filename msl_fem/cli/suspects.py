@@ -6,7 +6,7 @@ import typer
 
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.believed import stated_belief
-from msl_fem.cli.options import ActuatorFile, Json, TableFile, read_option
+from msl_fem.cli.options import ActuatorFile, Json, PlainBelief, TableFile, read_option
 from msl_fem.cli.output import print_closing, print_columns, print_result, progress_bar, say
 from msl_fem.cli.sweeping import table_for
 from msl_fem.diagnosis.planning.ranking import Suspect, SuspectRanking, SuspectSettings, suspects
@@ -25,12 +25,7 @@ def command(
         typer.Option(help="Repeatable: runs to judge by; without, noise and a swept sine."),
     ] = None,
     rate: Annotated[str, typer.Option(help="Sampling rate of the runs.")] = "10 kHz",
-    belief: Annotated[
-        str,
-        typer.Option(
-            "--belief", help="What is believed: plain: the table alone; as-designed: also what the drawing tells."
-        ),
-    ] = "plain",
+    belief: PlainBelief = "plain",
     json: Json = False,
 ) -> None:
     """Which causes are likely before anything is measured, ranked by what each changes in a free run.

@@ -93,9 +93,7 @@ class LinearPlant:
 
     def driven(self, *, magnet_stiffness: float = 0.0) -> StateSpace:
         """`sampled` with the drive's delay as one: a further state is the command before."""
-        return (
-            self.sampled(magnet_stiffness=magnet_stiffness) if not self.dead_time else _driven(self, magnet_stiffness)
-        )
+        return _driven(self, magnet_stiffness)
 
     def prompt_lag(self) -> float:
         """rad/s of the lag without its pure delay."""
@@ -121,10 +119,9 @@ def _driven(plant: LinearPlant, magnet_stiffness: float) -> StateSpace:
 
 @lru_cache(maxsize=256)
 def _sampled(plant: LinearPlant, magnet_stiffness: float) -> StateSpace:
-    a, b = plant.motion(magnet_stiffness)
-    moving = StateSpace(a, b, np.eye(1, a.shape[0]), np.zeros((1, 1))).sampled(plant.period)
-    names = ("position", "velocity", "force")[: a.shape[0]] + tuple(f"queue_{j + 1}" for j in range(plant.delay))
-    late = with_delay(moving, plant.delay)
+    late = _driven(replace(plant, dead_time=0.0), magnet_stiffness)
+    moving = ("position", "velocity", "force")[: late.A.shape[0] - plant.delay]
+    names = moving + tuple(f"queue_{j + 1}" for j in range(plant.delay))
     return replace(late, states=names, inputs=("force_command",), outputs=("position",))
 
 
@@ -246,7 +243,7 @@ class DesignModel:
         """The magnets near a position in m that they hold through the inverse; raises as `held_stiffness`."""
         force = self.holding_force(position)
         held = held_stiffness(self.inverse, force, position, overlap=overlap)
-        if overlap:
+        if overlap and self.shared is not None:
             magnet = np.array(magnet_currents(self.inverse, force, position, overlap))
             held += self.common_forces(magnet / self.coupled.current_share, position)[2]
         return AtPosition(held - 3 * self.cubic * position**2)

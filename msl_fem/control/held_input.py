@@ -1,7 +1,5 @@
 """Sampled motions whose held input acts late: by a part of a sample, by whole ones."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from msl_fem.computing.arrays import Array
@@ -11,12 +9,14 @@ from msl_fem.computing.statespace import StateSpace
 def late_hold(a: Array, b: Array, period: float, late: float) -> StateSpace:
     """Position of a motion x' = a x + b u whose held input acts `late` s, less than a period, after its sample.
 
-    The last state is the input before (Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sec. 2.3).
+    Where it is late the last state is the input before (Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed.,
+    sec. 2.3).
     """
     n = a.shape[0]
+    if not late:
+        return StateSpace(a, b, np.eye(1, n), np.zeros((1, 1))).sampled(period)
     whole = StateSpace(a, b, np.eye(n), np.zeros((n, 1)))
-    rest = whole.sampled(period - late)
-    begun = whole.sampled(late) if late > 0.0 else replace(rest, A=np.eye(n), B=np.zeros((n, 1)))
+    rest, begun = whole.sampled(period - late), whole.sampled(late)
     moved = np.block([[rest.A @ begun.A, rest.A @ begun.B], [np.zeros((1, n + 1))]])
     return StateSpace(moved, np.vstack([rest.B, [[1.0]]]), np.eye(1, n + 1), np.zeros((1, 1)), period)
 

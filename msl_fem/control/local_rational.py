@@ -101,9 +101,9 @@ def fit_local_response(
     columns = np.column_stack([columns, -answer * window.powers[:, 1]])
     rational = window.fitted(_least_squares(columns, answer))
     spacing = (frequency[-1] - frequency[0]) / (frequency.size - 1)
-    seen = rational.narrowest() > _NARROWEST * spacing
-    broad = rational.narrowest() > _BROAD * half_width
-    return rational if seen and (broad or rational.misfit < plain.misfit) else plain
+    width = rational.narrowest()
+    broad = width > _BROAD * half_width
+    return rational if width > _NARROWEST * spacing and (broad or rational.misfit < plain.misfit) else plain
 
 
 @dataclass(frozen=True, eq=False)

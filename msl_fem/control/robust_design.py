@@ -102,9 +102,7 @@ def deviating_plant(plant: LinearPlant, deviation: Deviation, magnet_stiffness: 
             b[4] = rate
     a[3], b[3] = -a[1], -b[1]
     a[3, 2:4] += -(w**2), -2 * d.damping_ratio * w
-    if plant.dead_time:
-        return with_delay(late_hold(a, b, plant.period, plant.dead_time), plant.delay)
-    return with_delay(StateSpace(a, b, np.eye(1, n), np.zeros((1, 1))).sampled(plant.period), plant.delay)
+    return with_delay(late_hold(a, b, plant.period, plant.dead_time), plant.delay)
 
 
 Complex = NDArray[np.complex128]

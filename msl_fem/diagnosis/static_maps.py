@@ -87,9 +87,8 @@ class StaticLikelihood(Likelihood):
 
     def _reading(self, name: str, there: Array, factors: Mapping[str, float]) -> Array:
         """What the instrument of a channel reads of what is there."""
-        shape = read_of_map(name, there, factors)
-        zero = read_of_map(name, np.zeros(1), factors)[0]
-        return read_of_map(name, there, factors, factor=self.measured.factor(name, shape - zero, zero=float(zero)))
+        read, zero = read_of_map(name, there, factors)
+        return self.measured.factor(name, read, zero=zero) * read + zero
 
     @property
     def labels(self) -> NDArray[np.intp]:

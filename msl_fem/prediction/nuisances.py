@@ -118,14 +118,14 @@ def line_of(column: str, factors: Mapping[str, float]) -> tuple[float, float]:
     return factors.get(gain, 1.0), factors.get(zero, 0.0)
 
 
-def read_of_map(column: str, values: Array, factors: Mapping[str, float], *, factor: float = 1.0) -> Array:
-    """What a static map's instrument reads of values (n_row,): gain x, more where it is positive and less where it is
-    negative by its asymmetry, times a `factor`, plus its zero."""
+def read_of_map(column: str, values: Array, factors: Mapping[str, float]) -> tuple[Array, float]:
+    """What a static map's instrument reads of values (n_row,) over its zero, and that zero: gain x, more where it is
+    positive and less where it is negative by its asymmetry."""
     quantity = column.rpartition("_")[0]
     gain, zero, uneven = (
         factors.get(f"{quantity}_{w}", n) for w, n in (("gain", 1.0), ("zero", 0.0), ("asymmetry", 0.0))
     )
-    return factor * gain * (1.0 + uneven * np.sign(values)) * values + zero
+    return gain * (1.0 + uneven * np.sign(values)) * values, zero
 
 
 def with_nuisances(p: PlantParameters, factors: Mapping[str, float], *, ideal_current: bool = False) -> PlantParameters:

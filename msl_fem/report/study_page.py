@@ -86,7 +86,7 @@ def study_page(study: Study) -> Page:
     preferred = float(np.interp(nominal, study.operating_map.gap, study.operating_map.current[0]))
     headline = (
         (f"{preferred:.3g} A", f"brings {first:g} T at the nominal gap of {millimetres(nominal)}"),
-        (percent(table_force_error(study) + ends_force_error(study)), _error_label(study)),
+        (percent(whole_force_error(study)), _error_label(study)),
         (fit_text(fit.free_run), "ARMAX free-run fit, held-out swept sine"),
         (format_quantity(sine.tracking_rms, "m", digits=3), "RMS tracking error, 2 Hz sine"),
         (str(violations), "guard violations in all closed-loop runs"),
@@ -181,7 +181,7 @@ def _table(study: Study) -> Stage:
     numbers = (
         ("gaps", f"{table.gap[0] * 1e3:.3g} ... {table.gap[-1] * 1e3:.3g} mm ({table.gap.size})"),
         ("currents", f"0 ... {table.current[-1]:.3g} A ({table.current.size})"),
-        ("error of the table, all together", percent(table_force_error(study) + ends_force_error(study))),
+        ("error of the table, all together", percent(whole_force_error(study))),
         ("of it, mesh", percent(report.mesh_error)),
         ("of it, interpolation", percent(report.interpolation_error)),
         ("of it, what is not known of the stack's ends", percent(ends_force_error(study))),
@@ -277,6 +277,11 @@ def _provenance(study: Study) -> Numbers:
 def table_force_error(study: Study) -> float:
     """Bound of the table's force, of its largest force: that of the mesh and that of interpolation together."""
     return study.field.report.mesh_error + study.field.report.interpolation_error
+
+
+def whole_force_error(study: Study) -> float:
+    """That bound with what is left of the stack's ends."""
+    return table_force_error(study) + ends_force_error(study)
 
 
 def ends_force_error(study: Study) -> float:

@@ -23,6 +23,7 @@ from msl_fem.magnetics.field.accuracy import (
     solve_with_estimate,
 )
 from msl_fem.magnetics.field.end_effects import EndEffects, EndFactors, deeper_air, ends_of, wanted_ends
+from msl_fem.magnetics.kinds.ends import leaked
 from msl_fem.magnetics.section import MovingRegions, Section
 from msl_fem.magnetics.solver.magnetostatics import (
     FieldModel,
@@ -95,7 +96,8 @@ class MagnetField:
     def quantities(self, solution: FieldSolution) -> FieldQuantities:
         """The numbers of the last solution; the end turns' leakage is in flux linkage, coenergy and inductance."""
         found = evaluate_field(self.probes, solution)
-        return found if self.leakage == 0.0 else _with_leakage(found, self.leakage, solution.current)
+        added = leaked(self.leakage, solution.current) if self.leakage else {}
+        return replace(found, **{name: getattr(found, name) + value for name, value in added.items()})
 
     @property
     def leakage(self) -> float:
@@ -133,16 +135,6 @@ class MagnetField:
         other.model = self.model.with_irons(irons)
         other.probes = _probes(other.model, self.section)
         return other
-
-
-def _with_leakage(found: FieldQuantities, inductance: float, current: float) -> FieldQuantities:
-    """The quantities with an inductance (H) in series, that of flux which passes no iron and does not know the gap."""
-    return replace(
-        found,
-        flux_linkage=found.flux_linkage + inductance * current,
-        coenergy=found.coenergy + inductance * current**2 / 2,
-        incremental_inductance=found.incremental_inductance + inductance,
-    )
 
 
 def _probes(model: FieldModel, section: Section) -> Probes | MovingProbes:

@@ -14,6 +14,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import ActuatorError
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy, Discretisation, irons_of
 from msl_fem.magnetics.field.end_effects import EndEffects, deeper_air_of_both, ends_of, wanted_ends
+from msl_fem.magnetics.kinds.ends import leaked
 from msl_fem.magnetics.kinds.kind import PlaneMagnet
 from msl_fem.magnetics.section import Line, Region, Section, rectangle
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, NewtonSettings, solve_field
@@ -204,16 +205,19 @@ class PairField:
         first, second = model.strip_products(a, solution.gap)
         by_position = -model.tangent.refined_substitute(first, solution.tangent)
         one, two = self.sources
-        leak = self.leakage
-        flux_1, flux_2 = scale * float(one @ a) + leak * currents[0], scale * float(two @ a) + leak * currents[1]
-        leaked = leak * (currents[0] ** 2 + currents[1] ** 2) / 2
+        flux_1, flux_2 = scale * float(one @ a), scale * float(two @ a)
+        leak_1, leak_2 = (leaked(self.leakage, current) for current in currents)
         return PairQuantities(
-            coenergy=currents[0] * flux_1 + currents[1] * flux_2 - leaked - scale * model.energy(a, solution.gap),
-            flux_linkage_1=flux_1,
-            flux_linkage_2=flux_2,
+            coenergy=currents[0] * flux_1
+            + currents[1] * flux_2
+            - scale * model.energy(a, solution.gap)
+            + leak_1["coenergy"]
+            + leak_2["coenergy"],
+            flux_linkage_1=flux_1 + leak_1["flux_linkage"],
+            flux_linkage_2=flux_2 + leak_2["flux_linkage"],
             force=-scale * float(a @ first) / 2,
-            incremental_inductance_1=scale * float(one @ responses[0]) + leak,
-            incremental_inductance_2=scale * float(two @ responses[1]) + leak,
+            incremental_inductance_1=scale * float(one @ responses[0]) + self.leakage,
+            incremental_inductance_2=scale * float(two @ responses[1]) + self.leakage,
             mutual_inductance=scale * float(one @ responses[1]),
             force_current_slope_1=-scale * float(first @ responses[0]),
             force_current_slope_2=-scale * float(first @ responses[1]),

@@ -2,6 +2,11 @@
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
+
+from msl_fem.computing.arrays import Array
+
+T = TypeVar("T", float, Array)
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,15 @@ class EndFactors:
     window: float = 1.0
     outer: float = 0.0
     leakage: float = 0.0
+
+
+def leaked(inductance: float, current: T) -> dict[str, T | float]:
+    """What an inductance (H) in series adds at a current (A): flux that passes no iron and does not know the gap."""
+    return {
+        "coenergy": inductance * current**2 / 2,
+        "flux_linkage": inductance * current,
+        "incremental_inductance": inductance,
+    }
 
 
 DERIVED = EndFactors()

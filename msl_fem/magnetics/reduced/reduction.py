@@ -22,7 +22,7 @@ from msl_fem.materials.curves import Indices
 
 CLOSE = 0.15  # in ranks of coordinate and currents, each 0 to 1
 DRAFTED = 3  # points at once
-DRAFTED_FOR = 20
+DRAFTED_FOR = 20  # points of a table
 SAFETY = 3.0  # for points that are not checked
 SLOPE_SHARE = 0.3  # of a derivative beside a solution in the space
 
@@ -97,7 +97,6 @@ class Reducer:
         self.space = SnapshotSpace(full.model, data)
         self.solutions = 0
         self._last: tuple[ReducedModel, ReducedStates] | None = None
-        self._missed = np.zeros(0)
         self._without_field(slopes)
         for q in {float(ends[0]), float(ends[-1])}:
             self._without_field(full.without_field(q)[1])
@@ -151,12 +150,10 @@ class Reducer:
             return
         self.take(n, solution.potential)
 
-    def _candidates(self, most: int) -> Indices:
-        """Points spread over all."""
-        return np.unique(np.linspace(0, len(self.points) - 1, min(most, len(self.points))).round().astype(int))
+    def model(self) -> tuple[ReducedModel, ReducedStates, Array] | None:
+        """The reduced model of the space with few quadrature points, its states, and by how much the cubature misses.
 
-    def model(self) -> tuple[ReducedModel, ReducedStates] | None:
-        """The reduced model of the space with few quadrature points, and its states; None where they do not converge.
+        None where the states do not converge.
 
         The points keep reduced forces and energies of states that the coarse quadrature predicts, then of those where
         the cubature errs most.
@@ -164,11 +161,11 @@ class Reducer:
         settings = self.settings
         basis = self.space.basis(settings.modes)
         coarse = ReducedModel(basis, self.full.sources, basis.coarse_iron())
-        some = self.points.only(self._candidates(settings.candidates))
-        predicted = coarse.solve(some, self._expected(basis, some))
+        some, start = _evenly(len(self.points), settings.candidates), self._expected(basis)
+        predicted = coarse.solve(self.points.only(some), None if start is None else start[some])
         trained = predicted.states[_spread(predicted.states, settings.trained)]
-        start = self._expected(basis, self.points)
-        start = predicted.near(self.points) if start is None else start
+        if start is None:
+            start = predicted.near(self.points)
         for _ in range(settings.fits):
             rows = iron_integrands(basis, trained)
             points, weight = sparse_weights(rows, basis.quadrature.weight, tolerance=settings.fit)
@@ -177,24 +174,24 @@ class Reducer:
             if not (states.steps > 0).all():
                 return None
             self._last, start = (model, states), states.states
-            self._missed = model.cubature_error(states, np.arange(len(self.points)))
-            if SAFETY * self._missed.max() <= settings.tolerance:
+            missed = model.cubature_error(states, np.arange(len(self.points)))
+            if SAFETY * missed.max() <= settings.tolerance:
                 break
-            worst = _apart(np.argsort(-self._missed), self.places, settings.trained // 2)
+            worst = _apart(np.argsort(-missed), self.places, settings.trained // 2)
             trained = np.concatenate([trained, states.states[worst]])
-        return model, states
+        return model, states, missed
 
-    def _expected(self, basis: Basis, points: FieldPoints) -> Array | None:
+    def _expected(self, basis: Basis) -> Array | None:
         """(n, N) states in a basis from those of the last model; None before there is one."""
         if self._last is None:
             return None
         model, states = self._last
-        return np.asarray(np.linalg.lstsq(basis.vectors, model.basis.vectors @ states.near(points).T)[0].T)
+        return np.asarray(np.linalg.lstsq(basis.vectors, model.basis.vectors @ states.near(self.points).T)[0].T)
 
-    def doubtful(self, model: ReducedModel, states: ReducedStates) -> list[int]:
+    def doubtful(self, model: ReducedModel, states: ReducedStates, missed: Array) -> list[int]:
         """Points to check: where the cubature errs most, where the last modes matter most, and far from all."""
         third = self.settings.checks // 3
-        chosen = _apart(np.argsort(-self._missed), self.places, third)
+        chosen = _apart(np.argsort(-missed), self.places, third)
         chosen += _apart(np.argsort(-_sensitivity(model, states)), self.places, third)
         return [*dict.fromkeys(chosen), *self.farthest(self.settings.checks - 2 * third)]
 
@@ -220,8 +217,8 @@ class Reducer:
             built = self.model()
             if built is None:
                 return None
-            model, states = built
-            chosen = self.doubtful(model, states)
+            model, states, missed = built
+            chosen = self.doubtful(model, states, missed)
             errors = self.check(model, states, chosen, enrich=attempt + 1 < settings.rounds)
             if (SAFETY * errors <= settings.tolerance).all():
                 worst = int(np.argmax(errors))
@@ -269,8 +266,13 @@ def _some(points: FieldPoints, most: int) -> Indices:
     ends = np.isin(points.coordinate, [points.coordinate.min(), points.coordinate.max()])
     for current in np.abs(points.currents).T:
         ends &= current == current.max()
-    spread = way[np.linspace(0, way.size - 1, min(most, way.size)).round().astype(int)]
+    spread = way[_evenly(way.size, most)]
     return np.unique(np.r_[spread, np.flatnonzero(ends)])
+
+
+def _evenly(count: int, most: int) -> Indices:
+    """Numbers below a count, as many as there are or `most`, evenly apart."""
+    return np.linspace(0, count - 1, min(most, count)).round().astype(int)
 
 
 def _corrected(full: FullField, model: ReducedModel, states: ReducedStates, n: int) -> tuple[float, Array]:

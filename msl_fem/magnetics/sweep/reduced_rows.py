@@ -11,6 +11,7 @@ from msl_fem.computing.row_cache import Arrays
 from msl_fem.magnetics.field.accuracy import Accuracy
 from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.field.pair_field import PairField
+from msl_fem.magnetics.kinds.ends import leaked
 from msl_fem.magnetics.reduced.full_field import FullField
 from msl_fem.magnetics.reduced.reduced_model import FieldPoints, ReducedModel, ReducedStates
 from msl_fem.magnetics.reduced.reduction import Certificate, Reduction, ReductionSettings, reduce_at_all
@@ -84,9 +85,9 @@ def _by_row(arrays: Arrays, counts: Sequence[int], reduction: Reduction) -> Redu
 
 def _add_leakage(arrays: Arrays, inductance: float, current: Array, side: str = "") -> None:
     """Adds the flux (H) of the end turns, of one side where it is named, at its currents (n,) in A."""
-    arrays["coenergy"] = arrays["coenergy"] + inductance * current**2 / 2
-    arrays[f"flux_linkage{side}"] = arrays[f"flux_linkage{side}"] + inductance * current
-    arrays[f"incremental_inductance{side}"] = arrays[f"incremental_inductance{side}"] + inductance
+    for name, value in leaked(inductance, current).items():
+        own = name if name == "coenergy" else f"{name}{side}"
+        arrays[own] = arrays[own] + value
 
 
 def _side_arrays(scale: float, states: ReducedStates) -> Arrays:
