@@ -7,14 +7,16 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from msl_fem.actuator import Actuator
 from msl_fem.cli.believed import belief_fields, model_with_belief, stated_belief
 from msl_fem.cli.closing import control_closing
 from msl_fem.cli.controller_maps import Maps, maps_for
-from msl_fem.cli.controllers import DesignOptions, design_of
+from msl_fem.cli.controllers import DesignOptions, design_of_model, model_of, with_asked_overlap
 from msl_fem.cli.currents_commanded import currents_commanded
 from msl_fem.cli.effects_told import effects_told
 from msl_fem.cli.foretold import design_of_belief, improvement_on
 from msl_fem.cli.options import (
+    AUTO,
     Bandwidth,
     BeliefName,
     Bias,
@@ -28,7 +30,7 @@ from msl_fem.cli.options import (
     Json,
     Known,
     MapFile,
-    Overlap,
+    OverlapOrAuto,
     PeakSensitivity,
     Preview,
     TableFile,
@@ -49,6 +51,7 @@ from msl_fem.control import (
     examine_design,
     run_closed_loop,
 )
+from msl_fem.control.asked_voltage import AskedVoltage
 from msl_fem.control.injection import held_under_test
 from msl_fem.control.spec_sheet import SpecSheet, spec_sheet
 from msl_fem.control.stepper import stated
@@ -94,7 +97,7 @@ def command(
     feedforward: Feedforward = True,
     preview: Preview = True,
     bias: Bias = None,
-    overlap: Overlap = "0 N",
+    overlap: OverlapOrAuto = AUTO,
     temperature_rise: GuardedRise = None,
     ambient: GuardedAmbient = None,
     thermal_resistance: ThermalResistance = None,
@@ -145,17 +148,18 @@ def command(
     with sole_run(output):
         if output is not None:
             check_record_folder(output)
+        task = _task(wanted, plant.actuator, injected=inject is not None)
         loop = _designed(
-            options, plant, told, files=(table, map_file), belief=belief, causes=causes, itself=actuator is None
+            options, plant, told, task, files=(table, map_file), belief=belief, causes=causes, itself=actuator is None
         )
-        task = _task(wanted, loop.controller, injected=inject is not None)
+        check_stable_reach(loop.controller, task.track)
         run = run_closed_loop(
             loop.controller, task.track, plant=loop.acted_on, generator=np.random.default_rng(seed),
             injection=task.signal,
         )  # fmt: skip
         if output is not None:
             write_record(_record(loop, run, task, bandwidth=bandwidth, bias=bias), output)
-        sheet = _sheet(loop, run, task, options, told, unseen=unseen, files=(table, map_file))
+        sheet = _sheet(loop, run, task, told, unseen=unseen, files=(table, map_file))
         fields = _fields(loop, run, sheet, as_json=json)
         if header is not None:
             write_controller(ControllerSource(loop.controller, loop.maps.one_side), header)
@@ -168,17 +172,20 @@ def command(
     title = f"{plant.actuator.name}: {loop.controller.kind} in closed loop on {wanted.spec}"
     print_result(fields, as_json=json, title=title)
     held = fields["loop"].get("held_share")
-    print_closing(control_closing(run, loop.controller, held_share=held), as_json=json)
+    print_closing(control_closing(run, loop.controller, asked=loop.asked, held_share=held), as_json=json)
 
 
 @dataclass(frozen=True, eq=False)
 class _Loop:
-    """A designed controller, the maps it is guarded by, and what it acts on.
+    """A designed controller by the options as its reference settled them, the maps it is guarded by, what the reference
+    asks of the coils, and what it acts on.
 
     `own_table` says that what it knows brings a table of its own.
     """
 
+    options: DesignOptions
     controller: ControllerDesign
+    asked: AskedVoltage
     maps: Maps
     table: MagneticTable
     true: ExtendedModel
@@ -191,8 +198,8 @@ class _Loop:
 
 
 def _designed(
-    options: DesignOptions, plant: ExtendedModel, told: Told | None, *, files: tuple[Path | None, Path | None],
-    belief: str | None, causes: tuple[LawExpression, ...], itself: bool,
+    options: DesignOptions, plant: ExtendedModel, told: Told | None, task: "_Task", *,
+    files: tuple[Path | None, Path | None], belief: str | None, causes: tuple[LawExpression, ...], itself: bool,
 ) -> _Loop:  # fmt: skip
     """The controller for what is known; `files` are table and map, `itself` says that no plant was named beside."""
     known = options.known() if told is None else told.model
@@ -203,9 +210,11 @@ def _designed(
     plant, believed = _as_believed(belief, plant, table, itself=not knows_all)
     plant = replace(plant, effects=stated_causes(causes, plant.effects))
     maps = maps_for(plant.actuator, table, map_file=files[1], table_file=files[0])
-    controller = design_of(options, known, plant.actuator, table, maps, belief=believed)
+    model = model_of(known, plant.actuator, table, maps, belief=believed)
+    options, asked = with_asked_overlap(options, model, task.track)
+    controller = design_of_model(options, model)
     true = known if knows_all and isinstance(known, ExtendedModel) else plant
-    return _Loop(controller, maps, table, true, believed, own is not None)
+    return _Loop(options, controller, asked, maps, table, true, believed, own is not None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,12 +226,12 @@ class _Task:
     signal: Array | None
 
 
-def _task(wanted: Excitation, controller: ControllerDesign, *, injected: bool) -> _Task:
-    """The reference at the loop's rate, or the position held under a test signal; one that the loop can reach."""
-    rate = 1 / controller.law.plant.period
+def _task(wanted: Excitation, actuator: Actuator, *, injected: bool) -> _Task:
+    """The reference at the loop's rate, or the position held under a test signal."""
+    assert actuator.controller is not None
+    rate = actuator.controller.rate
     held = held_under_test(wanted, rate=rate) if injected else None
     track = reference(wanted, rate=rate) if held is None else held.reference
-    check_stable_reach(controller, track)
     return _Task(wanted, track, None if held is None else held.signal)
 
 
@@ -236,7 +245,7 @@ def _record(loop: _Loop, run: ClosedLoopRun, task: _Task, **wishes: str | None) 
 
 
 def _sheet(
-    loop: _Loop, run: ClosedLoopRun, task: _Task, options: DesignOptions, told: Told | None, *, unseen: int,
+    loop: _Loop, run: ClosedLoopRun, task: _Task, told: Told | None, *, unseen: int,
     files: tuple[Path | None, Path | None],
 ) -> SpecSheet:  # fmt: skip
     """The loop's sheet: on its plant, on others, and after a diagnosis beside the controller of the belief."""
@@ -245,7 +254,7 @@ def _sheet(
     others = _on_others(loop.controller, task.track, draws, n=unseen) if judged else None
     over = None
     if others is not None and told is not None:
-        before = design_of_belief(options, told, loop.table, own=loop.own_table, files=files)
+        before = design_of_belief(loop.options, told, loop.table, own=loop.own_table, files=files)
         over = improvement_on(before, others, task.track, draws.draw)
     return spec_sheet(loop.controller, run=run, unseen=others, over_belief=over)
 
@@ -256,6 +265,7 @@ def _fields(loop: _Loop, run: ClosedLoopRun, sheet: SpecSheet, *, as_json: bool)
     if not as_json:
         del promised["positions"]  # a row each: of a terminal they would take all
     fields = {"design": loop.controller.kind} | run.to_json() | loop.controller.to_json()
+    fields |= {"asked_voltage": loop.asked.to_json()}
     fields |= {"effects": effects_told(loop.true.effects, as_json=as_json)}
     return fields | belief_fields(loop.believed, as_json=as_json) | {"loop": promised}
 

@@ -83,6 +83,14 @@ GuardedAmbient = Annotated[
     str | None, typer.Option("--ambient", help='Ambient temperature that the guard believes, like "20 degC".')
 ]
 Overlap = Annotated[str, typer.Option("--overlap", help="Force with which both sides pull at zero force.")]
+OverlapOrAuto = Annotated[
+    str,
+    typer.Option(
+        "--overlap",
+        help="Force with which both sides pull at zero force; auto: what keeps the reference within the voltage limit.",
+    ),
+]
+AUTO = "auto"
 CurrentLoop = Annotated[
     str | None,
     typer.Option(help="Bandwidth of the current loop around a voltage drive; without, the most that there is."),

@@ -57,6 +57,24 @@ def test_every_design_runs(msl_fem, options, kind, loss):
     assert found["inverse_domain"]["source"] == "table"
 
 
+def test_the_sides_overlap_as_far_as_the_reference_asks_for(msl_fem, tmp_path):
+    """200 Hz at 0.1 mm takes more voltage than there is where one side pulls at a time; so both pull, and |T| is 1."""
+    folder = tmp_path / "rec"
+    fast = ("--reference", "sine:frequency=200 Hz,amplitude=0.1 mm,duration=0.4 s")
+    found = msl_fem("control", SERVO, "--table", TABLE, *fast, *ALONE, "-o", str(folder), "--json").json
+    asked = found["asked_voltage"]
+    assert asked["overlap_N"] == asked["needed_overlap_N"] > 0.0
+    assert asked["largest_V"] < 0.9 * asked["limit_V"]
+    record = load_record(folder)
+    assert record.controller["overlap"] == f"{asked['overlap_N']!r} N"
+    time, position = (record.runs[0].columns[name] for name in ("time_s", "position_m"))
+    late = time >= 0.2
+    gain = 2 * abs(np.mean(position[late] * np.exp(-2j * np.pi * 200.0 * time[late]))) / 1e-4
+    assert abs(20 * np.log10(gain)) < 0.5
+    hard = msl_fem("control", SERVO, "--table", TABLE, *fast, "--overlap", "0 N", *ALONE)
+    assert f'--overlap "{asked["needed_overlap_N"]:g} N"' in hard.stdout
+
+
 def test_controller_and_plant_are_as_designed_unless_told_otherwise(msl_fem, extended, tmp_path):
     """What the drawing tells is in the plant and in the inverse, and the record says so: its loop is made again."""
     folder = tmp_path / "rec"
