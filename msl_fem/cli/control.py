@@ -15,6 +15,7 @@ from msl_fem.cli.controllers import DesignOptions, design_of_model, model_of, wi
 from msl_fem.cli.currents_commanded import currents_commanded
 from msl_fem.cli.effects_told import effects_told
 from msl_fem.cli.foretold import design_of_belief, improvement_on
+from msl_fem.cli.learning import Draws, check_learning, learned_reference
 from msl_fem.cli.options import (
     AUTO,
     Bandwidth,
@@ -55,7 +56,7 @@ from msl_fem.control.asked_voltage import AskedVoltage
 from msl_fem.control.injection import held_under_test
 from msl_fem.control.spec_sheet import SpecSheet, spec_sheet
 from msl_fem.control.stepper import stated
-from msl_fem.control.unseen_plants import SUSPECTS, DrawPlant, UnseenPlants, on_unseen_plants, suspected_plant
+from msl_fem.control.unseen_plants import SUSPECTS, UnseenPlants, on_unseen_plants, suspected_plant
 from msl_fem.errors import InputError
 from msl_fem.export.c_controller import ControllerSource
 from msl_fem.export.c_controller import write as write_controller
@@ -104,6 +105,9 @@ def command(
     unseen: Annotated[
         int, typer.Option(min=0, metavar="N", help="Plants beside the believed one to judge the loop on; 0: none.")
     ] = 20,
+    learn: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Trials in which a reference that repeats is learned; 0: none.")
+    ] = 0,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Record folder of the run.")] = None,
     header: Annotated[
         Path | None, typer.Option("--c", metavar="FILE", help="The controller as C99 header, as 'export' writes it.")
@@ -125,6 +129,7 @@ def command(
     With --from the controller knows what a diagnosis says, a record is diagnosed first; it is judged on plants that the
     diagnosis leaves possible, beside the controller of the belief.
     About the amplifier of a voltage drive a current loop is taken (--current-loop).
+    With --learn a reference that repeats is corrected from trial to trial; the table of it goes into the header.
     The plant has the causes of --effect beside. With --inject the run holds a position, and 'msl-fem loop' measures it.
     """
     options = DesignOptions(
@@ -149,6 +154,8 @@ def command(
         if output is not None:
             check_record_folder(output)
         task = _task(wanted, plant.actuator, injected=inject is not None)
+        if learn:
+            check_learning(task.track, injected=inject is not None)
         loop = _designed(
             options, plant, told, task, files=(table, map_file), belief=belief, causes=causes, itself=actuator is None
         )
@@ -161,8 +168,14 @@ def command(
             write_record(_record(loop, run, task, bandwidth=bandwidth, bias=bias), output)
         sheet = _sheet(loop, run, task, told, unseen=unseen, files=(table, map_file))
         fields = _fields(loop, run, sheet, as_json=json)
+        learned = None
+        if learn:
+            draws = _draws(loop.acted_on, told)
+            learned, fields["learning"] = learned_reference(
+                loop.controller, task.track, loop.acted_on, draws, trials=learn, unseen=unseen, seed=seed
+            )
         if header is not None:
-            write_controller(ControllerSource(loop.controller, loop.maps.one_side), header)
+            write_controller(ControllerSource(loop.controller, loop.maps.one_side, learned), header)
             fields |= {"c": str(header)}
         if report is not None:
             with progress_bar("trials") as progress:
@@ -293,24 +306,16 @@ def _followed(reference_: str | None, inject: str | None) -> Excitation:
     return found[0]
 
 
-@dataclass(frozen=True)
-class _Draws:
-    """How plants beside the believed one are drawn, and what they have beside their tolerances."""
-
-    draw: DrawPlant
-    suspects: tuple[str, ...]
-
-
-def _draws(plant: PlantUnderTest, told: Told | None) -> _Draws:
+def _draws(plant: PlantUnderTest, told: Told | None) -> Draws:
     """Plants within the tolerances, with the suspects; after a diagnosis those that it leaves possible."""
     if told is None:
-        return _Draws(lambda generator: suspected_plant(plant, generator), SUSPECTS)
+        return Draws(lambda generator: suspected_plant(plant, generator), SUSPECTS)
     fitted = PlantUnderTest(told.model.actuator, plant.table, _effects(told.model))
     posterior = told.posterior
-    return _Draws(lambda generator: posterior.draw(fitted, generator), ())
+    return Draws(lambda generator: posterior.draw(fitted, generator), ())
 
 
-def _on_others(controller: ControllerDesign, track: Reference, draws: _Draws, *, n: int) -> UnseenPlants | None:
+def _on_others(controller: ControllerDesign, track: Reference, draws: Draws, *, n: int) -> UnseenPlants | None:
     """The loop on plants that it was not designed for; None where there are none."""
     try:
         with progress_bar("unseen plants") as progress:

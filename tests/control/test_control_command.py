@@ -75,6 +75,23 @@ def test_the_sides_overlap_as_far_as_the_reference_asks_for(msl_fem, tmp_path):
     assert f'--overlap "{asked["needed_overlap_N"]:g} N"' in hard.stdout
 
 
+def test_a_reference_that_repeats_is_learned_and_goes_to_the_board(msl_fem, tmp_path):
+    """The correction takes off what a hidden gap offset leaves; the header has a row a sample of the period."""
+    plant, header = tmp_path / "offset.toml", tmp_path / "controller.h"
+    plant.write_text(Path(SERVO).read_text() + '[effects.gap_offset]\noffset = "25 um"\n')
+    fast = ("--table", TABLE, "--reference", "sine:frequency=50 Hz,amplitude=0.2 mm,duration=0.4 s", "--unseen", "0")
+    found = msl_fem("control", str(plant), *fast, "--learn", "4", "--c", str(header), "--json").json["learning"]
+    assert found["period_s"] == pytest.approx(0.02)
+    assert found["scenario_plants"] == 40
+    assert found["error_rms_m"][4] < 0.5 * found["error_rms_m"][0]
+    assert "static const double row[n_row][6]" in header.read_text()
+    assert "enum { n_row = 50 }" in header.read_text()
+    jump = ("control", SERVO, "--table", TABLE, "--learn", "2")
+    assert "does not repeat" in msl_fem(*jump, "--reference", "step:amplitude=0.1 mm,duration=0.2 s").complaint
+    noise = "band-limited-noise:band=400 Hz,amplitude=0.1 um,duration=1 s"
+    assert "leave it out beside --inject" in msl_fem(*jump, "--inject", noise).complaint
+
+
 def test_controller_and_plant_are_as_designed_unless_told_otherwise(msl_fem, extended, tmp_path):
     """What the drawing tells is in the plant and in the inverse, and the record says so: its loop is made again."""
     folder = tmp_path / "rec"
