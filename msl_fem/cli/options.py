@@ -112,8 +112,8 @@ SectionEnds = Annotated[
     typer.Option(
         "--end-effects",
         metavar="none|section",
-        help="Correct the section of one magnet for the flux at the stack's ends; by default, where the kind has such "
-        "ends and the file does not say none.",
+        help="Correct sections for the flux at the stack's ends; by default, where the kind has such ends and the file "
+        "does not say none.",
     ),
 ]
 DEFAULT_RISE, DEFAULT_AMBIENT = "80 K", "20 degC"
