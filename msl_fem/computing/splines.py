@@ -93,12 +93,13 @@ def akima_slopes(x: Array, y: Array, *, modified: bool) -> Array:
     return np.where(known, (left * m[1:-2] + right * m[2:-1]) / total, 0.5 * (m[3:] + m[:-3]))
 
 
-def hermite_cubic(ends: tuple[Array, Array], slopes: tuple[Array, Array], t: float) -> Array:
+def hermite_cubic(ends: tuple[Array, Array], slopes: tuple[Array, Array], t: float | Array) -> Array:
     """The cubic through two values with their slopes, at t: 0 is the first one, 1 the second one.
 
     Parameters
     ----------
     ends, slopes : two arrays of one shape each; slopes per unit of t
+    t : one, or an array that fits them
     """
     rise = t * t * (3.0 - 2.0 * t)
     first, second = t * (1.0 - t) ** 2, t * t * (t - 1.0)

@@ -9,8 +9,9 @@ from conftest import ROOT
 import msl_fem.magnetics.sweep.reduced_rows
 from msl_fem.actuator import load_actuator
 from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
-from msl_fem.magnetics.reduced.cubature import fewest, sparse_weights
+from msl_fem.magnetics.reduced.cubature import fewest, null_space, sparse_weights
 from msl_fem.magnetics.reduced.full_field import FullField
+from msl_fem.magnetics.reduced.online import IronTerms, line_search
 from msl_fem.magnetics.reduced.reduced_model import FieldPoints, ReducedModel
 from msl_fem.magnetics.reduced.reduction import Reducer, Reduction, ReductionSettings
 from msl_fem.magnetics.sweep.reduced_rows import reduced_rows
@@ -122,6 +123,61 @@ def test_where_the_states_are_sought_from_changes_them_by_little_and_spares_step
     assert np.array_equal(known.near(known.points), known.states)
 
 
+def test_tangent_is_the_slope_of_the_gradient_by_both_ways_of_making_it(reduction: Reduction) -> None:
+    """Taylor: the gradient's change less the tangent's is of the second order; with shared products and without."""
+    model, (state, step) = reduction.model, reduction.states.states[[-1, -9]]
+    direct, shared = (IronTerms(model.iron, many=many) for many in (False, True))
+    curvature = direct.at(state[None])[1]
+    upper = [np.triu(terms.tangents(curvature)[0]) for terms in (direct, shared)]
+    assert upper[0] == pytest.approx(upper[1], rel=1e-9, abs=1e-12 * np.abs(upper[0]).max())
+    tangent = upper[0] + np.triu(upper[0], 1).T
+    left = []
+    for size in (1e-2, 1e-3):
+        change = direct.at((state + size * step)[None])[0] - direct.at(state[None])[0]
+        left.append(np.linalg.norm(change[0] - size * tangent @ step))
+    assert 80 < left[0] / left[1] < 120
+
+
+def test_line_search_ends_where_the_slope_is_small_and_says_what_is_there(reduction: Reduction) -> None:
+    """From no field, along steps to ten times a solution, where the iron is far beyond its knee."""
+    model, states = reduction.model, reduction.states
+    n = int(np.argmax(states.points.currents[:, 0]))
+    stiffness = model.linear.at(float(states.points.coordinate[n]))[0][None]
+    load = states.points.currents[n] @ model.sources
+    terms = IronTerms(model.iron, many=False)
+    step = 10 * states.states[n][None]
+    descent = step @ load
+    found, force, curvature = line_search(0 * step, step, descent, stiffness, load[None], terms)
+    assert np.linalg.norm(found) < 0.3 * np.linalg.norm(step)
+    there = terms.at(found)
+    assert (force, curvature) == (pytest.approx(there[0]), pytest.approx(there[1]))
+    slope = step[0] @ (stiffness[0] @ found[0] + force[0] - load)
+    assert abs(slope) <= 0.5 * descent[0]
+
+
+def test_solutions_taken_are_states_with_their_slopes(full: FullField, points: FieldPoints) -> None:
+    """Each solved roughly, so that its state is near the reduced one at its point."""
+    reducer = Reducer(full, points, SETTINGS)
+    reducer.draft()
+    basis = reducer.space.basis(SETTINGS.modes)
+    known = reducer.taken_in(basis)
+    found = ReducedModel(basis, full.sources, basis.whole_iron()).solve(known.points)
+    for name in ("states", "by_current", "by_coordinate"):
+        one, other = getattr(known, name), getattr(found, name)
+        assert np.linalg.norm(one - other) < 0.05 * np.linalg.norm(other), name
+
+
+def test_a_far_start_leads_to_the_same_states(reduction: Reduction) -> None:
+    """The line search: a full step from there overshoots by far in the saturated iron."""
+    known = reduction.states
+    again = reduction.model.solve(known.points, -3 * known.states[::-1])
+    assert (again.steps > 0).all()
+    assert again.steps.max() <= 20
+    driven = known.points.currents[:, 0] > 0
+    assert again.energy_slope[driven] == pytest.approx(known.energy_slope[driven], rel=1e-6)
+    assert np.array_equal(again.states[~driven], np.zeros_like(again.states[~driven]))
+
+
 def test_error_falls_with_the_number_of_functions(reduction: Reduction, full: FullField) -> None:
     basis = reduction.model.basis
     whole = ReducedModel(basis, full.sources, basis.whole_iron())
@@ -166,6 +222,16 @@ def test_cubature_keeps_sums_with_positive_weights() -> None:
     assert chosen.size <= 13
     assert (found > 0).all()
     assert rows[:, chosen] @ found == pytest.approx(rows @ weight, rel=1e-8, abs=1e-8)
+
+
+@pytest.mark.parametrize("dependent", [False, True])
+def test_null_space_is_what_the_columns_map_to_nothing(dependent: bool) -> None:
+    columns = np.random.default_rng(5).normal(size=(6, 14))
+    if dependent:
+        columns[4] = 2 * columns[1] - columns[0]
+    free = null_space(columns)
+    assert np.abs(columns @ free.T).max() < 1e-12 * np.abs(free).max()
+    assert np.linalg.matrix_rank(free) == len(free) == 8
 
 
 def test_fewest_weights_keep_the_moments_of_a_line() -> None:

@@ -9,7 +9,6 @@ from msl_fem.design.sizing.choice import DesignChoice, choose_design, sized_actu
 from msl_fem.design.sizing.evaluation import DesignEvaluator
 from msl_fem.design.sizing.requirement import Requirement
 from msl_fem.design.sizing.search import SearchResult, SearchSettings, search_designs
-from msl_fem.magnetics.field.end_effects import EndEffects
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,13 +20,10 @@ class SizedMagnet:
     search: SearchResult
 
 
-def size_magnet(
-    requirement: Requirement, settings: SearchSettings | None = None, *, end_effects: EndEffects = None
-) -> SizedMagnet:
+def size_magnet(requirement: Requirement, settings: SearchSettings | None = None) -> SizedMagnet:
     """The magnet of a requirement, by closed equations, a search and fields.
 
     `settings.storage` keeps judged designs, so that the same call goes on; without settings nothing is kept.
-    `end_effects` are those of the fields, by default what the kind knows; with False the actuator says so.
 
     Raises
     ------
@@ -38,11 +34,10 @@ def size_magnet(
         how = settings or SearchSettings(storage="")
         if not how.storage:
             how = replace(how, storage=f"sqlite:///{folder}/trials.sqlite3")
-        evaluator = DesignEvaluator(requirement, end_effects)
+        evaluator = DesignEvaluator(requirement)
         search = search_designs(evaluator, how)
         choice = choose_design(evaluator, search)
     performance = choice.evaluation.performance
     assert performance is not None
-    target = Path(f"{requirement.name}.toml")
-    actuator = sized_actuator(performance, requirement, target=target, end_effects=end_effects)
+    actuator = sized_actuator(performance, requirement, target=Path(f"{requirement.name}.toml"))
     return SizedMagnet(actuator, choice, search)

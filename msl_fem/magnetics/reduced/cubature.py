@@ -9,7 +9,9 @@ the sums are nearly dependent. Positive weights keep the reduced energy convex.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, qr
+from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.blas import dtrsm
+from scipy.linalg.lapack import dgetrf
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
@@ -70,27 +72,36 @@ def _polished(rows: Array, target: Array, points: Indices, weight: Array) -> tup
 
 def fewest(columns: Array, weight: Array) -> Array:
     """Weights (n,) with the same columns @ weight, columns (m, n), of which at most m are positive, the others 0."""
-    m, n = columns.shape
     weight = weight.copy()
-    free = qr(columns.T, mode="full")[0][:, m:].T.copy() if n > m else np.empty((0, n))
-    _eliminate(free, weight)
+    _eliminate(null_space(columns), weight)
     return np.maximum(weight, 0.0)
+
+
+def null_space(columns: Array) -> Array:
+    """(n - m, n) independent vectors that the columns (m, n) map to 0, from factors L U of the transposed matrix.
+
+    With columns^T = P (L_1; L_2) U they are (-L_2 L_1^-1, I) P^T; row exchanges keep L well-conditioned, whatever U is.
+    """
+    m, n = columns.shape
+    factors, exchanged, _ = dgetrf(columns.T)
+    order = np.arange(n)
+    for k, other in enumerate(exchanged):
+        order[[k, other]] = order[[other, k]]
+    free = np.zeros((max(n - m, 0), n))
+    if n > m:
+        free[:, order[:m]] = -dtrsm(1.0, factors[:m], factors[m:], side=1, lower=1, diag=1)
+        free[np.arange(n - m), order[m:]] = 1.0
+    return free
 
 
 @compiled
 def _eliminate(free: Array, weight: Array) -> None:
     """Moves the weights (n,) along vectors (k, n) that change no sum until a weight is 0, one for each; both written.
 
-    The vector with the largest entry goes first; the others are freed of the weight that has gone.
+    The other vectors are freed of the weight that has gone.
     """
-    largest = np.empty(free.shape[0])
-    for row in range(free.shape[0]):
-        largest[row] = np.abs(free[row]).max()
     for k in range(free.shape[0]):
-        pivot = k + int(np.argmax(largest[k:]))
-        along = free[pivot].copy()
-        free[pivot] = free[k]
-        largest[pivot] = largest[k]
+        along = free[k]
         if along.max() < -along.min():
             along = -along
         step, out = np.inf, 0
@@ -105,7 +116,3 @@ def _eliminate(free: Array, weight: Array) -> None:
             for j in range(weight.size):
                 free[row, j] -= share * along[j]
             free[row, out] = 0.0
-            top = 0.0
-            for j in range(weight.size):
-                top = max(top, abs(free[row, j]))
-            largest[row] = top

@@ -1,8 +1,10 @@
-"""Newton's iteration in a reduced space, point after point; what goes over the quadrature is compiled."""
+"""Newton's iteration in a reduced space, at many points in step; what goes over the quadrature is compiled."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dposv, dpotrs
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
@@ -12,6 +14,7 @@ from msl_fem.materials.curves import NO_FIELD, Curves, Indices, magnetise_at
 ACCEPTED = 1e-6  # relative energy norm of the last of Newton's steps, after which its square is left
 SAME_WAY = 1e-9  # of a step of the currents
 MOST_STEPS, MOST_TRIALS = 60, 30
+MANY = 16  # points from which on products of the gradients are worth their making
 
 
 class ReducedIron(NamedTuple):
@@ -31,141 +34,224 @@ class ReducedIron(NamedTuple):
 
 
 @compiled
-def assemble_iron(field: Array, iron: ReducedIron, force: Array, root: Array) -> None:
-    """The iron's part of the gradient, G^T force, and of the tangent, root^T root; both (2 n_point, ...) are written.
+def magnetise_fields(field: Array, iron: ReducedIron, curvature: Array) -> None:
+    """Gradients (n, 2 n_point) of states to weighted H, in place; `curvature` (n, 3 n_point) is written unless empty.
 
-    `field` (2 n_point,) is the state's gradient.
-
-    With n = B/|B|, t across it: T = dH/dB n n^T + H/B t t^T, both positive, so that the tangent is a sum of squares.
+    It holds w dH/dB: all its xx entries, then xy, then yy. With n = B/|B|: dH/dB = H/B + (dH/d|B| - H/B) n n^T.
     """
-    curves = iron.curves
-    for q in range(iron.weight.size):
-        x, y = field[2 * q], field[2 * q + 1]
-        b = np.sqrt(x * x + y * y)
-        h, slope = magnetise_at(b, iron.iron[q], curves.start, curves.b, curves.h, curves.slope, curves.tail)
-        nu = slope
-        x_n, y_n = 1.0, 0.0
-        if b > NO_FIELD:
-            nu = h / b
-            x_n, y_n = x / b, y / b
-        w = iron.weight[q]
-        force[2 * q], force[2 * q + 1] = w * nu * x, w * nu * y
-        along, across = np.sqrt(w * slope), np.sqrt(w * nu)
-        for j in range(root.shape[1]):
-            g_x, g_y = iron.gradients[2 * q, j], iron.gradients[2 * q + 1, j]
-            root[2 * q, j] = along * (x_n * g_x + y_n * g_y)
-            root[2 * q + 1, j] = across * (x_n * g_y - y_n * g_x)
+    curves, n_point = iron.curves, iron.weight.size
+    for k in range(field.shape[0]):
+        for q in range(n_point):
+            x, y = field[k, 2 * q], field[k, 2 * q + 1]
+            b = np.sqrt(x * x + y * y)
+            h, slope = magnetise_at(b, iron.iron[q], curves.start, curves.b, curves.h, curves.slope, curves.tail)
+            nu, excess = slope, 0.0
+            if b > NO_FIELD:
+                nu = h / b
+                excess = (slope - nu) / (b * b)
+            w = iron.weight[q]
+            field[k, 2 * q], field[k, 2 * q + 1] = w * nu * x, w * nu * y
+            if curvature.size:
+                curvature[k, q] = w * (nu + excess * x * x)
+                curvature[k, n_point + q] = w * excess * x * y
+                curvature[k, 2 * n_point + q] = w * (nu + excess * y * y)
 
 
 @compiled
-def magnetise_field(field: Array, iron: ReducedIron) -> None:
-    """Gradients (2 n_point, n) to weighted H = w H/|B| times them, in place."""
-    curves = iron.curves
-    for q in range(iron.weight.size):
-        for n in range(field.shape[1]):
-            x, y = field[2 * q, n], field[2 * q + 1, n]
-            b = np.sqrt(x * x + y * y)
-            h, slope = magnetise_at(b, iron.iron[q], curves.start, curves.b, curves.h, curves.slope, curves.tail)
-            nu = h / b if b > NO_FIELD else slope
-            field[2 * q, n], field[2 * q + 1, n] = iron.weight[q] * nu * x, iron.weight[q] * nu * y
+def products_of(gradients: Array) -> Array:
+    """(3 n_point, N (N + 1)/2) what the entries of `curvature` are multiplied by in a tangent's upper triangle."""
+    n_point, size = gradients.shape[0] // 2, gradients.shape[1]
+    products = np.empty((3 * n_point, size * (size + 1) // 2))
+    for q in range(n_point):
+        x, y = gradients[2 * q], gradients[2 * q + 1]
+        place = 0
+        for i in range(size):
+            for j in range(i, size):
+                products[q, place] = x[i] * x[j]
+                products[n_point + q, place] = x[i] * y[j] + y[i] * x[j]
+                products[2 * n_point + q, place] = y[i] * y[j]
+                place += 1
+    return products
 
 
-def newton(c: Array, stiffness: Array, load: Array, iron: ReducedIron, force: Array, root: Array) -> tuple[Array, int]:
-    """The tangent at the solution and the number of steps (0: not converged); c (N,) is start and answer.
-
-    Minimises the convex c.K c/2 + iron energy - load.c as `solve_field` does, with a line search by the slope.
-    """
-    assemble_iron(iron.gradients @ c, iron, force, root)
-    tangent = stiffness + root.T @ root
-    gradient = stiffness @ c + iron.gradients.T @ force
-    for n in range(MOST_STEPS):
-        step = np.linalg.solve(tangent, load - gradient)
-        descent = float(step @ (load - gradient))
-        scale = max(c @ gradient, (c + step) @ load)
-        if descent <= ACCEPTED**2 * scale or scale == 0.0:
-            c += step
-            return tangent, n + 1
-        if not descent > 0:
-            return tangent, 0
-        # along the step the slope rises from -descent: its root is bracketed (Illinois), as in `solve_field`
-        low, low_slope, high, high_slope, t = 0.0, -descent, 1.0, 0.0, 1.0
-        trial = c + step
-        for _ in range(MOST_TRIALS):
-            trial = c + t * step
-            assemble_iron(iron.gradients @ trial, iron, force, root)
-            gradient = stiffness @ trial + iron.gradients.T @ force
-            left = float(step @ (gradient - load))
-            if abs(left) <= 0.5 * descent or (t == 1.0 and left < 0):
-                break
-            if left > 0:
-                high, high_slope = t, left
-                low_slope /= 2
-            else:
-                low, low_slope = t, left
-                high_slope /= 2
-            t = low - low_slope * (high - low) / (high_slope - low_slope)
-        c[:] = trial
-        tangent = stiffness + root.T @ root
-    return tangent, 0
-
-
-def states_along(
-    place: Indices,
-    coordinate: Array,
-    currents: Array,
-    stiffness: Array,
-    slope: Array,
-    sources: Array,
-    iron: ReducedIron,
-    start: Array | None,
-) -> tuple[Array, Array, Array, Indices]:
-    """States (n, N), dc/di (n, coil, N), dc/dq (n, N) and Newton's steps (n,) of points.
+class IronTerms:
+    """Gradient and tangent of the irons' energy at states; many of these share the gradients' products.
 
     Parameters
     ----------
-    place : (n,) which of the coordinates
-    coordinate : (n_q,) q
+    iron : the quadrature
+    many : whether there will be many states
+    """
+
+    def __init__(self, iron: ReducedIron, *, many: bool) -> None:
+        self.iron = iron
+        self.products = products_of(iron.gradients) if many else None
+        self._upper = np.triu_indices(iron.gradients.shape[1])
+
+    def at(self, states: Array) -> tuple[Array, Array]:
+        """(n, N) the gradient and (n, 3 n_point) the curvature at states (n, N)."""
+        field = states @ self.iron.gradients.T
+        curvature = np.empty((len(states), 3 * self.iron.weight.size))
+        magnetise_fields(field, self.iron, curvature)
+        return field @ self.iron.gradients, curvature
+
+    def tangents(self, curvature: Array) -> Array:
+        """(n, N, N) of which the upper triangles count."""
+        size = self.iron.gradients.shape[1]
+        tangents = np.zeros((len(curvature), size, size))
+        if self.products is not None:
+            tangents[:, *self._upper] = curvature @ self.products
+            return tangents
+        g_x, g_y = self.iron.gradients[::2], self.iron.gradients[1::2]
+        for tangent, entries in zip(tangents, curvature, strict=True):
+            xx, xy, yy = entries.reshape(3, -1, 1)
+            tangent += g_x.T @ (xx * g_x + xy * g_y) + g_y.T @ (xy * g_x + yy * g_y)
+        return tangents
+
+
+def newton(start: Array, stiffness: Array, load: Array, iron: IronTerms) -> tuple[Array, list[Array], Indices]:
+    """States (n, N) from a start, the factored tangent of each, and the number of steps (0: not converged).
+
+    Each minimises the convex c.K c/2 + iron energy - load.c as `solve_field` does, with a line search by the slope;
+    stiffness K (n, N, N), load (n, N).
+    """
+    states, steps = start.copy(), np.zeros(len(start), dtype=np.int64)
+    factors: list[Array] = [np.empty(0)] * len(start)
+    active = np.arange(len(start))
+    force, curvature = iron.at(states)
+    for n in range(MOST_STEPS):
+        c, rest = states[active], load[active] - np.einsum("nij,nj->ni", stiffness[active], states[active]) - force
+        step, positive = np.zeros_like(c), np.zeros(len(active), dtype=bool)
+        for k, tangent in enumerate(stiffness[active] + iron.tangents(curvature)):
+            factors[active[k]], step[k], info = dposv(tangent, rest[k])
+            positive[k] = info == 0
+        descent = (step * rest).sum(axis=1)
+        scale = np.maximum((c * (load[active] - rest)).sum(axis=1), ((c + step) * load[active]).sum(axis=1))
+        done = positive & ((descent <= ACCEPTED**2 * scale) | (scale == 0.0))
+        states[active[done]] += step[done]
+        steps[active[done]] = n + 1
+        left = positive & ~done & (descent > 0)
+        active, step, descent = active[left], step[left], descent[left]
+        if not active.size:
+            break
+        states[active], force, curvature = line_search(
+            states[active], step, descent, stiffness[active], load[active], iron
+        )
+    return states, factors, steps
+
+
+def line_search(
+    states: Array, step: Array, descent: Array, stiffness: Array, load: Array, iron: IronTerms
+) -> tuple[Array, Array, Array]:
+    """States along their steps (n, N), the iron's gradient and curvature there.
+
+    Along a step the slope rises from -descent (n,): its root is bracketed (Illinois), as in `solve_field`.
+    """
+    trial = states + step
+    force, curvature = iron.at(trial)
+    n = len(states)
+    low, low_slope, high, high_slope, t = np.zeros(n), -descent, np.ones(n), np.zeros(n), np.ones(n)
+    at = np.arange(n)
+    for _ in range(MOST_TRIALS):
+        gradient = np.einsum("nij,nj->ni", stiffness[at], trial[at]) + force[at]
+        slope = (step[at] * (gradient - load[at])).sum(axis=1)
+        going = ~((np.abs(slope) <= 0.5 * descent[at]) | ((t[at] == 1.0) & (slope < 0)))
+        at, slope = at[going], slope[going]
+        if not at.size:
+            break
+        past = slope > 0
+        above, below = at[past], at[~past]
+        high[above], high_slope[above] = t[above], slope[past]
+        pass
+        low[below], low_slope[below] = t[below], slope[~past]
+        high_slope[below] /= 2
+        t[at] = low[at] - low_slope[at] * (high[at] - low[at]) / (high_slope[at] - low_slope[at])
+        trial[at] = states[at] + t[at, None] * step[at]
+        force[at], curvature[at] = iron.at(trial[at])
+    return trial, force, curvature
+
+
+class ReducedProblem(NamedTuple):
+    """What is solved at points (n,): the linear regions in a reduced space, the coils, the irons.
+
+    Attributes
+    ----------
+    place, coordinate : (n,) which of the coordinates q (n_q,)
     currents : (n, coil)
     stiffness, slope : (n_q, N, N) of the linear regions, and its derivative with respect to q
     sources : (coil, N)
-    start : (n, N) what is expected; None: each point begins at what the ones before lead to
-    """  # fmt: skip
-    n, n_coil, size = place.size, sources.shape[0], sources.shape[1]
-    states, steps = np.zeros((n, size)), np.zeros(n, dtype=np.int64)
-    by_current, by_coordinate = np.zeros((n, n_coil, size)), np.zeros((n, size))
-    force, root = np.zeros(iron.gradients.shape[0]), np.zeros(iron.gradients.shape)
-    for p in range(n):
-        at = place[p]
-        c = np.zeros(size)
-        load = currents[p] @ sources
-        if not load.any():
-            pass  # no field, to the last bit
-        elif start is not None:
-            c += start[p]
-        elif p > 0 and steps[p - 1] > 0:
-            straight = p > 1 and place[p - 2] == place[p - 1] == at and steps[p - 2] > 0
-            ratio = same_way(currents[p - 2], currents[p - 1], currents[p]) if straight else 0.0
-            if ratio > 0.0:
-                step = currents[p - 1] - currents[p - 2]
-                slopes = step @ by_current[p - 2], step @ by_current[p - 1]
-                c += hermite_cubic((states[p - 2], states[p - 1]), slopes, 1.0 + ratio)
-            else:
-                c += states[p - 1] + by_coordinate[p - 1] * (coordinate[at] - coordinate[place[p - 1]])
-                c += (currents[p] - currents[p - 1]) @ by_current[p - 1]
-        tangent, steps[p] = newton(c, stiffness[at], load, iron, force, root)
-        if steps[p] == 0:
-            c[:] = 0.0
-            tangent, steps[p] = newton(c, stiffness[at], load, iron, force, root)
-        states[p] = c
-        right = np.column_stack([sources.T, -(slope[at] @ c)])
-        answer = np.linalg.solve(tangent, right)
-        by_current[p], by_coordinate[p] = answer[:, :-1].T, answer[:, -1]
-    return states, by_current, by_coordinate, steps
+    iron : the quadrature
+    """
+
+    place: Indices
+    coordinate: Array
+    currents: Array
+    stiffness: Array
+    slope: Array
+    sources: Array
+    iron: ReducedIron
 
 
-def same_way(first: Array, second: Array, third: Array) -> float:
-    """How many times the step from the first to the second currents (coil,) leads on to the third; 0 if it does not."""
+class StatesAt:
+    """Where the points' states are found: points with their start at once, or along ways.
+
+    Attributes
+    ----------
+    states, by_current, by_coordinate : (n, N), dc/di (n, coil, N), dc/dq (n, N)
+    steps : (n,) Newton's, 0 where they did not converge
+    """
+
+    def __init__(self, problem: ReducedProblem) -> None:
+        self.problem = problem
+        n, n_coil, size = problem.place.size, *problem.sources.shape
+        self.states, self.steps = np.zeros((n, size)), np.zeros(n, dtype=np.int64)
+        self.by_current, self.by_coordinate = np.zeros((n, n_coil, size)), np.zeros((n, size))
+        self._load = problem.currents @ problem.sources
+        self._terms = IronTerms(problem.iron, many=n >= MANY)
+
+    def seek(self, batch: Indices, expected: Array) -> None:
+        """The states of some points from what is expected (len(batch), N), or else from none, and their slopes."""
+        stiffness, load = self.problem.stiffness[self.problem.place[batch]], self._load[batch]
+        driven = np.asarray(load.any(axis=1))  # where not, there is no field, to the last bit
+        states, factors, steps = newton(expected * driven[:, None], stiffness, load, self._terms)
+        for k in np.flatnonzero(steps == 0):
+            one = slice(k, k + 1)
+            states[one], factors[one], steps[one] = newton(0 * states[one], stiffness[one], load[one], self._terms)
+        self.states[batch], self.steps[batch] = states, steps
+        for p, factor in zip(batch, factors, strict=True):
+            slope = self.problem.slope[self.problem.place[p]] @ self.states[p]
+            answer = dpotrs(factor, np.column_stack([self.problem.sources.T, -slope]))[0]
+            self.by_current[p], self.by_coordinate[p] = answer[:, :-1].T, answer[:, -1]
+
+    def go(self, ways: Sequence[Indices]) -> None:
+        """The states along ways (each n_way,) of one coordinate, gone in step, each point from those before it."""
+        for k in range(max(map(len, ways))):
+            on = [way[max(k - 2, 0) : k + 1] for way in ways if k < len(way)]
+            self.seek(np.array([way[-1] for way in on]), self._expected(np.array(on).T))
+
+    def _expected(self, on: Indices) -> Array:
+        """(n, N) at the last of the points (up to 3, n), by the cubic of the two before where it leads on to them."""
+        if len(on) == 1:
+            return np.zeros((on.shape[1], self.states.shape[1]))
+        currents = self.problem.currents[on]
+        last, expected = on[-2], self.states[on[-2]] + self._rise(currents[-1] - currents[-2], on[-2])
+        if len(on) == 2:
+            return expected
+        before, ratio = currents[1] - currents[0], same_way(*currents)
+        slopes = self._rise(before, on[0]), self._rise(before, last)
+        further = hermite_cubic((self.states[on[0]], self.states[last]), slopes, 1.0 + ratio[:, None])
+        straight = (ratio > 0.0) & (self.steps[on[0]] > 0) & (self.steps[last] > 0)
+        return np.where(straight[:, None], further, expected)
+
+    def _rise(self, currents: Array, at: Indices) -> Array:
+        """(n, N) what the slopes at points (n,) make of steps of the currents (n, coil)."""
+        return np.asarray(np.einsum("nk,nkj->nj", currents, self.by_current[at]))
+
+
+def same_way(first: Array, second: Array, third: Array) -> Array:
+    """How many times steps from the first to the second currents (..., coil) lead on to the third; 0 if they do not."""
     step, further = second - first, third - second
-    size = float(step @ step)
-    ratio = float(step @ further) / size if size > 0.0 else 0.0
-    return ratio if ratio > 0.0 and np.allclose(further, ratio * step, rtol=0, atol=SAME_WAY * np.sqrt(size)) else 0.0
+    size = (step * step).sum(axis=-1)
+    ratio = (step * further).sum(axis=-1) / np.where(size > 0.0, size, 1.0)
+    aside = np.abs(further - ratio[..., None] * step).max(axis=-1)
+    return np.where((ratio > 0.0) & (aside <= SAME_WAY * np.sqrt(size)), ratio, 0.0)

@@ -14,7 +14,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.magnetics.reduced.online import ReducedIron, magnetise_field, states_along
+from msl_fem.magnetics.reduced.online import ReducedIron, ReducedProblem, StatesAt, magnetise_fields
 from msl_fem.magnetics.reduced.space import Basis
 from msl_fem.materials.curves import Indices
 
@@ -41,14 +41,46 @@ class FieldPoints:
             ranks[n] = np.where(turned, -ranks[n], ranks[n])
         return np.asarray(np.lexsort(ranks[::-1]))
 
+    def ways(self) -> list[Indices]:
+        """The points of each coordinate, in an order in which neighbours follow each other, from the lower currents."""
+        way = self.way()
+        place = np.unique(self.coordinate, return_inverse=True)[1][way]
+        size = np.linalg.norm(self.currents, axis=1)
+        each = np.split(way, np.flatnonzero(np.diff(place)) + 1)
+        return [one if size[one[0]] <= size[one[-1]] else one[::-1] for one in each]
+
 
 @dataclass(frozen=True, eq=False)
-class ReducedStates:
-    """What `solve` gives, per unit depth in the plane: all of n points.
+class KnownStates:
+    """States of a reduced space at n points.
 
     Attributes
     ----------
     states, by_current, by_coordinate : (n, N), (n, coil, N), (n, N) with the derivatives
+    """
+
+    points: FieldPoints
+    states: Array
+    by_current: Array
+    by_coordinate: Array
+
+    def near(self, points: FieldPoints) -> Array:
+        """(n, N) expected at other points: along the slopes from the nearest of these, each axis over its span."""
+        axes = [(self.points.coordinate, points.coordinate)]
+        axes += list(zip(self.points.currents.T, points.currents.T, strict=True))
+        away = sum(((there[:, None] - here) / (np.ptp(here) or 1.0)) ** 2 for here, there in axes)
+        nearest = np.argmin(away, axis=1)
+        further = (points.coordinate - self.points.coordinate[nearest])[:, None] * self.by_coordinate[nearest]
+        rise = points.currents - self.points.currents[nearest]
+        return np.asarray(self.states[nearest] + further + np.einsum("nk,nkj->nj", rise, self.by_current[nearest]))
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedStates(KnownStates):
+    """What `solve` gives, per unit depth in the plane: all of n points.
+
+    Attributes
+    ----------
     flux_linkage : (n, coil)
     coenergy, energy_slope : (n,) W', and dW/dq at a given potential, which is -dW'/dq
     inductance : (n, coil, coil) d2W'/di2
@@ -56,10 +88,6 @@ class ReducedStates:
     steps : (n,) Newton's, 0 where they did not converge
     """
 
-    points: FieldPoints
-    states: Array
-    by_current: Array
-    by_coordinate: Array
     flux_linkage: Array
     coenergy: Array
     energy_slope: Array
@@ -72,16 +100,6 @@ class ReducedStates:
         """What was found at some of the points."""
         arrays = {f.name: getattr(self, f.name)[chosen] for f in fields(self) if f.name != "points"}
         return ReducedStates(self.points.only(chosen), **arrays)
-
-    def near(self, points: FieldPoints) -> Array:
-        """(n, N) expected at other points: along the slopes from the nearest of these, each axis over its span."""
-        axes = [(self.points.coordinate, points.coordinate)]
-        axes += list(zip(self.points.currents.T, points.currents.T, strict=True))
-        away = sum(((there[:, None] - here) / (np.ptp(here) or 1.0)) ** 2 for here, there in axes)
-        nearest = np.argmin(away, axis=1)
-        further = (points.coordinate - self.points.coordinate[nearest])[:, None] * self.by_coordinate[nearest]
-        rise = points.currents - self.points.currents[nearest]
-        return np.asarray(self.states[nearest] + further + np.einsum("nk,nkj->nj", rise, self.by_current[nearest]))
 
 
 class ReducedModel:
@@ -114,14 +132,13 @@ class ReducedModel:
         """The states and numbers at points; `start` (n, N) where something is expected."""
         coordinate, place = np.unique(points.coordinate, return_inverse=True)
         stiffness, slope, bend = (np.stack(part) for part in zip(*map(self.linear.at, coordinate), strict=True))
-        way = points.way()
-        begin = None if start is None else start[way]
-        found = states_along(
-            place[way], coordinate, points.currents[way], stiffness, slope, self.sources, self.iron, begin
-        )
-        back = np.argsort(way)
-        states, by_current, by_coordinate = (array[back] for array in found[:3])
-        steps = found[3][back]
+        problem = ReducedProblem(place, coordinate, points.currents, stiffness, slope, self.sources, self.iron)
+        found = StatesAt(problem)
+        if start is None:
+            found.go(points.ways())
+        else:
+            found.seek(np.arange(len(points)), start)
+        states, by_current, by_coordinate = found.states, found.by_current, found.by_coordinate
         first = np.einsum("nij,nj->ni", slope[place], states)
         second = np.einsum("ni,nij,nj->n", states, bend[place], states)
         flux = states @ self.sources.T
@@ -137,7 +154,7 @@ class ReducedModel:
             np.einsum("nkj,lj->nkl", by_current, self.sources),
             np.einsum("nj,nkj->nk", first, by_current),
             second / 2 + (first * by_coordinate).sum(axis=1),
-            steps,
+            found.steps,
         )
 
     def cubature_error(self, states: ReducedStates, chosen: Indices) -> Array:
@@ -145,10 +162,10 @@ class ReducedModel:
 
         To first order: the reduced force's change times the adjoints, which are dc/dq and dc/di.
         """
-        c = states.states[chosen].T
+        c = states.states[chosen]
         change = -_iron_force(self.iron, c) + _iron_force(self.basis.whole_iron(), c)
-        force = np.abs(np.einsum("nj,jn->n", states.by_coordinate[chosen], change)) / np.abs(states.energy_slope).max()
-        flux = np.abs(np.einsum("nkj,jn->nk", states.by_current[chosen], change))
+        force = np.abs(np.einsum("nj,nj->n", states.by_coordinate[chosen], change)) / np.abs(states.energy_slope).max()
+        flux = np.abs(np.einsum("nkj,nj->nk", states.by_current[chosen], change))
         return np.maximum(force, (flux / np.abs(states.flux_linkage).max(axis=0)).max(axis=1))
 
     def _iron_energy(self, states: Array) -> Array:
@@ -163,7 +180,7 @@ class ReducedModel:
 
 
 def _iron_force(iron: ReducedIron, states: Array) -> Array:
-    """(N, n) the iron's reduced force at states (N, n)."""
-    field = iron.gradients @ states
-    magnetise_field(field, iron)
-    return np.asarray(iron.gradients.T @ field)
+    """(n, N) the iron's reduced force at states (n, N)."""
+    field = states @ iron.gradients.T
+    magnetise_fields(field, iron, np.empty((0, 0)))
+    return np.asarray(field @ iron.gradients)

@@ -16,7 +16,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.reduced.cubature import sparse_weights
 from msl_fem.magnetics.reduced.full_field import ROUGH, FullField
-from msl_fem.magnetics.reduced.reduced_model import FieldPoints, ReducedModel, ReducedStates
+from msl_fem.magnetics.reduced.reduced_model import FieldPoints, KnownStates, ReducedModel, ReducedStates
 from msl_fem.magnetics.reduced.space import Basis, SnapshotSpace
 from msl_fem.materials.curves import Indices
 
@@ -38,8 +38,7 @@ class ReductionSettings:
     drafts : rounds before, with a coarse quadrature, at most: one for every `DRAFTED_FOR` points
     modes : below this share of a solution's size a mode is left out
     fit : of the cubature's sums, relative to the largest, below which they are not kept
-    trained : states that the cubature is fitted to at first
-    candidates : points at which the states are sought that it is fitted to
+    trained : solutions that the cubature is fitted to at first
     built_at : points that a model is built for, of many
     looked_at : points at which its error is looked at in the end, of many
     widened : times at most that those where it is too large there are built for as well
@@ -52,10 +51,9 @@ class ReductionSettings:
     drafts: int = 5
     modes: float = 5e-4
     fit: float = 7e-6
-    trained: int = 10
-    candidates: int = 32
+    trained: int = 12
     built_at: int = 72
-    looked_at: int = 512
+    looked_at: int = 200
     widened: int = 3
     fits: int = 2
 
@@ -86,6 +84,15 @@ class Reduction:
     solutions: int
 
 
+@dataclass(frozen=True)
+class _Taken:
+    """A solution in the space: its point, the place of its potential there, after which come the slopes; the scales."""
+
+    point: FieldPoints
+    place: int
+    scales: list[float]
+
+
 class Reducer:
     """Builds the reduced model of a field for points (n,)."""
 
@@ -96,6 +103,7 @@ class Reducer:
         data, slopes = full.without_field(float(ends[ends.size // 2]))
         self.space = SnapshotSpace(full.model, data)
         self.solutions = 0
+        self._taken: list[_Taken] = []
         self._last: tuple[ReducedModel, ReducedStates] | None = None
         self._without_field(slopes)
         for q in {float(ends[0]), float(ends[-1])}:
@@ -117,9 +125,11 @@ class Reducer:
     def take(self, n: int, potential: Array) -> None:
         """Let a state at the n-th point, whose tangent was the last one factored, and its slopes enter the space."""
         q = float(self.points.coordinate[n])
-        self.space.add(potential, self.space.norm(potential))
-        for vector in self.full.responses(q, potential):
-            self.space.add(vector, self.space.norm(vector) / SLOPE_SHARE)
+        vectors = potential, *self.full.responses(q, potential)
+        scales = [self.space.norm(vectors[0]), *(self.space.norm(vector) / SLOPE_SHARE for vector in vectors[1:])]
+        self._taken.append(_Taken(self.points.only([n]), len(self.space), scales))
+        for vector, scale in zip(vectors, scales, strict=True):
+            self.space.add(vector, scale)
         self.solutions += 1
 
     def farthest(self, count: int) -> list[int]:
@@ -155,17 +165,13 @@ class Reducer:
 
         None where the states do not converge.
 
-        The points keep reduced forces and energies of states that the coarse quadrature predicts, then of those where
-        the cubature errs most.
+        The points keep reduced forces and energies of the solutions taken, then of states where the cubature errs most.
         """
         settings = self.settings
         basis = self.space.basis(settings.modes)
-        coarse = ReducedModel(basis, self.full.sources, basis.coarse_iron())
-        some, start = _evenly(len(self.points), settings.candidates), self._expected(basis)
-        predicted = coarse.solve(self.points.only(some), None if start is None else start[some])
-        trained = predicted.states[_spread(predicted.states, settings.trained)]
-        if start is None:
-            start = predicted.near(self.points)
+        taken = self.taken_in(basis)
+        trained = taken.states[_spread(taken.states, settings.trained)]
+        start = (taken if self._last is None else self._last_in(basis, *self._last)).near(self.points)
         for _ in range(settings.fits):
             rows = iron_integrands(basis, trained)
             points, weight = sparse_weights(rows, basis.quadrature.weight, tolerance=settings.fit)
@@ -181,12 +187,19 @@ class Reducer:
             trained = np.concatenate([trained, states.states[worst]])
         return model, states, missed
 
-    def _expected(self, basis: Basis) -> Array | None:
-        """(n, N) states in a basis from those of the last model; None before there is one."""
-        if self._last is None:
-            return None
-        model, states = self._last
-        return np.asarray(np.linalg.lstsq(basis.vectors, model.basis.vectors @ states.near(self.points).T)[0].T)
+    def taken_in(self, basis: Basis) -> KnownStates:
+        """The solutions taken, and their slopes, in a basis of the space."""
+        places = [taken.place + k for taken in self._taken for k in range(len(taken.scales))]
+        found = self.space.within(basis, places, [scale for taken in self._taken for scale in taken.scales])
+        each = found.reshape(len(self._taken), -1, basis.size)
+        coordinate = np.concatenate([taken.point.coordinate for taken in self._taken])
+        currents = np.concatenate([taken.point.currents for taken in self._taken])
+        return KnownStates(FieldPoints(coordinate, currents), each[:, 0], each[:, 2:], each[:, 1])
+
+    def _last_in(self, basis: Basis, model: ReducedModel, states: ReducedStates) -> KnownStates:
+        """The states of a model in the basis of a larger space."""
+        turn = np.linalg.lstsq(basis.vectors, model.basis.vectors)[0].T
+        return KnownStates(states.points, states.states @ turn, states.by_current @ turn, states.by_coordinate @ turn)
 
     def doubtful(self, model: ReducedModel, states: ReducedStates, missed: Array) -> list[int]:
         """Points to check: where the cubature errs most, where the last modes matter most, and far from all."""
@@ -242,7 +255,7 @@ def reduce_at_all(full: FullField, points: FieldPoints, settings: ReductionSetti
         if reduction is None:
             return None
         model = reduction.model
-        states = model.solve(points)
+        states = reduction.states if some.size == len(points) else model.solve(points)
         if not (states.steps > 0).all():
             return None
         looked_at = _some(points, settings.looked_at)

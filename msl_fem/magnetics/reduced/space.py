@@ -1,5 +1,6 @@
 """The space of a few solutions: their vectors, products that the reduced model needs, its orthonormal basis."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,6 +47,9 @@ class SnapshotSpace:
         self._images: list[Array] = []
         self._gradients: list[Array] = []
 
+    def __len__(self) -> int:
+        return len(self._vectors)
+
     def norm(self, vector: Array) -> float:
         """The energy norm."""
         return float(vector @ self.model.tangent.product(self._energy, vector)) ** 0.5
@@ -69,6 +73,11 @@ class SnapshotSpace:
         turn = turn[:, kept] / np.sqrt(value[kept])
         gradients = np.stack(self._gradients, axis=1) @ turn
         return Basis(self.model, self.quadrature, np.ascontiguousarray(vectors @ turn), np.ascontiguousarray(gradients))
+
+    def within(self, basis: "Basis", added: Sequence[int], scales: Sequence[float]) -> Array:
+        """(n, N) in a basis of this space: the vectors added at these places, each times its scale."""
+        images = np.stack([self._images[k] for k in added], axis=1) * np.array(scales)
+        return np.asarray((basis.vectors.T @ images).T)
 
 
 @dataclass(frozen=True, eq=False)
