@@ -11,7 +11,8 @@ import typer
 
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.options import Json, read_option
-from msl_fem.cli.output import print_result, say
+from msl_fem.cli.output import print_columns, print_result, say
+from msl_fem.cli.readable import readable_name, readable_number
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.sole_run import sole_run
@@ -86,16 +87,23 @@ def command(
         estimated = unstated_noise(imported, believed)
         for warning in (*imported.remarks, *_noise_told(estimated, there, output), *load_record(output).warnings):
             say(f"note: {warning}")
+    columns_read = _figures(run, sources)
     fields = {
         "record": str(output),
         "run": run.file,
         "samples": run.time.size,
         "rate_Hz": float(f"{1 / run.sampling_period:.9g}"),
-        "columns": _figures(run, sources),
+        "columns": columns_read,
         "noise": {name: {"value": sigma, "unit": UNITS[name]} for name, sigma in estimated.items()},
         "picture": str(picture) if drawn else None,
     }
-    print_result(fields, as_json=json, title=f"{log}: run {run.name} of {output}")
+    if json:
+        print_result(fields, as_json=True, title="")
+        return
+    print_result(
+        {k: fields[k] for k in fields if k != "columns"}, as_json=False, title=f"{log}: run {run.name} of {output}"
+    )
+    print_columns(_for_people(columns_read), title="Columns")
 
 
 def _propose(log: Path, target: Path, actuator: Path | None, *, as_json: bool) -> None:
@@ -170,3 +178,15 @@ def _figures(run: Run, sources: tuple[ColumnSource, ...]) -> dict[str, Any]:
         name: {**said.get(name, {"source": "--rate"}), "min": float(values.min()), "max": float(values.max())}
         for name, values in run.columns.items()
     }
+
+
+def _for_people(figures: Mapping[str, Mapping[str, Any]]) -> dict[str, list[str]]:
+    """A row for each column: which of the log's it is, what one and zero of that mean, and its range."""
+    table: dict[str, list[str]] = {"": [], "in the log": [], "one is": [], "zero is": [], "least": [], "largest": []}
+    for name, it in figures.items():
+        unit = str(it.get("unit", ""))
+        meant = [format_quantity(float(it[key]), unit, digits=4) if key in it else "" for key in ("scale", "offset")]
+        ends = [readable_number(it[end], name) for end in ("min", "max")]
+        for cells, text in zip(table.values(), (readable_name(name), str(it["source"]), *meant, *ends), strict=True):
+            cells.append(text)
+    return table

@@ -113,7 +113,7 @@ def kind_of(record: Record, how: DiagnosisSettings) -> Kind | str:
     reason = undecidable_because(record, runs)
     if reason:
         return reason
-    how.progress("the model within its tolerances")
+    how.progress("the runs are read, and how far the model follows them")
     if mechanical:
         return carriage(record, belief, runs)
     return told_by_equilibria(record, belief) or _followed(record, belief, runs, threads=how.threads)
@@ -128,7 +128,9 @@ def _followed(record: Record, belief: ModelHypothesis, runs: Sequence[RunData], 
 
 def diagnosis_of(kind: Kind, how: DiagnosisSettings) -> Diagnosis:
     """The diagnosis of a record that was made ready."""
-    kind = kind.settled()
+    tell = partial(_about_tolerances, how)
+    tell("to be fitted")
+    kind = kind.settled(tell)
     result = search_effects(kind, how)
     other = restated(kind, result.fits)
     if other is not None:
@@ -148,7 +150,8 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
     begin = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
     known = how.memory.end_of(fit_name(kind.unknowns), kind.unknowns)
     begin = begin if known is None else known
-    fits = [not_worse(kind, begin, fit(kind.likelihood, kind.unknowns, begin, plan=FitPlan(enough=ROUGH)))]
+    plan = FitPlan(enough=ROUGH, tell=partial(_about_tolerances, how))
+    fits = [not_worse(kind, begin, fit(kind.likelihood, kind.unknowns, begin, plan=plan), plan)]
     stages: list[SearchStage] = []
     excesses = []
     unclear = ""
@@ -179,11 +182,16 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
     return EffectSearch(tuple(fits), tuple(stages), tuple(excesses), n_accepted(judged, excesses, rule), unclear)
 
 
-def not_worse(kind: Kind, begin: Array, found: Fit) -> Fit:
+def _about_tolerances(how: DiagnosisSettings, text: str) -> None:
+    """Tells how the model without effects comes on."""
+    how.progress(f"the model within its tolerances: {text}")
+
+
+def not_worse(kind: Kind, begin: Array, found: Fit, plan: FitPlan) -> Fit:
     """A fit without effects that is no worse than the belief: where its largest residual is, because the error of a
     channel was taken for noise, one whose noise has a ceiling in every octave, or the better of both."""
     believed = kind.likelihood.excess(replace(found, z=np.zeros(found.z.size)))
     if not max(found.excess.values()) > max(WORSE_THAN * max(believed.values()), QUIET):
         return found
-    again = fit(replace(kind.likelihood, strict=True), kind.unknowns, begin, plan=FitPlan(enough=ROUGH))
+    again = fit(replace(kind.likelihood, strict=True), kind.unknowns, begin, plan=plan)
     return again if max(again.excess.values()) < max(found.excess.values()) else found

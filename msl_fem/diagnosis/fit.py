@@ -7,6 +7,7 @@ in the prior's metric (`computing.gauss_newton`). The log evidence is Laplace's,
 curvature.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,6 +62,7 @@ class FitPlan:
     enough : nats that a further step would gain, at which it ends
     renew : whether the nuisances' columns may be computed anew; they are where a step brings less than it promised
     fresh_end : whether they are those of the point where the fit ends
+    tell : is told at every model of the objective what a further step promises
     """
 
     most_steps: int = 60
@@ -68,6 +70,7 @@ class FitPlan:
     enough: float = CONVERGED
     renew: bool = True
     fresh_end: bool = True
+    tell: Callable[[str], None] | None = None
 
 
 def jacobian_columns(
@@ -111,7 +114,7 @@ def fit(
     damping = Damping(first=how.damping, least=1e-4, rise=1e-2, most=1e8)
     simulations, z = 0, unknowns.allowed(start)
     for trials in _trials(likelihood, how.most_steps):
-        posterior = _FitPosterior(likelihood, unknowns)
+        posterior = _FitPosterior(likelihood, unknowns, how)
         first = posterior.at(z)
         if not np.isfinite(first.residual).all():
             raise ComputationError("the simulation fails at the start of the fit")
@@ -199,8 +202,8 @@ class _FitModel:
 class _FitPosterior:
     """S of a likelihood; counts its simulations."""
 
-    def __init__(self, likelihood: Likelihood, unknowns: Unknowns) -> None:
-        self.likelihood, self.unknowns = likelihood, unknowns
+    def __init__(self, likelihood: Likelihood, unknowns: Unknowns, plan: FitPlan) -> None:
+        self.likelihood, self.unknowns, self.plan = likelihood, unknowns, plan
         self.simulations = 0
 
     def at(self, z: Array) -> _FitPoint:
@@ -227,7 +230,11 @@ class _FitPosterior:
         if which.size:
             jacobian[:, which] = jacobian_columns(self.likelihood, self.unknowns, point.z, which, point.residual)
         self.simulations += which.size
-        return _FitModel(self.unknowns, point, jacobian, stale=nuisance_columns is not None)
+        model = _FitModel(self.unknowns, point, jacobian, stale=nuisance_columns is not None)
+        if self.plan.tell is not None:
+            promise = f"{max(model.promised, 0.0):.3g} nats"
+            self.plan.tell(f"a further step promises {promise}, below {self.plan.enough:.3g} it is the last")
+        return model
 
 
 def _free(unknowns: Unknowns, z: Array, slope: Array) -> NDArray[np.intp]:

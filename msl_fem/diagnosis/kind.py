@@ -1,7 +1,7 @@
 """What is particular to a kind of record, free runs, loops, static maps or carriages, and how its models are judged."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -216,7 +216,7 @@ class Kind(ABC):
         """What a model misses on every channel of all data, those held out too; `fit` is where it comes from, None of
         the believed model."""
 
-    def settled(self) -> "Kind":
+    def settled(self, tell: Callable[[str], None]) -> "Kind":
         """As it is after the model without effects has been looked at."""
         return self
 

@@ -1,7 +1,8 @@
 """Records whose runs the recorded inputs make: simulated from their starts, as a whole or over stretches."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -65,14 +66,16 @@ class Runs(Kind):
         """Whether every run is followed from its start to its end."""
         return all(cut is None for cut in self.cuts)
 
-    def settled(self) -> "Runs":
+    def settled(self, tell: Callable[[str], None]) -> "Runs":
         """With stretches chosen anew at the model without effects, which bears longer ones than the belief."""
         kind = self
-        for _ in range(ROUNDS):
+        for n in range(ROUNDS):
             if kind.whole:
                 break
+            told = partial(_of_round, tell, n + 1)
+            told("fitted over stretches of the runs, which are then chosen anew")
             start = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
-            found = fit(kind.likelihood, kind.unknowns, start, plan=FitPlan(enough=ROUGH))
+            found = fit(kind.likelihood, kind.unknowns, start, plan=FitPlan(enough=ROUGH, tell=told))
             renewed = kind.renewed(found)
             done = _lengths(renewed.cuts) == _lengths(kind.cuts)
             kind = renewed
@@ -267,6 +270,11 @@ def _missed(
         problem, 0, ModelSpread(Unknowns((), 0, ()), np.zeros(0), np.zeros((0, 0))), substeps=plant.substeps
     )
     return shot.followed(cut)
+
+
+def _of_round(tell: Callable[[str], None], n: int, text: str) -> None:
+    """Tells what a round of choosing stretches does."""
+    tell(f"round {n} of at most {ROUNDS}: {text}")
 
 
 def _lengths(cuts: Cuts) -> list[list[int]]:

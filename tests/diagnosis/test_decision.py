@@ -22,6 +22,7 @@ from msl_fem.diagnosis.decision import (
     n_accepted,
     white,
 )
+from msl_fem.diagnosis.fit import FitPlan
 from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, held_out_worse, log_likelihood_gain
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.refits import Refit
@@ -127,7 +128,7 @@ def test_a_fit_that_is_worse_than_the_belief_is_made_anew_with_ceilings(
     monkeypatch.setattr(driver, "fit", fit)
     kind: Any = SimpleNamespace(likelihood=Ceilings(believed), unknowns=None)
     first: Any = Ended(np.ones(2), {"x": 918.0, "i": 1.0})
-    assert max(driver.not_worse(kind, np.zeros(2), first).excess.values()) == left
+    assert max(driver.not_worse(kind, np.zeros(2), first, FitPlan()).excess.values()) == left
 
 
 def test_beside_a_wandering_sensor_a_large_gain_counts_though_nothing_finishes_what_it_leaves() -> None:

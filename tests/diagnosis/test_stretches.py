@@ -165,5 +165,8 @@ def test_stretches_grow_as_the_model_improves(base, table) -> None:
     record = levitator.record(base, levitator.Truth(inductance=0.8), seconds=0.5)
     runs = [run_data(record, run) for run in record.runs]
     believed = dynamic_runs(record, ModelHypothesis(record.actuator, table), runs)
-    fitted = believed.settled()
+    told: list[str] = []
+    fitted = believed.settled(told.append)
     assert believed.cuts[0].begins.size > fitted.cuts[0].begins.size
+    assert told[0].startswith("round 1 of at most 3")  # a long record takes minutes here: every step is told
+    assert sum("a further step promises" in text for text in told) > 2
