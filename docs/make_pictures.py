@@ -56,8 +56,8 @@ def save(figure: Figure, name: str) -> None:
 
 def field() -> None:
     """The reference actuator's magnet at the current that brings 1.2 T at the nominal gap."""
-    point, magnet, solution = solve_with_field(load_actuator(SERVO), 3.89, 0.6e-3)
-    title = f"3.89 A, gap 0.6 mm: {point.quantities.force:.1f} N"
+    point, magnet, solution = solve_with_field(load_actuator(SERVO), 3.39, 0.6e-3)
+    title = f"3.39 A, gap 0.6 mm: {point.quantities.force:.1f} N"
     save(draw_field(magnet, solution, title=title), "field")
 
 

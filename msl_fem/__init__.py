@@ -60,6 +60,7 @@ _VERBS = {
     "suspects": "msl_fem.diagnosis.planning.ranking",
     "experiments": "msl_fem.diagnosis.planning.experiments",
     "diagnose": "msl_fem.diagnosis",
+    "DiagnosisSettings": "msl_fem.diagnosis",
     "run_study": "msl_fem.study",
     "export_as": "msl_fem.export.formats",
 }

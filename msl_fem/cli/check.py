@@ -7,6 +7,7 @@ import typer
 
 from msl_fem.cli.options import Json
 from msl_fem.cli.output import print_result
+from msl_fem.errors import InputError
 from msl_fem.record import load_record
 from msl_fem.record.file_doubts import doubts_of_file
 
@@ -22,6 +23,8 @@ def command(
     """What data say against themselves: copies, look-ups, exchanged labels, samples too slow."""
     if (source / "rig.toml").exists():
         doubts = list(load_record(source).warnings)
+    elif source.suffix == ".toml":
+        raise InputError(f"{source} is no data; an actuator file is read and drawn by 'msl-fem draw {source}'")
     else:
         doubts = doubts_of_file(source, [name.strip() for name in labels.split(",") if name.strip()], ordered=ordered)
     fields = {"doubts": doubts, "count": len(doubts)}

@@ -73,7 +73,7 @@ def print_model(found: Identification, *, title: str) -> None:
     if found.physical:
         parameters = {
             "parameter": [name.replace("_", " ") for name in found.physical],
-            "value": [f"{p.value:.4g} {p.unit}".rstrip() for p in found.physical.values()],
+            "value": [f"{p.value:.4g} {'' if p.unit == '1' else p.unit}".rstrip() for p in found.physical.values()],
             "95 % interval": [f"{p.interval[0]:.4g} ... {p.interval[1]:.4g}" for p in found.physical.values()],
         }
         print_columns(parameters, title="Physical parameters")

@@ -41,8 +41,11 @@ def print_result(result: Mapping[str, Any], *, as_json: bool, title: str) -> Non
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True)  # a name is searched for: whole, however narrow the window
     table.add_column(overflow="fold")
-    for name, value in _rows(json_value(result)):
-        table.add_row(readable_name(name), value)
+    told: set[str] = set()
+    for key, value in _rows(json_value(result)):
+        name = readable_name(key)
+        table.add_row(f"{name}, at" if name in told else name, value)  # peak_dB, then peak_Hz
+        told.add(name)
     _print_table(title, table)
 
 

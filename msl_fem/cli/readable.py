@@ -18,6 +18,7 @@ UNITS = {
     "Hz": "Hz",
     "Wb": "Wb",
     "ohm": "ohm",
+    "deg": "deg",
     "dB": "dB",
     "Pa": "Pa",
     "m": "m",
@@ -32,7 +33,10 @@ UNITS = {
     "s": "s",
 }
 """Endings of keys to units; the longest that fits counts."""
-SHARES = ("error", "error_estimate", "share", "imbalance", "error_of_sides_apart", "effectivity_error")
+SHARES = (
+    "error", "error_estimate", "error_median", "error_95", "error_largest", "share", "share_at_least", "imbalance",
+    "error_of_sides_apart", "effectivity_error",
+)  # fmt: skip
 """Endings of keys whose numbers are shares."""
 WHOLE = {
     "rms": "RMS",
@@ -48,11 +52,10 @@ WHOLE = {
 
 def readable_name(path: str) -> str:
     """The words of a key path: "runs.step.position_rms_m" is "runs, step: position RMS"."""
-    if " " in path:  # words already
+    if " " in path.partition(".")[0]:  # words already
         return path
-    *outer, last = path.split(".")
-    words = _words(_without_unit(last))
-    return f"{', '.join(_words(_without_unit(part)) for part in outer)}: {words}" if outer else words
+    *outer, last = (part if " " in part else _words(_without_unit(part)) for part in path.split("."))
+    return f"{', '.join(outer)}: {last}" if outer else last
 
 
 def _words(key: str) -> str:
@@ -73,6 +76,7 @@ def _without_unit(key: str) -> str:
 
 def readable_number(value: float, path: str) -> str:
     """A number of a key path with its unit: lengths from 0.1 mm on in mm, shares in per cent."""
+    value += 0.0  # no -0
     key = next((part for part in reversed(path.split(".")) if unit_of_key(part) or part.endswith(SHARES)), "")
     unit = unit_of_key(key)
     if "fit_percent" in path:
@@ -81,7 +85,7 @@ def readable_number(value: float, path: str) -> str:
         return f"{100 * value:.3g} %"
     if unit == "m" and 1e-4 <= abs(value) < 1.0:
         return f"{1e3 * value:.4g} mm"
-    if unit in ("", "T", "dB") or not math.isfinite(value) or (unit == "s" and abs(value) >= 1e3):
+    if unit in ("", "T", "dB", "deg") or not math.isfinite(value) or (unit == "s" and abs(value) >= 1e3):
         return f"{value:.4g} {unit}".rstrip()
     if unit == "K" and _without_unit(key).rpartition("_")[2] in ("temperature", "ambient"):
         return f"{value - 273.15:.4g} °C"

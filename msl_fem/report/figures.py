@@ -212,6 +212,11 @@ def _around_largest(values: Array) -> slice:
     return slice(start, stop)
 
 
+def sides_with_current(current: Array) -> list[int]:
+    """The sides of currents (n_sample, n_side) to draw: the first, and others that ever have one."""
+    return [side for side in range(current.shape[1]) if side == 0 or current[:, side].any()]
+
+
 def tracking(run: Tracking) -> go.Figure:
     """Reference and position, tracking error, side currents of a closed-loop run (the paper's Figs. 6, 8, 9)."""
     made = two_rows("position in mm", "error in µm", third="current in A")
@@ -222,7 +227,7 @@ def tracking(run: Tracking) -> go.Figure:
     made.add_trace(line(t, run.position[keep] * 1e3, name="position", colour=BLUE), row=1, col=1)
     error = (run.reference - run.position)[keep] * 1e6
     made.add_trace(line(t, error, name="error", colour=RED), row=2, col=1)
-    for side, colour in zip(range(run.current.shape[1]), (GREEN, ORANGE), strict=False):
+    for side, colour in zip(sides_with_current(run.current), (GREEN, ORANGE), strict=False):
         made.add_trace(line(t, run.current[keep, side], name=f"current {side + 1}", colour=colour), row=3, col=1)
     return made
 

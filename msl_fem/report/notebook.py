@@ -21,7 +21,7 @@ from msl_fem.record import Record, Run, StaticMap
 from msl_fem.record.columns import name_and_unit
 from msl_fem.report.diagnosis_words import called, channel_name, either
 from msl_fem.report.field_picture import draw_field
-from msl_fem.report.figures import BLUE, GREEN, GREY, ORANGE, RED, SERIES, SKY
+from msl_fem.report.figures import BLUE, GREEN, GREY, ORANGE, RED, SERIES, SKY, sides_with_current
 from msl_fem.report.page_words import round_values
 from msl_fem.report.paper_figure import PaperFigure
 from msl_fem.report.pictures import draw_run
@@ -153,7 +153,7 @@ def simulation_picture(record: Simulation) -> PaperFigure:
 @picture_of.register
 def closed_loop_picture(record: ClosedLoopRun) -> PaperFigure:
     """Reference and position, the tracking error, and the currents of the sides over the time."""
-    currents = [(f"side {side + 1}", record.current[:, side]) for side in range(record.current.shape[1])]
+    currents = [(f"side {side + 1}", record.current[:, side]) for side in sides_with_current(record.current)]
     error = record.reference - record.position
     followed = [("position", record.position), ("reference", record.reference)]
     panels = [("position_m", followed), ("error_m", [("error", error)]), ("current_A", currents)]
@@ -249,7 +249,7 @@ def _draw_errors(axes: Axes, record: Diagnosis) -> None:
     axes.axvline(1.0, color=GREY, linewidth=1.0, linestyle="--")
     axes.set_xscale("log")
     axes.margins(y=0.2)
-    axes.legend(frameon=False, fontsize=8, loc="upper center")
+    axes.legend(frameon=False, fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2)
     _label(axes, "error over the noise, 1 is the noise itself", "")
 
 

@@ -89,7 +89,7 @@ def study_page(study: Study) -> Page:
         (percent(whole_force_error(study)), _error_label(study)),
         (fit_text(fit.free_run), "ARMAX free-run fit, held-out swept sine"),
         (format_quantity(sine.tracking_rms, "m", digits=3), "RMS tracking error, 2 Hz sine"),
-        (str(violations), "guard violations in all closed-loop runs"),
+        (str(violations), "guard violations in the closed-loop runs below"),
         (f"{study.loop.unseen.held} of {study.loop.unseen.error.size}", "plants held that the design has not seen"),
     )
     stages = (

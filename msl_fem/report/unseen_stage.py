@@ -10,7 +10,8 @@ from msl_fem.report.page import Stage
 def unseen_stage(unseen: UnseenPlants) -> Stage:
     """How many were held, and how well."""
     figures = unseen.to_json()
-    beside = f", each with {', '.join(unseen.suspects)}" if unseen.suspects else ""
+    suspects = [name.replace("_", " ") for name in unseen.suspects]
+    beside = f", each with {', '.join(suspects)}" if suspects else ""
     kind = "within the tolerances of parameters" if unseen.suspects else "that are possible"
     sentence = (
         f"Of {figures['plants']} plants {kind}{beside}, {unseen.held} were held: with "
@@ -20,7 +21,7 @@ def unseen_stage(unseen: UnseenPlants) -> Stage:
     words = {"error_median": "RMS error, median", "error_95": "RMS error, 95 %", "error_largest": "RMS error, largest"}
     numbers = (
         *((words[name], "-" if error is None else f"{100 * error:.2f} %") for name, error in errors.items()),
-        ("guard violations", f"{figures['guard_violations']}"),
+        ("guard violations of all these plants", f"{figures['guard_violations']}"),
         ("commands beyond the guard's first level", f"{100 * figures['guard_share']:.2g} %"),
     )
     return Stage("Plants that the design has not seen", sentence, numbers)

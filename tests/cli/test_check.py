@@ -1,7 +1,7 @@
 """The command `check` on a record and on a raw table."""
 
 import numpy as np
-from cli_paths import EMPS
+from cli_paths import EMPS, SERVO
 
 
 def test_a_record_without_doubts(msl_fem) -> None:
@@ -17,3 +17,7 @@ def test_a_table_with_a_copied_block(msl_fem, tmp_path) -> None:
     (doubt,) = msl_fem("check", str(table), "--labels", "x,k", "--json").json["doubts"]
     assert doubt == "rows 9 to 17 and 18 to 26 are equal in every digit (x 1 and 2)"
     assert "no column 'y'; there are x, k, v" in msl_fem("check", str(table), "--labels", "y", "--json").complaint
+
+
+def test_an_actuator_file_is_no_data(msl_fem) -> None:
+    assert "'msl-fem draw" in msl_fem("check", str(SERVO), "--json").complaint

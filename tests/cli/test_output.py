@@ -47,6 +47,10 @@ def test_people_get_a_table(capsys: pytest.CaptureFixture[str]) -> None:
         "zone_reach_m": {"A": 3.5e-4},
         "density_T": {"leg": 0.86},
         "brings 1.2 T at 0.6 mm": "3 A",
+        "guard": {"peak_currents_A": {"10 s": 19.8}, "phase_margin_deg": 49.3, "stiffness_peak_dB": -0.0},
+        "unseen": {"error_median": 0.0032, "held_share_at_least": 0.86},
+        "peak_gain_dB": 0.3,
+        "peak_gain_Hz": 120.0,
     }
     print_result(fields, as_json=False, title="t")
     printed = " ".join(capsys.readouterr().out.split())
@@ -55,6 +59,8 @@ def test_people_get_a_table(capsys: pytest.CaptureFixture[str]) -> None:
         "force 1.5 N", "mesh error 0.108 %", "gap 0.7 mm", "slope -229.2 kN/m", "runs, step: position RMS 3.2 µm",
         "done yes", "winding temperature 80 °C", "standard error 0.02", "zone reach: A 0.35 mm",
         "density: leg 0.86 T", "brings 1.2 T at 0.6 mm 3 A",
+        "guard, peak currents: 10 s 19.8 A", "guard: phase margin 49.3 deg", "guard: stiffness peak 0 dB",
+        "unseen: error median 0.32 %", "unseen: held share at least 86 %", "peak gain 0.3 dB peak gain, at 120 Hz",
     ):  # fmt: skip
         assert line in printed, line
     assert "0 ... 8 (9 values)" in printed

@@ -61,3 +61,13 @@ def test_gain_is_in_decibel() -> None:
     np.testing.assert_allclose(made.data[0].y, [0, -20])
     np.testing.assert_allclose(made.data[1].y, [0, -90])
     assert [(shape.y0, shape.y1) for shape in made.layout.shapes] == [(-1, 1)], "the band of 0 dB"
+
+
+def test_a_rig_with_one_side_has_one_current() -> None:
+    """The second side of a loop's run is there as zeros; a side without current is not drawn, the first always is."""
+    t = np.linspace(0.0, 1.0, 5)
+    current = np.column_stack([np.sin(t), np.zeros(5)])
+    names = [trace.name for trace in tracking(Tracking(t, t, t, current)).data]
+    assert names == ["reference", "position", "error", "current 1"]
+    assert [t.name for t in tracking(Tracking(t, t, t, 0 * current)).data][3:] == ["current 1"]
+    assert [t.name for t in tracking(Tracking(t, t, t, current + 1)).data][3:] == ["current 1", "current 2"]
