@@ -17,7 +17,13 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 REFERENCE = HERE.parent / "tests" / "reference" / "reference.csv"
-OURS = {"fast": {"accuracy": "fast"}, "normal": {"accuracy": "normal"}, "fine": {"accuracy": "fine"}}
+OURS: dict[str, dict[str, object]] = {
+    "fast": {"accuracy": "fast"},
+    "normal, reduced": {"accuracy": "normal", "reduced": True},
+    "normal": {"accuracy": "normal"},
+    "fine, reduced": {"accuracy": "fine", "reduced": True},
+    "fine": {"accuracy": "fine"},
+}
 PEER = {
     "P3, 2 layers": {"order": 3, "levels": 2, "corner": 1.5},
     "P3, 2 layers, finer": {"order": 3, "levels": 2, "corner": 1.0},
@@ -27,6 +33,7 @@ PEER = {
 }
 
 PAIRS = (
+    ("normal, reduced", "P3, 2 layers, finer", "about as exact"),
     ("normal", "P3, 2 layers, finer", "about as exact"),
     ("fine", "P4, 2 layers", "the cheapest that reaches 1e-4, the reference's uncertainty taken off"),
     ("fine", "P4, 3 layers, finest", "about as exact"),

@@ -252,10 +252,10 @@ def reduce_at_all(full: FullField, points: FieldPoints, settings: ReductionSetti
     reducer.draft()
     for _ in range(settings.widened):
         reduction = reducer.reduction()
-        if reduction is None:
-            return None
+        if reduction is None or some.size == len(points):
+            return reduction
         model = reduction.model
-        states = reduction.states if some.size == len(points) else model.solve(points)
+        states = model.solve(points)
         if not (states.steps > 0).all():
             return None
         looked_at = _some(points, settings.looked_at)
