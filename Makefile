@@ -9,6 +9,7 @@ WORKERS ?= 2
 INPUTS ?= 20000
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
+export NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING ?= 1
 
 SHORT := tests/test_architecture.py tests/test_package.py tests/test_names.py tests/actuator/test_actuator.py \
   tests/files/test_quantity.py tests/files/test_toml_text.py tests/files/test_whole_file.py tests/table tests/materials \

@@ -24,7 +24,7 @@ def main() -> None:
     options.add_argument("--armature", type=float, help="another thickness of the armature, in mm")
     options.add_argument("--picture", type=Path)
     given = options.parse_args()
-    settings = FieldMapSettings(accuracy=given.accuracy)
+    settings = FieldMapSettings(accuracy=given.accuracy, end_effects=False)  # as the page says
     actuator = load_actuator(SERVO)
     if given.armature is not None:
         magnet = actuator.magnet.model_copy(update={"armature_thickness": given.armature * 1e-3})

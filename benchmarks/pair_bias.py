@@ -16,7 +16,8 @@ from msl_fem.control.design_model import DesignModel, design_model_of
 from msl_fem.control.inverse import magnet_current_limit, magnet_currents
 from msl_fem.control.lqr_design import stage_with_overlap
 from msl_fem.control.shared_force import NOTHING_SHARED, shared_force_at
-from msl_fem.magnetics.field.two_sided import TwoSidedField, TwoSidedPosition
+from msl_fem.magnetics.field.two_sided import TwoSidedField
+from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition
 from msl_fem.maps import operating_map
 from msl_fem.maps.pair_limits import RELATIONS
 from msl_fem.plant.operating_point import net_force

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from msl_fem.actuator import load_actuator
-from msl_fem.magnetics.field.two_sided import TwoSidedField, TwoSidedPosition
+from msl_fem.magnetics.field.two_sided import TwoSidedField
+from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition
 from msl_fem.maps.guard import REGIONS
 from msl_fem.maps.pair_guard import PairGuard
 from msl_fem.maps.pair_limits import RELATIONS, pair_map

@@ -60,8 +60,8 @@ def run(evaluator: DesignEvaluator, asked: SearchSettings) -> tuple[SearchResult
 
 
 def errors_table(evaluator: DesignEvaluator, found: SearchResult) -> str:
-    """The closed equations over the front, relative to fields at accuracy normal."""
-    rows = []
+    """The closed equations over the front, relative to plane fields at accuracy normal."""
+    evaluator, rows = replace(evaluator, end_effects=False), []
     for trial in pareto_front(found.trials, evaluator.requirement.objectives):
         design = design_from(trial.parameters, found.space, evaluator)
         field = evaluator.by_field(design, accuracy="normal").performance

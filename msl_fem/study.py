@@ -24,7 +24,8 @@ from msl_fem.errors import InputError
 from msl_fem.identification import Identification, identify
 from msl_fem.magnetics.field.accuracy import Accuracy, PointResult
 from msl_fem.magnetics.field.magnet_field import MagnetField, solve_with_field
-from msl_fem.magnetics.field.two_sided import Decoupling, TwoSidedPosition, polarity_costs
+from msl_fem.magnetics.field.two_sided import Decoupling, polarity_costs
+from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition
 from msl_fem.magnetics.kinds.kind import PlaneMagnet
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, default_grid, sweep

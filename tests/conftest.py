@@ -1,5 +1,6 @@
 """Fixtures that several parts share; helper modules of every folder, and the benchmarks' scripts, can be imported."""
 
+import gc
 import json
 import os
 import sys
@@ -27,6 +28,13 @@ sys.path.append(str(ROOT / "benchmarks"))
 settings.register_profile("untimed", deadline=None)  # a loaded machine is no error of the code
 settings.load_profile("untimed")
 threadpool_limits(limits=1, user_api="blas")  # as the verbs and `make` have it: threads of a BLAS only cost time here
+
+
+def pytest_collection_finish() -> None:
+    """What is imported stays for the whole run: not looked through for cycles again and again."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
 
 
 @pytest.fixture(autouse=True)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from msl_fem.control import ClosedLoopRun
+from msl_fem.control.asked_voltage import AskedVoltage
 from msl_fem.control.design import ControllerDesign
 from msl_fem.control.measured_loop import MeasuredLoop
 from msl_fem.diagnosis.result import Diagnosis
@@ -32,10 +33,11 @@ def diagnosis_closing(found: Diagnosis) -> tuple[str, str, str]:
 
 
 def control_closing(
-    run: ClosedLoopRun, design: ControllerDesign, *, held_share: float | None = None
+    run: ClosedLoopRun, design: ControllerDesign, *, asked: AskedVoltage, held_share: float | None = None
 ) -> tuple[str, str, str]:
     """How well it follows, how robust the loop is, and the way on.
 
+    asked : what the reference asks of the coils
     held_share : of plants that the design has not seen; None where none were tried
     """
     span = float(np.ptp(run.reference)) / 2
@@ -54,6 +56,8 @@ def control_closing(
         )
     elif cut:
         way = f"{cut} commands were cut: take a smaller or slower reference, or more current"
+    elif asked.largest > asked.limit:
+        way = _within_voltage(asked)
     elif not good:
         way = 'lower the wish, like --bandwidth "40 Hz", until the peak sensitivity is below 3'
     elif held_share is not None and held_share < 1.0:
@@ -64,6 +68,16 @@ def control_closing(
         f"What it means: the position follows the reference within {follows}; the largest current is {peak}.",
         f"How sure: largest sensitivity in mid-travel {sensitivity:.3g}, {robust}{unseen}. All of it is simulated.",
         f"What to do: {way}.",
+    )
+
+
+def _within_voltage(asked: AskedVoltage) -> str:
+    """What helps where the reference asks for more than the voltage limit."""
+    helped = asked.needed > asked.overlap
+    return f"the reference asks for {asked.largest:.3g} V of the drive's {asked.limit:.3g} V: " + (
+        f'let both sides pull where they hand over (--overlap "{asked.needed:g} N")'
+        if helped
+        else "take a smaller or slower one, or more voltage"
     )
 
 

@@ -7,14 +7,17 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from msl_fem.actuator import Actuator
 from msl_fem.cli.believed import belief_fields, model_with_belief, stated_belief
 from msl_fem.cli.closing import control_closing
 from msl_fem.cli.controller_maps import Maps, maps_for
-from msl_fem.cli.controllers import DesignOptions, design_of
+from msl_fem.cli.controllers import DesignOptions, design_of_model, model_of, with_asked_overlap
 from msl_fem.cli.currents_commanded import currents_commanded
 from msl_fem.cli.effects_told import effects_told
 from msl_fem.cli.foretold import design_of_belief, improvement_on
+from msl_fem.cli.learning import Draws, check_learning, learned_reference
 from msl_fem.cli.options import (
+    AUTO,
     Bandwidth,
     BeliefName,
     Bias,
@@ -28,7 +31,7 @@ from msl_fem.cli.options import (
     Json,
     Known,
     MapFile,
-    Overlap,
+    OverlapOrAuto,
     PeakSensitivity,
     Preview,
     TableFile,
@@ -49,10 +52,11 @@ from msl_fem.control import (
     examine_design,
     run_closed_loop,
 )
+from msl_fem.control.asked_voltage import AskedVoltage
 from msl_fem.control.injection import held_under_test
 from msl_fem.control.spec_sheet import SpecSheet, spec_sheet
 from msl_fem.control.stepper import stated
-from msl_fem.control.unseen_plants import SUSPECTS, DrawPlant, UnseenPlants, on_unseen_plants, suspected_plant
+from msl_fem.control.unseen_plants import SUSPECTS, UnseenPlants, on_unseen_plants, suspected_plant
 from msl_fem.errors import InputError
 from msl_fem.export.c_controller import ControllerSource
 from msl_fem.export.c_controller import write as write_controller
@@ -94,13 +98,16 @@ def command(
     feedforward: Feedforward = True,
     preview: Preview = True,
     bias: Bias = None,
-    overlap: Overlap = "0 N",
+    overlap: OverlapOrAuto = AUTO,
     temperature_rise: GuardedRise = None,
     ambient: GuardedAmbient = None,
     thermal_resistance: ThermalResistance = None,
     unseen: Annotated[
         int, typer.Option(min=0, metavar="N", help="Plants beside the believed one to judge the loop on; 0: none.")
     ] = 20,
+    learn: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Trials in which a reference that repeats is learned; 0: none.")
+    ] = 0,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Record folder of the run.")] = None,
     header: Annotated[
         Path | None, typer.Option("--c", metavar="FILE", help="The controller as C99 header, as 'export' writes it.")
@@ -122,6 +129,7 @@ def command(
     With --from the controller knows what a diagnosis says, a record is diagnosed first; it is judged on plants that the
     diagnosis leaves possible, beside the controller of the belief.
     About the amplifier of a voltage drive a current loop is taken (--current-loop).
+    With --learn a reference that repeats is corrected from trial to trial; the table of it goes into the header.
     The plant has the causes of --effect beside. With --inject the run holds a position, and 'msl-fem loop' measures it.
     """
     options = DesignOptions(
@@ -145,20 +153,29 @@ def command(
     with sole_run(output):
         if output is not None:
             check_record_folder(output)
+        task = _task(wanted, plant.actuator, injected=inject is not None)
+        if learn:
+            check_learning(task.track, injected=inject is not None)
         loop = _designed(
-            options, plant, told, files=(table, map_file), belief=belief, causes=causes, itself=actuator is None
+            options, plant, told, task, files=(table, map_file), belief=belief, causes=causes, itself=actuator is None
         )
-        task = _task(wanted, loop.controller, injected=inject is not None)
+        check_stable_reach(loop.controller, task.track)
         run = run_closed_loop(
             loop.controller, task.track, plant=loop.acted_on, generator=np.random.default_rng(seed),
             injection=task.signal,
         )  # fmt: skip
         if output is not None:
             write_record(_record(loop, run, task, bandwidth=bandwidth, bias=bias), output)
-        sheet = _sheet(loop, run, task, options, told, unseen=unseen, files=(table, map_file))
+        sheet = _sheet(loop, run, task, told, unseen=unseen, files=(table, map_file))
         fields = _fields(loop, run, sheet, as_json=json)
+        learned = None
+        if learn:
+            draws = _draws(loop.acted_on, told)
+            learned, fields["learning"] = learned_reference(
+                loop.controller, task.track, loop.acted_on, draws, trials=learn, unseen=unseen, seed=seed
+            )
         if header is not None:
-            write_controller(ControllerSource(loop.controller, loop.maps.one_side), header)
+            write_controller(ControllerSource(loop.controller, loop.maps.one_side, learned), header)
             fields |= {"c": str(header)}
         if report is not None:
             with progress_bar("trials") as progress:
@@ -168,17 +185,20 @@ def command(
     title = f"{plant.actuator.name}: {loop.controller.kind} in closed loop on {wanted.spec}"
     print_result(fields, as_json=json, title=title)
     held = fields["loop"].get("held_share")
-    print_closing(control_closing(run, loop.controller, held_share=held), as_json=json)
+    print_closing(control_closing(run, loop.controller, asked=loop.asked, held_share=held), as_json=json)
 
 
 @dataclass(frozen=True, eq=False)
 class _Loop:
-    """A designed controller, the maps it is guarded by, and what it acts on.
+    """A designed controller by the options as its reference settled them, the maps it is guarded by, what the reference
+    asks of the coils, and what it acts on.
 
     `own_table` says that what it knows brings a table of its own.
     """
 
+    options: DesignOptions
     controller: ControllerDesign
+    asked: AskedVoltage
     maps: Maps
     table: MagneticTable
     true: ExtendedModel
@@ -191,8 +211,8 @@ class _Loop:
 
 
 def _designed(
-    options: DesignOptions, plant: ExtendedModel, told: Told | None, *, files: tuple[Path | None, Path | None],
-    belief: str | None, causes: tuple[LawExpression, ...], itself: bool,
+    options: DesignOptions, plant: ExtendedModel, told: Told | None, task: "_Task", *,
+    files: tuple[Path | None, Path | None], belief: str | None, causes: tuple[LawExpression, ...], itself: bool,
 ) -> _Loop:  # fmt: skip
     """The controller for what is known; `files` are table and map, `itself` says that no plant was named beside."""
     known = options.known() if told is None else told.model
@@ -203,9 +223,11 @@ def _designed(
     plant, believed = _as_believed(belief, plant, table, itself=not knows_all)
     plant = replace(plant, effects=stated_causes(causes, plant.effects))
     maps = maps_for(plant.actuator, table, map_file=files[1], table_file=files[0])
-    controller = design_of(options, known, plant.actuator, table, maps, belief=believed)
+    model = model_of(known, plant.actuator, table, maps, belief=believed)
+    options, asked = with_asked_overlap(options, model, task.track)
+    controller = design_of_model(options, model)
     true = known if knows_all and isinstance(known, ExtendedModel) else plant
-    return _Loop(controller, maps, table, true, believed, own is not None)
+    return _Loop(options, controller, asked, maps, table, true, believed, own is not None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,12 +239,12 @@ class _Task:
     signal: Array | None
 
 
-def _task(wanted: Excitation, controller: ControllerDesign, *, injected: bool) -> _Task:
-    """The reference at the loop's rate, or the position held under a test signal; one that the loop can reach."""
-    rate = 1 / controller.law.plant.period
+def _task(wanted: Excitation, actuator: Actuator, *, injected: bool) -> _Task:
+    """The reference at the loop's rate, or the position held under a test signal."""
+    assert actuator.controller is not None
+    rate = actuator.controller.rate
     held = held_under_test(wanted, rate=rate) if injected else None
     track = reference(wanted, rate=rate) if held is None else held.reference
-    check_stable_reach(controller, track)
     return _Task(wanted, track, None if held is None else held.signal)
 
 
@@ -236,7 +258,7 @@ def _record(loop: _Loop, run: ClosedLoopRun, task: _Task, **wishes: str | None) 
 
 
 def _sheet(
-    loop: _Loop, run: ClosedLoopRun, task: _Task, options: DesignOptions, told: Told | None, *, unseen: int,
+    loop: _Loop, run: ClosedLoopRun, task: _Task, told: Told | None, *, unseen: int,
     files: tuple[Path | None, Path | None],
 ) -> SpecSheet:  # fmt: skip
     """The loop's sheet: on its plant, on others, and after a diagnosis beside the controller of the belief."""
@@ -245,7 +267,7 @@ def _sheet(
     others = _on_others(loop.controller, task.track, draws, n=unseen) if judged else None
     over = None
     if others is not None and told is not None:
-        before = design_of_belief(options, told, loop.table, own=loop.own_table, files=files)
+        before = design_of_belief(loop.options, told, loop.table, own=loop.own_table, files=files)
         over = improvement_on(before, others, task.track, draws.draw)
     return spec_sheet(loop.controller, run=run, unseen=others, over_belief=over)
 
@@ -256,6 +278,7 @@ def _fields(loop: _Loop, run: ClosedLoopRun, sheet: SpecSheet, *, as_json: bool)
     if not as_json:
         del promised["positions"]  # a row each: of a terminal they would take all
     fields = {"design": loop.controller.kind} | run.to_json() | loop.controller.to_json()
+    fields |= {"asked_voltage": loop.asked.to_json()}
     fields |= {"effects": effects_told(loop.true.effects, as_json=as_json)}
     return fields | belief_fields(loop.believed, as_json=as_json) | {"loop": promised}
 
@@ -283,24 +306,16 @@ def _followed(reference_: str | None, inject: str | None) -> Excitation:
     return found[0]
 
 
-@dataclass(frozen=True)
-class _Draws:
-    """How plants beside the believed one are drawn, and what they have beside their tolerances."""
-
-    draw: DrawPlant
-    suspects: tuple[str, ...]
-
-
-def _draws(plant: PlantUnderTest, told: Told | None) -> _Draws:
+def _draws(plant: PlantUnderTest, told: Told | None) -> Draws:
     """Plants within the tolerances, with the suspects; after a diagnosis those that it leaves possible."""
     if told is None:
-        return _Draws(lambda generator: suspected_plant(plant, generator), SUSPECTS)
+        return Draws(lambda generator: suspected_plant(plant, generator), SUSPECTS)
     fitted = PlantUnderTest(told.model.actuator, plant.table, _effects(told.model))
     posterior = told.posterior
-    return _Draws(lambda generator: posterior.draw(fitted, generator), ())
+    return Draws(lambda generator: posterior.draw(fitted, generator), ())
 
 
-def _on_others(controller: ControllerDesign, track: Reference, draws: _Draws, *, n: int) -> UnseenPlants | None:
+def _on_others(controller: ControllerDesign, track: Reference, draws: Draws, *, n: int) -> UnseenPlants | None:
     """The loop on plants that it was not designed for; None where there are none."""
     try:
         with progress_bar("unseen plants") as progress:

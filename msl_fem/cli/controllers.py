@@ -1,16 +1,19 @@
 """The design that the options of `control` and `export` ask for."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from json import loads as parse_json
 from pathlib import Path
+
+import numpy as np
 
 from msl_fem.actuator import Actuator
 from msl_fem.cli.controller_maps import Maps
 from msl_fem.cli.currents_commanded import currents_commanded
 from msl_fem.cli.losses import ThermalTexts, thermal_limit
-from msl_fem.cli.options import read_option
+from msl_fem.cli.options import AUTO, read_option
 from msl_fem.cli.told import Told, told_from
 from msl_fem.control import (
+    DESIGNS,
     ControllerChoice,
     ControllerDesign,
     DesignModel,
@@ -21,6 +24,8 @@ from msl_fem.control import (
     design_model_with_effects,
     designed,
 )
+from msl_fem.control.asked_voltage import AskedVoltage, asked_voltage
+from msl_fem.control.closed_loop import ReferenceArrays
 from msl_fem.control.design import with_thermal_limit
 from msl_fem.errors import InputError
 from msl_fem.files.schema import reason, small_text
@@ -63,7 +68,7 @@ class DesignOptions:
             bandwidth=None if self.bandwidth is None else read_option("--bandwidth", self.bandwidth, "Hz"),
             peak_sensitivity=self.peak_sensitivity,
             feedforward=self.feedforward,
-            overlap=read_option("--overlap", self.overlap, "N"),
+            overlap=0.0 if self.overlap == AUTO else read_option("--overlap", self.overlap, "N"),
             bias=None if self.bias is None else read_option("--bias", self.bias, "A"),
             preview=self.preview,
         )
@@ -99,12 +104,40 @@ def design_of(
     maps: Maps, *, belief: Belief = PLAIN_BELIEF,
 ) -> ControllerDesign:  # fmt: skip
     """The design that options ask for, of what is known (None: the actuator's file, the table and the belief)."""
-    if known is None:
-        model = design_model_as_believed(actuator, table, maps.one_side, belief.effects, maps.pair)
-    else:
-        model = _design_model(actuator, known, table, maps)
+    return design_of_model(options, model_of(known, actuator, table, maps, belief=belief))
+
+
+def design_of_model(options: DesignOptions, model: DesignModel) -> ControllerDesign:
+    """The design that options ask for, of a design model."""
     made, limit = designed(model, options.choice()), options.thermal_limit()
     return made if limit is None else with_thermal_limit(made, limit)
+
+
+def model_of(
+    known: ExtendedModel | ArmaxModel | None, actuator: Actuator, table: MagneticTable, maps: Maps,
+    *, belief: Belief = PLAIN_BELIEF,
+) -> DesignModel:  # fmt: skip
+    """What is designed for, of what is known (None: the actuator's file, the table and the belief)."""
+    if known is None:
+        return design_model_as_believed(actuator, table, maps.one_side, belief.effects, maps.pair)
+    return _design_model(actuator, known, table, maps)
+
+
+def with_asked_overlap(
+    options: DesignOptions, model: DesignModel, reference: ReferenceArrays
+) -> tuple[DesignOptions, AskedVoltage]:
+    """(the options with the overlap that a reference needs where they leave it open, what it asks of the coils).
+
+    A design without an overlap, and a reference that no overlap helps, get none.
+    """
+    samples = np.stack([reference.position, reference.velocity, reference.acceleration], axis=1)
+    asked = asked_voltage(model, samples, overlap=options.choice().overlap)
+    if options.overlap != AUTO:
+        return options, asked
+    kind = DESIGNS.get(options.design)
+    if not asked.needed > 0 or kind is None or "overlap" not in kind.options:
+        return replace(options, overlap="0 N"), asked
+    return replace(options, overlap=f"{asked.needed:g} N"), asked_voltage(model, samples, overlap=asked.needed)
 
 
 def known_model(file: Path) -> ExtendedModel | ArmaxModel:

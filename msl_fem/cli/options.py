@@ -83,6 +83,14 @@ GuardedAmbient = Annotated[
     str | None, typer.Option("--ambient", help='Ambient temperature that the guard believes, like "20 degC".')
 ]
 Overlap = Annotated[str, typer.Option("--overlap", help="Force with which both sides pull at zero force.")]
+OverlapOrAuto = Annotated[
+    str,
+    typer.Option(
+        "--overlap",
+        help="Force with which both sides pull at zero force; auto: what keeps the reference within the voltage limit.",
+    ),
+]
+AUTO = "auto"
 CurrentLoop = Annotated[
     str | None,
     typer.Option(help="Bandwidth of the current loop around a voltage drive; without, the most that there is."),
@@ -104,8 +112,8 @@ SectionEnds = Annotated[
     typer.Option(
         "--end-effects",
         metavar="none|section",
-        help="Correct the section of one magnet for the flux at the stack's ends; by default, where the kind has such "
-        "ends and the file does not say none.",
+        help="Correct sections for the flux at the stack's ends; by default, where the kind has such ends and the file "
+        "does not say none.",
     ),
 ]
 DEFAULT_RISE, DEFAULT_AMBIENT = "80 K", "20 degC"

@@ -4,12 +4,19 @@ from typing import Any
 
 from msl_fem.actuator import Actuator
 from msl_fem.magnetics.field.accuracy import Accuracy
-from msl_fem.magnetics.field.two_sided import TwoSidedPosition, polarity_costs
+from msl_fem.magnetics.field.end_effects import EndEffects
+from msl_fem.magnetics.field.two_sided import polarity_costs
+from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition
 from msl_fem.magnetics.kinds.kind import PlaneMagnet
 
 
 def what_a_polarity_costs(
-    actuator: Actuator, currents: tuple[float, float], position: TwoSidedPosition, *, accuracy: Accuracy
+    actuator: Actuator,
+    currents: tuple[float, float],
+    position: TwoSidedPosition,
+    *,
+    accuracy: Accuracy,
+    end_effects: EndEffects = None,
 ) -> dict[str, Any]:
     """The JSON field `polarity`: what two magnets apart miss of force and flux linkage, by how the fluxes meet.
 
@@ -20,7 +27,7 @@ def what_a_polarity_costs(
     costs: dict[str, Any] = {"of_these_currents": "aiding" if currents[0] * currents[1] > 0 else "opposing"}
     if actuator.sides is not None:
         costs["of_the_actuator"] = actuator.sides.polarity
-    for name, apart in polarity_costs(actuator, currents, position, accuracy=accuracy).items():
+    for name, apart in polarity_costs(actuator, currents, position, accuracy=accuracy, end_effects=end_effects).items():
         costs[name] = {
             "force_error_of_sides_apart": apart.force_error,
             "flux_error_of_sides_apart": [apart.flux_error_1, apart.flux_error_2],

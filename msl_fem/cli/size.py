@@ -6,10 +6,10 @@ from typing import Annotated, Any
 import typer
 
 from msl_fem.actuator import load_actuator
-from msl_fem.cli.options import Json
+from msl_fem.cli.options import Json, SectionEnds
 from msl_fem.cli.output import print_columns, print_result, progress_bar, say
 from msl_fem.cli.polarity import polarity_off_the_middle, polarity_sentence
-from msl_fem.cli.sweeping import default_workers
+from msl_fem.cli.sweeping import checked_end_effects, default_workers
 from msl_fem.design.sizing import (
     RULE,
     DesignChoice,
@@ -49,6 +49,7 @@ def command(
         str | None, typer.Option(metavar="ADDRESS", help="Judge designs on a dask.distributed cluster.")
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="PNG of the Pareto front; without, beside the output.")] = None,
+    end_effects: SectionEnds = None,
     json: Json = False,
 ) -> None:
     """Size a magnet: closed equations, then a search whose designs fields judge; the best becomes an actuator file.
@@ -57,7 +58,7 @@ def command(
     """
     if scheduler is not None and workers:
         raise InputError("give --workers or --scheduler, not both")
-    wanted = load_requirement(requirement)
+    wanted, corrected = load_requirement(requirement), checked_end_effects(end_effects)
     target = output or Path(f"{wanted.name}.toml")
     drawn = picture or target.with_name(f"{target.stem}_pareto.png")
     _check_files(requirement, target, drawn)
@@ -65,13 +66,14 @@ def command(
         make_folder(target.parent)
         storage = f"sqlite:///{target.with_name(f'.{target.name}.trials.sqlite3')}"
     settings = SearchSettings(storage, trials, seed, workers or default_workers(), scheduler)
-    evaluator = DesignEvaluator(wanted)
+    evaluator = DesignEvaluator(wanted, corrected)
     with progress_bar("designs judged by fields") as progress:
         found = search_designs(evaluator, settings, progress=progress)
     with progress_bar("verified at fine accuracy") as progress:
         choice = choose_design(evaluator, found, progress=progress)
     assert choice.evaluation.performance is not None
-    write_sized_actuator(sized_actuator(choice.evaluation.performance, wanted, target=target), target)
+    sized = sized_actuator(choice.evaluation.performance, wanted, target=target, end_effects=corrected)
+    write_sized_actuator(sized, target)
     save_picture(draw_front(_points(choice, found, wanted), wanted.objectives, title=wanted.name), drawn)
     _say_warm(choice, wanted)
     costs = polarity_off_the_middle(load_actuator(target), choice.evaluation.performance.current)

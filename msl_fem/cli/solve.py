@@ -14,9 +14,9 @@ from msl_fem.errors import InputError
 from msl_fem.export.vtu import write_solid_vtu, write_vtu
 from msl_fem.files.whole_file import check_target
 from msl_fem.magnetics.field.accuracy import Accuracy, PointResult
-from msl_fem.magnetics.field.end_effects import NONE as NO_ENDS
-from msl_fem.magnetics.field.magnet_field import solve_with_field
-from msl_fem.magnetics.field.two_sided import TwoSidedPosition, TwoSidedResult, solve_two_sided
+from msl_fem.magnetics.field.magnet_field import chosen_ends, solve_with_field
+from msl_fem.magnetics.field.two_sided import TwoSidedResult, solve_two_sided
+from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition
 from msl_fem.magnetics.sweep.rows import stated_ends
 from msl_fem.magnetics.three_d.magnet_point import SolidPoint, solve_solid
 from msl_fem.magnetics.three_d.pair_point import SolidPairPoint, solve_solid_pair
@@ -58,11 +58,8 @@ def command(
     _check_dimension(dimension, tilt=tilt, scene=scene)
     two_sided = (current_2, gap_2, tilt) != (None, None, None)
     corrected = checked_end_effects(end_effects)
-    if corrected is not None and (two_sided or dimension == 3):
-        raise InputError(
-            "--end-effects are of the section of one magnet; leave it out: three dimensions have the ends, and both "
-            "magnets in two dimensions are solved without"
-        )
+    if corrected is not None and dimension == 3:
+        raise InputError("--end-effects are of a section; leave it out: three dimensions have the ends")
     if scene is not None and vtu is None:
         raise InputError("--scene draws what --vtu writes; give both")
     if two_sided and dimension == 2 and (picture or vtu):
@@ -73,10 +70,13 @@ def command(
         if dimension == 3:
             _solve_solid_pair(it, currents, position, level, picture=picture, vtu=vtu, json=json)
             return
-        found = solve_two_sided(it, currents, position, accuracy=level)
+        found = solve_two_sided(it, currents, position, accuracy=level, end_effects=corrected)
         _say_notes(found.notes)
-        costs = what_a_polarity_costs(it, currents, position, accuracy=level)
-        print_result(two_sided_to_json(found) | costs, as_json=json, title=f"{it.name}: both magnets")
+        if position.tilt and chosen_ends(it, corrected):
+            say("note: a tilted armature is solved in the plane section, without the ends of the stacks")
+        costs = what_a_polarity_costs(it, currents, position, accuracy=level, end_effects=corrected)
+        stated = stated_ends(it.magnet_kind(), found.ends)
+        print_result(two_sided_to_json(found) | stated | costs, as_json=json, title=f"{it.name}: both magnets")
         return
     if metres is None and isinstance(it.magnet, MeshMagnet):
         metres = it.magnet.gap
@@ -192,7 +192,6 @@ def two_sided_to_json(result: TwoSidedResult) -> dict[str, Any]:
         "net_force_error_estimate_N": result.force_error_estimate,
         "unknowns": result.unknowns,
         "newton_iterations": result.newton_iterations,
-        "end_effects": NO_ENDS,
         "notes": list(result.notes),
     }
 

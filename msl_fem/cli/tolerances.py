@@ -7,9 +7,9 @@ import numpy as np
 import typer
 
 from msl_fem.actuator import load_actuator
-from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json, read_option, read_options
+from msl_fem.cli.options import AccuracyLevel, ActuatorFile, Json, SectionEnds, read_option, read_options
 from msl_fem.cli.output import print_columns, print_result, progress_bar
-from msl_fem.cli.sweeping import checked_accuracy, default_workers
+from msl_fem.cli.sweeping import checked_accuracy, checked_end_effects, default_workers
 from msl_fem.computing.jobs import Executor
 from msl_fem.computing.row_cache import RowCache
 from msl_fem.design.tolerances import NAMES, RowRun, ToleranceSettings, ToleranceStudy, tolerance_study
@@ -38,6 +38,7 @@ def command(
     direct: Annotated[bool, typer.Option("--direct", help="Solve the fields of all samples.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the magnets that are drawn.")] = 1,
     accuracy: AccuracyLevel = "fast",
+    end_effects: SectionEnds = None,
     workers: Annotated[int, typer.Option(min=0, max=256, help="Processes; 0: one a core.")] = 0,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="HTML page with the figures.")] = None,
     resume: Annotated[bool, typer.Option(help="Take finished magnets of an interrupted run (needs -o).")] = False,
@@ -66,6 +67,7 @@ def command(
         direct=direct,
         seed=seed,
         accuracy=checked_accuracy(accuracy),
+        end_effects=checked_end_effects(end_effects),
     )
     cache = RowCache(output.with_name(f".{output.name}.rows")) if output is not None else None
     if cache is not None:

@@ -25,7 +25,7 @@ def known_ahead(samples: Array, *, period: float, lead: float) -> Array:
     node = np.minimum(np.arange(n) + int(lead / period * (1 + 1e-12)), n - 1)
     late = (np.arange(n) - node) * period + lead
     out = carried_on(samples[node], late)
-    between = np.flatnonzero((node < n - 1) & np.append(_smooth(samples, period), False)[node])
+    between = np.flatnonzero((node < n - 1) & np.append(smooth_intervals(samples, period), False)[node])
     start = samples[node[between]]
     end = samples[node[between] + 1]
     out[between] = _hermite(start, end, late[between] / period, period)
@@ -38,7 +38,7 @@ def carried_on(samples: Array, lead: float | Array) -> Array:
     return np.stack([r + lead * (v + 0.5 * lead * a), v + lead * a, a], axis=1)
 
 
-def _smooth(samples: Array, period: float) -> Array:
+def smooth_intervals(samples: Array, period: float) -> Array:
     """(n - 1,) whether the intervals' ends fit together by the corrected trapezoidal rule."""
     r, v, a = samples.T
     by_speed = 0.5 * period * (v[1:] + v[:-1]) - period**2 / 12 * np.diff(a)

@@ -34,10 +34,14 @@ _ROWS = (
 
 @dataclass(frozen=True, eq=False)
 class ControllerSource:
-    """A controller to be exported, and the operating map that its guard judges by."""
+    """A controller to be exported, and the operating map that its guard judges by.
+
+    `learned` are the rows (n, 6) of a periodic reference as it was learned, where one was.
+    """
 
     design: ControllerDesign
     regions: OperatingMap
+    learned: Array | None = None
 
 
 def controller_header(source: ControllerSource, *, name: str | None = None) -> str:
@@ -80,6 +84,7 @@ def controller_header(source: ControllerSource, *, name: str | None = None) -> s
             "printed": f"{printer.declarations}\n{printer.definitions}",
             "row": {name: getattr(controller, name) for name in _ROWS},
             "check": check_steps(design),
+            "learned": source.learned,
             "inner": current_loop_content(design.current_loop),
         },
     )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from msl_fem.cli.closing import control_closing, identify_closing
+from msl_fem.control.asked_voltage import AskedVoltage
 
 RUN = SimpleNamespace(
     reference=np.array([-1e-4, 1e-4]),
@@ -15,12 +16,13 @@ RUN = SimpleNamespace(
     force_limited=0,
     heat_limited=0,
 )
+MILD = AskedVoltage(overlap=0.0, largest=10.0, limit=80.0, copper_loss=1.0, needed=0.0)
 
 
 @pytest.mark.parametrize(("share", "told", "way"), [(None, "", "take it along as C"), (0.5, "holds 50 %", "measure")])
 def test_plants_that_are_not_held_are_told_beside_the_margins(share: float | None, told: str, way: str) -> None:
     """A sensitivity in zone A is of the believed plant; half of the possible ones lost is no loop for a board."""
-    _, sure, next_step = control_closing(RUN, SimpleNamespace(peak_sensitivity=1.8), held_share=share)
+    _, sure, next_step = control_closing(RUN, SimpleNamespace(peak_sensitivity=1.8), asked=MILD, held_share=share)
     assert "zone A" in sure
     assert told in sure
     assert ("holds" in sure) is bool(told)

@@ -57,6 +57,41 @@ def test_every_design_runs(msl_fem, options, kind, loss):
     assert found["inverse_domain"]["source"] == "table"
 
 
+def test_the_sides_overlap_as_far_as_the_reference_asks_for(msl_fem, tmp_path):
+    """200 Hz at 0.1 mm takes more voltage than there is where one side pulls at a time; so both pull, and |T| is 1."""
+    folder = tmp_path / "rec"
+    fast = ("--reference", "sine:frequency=200 Hz,amplitude=0.1 mm,duration=0.4 s")
+    found = msl_fem("control", SERVO, "--table", TABLE, *fast, *ALONE, "-o", str(folder), "--json").json
+    asked = found["asked_voltage"]
+    assert asked["overlap_N"] == asked["needed_overlap_N"] > 0.0
+    assert asked["largest_V"] < 0.9 * asked["limit_V"]
+    record = load_record(folder)
+    assert record.controller["overlap"] == f"{asked['overlap_N']!r} N"
+    time, position = (record.runs[0].columns[name] for name in ("time_s", "position_m"))
+    late = time >= 0.2
+    gain = 2 * abs(np.mean(position[late] * np.exp(-2j * np.pi * 200.0 * time[late]))) / 1e-4
+    assert abs(20 * np.log10(gain)) < 0.5
+    hard = msl_fem("control", SERVO, "--table", TABLE, *fast, "--overlap", "0 N", *ALONE)
+    assert f'--overlap "{asked["needed_overlap_N"]:g} N"' in hard.stdout
+
+
+def test_a_reference_that_repeats_is_learned_and_goes_to_the_board(msl_fem, tmp_path):
+    """The correction takes off what a hidden gap offset leaves; the header has a row a sample of the period."""
+    plant, header = tmp_path / "offset.toml", tmp_path / "controller.h"
+    plant.write_text(Path(SERVO).read_text() + '[effects.gap_offset]\noffset = "25 um"\n')
+    fast = ("--table", TABLE, "--reference", "sine:frequency=50 Hz,amplitude=0.2 mm,duration=0.4 s", "--unseen", "0")
+    found = msl_fem("control", str(plant), *fast, "--learn", "4", "--c", str(header), "--json").json["learning"]
+    assert found["period_s"] == pytest.approx(0.02)
+    assert found["scenario_plants"] == 40
+    assert found["error_rms_m"][4] < 0.5 * found["error_rms_m"][0]
+    assert "static const double row[n_row][6]" in header.read_text()
+    assert "enum { n_row = 50 }" in header.read_text()
+    jump = ("control", SERVO, "--table", TABLE, "--learn", "2")
+    assert "does not repeat" in msl_fem(*jump, "--reference", "step:amplitude=0.1 mm,duration=0.2 s").complaint
+    noise = "band-limited-noise:band=400 Hz,amplitude=0.1 um,duration=1 s"
+    assert "leave it out beside --inject" in msl_fem(*jump, "--inject", noise).complaint
+
+
 def test_controller_and_plant_are_as_designed_unless_told_otherwise(msl_fem, extended, tmp_path):
     """What the drawing tells is in the plant and in the inverse, and the record says so: its loop is made again."""
     folder = tmp_path / "rec"

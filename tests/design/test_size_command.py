@@ -56,7 +56,7 @@ def test_a_requirement_becomes_an_actuator_file_that_solves(msl_fem: Run, file: 
     assert Path(said["picture"]).read_bytes().startswith(b"\x89PNG")
     # the written magnet, at the stated current and fine accuracy: the force, and the flux density below the limit
     current = f"{said['current_A']!r} A"
-    at = ("--current", current, "--gap", "0.5 mm", "--accuracy", "fine", "--end-effects", "none")
+    at = ("--current", current, "--gap", "0.5 mm", "--accuracy", "fine")
     point = msl_fem("solve", str(target), *at, "--json").json
     assert point["force_N"] == pytest.approx(said["force_N"], rel=1e-6)
     assert point["force_N"] >= 150.0

@@ -58,11 +58,11 @@ def test_a_design_of_a_kind_is_what_solve_says(kind: str, design: Design, off: f
     assert found is not None
     assert found.magnet.turns % it.requirement.sized.coils == 0
     alone = Actuator.model_validate({"schema": 1, "name": "x", "magnet": found.magnet})
-    quantities = solve(alone, found.current, 0.5e-3, accuracy="fast", end_effects=False).quantities
-    assert quantities.force == pytest.approx(found.force, rel=1e-6)
-    assert quantities.incremental_inductance == pytest.approx(found.inductance, rel=1e-6)
+    quantities = solve(alone, found.current, 0.5e-3, accuracy="fast").quantities
+    assert quantities.force == pytest.approx(found.force, rel=1e-3)
+    assert quantities.incremental_inductance == pytest.approx(found.inductance, rel=1e-3)
     assert 150.0 <= found.force <= 150.0 * (1 + 2 * TRIM)
-    assert max(part.mean for part in quantities.flux_density.values()) == pytest.approx(found.flux_density, rel=1e-6)
+    assert max(part.mean for part in quantities.flux_density.values()) == pytest.approx(found.flux_density, rel=1e-3)
     assert found.flux_density <= 1.2
     assert found.masses.core == pytest.approx(7650 * iron_volume(found.magnet, "core"))
 
@@ -132,7 +132,7 @@ def test_size_makes_an_actuator_of_the_kind(msl_fem: Run, tmp_path: Path, kind: 
     actuator = load_actuator(target)
     assert actuator.magnet is not None
     assert actuator.magnet.kind == kind
-    point = solve(actuator, said["current_A"], 0.5e-3, accuracy="fine", end_effects=False).quantities
+    point = solve(actuator, said["current_A"], 0.5e-3, accuracy="fine").quantities
     assert point.force == pytest.approx(said["force_N"], rel=1e-6)
     assert point.force >= 150.0
     assert max(section.mean for section in point.flux_density.values()) <= 1.2

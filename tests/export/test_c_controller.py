@@ -62,6 +62,29 @@ def program(design: ControllerDesign, folder: Path, variant: str = "gcc -O2") ->
     return compile_c(folder, BOARD, variant, "-Wl,--no-as-needed", "-lm")  # sqrt, named before the source
 
 
+LEARNED = r"""
+#include <stdio.h>
+#include "exported.h"
+int main(void)
+{
+    unsigned long k;
+    for (k = 0; k < 7; ++k)
+        if (fwrite(m_controller_learned(k), sizeof(double), 6, stdout) != 6)
+            return 2;
+    return 0;
+}
+"""
+
+
+def test_a_learned_reference_stands_in_the_header_and_repeats(tmp_path: Path) -> None:
+    rows = np.random.default_rng(4).standard_normal((5, 6))
+    text = controller_header(ControllerSource(servo_design(), servo_map(), rows), name="m")
+    (tmp_path / "exported.h").write_text(text)
+    board = compile_c(tmp_path, LEARNED, "gcc -O2", "-Wl,--no-as-needed", "-lm")
+    told = np.frombuffer(subprocess.run([board], capture_output=True, check=True).stdout).reshape(-1, 6)
+    assert_same_bits(told, rows[np.arange(7) % 5])
+
+
 def answers(board: Path, wanted: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, list[int]]:
     """Commands (n, 2) of the board for references (n, 6) and readings (n,), and its counts."""
     given = np.column_stack([wanted, measured]).tobytes()

@@ -8,7 +8,8 @@ from level_jobs import E1, SERVO
 
 from msl_fem.errors import InputError
 from msl_fem.magnetics.field.magnet_field import solve
-from msl_fem.magnetics.field.two_sided import TwoSidedPosition, decoupling, solve_two_sided
+from msl_fem.magnetics.field.two_sided import decoupling, solve_two_sided
+from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition
 from msl_fem.magnetics.field_map import DecouplingMap, FieldMapSettings, decoupling_map
 from msl_fem.report.pictures import draw_decoupling
 

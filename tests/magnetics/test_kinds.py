@@ -21,7 +21,8 @@ from msl_fem.losses.section_loss import PeriodicOperation
 from msl_fem.magnetics.field.foreign_mesh import solve_mesh_magnet
 from msl_fem.magnetics.field.magnet_field import field_of, solve, solve_with_field
 from msl_fem.magnetics.field.plunger import solve_plunger
-from msl_fem.magnetics.field.two_sided import TwoSidedPosition, solve_two_sided
+from msl_fem.magnetics.field.two_sided import solve_two_sided
+from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition
 from msl_fem.magnetics.field_map.level_map import FieldMapSettings, field_map
 from msl_fem.magnetics.kinds.kind import PlaneMagnet, WindingSpace
 from msl_fem.magnetics.kinds.parts import Air, Coil, IronSpec

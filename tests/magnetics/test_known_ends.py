@@ -1,6 +1,7 @@
 """What a kind knows of its ends: against solutions in three dimensions, by default, in a pair, in a table."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,9 @@ from msl_fem.actuator import load_actuator
 from msl_fem.errors import InputError
 from msl_fem.magnetics.field.magnet_field import chosen_ends, field_of, solve
 from msl_fem.magnetics.field.pair_field import PairField, PairQuantities, pair_magnet, pair_mesh
+from msl_fem.magnetics.field.two_sided import field_of_both, solve_two_sided
+from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition
+from msl_fem.magnetics.field_map import FieldMapSettings, decoupling_map
 from msl_fem.magnetics.sweep.pair_sweep import pair_sweep
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
 
@@ -40,10 +44,10 @@ def test_a_corrected_section_is_what_three_dimensions_say(name: str) -> None:
 def test_ends_are_the_default_where_a_kind_has_them_and_its_file_does_not_say_none() -> None:
     servo, e1, pot = (load_actuator(GEOMETRIES / f"{n}.toml") for n in ("fast_tool_servo", "e1", "pot_core_holding"))
     assert chosen_ends(servo) == servo.magnet_kind().known_ends.factors
-    assert chosen_ends(servo, False) is None
-    assert chosen_ends(e1) is None
+    assert chosen_ends(servo, False) is False
+    assert chosen_ends(e1) is False
     assert chosen_ends(e1, True) == e1.magnet_kind().known_ends.factors
-    assert chosen_ends(pot) is None
+    assert chosen_ends(pot) is False
     with pytest.raises(InputError, match="states no ends"):
         chosen_ends(pot, True)
     plain, by_default = (
@@ -85,6 +89,38 @@ def test_a_pair_with_its_ends_is_near_three_dimensions() -> None:
         assert found.force == pytest.approx(row["net_force"], rel=0.035)
         assert found.flux_linkage_1 == pytest.approx(row["flux_1"], rel=0.036)
         assert found.flux_linkage_2 == pytest.approx(row["flux_2"], rel=0.036)
+
+
+def test_both_magnets_at_a_point_carry_their_ends_by_two_routes() -> None:
+    """Virtual work and stress on the strips' middles; near three dimensions; a tilt has the plane section."""
+    e1 = load_actuator(GEOMETRIES / "e1.toml")
+    row = next(row for row in rows("pair") if row["current_2"] == 4)
+    currents, place = (row["current_1"], row["current_2"]), TwoSidedPosition(row["gap_1"], row["gap_2"])
+    found = solve_two_sided(e1, currents, place, accuracy="fast", end_effects=True)
+    assert found.ends == e1.magnet_kind().known_ends.factors
+    assert found.quantities.net_force_stress_tensor == pytest.approx(found.quantities.net_force, rel=5e-4)
+    assert found.quantities.net_force == pytest.approx(row["net_force"], rel=0.035)
+    assert found.quantities.flux_linkage_2 == pytest.approx(row["flux_2"], rel=0.036)
+    assert not solve_two_sided(e1, currents, place, accuracy="fast").ends  # as its file says
+    tilted = replace(place, tilt=1e-3)
+    with pytest.raises(InputError, match="leave out end effects or the tilt"):
+        solve_two_sided(e1, currents, tilted, accuracy="fast", end_effects=True)
+    servo = load_actuator(GEOMETRIES / "fast_tool_servo.toml")
+    assert field_of_both(servo, place, accuracy="fast").ends
+    assert not field_of_both(servo, tilted, accuracy="fast").ends
+
+
+def test_sides_are_compared_with_the_same_ends_as_both() -> None:
+    """Far apart and with one side on the pair is two magnets; a pair with ends beside plane magnets is not."""
+    servo = load_actuator(GEOMETRIES / "fast_tool_servo.toml")
+    settings = FieldMapSettings(accuracy="fast", workers=1)
+    found = decoupling_map(servo, levels=(1.2,), positions=(0.3e-3,), settings=settings)
+    one_side_on = np.abs(found.force_error[0])[:, found.one_side_on()]
+    assert np.nanmax(one_side_on) < 5e-3
+    at = found.current[0, 0, 2]
+    field = field_of(servo, 0.3e-3, accuracy="fast")
+    densities = field.quantities(field.solve(float(at), 0.3e-3)).flux_density
+    assert max(density.mean for density in densities.values()) == pytest.approx(1.2, rel=2e-3)
 
 
 def test_a_pairs_numbers_are_derivatives_of_one_coenergy() -> None:

@@ -8,13 +8,8 @@ from field_problems import reference
 from msl_fem.actuator import load_actuator
 from msl_fem.errors import ActuatorError, InputError
 from msl_fem.magnetics.field.magnet_field import solve
-from msl_fem.magnetics.field.two_sided import (
-    TwoSidedField,
-    TwoSidedPosition,
-    decoupling,
-    solve_two_sided,
-    two_sided_section,
-)
+from msl_fem.magnetics.field.two_sided import TwoSidedField, decoupling, solve_two_sided
+from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition, two_sided_section
 
 E1 = load_actuator(ROOT / "geometries" / "e1.toml")
 MIDDLE = TwoSidedPosition(5e-4, 5e-4)

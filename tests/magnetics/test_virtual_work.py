@@ -9,7 +9,8 @@ from conftest import ROOT
 from msl_fem.actuator import load_actuator
 from msl_fem.errors import InputError
 from msl_fem.magnetics.field.magnet_field import field_of
-from msl_fem.magnetics.field.two_sided import TwoSidedField, TwoSidedPosition
+from msl_fem.magnetics.field.two_sided import TwoSidedField
+from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, solve_field
 from msl_fem.magnetics.solver.virtual_work import MovingBody, displacement_share
 from msl_fem.magnetics.triangles import boundary_points, hat_gradients

@@ -1,11 +1,13 @@
 """Files made bad: TOML, JSON, CSV and NetCDF from good ones, by a random generator."""
 
 import contextlib
+import io
 import json
 import math
 import re
 import sqlite3
 import tomllib
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -179,10 +181,7 @@ def spoilt_netcdf(rng: np.random.Generator, good: bytes, scratch: Path) -> bytes
     """A NetCDF file with bad variables, coordinates and attributes, or with bad bytes."""
     if rng.random() < 0.45:
         return spoilt_bytes(rng, good)
-    source, target = scratch / "good.nc", scratch / "bad.nc"
-    source.write_bytes(good)
-    with xr.open_dataset(source, engine="h5netcdf", decode_times=False) as opened:
-        data = opened.load()
+    target, data = scratch / "bad.nc", _data_set(good)
     for _ in range(int(rng.integers(1, 3))):
         data = _spoil_dataset(rng, data)
     try:
@@ -191,8 +190,14 @@ def spoilt_netcdf(rng: np.random.Generator, good: bytes, scratch: Path) -> bytes
     except Exception:  # a dataset that cannot be written is no file
         return spoilt_bytes(rng, good)
     finally:
-        source.unlink(missing_ok=True)
         target.unlink(missing_ok=True)
+
+
+@lru_cache(maxsize=4)
+def _data_set(good: bytes) -> xr.Dataset:
+    """The data set of a good file, read once for all its bad ones, which change none of its arrays."""
+    with xr.open_dataset(io.BytesIO(good), engine="h5netcdf", decode_times=False) as opened:
+        return opened.load()
 
 
 def _spoil_dataset(rng: np.random.Generator, data: xr.Dataset) -> xr.Dataset:
@@ -214,7 +219,8 @@ def _spoil_dataset(rng: np.random.Generator, data: xr.Dataset) -> xr.Dataset:
         if action == 5:
             return data.assign({name: (data[name].dims, values.astype(str))})
         if action == 6:
-            return data.assign({name: (data[name].dims, values * 10.0 ** float(rng.integers(-320, 309)))})
+            with np.errstate(over="ignore"):
+                return data.assign({name: (data[name].dims, values * 10.0 ** float(rng.integers(-320, 309)))})
         if action == 7:
             return data.assign({name: (data[name].dims[::-1], values.T), "extra": ("e", np.arange(3))})
         flat = values.astype(float).ravel()

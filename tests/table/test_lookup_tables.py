@@ -7,7 +7,8 @@ from conftest import ROOT
 from msl_fem.actuator import load_actuator
 from msl_fem.magnetics.field.accuracy import LEVELS
 from msl_fem.magnetics.field.magnet_field import magnet_mesh, solve
-from msl_fem.magnetics.field.two_sided import TwoSidedField, TwoSidedPosition
+from msl_fem.magnetics.field.two_sided import TwoSidedField
+from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition
 from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
 from msl_fem.table.magnetic_table import read_table
 from msl_fem.table.pair_table import is_pair_table, read_pair_table

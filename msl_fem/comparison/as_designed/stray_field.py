@@ -99,8 +99,8 @@ def _inductances(
     magnet = actuator.magnet_kind()
     mesh, order = magnet_mesh(magnet, gaps[len(gaps) // 2], "fast"), degree_of(magnet, "fast")
     found = []
-    for ends in (None, factors):
-        field = MagnetField(magnet, mesh, folder=actuator.folder, order=order, end_effects=ends or False)
+    for ends in (False, factors):
+        field = MagnetField(magnet, mesh, folder=actuator.folder, order=order, end_effects=ends)
         linked = [field.quantities(field.solve(current, gap)).flux_linkage for gap in gaps]
         found.append(np.array(linked) / current)
     return found[0], found[1]

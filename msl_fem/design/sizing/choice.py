@@ -23,6 +23,7 @@ from msl_fem.files.schema import document
 from msl_fem.files.toml_text import toml_text
 from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.field.accuracy import Accuracy
+from msl_fem.magnetics.field.end_effects import EndEffects
 from msl_fem.magnetics.kinds import Magnet
 
 RULE = "the best in the first objective of all designs that meet all constraints, verified at fine accuracy"
@@ -131,10 +132,13 @@ def _nothing_found(evaluator: DesignEvaluator, found: SearchResult) -> str:
     )
 
 
-def sized_actuator(found: Performance, requirement: Requirement, *, target: Path) -> Actuator:
+def sized_actuator(
+    found: Performance, requirement: Requirement, *, target: Path, end_effects: EndEffects = None
+) -> Actuator:
     """The actuator around a sized magnet; the requirement's defaults fill what it does not state.
 
-    `target` is the file that it is meant for: names of B-H files are made relative to it.
+    `target` is the file that it is meant for: names of B-H files are made relative to it. A magnet that was sized
+    without end effects says so in its file, so that what solves it sees the magnet that was sized.
     """
     motion = requirement.motion
     supply = requirement.supply
@@ -148,6 +152,7 @@ def sized_actuator(found: Performance, requirement: Requirement, *, target: Path
     return Actuator(
         schema=1,
         name=requirement.name,
+        end_effects="none" if end_effects is False else "section",
         magnet=cast(Magnet, found.magnet.model_copy(update={"iron": _iron(requirement, target)})),
         sides=requirement.sides,
         motion=Motion(

@@ -213,14 +213,14 @@ def _room(asked: ContradictionSearch) -> str:
     force = found.evaluation.performance.force
     magnet = found.evaluation.performance.magnet
     iron = found.design.flux_density
+    depth = magnet.section(magnet.half_width).depth
     text = f"in the stated envelope the other limits allow at most {force:.3g} N (iron at {iron:.3g} T)"
     try:
         guess = asked.evaluator.circuit(found.design).point.ampere_turns
-        point = asked.evaluator.point_by_field(found.design, guess).point
+        point = asked.evaluator.point_by_field(found.design, guess, depth=depth).point
     except ComputationError:
         return text
-    by_field = magnet.section(magnet.half_width).depth * point.force
-    return f"{text} by the closed equations, {by_field:.3g} N by the field of that design"
+    return f"{text} by the closed equations, {depth * point.force:.3g} N by the field of that design"
 
 
 def _of_envelope(constraint: Constraint) -> bool:

@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 from msl_fem.actuator import LARGEST_MAGNET, THINNEST
+from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.design.sizing.closed_form import Factors, Irons, MagneticCircuit, closed_form
 from msl_fem.design.sizing.design import (
@@ -28,9 +29,11 @@ from msl_fem.design.sizing.design import (
 from msl_fem.design.sizing.requirement import Objective, Requirement
 from msl_fem.errors import ComputationError, NotConverged
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
+from msl_fem.magnetics.field.end_effects import EndEffects, gap_edges
 from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.kinds.kind import SMALLEST_GAP, MagnetKind
 from msl_fem.magnetics.solver.postprocess import FieldQuantities
+from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.materials.material import laminated, load_iron
 
 TOLERANCE = 3e-4
@@ -40,6 +43,9 @@ CLOSED_FORM_ERROR = 0.1
 """Relative: what the closed equations may be wrong by where they refuse a design (docs/sizing.md has their errors)."""
 MOST_SLENDER, LEAST_STACK = 50.0, 1e-3
 """Of the stack's depth: over the core's half width at most, and in m at least."""
+MOST_DEPTHS = 6
+SAME_DEPTH: dict[Accuracy, float] = {"fast": 5e-3, "normal": 0.0, "fine": 0.0}
+"""Depths of a stack that are solved at most, and the relative step to the next one that need not be solved."""
 MOST_SIZES, SURPLUS, TRIM = 5, 1e-2, 1e-3
 """A body of revolution grows so often at most, until its force is more than the wanted one by no more than a share; the
 flux density is then trimmed to a smaller share."""
@@ -48,22 +54,33 @@ NOT_BUILT, NO_FIELD, SOLVED = "not built", "refused by the closed equations", "s
 
 @dataclass(frozen=True)
 class FieldPoint:
-    """A working point, and the number of field solutions that it took."""
+    """A working point, and the number of field solutions that it took.
+
+    Attributes
+    ----------
+    depth : m, of the stack that was solved with its ends; 0 where the point is that of any depth
+    mesh, potential : what another depth of the same section can begin with
+    """
 
     point: SectionPoint
     solves: int
+    depth: float = 0.0
+    mesh: TriangleMesh | None = None
+    potential: Array | None = None
 
 
 @one_blas_thread
 def field_point(
-    magnet: MagnetKind, gap: float, flux_density: float, *, guess: float, folder: Path, accuracy: Accuracy = "fast"
-) -> FieldPoint:
+    magnet: MagnetKind, gap: float, flux_density: float, *, guess: float, folder: Path, accuracy: Accuracy = "fast",
+    end_effects: EndEffects = False, begin: FieldPoint | None = None,
+) -> FieldPoint:  # fmt: skip
     """The point at which the most loaded section's mean flux density in the iron is the one given.
 
     Parameters
     ----------
-    magnet : of any depth and turns
-    guess : ampere turns to begin with, from the closed equations
+    magnet : of any turns, and without end effects of any depth
+    guess : ampere turns to begin with, from the closed equations or another depth
+    begin : of the same section at another depth, whose mesh and potential serve
 
     Below the knee the flux density is nearly proportional to the magnetomotive force, so the first step is the rule of
     three, the next are secants; each field starts from the tangent prediction of the one before.
@@ -72,16 +89,19 @@ def field_point(
     ------
     ComputationError : the mesher failed, a field did not converge, or the flux density was not reached
     """
-    field = MagnetField(magnet, magnet_mesh(magnet, gap, accuracy), folder=folder, order=LEVELS[accuracy].order)
+    mesh, start = (begin.mesh, begin.potential) if begin is not None else (None, None)
+    mesh = mesh or magnet_mesh(magnet, gap, accuracy)
+    field = MagnetField(magnet, mesh, folder=folder, order=LEVELS[accuracy].order, end_effects=end_effects)
+    depth = magnet.section(magnet.half_width).depth if field.ends else 0.0
     current = guess / magnet.turns
-    start = None
     known: list[tuple[float, float]] = []
     for n in range(1, MOST_SOLVES + 1):
         solution = field.solve(current, gap, start=start)
         quantities = field.quantities(solution)
         section, mean = most_loaded(quantities)
         if abs(mean / flux_density - 1) <= TOLERANCE:
-            return FieldPoint(_per_metre(quantities, magnet, current, (section, mean)), n)
+            point = _per_metre(quantities, magnet, current, (section, mean))
+            return FieldPoint(point, n, depth, mesh, solution.potential)
         known.append((current, mean))
         following = _next_current(known, flux_density)
         start = solution.potential + field.slope(solution) * (following - current)
@@ -90,6 +110,11 @@ def field_point(
         f"the flux density {flux_density:g} T was not reached in {MOST_SOLVES} field solutions; last: "
         f"{known[-1][1]:.6g} T at {known[-1][0] * magnet.turns:.6g} ampere turns; look at the iron's B-H curve"
     )
+
+
+def _gridded(depth: float) -> float:
+    """The grid's next multiple."""
+    return round(math.ceil(depth / GRID) * GRID, 9)
 
 
 def most_loaded(quantities: FieldQuantities) -> tuple[str, float]:
@@ -163,9 +188,13 @@ Outcome = DesignEvaluation | str
 
 @dataclass(frozen=True)
 class DesignEvaluator:
-    """Evaluates designs against one requirement; a job whose rows are designs."""
+    """Evaluates designs against one requirement; a job whose rows are designs.
+
+    `end_effects` : of the fields, by default what the kind knows of its ends
+    """
 
     requirement: Requirement
+    end_effects: EndEffects = None
 
     def solver(self) -> "DesignEvaluator":
         """Itself."""
@@ -177,6 +206,11 @@ class DesignEvaluator:
             return self.by_field(design)
         except ComputationError as err:
             return str(err)
+
+    @property
+    def digest(self) -> str:
+        """What a study's verdicts belong to: the requirement and the end effects."""
+        return f"{self.requirement.digest} end_effects={self.end_effects}"
 
     @cached_property
     def irons(self) -> Irons:
@@ -238,17 +272,64 @@ class DesignEvaluator:
             return first
         if self.requirement.revolved:
             return self._by_fields_of_sizes(design, accuracy)
-        found = self.point_by_field(design, self.circuit(design).point.ampere_turns, accuracy=accuracy)
-        return self._evaluated(SOLVED, design, found.point, solves=found.solves)
+        if self.end_effects is False:
+            found = self.point_by_field(design, self.circuit(design).point.ampere_turns, accuracy=accuracy)
+        else:
+            found = self._with_ends(design, accuracy)
+        return self._evaluated(SOLVED, design, found.point, depth=found.depth, solves=found.solves)
 
-    def point_by_field(self, design: Design, guess: float, *, accuracy: Accuracy = "fast") -> FieldPoint:
-        """The field at the design's flux density; the guess is of the ampere turns."""
+    def _with_ends(self, design: Design, accuracy: Accuracy) -> FieldPoint:
+        """The field of the stack, on the grid, that has the force with its ends.
+
+        Ends do not grow with the stack: a stack that is deeper by a piece has the force of that piece without ends
+        more, so that the closed equations' force per depth is the slope of the first step; the next are secants.
+        """
+        slope, wanted = self.circuit(design).point.force, design.force
+        found, solves = FieldPoint(self.circuit(design).point, 0, self._first_depth(design)), 0
+        known: tuple[float, float] | None = None
+        for _ in range(MOST_DEPTHS):
+            depth = found.depth
+            if any(not c.kept for c in self._stack_limits(design, depth)):
+                break
+            begin = found if solves else None
+            found = self.point_by_field(design, found.point.ampere_turns, depth=depth, accuracy=accuracy, begin=begin)
+            solves += found.solves
+            force = depth * found.point.force
+            if known is not None:
+                slope = (force - known[1]) / (depth - known[0])
+            following, known = _gridded(depth + (wanted - force) / slope), (depth, force)
+            if abs(following - depth) <= SAME_DEPTH[accuracy] * depth:
+                point = replace(found.point, force=(force + slope * (following - depth)) / following)
+                return replace(found, point=point, depth=following, solves=solves)
+            found = replace(found, depth=following)
+        return replace(found, solves=solves)
+
+    def _first_depth(self, design: Design) -> float:
+        """By the closed equations, and by what the gap's ends alone take: (k - g k')/k^2, see docs/end_effects.md."""
+        gap = self.requirement.force.gap
+        depth = design.force / self.circuit(design).point.force
+        ends = plain_magnet(design, self.requirement, depth=depth).stack_ends
+        if ends is not None:
+            k, slope, _ = gap_edges(ends).factor(gap)
+            depth *= k**2 / (k - gap * slope)
+        return _gridded(depth)
+
+    def point_by_field(
+        self, design: Design, guess: float, *, depth: float | None = None, accuracy: Accuracy = "fast",
+        begin: FieldPoint | None = None,
+    ) -> FieldPoint:  # fmt: skip
+        """The field at the design's flux density, of a stack with its ends, or without a depth of the plane section.
+
+        The guess is of the ampere turns; `begin` is of another depth.
+        """
         requirement = self.requirement
-        half_width = plain_magnet(design, requirement).half_width
+        deep = plain_magnet(design, requirement).half_width if depth is None else depth
+        plane = depth is None and not requirement.revolved
         return field_point(
-            magnet_of(design, requirement, depth=half_width, turns=requirement.sized.coils), requirement.force.gap,
+            magnet_of(design, requirement, depth=deep, turns=requirement.sized.coils), requirement.force.gap,
             min(design.flux_density, requirement.flux.limit * (1 - 2 * TOLERANCE)),
             guess=guess, folder=requirement.folder, accuracy=accuracy,
+            end_effects=False if plane else self.end_effects, begin=begin,
         )  # fmt: skip
 
     def _by_fields_of_sizes(self, design: Design, accuracy: Accuracy) -> DesignEvaluation:
@@ -283,12 +364,15 @@ class DesignEvaluator:
                 break
         return SizedByField(design, FieldPoint(found.point, solves))
 
-    def _evaluated(self, stage: str, design: Design, point: SectionPoint, *, solves: int = 0) -> DesignEvaluation:
-        """The depth that gives the force, on the grid's next multiple; the winding; all constraints."""
+    def _evaluated(
+        self, stage: str, design: Design, point: SectionPoint, *, depth: float = 0.0, solves: int = 0
+    ) -> DesignEvaluation:
+        """The depth that gives the force, on the grid's next multiple, if not known; the winding; all constraints."""
         building = building_constraints(design, self.requirement)
-        depth = 1.0
-        if not self.requirement.revolved:
-            depth = round(math.ceil(design.force / point.force / GRID) * GRID, 9)
+        if self.requirement.revolved:
+            depth = 1.0
+        else:
+            depth = depth or _gridded(design.force / point.force)
             broken = [c for c in self._stack_limits(design, depth) if not c.kept]
             if broken:
                 return DesignEvaluation(stage, (*building, *broken), None, solves)

@@ -9,6 +9,7 @@ from msl_fem.design.sizing.choice import DesignChoice, choose_design, sized_actu
 from msl_fem.design.sizing.evaluation import DesignEvaluator
 from msl_fem.design.sizing.requirement import Requirement
 from msl_fem.design.sizing.search import SearchResult, SearchSettings, search_designs
+from msl_fem.magnetics.field.end_effects import EndEffects
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,10 +21,13 @@ class SizedMagnet:
     search: SearchResult
 
 
-def size_magnet(requirement: Requirement, settings: SearchSettings | None = None) -> SizedMagnet:
+def size_magnet(
+    requirement: Requirement, settings: SearchSettings | None = None, *, end_effects: EndEffects = None
+) -> SizedMagnet:
     """The magnet of a requirement, by closed equations, a search and fields.
 
     `settings.storage` keeps judged designs, so that the same call goes on; without settings nothing is kept.
+    `end_effects` are those of the fields, by default what the kind knows; with False the actuator says so.
 
     Raises
     ------
@@ -34,10 +38,11 @@ def size_magnet(requirement: Requirement, settings: SearchSettings | None = None
         how = settings or SearchSettings(storage="")
         if not how.storage:
             how = replace(how, storage=f"sqlite:///{folder}/trials.sqlite3")
-        evaluator = DesignEvaluator(requirement)
+        evaluator = DesignEvaluator(requirement, end_effects)
         search = search_designs(evaluator, how)
         choice = choose_design(evaluator, search)
     performance = choice.evaluation.performance
     assert performance is not None
-    actuator = sized_actuator(performance, requirement, target=Path(f"{requirement.name}.toml"))
+    target = Path(f"{requirement.name}.toml")
+    actuator = sized_actuator(performance, requirement, target=target, end_effects=end_effects)
     return SizedMagnet(actuator, choice, search)

@@ -257,9 +257,9 @@ def open_study(storage: "optuna.storages.BaseStorage", evaluator: DesignEvaluato
 
     Raises
     ------
-    InputError : a study of that name belongs to another requirement
+    InputError : a study of that name belongs to another requirement, or to other end effects
     """
-    requirement = evaluator.requirement
+    requirement, belongs = evaluator.requirement, evaluator.digest
     directions: list[Any] = [direction(objective) for objective in requirement.objectives]
     study = optuna.create_study(
         storage=storage,
@@ -270,12 +270,12 @@ def open_study(storage: "optuna.storages.BaseStorage", evaluator: DesignEvaluato
     empty = not study.get_trials(deepcopy=False)
     known = study.user_attrs.get(REQUIREMENT)  # read last: who puts trials has stated it before
     if known is None and empty:
-        study.set_user_attr(REQUIREMENT, requirement.digest)
+        study.set_user_attr(REQUIREMENT, belongs)
         study.set_metric_names(list(requirement.objectives))
-    elif known != requirement.digest:
+    elif known != belongs:
         raise InputError(
-            f"the storage holds a study '{requirement.name}' of another requirement; rename the requirement, give "
-            "another --storage, or remove the old file"
+            f"the storage holds a study '{requirement.name}' of another requirement or of other end effects; rename "
+            "the requirement, give another --storage, or remove the old file"
         )
     return study
 

@@ -21,10 +21,12 @@ from msl_fem.design.tolerances.sensitivity import (
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field.accuracy import Accuracy
+from msl_fem.magnetics.field.end_effects import EndEffects, EndFactors
 from msl_fem.magnetics.field.magnet_field import (
     LARGEST_CURRENT_DENSITY,
     MagnetField,
     check_point,
+    chosen_ends,
     degree_of,
     magnet_mesh,
 )
@@ -145,6 +147,7 @@ class ToleranceSettings:
     point : (current A, gap m) of force and flux linkage; by default the first level's current at the nominal gap
     samples, seed : of the Monte Carlo
     direct : solve the fields of all samples, instead of the linearised map of all and the fields of `checks`
+    end_effects : as of `SweepSettings`
     """
 
     tolerances: Mapping[str, float] = field(default_factory=dict)
@@ -156,6 +159,7 @@ class ToleranceSettings:
     direct: bool = False
     checks: int = 24
     accuracy: Accuracy = "fast"
+    end_effects: EndEffects = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +214,10 @@ def tolerance_study(
     gaps = _gaps(actuator, settings.gaps, tolerances)
     magnet = actuator.magnet_kind("a tolerance study")
     mesh = magnet_mesh(magnet, float(np.sqrt(gaps[0] * gaps[-1])), settings.accuracy)
-    nominal = FieldJob(magnet, mesh, actuator.folder, degree_of(magnet, settings.accuracy), accuracy=settings.accuracy)
+    accuracy, ends = settings.accuracy, settings.end_effects
+    if not isinstance(ends, EndFactors):
+        ends = bool(chosen_ends(actuator, ends))  # a made magnet has the factors of its own dimensions
+    nominal = FieldJob(magnet, mesh, actuator.folder, degree_of(magnet, accuracy), ends, accuracy)
     most = _most(actuator)
     nominal_field = manufactured_field(nominal, {})
     point = settings.point or _point(actuator, nominal_field, settings.levels[0], most=most, gaps=gaps)

@@ -23,6 +23,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from typing import Literal
 
 import numpy as np
 
@@ -171,26 +172,32 @@ def gap_edges(ends: StackEnds) -> FlushEdges:
     return FlushEdges(ends.depth, ends.reach)
 
 
-@lru_cache(maxsize=16)
 def window_factor(ends: StackEnds) -> float:
     """(depth + 2 delta)/depth of the window; raises ComputationError where the mesher fails."""
-    legs = EndSection(ends.window_width, *ends.legs, mirror=ends.mirror)
-    return 1 + 2 * ends.window_width * legs.excess() / ends.depth
+    return 1 + 2 * ends.window_width * _between_legs(ends.window_width, ends.legs, ends.mirror) / ends.depth
+
+
+@lru_cache(maxsize=16)
+def _between_legs(window_width: float, legs: tuple[float, float], mirror: bool) -> float:
+    """The excess of a section across the legs, which no depth changes."""
+    return EndSection(window_width, *legs, mirror=mirror).excess()
 
 
 EndEffects = bool | EndFactors | None
 """Which ends are wanted: of given factors, those of the kind (True), none (False), or what the kind knows (None)."""
+KnownFactors = EndFactors | Literal[False]
+"""Which ends a field has: False for a plane section."""
 
 
-def wanted_ends(magnet: MagnetKind, wanted: EndEffects) -> EndFactors | None:
-    """The factors of the ends that are wanted; None for a plane section. With None those of a kind that states ends.
+def wanted_ends(magnet: MagnetKind, wanted: EndEffects) -> KnownFactors:
+    """The factors of the ends that are wanted; False for a plane section. With None those of a kind that states ends.
 
     Raises
     ------
     InputError : ends are asked for, and the kind states none
     """
     if wanted is False or (wanted is None and magnet.stack_ends is None):
-        return None
+        return False
     ends_of(magnet)
     return wanted if isinstance(wanted, EndFactors) else magnet.known_ends.factors
 

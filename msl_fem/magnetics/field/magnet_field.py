@@ -22,7 +22,7 @@ from msl_fem.magnetics.field.accuracy import (
     level_of,
     solve_with_estimate,
 )
-from msl_fem.magnetics.field.end_effects import EndEffects, EndFactors, deeper_air, ends_of, wanted_ends
+from msl_fem.magnetics.field.end_effects import EndEffects, KnownFactors, deeper_air, ends_of, wanted_ends
 from msl_fem.magnetics.kinds.ends import leaked
 from msl_fem.magnetics.section import MovingRegions, Section
 from msl_fem.magnetics.solver.magnetostatics import (
@@ -70,7 +70,7 @@ class MagnetField:
         self.magnet = magnet
         self.folder = folder
         self.order = order
-        self.ends: EndFactors | None = wanted_ends(magnet, end_effects)
+        self.ends: KnownFactors = wanted_ends(magnet, end_effects)
         self.remesh = remesh
         self.section: Section = magnet.section(mesh.gap)
         self.irons = irons_of(self.section.iron, folder)
@@ -124,7 +124,7 @@ class MagnetField:
             mesh,
             folder=self.folder,
             order=order,
-            end_effects=self.ends or False,
+            end_effects=self.ends,
             remesh=self.remesh,
         )
 
@@ -191,7 +191,7 @@ def gap_reach(magnet: MagnetKind) -> tuple[float, float]:
     return max(low, mesh.gap + down), min(high, mesh.gap + up)
 
 
-def chosen_ends(actuator: Actuator, wanted: EndEffects = None) -> EndFactors | None:
+def chosen_ends(actuator: Actuator, wanted: EndEffects = None) -> KnownFactors:
     """The ends that are wanted of an actuator's magnet, by default what its file says; else as `wanted_ends`."""
     stated = False if wanted is None and actuator.end_effects == "none" else wanted
     return wanted_ends(actuator.magnet_kind(), stated)
@@ -204,7 +204,7 @@ def field_of(
     magnet = actuator.magnet_kind()
     mesh = magnet_mesh(magnet, gap, accuracy)
     remesh = partial(magnet_mesh, magnet, accuracy=accuracy) if magnet.OWN_MESHES else None
-    ends = chosen_ends(actuator, end_effects) or False
+    ends = chosen_ends(actuator, end_effects)
     return MagnetField(
         magnet, mesh, folder=actuator.folder, order=degree_of(magnet, accuracy), end_effects=ends, remesh=remesh
     )

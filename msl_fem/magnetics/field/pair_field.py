@@ -8,6 +8,7 @@ derivative with respect to position and both currents is exact, as for one magne
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import sparse
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
@@ -19,9 +20,17 @@ from msl_fem.magnetics.kinds.kind import PlaneMagnet
 from msl_fem.magnetics.section import Line, Region, Section, rectangle
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, NewtonSettings, solve_field
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
-from msl_fem.magnetics.solver.postprocess import Cuts, SectionFluxDensity, cut_probe, irons_on_tail
-from msl_fem.magnetics.solver.strip import STRIP, Strip
+from msl_fem.magnetics.solver.postprocess import (
+    Cuts,
+    SectionFluxDensity,
+    cut_probe,
+    gradient_maps,
+    irons_on_tail,
+    mid_gap,
+)
+from msl_fem.magnetics.solver.strip import STRIP, Strip, StripStiffness
 from msl_fem.magnetics.triangles import TriangleMesh
+from msl_fem.materials.constants import MU_0
 
 SHARED = ("armature",)
 """Regions and cuts that both sides have in common."""
@@ -168,12 +177,13 @@ class PairField:
         turns = section.turns_density
         sides = ({f"{name}_{side}": density for name, density in turns.items()} for side in (1, 2))
         self.sources = tuple(self.model.with_turns(density).source for density in sides)
+        self.mid_gaps = _mid_gaps(self.model)
         self.cuts = Cuts((cut.name, cut_probe(self.model, cut)) for cut in _cuts_of_both(section, magnet))
 
     def refined(self) -> "PairField":
         """The same mesh with one polynomial degree more."""
-        mesh, ends = self.model.mesh, self.ends or False
-        return PairField(self.actuator, mesh, gap_sum=self.gap_sum, order=self.order + 1, end_effects=ends)
+        mesh = self.model.mesh
+        return PairField(self.actuator, mesh, gap_sum=self.gap_sum, order=self.order + 1, end_effects=self.ends)
 
     def solve(
         self,
@@ -224,6 +234,20 @@ class PairField:
             force_position_slope=-scale * float(a @ second / 2 + first @ by_position),
         )
 
+    def force_stress_tensor(self, solution: FieldSolution) -> float:
+        """N on the armature towards side 1 by the second route: Maxwell's stress on the middle of both strips."""
+        model, a = self.model, solution.potential
+        total = 0.0
+        for (along_x, along_y, weight), strip in zip(self.mid_gaps, model.strips, strict=True):
+            assert isinstance(strip, StripStiffness), "a pair's mesh has strips"
+            height = strip.strip.height(solution.gap)
+            k, slope, _ = model.air_depth.strip(height)
+            b_y, b_x = along_x @ a, (along_y @ a) * (model.mesh.gap / height)
+            stress = float(weight @ (b_y**2 - b_x**2)) / (2 * MU_0) / k
+            energy = float(a @ strip.product(a, solution.gap, model.air_depth)) / 2
+            total -= strip.strip.rate * (stress - energy * slope / k)
+        return self.scale * total
+
     def flux_densities(self, solution: FieldSolution) -> dict[str, SectionFluxDensity]:
         """|B| in the iron over the cuts of both sides, NAME_1 and NAME_2, and of the armature."""
         return self.cuts.flux_density(self.model, solution.potential)
@@ -231,6 +255,15 @@ class PairField:
     def on_tail(self, solution: FieldSolution) -> bool:
         """Whether more than 1 % of an iron lies beyond its last B-H point."""
         return bool(irons_on_tail(self.model, solution.potential))
+
+
+def _mid_gaps(model: FieldModel) -> list[tuple[sparse.csr_matrix, sparse.csr_matrix, Array]]:
+    """Maps to dA/dx and dA/dy on the lines in the middle of the strips, 1 and 2, and the points' weights."""
+    points, elements, weight = mid_gap(model, f"{STRIP}_1")
+    below = model.mesh.points[1].min() + model.mesh.points[1].max()  # twice the height of the plane of reflection
+    image = np.stack([points[0], below - points[1]])
+    lines = ((points, elements), (image, elements + model.mesh.region.size // 2))
+    return [(*gradient_maps(model, *line), weight) for line in lines]
 
 
 def _cuts_of_both(section: Section, magnet: PlaneMagnet) -> list[Line]:

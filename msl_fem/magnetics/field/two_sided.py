@@ -9,163 +9,19 @@ import numpy as np
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
-from msl_fem.errors import ActuatorError, InputError
+from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field.accuracy import Accuracy, iron_notes, irons_of, level_of
-from msl_fem.magnetics.field.magnet_field import check_point
-from msl_fem.magnetics.kinds.kind import PlaneMagnet
-from msl_fem.magnetics.section import Region, Section, rectangle
+from msl_fem.magnetics.field.end_effects import EndEffects, KnownFactors
+from msl_fem.magnetics.field.magnet_field import check_point, chosen_ends
+from msl_fem.magnetics.field.pair_field import PairField, pair_magnet, pair_mesh
+from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition, two_sided_section
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, solve_field
 from msl_fem.magnetics.solver.mesh import triangulate
 from msl_fem.magnetics.solver.virtual_work import MovingBody
 
-SMALLEST_GAP = 0.02  # of the mean gap: what a tilt must leave at the armature's edge
-Corner = tuple[float, float, float]
 AIR = ("air", "gap", "window")
 LARGEST_TILT = 0.1  # rad
-
-
-@dataclass(frozen=True)
-class TwoSidedPosition:
-    """Where the armature stands: the gaps of side 1 (above) and side 2 in m, its tilt anticlockwise in rad."""
-
-    gap_1: float
-    gap_2: float
-    tilt: float = 0.0
-
-
-@dataclass(frozen=True)
-class TwoSidedSection:
-    """The section, the symmetry it uses, and where things are.
-
-    Attributes
-    ----------
-    section : coils are the regions coil_1+, coil_2+ (x > 0) and, in a full section, coil_1-, coil_2-
-    half : x >= 0 only, with A = 0 on x = 0; without tilt
-    turns_density : by side, region to turns per area (1/m2): positive currents drive flux along the same direction
-    centre : the armature's centre (x, y) in m
-    """
-
-    section: Section
-    half: bool
-    turns_density: tuple[dict[str, float], dict[str, float]]
-    centre: tuple[float, float]
-
-
-def two_sided_section(magnet: PlaneMagnet, position: TwoSidedPosition) -> TwoSidedSection:
-    """Side 1 above and side 2, its mirror image, below an armature whose centre lies half its thickness below y = 0.
-
-    Without tilt x = 0 is a flux line and half the section serves; a tilt turns the armature about its centre.
-
-    Raises
-    ------
-    InputError : the tilted armature comes nearer to a core than a fiftieth of the gap
-    """
-    middle = -magnet.armature_thickness / 2
-    half = position.tilt == 0.0
-    armature = [_turned(x, y, position.tilt, middle) for x, y in _armature(magnet)]
-    nearest = _nearest_gap(magnet, position)
-    upper = magnet.section(position.gap_1)
-    lower = magnet.section(position.gap_2)
-    regions = _surroundings(magnet, position)
-    corners: list[Corner] = []
-    for side, part, gap in ((1, upper, position.gap_1), (2, lower, position.gap_2)):
-        mirror = 1.0 if side == 1 else -1.0
-        base = middle * (1 - mirror)  # side 2 is mirrored about the armature's middle
-        for region in part.regions[1:]:  # without the air box
-            if region.name in ("strip", "armature"):
-                continue
-            vertices = [(x, base + mirror * y) for x, y in region.vertices]
-            name = _name(region.name, side)
-            coil = region.name in part.turns_density
-            regions.append(Region(f"{name}+" if coil else name, tuple(vertices)))
-            if not half:
-                mirrored = tuple((-x, y) for x, y in vertices)
-                regions.append(Region(f"{name}-" if coil else name, mirrored))
-        scale = (nearest / gap) ** (2 / 3)  # sizes at corners are in fractions of the section's gap
-        above = [(x, base + mirror * y, s * scale) for x, y, s in part.corners if y > 0]
-        corners += above if half else above + [(-x, y, s) for x, y, s in above]
-    outline = [*armature[1:3], (0.0, 0.0), (0.0, 2 * middle)] if half else armature
-    regions.append(Region("armature", tuple(outline)))
-    corners += [(x, y, 1.0) for x, y in (armature[1:3] if half else armature)]
-    turns = [_turns(upper, side, half=half) for side in (1, 2)]
-    core = upper.iron["core"]
-    section = Section(
-        regions=tuple(regions),
-        corners=tuple(corners),
-        cuts=(),
-        iron={"core_1": core, "core_2": core, "armature": upper.iron["armature"]},
-        turns_density=turns[0] | turns[1],
-        depth=magnet.stack_depth,
-        gap=nearest,
-        symmetry=upper.symmetry if half else "flux line",
-    )
-    return TwoSidedSection(section, half, (turns[0], turns[1]), (0.0, middle))
-
-
-def _name(region: str, side: int) -> str:
-    """The name of a side's region: windows are shared, and what is taken off the poles belongs to the gap."""
-    return {"window": "window", "air": "gap"}.get(region, f"{region}_{side}")
-
-
-def _turns(part: Section, side: int, *, half: bool) -> dict[str, float]:
-    """Region to turns per area (1/m2); in a mirrored half currents change their sign where x = 0 is a flux line."""
-    sign = -1 if part.symmetry == "flux line" else 1
-    turns = {f"{name}_{side}+": density for name, density in part.turns_density.items()}
-    if not half:
-        turns |= {f"{name}_{side}-": sign * density for name, density in part.turns_density.items()}
-    return turns
-
-
-def _plane_magnet(actuator: Actuator) -> PlaneMagnet:
-    """The magnet, where its mirror image can share its armature; ActuatorError that says why otherwise."""
-    magnet = actuator.magnet_kind("the field of both sides")
-    if isinstance(magnet, PlaneMagnet):
-        return magnet
-    raise ActuatorError(
-        f"{actuator.name}: the field of both sides is that of plane sections with a flat armature between; "
-        "this magnet has none to share"
-    )
-
-
-def _armature(magnet: PlaneMagnet) -> list[tuple[float, float]]:
-    wide = magnet.armature_half_width
-    low = -magnet.armature_thickness
-    return [(-wide, low), (wide, low), (wide, 0.0), (-wide, 0.0)]
-
-
-def _turned(x: float, y: float, tilt: float, middle: float) -> tuple[float, float]:
-    c, s = np.cos(tilt), np.sin(tilt)
-    return float(x * c - (y - middle) * s), float(middle + x * s + (y - middle) * c)
-
-
-def _nearest_gap(magnet: PlaneMagnet, position: TwoSidedPosition) -> float:
-    """The smallest distance between armature and pole faces; InputError where nothing is left."""
-    smaller = min(position.gap_1, position.gap_2)
-    corner = magnet.half_width if magnet.armature_overhang == 0 else magnet.armature_half_width
-    left = smaller - corner * abs(np.sin(position.tilt))
-    if left < SMALLEST_GAP * smaller:
-        largest = np.arcsin(min(1.0, (1 - SMALLEST_GAP) * smaller / corner))
-        raise InputError(
-            f"tilt {format_quantity(position.tilt, 'rad')} brings the armature against a core; at a gap of "
-            f"{format_quantity(smaller, 'm')} it may be at most {format_quantity(float(largest), 'rad')}"
-        )
-    return float(left)
-
-
-def _surroundings(magnet: PlaneMagnet, position: TwoSidedPosition) -> list[Region]:
-    """The air box and the air between the cores."""
-    air, thick = magnet.air_box, magnet.armature_thickness
-    wide = max(magnet.half_width, magnet.armature_half_width)
-    side = magnet.half_width + air.side
-    left = 0.0 if position.tilt == 0.0 else 1.0
-    top = position.gap_1 + magnet.height + air.top
-    bottom = -thick - position.gap_2 - magnet.height - air.top
-    reach = wide + thick  # past the corners of a tilted armature
-    return [
-        rectangle("air", -left * side, bottom, side, top),
-        rectangle("gap", -left * reach, -thick - position.gap_2, reach, position.gap_1),
-    ]
 
 
 @dataclass(frozen=True)
@@ -203,6 +59,7 @@ class TwoSidedResult:
     unknowns: int
     newton_iterations: int
     notes: tuple[str, ...] = ()
+    ends: KnownFactors = False
 
 
 @dataclass(frozen=True)
@@ -234,9 +91,10 @@ class TwoSidedField:
         accuracy: Accuracy = "normal",
         coarser: "TwoSidedField | None" = None,
     ) -> None:
-        magnet = _plane_magnet(actuator)
+        magnet = pair_magnet(actuator)
         self.actuator = actuator
         self.position = position
+        self.ends: KnownFactors = False
         self.accuracy = accuracy
         self.plan = two_sided_section(magnet, position)
         section = self.plan.section
@@ -289,17 +147,80 @@ class TwoSidedField:
         return quantities, solution
 
 
+class TwoSidedStack:
+    """Both magnets and the armature with the ends of their stacks, at one position without tilt; else `TwoSidedField`.
+
+    The depth of the air in the gaps changes with them, and that has its share in the force (`PairField`).
+    """
+
+    def __init__(self, pair: PairField, position: TwoSidedPosition) -> None:
+        self.pair, self.position = pair, position
+        self.model, self.ends = pair.model, pair.ends
+        self.notes = iron_notes(pair.irons)
+
+    def refined(self) -> "TwoSidedStack":
+        """The same mesh with one polynomial degree more."""
+        return TwoSidedStack(self.pair.refined(), self.position)
+
+    def solve(
+        self, current_1: float, current_2: float, *, start: Array | None = None
+    ) -> tuple[TwoSidedQuantities, FieldSolution]:
+        """The quantities and the field at the coils' currents (A), from a potential nearby; raises NotConverged."""
+        pair, currents = self.pair, (current_1, current_2)
+        towards_1 = (self.position.gap_2 - self.position.gap_1) / 2
+        solution = pair.solve(towards_1, *currents, start=start)
+        found = pair.quantities(solution, currents, pair.by_currents(solution))
+        quantities = TwoSidedQuantities(
+            net_force=found.force,
+            net_force_stress_tensor=pair.force_stress_tensor(solution),
+            side_force=0.0,
+            torque=0.0,
+            flux_linkage_1=found.flux_linkage_1,
+            flux_linkage_2=found.flux_linkage_2,
+            coenergy=found.coenergy,
+        )
+        return quantities, solution
+
+
+def field_of_both(
+    actuator: Actuator,
+    position: TwoSidedPosition,
+    *,
+    accuracy: Accuracy = "normal",
+    end_effects: EndEffects = None,
+) -> TwoSidedField | TwoSidedStack:
+    """Both magnets meshed at a position; end effects as in `chosen_ends`, of a tilted armature none.
+
+    Raises
+    ------
+    InputError : ends of a tilted armature, or of a kind that states none
+    """
+    if position.tilt and end_effects:
+        raise InputError(
+            f"tilt {format_quantity(position.tilt, 'rad')} is of a plane section; leave out end effects or the tilt"
+        )
+    level, gaps = level_of(accuracy), (position.gap_1, position.gap_2)
+    ends = chosen_ends(actuator, end_effects)
+    if not ends or position.tilt:
+        return TwoSidedField(actuator, position, accuracy=accuracy)
+    mesh = pair_mesh(pair_magnet(actuator), float(np.sqrt(gaps[0] * gaps[1])), accuracy)
+    pair = PairField(actuator, mesh, gap_sum=sum(gaps), order=level.order, end_effects=ends)
+    return TwoSidedStack(pair, position)
+
+
 def solve_two_sided(
     actuator: Actuator,
     currents: tuple[float, float],
     position: TwoSidedPosition,
     *,
     accuracy: Accuracy = "normal",
+    end_effects: EndEffects = None,
 ) -> TwoSidedResult:
     """Net force and both flux linkages at the coils' currents (A), equal signs aiding, and the armature's position.
 
     The force's error is estimated by one polynomial degree more, as that of one magnet, from the changes of net force
-    and coenergy; the relative change of the latter counts against the force of the stronger side alone.
+    and coenergy; the relative change of the latter counts against the force of the stronger side alone. End effects are
+    those of `field_of_both`.
 
     Raises
     ------
@@ -314,7 +235,7 @@ def solve_two_sided(
             f"tilt {format_quantity(position.tilt, 'rad')} is not allowed; it must be within "
             f"-{LARGEST_TILT:g} ... {LARGEST_TILT:g} rad"
         )
-    field = TwoSidedField(actuator, position, accuracy=accuracy)
+    field = field_of_both(actuator, position, accuracy=accuracy, end_effects=end_effects)
     quantities, solution = field.solve(*currents)
     better, _ = field.refined().solve(*currents)
     relative = abs(quantities.coenergy / better.coenergy - 1) if better.coenergy else 0.0
@@ -328,6 +249,7 @@ def solve_two_sided(
         unknowns=field.model.free.size,
         newton_iterations=len(solution.trail),
         notes=field.notes,
+        ends=field.ends,
     )
 
 
@@ -337,6 +259,7 @@ def decoupling(
     position: TwoSidedPosition,
     *,
     accuracy: Accuracy = "normal",
+    end_effects: EndEffects = None,
 ) -> Decoupling:
     """How much the sides of an actuator share, at currents (A), both not zero, and a position.
 
@@ -347,21 +270,25 @@ def decoupling(
     ------
     InputError : a current is zero, and as `solve_two_sided`
     """
-    return _decoupling_of(_field_of_both(actuator, currents, position, accuracy), currents)
+    return _decoupling_of(_compared(actuator, currents, position, accuracy, end_effects), currents)
 
 
-def _field_of_both(
-    actuator: Actuator, currents: tuple[float, float], position: TwoSidedPosition, accuracy: Accuracy
-) -> TwoSidedField:
+def _compared(
+    actuator: Actuator,
+    currents: tuple[float, float],
+    position: TwoSidedPosition,
+    accuracy: Accuracy,
+    end_effects: EndEffects,
+) -> TwoSidedField | TwoSidedStack:
     """The field in which the sides are compared; InputError as `decoupling`."""
     if not all(currents):
         raise InputError(f"currents {currents[0]:g} A and {currents[1]:g} A: decoupling needs both, not zero")
     for current, gap in zip(currents, (position.gap_1, position.gap_2), strict=True):
         check_point(actuator, current, gap)
-    return TwoSidedField(actuator, position, accuracy=accuracy)
+    return field_of_both(actuator, position, accuracy=accuracy, end_effects=end_effects)
 
 
-def _decoupling_of(field: TwoSidedField, currents: tuple[float, float]) -> Decoupling:
+def _decoupling_of(field: TwoSidedField | TwoSidedStack, currents: tuple[float, float]) -> Decoupling:
     both = field.solve(*currents)[0]
     first, second = (field.solve(*alone)[0] for alone in _alone(currents))
     force = first.net_force + second.net_force - both.net_force
@@ -375,7 +302,12 @@ def _decoupling_of(field: TwoSidedField, currents: tuple[float, float]) -> Decou
 
 
 def polarity_costs(
-    actuator: Actuator, sizes: tuple[float, float], position: TwoSidedPosition, *, accuracy: Accuracy = "normal"
+    actuator: Actuator,
+    sizes: tuple[float, float],
+    position: TwoSidedPosition,
+    *,
+    accuracy: Accuracy = "normal",
+    end_effects: EndEffects = None,
 ) -> dict[str, Decoupling]:
     """`decoupling` at currents of these sizes (A), opposing, whose fluxes add up in the armature, and aiding.
 
@@ -384,7 +316,7 @@ def polarity_costs(
     InputError : as `decoupling`
     """
     first, second = abs(sizes[0]), abs(sizes[1])
-    field = _field_of_both(actuator, (first, second), position, accuracy)
+    field = _compared(actuator, (first, second), position, accuracy, end_effects)
     signs = (("opposing", -1.0), ("aiding", 1.0))
     return {name: _decoupling_of(field, (first, sign * second)) for name, sign in signs}
 

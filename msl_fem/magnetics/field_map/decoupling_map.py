@@ -15,8 +15,10 @@ from msl_fem.computing.row_cache import Arrays
 from msl_fem.errors import ComputationError, InputError, NotConverged
 from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field.accuracy import Accuracy
+from msl_fem.magnetics.field.end_effects import EndEffects
 from msl_fem.magnetics.field.magnet_field import MagnetField, field_of
-from msl_fem.magnetics.field.two_sided import TwoSidedField, TwoSidedPosition
+from msl_fem.magnetics.field.two_sided import TwoSidedField, TwoSidedStack, field_of_both
+from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition
 from msl_fem.magnetics.field_map.level_map import FieldMapSettings, field_map
 from msl_fem.maps import LEVELS
 from msl_fem.maps.level_currents import checked_levels
@@ -50,10 +52,11 @@ class PairRow:
 
 @dataclass(frozen=True)
 class PairJob:
-    """What a process needs: the actuator and the accuracy."""
+    """What a process needs: the actuator, the accuracy, the ends."""
 
     actuator: Actuator
     accuracy: Accuracy
+    end_effects: EndEffects = None
 
     def solver(self) -> "PairSolver":
         """The solver of the job's positions."""
@@ -77,8 +80,9 @@ class PairSolver:
         actuator = self.job.actuator
         accuracy = self.job.accuracy
         try:
-            both = TwoSidedField(actuator, TwoSidedPosition(*row.gaps), accuracy=accuracy)
-            singles = [field_of(actuator, gap, accuracy=accuracy, end_effects=False) for gap in row.gaps]
+            ends = self.job.end_effects
+            both = field_of_both(actuator, TwoSidedPosition(*row.gaps), accuracy=accuracy, end_effects=ends)
+            singles = [field_of(actuator, gap, accuracy=accuracy, end_effects=ends) for gap in row.gaps]
             arrays = _pairs(both, row) | _singles(singles, row)
             if row.check is not None:
                 finer = [single.refined() for single in singles]
@@ -88,7 +92,7 @@ class PairSolver:
         return arrays
 
 
-def _pairs(field: TwoSidedField, row: PairRow) -> Arrays:
+def _pairs(field: TwoSidedField | TwoSidedStack, row: PairRow) -> Arrays:
     first, second = row.currents
     shape = (len(SIGNS), len(first), len(second))
     net = np.zeros(shape)
@@ -131,7 +135,7 @@ def _singles(fields: list[MagnetField], row: PairRow) -> Arrays:
     return {"single_force": force, "single_flux": flux}
 
 
-def _checked(field: TwoSidedField, singles: list[MagnetField], row: PairRow, n: int) -> Array:
+def _checked(field: TwoSidedField | TwoSidedStack, singles: list[MagnetField], row: PairRow, n: int) -> Array:
     """(5,) net force aiding, opposing, of side 1 alone in the same section, and of each single magnet."""
     i_1, i_2 = (currents[n] for currents in row.currents)
     forces = [field.solve(*pair)[0].net_force for pair in ((i_1, i_2), (i_1, -i_2), (i_1, 0.0))]
@@ -266,7 +270,7 @@ def decoupling_map(
     ----------
     levels : T, increasing, whose currents (criterion `mean`) make the pairs, with half the first one and none
     positions : m, from 0 on; by default 5 to the end of the range
-    settings : accuracy and workers
+    settings : accuracy, workers and end effects
     progress : called with the numbers of finished and of all positions
 
     Raises
@@ -289,7 +293,7 @@ def decoupling_map(
         )
         for p in range(position.size)
     ]
-    job = PairJob(actuator, settings.accuracy)
+    job = PairJob(actuator, settings.accuracy, settings.end_effects)
     solved = run_jobs(job, rows, executor=Executor(settings.workers), progress=progress)
     failed = failures(solved)
     if failed:
@@ -337,7 +341,7 @@ def _currents(actuator: Actuator, gap: Array, level: Array, settings: FieldMapSe
     """(n_position, 2, n_level) A that bring each level in a side alone."""
     gaps = np.unique(gap.round(12))
     needed = gaps if gaps.size > 1 else np.r_[gaps, 1.1 * gaps]
-    without_cache = replace(settings, cache=None, resume=False, end_effects=False)
+    without_cache = replace(settings, cache=None, resume=False)
     one_side = field_map(actuator, needed, levels=level[1:].tolist(), settings=without_cache)
     place = np.searchsorted(gaps, gap.round(12))
     by_level = np.concatenate([np.zeros((1, one_side.gap.size)), one_side.current])

@@ -176,7 +176,7 @@ def field_map(
         level_mesh(magnet, float(np.sqrt(gaps[0] * gaps[-1])), accuracy, where),
         actuator.folder,
         level_order(magnet, accuracy, where),
-        chosen_ends(actuator, settings.end_effects) or False,
+        chosen_ends(actuator, settings.end_effects),
         accuracy,
         criterion=where,
         safety=level_safety(accuracy, where),

@@ -102,7 +102,7 @@ class Probes:
         self.model = model
         self.scale = section.scale
         self.cuts = Cuts((cut.name, cut_probe(model, cut)) for cut in section.cuts)
-        points, elements, weight = _mid_gap(model)
+        points, elements, weight = mid_gap(model)
         self.line_weight = 2 * np.pi * points[0] * weight if model.axisymmetric else weight
         self.line_x, self.line_y = gradient_maps(model, points, elements)
 
@@ -249,10 +249,10 @@ def gradient_maps(
     return sparse.csr_matrix((stacked[0], at), shape=shape), sparse.csr_matrix((stacked[1], at), shape=shape)
 
 
-def _mid_gap(model: FieldModel) -> tuple[Array, NDArray[np.int64], Array]:
-    """Gauss points (2, n), their elements and weights on a line in or near mid-gap, element by element."""
+def mid_gap(model: FieldModel, region: str = STRIP) -> tuple[Array, NDArray[np.int64], Array]:
+    """Gauss points (2, n), their elements and weights on a line in or near the middle of a strip from y = 0 on."""
     mesh = model.mesh
-    strip = mesh.elements(STRIP)
+    strip = mesh.elements(region)
     levels = np.unique(mesh.points[1, mesh.triangles[:, strip]]) / mesh.gap
     above = levels[levels > 0.5 + 1e-6][0]
     # a node on the line would belong to elements that only touch it: pass between it and the next

@@ -57,7 +57,7 @@ def pair_sweep(
     """
     settings = settings or SweepSettings()
     pair_magnet(actuator)
-    ends = chosen_ends(actuator, settings.end_effects) or False
+    ends = chosen_ends(actuator, settings.end_effects)
     half_x, half_i = half_of(positions), half_of(currents)
     check_pair_grid(half_x, half_i, gap_sum)
     started = time.process_time()

@@ -15,7 +15,7 @@ from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.row_cache import Arrays, content_key
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field.end_effects import METHOD as END_EFFECTS_METHOD
-from msl_fem.magnetics.field.end_effects import NONE, EndEffects, EndFactors
+from msl_fem.magnetics.field.end_effects import NONE, EndEffects, KnownFactors
 from msl_fem.magnetics.field.magnet_field import Accuracy, MagnetField, magnet_mesh
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.magnetics.sweep.predictor import RowPredictor
@@ -174,9 +174,9 @@ def field_provenance(field: MagnetField, accuracy: Accuracy) -> dict[str, object
     }
 
 
-def stated_ends(magnet: MagnetKind, ends: EndFactors | None) -> dict[str, object]:
+def stated_ends(magnet: MagnetKind, ends: KnownFactors) -> dict[str, object]:
     """What provenance says of end effects: how they are corrected, by which factors, and what is left of the error."""
-    if ends is None:
+    if not ends:
         return {"end_effects": NONE}
     stated: dict[str, object] = {"end_effects": END_EFFECTS_METHOD, "end_factors": asdict(ends)}
     known = magnet.known_ends

@@ -151,7 +151,7 @@ def sweep(
     magnet = actuator.magnet_kind()
     level = LEVELS[settings.accuracy]
     mesh = magnet_mesh(magnet, float(np.sqrt(gap[0] * gap[-1])), settings.accuracy)
-    ends = chosen_ends(actuator, settings.end_effects) or False
+    ends = chosen_ends(actuator, settings.end_effects)
     job = SweepJob(magnet, mesh, actuator.folder, degree_of(magnet, settings.accuracy), ends, settings.accuracy)
     field = job.field()
     nodes = [SweepRow(float(g), tuple(current.tolist())) for g in gap]
