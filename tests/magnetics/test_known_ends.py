@@ -1,6 +1,7 @@
 """What a kind knows of its ends: against solutions in three dimensions, by default, in a pair, in a table."""
 
 import csv
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -39,6 +40,23 @@ def test_a_corrected_section_is_what_three_dimensions_say(name: str) -> None:
         found = field.quantities(field.solve(row["current"], row["gap"]))
         assert found.force == pytest.approx(row["force"], rel=known.force_error + row["force_error"])
         assert found.flux_linkage == pytest.approx(row["flux_linkage"], rel=known.flux_error + row["flux_error"])
+
+
+@pytest.mark.parametrize(
+    ("file", "named"), [("e1", ("E1", "reference actuator")), ("u_core_ui60", ("U-core", "the same"))]
+)
+def test_a_kind_states_the_largest_difference_that_was_seen(file: str, named: tuple[str, ...]) -> None:
+    """Of all solutions in three dimensions in the page's table, those on finer grids included."""
+    known = load_actuator(GEOMETRIES / f"{file}.toml").magnet_kind().known_ends
+    lines = (ROOT / "docs" / "end_effects.md").read_text().splitlines()
+    cells = [line.split("|") for line in lines if line.startswith(tuple(f"| {name}" for name in named))]
+    assert len(cells) >= 2
+    largest = {"force": 0.0, "flux": 0.0}
+    for row in cells:
+        for name, seen in zip(largest, row[4].split(", "), strict=True):
+            largest[name] = max(largest[name], *(abs(float(number)) for number in re.findall(r"[+-][0-9.]+", seen)))
+    for stated, name in ((known.force_error, "force"), (known.flux_error, "flux")):
+        assert largest[name] <= 100 * stated + 1e-9 <= largest[name] + 0.25
 
 
 def test_ends_are_the_default_where_a_kind_has_them_and_its_file_does_not_say_none() -> None:
