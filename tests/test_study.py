@@ -48,8 +48,8 @@ def test_headline_numbers_are_those_of_a_working_actuator(folder: Path) -> None:
     assert 3.2 < found["map_at_nominal_gap_A"]["1.2 T"] < 3.6
     costs = found["field"]["force_error_of_sides_apart"]
     assert (
-        abs(costs["opposing"]) > 0.015 > 0.01 > abs(costs["aiding"])
-    )  # at the corrected map's currents: 2.5 and 0.2 %
+        0.07 > abs(costs["opposing"]) > 0.05 > 0.01 > abs(costs["aiding"])
+    )  # with the ends of the stacks: 5.9 and 0.2 %
 
 
 class _Page(HTMLParser):
