@@ -27,6 +27,7 @@ sys.path += [str(folder) for folder in sorted((ROOT / "tests").iterdir()) if fol
 sys.path.append(str(ROOT / "benchmarks"))
 settings.register_profile("untimed", deadline=None)  # a loaded machine is no error of the code
 settings.load_profile("untimed")
+gc.set_threshold(20_000, 20, 20)  # at 700 one second in six of the imports goes into looks for cycles
 threadpool_limits(limits=1, user_api="blas")  # as the verbs and `make` have it: threads of a BLAS only cost time here
 
 
@@ -34,7 +35,6 @@ def pytest_collection_finish() -> None:
     """What is imported stays for the whole run: not looked through for cycles again and again."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(20_000, 20, 20)
 
 
 @pytest.fixture(autouse=True)

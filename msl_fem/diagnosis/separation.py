@@ -76,6 +76,8 @@ class PlannedRecord:
 
     def __init__(self, likelihood: Likelihood, plain: Unknowns, *, weight: float) -> None:
         self.likelihood, self.plain, self.weight = likelihood, plain, weight
+        self._spectra: dict[tuple[tuple[EffectUnknown, ...], bytes], Array] = {}
+        self._columns: dict[tuple[tuple[EffectUnknown, ...], bytes], Array] = {}
 
     @cached_property
     def nuisance(self) -> Array:
@@ -83,6 +85,22 @@ class PlannedRecord:
         nothing = np.zeros(self.plain.size)
         base = self.likelihood.spectra(Points.of(self.plain, nothing[None]))[0]
         return jacobian_columns(self.likelihood, self.plain, nothing, np.arange(nothing.size), base)
+
+    def spectrum(self, unknowns: Unknowns, z: Array) -> Array:
+        """(n_number,) at one point of unknowns that differ from the plain ones by their effects alone. It is kept, for
+        each number measured beside the record has the fit begin anew."""
+        key = unknowns.effects, z.tobytes()
+        if key not in self._spectra:
+            self._spectra[key] = self.likelihood.spectra(Points.of(unknowns, z[None]))[0]
+        return self._spectra[key]
+
+    def columns(self, unknowns: Unknowns, z: Array) -> Array:
+        """Columns (n_number, n_effect) of the effects there, kept likewise."""
+        key = unknowns.effects, z.tobytes()
+        if key not in self._columns:
+            which = np.arange(unknowns.n_nuisance, z.size)
+            self._columns[key] = jacobian_columns(self.likelihood, unknowns, z, which, self.spectrum(unknowns, z))
+        return self._columns[key]
 
     def distance(self, truth: Hypothesis, other: Hypothesis, measures: tuple[Measure, ...] = ()) -> float:
         """d^2; nan where the model does not bear the truth."""
@@ -125,7 +143,7 @@ class _Separation:
         true = replace(p, effects=truth.effects)
         self.unknowns = replace(p, effects=other.effects)
         at = np.concatenate([np.zeros(p.size), truth.z])
-        self.target = plan.likelihood.spectra(Points.of(true, at[None]))[0]
+        self.target = plan.spectrum(true, at)
         self.aims = self._measured(true, at)
 
     def least(self) -> float:
@@ -161,10 +179,12 @@ class _Separation:
     def _linearised(self, point: _SeparationPoint, nuisance: Array | None) -> _SeparationModel:
         """The model at a point; the columns of what is uncertain are computed where they are not given."""
         n, stale = self.unknowns.n_nuisance, nuisance is not None
-        which = np.arange(n if stale else 0, point.z.size)
-        own = jacobian_columns(self.plan.likelihood, self.unknowns, point.z, which, point.spectrum)
         root = np.sqrt(self.plan.weight)
-        columns = own if nuisance is None else np.concatenate([nuisance, own], axis=1)
+        if nuisance is None:
+            which = np.arange(point.z.size)
+            columns = jacobian_columns(self.plan.likelihood, self.unknowns, point.z, which, point.spectrum)
+        else:
+            columns = np.concatenate([nuisance, self.plan.columns(self.unknowns, point.z)], axis=1)
         jacobian = columns * root
         left = (point.spectrum - self.target) * root
         slopes = [self._measured_slope(k, point) for k in range(point.z.size)]
@@ -176,7 +196,7 @@ class _Separation:
         return _SeparationModel(gram, slope, columns[:, :n], stale=stale)
 
     def _at(self, z: Array) -> _SeparationPoint:
-        spectrum = self.plan.likelihood.spectra(Points.of(self.unknowns, z[None]))[0]
+        spectrum = self.plan.spectrum(self.unknowns, z)
         if not np.isfinite(spectrum).all():
             return _SeparationPoint(z, spectrum, self.aims, np.inf)
         left = spectrum - self.target

@@ -93,6 +93,12 @@ class Iron:
             h[beyond], slope[beyond] = self._magnetise_tail(b[beyond])
         return h, slope
 
+    def field_strength_at(self, flux_density: Array) -> Array:
+        """H in A/m at |B| in T, that of `magnetise` alone."""
+        if flux_density.size and flux_density.max() > self.tail_from:
+            return self.magnetise(flux_density)[0]
+        return np.asarray(self._curve(flux_density))
+
     def _magnetise_tail(self, b: Array) -> tuple[Array, Array]:
         _, h_end, susceptibility, j_sat = self._tail
         # mu_0 H^2 + (J_s - B) H - chi H_end^2 = 0
@@ -230,6 +236,10 @@ class AnalyticIron:
     def magnetise(self, flux_density: ArrayLike) -> tuple[Array, Array]:
         """H in A/m and dH/dB in A/(m T) at |B| in T, both of the shape given."""
         return self.law(np.asarray(flux_density, dtype=float))
+
+    def field_strength_at(self, flux_density: Array) -> Array:
+        """H in A/m at |B| in T, that of `magnetise` alone."""
+        return self.magnetise(flux_density)[0]
 
     def energy_density(self, flux_density: ArrayLike) -> Array:
         """w(B), the integral of H dB from 0, in J/m3."""

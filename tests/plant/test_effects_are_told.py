@@ -109,7 +109,12 @@ def in_the_design(values: EffectValues) -> tuple[object, ...]:
 
 
 PLACES = {"design": in_the_design, "inverse": in_the_inverse, "static": at_rest}
-NEUTRAL = {name: place(EffectValues()) for name, place in PLACES.items()} | {"kernel": in_the_kernel(EffectValues())}
+
+
+@cache
+def neutral() -> dict[str, tuple]:
+    """What each place has without effects."""
+    return {name: place(EffectValues()) for name, place in PLACES.items()} | {"kernel": in_the_kernel(EffectValues())}
 
 
 def differs(one: tuple, two: tuple) -> bool:
@@ -121,7 +126,9 @@ def complaints(effect: Effect) -> list[str]:
     found = [] if effect.advice else ["words: no advice"]
     names = (effect.name, *(p.name for p in effect.parameters))
     found += [f"documentation: {name}" for name in names if not re.search(rf"\b{name}\b", DOCUMENTED)]
-    found += [f"kernel: {n}" for n, values in amounts(effect) if not differs(in_the_kernel(values), NEUTRAL["kernel"])]
+    found += [
+        f"kernel: {n}" for n, values in amounts(effect) if not differs(in_the_kernel(values), neutral()["kernel"])
+    ]
     for place, numbers in PLACES.items():
         part: Part = getattr(effect, place)
         if set(part.parameters) != set(effect.amounts) and not part.declined:
@@ -129,7 +136,7 @@ def complaints(effect: Effect) -> list[str]:
         if ". " in part.declined:
             found.append(f"{place}: more than one sentence")
         for name, values in amounts(effect):
-            if differs(numbers(values), NEUTRAL[place]) != (name in part.parameters):
+            if differs(numbers(values), neutral()[place]) != (name in part.parameters):
                 found.append(f"{place}: {name} is {'claimed' if name in part.parameters else 'declined'}")
     return found
 

@@ -19,7 +19,6 @@ are the kind's (`magnetics.kinds.kind.CircuitOfKind`).
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -121,7 +120,7 @@ def _drop(parts: tuple[CircuitPart, ...], irons: Irons, flux: dict[str, float]) 
     for iron in irons if irons[0] is not irons[1] else irons[:1]:
         alike = [part for part in parts if regions[part.region] is iron]
         averaged = np.array([flux[part.name] / part.area for part in alike])
-        drop += float(iron.magnetise(averaged)[0] @ [part.length for part in alike])
+        drop += float(iron.field_strength_at(averaged) @ [part.length for part in alike])
     return drop
 
 
@@ -160,21 +159,19 @@ def window_leakage(window: LeakageWindow) -> tuple[float, float, float]:
     begin = window.face_clearance
     end = window.face_clearance + window.coil_height
 
-    def force(y: float) -> float:  # of U, between two legs at a height
-        return min(1.0, max(0.0, (end - y) / (end - begin)))
-
-    def density(y: float) -> float:
-        return window.breadth * force(y) * min(1.0, math.pi * y / (2 * width)) / width
+    def densities(y: float) -> tuple[float, float]:  # of flux, and of flux linkage, at a height between two legs
+        force = min(1.0, max(0.0, (end - y) / (end - begin)))  # of U
+        density = window.breadth * force * min(1.0, math.pi * y / (2 * width)) / width
+        return density, density * force
 
     kinks = sorted({0.0, begin, end, middle, min(2 * width / math.pi, window.height), window.height})
     lower = upper = linkage = 0.0
+    at_low = densities(kinks[0])
     for low, high in pairwise(kinks):
-        part = _integral(density, low, high)
+        at_middle, at_high = densities((low + high) / 2), densities(high)
+        # Simpson's rule, exact for the cubics between two kinks
+        part, linked = ((high - low) / 6 * (a + 4 * b + c) for a, b, c in zip(at_low, at_middle, at_high, strict=True))
         lower, upper = (lower + part, upper) if high <= middle else (lower, upper + part)
-        linkage += _integral(lambda y: density(y) * force(y), low, high)
+        linkage += linked
+        at_low = at_high
     return lower, lower + upper, linkage
-
-
-def _integral(function: Callable[[float], float], start: float, end: float) -> float:
-    """Simpson's rule, exact for the cubics between two kinks."""
-    return (end - start) / 6 * (function(start) + 4 * function((start + end) / 2) + function(end))
