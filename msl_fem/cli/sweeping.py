@@ -2,23 +2,26 @@
 
 import os
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from msl_fem.actuator import Actuator, TableMagnet
 from msl_fem.cli.output import progress_bar, say
 from msl_fem.errors import InputError
-from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
-from msl_fem.magnetics.sweep.table_sweep import SweepSettings, default_grid, sweep
 from msl_fem.table.magnetic_table import MagneticTable
 from msl_fem.table.origin import doubt_about_table
 from msl_fem.table.pair_table import load_table
 
+if TYPE_CHECKING:  # who is given a table does not wait for a mesher
+    from msl_fem.magnetics.field.accuracy import Accuracy
 
-def checked_accuracy(text: str) -> Accuracy:
+
+def checked_accuracy(text: str) -> "Accuracy":
     """The accuracy level of that name; InputError otherwise."""
+    from msl_fem.magnetics.field.accuracy import LEVELS
+
     if text not in LEVELS:
         raise InputError(f"accuracy '{text}' is unknown; choose one of {', '.join(LEVELS)}")
-    return cast(Accuracy, text)
+    return cast("Accuracy", text)
 
 
 def checked_end_effects(text: str | None, known: tuple[str, ...] = ("none", "section")) -> bool | None:
@@ -66,6 +69,8 @@ def table_for(actuator: Actuator, given: Path | None) -> MagneticTable | None:
         return table
     if isinstance(actuator.magnet, TableMagnet):
         return load_table(actuator.folder / actuator.magnet.table)
+    from msl_fem.magnetics.sweep.table_sweep import SweepSettings, default_grid, sweep
+
     say("no --table given: computing the default one ('msl-fem table' keeps it)")
     with progress_bar("field solutions, rows") as progress:
         settings = SweepSettings(workers=default_workers())

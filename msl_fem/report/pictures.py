@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,11 +13,13 @@ from matplotlib.ticker import StrMethodFormatter
 from numpy.typing import NDArray
 
 from msl_fem.files.whole_file import whole_file
-from msl_fem.magnetics.field_map import DecouplingMap
 from msl_fem.record import Run
 from msl_fem.record.columns import name_and_unit
 from msl_fem.report.figures import BLUE, GREY, ORANGE, RED, SERIES
 from msl_fem.report.paper_figure import PaperFigure
+
+if TYPE_CHECKING:  # a picture of a run needs no mesher
+    from msl_fem.magnetics.field_map import DecouplingMap
 
 PREFIXED = {"m", "A", "V", "N", "Wb", "T"}
 SMALL = (("m", 1e3), ("µ", 1e6), ("n", 1e9))
@@ -137,7 +139,7 @@ Array = NDArray[np.float64]
 SMALLEST = 1e-5  # of a share or an error, that can be drawn on a logarithmic axis
 
 
-def draw_decoupling(found: DecouplingMap) -> PaperFigure:
+def draw_decoupling(found: "DecouplingMap") -> PaperFigure:
     """Three panels over the gap or the position: linked share; force error of independent sides, aiding and opposing.
 
     A line for each level that both sides are at, dashed where it lies outside the preferred region; grey: one side on.
@@ -151,7 +153,7 @@ def draw_decoupling(found: DecouplingMap) -> PaperFigure:
     return figure
 
 
-def _levels(found: DecouplingMap) -> list[tuple[int, dict[str, Any]]]:
+def _levels(found: "DecouplingMap") -> list[tuple[int, dict[str, Any]]]:
     """Index of each level that has current, and how its line looks."""
     return [
         (n, {"color": SERIES[(n - 1) % len(SERIES)], "linestyle": "-" if level <= found.preferred else "--"})
@@ -160,7 +162,7 @@ def _levels(found: DecouplingMap) -> list[tuple[int, dict[str, Any]]]:
     ]
 
 
-def _draw_share(axes: Axes, found: DecouplingMap) -> None:
+def _draw_share(axes: Axes, found: "DecouplingMap") -> None:
     gap = found.gap.T.ravel()
     order = np.argsort(gap)
     for n, look in _levels(found):
@@ -171,7 +173,7 @@ def _draw_share(axes: Axes, found: DecouplingMap) -> None:
     axes.legend(frameon=False, fontsize=8)
 
 
-def _draw_error(axes: Axes, found: DecouplingMap, error: Array, *, title: str) -> None:
+def _draw_error(axes: Axes, found: "DecouplingMap", error: Array, *, title: str) -> None:
     position = found.position * 1e3
     one_on = np.where(found.one_side_on() & found.both_preferred(), np.abs(error), 0.0).max(axis=(1, 2))
     axes.plot(position, 100 * np.maximum(one_on, SMALLEST), color=GREY, marker=".", label="one side on, preferred")

@@ -85,6 +85,14 @@ def test_the_model_half_loads_nothing_heavy() -> None:
     assert not set(done.stdout.split()) & HEAVY
 
 
+def test_who_has_a_table_waits_for_no_mesher() -> None:
+    names = ("simulate", "import_log", "losses", "control", "compare", "diagnose", "calibrate", "export", "bench")
+    modules = ", ".join(f"msl_fem.cli.{name}" for name in names)
+    code = f"import sys, {modules}; print(*{{name.partition('.')[0] for name in sys.modules}})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not set(done.stdout.split()) & {"netgen", "skfem", "optuna", "sqlalchemy"}
+
+
 def test_few_points_by_python_are_those_of_the_machine_code(table: MagneticTable) -> None:
     """To the last bit, inside, on the edges, outside and for what is not a number."""
     surface, guard = table.surface, Guard(operating_map(table)).arrays
