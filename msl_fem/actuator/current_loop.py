@@ -20,6 +20,8 @@ class CurrentLoop(FrozenModel):
     dead_time : of a half bridge, in which neither switch is on
     converter_bits : of the current's reading, over plus and minus the current limit; 0: not quantised
     pulse_steps : widths of a pulse that a period has; 0: not quantised
+    flux_corner : above it the flux linkage is integrated from the voltage, below it the table's at current and position
+        counts; without it the table's alone
     """
 
     rate: Frequency | None = None
@@ -28,3 +30,4 @@ class CurrentLoop(FrozenModel):
     dead_time: Annotated[float, In("s"), Field(ge=0)] = 5e-7
     converter_bits: Annotated[int, Field(ge=0, le=32)] = 12
     pulse_steps: Annotated[int, Field(ge=0, le=1_000_000_000)] = 5000
+    flux_corner: Frequency | None = None

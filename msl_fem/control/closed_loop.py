@@ -9,6 +9,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.control.controller import (
+    COMING,
     D_HAT,
     FORCE,
     INNOVATION,
@@ -250,6 +251,7 @@ def loop(
     """(status, samples done); a row of `out` a sample. Plant (state, history) and controller are moved on."""
     state, history = plant_memory
     waiting = np.zeros((parameters.delay + 1, 2))
+    aims = np.zeros(parameters.delay + 1)
     voltage = np.zeros(2)
     command = np.zeros(2)
     readings = np.zeros(N_READING)
@@ -258,7 +260,9 @@ def loop(
         controller_step(parameters, memory, inputs.reference[k], readings[0] + inputs.injection[k], command)
         for j in range(parameters.delay):
             waiting[j] = waiting[j + 1]
+            aims[j] = aims[j + 1]
         waiting[parameters.delay] = command
+        aims[parameters.delay] = memory[COMING]
         row = out[k]
         row[_POSITION], row[_MEASURED] = state[X], readings[0]
         row[_CURRENT_1] = state[COIL_1]
@@ -275,7 +279,7 @@ def loop(
             status = advance_sample(plant, state, waiting[0], inputs.disturbance[k], voltage)
         else:
             status = advance_on_current_loop(
-                plant, state, inner, k, waiting[0], row[_MEASURED], inputs.disturbance[k], voltage
+                plant, state, inner, k, waiting[0], row[_MEASURED], aims[0], inputs.disturbance[k], voltage
             )
         row[_VOLTAGE_1], row[_VOLTAGE_2] = voltage[0], voltage[1]
         if plant.effects is None:

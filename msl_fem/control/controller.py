@@ -32,7 +32,9 @@ X_PREDICTED, V_PREDICTED, D_PREDICTED, V_HAT, D_HAT, INTEGRAL, INNOVATION, FORCE
 N_PREFERRED, N_DISCOURAGED, N_FORCE_LIMITED, N_HEAT_LIMITED, N_VIOLATION = range(8, 13)
 STARTED, SHAPE_1, SHAPE_2, STIFFNESS, RISE_1 = range(13, 18)
 RISE_2 = RISE_1 + N_NODE
-N_FIXED = RISE_2 + N_NODE
+COMING = RISE_2 + N_NODE
+"""Row of the state: the position in m at which the last currents were inverted."""
+N_FIXED = COMING + 1
 # After these: the known states of the believed plant (n - 2), the followed model (n), the feedforward's queue (delay).
 
 NO_SHAPE = (1.0, 0.0, 0.0, 0.0, 0.0)
@@ -114,7 +116,8 @@ def controller_step(
     coming = _position_to_come(p, state, y, force, known)
     apart = p.cubic * coming * coming * coming - p.constant_force  # forces that the linear plant has not
     positions = (y, coming)
-    rises_1, rises_2 = state[RISE_1:RISE_2], state[RISE_2:N_FIXED]
+    state[COMING] = coming
+    rises_1, rises_2 = state[RISE_1:RISE_2], state[RISE_2:COMING]
     borne = bearable_now(p.thermal, rises_1), bearable_now(p.thermal, rises_2)
     total = force + apart if seen else np.nan
     of_magnets, verdict = commanded_currents(p.stage, p.inverse, total, positions, borne, command)

@@ -31,6 +31,8 @@ RATE_OVER_BANDWIDTH = 10.0
 """At least (Harnefors, Nee, IEEE Trans. Industry Applications 34, 1998, sec. III: sampling ten times the bandwidth)."""
 AMPLIFIER_OVER_BANDWIDTH = 5.0  # of a lag that the amplifier states for its voltage, which the loop does not know
 STEP_SHARE = 0.02  # of the current limit: a step that does not meet the voltage limit
+BANDWIDTH_OVER_CORNER = 20.0
+"""At least, of a flux observer: the pole of the loop stands apart from those of the observer."""
 KNOWN_STRAY = frozenset({"leakage_inductance.share_1", "leakage_inductance.share_2", "mutual_inductance.share"})
 """Parameters of effects that the loop's flux linkage takes."""
 FORGET = 0.1
@@ -103,6 +105,7 @@ class CurrentLoopDesign:
             "dead_time_voltage_V": self.stage.dead_time_voltage,
             "current_step_A": self.stage.current_step,
             "voltage_step_V": self.parameters.voltage_step,
+            "flux_observed": self.parameters.trust < 1.0,
         }
 
 
@@ -163,7 +166,27 @@ def designed_current_loop(
     )
     lag = measured_lag(parameters, stage, bandwidth=bandwidth, amplitude=_SMALL * step)
     lag += 0.0 if math.isinf(coupled.bandwidth) else 1.0 / coupled.bandwidth
+    parameters = _observing(actuator, asked, parameters, stage, bandwidth)
     return CurrentLoopDesign(parameters, stage, bandwidth, limited_by, step, inductance, lag)
+
+
+def _observing(
+    actuator: Actuator, asked: CurrentLoop, parameters: CurrentLoopParameters, stage: PowerStage, bandwidth: float
+) -> CurrentLoopParameters:
+    """The loop with its flux observer, both poles at the corner with a damping of 1/sqrt(2); as it is without one."""
+    corner = asked.flux_corner
+    if corner is None:
+        return parameters
+    most = bandwidth / BANDWIDTH_OVER_CORNER
+    if not 0 < corner <= most:
+        raise InputError(
+            f"{actuator.name}: drive.current_loop.flux_corner {format_quantity(corner, 'Hz')} must be above 0 and at "
+            f"most {format_quantity(float(f'{most:.3g}'), 'Hz')}, a twentieth of the loop's bandwidth; state 10 Hz"
+        )
+    turn = 2 * math.pi * corner * parameters.period
+    return parameters._replace(
+        trust=-math.expm1(-math.sqrt(2.0) * turn), forget=turn**2, lost=stage.dead_time_voltage, ripple=stage.ripple
+    )
 
 
 def _periods(actuator: Actuator, asked: CurrentLoop) -> int:
@@ -277,7 +300,7 @@ def held_coil(parameters: CurrentLoopParameters, stage: PowerStage, wanted: Arra
         found[k] = current
         voltage = bridge_voltage(stage, state[ACTING], current)
         read[0], asked[0] = converted(stage, current), wanted[k]
-        current_step(p, state, asked, read, 0.0, given)
+        current_step(p, state, asked, read, 0.0, 0.0, given)
         for _ in range(_SUBSTEPS):
             a = (voltage - p.resistance * current) / side_linkage(p, 0, current, 0.0, gap)[1]
             i = current + 0.5 * h * a

@@ -13,6 +13,12 @@ With a true model lambda[k+2] = predicted[k+1] + (1 - pole)(wanted - predicted[k
 pole = 0 is the deadbeat law. The estimate d is the integral part (Kukrer, IEEE Trans. Power Electronics 11, 1996:
 discrete current control of voltage-fed PWM inverters by prediction; Harnefors, Nee, IEEE Trans. Industry Applications
 34, 1998: gains from the model). It takes the voltage that was given, cut and rounded, so it does not wind up.
+
+With `trust` below 1 the flux linkage is observed: integrated from v - R i - d, and drawn to the table's by `trust` of
+what that misses (the voltage model of a flux, with its drift taken off by the current model below a corner:
+Jansen, Lorenz, IEEE Trans. Industry Applications 30, 1994). The pull goes with its square, so above the
+corner neither eddy currents nor an error of the gap are in it; the target is taken at the position at which the
+currents were inverted, so that flux linkage and force belong together.
 """
 
 from typing import NamedTuple
@@ -47,12 +53,16 @@ class CurrentLoopParameters(NamedTuple):
     forget: float  # share of a period's surprise that goes into the unknown drop
     voltage_limit: float  # V
     voltage_step: float  # V, of a pulse; 0: any voltage
+    trust: float = 1.0  # share of a period's surprise that goes into the flux linkage; 1: the table's is taken
+    lost: float = 0.0  # V, that the bridge's dead time takes, where the flux linkage is observed
+    ripple: float = 0.0  # A, half of the current's ripple
 
 
 @compiled
 def current_step(
-    parameters: CurrentLoopParameters, state: Array, wanted: Array, read: Array, position: float, voltage: Array
-) -> None:
+    parameters: CurrentLoopParameters, state: Array, wanted: Array, read: Array, position: float, aim: float,
+    voltage: Array,
+) -> None:  # fmt: skip
     """Voltages of the sides in V into voltage (2,), to act one period later; the state is updated.
 
     A reading that is not finite gives no voltage, and the loop begins anew.
@@ -61,17 +71,19 @@ def current_step(
     ----------
     wanted, read : (2,) A of the sides
     position : m, as last measured
+    aim : m, at which the wanted currents were inverted: where a flux observer's target is taken
     """
     voltage[0] = voltage[1] = 0.0
     for side in range(2):
         if side < parameters.inverse.sides:
-            _of_side(parameters, state, side, wanted, read, position, voltage)
+            _of_side(parameters, state, side, wanted, read, position, aim, voltage)
 
 
 @compiled
 def _of_side(
-    p: CurrentLoopParameters, state: Array, side: int, wanted: Array, read: Array, position: float, voltage: Array
-) -> None:
+    p: CurrentLoopParameters, state: Array, side: int, wanted: Array, read: Array, position: float, aim: float,
+    voltage: Array,
+) -> None:  # fmt: skip
     first = side * N_OF_SIDE
     gap = believed_gap(p.inverse, side, position)
     now, asked = read[side] + read[1 - side], wanted[side] + wanted[1 - side]
@@ -79,20 +91,34 @@ def _of_side(
         state[first + BEGUN] = state[first + ACTING] = state[first + UNKNOWN] = 0.0
         return
     flux, inductance = side_linkage(p, side, read[side], read[1 - side], gap)
-    target, _ = side_linkage(p, side, wanted[side], wanted[1 - side], gap)
+    aimed = believed_gap(p.inverse, side, aim) if p.trust < 1.0 and np.isfinite(aim) else gap
+    target, _ = side_linkage(p, side, wanted[side], wanted[1 - side], aimed)
     if state[first + BEGUN] > 0.0:
-        state[first + UNKNOWN] -= p.forget * (flux - state[first + FLUX]) / p.period
+        missed = flux - state[first + FLUX]
+        state[first + UNKNOWN] -= p.forget * missed / p.period
+        if p.trust < 1.0:
+            flux = state[first + FLUX] + p.trust * missed
     state[first + BEGUN] = 1.0
     unknown = state[first + UNKNOWN]
-    coming = flux + p.period * (state[first + ACTING] - p.resistance * read[side] - unknown)
+    lost = _lost(p, read[side]) if p.trust < 1.0 else 0.0
+    coming = flux + p.period * (state[first + ACTING] - p.resistance * read[side] - unknown - lost)
     current = read[side] + (coming - flux) / inductance
     wished = p.resistance * current + unknown + (1.0 - p.pole) * (target - coming) / p.period
+    if p.trust < 1.0:
+        wished += _lost(p, current)
     given = _given(p, wished)
     if abs(wished) > p.voltage_limit:
         state[N_LIMITED] += 1.0
     state[first + FLUX] = coming
     state[first + ACTING] = given
     voltage[side] = given
+
+
+@compiled
+def _lost(p: CurrentLoopParameters, current: float) -> float:
+    """V that dead time takes of the bridge's mean at a current, see `power_stage.bridge_voltage`."""
+    share = 1.0 if p.ripple == 0.0 else min(abs(current) / p.ripple, 1.0)
+    return p.lost * share if current > 0.0 else -p.lost * share
 
 
 @compiled

@@ -54,10 +54,11 @@ def bridge_voltage(stage: PowerStage, voltage: float, current: float) -> float:
 
 @compiled
 def advance_on_current_loop(
-    plant: SampledPlant, state: Array, loop: CurrentLoopInPlant, k: int, wanted: Array, measured: float, push: float,
-    voltage: Array,
+    plant: SampledPlant, state: Array, loop: CurrentLoopInPlant, k: int, wanted: Array, measured: float, aim: float,
+    push: float, voltage: Array,
 ) -> int:  # fmt: skip
-    """`advance_sample` over one sample of the controller, its currents `wanted` (2,) A asked of the current loop."""
+    """`advance_sample` over one sample of the controller: the current loop is asked for `wanted` (2,) A, which were
+    inverted at `aim` (m)."""
     stage, memory = loop.stage, loop.state
     read, given, applied, mean = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     voltage[0] = voltage[1] = 0.0
@@ -69,7 +70,7 @@ def advance_on_current_loop(
             seen = c[0] + current * (c[1] + current * (c[2] + current * c[3]))
             read[side] = converted(stage, seen + loop.noise[k, n, side])
             applied[side] = bridge_voltage(stage, memory[side * N_OF_SIDE + ACTING], current)
-        current_step(loop.parameters, memory, wanted, read, measured, given)
+        current_step(loop.parameters, memory, wanted, read, measured, aim, given)
         status = advance_sample(plant, state, applied, push, mean)
         if status != OK:
             return status

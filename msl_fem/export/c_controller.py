@@ -27,7 +27,7 @@ _CHECKED = 64
 _CELLS_CHECKED = 5
 _ROWS = (
     "INNOVATION", "FORCE", "N_PREFERRED", "N_DISCOURAGED", "N_FORCE_LIMITED", "N_HEAT_LIMITED", "N_VIOLATION", "RISE_1",
-    "RISE_2",
+    "RISE_2", "COMING",
 )  # fmt: skip
 """Of the controller's state, what the header tells."""
 

@@ -17,7 +17,7 @@ _CHECKED = 48
 def print_current_loop(printer: Printer, design: CurrentLoopDesign) -> None:
     """The step of a current loop, beside what the printer has of its controller."""
     two = {name: Pointer((2,)) for name in ("wanted", "read", "voltage")}
-    known = {"parameters": design.parameters, "state": Pointer((N_STATE,)), "position": REAL}
+    known = {"parameters": design.parameters, "state": Pointer((N_STATE,)), "position": REAL, "aim": REAL}
     printer.add(current_step, known | two)
 
 
@@ -35,7 +35,7 @@ def current_loop_content(design: CurrentLoopDesign | None) -> dict[str, Any] | N
 
 
 def check_periods(design: CurrentLoopDesign) -> dict[str, Array]:
-    """Wanted and read currents (n, 2), positions (n,), the compiled loop's voltages (n, 2); in the table and beyond."""
+    """Wanted and read currents (n, 2), positions, aims (n,), the compiled loop's voltages (n, 2); also beyond."""
     p = design.parameters
     k, end = np.arange(_CHECKED), float(p.inverse.surface_1.current[-1]) / p.inverse.current_share
     wanted = np.column_stack([np.maximum(0.0, np.sin(0.3 * k)), np.maximum(0.0, -np.sin(0.3 * k))]) * (0.4 * end)
@@ -43,7 +43,8 @@ def check_periods(design: CurrentLoopDesign) -> dict[str, Array]:
     read[-6:] *= 4.0
     position = 0.8 * p.inverse.gap_1 * np.sin(0.2 * k)
     position[-3:] *= 2.0
+    aim = 1.02 * position
     state, voltage = np.zeros(N_STATE), np.zeros((_CHECKED, 2))
     for n in range(_CHECKED):
-        current_step(p, state, wanted[n], read[n], float(position[n]), voltage[n])
-    return {"wanted": wanted, "read": read, "position": position, "voltage": voltage}
+        current_step(p, state, wanted[n], read[n], float(position[n]), float(aim[n]), voltage[n])
+    return {"wanted": wanted, "read": read, "position": position, "aim": aim, "voltage": voltage}

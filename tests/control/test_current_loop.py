@@ -16,6 +16,7 @@ from msl_fem.control.design import ControllerDesign, completed
 from msl_fem.control.lqr_design import lqr_design
 from msl_fem.control.power_stage import PowerStage, bridge_voltage, converted
 from msl_fem.errors import ActuatorError, InputError
+from msl_fem.plant.effects import EffectValues
 
 IDEAL = PowerStage(0.0, 0.0, 0.0, 100.0, 8)
 Loop = dict[str, float | int]
@@ -115,7 +116,7 @@ def test_the_step_meets_the_voltage_limit_where_that_sets_the_bandwidth() -> Non
     p = loop.parameters._replace(voltage_step=0.0)
     for more, cut in ((0.98, 0.0), (1.05, 1.0)):
         state, voltage, wanted = np.zeros(N_STATE), np.zeros(2), np.array([more * loop.step, 0.0])
-        current_step(p, state, wanted, np.zeros(2), 0.0, voltage)
+        current_step(p, state, wanted, np.zeros(2), 0.0, 0.0, voltage)
         assert state[N_LIMITED] == cut
         assert abs(voltage[0]) <= 20.0
 
@@ -150,10 +151,10 @@ def test_a_section_beside_a_current_drive_is_refused() -> None:
 def test_a_reading_that_is_no_number_gives_no_voltage() -> None:
     p, state, voltage = usual().parameters, np.zeros(N_STATE), np.zeros(2)
     state[[UNKNOWN, BEGUN]] = 3.0, 1.0
-    current_step(p, state, np.ones(2), np.array([0.5, np.nan]), 0.0, voltage)
+    current_step(p, state, np.ones(2), np.array([0.5, np.nan]), 0.0, 0.0, voltage)
     assert (state[[UNKNOWN, BEGUN, ACTING]] == 0.0).all()
     assert (voltage == 0.0).all()
-    current_step(p, state, np.ones(2), np.array([0.5, 0.5]), 0.0, voltage)
+    current_step(p, state, np.ones(2), np.array([0.5, 0.5]), 0.0, 0.0, voltage)
     assert (voltage > 0.0).all()
     assert state[UNKNOWN] == 0.0
 
@@ -218,3 +219,34 @@ def test_without_a_table_the_loop_has_no_flux_linkage() -> None:
 
     with pytest.raises(ActuatorError, match="with a table, on which the current loop rests"):
         linear_plant(rig())
+
+
+def test_an_observed_flux_takes_eddy_currents_and_the_gaps_error_out_of_the_position_loop() -> None:
+    """The table's flux linkage at the coil's current is not that which pulls; the integral of the voltage is."""
+    both = EffectValues({"eddy_currents": {"time_constant": 5e-5}, "gap_offset": {"offset": 2e-5}})
+    observed = belief(flux_corner=10.0).current_loop
+    assert observed is not None
+    assert observed.lag == pytest.approx(usual().lag)
+    assert observed.to_json()["flux_observed"]
+    found = {}
+    for name, loop in {"table": usual(), "observed": observed, "blind": _without_dead_time(observed)}.items():
+        design = replace(on_voltage(), current_loop=loop)
+        for plant in (None, both):
+            run = run_closed_loop(
+                design, sine(1e-4, 60.0, 0.3), plant=PlantUnderTest(rig(), TABLE, plant),
+                generator=np.random.default_rng(1),
+            )  # fmt: skip
+            late = run.time > 0.15
+            found[name, plant is None] = np.sqrt(np.mean((run.position - run.reference)[late] ** 2)) / 1e-4
+    assert found["observed", False] < 0.8 * found["table", False]
+    assert found["observed", True] < 1.2 * found["table", True]
+    assert found["blind", True] > 2 * found["observed", True]  # what integrates must know the bridge's own loss
+
+
+def _without_dead_time(loop: CurrentLoopDesign) -> CurrentLoopDesign:
+    return replace(loop, parameters=loop.parameters._replace(lost=0.0))
+
+
+def test_a_corner_near_the_loops_pole_is_refused() -> None:
+    with pytest.raises(InputError, match="flux_corner 150 Hz must be above 0 and at most 100 Hz"):
+        loop_of(flux_corner=150.0)
