@@ -15,16 +15,15 @@ from msl_fem.control.closed_loop import (
 from msl_fem.control.design import ControllerChoice, ControllerDesign, FrozenPosition, Wish, with_measured_gap
 from msl_fem.control.design_model import (
     DesignModel,
-    LinearPlant,
     design_model_as_believed,
     design_model_of,
     design_model_with_effects,
-    linear_plant,
     reach_of,
 )
 from msl_fem.control.designs import DESIGNS, designed
 from msl_fem.control.examination import Consistency, Examination, Replay, examine_design, innovation_consistency, replay
 from msl_fem.control.frequency_response import FrequencyResponse, closed_loop_response
+from msl_fem.control.linear_plant import LinearPlant, linear_plant
 from msl_fem.control.loop_record import closed_loop_record
 from msl_fem.control.lqr_design import LqrOptions, design_controller, lqr_design
 from msl_fem.control.measured_loop import MeasuredLoop, measured_loops

@@ -26,9 +26,10 @@ from msl_fem.control.design import (
     check_wish,
     completed,
 )
-from msl_fem.control.design_model import AtPosition, DesignModel, LinearPlant, reach_of
+from msl_fem.control.design_model import AtPosition, DesignModel, reach_of
 from msl_fem.control.inverse import believed_gap, magnet_current_limit, side_surface
 from msl_fem.control.linear_loop import LinearLaw
+from msl_fem.control.linear_plant import LinearPlant
 from msl_fem.control.lqg import LqrGains, LqrWeights, ReducedOrderFilter, lqr_gains, reduced_order_filter
 from msl_fem.control.lqr_design import (
     DEFAULT_WISH,

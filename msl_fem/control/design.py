@@ -10,12 +10,13 @@ import numpy as np
 from msl_fem.actuator import Actuator
 from msl_fem.control.controller import ControllerParameters, pull_stiffness
 from msl_fem.control.current_loop import CurrentLoopDesign
-from msl_fem.control.design_model import AtPosition, DesignModel, LinearPlant, reach_of
+from msl_fem.control.design_model import AtPosition, DesignModel, reach_of
 from msl_fem.control.gain_schedule import BANDWIDTH, GainSchedule, fixed_gains
 from msl_fem.control.gap_to_come import position_after
 from msl_fem.control.heat import UNGUARDED, ThermalGuard, thermal_guard
 from msl_fem.control.linear_loop import LinearLaw, feedback_bandwidth, flat_band, grid, sensitivity_bound
 from msl_fem.control.linear_loop import bandwidth as _bandwidth
+from msl_fem.control.linear_plant import LinearPlant
 from msl_fem.control.lqg import LqrWeights
 from msl_fem.control.output_stage import HARD_HAND_OVER, OutputStage
 from msl_fem.errors import InputError

@@ -12,7 +12,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.statespace import StateSpace
-from msl_fem.control.design_model import LinearPlant
+from msl_fem.control.linear_plant import LinearPlant
 
 _NOTHING = 1e-12  # of a period
 

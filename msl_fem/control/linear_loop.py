@@ -17,8 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.statespace import StateSpace
 from msl_fem.control.controller import NO_SHAPE
-from msl_fem.control.design_model import MIDDLE, AtPosition, LinearPlant
+from msl_fem.control.design_model import MIDDLE, AtPosition
 from msl_fem.control.gap_to_come import position_after
+from msl_fem.control.linear_plant import LinearPlant
 from msl_fem.control.lqg import LqrGains, ReducedOrderFilter
 
 Complex = NDArray[np.complex128]

@@ -12,8 +12,9 @@ import numpy as np
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
-from msl_fem.control.design_model import DesignModel, guard_of_pair, linear_plant
+from msl_fem.control.design_model import DesignModel, guard_of_pair
 from msl_fem.control.inverse import SideModel, inverse_of
+from msl_fem.control.linear_plant import linear_plant
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.maps.guard import Guard

@@ -26,9 +26,10 @@ from msl_fem.control.design import (
     check_wish,
     completed,
 )
-from msl_fem.control.design_model import AtPosition, DesignModel, LinearPlant
+from msl_fem.control.design_model import AtPosition, DesignModel
 from msl_fem.control.held_input import late_hold, with_delay
 from msl_fem.control.linear_loop import LinearLaw
+from msl_fem.control.linear_plant import LinearPlant
 from msl_fem.control.lqg import FilterNoise, LqrGains, LqrWeights, filter_of_gain, lqr_gains
 from msl_fem.control.lqr_design import (
     DEFAULT_WISH,

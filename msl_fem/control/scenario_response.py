@@ -15,9 +15,10 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.control.closed_loop import PlantUnderTest
 from msl_fem.control.design import ControllerDesign
-from msl_fem.control.design_model import LinearPlant, linear_plant, plant_with_effects, surface_with_effects
+from msl_fem.control.design_model import plant_with_effects, surface_with_effects
 from msl_fem.control.inverse import believed_gap, magnet_force, side_surface
 from msl_fem.control.linear_loop import Complex
+from msl_fem.control.linear_plant import LinearPlant, linear_plant
 from msl_fem.control.robust_design import Deviation, deviating_plant
 from msl_fem.plant.effects import EffectValues, design_change
 

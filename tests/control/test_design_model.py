@@ -19,8 +19,9 @@ from msl_fem.control import (
     reach_of,
     run_closed_loop,
 )
-from msl_fem.control.design_model import left_to_feedback, linear_plant, plant_with_effects, surface_with_effects
+from msl_fem.control.design_model import left_to_feedback, plant_with_effects, surface_with_effects
 from msl_fem.control.inverse import magnet_force
+from msl_fem.control.linear_plant import linear_plant
 from msl_fem.control.rational_force import term_force
 from msl_fem.errors import InputError
 from msl_fem.plant import plant_parameters, static_map, surface_of

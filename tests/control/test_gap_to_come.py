@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from msl_fem.control.design_model import LinearPlant
 from msl_fem.control.gap_to_come import position_after
+from msl_fem.control.linear_plant import LinearPlant
 
 PERIOD = 4e-4
 

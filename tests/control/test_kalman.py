@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from msl_fem.control.design_model import LinearPlant
+from msl_fem.control.linear_plant import LinearPlant
 from msl_fem.control.lqg import FilterNoise, reduced_order_filter
 from msl_fem.errors import InputError
 

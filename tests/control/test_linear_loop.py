@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from servo_controllers import servo_design
 
-from msl_fem.control.design_model import AtPosition, LinearPlant
+from msl_fem.control.design_model import AtPosition
 from msl_fem.control.linear_loop import LinearLaw, bandwidth, flat_band, grid, sensitivity_bound
+from msl_fem.control.linear_plant import LinearPlant
 from msl_fem.control.lqg import LqrWeights, lqr_gains
 
 KAPPA = (0.0, 1e5, 4e5)

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from servo_controllers import servo
 
-from msl_fem.control.design_model import LinearPlant, linear_plant
+from msl_fem.control.linear_plant import LinearPlant, linear_plant
 from msl_fem.errors import ActuatorError, InputError
 
 PLANT = LinearPlant(mass=0.9, stiffness=1.4e5, damping=12.0, lag=2 * np.pi * 1e3, period=4e-4, delay=1)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from msl_fem.control.design_model import LinearPlant
+from msl_fem.control.linear_plant import LinearPlant
 from msl_fem.control.lqg import LqrWeights, lqr_gains, riccati
 from msl_fem.errors import ComputationError
 
