@@ -243,6 +243,21 @@ def test_an_observed_flux_takes_eddy_currents_and_the_gaps_error_out_of_the_posi
     assert found["blind", True] > 2 * found["observed", True]  # what integrates must know the bridge's own loss
 
 
+def test_an_observed_flux_is_led_to_that_of_the_position_at_which_the_currents_were_inverted() -> None:
+    """The linkage that belongs to the force is that at the gap to come; the table's loop takes the measured one."""
+    observed = belief(flux_corner=10.0).current_loop
+    assert observed is not None
+    wanted, read, aims = np.array([1.0, 0.0]), np.array([0.999, 0.0]), (0.0, 2e-6)
+    for loop, led in ((observed, True), (usual(), False)):
+        p, voltage = loop.parameters._replace(voltage_step=0.0), np.zeros((2, 2))
+        for aim, out in zip(aims, voltage, strict=True):
+            current_step(p, np.zeros(N_STATE), wanted, read, 0.0, aim, out)
+        target = [side_linkage(p, 0, 1.0, 0.0, p.inverse.gap_1 - aim)[0] for aim in aims]
+        more = (1 - p.pole) * (target[1] - target[0]) / p.period if led else 0.0
+        assert voltage[1, 0] - voltage[0, 0] == pytest.approx(more, abs=1e-9)
+        assert np.abs(voltage).max() < p.voltage_limit
+
+
 def _without_dead_time(loop: CurrentLoopDesign) -> CurrentLoopDesign:
     return replace(loop, parameters=loop.parameters._replace(lost=0.0))
 
