@@ -59,6 +59,18 @@ def test_a_kind_states_the_largest_difference_that_was_seen(file: str, named: tu
         assert largest[name] <= 100 * stated + 1e-9 <= largest[name] + 0.25
 
 
+def test_the_leakage_goes_with_the_turns_squared_and_the_end_turns_length() -> None:
+    """E1's 0.326 mH of 200 turns; four times that with twice the turns, and longer turns in proportion."""
+    magnet = load_actuator(GEOMETRIES / "e1.toml").magnet_kind()
+    leakage = magnet.known_ends.factors.leakage
+    assert leakage == pytest.approx(0.326e-3)
+    doubled = magnet.model_copy(update={"coil": magnet.coil.model_copy(update={"turns": 2 * magnet.turns})})
+    assert doubled.known_ends.factors.leakage == pytest.approx(4 * leakage)
+    longer = magnet.model_copy(update={"window_width": magnet.window_width + 0.1 * magnet.centre_leg_width})
+    share = (1.1 * magnet.centre_leg_width + magnet.window_width) / (magnet.centre_leg_width + magnet.window_width)
+    assert longer.known_ends.factors.leakage == pytest.approx(share * leakage)
+
+
 def test_ends_are_the_default_where_a_kind_has_them_and_its_file_does_not_say_none() -> None:
     servo, e1, pot = (load_actuator(GEOMETRIES / f"{n}.toml") for n in ("fast_tool_servo", "e1", "pot_core_holding"))
     assert chosen_ends(servo) == servo.magnet_kind().known_ends.factors
