@@ -34,11 +34,23 @@ def belief_of(name: str | None, actuator: Actuator, table: MagneticTable | None)
 
     belief = as_designed(actuator, table)
     if belief.values:
-        effects = ", ".join(dict.fromkeys(one.effect.replace("_", " ") for one in belief.values))
-        say(f"believed as designed: {effects} (simulate --json lists values and sources; --belief plain goes without)")
+        told = f"believed as designed: {_effects(belief)}"
+        say(f"{told} (simulate --json lists values and sources; --belief plain goes without)")
     for reason in belief.left_out:
         say(f"note: not in the belief: {reason}")
     return belief
+
+
+def _effects(belief: Belief) -> str:
+    """The believed effects by name: those that add something, and those that the table has."""
+    adds: dict[str, bool] = {}
+    for one in belief.values:
+        adds[one.effect] = adds.get(one.effect, False) or one.value != 0.0
+    added, there = (
+        ", ".join(name.replace("_", " ") for name, it_adds in adds.items() if it_adds == wanted)
+        for wanted in (True, False)
+    )
+    return f"{added}; in the table already: {there}" if there else added
 
 
 def belief_about(record: Record, table: MagneticTable | None) -> Belief:

@@ -53,3 +53,13 @@ def test_what_is_believed_is_told_in_one_line(capfd: pytest.CaptureFixture[str])
     assert len(belief.values) > len(lines) == 1
     assert all(lines[0].count(one.effect.replace("_", " ")) == 1 for one in belief.values)
     assert "--json" in lines[0]
+
+
+def test_what_the_table_has_already_is_told_apart(capfd: pytest.CaptureFixture[str]) -> None:
+    plain = read_table(TABLE)
+    table = replace(plain, provenance=plain.provenance | {"end_effects": "section", "end_effects_error": "0.012"})
+    belief_of(None, load_actuator(ROOT / "geometries" / "fast_tool_servo.toml"), table)
+    added, there = capfd.readouterr().err.split("; in the table already: ")
+    assert there.startswith("fringing, leakage inductance (")
+    assert "mutual inductance" in added
+    assert "fringing" not in added
