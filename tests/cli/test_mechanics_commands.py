@@ -48,7 +48,7 @@ def test_tolerances(msl_fem: Run, tmp_path: Path) -> None:
     found = msl_fem("tolerances", SERVO, *FEW, "--tolerance", "gap=5 um", "-o", str(page), "--json").json
     by_name = {s["name"]: s for s in found["sensitivities"]}
     assert by_name["gap"]["tolerance"] == pytest.approx(5e-6)
-    assert by_name["stack_depth"]["force"] == pytest.approx(1, abs=1e-9)
+    assert 0.98 < by_name["stack_depth"]["force"] < 0.999, "the stack's ends do not grow with it"
     assert by_name["gap"]["force"] < -1.5
     assert found["band"]["method"] == "linearised"
     assert found["band"]["low_A"][0][0] < found["current_A"][0][0] < found["band"]["high_A"][0][0]

@@ -113,7 +113,7 @@ def test_turns_are_the_fewest_that_the_supply_drives() -> None:
 
 
 def test_a_stated_wire_fixes_the_turns() -> None:
-    it = evaluator(winding={"wire_diameter": "0.5 mm"}, supply={"current": "0.8 A"})
+    it = evaluator(winding={"wire_diameter": "0.5 mm"}, supply={"current": "0.7 A"})
     evaluation = it.by_closed_form(GOOD)
     found = evaluation.performance
     assert found is not None

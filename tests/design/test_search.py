@@ -90,7 +90,7 @@ def test_a_small_search_improves_on_the_first_guess(small: tuple[DesignEvaluator
     assert best.force >= 150.0
     assert best.flux_density <= 1.2
     assert len(choice.front) >= 3
-    assert all(1 <= t.solves <= 6 for t in found.trials)
+    assert all(1 <= t.solves <= 12 for t in found.trials), "a few at each of a few depths"
 
 
 def test_the_search_itself_finds_better_than_what_it_began_with(

@@ -62,7 +62,9 @@ def test_the_tolerances_page(study: ToleranceStudy, tmp_path: Path) -> None:
     assert max(band.data[0].y) == pytest.approx(study.band.high.max())
     effects = tolerance_effects(study)
     force = dict(zip(effects.data[0].y, effects.data[0].x, strict=True))
-    assert force["stack depth"] == pytest.approx(100 * 0.36 / 20)
+    assert force["stack depth"] == pytest.approx(100 * 0.36 / 20, rel=0.01), (
+        "but for the ends, which do not grow with it"
+    )
     text = write_page(tolerance_page(FLEXURE, study), tmp_path / "tolerances.html").read_text(encoding="utf-8")
     assert "ISO 2768-1" in text
     assert "The force depends most on the gap" in text

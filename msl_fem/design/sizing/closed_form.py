@@ -51,6 +51,10 @@ class GapPermeance:
     slope: float
     plain: float
 
+    def deeper(self, factor: float, slope: float) -> "GapPermeance":
+        """Of air that is deeper than the poles by a factor, whose derivative with respect to the gap is `slope`."""
+        return GapPermeance(factor * self.value, factor * self.slope + slope * self.value, self.plain)
+
 
 @dataclass(frozen=True)
 class MagneticCircuit:
@@ -87,10 +91,14 @@ def closed_form(
     gap: float,
     flux_density: float,
     factors: Factors | None = None,
+    air_depth: tuple[float, float] = (1.0, 0.0),
 ) -> MagneticCircuit:
-    """The circuit whose most loaded section carries `flux_density` (T, in the iron)."""
+    """The circuit whose most loaded section carries `flux_density` (T, in the iron).
+
+    `air_depth` is that of the gap over the stack's, and its derivative with respect to the gap (`end_effects`).
+    """
     factors = factors or Factors()
-    permeance = gap_permeance(circuit, gap, fringing=factors.fringing)
+    permeance = gap_permeance(circuit, gap, fringing=factors.fringing).deeper(*air_depth)
     middle, whole, linkage = window_leakage(circuit.window) if factors.leakage else (0.0, 0.0, 0.0)
     leaking = dict.fromkeys(circuit.crossed, whole) | dict.fromkeys(circuit.halfway, middle)
     flux = {part.name: permeance.value + leaking.get(part.name, 0.0) for part in circuit.parts}

@@ -162,7 +162,7 @@ class ContradictionSearch:
         assert requirement.envelope.depth is not None
         assert size is not None
         stack = max(requirement.envelope.depth - GRID - size[2], GRID)
-        return replace(design, force=stack * self.evaluator.circuit(design).point.force)
+        return replace(design, force=stack * self.evaluator.circuit(design, depth=stack).point.force)
 
 
 def refuse_contradiction(evaluator: DesignEvaluator, space: SearchSpace) -> Design:

@@ -29,7 +29,7 @@ from msl_fem.design.sizing.design import (
 from msl_fem.design.sizing.requirement import Objective, Requirement
 from msl_fem.errors import ComputationError, NotConverged
 from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
-from msl_fem.magnetics.field.end_effects import EndEffects, gap_edges
+from msl_fem.magnetics.field.end_effects import EndEffects, ends_of, gap_depth, wanted_ends
 from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.kinds.kind import SMALLEST_GAP, MagnetKind
 from msl_fem.magnetics.solver.postprocess import FieldQuantities
@@ -44,8 +44,10 @@ CLOSED_FORM_ERROR = 0.1
 MOST_SLENDER, LEAST_STACK = 50.0, 1e-3
 """Of the stack's depth: over the core's half width at most, and in m at least."""
 MOST_DEPTHS = 6
+SAME_FORCE = 1e-3
 SAME_DEPTH: dict[Accuracy, float] = {"fast": 5e-3, "normal": 0.0, "fine": 0.0}
-"""Depths of a stack that are solved at most, and the relative step to the next one that need not be solved."""
+"""Depths of a stack at most, the relative change of the closed equations' force per depth after which they have it, and
+the relative step of the depth that fields need not solve."""
 MOST_SIZES, SURPLUS, TRIM = 5, 1e-2, 1e-3
 """A body of revolution grows so often at most, until its force is more than the wanted one by no more than a share; the
 flux density is then trimmed to a smaller share."""
@@ -244,17 +246,38 @@ class DesignEvaluator:
         refused = self.not_built(design)
         if refused is not None:
             return refused
-        return self._evaluated(NO_FIELD, design, self.circuit(design, factors=factors).point)
+        return self._evaluated(NO_FIELD, design, self._closed(design, factors=factors))
 
-    def circuit(self, design: Design, *, factors: Factors | None = None) -> MagneticCircuit:
-        """The closed equations at a design's flux density, 1 m deep where there is a depth."""
+    def circuit(self, design: Design, *, factors: Factors | None = None, depth: float | None = None) -> MagneticCircuit:
+        """The closed equations at a design's flux density, 1 m deep where there is a depth.
+
+        The gap's air is as deep as the ends of a stack of `depth` (m) make it; without one as the stack.
+        """
         requirement = self.requirement
         circuit = plain_magnet(design, requirement).circuit
         assert circuit is not None, "a kind that is sized states its circuit"
+        air_depth = (1.0, 0.0)
+        if depth is not None:
+            magnet = plain_magnet(design, requirement, depth=depth)
+            ends = wanted_ends(magnet, self.end_effects)
+            if ends is not False:
+                air_depth = gap_depth(ends_of(magnet), ends, requirement.force.gap)[:2]
         return closed_form(
             circuit, requirement.iron, self.irons, gap=requirement.force.gap, flux_density=design.flux_density,
-            factors=factors,
+            factors=factors, air_depth=air_depth,
         )  # fmt: skip
+
+    def _closed(self, design: Design, *, factors: Factors | None = None) -> SectionPoint:
+        """The closed equations' point, without factors with the gap's ends of the stack that has the force."""
+        point = self.circuit(design, factors=factors).point
+        if factors is not None or self.requirement.revolved or self.end_effects is False:
+            return point
+        for _ in range(MOST_DEPTHS):
+            force, depth = point.force, design.force / point.force
+            point = self.circuit(design, depth=depth).point
+            if abs(point.force - force) <= SAME_FORCE * force:
+                break
+        return point
 
     def by_field(self, design: Design, *, accuracy: Accuracy = "fast") -> DesignEvaluation:
         """The evaluation by field solutions; without any where the design cannot be built.
@@ -285,7 +308,8 @@ class DesignEvaluator:
         more, so that the closed equations' force per depth is the slope of the first step; the next are secants.
         """
         slope, wanted = self.circuit(design).point.force, design.force
-        found, solves = FieldPoint(self.circuit(design).point, 0, self._first_depth(design)), 0
+        point = self._closed(design)
+        found, solves = FieldPoint(point, 0, _gridded(wanted / point.force)), 0
         known: tuple[float, float] | None = None
         for _ in range(MOST_DEPTHS):
             depth = found.depth
@@ -303,16 +327,6 @@ class DesignEvaluator:
                 return replace(found, point=point, depth=following, solves=solves)
             found = replace(found, depth=following)
         return replace(found, solves=solves)
-
-    def _first_depth(self, design: Design) -> float:
-        """By the closed equations, and by what the gap's ends alone take: (k - g k')/k^2, see docs/end_effects.md."""
-        gap = self.requirement.force.gap
-        depth = design.force / self.circuit(design).point.force
-        ends = plain_magnet(design, self.requirement, depth=depth).stack_ends
-        if ends is not None:
-            k, slope, _ = gap_edges(ends).factor(gap)
-            depth *= k**2 / (k - gap * slope)
-        return _gridded(depth)
 
     def point_by_field(
         self, design: Design, guess: float, *, depth: float | None = None, accuracy: Accuracy = "fast",

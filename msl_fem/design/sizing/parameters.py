@@ -217,8 +217,8 @@ def textbook_guess(evaluator: DesignEvaluator) -> Design:
     requirement = evaluator.requirement
 
     def excess_force(width: float) -> float:
-        design = _with_window(evaluator, width)
-        return design.force / evaluator.circuit(design).point.force - _depth(requirement, width)
+        design, depth = _with_window(evaluator, width), _depth(requirement, width)
+        return design.force / evaluator.circuit(design, depth=depth).point.force - depth
 
     width = _root(excess_force, requirement.force.gap, requirement)
     rough = _with_window(evaluator, width)
@@ -258,8 +258,9 @@ def _with_window(evaluator: DesignEvaluator, width: float) -> Design:
 
     def excess(window: float) -> float:
         design = _with_iron(evaluator, width, window)
-        point = evaluator.circuit(design).point
-        found = wound(design, point, requirement, depth=_depth(requirement, width))
+        depth = _depth(requirement, width)
+        point = evaluator.circuit(design, depth=depth).point
+        found = wound(design, point, requirement, depth=depth)
         return max(c.violation for c in performance_constraints(found, requirement) if c.name in _HEAT)
 
     window = least if excess(least) <= 0 else _root(excess, least, requirement)

@@ -172,6 +172,12 @@ def gap_edges(ends: StackEnds) -> FlushEdges:
     return FlushEdges(ends.depth, ends.reach)
 
 
+def gap_depth(ends: StackEnds, factors: EndFactors, gap: float) -> tuple[float, float, float]:
+    """The depth of the gap's air over the stack's, and its first and second derivative with respect to the gap."""
+    value, first, second = gap_edges(ends).factor(gap)
+    return 1 + factors.gap * (value - 1), factors.gap * first, factors.gap * second
+
+
 def window_factor(ends: StackEnds) -> float:
     """(depth + 2 delta)/depth of the window; raises ComputationError where the mesher fails."""
     return 1 + 2 * ends.window_width * _between_legs(ends.window_width, ends.legs, ends.mirror) / ends.depth
@@ -221,11 +227,7 @@ def deeper_air(ends: StackEnds, mesh_gap: float, factors: EndFactors = DERIVED) 
     ComputationError : the mesher failed
     """
     beyond = factors.window * (window_factor(ends) - 1)
-    width, edges = ends.window_width, gap_edges(ends)
-
-    def strip(gap: float) -> tuple[float, float, float]:
-        value, first, second = edges.factor(gap)
-        return 1 + factors.gap * (value - 1), factors.gap * first, factors.gap * second
+    width = ends.window_width
 
     def window(points: Array) -> Array:
         height = np.maximum(points[1] - mesh_gap, 0.0)
@@ -235,7 +237,7 @@ def deeper_air(ends: StackEnds, mesh_gap: float, factors: EndFactors = DERIVED) 
         return np.full(points.shape[1:], 1 + factors.outer)
 
     regions = dict.fromkeys(ends.regions, window)
-    return AirDepth(strip, {**regions, OUTER_AIR: outer} if factors.outer else regions)
+    return AirDepth(partial(gap_depth, ends, factors), {**regions, OUTER_AIR: outer} if factors.outer else regions)
 
 
 def deeper_air_of_both(ends: StackEnds, mesh_gap: float, factors: EndFactors, middle: float) -> AirDepth:
