@@ -24,6 +24,7 @@ CLOSE = 0.15  # in ranks of coordinate and currents, each 0 to 1
 DRAFTED = 3  # points at once
 DRAFTED_FOR = 20  # points of a table
 SAFETY = 3.0  # for points that are not checked
+LEAST_ESTIMATE = 0.25  # of the tolerance: a dozen small checks say no more of the others
 SLOPE_SHARE = 0.3  # of a derivative beside a solution in the space
 
 
@@ -64,7 +65,8 @@ class Certificate:
 
     Attributes
     ----------
-    error_estimate : largest of the last checks, of force or flux linkage, of full scale
+    error_estimate : of force or flux linkage, of full scale: `SAFETY` times the largest of the last checks, at least
+        `LEAST_ESTIMATE` times the tolerance
     checked : points where a full step of Newton's was taken from the reduced state of the final model
     effectivity : estimate over the true error, at the worst of them
     """
@@ -235,8 +237,9 @@ class Reducer:
             errors = self.check(model, states, chosen, enrich=attempt + 1 < settings.rounds)
             if (SAFETY * errors <= settings.tolerance).all():
                 worst = int(np.argmax(errors))
-                ratio = self.effectivity(model, states, chosen[worst], errors[worst])
-                certificate = Certificate(SAFETY * float(errors.max()), len(chosen), SAFETY * ratio)
+                estimate = max(SAFETY * float(errors[worst]), LEAST_ESTIMATE * settings.tolerance)
+                ratio = self.effectivity(model, states, chosen[worst], estimate)
+                certificate = Certificate(estimate, len(chosen), ratio)
                 return Reduction(model, states, certificate, self.solutions)
         return None
 
