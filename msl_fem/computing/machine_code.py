@@ -9,11 +9,9 @@ What Python calls becomes machine code. What compiled functions call is only lin
 with all around it; numba by itself would optimise each function, with all that it calls, at every level of calls anew.
 """
 
-import gc
 import hashlib
 import inspect
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from functools import cache, cached_property, partial
 from importlib import import_module
 from types import CodeType, FunctionType, ModuleType
@@ -64,25 +62,13 @@ def make_ready(function: Callable[..., object]) -> None:
 def _compile_into(library: type[JITCodeLibrary], numba_s: Callable[..., Any], sig: Any) -> Any:
     """Numba's compiler, with the code kept in a library of that kind."""
     codegen = cpu_target.target_context.codegen()
-    with global_compiler_lock, _without_collector():
+    with global_compiler_lock:
         before = codegen._library_class
         codegen._library_class = library
         try:
             return numba_s(sig)
         finally:
             codegen._library_class = before
-
-
-@contextmanager
-def _without_collector() -> Iterator[None]:
-    """No look for cycles meanwhile: a compiler keeps nearly all it makes, and looks cost a fifteenth of its time."""
-    was_on = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_on:
-            gc.enable()
 
 
 def _compile_whole(dispatcher: Any, numba_s: Callable[..., Any], sig: Any) -> Any:

@@ -28,9 +28,10 @@ from msl_fem.control.design import ControllerDesign
 from msl_fem.control.linear_loop import Complex
 from msl_fem.control.scenario_response import Scenario, response_over_belief
 from msl_fem.control.stepper import reference_rows
-from msl_fem.control.unseen_plants import N_PLANT, SUSPECTS, DrawPlant, Progress, UnseenPlants
+from msl_fem.control.unseen_plants import N_PLANT, SUSPECTS, DrawPlant, Progress, UnseenPlants, each_drawn, unheld_rows
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.numbers import json_value
+from msl_fem.plant.excitation import Reference
 
 GAIN = 0.7
 """Of the error, that a trial corrects on the belief: a part of the noise stays out."""
@@ -203,14 +204,6 @@ class Learned:
         return self.law.to_json() | {"error_rms_m": [json_value(float(e)) for e in self.errors]}
 
 
-@dataclass(frozen=True, eq=False)
-class _Track:
-    time: Array
-    position: Array
-    velocity: Array
-    acceleration: Array
-
-
 def learn(
     design: ControllerDesign, reference: ReferenceArrays, law: LearningLaw, *, plant: PlantUnderTest, trials: int,
     generator: np.random.Generator | None = None,
@@ -253,11 +246,11 @@ def derivatives(correction: Array, period: float) -> Array:
     return np.stack([np.fft.irfft(spectrum * jw**power, correction.size) for power in range(3)], axis=1)
 
 
-def _corrected(reference: ReferenceArrays, correction: Array, law: LearningLaw) -> _Track:
+def _corrected(reference: ReferenceArrays, correction: Array, law: LearningLaw) -> Reference:
     """The reference with a period's correction all along."""
     n = reference.time.size
     more = derivatives(correction, law.period)[np.arange(n) % law.samples]
-    return _Track(
+    return Reference(
         reference.time, reference.position + more[:, 0], reference.velocity + more[:, 1],
         reference.acceleration + more[:, 2],
     )  # fmt: skip
@@ -275,19 +268,14 @@ def learned_on_unseen_plants(
     n: int = N_PLANT, seed: int = 1, suspects: tuple[str, ...] = SUSPECTS, progress: Progress | None = None,
 ) -> tuple[UnseenPlants, UnseenPlants]:  # fmt: skip
     """(without learning, after the trials): the loop on the plants of `on_unseen_plants`, each learned from nothing."""
-    tell = progress or (lambda *_: None)
-    rows = np.full((2, n, 3), np.nan)
-    rows[:, :, 1:] = 0.0
+    rows = unheld_rows(2, n)
     amplitude = 0.5 * float(np.ptp(reference.position))
-    for k in range(n):
-        tell(k, n)
-        generator = np.random.default_rng([seed, k])
+    for k, plant, generator in each_drawn(draw, n, seed=seed, progress=progress):
         try:
-            found = learn(design, reference, law, plant=draw(generator), trials=trials, generator=generator)
+            found = learn(design, reference, law, plant=plant, trials=trials, generator=generator)
         except ComputationError:
             continue
         for stage, error, run in zip(rows[:, k], found.errors[[0, -1]], (found.first, found.run), strict=True):
             stage[:] = error / amplitude, run.guard_violations, run.guard_share
-    tell(n, n)
     before, after = (UnseenPlants(suspects, *stage.T) for stage in rows)
     return before, after

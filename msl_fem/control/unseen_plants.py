@@ -7,7 +7,7 @@ tolerances and a suspension that hardens. What a number of plants tells of all o
 Control Letters 30, 1997).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -173,18 +173,32 @@ def on_unseen_plants(
     progress: Progress | None = None,
 ) -> UnseenPlants:
     """The loop on `n` plants, each drawn with a generator of its own seed, so that one can be run again alone."""
-    tell = progress or (lambda *_: None)
-    rows = np.full((n, 3), np.nan)
-    rows[:, 1:] = 0.0
+    rows = unheld_rows(n)
     amplitude = 0.5 * float(np.ptp(reference.position))
+    for k, plant, generator in each_drawn(draw, n, seed=seed, progress=progress):
+        run = _tried(design, reference, plant, generator)
+        if run is not None:
+            rows[k] = _settled_error(run) / amplitude, run.guard_violations, run.guard_share
+    return UnseenPlants(suspects, *rows.T)
+
+
+def each_drawn(
+    draw: DrawPlant, n: int, *, seed: int, progress: Progress | None
+) -> Iterator[tuple[int, PlantUnderTest, np.random.Generator]]:
+    """(k, the k-th plant, its generator), which goes on with the plant's noise; `progress` is told before each."""
+    tell = progress or (lambda *_: None)
     for k in range(n):
         tell(k, n)
         generator = np.random.default_rng([seed, k])
-        run = _tried(design, reference, draw(generator), generator)
-        if run is not None:
-            rows[k] = _settled_error(run) / amplitude, run.guard_violations, run.guard_share
+        yield k, draw(generator), generator
     tell(n, n)
-    return UnseenPlants(suspects, *rows.T)
+
+
+def unheld_rows(*shape: int) -> Array:
+    """(*shape, 3) of `UnseenPlants` where no plant is held: no error, no violation, no share."""
+    rows = np.full((*shape, 3), np.nan)
+    rows[..., 1:] = 0.0
+    return rows
 
 
 def _tried(

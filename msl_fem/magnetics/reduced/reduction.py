@@ -282,13 +282,8 @@ def _some(points: FieldPoints, most: int) -> Indices:
     ends = np.isin(points.coordinate, [points.coordinate.min(), points.coordinate.max()])
     for current in np.abs(points.currents).T:
         ends &= current == current.max()
-    spread = way[_evenly(way.size, most)]
+    spread = way[np.linspace(0, way.size - 1, min(most, way.size)).round().astype(int)]
     return np.unique(np.r_[spread, np.flatnonzero(ends)])
-
-
-def _evenly(count: int, most: int) -> Indices:
-    """Numbers below a count, as many as there are or `most`, evenly apart."""
-    return np.linspace(0, count - 1, min(most, count)).round().astype(int)
 
 
 def _corrected(full: FullField, model: ReducedModel, states: ReducedStates, n: int) -> tuple[float, Array]:
