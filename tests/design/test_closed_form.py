@@ -8,7 +8,7 @@ import pytest
 from sizing_requirements import evaluator, requirement
 
 from msl_fem.design.sizing import Design, DesignEvaluator
-from msl_fem.design.sizing.closed_form import Factors, closed_form, gap_permeance, window_leakage
+from msl_fem.design.sizing.closed_form import Factors, gap_permeance, unloaded, window_leakage
 from msl_fem.design.sizing.design import plain_magnet
 from msl_fem.design.sizing.parameters import STACK_ASPECT, WINDOW_ASPECT, textbook_guess
 from msl_fem.magnetics.kinds.kind import LeakageWindow
@@ -107,7 +107,7 @@ def test_forces_go_with_the_depth_and_nothing_else_does() -> None:
     it = evaluator()
     requirement = it.requirement
     once, tenfold = (
-        closed_form(circuit, requirement.iron, it.irons, gap=0.5e-3, flux_density=1.2).point
+        unloaded(circuit, requirement.iron, gap=0.5e-3).loaded(it.irons, 1.2).point
         for circuit in (plain_magnet(EVEN, requirement, depth=depth).circuit for depth in (0.1, 1.0))
         if circuit is not None
     )

@@ -83,42 +83,75 @@ class MagneticCircuit:
         return next(iter(self.flux))
 
 
-def closed_form(
-    circuit: CircuitOfKind,
-    iron: IronSpec,
-    irons: Irons,
-    *,
-    gap: float,
-    flux_density: float,
-    factors: Factors | None = None,
-    air_depth: tuple[float, float] = (1.0, 0.0),
-) -> MagneticCircuit:
-    """The circuit whose most loaded section carries `flux_density` (T, in the iron).
+@dataclass(frozen=True)
+class UnloadedCircuit:
+    """A kind's circuit before its flux density and the depth of its gap's air are given.
 
-    `air_depth` is that of the gap over the stack's, and its derivative with respect to the gap (`end_effects`).
+    Attributes
+    ----------
+    permeance : of air that is as deep as the stack
+    leaking : leakage by part, over mu_0 times the gaps' magnetomotive force, in m
+    leakage, linkage : all of it, and the flux linkage of one turn
+    areas : of the iron by part, in m2
     """
+
+    parts: tuple[CircuitPart, ...]
+    permeance: GapPermeance
+    leaking: dict[str, float]
+    leakage: float
+    linkage: float
+    areas: dict[str, float]
+
+    def driven(self, flux_density: float, air_depth: tuple[float, float] = (1.0, 0.0)) -> "DrivenGap":
+        """The gaps where the most loaded section carries `flux_density` (T, in the iron).
+
+        `air_depth` is that of the gap over the stack's, and its derivative with respect to the gap (`end_effects`).
+        """
+        permeance = self.permeance.deeper(*air_depth)
+        flux = {name: permeance.value + leaking for name, leaking in self.leaking.items()}
+        per_ampere = {name: MU_0 * flux[name] / area for name, area in self.areas.items()}
+        section = max(per_ampere, key=per_ampere.__getitem__)
+        drive = flux_density / per_ampere[section]
+        return DrivenGap(permeance, flux, section, drive, -MU_0 * permeance.slope * drive**2 / 2)
+
+    def loaded(self, irons: Irons, flux_density: float, air_depth: tuple[float, float] = (1.0, 0.0)) -> MagneticCircuit:
+        """The circuit at a flux density, given as in `driven`."""
+        gap = self.driven(flux_density, air_depth)
+        drive, value = gap.drive, gap.permeance.value
+        ampere_turns = drive + _drop(self.parts, irons, {name: MU_0 * drive * gap.flux[name] for name in gap.flux})
+        point = SectionPoint(
+            ampere_turns=ampere_turns,
+            force=gap.force,
+            force_slope=2 * gap.force / ampere_turns,
+            inductance=MU_0 * (value * drive / ampere_turns + self.linkage),
+            flux_density=flux_density,
+            section=gap.section,
+        )
+        fringing = value / self.permeance.plain
+        return MagneticCircuit(point, gap.flux, self.areas, drive / ampere_turns, fringing, 1 + self.leakage / value)
+
+
+@dataclass(frozen=True)
+class DrivenGap:
+    """The gaps' permeance, `flux` as in `MagneticCircuit`, the most loaded section, magnetomotive force and force."""
+
+    permeance: GapPermeance
+    flux: dict[str, float]
+    section: str
+    drive: float
+    force: float
+
+
+def unloaded(circuit: CircuitOfKind, iron: IronSpec, *, gap: float, factors: Factors | None = None) -> UnloadedCircuit:
+    """What flux density and depth of air leave as it is."""
     factors = factors or Factors()
-    permeance = gap_permeance(circuit, gap, fringing=factors.fringing).deeper(*air_depth)
     middle, whole, linkage = window_leakage(circuit.window) if factors.leakage else (0.0, 0.0, 0.0)
-    leaking = dict.fromkeys(circuit.crossed, whole) | dict.fromkeys(circuit.halfway, middle)
-    flux = {part.name: permeance.value + leaking.get(part.name, 0.0) for part in circuit.parts}
+    leaking = dict.fromkeys((part.name for part in circuit.parts), 0.0)
+    leaking |= dict.fromkeys(circuit.crossed, whole) | dict.fromkeys(circuit.halfway, middle)
     stacking = {"core": iron.core_stacking, "armature": iron.armature_stacking}
     areas = {part.name: stacking[part.region] * part.cut_area for part in circuit.parts}
-    per_ampere = {name: MU_0 * flux[name] / area for name, area in areas.items()}
-    section = max(per_ampere, key=per_ampere.__getitem__)
-    drive = flux_density / per_ampere[section]
-    ampere_turns = drive + _drop(circuit.parts, irons, {name: MU_0 * drive * flux[name] for name in flux})
-    force = -MU_0 * permeance.slope * drive**2 / 2
-    point = SectionPoint(
-        ampere_turns=ampere_turns,
-        force=force,
-        force_slope=2 * force / ampere_turns,
-        inductance=MU_0 * (permeance.value * drive / ampere_turns + linkage),
-        flux_density=flux_density,
-        section=section,
-    )
-    fringing = permeance.value / permeance.plain
-    return MagneticCircuit(point, flux, areas, drive / ampere_turns, fringing, 1 + whole / permeance.value)
+    permeance = gap_permeance(circuit, gap, fringing=factors.fringing)
+    return UnloadedCircuit(circuit.parts, permeance, leaking, whole, linkage, areas)
 
 
 def _drop(parts: tuple[CircuitPart, ...], irons: Irons, flux: dict[str, float]) -> float:

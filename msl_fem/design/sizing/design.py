@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, cast
 
 from msl_fem.actuator import Actuator
@@ -172,10 +173,9 @@ def magnet_of(
 
 def plain_magnet(design: Design, requirement: Requirement, *, depth: float = 1.0) -> MagnetKind:
     """The magnet with one turn a coil, 1 m deep, unchecked: the closed equations take thousands."""
-    coil = Coil.model_construct(
-        **_coil(design, requirement), turns=requirement.sized.coils, fill_factor=requirement.winding.fill_factor
-    )
-    return requirement.magnet_class.model_construct(**_content(design, requirement, depth), coil=coil)
+    blank = requirement.blank_magnet
+    coil = blank.coil.model_copy(update=_coil(design, requirement))
+    return blank.model_copy(update=_content(design, requirement, depth) | {"coil": coil})
 
 
 def _content(design: Design, requirement: Requirement, depth: float) -> dict[str, Any]:
@@ -240,7 +240,7 @@ class Performance:
     inductance : H, incremental at that current
     current_density : A/m2 in the copper
     slew_rate : N/s that the supply can raise the force by, at that current
-    temperature_rise : K of the winding above the air; inf where no temperature balances the loss
+    heat : how it is cooled, and for how much of the time it is driven
     """
 
     magnet: MagnetKind
@@ -254,7 +254,17 @@ class Performance:
     inductance: float
     current_density: float
     slew_rate: float
-    temperature_rise: float
+    heat: Heat
+
+    @cached_property
+    def temperature_rise(self) -> float:
+        """K of the winding above the air, by the network of winding and core; inf where no temperature balances it.
+
+        The current flows for `duty` of a short period (`msl_fem.losses`).
+        """
+        alone = Actuator(schema=1, name="magnet", magnet=cast(Magnet, self.magnet))
+        network = thermal_network(alone, Cooling(heat_transfer_coefficient=self.heat.heat_transfer))
+        return peak_rise(network, Heating(self.resistance), self.current, cycle=Cycle(self.heat.duty))
 
 
 def wound(design: Design, point: SectionPoint, requirement: Requirement, *, depth: float) -> Performance:
@@ -295,15 +305,8 @@ def wound(design: Design, point: SectionPoint, requirement: Requirement, *, dept
         inductance=inductance,
         current_density=point.ampere_turns / magnet.copper_area,
         slew_rate=point.force_slope * depth * turns * headroom / inductance,
-        temperature_rise=_temperature_rise(magnet, current, requirement.heat),
+        heat=requirement.heat,
     )
-
-
-def _temperature_rise(magnet: MagnetKind, current: float, heat: Heat) -> float:
-    """By the network of winding and core, the current flowing for `duty` of a short period (`msl_fem.losses`)."""
-    alone = Actuator(schema=1, name="magnet", magnet=cast(Magnet, magnet))
-    network = thermal_network(alone, Cooling(heat_transfer_coefficient=heat.heat_transfer))
-    return peak_rise(network, Heating(magnet.winding_resistance), current, cycle=Cycle(heat.duty))
 
 
 def performance_constraints(found: Performance, requirement: Requirement) -> tuple[Constraint, ...]:

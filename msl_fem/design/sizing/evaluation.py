@@ -1,11 +1,12 @@
 """A design evaluated: by the closed equations, and by field solutions; what cannot be built reaches neither."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 from msl_fem.actuator import LARGEST_MAGNET, THINNEST
-from msl_fem.design.sizing.closed_form import Factors, Irons, MagneticCircuit, closed_form
+from msl_fem.design.sizing.closed_form import Factors, Irons, MagneticCircuit, UnloadedCircuit, unloaded
 from msl_fem.design.sizing.design import (
     GRID,
     Constraint,
@@ -119,10 +120,10 @@ class DesignEvaluator:
     def irons(self) -> Irons:
         iron = self.requirement.iron
         folder = self.requirement.folder
-        return (
-            laminated(load_iron(iron.core, folder=folder), iron.core_stacking),
-            laminated(load_iron(iron.armature, folder=folder), iron.armature_stacking),
-        )
+        core = laminated(load_iron(iron.core, folder=folder), iron.core_stacking)
+        if (iron.armature, iron.armature_stacking) == (iron.core, iron.core_stacking):
+            return core, core  # one curve, read once for both
+        return core, laminated(load_iron(iron.armature, folder=folder), iron.armature_stacking)
 
     def not_built(self, design: Design) -> DesignEvaluation | None:
         """The evaluation of a design that cannot be built, or None."""
@@ -154,31 +155,36 @@ class DesignEvaluator:
 
         The gap's air is as deep as the ends of a stack of `depth` (m) make it; without one as the stack.
         """
-        requirement = self.requirement
-        circuit = plain_magnet(design, requirement).circuit
+        air_depth = (1.0, 0.0) if depth is None else self._air_depth(design)(depth)
+        return self._unloaded(design, factors).loaded(self.irons, design.flux_density, air_depth)
+
+    def _unloaded(self, design: Design, factors: Factors | None = None) -> UnloadedCircuit:
+        circuit = plain_magnet(design, self.requirement).circuit
         assert circuit is not None, "a kind that is sized states its circuit"
-        air_depth = (1.0, 0.0)
-        if depth is not None:
-            magnet = plain_magnet(design, requirement, depth=depth)
-            ends = wanted_ends(magnet, self.end_effects)
-            if ends is not False:
-                air_depth = gap_depth(ends_of(magnet), ends, requirement.force.gap)[:2]
-        return closed_form(
-            circuit, requirement.iron, self.irons, gap=requirement.force.gap, flux_density=design.flux_density,
-            factors=factors, air_depth=air_depth,
-        )  # fmt: skip
+        return unloaded(circuit, self.requirement.iron, gap=self.requirement.force.gap, factors=factors)
+
+    def _air_depth(self, design: Design) -> Callable[[float], tuple[float, float]]:
+        """By the depth of a stack in m: that of its gap's air over it, and the derivative with respect to the gap."""
+        magnet = plain_magnet(design, self.requirement)
+        factors = wanted_ends(magnet, self.end_effects)
+        if factors is False:
+            return lambda depth: (1.0, 0.0)
+        ends, gap = ends_of(magnet), self.requirement.force.gap
+        return lambda depth: gap_depth(replace(ends, depth=depth), factors, gap)[:2]
 
     def _closed(self, design: Design, *, factors: Factors | None = None) -> SectionPoint:
         """The closed equations' point, without factors with the gap's ends of the stack that has the force."""
-        point = self.circuit(design, factors=factors).point
-        if factors is not None or self.requirement.revolved or self.end_effects is False:
-            return point
-        for _ in range(MOST_DEPTHS):
-            force, depth = point.force, design.force / point.force
-            point = self.circuit(design, depth=depth).point
-            if abs(point.force - force) <= SAME_FORCE * force:
-                break
-        return point
+        circuit = self._unloaded(design, factors)
+        air_depth = (1.0, 0.0)
+        if factors is None and not self.requirement.revolved and self.end_effects is not False:
+            at_depth = self._air_depth(design)
+            force = circuit.driven(design.flux_density).force
+            for _ in range(MOST_DEPTHS):
+                before, air_depth = force, at_depth(design.force / force)
+                force = circuit.driven(design.flux_density, air_depth).force
+                if abs(force - before) <= SAME_FORCE * before:
+                    break
+        return circuit.loaded(self.irons, design.flux_density, air_depth).point
 
     def by_field(self, design: Design, *, accuracy: Accuracy = "fast") -> DesignEvaluation:
         """The evaluation by field solutions; without any where the design cannot be built.

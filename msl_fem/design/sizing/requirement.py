@@ -5,8 +5,9 @@ is in an actuator file.
 """
 
 import hashlib
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, cast, get_args
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
@@ -31,6 +32,7 @@ from msl_fem.files.quantity import format_quantity
 from msl_fem.files.schema import FrozenModel, In, bare_number, first_complaint, has_unknown_key, read_toml
 from msl_fem.magnetics.kinds import Magnet, MagnetKind
 from msl_fem.magnetics.kinds.kind import PlaneMagnet, SizedLengths
+from msl_fem.magnetics.kinds.parts import Coil
 
 Newton = Annotated[float, In("N"), Field(gt=0)]
 SlewRate = Annotated[float, In("N/s"), Field(gt=0)]
@@ -194,21 +196,27 @@ class Requirement(FrozenModel):
             )
         return self
 
-    @property
+    @cached_property
     def magnet_class(self) -> type[MagnetKind]:
         return SIZED_KINDS[self.magnet.kind]
 
-    @property
+    @cached_property
     def sized(self) -> SizedLengths:
         """What the kind states for sizing."""
         sized = self.magnet_class.SIZED
         assert sized is not None
         return sized
 
-    @property
+    @cached_property
     def revolved(self) -> bool:
         """The magnet is a body of revolution: there is no depth of a stack."""
         return not issubclass(self.magnet_class, PlaneMagnet)
+
+    @cached_property
+    def blank_magnet(self) -> MagnetKind:
+        """A magnet of the kind with the wanted iron, fill factor and one turn a coil, unchecked and without lengths."""
+        coil = cast(Any, Coil).model_construct(turns=self.sized.coils, fill_factor=self.winding.fill_factor)
+        return cast(Any, self.magnet_class).model_construct(kind=self.magnet.kind, iron=self.iron, coil=coil)
 
     @property
     def nominal_gap(self) -> float:
