@@ -30,7 +30,8 @@ from msl_fem.record.columns import read_columns
 from msl_fem.record.file_doubts import doubts_of_file
 from msl_fem.record.log_columns import column_sources
 from msl_fem.record.log_import import RunLabel, imported_run
-from msl_fem.record.loop_table import table_of_loops
+from msl_fem.record.loop_law import loop_area
+from msl_fem.record.loop_table import law_of_loops, table_of_loops
 from msl_fem.record.reader import check_run
 from msl_fem.table.current_map import fit_current_map
 from msl_fem.table.magnetic_table import read_table
@@ -131,14 +132,28 @@ def loops() -> list[Judged]:
         found = diagnose(record, DiagnosisSettings(table=table_of_loops(static)))
         main = found.main_cause
         means = (
-            f"main cause {main.effect}: {main.explained_power:.0%} of the excess"
+            f"main cause {main.effect}: {main.explained_power:.1%} of the excess"
             if main
             else "no cause takes most of it"
         )
-        rows.append(
-            Judged(name.replace("_", " "), said, words(found), f"{means}; {found.notes[-1] if found.notes else ''}")
-        )
+        parts = [means, held_law(static), *found.notes[-1:]]
+        rows.append(Judged(name.replace("_", " "), said, words(found), "; ".join(parts)))
     return rows
+
+
+def held_law(static: StaticMap) -> str:
+    """How the law of the fitted loops holds on those and on the one held out."""
+    law, held = law_of_loops(static), static.rows("held-out")
+    field, flux = static.current[held], static.flux_linkage[held]
+    missed = law.current(flux) - field
+    sequence, energy = (
+        ", ".join(f"{100 * e:.2g}" for e in errors) for errors in (law.sequence_error, law.energy_error)
+    )
+    own = loop_area(law.current(flux), flux) / loop_area(field, flux) - 1.0
+    return (
+        f"a law of {law.n_parameter} numbers misses the field by {sequence} % of its RMS and the loop's energy by "
+        f"{energy} %; held out {100 * np.linalg.norm(missed) / np.linalg.norm(field):.2g} % and {100 * own:.2g} %"
+    )
 
 
 def two_currents() -> list[Judged]:

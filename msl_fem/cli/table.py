@@ -19,7 +19,7 @@ from msl_fem.magnetics.sweep.pair_sweep import pair_sweep
 from msl_fem.magnetics.sweep.solid_lift import lifted_sweep
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, default_grid, sweep
 from msl_fem.record import load_record
-from msl_fem.record.loop_table import is_at_one_gap, table_of_loops
+from msl_fem.record.loop_table import is_at_one_gap, law_of_loops, table_of_loops, told_of
 from msl_fem.record.measured_table import table_from_measurements
 from msl_fem.table.magnetic_table import write_table
 from msl_fem.table.origin import ANOTHER_UNIT, inductance_ratio
@@ -182,10 +182,10 @@ def _fit_measured(
     if record.static is None:
         raise InputError(f"{folder}: the record has no static.csv to fit a table to")
     if is_at_one_gap(record.static) and gaps is None and currents is None:
-        loops = table_of_loops(record.static)
-        write_table(loops, output)
-        say("note: the rows have one gap; the table is their mean curve, without a force and alike at every gap")
-        fields = {"table": str(output), "points": int(record.static.rows("fit").size)}
+        law = law_of_loops(record.static)
+        write_table(table_of_loops(record.static), output)
+        say("note: the rows have one gap; the table is their reversible curve, without a force and alike at every gap")
+        fields = {"table": str(output), "points": int(record.static.rows("fit").size), **told_of(law)}
         print_result(fields, as_json=json, title=f"{it.name}: table of loops {output}")
         return
     made, report = table_from_measurements(

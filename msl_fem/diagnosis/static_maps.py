@@ -188,9 +188,10 @@ class MapAlone(Kind):
         """What a magnet at rest can show; of the current's sensor, side 1's stands for the map's."""
         plant = self.likelihood.problem.plant.parameters
         spread = float(np.std(self.rows.measured.rows.current))
-        features = RecordFeatures(position=1.0, current=spread, velocity=1.0, own_frequency=1.0)
+        at_one_gap = bool(np.ptp(self.rows.measured.rows.gap) == 0)
+        features = RecordFeatures(position=1.0, current=spread, velocity=1.0, own_frequency=1.0, loops=at_one_gap)
         effects = [name for name, effect in CATALOGUE.items() if effect.separating]
-        if np.ptp(self.rows.measured.rows.gap) == 0:
+        if at_one_gap:
             effects = [name for name in effects if name in OF_THE_CURRENT]
         if self.rows.measured.rows.order == "unknown":
             effects = [name for name in effects if name != "magnetic_hysteresis"]

@@ -65,6 +65,7 @@ class RecordFeatures:
     lines : Hz, the highest lines of the residual
     rate : samples a second, Hz; None without runs
     command : RMS of what drives the runs, its mean in it, A, V or N
+    loops : whether it is of loops of a magnet at rest, which show more of an iron's memory than runs do
     """
 
     position: float
@@ -74,6 +75,7 @@ class RecordFeatures:
     lines: tuple[float, ...] = ()
     rate: float | None = None
     command: float = 1.0
+    loops: bool = False
 
 
 def possible(plant: PlantParameters) -> tuple[str, ...]:
@@ -93,7 +95,7 @@ def variants(effect: str, features: RecordFeatures, plant: PlantParameters) -> l
     """All variants of an effect for a record."""
     entry = CATALOGUE[effect]
     sets = [names for names in entry.sets or (entry.amounts,) if _there(effect, names, plant)]
-    shapes = [parameter for parameter in entry.parameters if parameter.shape]
+    shapes = [p for p in entry.parameters if p.shape and (p.over != "loops" or features.loops)]
     own = own_quantities(plant, rate=features.rate)
     sizes = {parameter.name: over_reference(parameter, own) for parameter in entry.parameters}
     found = []

@@ -112,7 +112,8 @@ int plant_start(const PlantParameters *p, PlantState *state, const double curren
         (void)set_effects(p, state, 1.0, 1); /* what a start takes of them does not depend on the step */
         preparation_begin_effects(state->coefficients, state->state);
 #if SIDES > 0
-        if (state->coefficients[MAGNETIC_IRON_LOW] != 0.0 || state->coefficients[MAGNETIC_IRON_KNEE] != 0.0)
+        if (state->coefficients[MAGNETIC_IRON_LOW] != 0.0 || state->coefficients[MAGNETIC_IRON_KNEE] != 0.0 ||
+            state->coefficients[MAGNETIC_HYSTERESIS_STRETCH] != 0.0)
             preparation_share_with_iron(&cells, p, state->coefficients, state->state, state->work);
 #endif
         step_look_at(state->coefficients, state->state, state->work);

@@ -127,7 +127,8 @@ def _stored(surface: Surface, p: PlantParameters, e: Array | None, state: Array)
     if e is None:
         return field, 0.5 * p.mass * v**2 + 0.5 * p.stiffness * x**2
     for start in (STOPS_1, STOPS_2):
-        field += 0.5 * e[magnetic.HYSTERESIS_SLOPE] * np.sum(state[start : start + N_STOP] ** 2)
+        slopes = e[magnetic.HYSTERESIS_SLOPE : magnetic.HYSTERESIS_SLOPE + N_STOP]
+        field += 0.5 * np.sum(slopes * state[start : start + N_STOP] ** 2)
     moving = 0.5 * e[mechanical.MODE_KEPT] * p.mass * v**2 + 0.5 * e[mechanical.MODE_MASS] * (v + state[MODE_RATE]) ** 2
     spring = 0.5 * p.stiffness * x**2 + e[mechanical.QUADRATIC] * x**3 / 3 + e[mechanical.CUBIC] * x**4 / 4
     spring += 0.5 * e[mechanical.CREEP_STIFFNESS] * (x - state[CREEP]) ** 2

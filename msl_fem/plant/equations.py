@@ -349,14 +349,38 @@ def hysteresis(e: Rows, state: Rows, j: int, flux: Value, settle: bool) -> Value
     """The part of a side's current that its iron's memory takes, h = s sum_k e_k of the flux linkage, in A."""
     if not some(e[magnetic.HYSTERESIS_SLOPE] > 0.0):
         return flux - flux
-    width, first = e[magnetic.HYSTERESIS_WIDTH], STOPS_1 + j * N_STOP
-    change = flux - state[ANCHOR_1 + j]
+    stretch = e[magnetic.HYSTERESIS_STRETCH] * flux * flux
+    followed = flux * (1.0 + stretch)
+    change = followed - state[ANCHOR_1 + j]
     if settle:
-        lost = e[magnetic.HYSTERESIS_SLOPE] * settle_stops(state, first, width, change)
+        lost = settle_iron(e, state, STOPS_1 + j * N_STOP, change)
         state[ENERGY_HYSTERESIS] = state[ENERGY_HYSTERESIS] + lost
-        state[ANCHOR_1 + j] = flux
+        state[ANCHOR_1 + j] = followed
         change = flux - flux
-    return e[magnetic.HYSTERESIS_SLOPE] * stop_sum(state, first, width, change)
+    return (1.0 + 3.0 * stretch) * pinned_by_stops(e, state, STOPS_1 + j * N_STOP, change)
+
+
+@compiled
+def pinned_by_stops(e: Rows, state: Rows, start: int, change: Value) -> Value:
+    """Sum of slope times stop, in A, after a `change` of what the iron's stops follow that is not kept."""
+    total = change - change
+    for k in range(N_STOP):
+        total = total + e[magnetic.HYSTERESIS_SLOPE + k] * within(
+            state[start + k] + change, e[magnetic.HYSTERESIS_WIDTH + k]
+        )
+    return total
+
+
+@compiled
+def settle_iron(e: Rows, state: Rows, start: int, change: Value) -> Value:
+    """Moves the iron's stops by a `change` of what they follow; the loss in J."""
+    lost = change - change
+    for k in range(N_STOP):
+        moved = state[start + k] + change
+        kept = within(moved, e[magnetic.HYSTERESIS_WIDTH + k])
+        lost = lost + e[magnetic.HYSTERESIS_SLOPE + k] * e[magnetic.HYSTERESIS_WIDTH + k] * size(moved - kept)
+        state[start + k] = kept
+    return lost
 
 
 @compiled

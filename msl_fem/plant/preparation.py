@@ -4,7 +4,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Rows, keep, rows_of
+from msl_fem.computing.lanes import Rows, keep, rows_of, size
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import (
     CATALOGUE,
@@ -18,7 +18,7 @@ from msl_fem.plant.effects import (
     thermal,
 )
 from msl_fem.plant.effects.expressions import LAWS
-from msl_fem.plant.effects.mechanisms import SUM_OF_WIDTHS
+from msl_fem.plant.effects.mechanisms import N_STOP
 from msl_fem.plant.equations import series_iron
 from msl_fem.plant.layout import COIL_1, COIL_READING, CORE_1, HEAT_1, I1, SENSOR, workspace
 from msl_fem.plant.plant import PlantParameters, Surface, drive_lags
@@ -75,10 +75,15 @@ def start_effects(surface: Surface, plant: PlantParameters, coefficients: Array,
     the reversal's; at smaller ones the first sample errs by a part of the coercive current).
     """
     begin_effects(coefficients, state)
-    if plant.sides and (coefficients[magnetic.IRON_LOW] or coefficients[magnetic.IRON_KNEE]):
+    if plant.sides and _depends_on_flux(coefficients):
         _share(surface, plant._replace(end_stop=None), coefficients, state)
     if coefficients[LAWS]:
         begin_reading(plant._replace(end_stop=None), coefficients, state)
+
+
+def _depends_on_flux(e: Array) -> bool:
+    """Whether what the iron takes of a current at the start is another at another flux."""
+    return bool(e[magnetic.IRON_LOW] or e[magnetic.IRON_KNEE] or e[magnetic.HYSTERESIS_STRETCH])
 
 
 def begin_effects(e: Array, state: Array) -> None:
@@ -86,7 +91,7 @@ def begin_effects(e: Array, state: Array) -> None:
     for j in range(2):
         state[HEAT_1 + j] = e[electrical.HEAT_START] + e[thermal.RISE_1 + j]
         state[CORE_1 + j] = e[thermal.CORE_RISE]
-    pinned = e[magnetic.HYSTERESIS_SLOPE] * e[magnetic.HYSTERESIS_WIDTH] * SUM_OF_WIDTHS
+    pinned = coercive_current(e)
     for j in range(2):
         own, other = state[COIL_1 + j], state[COIL_1 + 1 - j]
         kept = e[stray_flux.REMANENT_1 + j]
@@ -94,6 +99,15 @@ def begin_effects(e: Array, state: Array) -> None:
     read = e[sensing.COIL_READING_1] * state[I1] + e[sensing.COIL_READING_2] * state[I1 + 1]
     state[COIL_READING] = read
     state[SENSOR] += read
+
+
+@compiled
+def coercive_current(e: Rows) -> float:
+    """What all stops of an iron's memory take of a current, in A, at small flux."""
+    pinned = 0.0
+    for k in range(N_STOP):
+        pinned = pinned + e[magnetic.HYSTERESIS_SLOPE + k] * e[magnetic.HYSTERESIS_WIDTH + k]
+    return pinned
 
 
 @compiled
@@ -105,15 +119,17 @@ def _share(surface: Surface, p: PlantParameters, coefficients: Array, state: Arr
 
 @compiled
 def share_with_iron(cells: Cells, p: PlantParameters, e: Rows, rows: Rows, work: Rows) -> None:
-    """Takes from the magnetising currents of a state what iron in series needs, by bisection: that grows with them."""
+    """Takes from the magnetising currents of a state what iron in series needs, and its memory at that flux beyond the
+    coercive current, by bisection: both grow with them."""
     look_at(e, rows, work)
+    widening = 3.0 * e[magnetic.HYSTERESIS_STRETCH] * coercive_current(e)
     for j in range(p.sides):
         whole, gap = rows[I1 + j], side_gap(p, e, work, j)
         low, high = min(whole, 0.0), max(whole, 0.0)
         for _ in range(80):
             u = 0.5 * (low + high)
             inside, _, _, _, flux, _ = side_with_effects(cells, p, e, work, j, u, gap)
-            if not inside or u + series_iron(e, flux) > whole:
+            if not inside or u + series_iron(e, flux) + widening * flux * size(flux) > whole:
                 high = u
             else:
                 low = u

@@ -8,12 +8,14 @@ from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Rows, keep, rows_of
 from msl_fem.errors import InputError, OutOfTable
 from msl_fem.plant.effects import EffectValues, kernel_coefficients, magnetic, stray_flux
-from msl_fem.plant.effects.mechanisms import N_STOP, SUM_OF_WIDTHS
-from msl_fem.plant.equations import series_iron, settle_stops, stop_sum
+from msl_fem.plant.effects.mechanisms import N_STOP
+from msl_fem.plant.equations import hysteresis, series_iron
 from msl_fem.plant.layout import STOPS_1, workspace
 from msl_fem.plant.plant import PlantParameters, Surface
-from msl_fem.plant.preparation import small_signal_inductance
+from msl_fem.plant.preparation import coercive_current, small_signal_inductance
 from msl_fem.plant.side import Cells, cells_of, side_with_effects
+
+WIDENED = 12  # times that a bracket is widened at most, by three each
 
 
 def static_map(
@@ -61,20 +63,19 @@ def _follow(
     surface: Surface, p: PlantParameters, coefficients: Array, gap: Array, current: Array, sequence: Array,
     force: Array, flux: Array,
 ) -> int:  # fmt: skip
-    """Number of rows done; the stops of the hysteresis stand in an array like the state's."""
+    """Number of rows done; what the iron remembers stands in an array like the state's."""
     work_array, memory = workspace(), np.zeros(STOPS_1 + N_STOP)
     e, work, state, cells = rows_of(coefficients), rows_of(work_array), rows_of(memory), cells_of(surface)
-    anchor, k = 0.0, 0
+    k = 0
     while k < gap.size:
         if k == 0 or sequence[k] != sequence[k - 1]:
             memory[:] = 0.0
-            anchor = 0.0
-        u = _magnetising(cells, p, e, state, work, gap[k], current[k] + e[stray_flux.REMANENT_1], anchor)
+        u = _magnetising(cells, p, e, state, work, gap[k], current[k] + e[stray_flux.REMANENT_1])
         inside, pull, _, _, linked, _ = side_with_effects(cells, p, e, work, 0, u, gap[k])
         if not inside:
             break
-        settle_stops(state, STOPS_1, e[magnetic.HYSTERESIS_WIDTH], linked - anchor)
-        anchor, force[k], flux[k] = linked, pull, linked
+        hysteresis(e, state, 0, linked, True)
+        force[k], flux[k] = pull, linked
         k += 1
     keep(work_array)
     keep(memory)
@@ -83,23 +84,32 @@ def _follow(
 
 @compiled
 def _magnetising(
-    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, gap: float, current: float, anchor: float
+    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, gap: float, current: float
 ) -> float:
-    """The u with u + h + iron = i, by bisection: h grows with the flux and is at most the coercive current, and iron in
-    series takes a part of the current's sign."""
-    slope, width = e[magnetic.HYSTERESIS_SLOPE], e[magnetic.HYSTERESIS_WIDTH]
-    reach = slope * width * SUM_OF_WIDTHS
+    """The u with u + h + iron = i, by bisection between brackets that grow until they hold it: memory takes at most the
+    coercive current at small flux and more at large, iron in series a part of the current's sign."""
     iron = e[magnetic.IRON_LOW] > 0.0 or e[magnetic.IRON_KNEE] > 0.0
-    if reach == 0.0 and not iron:
+    if e[magnetic.HYSTERESIS_SLOPE] == 0.0 and not iron:
         return current
+    reach = coercive_current(e)
     low, high = current - reach, current + reach
     if iron:
         low, high = min(low, 0.0 - reach), max(high, reach)
+    for _ in range(WIDENED):
+        if _taken(cells, p, e, state, work, low, gap) <= current <= _taken(cells, p, e, state, work, high, gap):
+            break
+        low, high = low - (high - low), high + (high - low)
     for _ in range(80):
         u = 0.5 * (low + high)
-        _, _, _, _, linked, _ = side_with_effects(cells, p, e, work, 0, u, gap)
-        if u + slope * stop_sum(state, STOPS_1, width, linked - anchor) + series_iron(e, linked) > current:
+        if _taken(cells, p, e, state, work, u, gap) > current:
             high = u
         else:
             low = u
     return 0.5 * (low + high)
+
+
+@compiled
+def _taken(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, u: float, gap: float) -> float:
+    """The current (A) at which u magnetises."""
+    _, _, _, _, linked, _ = side_with_effects(cells, p, e, work, 0, u, gap)
+    return u + hysteresis(e, state, 0, linked, False) + series_iron(e, linked)

@@ -138,3 +138,11 @@ def test_iron_was_demagnetised_before_the_currents_rose(servo: Actuator) -> None
     )  # fmt: skip
     assert run.flux_linkage[:, 0] == pytest.approx(INDUCTANCE * 0.95, rel=1e-9)
     assert run.current[:, 0] == pytest.approx(1.0, rel=1e-9)
+    wider = simulate(
+        slow, linear_table(), Inputs(np.full((20, 2), [1.0, 0.0]), 1e3),
+        effects=effects("magnetic_hysteresis", coercive_current=0.05, reversal_current=0.2, widening=0.02),
+        options=Options(currents=(1.0, 0.0)),
+    )  # fmt: skip
+    u = wider.flux_linkage[:, 0] / INDUCTANCE
+    assert u + 0.05 * (1 + 3 * 0.02 * (u / 0.2) ** 2) == pytest.approx(1.0, rel=1e-9)
+    assert np.ptp(u) < 1e-9

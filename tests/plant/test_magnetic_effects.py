@@ -145,13 +145,13 @@ def test_eddy_currents_delay_the_flux_behind_the_current_in_phase(servo: Actuato
     assert np.angle(ratio) == pytest.approx(np.angle(expected), abs=0.01)
 
 
-def loop(servo: Actuator, *, rate: float, periods: int = 3, n: int = 2000) -> Simulation:
+def loop(servo: Actuator, *, rate: float, periods: int = 3, n: int = 2000, **shapes: float) -> Simulation:
     """Cycles of the current between 0.1 and 1.9 A at a locked mover with hysteresis, all as fast as the samples."""
     bench = changed(servo, drive={"bandwidth": rate / 2}, motion={"moving_mass": 1e24})
     command = 1.0 - 0.9 * np.cos(2 * np.pi * np.arange(periods * n) / n)
     return simulate(
         bench, linear_table(), Inputs(np.column_stack([command, 0 * command]), rate),
-        effects=effects("magnetic_hysteresis", coercive_current=0.05, reversal_current=0.2),
+        effects=effects("magnetic_hysteresis", coercive_current=0.05, reversal_current=0.2, **shapes),
         options=Options(currents=(0.1, 0.0), substeps=20),
     )  # fmt: skip
 
@@ -165,8 +165,9 @@ def test_the_hysteresis_loop_closes_and_does_not_depend_on_time(servo: Actuator)
     assert slower.flux_linkage[:, 0] == pytest.approx(flux, rel=1e-6), "a quarter of the speed, the same loop"
 
 
-def test_the_loop_s_area_is_what_the_ledger_lost(servo: Actuator) -> None:
-    one, two = loop(servo, rate=10.0, periods=2), loop(servo, rate=10.0, periods=3)
+@pytest.mark.parametrize("shapes", [{}, {"spacing": 2.0, "fall": 0.6, "widening": 0.01}])
+def test_the_loop_s_area_is_what_the_ledger_lost(servo: Actuator, shapes: dict[str, float]) -> None:
+    one, two = loop(servo, rate=10.0, periods=2, **shapes), loop(servo, rate=10.0, periods=3, **shapes)
     flux, current = two.flux_linkage[4000:, 0], two.current[4000:, 0]
     area = np.sum(np.diff(np.r_[flux, flux[0]]) * (current + np.r_[current[1:], current[0]]) / 2)
     lost = two.audit.hysteresis - one.audit.hysteresis

@@ -14,7 +14,7 @@ from msl_fem.plant.effects.entry import (
     Part,
     Values,
 )
-from msl_fem.plant.effects.mechanisms import N_STOP, SUM_OF_WIDTHS
+from msl_fem.plant.effects.mechanisms import N_STOP
 
 EDDY_POLES = (9.961828, 46.97476, 177.0982, 678.4545, 2655.095, 12635.84)
 EDDY_WEIGHTS = (6.148609, 8.745795, 16.96271, 33.58058, 68.57505, 209.0614)
@@ -30,7 +30,8 @@ TILT = LAYOUT.row()  # from the middle to the outer points of a face, m
 SHARE, UNMIX = LAYOUT.rows(2)  # share of the other side's current; 1/(1 - share^2)
 EDDY = LAYOUT.row()  # conductance of the eddy loop, 1/ohm
 EDDY_MODE, EDDY_RATE = LAYOUT.rows(2, N_EDDY)  # modes of the eddy currents: current over flux, A/Wb; rates, 1/s
-HYSTERESIS_SLOPE, HYSTERESIS_WIDTH = LAYOUT.rows(2)  # of a stop, A/Wb; of the first stop, Wb
+HYSTERESIS_SLOPE, HYSTERESIS_WIDTH = LAYOUT.rows(2, N_STOP)  # of the stops, A/Wb; their widths, Wb
+HYSTERESIS_STRETCH = LAYOUT.row()  # of what the stops follow, lambda + stretch lambda^3, Wb^-2
 IRON_SCALE, IRON_LOW = LAYOUT.rows(2)  # iron in series: one over L_0, 1/H; current at low fields, A
 IRON_WIDTH, IRON_KNEE = LAYOUT.rows(2)  # its width, A; current over the cube, 1/A^2
 
@@ -67,8 +68,22 @@ def _coenergy(e: Array, v: Values, setting: KernelSetting) -> None:
 
 
 def _hysteresis(e: Array, v: Values, setting: KernelSetting) -> None:
-    e[HYSTERESIS_WIDTH] = setting.inductance * v["magnetic_hysteresis", "reversal_current"] / N_STOP
-    e[HYSTERESIS_SLOPE] = v["magnetic_hysteresis", "coercive_current"] / (SUM_OF_WIDTHS * e[HYSTERESIS_WIDTH])
+    """Stops k = 1 ... N of widths R_k = p(lambda_r (k/N)^a) and slopes s_k that go with R_k^-b, sum s_k R_k = i_c.
+
+    They follow p(l) = l + w l (l/lambda_r)^2, lambda_r = L_0 i_r.
+    """
+    widest = setting.inductance * v["magnetic_hysteresis", "reversal_current"]
+    widening = v["magnetic_hysteresis", "widening"]
+    e[HYSTERESIS_STRETCH] = widening / (widest * widest)
+    reach = 0.0
+    for k in range(N_STOP):
+        place = math.exp(v["magnetic_hysteresis", "spacing"] * math.log((k + 1.0) / N_STOP))
+        e[HYSTERESIS_WIDTH + k] = widest * place * (1.0 + widening * place * place)
+        wider = e[HYSTERESIS_WIDTH + k] / widest
+        e[HYSTERESIS_SLOPE + k] = math.exp(0.0 - v["magnetic_hysteresis", "fall"] * math.log(wider))
+        reach = reach + e[HYSTERESIS_SLOPE + k] * e[HYSTERESIS_WIDTH + k]
+    for k in range(N_STOP):
+        e[HYSTERESIS_SLOPE + k] = e[HYSTERESIS_SLOPE + k] * (v["magnetic_hysteresis", "coercive_current"] / reach)
 
 
 def _eddy_currents(e: Array, v: Values, setting: KernelSetting) -> None:
@@ -215,8 +230,9 @@ MAGNETIC = (
         group="magnetic",
         sentence="force and flux depend on the current's history, rate independent; remanence",
         equation=(
-            "i = u + h, h = sum_k s e_k, e_k a stop of width r_k of the flux linkage: a Prandtl-Ishlinskii operator; "
-            "flux and force are those of the table at u; loss s r_k |slip_k|, stored s e_k^2 / 2"
+            "i = u + h, h = p'(lambda) sum_k s_k e_k, e_k a stop of width R_k of p(lambda) = lambda (1 + widening "
+            "(lambda/lambda_r)^2), lambda_r = L_0 reversal_current: a stretched Prandtl-Ishlinskii operator; flux and "
+            "force are those of the table at u; loss s_k R_k |slip_k|, stored s_k e_k^2 / 2"
         ),
         source="Bergqvist, Physica B 233, 1997, 342-347; Brokate, Sprekels, Hysteresis and Phase Transitions, 1996",
         parameters=(
@@ -239,6 +255,42 @@ MAGNETIC = (
                 shape=True,
                 tried=(0.3, 1.0, 3.0),
                 over="current",
+            ),
+            Parameter(
+                "spacing",
+                "",
+                1.0,
+                (0.3, 6.0),
+                0.5,
+                "a: the stops' widths are those of the fluxes (k/6)^a lambda_r",
+                shape=True,
+                tried=(1.5,),
+                over="loops",
+                width=0.7,
+            ),
+            Parameter(
+                "fall",
+                "",
+                0.0,
+                (0.0, 3.0),
+                0.5,
+                "b: slopes of the stops go with their widths to the power -b: how early minor loops lose energy",
+                shape=True,
+                tried=(0.3,),
+                over="loops",
+                width=1.5,
+            ),
+            Parameter(
+                "widening",
+                "",
+                0.0,
+                (0.0, 2.0),
+                0.1,
+                "growth of a loop's width with the square of the flux, at lambda_r",
+                shape=True,
+                tried=(0.09,),
+                over="loops",
+                width=1.0,
             ),
         ),
         needs=("magnets", "drive lag"),
