@@ -220,7 +220,12 @@ def write_json(content: dict[str, Any], path: Path) -> None:
 def say(text: str) -> None:
     """A line of news on stderr; where that is full or closed, nobody can be told."""
     with contextlib.suppress(OSError):
-        ERRORS.print(text, markup=False)
+        ERRORS.print(printable(text), markup=False)
+
+
+def printable(text: str) -> str:
+    """The text with a space for each character that is none to read: files can hold any."""
+    return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 
 def run_guarded(app: Callable[[], None]) -> int:
@@ -338,5 +343,5 @@ def _system_refused(err: OSError) -> int:
 
 def _one_line(err: Exception | str) -> str:
     """The message without line breaks; of a text given that is far too long, its middle is left out."""
-    said = "".join(c if c.isprintable() else " " for c in " ".join(str(err).split()))
+    said = printable(" ".join(str(err).split()))
     return said if len(said) <= LONGEST else f"{said[: LONGEST // 2]} ... {said[-LONGEST // 2 :]}"

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from msl_fem.cli.effects_told import effects_told
-from msl_fem.cli.output import print_result, run_guarded, write_json
+from msl_fem.cli.output import print_result, run_guarded, say, write_json
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.effects import EffectValues
 
@@ -92,3 +92,9 @@ def test_a_folder_that_is_made_is_told(tmp_path: Path, capsys: pytest.CaptureFix
     assert "note: the folder" in capsys.readouterr().err
     assert run_guarded(lambda: write_json({"a": 2}, tmp_path / "mistyped" / "map.json")) == 0
     assert capsys.readouterr().err == ""
+
+
+def test_news_hold_nothing_that_cannot_be_read(capsys) -> None:
+    """A file's own words may hold byte order marks and terminal codes."""
+    say("note: map.json: \ufeff\x1b[31mred\u2028 10 µm")
+    assert capsys.readouterr().err == "note: map.json:   [31mred  10 µm\n"

@@ -170,6 +170,7 @@ ODD_CONTENT = (
     "update study_user_attributes set value_json = '[3]' where key = 'first_designs'",
     "delete from study_user_attributes where key = 'first_designs'",
     "update study_user_attributes set value_json = cast(x'ff00fe' as text)",
+    "update trial_system_attributes set value_json = '3.5' where key = 'fixed_params'",
     "drop table trial_values",
     "drop table studies",
     "drop table study_directions",

@@ -25,6 +25,8 @@ from msl_fem.errors import ComputationError, InputError
 from msl_fem.magnetics.kinds.kind import PlaneMagnet
 
 FIRST_DESIGN = "first_design"
+ASKED_FOR = "fixed_params"
+"""Where Optuna keeps the parameters of a trial that was asked for before it began."""
 VERDICT = "verdict"
 """Name of the user attribute of a judged trial; a trial without it was lost on the way."""
 Answer = TypeVar("Answer")
@@ -227,6 +229,7 @@ def check_content(study: "optuna.Study", evaluator: DesignEvaluator) -> None:
             _check_numbers(f"trial {trial.number}", trial.values, len(study.directions))
         if space is not None and trial.state.is_finished() and VERDICT in trial.user_attrs:
             _check_numbers(f"trial {trial.number}", [trial.params[name] for name in space.spans])
+        dict(trial.system_attrs.get(ASKED_FOR, {}))
         _begun_long_ago(trial)
     for evaluated in evaluated_trials(study):
         _check_numbers(f"constraints of trial {evaluated.number}", [c.violation for c in evaluated.constraints])
