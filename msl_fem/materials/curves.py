@@ -1,6 +1,7 @@
 """H(B) of irons as plain arrays for compiled code: cubics between points, and the saturation tail."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,7 @@ def curves_of(irons: "Sequence[Iron | AnalyticIron]") -> Curves:
     return Curves(start, b, h, slope, np.column_stack([b[last], h[last], susceptibility, saturation]))
 
 
+@lru_cache(maxsize=32)
 def _points(iron: "Iron | AnalyticIron") -> tuple[Array, Array, Array]:
     """B, H and dH/dB at the points of a curve."""
     if isinstance(iron, Iron):

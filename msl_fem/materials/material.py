@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -200,6 +200,7 @@ def _doubt(b: Array, h: Array, name: str) -> str:
     return ""
 
 
+@lru_cache(maxsize=32)
 def laminated(iron: "Iron | AnalyticIron", stacking_factor: float) -> "Iron | AnalyticIron":
     """The homogenised stack of sheets: B = s B_iron(H) + (1 - s) mu_0 H, flux in the plane of the sheets.
 
@@ -338,6 +339,15 @@ def load_iron(name: str, *, folder: Path | None = None) -> Iron | AnalyticIron:
     ------
     MaterialError : unknown name, unreadable file, or a curve that fails the checks of `iron_from_points`
     """
+    if not name.endswith(".csv"):
+        return _known_iron(name)
+    b, h = _read_points(Path(folder or "") / name)
+    return iron_from_points(b, h, name=name, source=f"file {name}")
+
+
+@lru_cache(maxsize=32)
+def _known_iron(name: str) -> Iron | AnalyticIron:
+    """The iron that no file of the user states: one object for all magnets."""
     if name == "analytic:e1":
         return e1_iron()
     if name.startswith("linear:"):
@@ -345,10 +355,6 @@ def load_iron(name: str, *, folder: Path | None = None) -> Iron | AnalyticIron:
             return linear_iron(float(name.removeprefix("linear:")))
         except ValueError as err:
             raise MaterialError(f"{name}: write linear:<mu_r>, mu_r at least 1, like linear:1000") from err
-    if name.endswith(".csv"):
-        path = Path(folder or "") / name
-        b, h = _read_points(path)
-        return iron_from_points(b, h, name=name, source=f"file {name}")
     index = json.loads((LIBRARY / "index.json").read_text())
     if name not in index:
         meant = _nearest(name, list(index))

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,10 @@ import pytest
 from cli_paths import E1, PAIR, SERVO, TABLE
 
 from msl_fem.actuator import load_actuator
+from msl_fem.cli import map as map_command
 from msl_fem.magnetics.field.magnet_field import solve
-from msl_fem.maps import parse_criterion, read_map
+from msl_fem.magnetics.field_map import FieldMapSettings, decoupling_map, decoupling_positions, field_map
+from msl_fem.maps import OperatingMap, parse_criterion, read_map
 from msl_fem.table.magnetic_table import read_table
 
 Run = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/conftest.py
@@ -20,7 +23,7 @@ FEW = ("--gaps", "0.2,0.5 mm", "--workers", "1", "--accuracy", "fast")
 def test_an_actuator_s_map_is_of_field_solutions(msl_fem: Run, tmp_path: Path) -> None:
     """The file, the JSON and a direct solution at the file's current say the same."""
     file = tmp_path / "map.json"
-    made = msl_fem("map", E1, "--gaps", "0.2,0.5,1 mm", "--workers", "1", "-o", str(file), "--json").json
+    made = msl_fem("map", E1, "--gaps", "0.2,1 mm", "--workers", "1", "-o", str(file), "--json").json
     assert made == json.loads(file.read_text())
     assert not file.with_name(".map.json.rows").exists()
     for m, gap in enumerate(made["gap_m"]):
@@ -32,18 +35,23 @@ def test_an_actuator_s_map_is_of_field_solutions(msl_fem: Run, tmp_path: Path) -
     np.testing.assert_allclose(made["current_error_A"], parts, atol=5e-5)
     assert made["provenance"]["method"].startswith("root finding on field solutions")
     assert made["warnings"] == []
-    assert len(read_map(file).gap) == 3
+    assert len(read_map(file).gap) == 2
+
+
+@pytest.fixture(scope="module")
+def mean() -> OperatingMap:
+    """By the mean over a section, at the gaps of `FEW`."""
+    return field_map(load_actuator(E1), (2e-4, 5e-4), levels=(1.2,), settings=FieldMapSettings(accuracy="fast"))
 
 
 @pytest.mark.parametrize("criterion", ["percentile=95", "max", "max=1mm"])
-def test_a_criterion_is_in_the_file_and_reads_back(msl_fem: Run, criterion: str) -> None:
+def test_a_criterion_is_in_the_file_and_reads_back(msl_fem: Run, mean: OperatingMap, criterion: str) -> None:
     made = msl_fem("map", E1, "--criterion", criterion, "--levels", "1.2 T", *FEW, "--json").json
     assert made["criterion"] == criterion
     assert parse_criterion(made["criterion"]) == parse_criterion(criterion)
     radius = {"max": 0.5e-3, "max=1mm": 1e-3}.get(criterion)
     assert made["corner_radius_m"] == (None if radius is None else pytest.approx(radius))
-    mean = msl_fem("map", E1, "--levels", "1.2 T", *FEW, "--json").json
-    assert (np.array(made["current_A"]) < np.array(mean["current_A"])).all()
+    assert (np.array(made["current_A"]) < mean.current).all()
     assert set(made["section"][0]) <= {"centre_leg", "outer_leg", "yoke", "armature"}
 
 
@@ -90,11 +98,16 @@ def test_what_cannot_be_is_one_line(msl_fem: Run, arguments: tuple[str, ...], sa
     assert said in msl_fem("map", *arguments).complaint
 
 
-def test_decoupling_is_in_the_json_and_said(msl_fem: Run) -> None:
+def test_decoupling_is_in_the_json_and_said(msl_fem: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the positions of its default, of which two are enough here."""
+    _, position = decoupling_positions(load_actuator(SERVO))
+    assert len(position) == 5
+    ends = partial(decoupling_map, positions=position[[0, -1]])
+    monkeypatch.setattr(map_command, "decoupling_map", lambda actuator, **asked: ends(actuator, **asked))
     found = msl_fem("map", SERVO, *FEW, "--levels", "1 T", "--decoupling", "--json")
     content = found.json["decoupling"]
     assert content["level_T"] == [0.0, 0.5, 1.0]
-    assert len(content["position_m"]) == 5
+    assert content["position_m"] == position[[0, -1]].tolist()
     for finding in content["findings"]:
         assert f"decoupling: {finding}" in found.stderr
 

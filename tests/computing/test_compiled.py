@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numba
@@ -52,8 +52,23 @@ if __name__ == "__main__":
 }
 
 
+FORKED = """
+import os, runpy, sys
+import numba, msl_fem.computing.compiled
+sys.path.insert(0, "")
+for _ in sys.stdin:
+    if os.fork() == 0:
+        runpy.run_path("caller.py", run_name="__main__")
+        sys.stdout.flush()
+        os._exit(0)
+    os.wait()
+    print("done", flush=True)
+"""
+"""Runs the program in processes of their own, that share only what was loaded before the program's first module."""
+
+
 @pytest.fixture
-def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
+def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., list[str]]]:
     """Runs the program of `SOURCES` after an edit (file, before, after): what it returned, and what it compiled."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("PYTHONPATH", str(Path(msl_fem.__file__).parents[1]))
@@ -65,10 +80,12 @@ def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., li
             text = (tmp_path / name).read_text()
             assert text.count(before) == 1
             (tmp_path / name).write_text(text.replace(before, after))
-        command = [sys.executable, "-B", "caller.py"]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout.split()
+        print("once", file=server.stdin, flush=True)
+        return list(iter(lambda: next(server.stdout).strip(), "done"))
 
-    return run
+    command, pipe = [sys.executable, "-B", "-c", FORKED], subprocess.PIPE
+    with subprocess.Popen(command, cwd=tmp_path, stdin=pipe, stdout=pipe, text=True) as server:
+        yield lambda *edit: " ".join(run(*edit)).split()
 
 
 def test_machine_code_is_compiled_anew_where_what_it_uses_changed_and_only_there(

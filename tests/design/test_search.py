@@ -17,7 +17,7 @@ import optuna
 import pytest
 from optuna.distributions import FloatDistribution
 from optuna.trial import TrialState
-from sizing_requirements import envelope, evaluator
+from sizing_requirements import envelope, evaluator, one_beginning
 
 from msl_fem.computing import jobs
 from msl_fem.design.sizing import (
@@ -25,6 +25,8 @@ from msl_fem.design.sizing import (
     SearchResult,
     SearchSettings,
     choose_design,
+    closed_search,
+    load_requirement,
     pareto_front,
     search,
     search_designs,
@@ -38,12 +40,14 @@ from msl_fem.errors import InputError
 REQUIREMENT = """
 schema = 1
 name = "servo"
+objectives = ["mass"]
 [force]
 minimum = "150 N"
 gap = "0.5 mm"
 [heat]
 current_density = "6 A/mm^2"
 """
+Run = Callable[..., "Outcome"]  # noqa: F821 - the fixture's type, tests/conftest.py
 LONG = 300.0  # s: nobody waits so long, a loaded machine takes what it takes
 
 
@@ -52,18 +56,8 @@ def settings(file: Path, trials: int, **more: Any) -> SearchSettings:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def one_beginning() -> Iterator[None]:
-    """What the closed equations begin a search with is found once for each requirement: it draws nothing."""
-    known: dict[str, Any] = {}
-
-    def begin(it: DesignEvaluator) -> Any:
-        key = it.requirement.model_dump_json()
-        if key not in known:
-            known[key] = first_designs(it)
-        return known[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(search, "first_designs", begin)
+def beginning() -> Iterator[None]:
+    with one_beginning():
         yield
 
 
@@ -105,17 +99,18 @@ def test_the_search_itself_finds_better_than_what_it_began_with(
 def test_a_resumed_search_is_the_undisturbed_one(
     small: tuple[DesignEvaluator, SearchResult, Path], tmp_path: Path
 ) -> None:
-    """One process: stopped after 8 of 14 trials and gone on, every trial is the same; the first eight are kept."""
+    """One process: stopped after 6 of 8 trials and gone on, every trial is the same; the first six are kept."""
     it, whole, _ = small
     file = tmp_path / "trials.sqlite3"
-    first = search_designs(it, settings(file, 8))
-    second = search_designs(it, settings(file, 14))
-    assert (first.reused, second.reused) == (0, 8)
-    assert second.trials[:8] == first.trials
-    assert [t.parameters for t in second.trials] == [t.parameters for t in whole.trials]
-    again = search_designs(it, settings(file, 14))
+    first = search_designs(it, settings(file, 6))
+    second = search_designs(it, settings(file, 8))
+    assert (first.reused, second.reused) == (0, 6)
+    assert second.trials[:6] == first.trials
+    assert [t.parameters for t in second.trials] == [t.parameters for t in whole.trials[:8]]
+    assert sum(t.first_design is None for t in first.trials) >= 2, "some are drawn before the stop"
+    again = search_designs(it, settings(file, 8))
     assert again.trials == second.trials
-    assert again.reused == 14
+    assert again.reused == 8
 
 
 def test_another_seed_draws_other_designs(
@@ -123,8 +118,8 @@ def test_another_seed_draws_other_designs(
 ) -> None:
     monkeypatch.setattr(search, "first_designs", first_designs)
     it, whole, _ = small
-    other = search_designs(it, settings(tmp_path / "t.sqlite3", 7, seed=2))
     firsts = sum(t.first_design is not None for t in whole.trials)
+    other = search_designs(it, settings(tmp_path / "t.sqlite3", firsts + 1, seed=2))
     assert other.trials[:firsts] == whole.trials[:firsts], "the closed equations draw nothing"
     assert other.trials[firsts].parameters != whole.trials[firsts].parameters
 
@@ -211,6 +206,7 @@ def test_designs_outside_the_envelope_are_recorded_and_never_solved(
 
     solve = DesignEvaluator.solve
     monkeypatch.setattr(DesignEvaluator, "solve", count)
+    monkeypatch.setattr(closed_search, "_GENERATIONS", 10)  # for the closest design, which is not looked at
     it, file = evaluator(**envelope("48 mm", "44 mm", "50 mm")), tmp_path / "t.sqlite3"
     found = search_designs(it, settings(file, 14))
     unbuilt = [t for t in found.trials if t.stage == NOT_BUILT]
@@ -228,7 +224,7 @@ def test_designs_outside_the_envelope_are_recorded_and_never_solved(
 
 def test_force_as_an_objective_is_pushed_up(tmp_path: Path) -> None:
     it = evaluator(objectives=["mass", "force", "inductance"])
-    found = search_designs(it, settings(tmp_path / "t.sqlite3", 11))
+    found = search_designs(it, settings(tmp_path / "t.sqlite3", 7))
     front = pareto_front(found.trials, it.requirement.objectives)
     forces = np.array([t.figures["force_N"] for t in front])
     assert forces.min() >= 150.0
@@ -278,7 +274,7 @@ def wait_until(condition: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("killed_at", [0, 6])
+@pytest.mark.parametrize("killed_at", [0, 5])
 def test_a_search_that_was_killed_ends_as_an_undisturbed_one(
     killed_at: int, small: tuple[DesignEvaluator, SearchResult, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -294,10 +290,10 @@ def test_a_search_that_was_killed_ends_as_an_undisturbed_one(
 
     monkeypatch.setattr(DesignEvaluator, "solve", killed)
     with pytest.raises(KeyboardInterrupt):
-        search_designs(it, settings(tmp_path / "t.sqlite3", 8))
-    found = search_designs(it, settings(tmp_path / "t.sqlite3", 8))
+        search_designs(it, settings(tmp_path / "t.sqlite3", killed_at + 1))
+    found = search_designs(it, settings(tmp_path / "t.sqlite3", killed_at + 2))
     assert found.reused == killed_at
-    assert found.trials == undisturbed.trials[:8]
+    assert found.trials == undisturbed.trials[: killed_at + 2]
 
 
 def test_a_waiting_design_that_another_search_finishes_first_is_left_to_it(
@@ -354,7 +350,7 @@ def test_others_begin_once_the_first_has_seen_what_was_lost(
     assert alone == [False]
 
 
-def test_killed_with_all_its_processes_it_loses_at_most_the_trials_in_flight(tmp_path: Path) -> None:
+def test_killed_with_all_its_processes_it_loses_at_most_the_trials_in_flight(msl_fem: Run, tmp_path: Path) -> None:
     """SIGKILL to the group while two workers judge; the same command goes on, and nothing is judged twice."""
     process, file = start(tmp_path, "--trials", "60", "--workers", "2"), tmp_path / ".g.toml.trials.sqlite3"
     wait_until(lambda: len(verdicts(file)) >= 3)
@@ -368,29 +364,31 @@ def test_killed_with_all_its_processes_it_loses_at_most_the_trials_in_flight(tmp
     begun = connection.execute("select count(*) from trials where state = 'RUNNING'").fetchone()[0]
     connection.close()
     assert begun <= 2, "those in flight"
-    found = finish(start(tmp_path, "--trials", str(len(kept) + 4), "--workers", "2"))
+    files = (str(tmp_path / "r.toml"), "-o", str(tmp_path / "g.toml"))
+    found = msl_fem("size", *files, "--trials", str(len(kept) + 3), "--workers", "1", "--json").json
     assert found["trials_reused"] == len(kept)
-    assert found["trials"] == len(kept) + 4
+    assert found["trials"] == len(kept) + 3
     after = verdicts(file)
     assert {n: after[n] for n in kept} == kept
-    assert sum(n >= number for n in after) >= 2
+    assert sum(n >= number for n in after) >= 1
     assert (tmp_path / "g.toml").exists()
 
 
-def test_two_commands_share_one_storage(tmp_path: Path) -> None:
+def test_two_processes_share_one_storage(tmp_path: Path) -> None:
     """Each draws its own designs; together they make the number asked for, but for what was in flight."""
-    folders = [tmp_path / name for name in ("one", "two")]
-    url = f"sqlite:///{tmp_path / 'shared.sqlite3'}"
-    for folder in folders:
-        folder.mkdir()
-    both = [start(folder, "--trials", "7", "--workers", "1", "--storage", url) for folder in folders]
-    results = [finish(process) for process in both]
+    file = tmp_path / "shared.sqlite3"
+    url = f"sqlite:///{file}"
+    process = start(tmp_path, "--trials", "8", "--workers", "1", "--storage", url)
+    wait_until(lambda: len(verdicts(file)) >= 1)
+    here = search_designs(DesignEvaluator(load_requirement(tmp_path / "r.toml")), SearchSettings(url, 8))
+    there = finish(process)
     study = optuna.load_study(study_name="servo", storage=url)
     done = [t for t in study.trials if t.state in (TrialState.COMPLETE, TrialState.PRUNED)]
-    assert 7 <= len(done) <= 9
+    assert 8 <= len(done) <= 10
     drawn = [tuple(t.params.values()) for t in done if "first_design" not in t.user_attrs]
-    assert len(set(drawn)) == len(drawn)
-    assert all(abs(r["trials"] - 7) <= 2 for r in results)
+    assert len(set(drawn)) == len(drawn) >= 6
+    assert all(abs(trials - 8) <= 2 for trials in (len(here.trials), there["trials"]))
+    assert here.reused < 8, "this process has judged some too"
 
 
 def test_on_a_cluster_as_here(
@@ -404,5 +402,5 @@ def test_on_a_cluster_as_here(
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
     ) as cluster:
-        found = search_designs(it, settings(tmp_path / "t.sqlite3", 6, scheduler=cluster.scheduler_address))
-    assert [t.values for t in found.trials] == [pytest.approx(t.values) for t in whole.trials[:6]]
+        found = search_designs(it, settings(tmp_path / "t.sqlite3", 4, scheduler=cluster.scheduler_address))
+    assert [t.values for t in found.trials] == [pytest.approx(t.values) for t in whole.trials[:4]]

@@ -1,11 +1,12 @@
 """The command `size`: the fields that scripts read, the files it leaves, and one line for what is wrong."""
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from conftest import ROOT
+from sizing_requirements import one_beginning
 
 from msl_fem.actuator import load_actuator
 from msl_fem.design.sizing import closed_search
@@ -31,6 +32,12 @@ range = "0.4 mm"
 """
 
 
+@pytest.fixture(scope="module", autouse=True)
+def beginning() -> Iterator[None]:
+    with one_beginning():
+        yield
+
+
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     """A requirement whose core's iron is a file beside it."""
@@ -42,7 +49,7 @@ def file(tmp_path: Path) -> Path:
 
 def test_a_requirement_becomes_an_actuator_file_that_solves(msl_fem: Run, file: Path, tmp_path: Path) -> None:
     target = tmp_path / "out" / "geometry.toml"
-    said = msl_fem("size", str(file), "-o", str(target), "--trials", "6", "--workers", "1", "--json").json
+    said = msl_fem("size", str(file), "-o", str(target), "--trials", "4", "--workers", "1", "--json").json
     assert said["geometry"] == str(target)
     assert said["mass_kg"] > said["moving_mass_kg"] > 0
     assert said["mass_kg"] < said["first_guess"]["mass_kg"]
@@ -82,7 +89,7 @@ def test_a_requirement_becomes_an_actuator_file_that_solves(msl_fem: Run, file: 
 
 def test_people_get_the_front_and_the_choice(msl_fem: Run, file: Path, tmp_path: Path) -> None:
     target = str(tmp_path / "g.toml")
-    done = msl_fem("size", str(file), "-o", target, "--trials", "4", "--workers", "1")
+    done = msl_fem("size", str(file), "-o", target, "--trials", "2", "--workers", "1")
     assert done.status == 0, done.stderr
     for text in ("Pareto front over mass, loss", "first guess: mass", "constraints, flux density: margin"):
         assert text in done.stdout
@@ -106,16 +113,17 @@ def test_an_impossible_requirement_is_one_line_and_leaves_nothing(
 
 
 def test_what_only_the_field_refuses_says_what_the_closest_design_lacks(
-    msl_fem: Run, file: Path, tmp_path: Path
+    msl_fem: Run, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """So near to what can be that the closed equations cannot tell."""
+    monkeypatch.setattr(closed_search, "_GENERATIONS", 10)
     file.write_text(REQUIREMENT + '[envelope]\nwidth = "44 mm"\nheight = "38 mm"\ndepth = "44 mm"\n')
-    done = msl_fem("size", str(file), "-o", str(tmp_path / "g.toml"), "--trials", "6", "--workers", "1", "--json")
+    done = msl_fem("size", str(file), "-o", str(tmp_path / "g.toml"), "--trials", "3", "--workers", "1", "--json")
     assert done.status == 1
     assert done.stdout == ""
     said = [line for line in done.stderr.splitlines() if line.startswith("failed:")]
     assert len(said) == 1
-    assert "none of 6 designs of 150 N at 500 µm meets all constraints; the closest" in said[0]
+    assert "none of 3 designs of 150 N at 500 µm meets all constraints; the closest" in said[0]
     assert "(at most" in said[0]
     assert not (tmp_path / "g.toml").exists()
 

@@ -31,11 +31,10 @@ def coarse() -> OperatingMap:
     return field_map(SERVO, np.geomspace(0.05e-3, 1.2e-3, 12), settings=FAST)
 
 
-@pytest.mark.parametrize("accuracy", ["normal", "fine"])
 @pytest.mark.parametrize("m", range(3))
-def test_e1_s_currents_bring_their_levels_in_direct_solutions(e1, m, accuracy):
+def test_e1_s_currents_bring_their_levels_in_direct_solutions(e1, m):
     """Solved at the map's current on a mesh of the gap's own: the named section is the most loaded, at its level."""
-    field = field_of(E1, float(e1.gap[m]), accuracy=accuracy)
+    field = field_of(E1, float(e1.gap[m]))
     for k, level in enumerate(e1.levels):
         found = field.quantities(field.solve(float(e1.current[k, m]), float(e1.gap[m]))).flux_density
         means = {name: section.mean for name, section in found.items()}
@@ -66,12 +65,12 @@ def test_the_stated_error_covers_the_true_one(gap, criterion):
 
 @pytest.mark.parametrize("actuator", [E1, SERVO], ids=["e1", "servo"])
 def test_no_chord_lies_above_the_curve_between_the_gaps(actuator):
-    """Fresh roots at eight gaps off the nodes, on another mesh than the map's, and of some gaps on one of their own."""
+    """Fresh roots at five gaps off the nodes, on another mesh than the map's, and of the first on one of its own."""
     made = field_map(actuator, default_gaps(actuator)[::2], settings=FAST)
     guard = Guard(made)
     other = field_at(actuator, 3e-4)
-    for n, gap in enumerate(np.random.default_rng(5).uniform(made.gap[0], made.gap[-1], 8)):
-        true = currents_at(actuator, float(gap), (1.2, 1.6), field=None if n % 5 == 0 else other)
+    for n, gap in enumerate(np.random.default_rng(5).uniform(made.gap[0], made.gap[-1], 5)):
+        true = currents_at(actuator, float(gap), (1.2, 1.6), field=None if n == 0 else other)
         limit = guard.limit(gap)
         assert (limit <= true).all(), gap
         assert (limit > 0.98 * true).all(), gap
@@ -170,7 +169,7 @@ def test_the_gap_slope_is_the_curve_s(coarse):
 
 
 def test_finished_gaps_are_not_solved_again(tmp_path, monkeypatch):
-    gaps = (3e-4, 4e-4, 5e-4)
+    gaps = (3e-4, 5e-4)
     settings = dataclasses.replace(FAST, cache=tmp_path / "rows", resume=True)
     whole = field_map(E1, gaps, settings=FAST)
     solve = MagnetField.solve
@@ -181,7 +180,7 @@ def test_finished_gaps_are_not_solved_again(tmp_path, monkeypatch):
         return solve(self, current, gap, start=start)
 
     monkeypatch.setattr(MagnetField, "solve", fails_at_the_last)
-    with pytest.raises(ComputationError, match=r"1 of 3 gaps failed; first: the field at 0.5 mm"):
+    with pytest.raises(ComputationError, match=r"1 of 2 gaps failed; first: the field at 0.5 mm"):
         field_map(E1, gaps, settings=settings)
     solved = []
 
@@ -193,7 +192,7 @@ def test_finished_gaps_are_not_solved_again(tmp_path, monkeypatch):
     finished = []
     again = field_map(E1, gaps, settings=settings, progress=lambda done, total: finished.append((done, total)))
     assert set(solved) == {5e-4}
-    assert finished == [(2, 3), (3, 3)]
+    assert finished == [(1, 2), (2, 2)]
     np.testing.assert_array_equal(again.current, whole.current)
     for wish in ({"levels": (1.3,)}, {"criterion": "percentile=95"}, {"settings": {"current_max": 9.0}}):
         solved.clear()

@@ -45,7 +45,7 @@ def test_e1_at_5_ampere_and_half_a_millimetre(e1):
 
 @pytest.mark.parametrize(
     ("accuracy", "picked", "tolerance"),
-    [("fast", slice(0, 60, 11), 5e-3), ("normal", slice(3, 60, 9), 1e-3), ("fine", slice(4, 60, 30), 1e-4)],
+    [("fast", slice(0, 60, 11), 5e-3), ("normal", slice(3, 60, 13), 1e-3), ("fine", slice(4, 60, 30), 1e-4)],
 )
 def test_stated_error_covers_the_true_one(e1, accuracy, picked, tolerance):
     """The estimate is neither below the true error of the force nor far from the level's accuracy."""
@@ -62,7 +62,7 @@ def test_stated_error_covers_the_true_one(e1, accuracy, picked, tolerance):
 def test_estimates_are_honest_and_close_over_the_reference(e1, accuracy, tolerance):
     """At every point the true error is below the estimate, and in the median the estimate is at most 5 times it."""
     level, net, stated, true = LEVELS[accuracy], [], [], []
-    for gap in np.unique(POINTS["gap_mm"])[:: 4 if accuracy == "fine" else 2]:
+    for gap in np.unique(POINTS["gap_mm"])[:: 4 if accuracy == "fine" else 3]:
         rows = np.sort(POINTS[POINTS["gap_mm"] == gap], order="current_A")
         mesh = magnet_mesh(e1.magnet, gap * 1e-3, accuracy)
         solver = RowSolver(SweepJob(e1.magnet, mesh, e1.folder, level.order))
@@ -74,7 +74,7 @@ def test_estimates_are_honest_and_close_over_the_reference(e1, accuracy, toleran
             true.append(abs(found.force / row["force_N"] - 1))
             net.append(true[-1] - max(row["force_rel_uncertainty"], REFERENCE_ERROR))
             stated.append(force_error_estimate(level, found, finer))
-    assert len(true) == (20 if accuracy == "fine" else 30)
+    assert len(true) == 20
     assert max(net) < tolerance
     assert (np.array(net) <= stated).all()
     assert np.median(np.array(stated) / true) <= 5
@@ -140,12 +140,11 @@ def test_default_air_box_cuts_off_less_than_1e_4_of_the_force(e1):
     magnet = e1.magnet.model_copy(update={"air": None})
     box = magnet.air_box
     twice = magnet.model_copy(update={"air": Air(side=2 * box.side, bottom=2 * box.bottom, top=2 * box.top)})
-    for gap in (1e-4, 1e-3):
+    for gap, current in ((1e-4, 12.0), (1e-3, 1.0)):
         fields = [MagnetField(m, triangulate(m.section(gap), size), folder=e1.folder, order=3) for m in (magnet, twice)]
-        for current in (1.0, 12.0):
-            default, larger = (f.quantities(f.solve(current, gap)) for f in fields)
-            assert default.force == pytest.approx(larger.force, rel=1e-4)
-            assert default.flux_linkage == pytest.approx(larger.flux_linkage, rel=2e-4)
+        default, larger = (f.quantities(f.solve(current, gap)) for f in fields)
+        assert default.force == pytest.approx(larger.force, rel=1e-4)
+        assert default.flux_linkage == pytest.approx(larger.flux_linkage, rel=2e-4)
 
 
 def test_chamfer_and_overhang_change_the_force_the_right_way(e1):

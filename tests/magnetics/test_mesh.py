@@ -1,5 +1,8 @@
 """Meshes: whole, graded at every corner that was asked for, for any plausible core; moving the gap."""
 
+from collections.abc import Iterator
+from types import ModuleType
+
 import netgen.meshing
 import numpy as np
 import pytest
@@ -135,6 +138,15 @@ def test_far_field_layers_widen_the_box_without_a_seam(servo):
     assert np.any([side.all(axis=0) for side in on_box], axis=0).all(), "every edge with one triangle lies on the box"
 
 
+@pytest.fixture
+def mesher() -> Iterator[ModuleType]:
+    """The module without the meshes that it keeps, before and after."""
+    made = msl_fem.magnetics.solver.mesh
+    made._meshed.cache_clear()
+    yield made
+    made._meshed.cache_clear()
+
+
 def failing(times: int):
     """A stand-in for one meshing attempt that fails that many times; the growths asked for are in `.growths`."""
     attempt = msl_fem.magnetics.solver.mesh._triangulate
@@ -149,15 +161,27 @@ def failing(times: int):
     return stand_in
 
 
-def test_stuck_mesher_is_tried_again_with_another_growth(e1, monkeypatch):
+def test_stuck_mesher_is_tried_again_with_another_growth(e1, monkeypatch, mesher):
     stand_in = failing(3)
-    monkeypatch.setattr(msl_fem.magnetics.solver.mesh, "_triangulate", stand_in)
+    monkeypatch.setattr(mesher, "_triangulate", stand_in)
     check_whole(magnet_mesh(e1, 5e-4, "fast"), e1, 5e-4)
     assert len(set(stand_in.growths)) == 4
     assert stand_in.growths[0] == LEVELS["fast"].size.growth
 
 
-def test_mesher_that_never_succeeds_is_a_computation_error(e1, monkeypatch):
-    monkeypatch.setattr(msl_fem.magnetics.solver.mesh, "_triangulate", failing(10**6))
+def test_a_mesh_is_made_once_for_equal_sections_and_sizes(e1, monkeypatch, mesher):
+    stand_in = failing(0)
+    monkeypatch.setattr(mesher, "_triangulate", stand_in)
+    first = magnet_mesh(e1, 5e-4, "fast")
+    assert magnet_mesh(e1.model_copy(), 5e-4, "fast") is first
+    assert len(stand_in.growths) == 1
+    wider = e1.model_copy(update={"stack_depth": 2 * e1.stack_depth})
+    for other in (magnet_mesh(e1, 5.1e-4, "fast"), magnet_mesh(e1, 5e-4, "normal"), magnet_mesh(wider, 5e-4, "fast")):
+        assert other is not first
+    assert len(stand_in.growths) == 4
+
+
+def test_mesher_that_never_succeeds_is_a_computation_error(e1, monkeypatch, mesher):
+    monkeypatch.setattr(mesher, "_triangulate", failing(10**6))
     with pytest.raises(ComputationError, match=rf"{len(GROWTH_CHANGES)} times.*0\.5 mm.*meshing failed"):
         magnet_mesh(e1, 5e-4, "fast")

@@ -97,28 +97,26 @@ def test_finished_rows_need_no_cluster(e1, undisturbed, tmp_path: Path) -> None:
     assert largest_difference(table, undisturbed[0]) == 0
 
 
-def test_lost_workers_are_said_and_rows_kept(e1, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lost_workers_are_said_and_rows_kept(e1, cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last test of the cluster: both leave."""
     monkeypatch.setattr(jobs, "PATIENCE", 0.3)
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
-    ) as lonely:
 
-        def leave(done: int, total: int) -> None:
-            if done == 1:
-                lonely.scale(0)
-                end = time.monotonic() + LONG
-                while lonely.scheduler.workers:  # else it might solve all rows before it goes
-                    assert time.monotonic() < end, "the worker does not leave"
-                    time.sleep(0.02)
+    def leave(done: int, total: int) -> None:
+        if done == 1:
+            cluster.scale(0)
+            end = time.monotonic() + LONG
+            while cluster.scheduler.workers:  # else they might solve all rows before they go
+                assert time.monotonic() < end, "the workers do not leave"
+                time.sleep(0.02)
 
-        settings = dataclasses.replace(FAST, scheduler=lonely.scheduler_address, cache=tmp_path, resume=True)
-        with pytest.raises(ComputationError, match=r"no worker of the cluster tcp://.* is left.*--resume"):
-            sweep(e1, *GRID, settings=settings, progress=leave)
-        kept = len(list(tmp_path.glob("*.npz")))
-        assert 1 <= kept < ROWS
-        monkeypatch.setattr(jobs, "FIRST_WORKER", 0.3)
-        with pytest.raises(InputError, match=r"has no workers; start one with 'dask worker tcp://"):
-            sweep(e1, *GRID, settings=settings)
+    settings = dataclasses.replace(FAST, scheduler=cluster.scheduler_address, cache=tmp_path, resume=True)
+    with pytest.raises(ComputationError, match=r"no worker of the cluster tcp://.* is left.*--resume"):
+        sweep(e1, *GRID, settings=settings, progress=leave)
+    kept = len(list(tmp_path.glob("*.npz")))
+    assert 1 <= kept < ROWS
+    monkeypatch.setattr(jobs, "FIRST_WORKER", 0.3)
+    with pytest.raises(InputError, match=r"has no workers; start one with 'dask worker tcp://"):
+        sweep(e1, *GRID, settings=settings)
     assert sweep(e1, *GRID, settings=dataclasses.replace(settings, scheduler=None))[1].reused_rows == kept
 
 

@@ -137,7 +137,7 @@ def test_killed_sweep_goes_on_and_solves_no_finished_row_twice(tmp_path, undistu
     [("1", 2, signal.SIGINT), ("2", 2, signal.SIGINT), ("2", 0, signal.SIGINT), ("2", 2, signal.SIGTERM)],
 )
 def test_interrupted_ends_with_130_and_one_line_that_says_how_to_go_on(
-    workers, rows, number, tmp_path, undisturbed
+    workers, rows, number, tmp_path, undisturbed, msl_fem
 ) -> None:
     """In the middle, and while the worker processes start; by Ctrl-C, or as systems and batch queues end jobs."""
     output = tmp_path / "t.nc"
@@ -158,7 +158,7 @@ def test_interrupted_ends_with_130_and_one_line_that_says_how_to_go_on(
     kept = len(rows_of(output))
     assert kept >= rows
     if number == signal.SIGTERM:  # once: a killed one goes on alike, above
-        assert finish(start(output, "--resume", "--workers", "1"))["reused_rows"] == kept
+        assert msl_fem(*arguments(output, "--resume", "--workers", "1")).json["reused_rows"] == kept
         assert largest_difference(read_table(output), undisturbed) < 1e-9
 
 
@@ -192,11 +192,13 @@ def test_worker_killed_in_the_pool_is_one_clear_error_and_keeps_rows(tmp_path) -
     assert len(rows_of(output)) >= 2
 
 
-def test_two_sweeps_into_one_file_at_once_leave_it_whole(tmp_path, undisturbed) -> None:
+def test_two_sweeps_into_one_file_at_once_leave_it_whole(tmp_path, undisturbed, msl_fem) -> None:
+    """One in a process of its own, which has begun, and one here."""
     output = tmp_path / "same.nc"
-    both = [start(output, "--workers", "1", "--resume") for _ in range(2)]
-    for process in both:
-        assert finish(process)["failed"] == 0
+    process = start(output, "--workers", "1", "--resume")
+    wait_until(lambda: len(rows_of(output)) >= 1)
+    assert msl_fem(*arguments(output, "--workers", "1", "--resume")).json["failed"] == 0
+    assert finish(process)["failed"] == 0
     assert largest_difference(read_table(output), undisturbed) < 1e-9
     assert [p.name for p in tmp_path.iterdir()] == ["same.nc"], "no rows, no partial files"
 

@@ -1,6 +1,8 @@
 """A section to a triangle mesh with named regions, graded at the corners where the field is singular."""
 
-from dataclasses import dataclass, replace
+import pickle
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -46,7 +48,7 @@ class MeshSize:
 
 
 def triangulate(section: Section, size: MeshSize | None = None) -> TriangleMesh:
-    """A conforming mesh of the section.
+    """A conforming mesh of the section; the last ones are kept, and one of them is that of an equal section and size.
 
     The mesher's advancing front gets stuck on about one section in a hundred; it is then tried again with sizes that
     grow a little faster or slower.
@@ -58,6 +60,22 @@ def triangulate(section: Section, size: MeshSize | None = None) -> TriangleMesh:
     """
     size = size or MeshSize()
     refuse_too_many(section, size)
+    return _meshed(_Wanted(pickle.dumps((section, size)), section, size))
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """A section and a size, compared by their content."""
+
+    content: bytes
+    section: Section = field(compare=False)
+    size: MeshSize = field(compare=False)
+
+
+@lru_cache(maxsize=16)
+def _meshed(wanted: _Wanted) -> TriangleMesh:
+    """The mesh of one attempt or another; raises as `triangulate`."""
+    section, size = wanted.section, wanted.size
     for change in GROWTH_CHANGES:
         try:
             return _triangulate(section, replace(size, growth=size.growth * change))
