@@ -11,6 +11,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
 from msl_fem.computing.lanes import LANES
+from msl_fem.computing.operator_types import remember_operators_of
 
 _DOUBLE, _INDEX = ir.DoubleType(), ir.IntType(32)
 _VECTOR, _BITS = ir.VectorType(_DOUBLE, LANES), ir.VectorType(ir.IntType(1), LANES)
@@ -39,6 +40,7 @@ class RowsType(types.Type):
 
 
 _LANES, _FLAGS = LanesType(), LaneFlagsType()
+remember_operators_of(LanesType, LaneFlagsType, RowsType)
 _NUMBERS = (LanesType, types.Float, types.Integer)
 
 

@@ -24,6 +24,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.environment import lookup_environment
 from numba.core.registry import cpu_target
 
+from msl_fem.computing import operator_types  # noqa: F401 - numba types operators by it
 from msl_fem.computing.linked_code import LinkedLibrary, WholeLibrary
 
 OPTIONS = {"nogil": True, "error_model": "numpy"}

@@ -1,7 +1,7 @@
 """Records whose runs the recorded inputs make: simulated from their starts, as a whole or over stretches."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar
 
@@ -50,6 +50,7 @@ class Runs(Kind):
     cuts: Cuts = ()
     recorded: tuple[RunData, ...] = ()
     threads: int = 1
+    _followed: dict[tuple[object, ...], Mapping[str, Array]] = field(default_factory=dict, init=False, repr=False)
 
     takes_laws: ClassVar[bool] = True
 
@@ -96,7 +97,7 @@ class Runs(Kind):
     def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:
         signals = []
         for run, cut in zip(self.runs, self.cuts, strict=True):
-            values = _missed(belief, run, cut, self.tolerance)
+            values = self._missed(belief, run, cut)
             outside = None if cut is None else ~cut.counts(len(run.commands))
             signals += [ErrorSignal.of_run(run, name, values[name], outside) for name in counted(run)]
         return signals
@@ -140,6 +141,12 @@ class Runs(Kind):
         sizes = [self._size(belief, effect) for effect in effects]
         return [size for size in sizes if size is not None]
 
+    def _missed(self, model: ModelHypothesis, run: RunData, cut: Stretches | None) -> Mapping[str, Array]:
+        """Measured less simulated by channel; a run is followed once by each model."""
+        if (key := (model, run, cut)) not in self._followed:
+            self._followed[key] = _simulated_missed(model, run, cut, self.tolerance)
+        return self._followed[key]
+
     @property
     def _question(self) -> Question:
         return Question(self.belief, self.likelihood.problem, self.unknowns.believed)
@@ -153,7 +160,7 @@ class Runs(Kind):
         without = replace(extended, effects=EffectValues(rest) if rest else None)
         sizes = []
         for run, cut in zip(self.runs, self.cuts, strict=True):
-            present, absent = _missed(extended, run, cut, self.tolerance), _missed(without, run, cut, self.tolerance)
+            present, absent = self._missed(extended, run, cut), self._missed(without, run, cut)
             counts = slice(None) if cut is None else cut.counts(len(run.commands))
             for name in counted(run):
                 change = float(np.sqrt(np.mean((present[name] - absent[name])[counts] ** 2)))
@@ -255,7 +262,7 @@ def _likelihood(problem: FitProblem, unknowns: Unknowns) -> tuple[Likelihood, Un
     return Likelihood(problem, bands, problem.plant.substeps), unknowns
 
 
-def _missed(
+def _simulated_missed(
     model: ModelHypothesis, run: RunData, cut: Stretches | None, tolerance: Tolerance | None
 ) -> Mapping[str, Array]:
     """Channel to (n_sample,) measured less simulated: from a measured start, or over stretches with starts that suit

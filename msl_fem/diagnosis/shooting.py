@@ -5,7 +5,7 @@ begins with the shortest stretches; neighbours are joined as long as the model, 
 the record from a start that suits both of them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,6 +63,37 @@ class _Followed:
     by_moves: list[Array]
 
 
+class _Refinement:
+    """Starts of stretches on their way to those that leave least."""
+
+    def __init__(self, cut: Stretches, sigmas: Array) -> None:
+        self.cut = self.best = cut
+        self.settled = False
+        self._sigmas, self._kept = sigmas, [np.zeros(0)]
+        self._least, self._part = np.full(cut.begins.size, np.inf), np.ones(cut.begins.size)
+
+    def take(self, base: list[Array], slopes: Array) -> None:
+        """Residuals over the noise, and slopes of the starts, at `cut`: the better ones of each stretch are kept."""
+        cut, first = self.cut, np.isinf(self._least).all()
+        cost = np.add.reduceat(sum(np.nan_to_num(values, nan=LOST) ** 2 for values in base), cut.begins)
+        better = cost < self._least
+        self._part = np.where(better, 1.0, self._part / 2)
+        self._least = np.where(better, cost, self._least)
+        starts = np.where(better[:, None], cut.starts, self.best.starts)
+        base = [np.nan_to_num(values) for values in base]
+        if not first:
+            now = np.repeat(better, np.diff([*cut.begins, base[0].size]))
+            base = [np.where(now, new, old) for new, old in zip(base, self._kept, strict=True)]
+            slopes = np.where(now, slopes, self.best.slopes)
+        self._kept, self.best = base, replace(cut, starts=starts, slopes=slopes)
+
+    def move(self) -> None:
+        """A Gauss-Newton step of the starts, or a part of it."""
+        moves = self._part[:, None] * np.nan_to_num(self.best.moves([values[None] for values in self._kept])[0])
+        self.settled = bool(np.abs(moves).max() < SETTLED)
+        self.cut = replace(self.best, starts=moved(self.best.starts, moves * self._sigmas))
+
+
 class Shooting:
     """The cutting of one run of a problem at a model."""
 
@@ -112,33 +143,26 @@ class Shooting:
 
         A stretch whose step does not lead down goes back and takes half of it.
         """
-        best, least, part = cut, np.full(cut.begins.size, np.inf), np.ones(cut.begins.size)
+        return self._refined_together([cut], steps)[0]
+
+    def _refined_together(self, cuts: Sequence[Stretches], steps: int) -> list[Stretches]:
+        """Each of the stretches refined, all of them cut alike: lanes that one of them leaves idle serve another."""
+        every = [_Refinement(cut, self.sigmas) for cut in cuts]
         for n in range(steps + 1):
-            base, slopes = self._simulated(cut)
-            cost = np.add.reduceat(sum(np.nan_to_num(values, nan=LOST) ** 2 for values in base), cut.begins)
-            better = cost < least
-            part = np.where(better, 1.0, part / 2)
-            least = np.where(better, cost, least)
-            starts = np.where(better[:, None], cut.starts, best.starts)
-            lengths = np.diff([*cut.begins, base[0].size])
-            if n == 0:
-                kept, best_slopes = [np.nan_to_num(values) for values in base], slopes
-            else:
-                now = np.repeat(better, lengths)
-                kept = [np.where(now, np.nan_to_num(new), old) for new, old in zip(base, kept, strict=True)]
-                best_slopes = np.where(now, slopes, best_slopes)
-            best = replace(cut, starts=starts, slopes=best_slopes)
-            moves = part[:, None] * np.nan_to_num(best.moves([values[None] for values in kept])[0])
-            if n == steps or np.abs(moves).max() < SETTLED:
+            going = [one for one in every if not one.settled]
+            if not going:
                 break
-            cut = replace(best, starts=moved(best.starts, moves * self.sigmas))
-        return best
+            for one, (base, slopes) in zip(going, self._simulated([one.cut for one in going]), strict=True):
+                one.take(base, slopes)
+                if n < steps:
+                    one.move()
+        return [one.best for one in every]
 
     def followed(self, cut: Stretches) -> dict[str, Array]:
         """Channel to (n_sample,) measured less simulated, SI units, from starts that suit the model: the better ones
         of those reached from the stretches' own and from what was measured; nan where none is borne."""
         anew = guessed(self.plant, self.data, cut.begins, self.sigmas.size)
-        tried = [self.missed(self.refined(each, steps=LONG)) for each in (cut, anew)]
+        tried = [self.missed(each) for each in self._refined_together([cut, anew], LONG)]
         lengths = np.diff([*cut.begins, len(self.data.commands)])
         costs = [self._cost(left, cut) for left in tried]
         second = np.repeat(costs[1] < costs[0], lengths)
@@ -148,15 +172,19 @@ class Shooting:
         over = [np.nan_to_num(left[n] / self.data.noise[n].sigma, nan=LOST) ** 2 for n in self.names]
         return np.asarray(np.add.reduceat(sum(over), cut.begins))
 
-    def _simulated(self, cut: Stretches) -> tuple[list[Array], Array]:
-        """(residuals over the noise, slopes of the starts, nothing where there are none)."""
+    def _simulated(self, cuts: Sequence[Stretches]) -> list[tuple[list[Array], Array]]:
+        """(residuals over the noise, slopes of the starts, nothing where there are none) of each, cut alike."""
         n = self.sigmas.size
         moves = np.concatenate([np.zeros((1, n)), STEP * np.eye(n)])
-        starts = np.array([moved(cut.starts, move * self.sigmas) for move in moves])
-        rows = np.tile(self.spread.z, (n + 1, 1))
-        over = self._residuals(rows, replace(cut, starts=starts))
-        slopes = np.array([(values[1:] - values[0]) / STEP for values in over])
-        return [values[0] for values in over], np.nan_to_num(slopes)
+        starts = np.array([moved(cut.starts, move * self.sigmas) for cut in cuts for move in moves])
+        rows = np.tile(self.spread.z, (len(starts), 1))
+        over = self._residuals(rows, replace(cuts[0], starts=starts))
+        made = []
+        for first in range(0, len(starts), n + 1):
+            own = [values[first : first + n + 1] for values in over]
+            slopes = np.array([(values[1:] - values[0]) / STEP for values in own])
+            made.append(([values[0] for values in own], np.nan_to_num(slopes)))
+        return made
 
     def _residuals(self, rows: Array, own: Stretches) -> list[Array]:
         """Residuals of the channels over the noise, (n_row, n_sample) each."""
@@ -176,7 +204,7 @@ class Shooting:
 
     def _borne(self, cut: Stretches) -> NDArray[np.bool_]:
         """(n_stretch,) whether the model and its moves stay near the record over each."""
-        base, slopes = self._simulated(cut)
+        [(base, slopes)] = self._simulated([cut])
         finite = self._inside(cut, self.spread.rows[:0])
         growth = np.ones(cut.begins.size)
         if self.data.mover != "locked":

@@ -115,6 +115,16 @@ def test_lanes_over_stretches_are_single_runs_over_stretches(short, table) -> No
     assert all(np.array_equal(lane, alone) for lane in together)
 
 
+def test_starts_refined_beside_others_are_those_refined_alone(short, table) -> None:
+    shot, cut = shooting(short, table, np.arange(0, 960, 32))
+    aside = replace(cut, starts=cut.starts + [0.0, 0.0, 2e-4, 0.0])
+    for one, beside in zip((cut, aside), shot._refined_together([cut, aside], 3), strict=True):
+        alone = shot.refined(one, 3)
+        assert np.array_equal(beside.starts, alone.starts)
+        assert np.array_equal(beside.slopes, alone.slopes)
+        assert not np.array_equal(alone.starts, one.starts)
+
+
 def test_an_unstable_plant_is_cut_and_left_noise_by_the_true_model(short, table) -> None:
     """The growth of a stretch is that of the unstable pole: cosh of it over the stretch."""
     shot, whole = shooting(short, table, [0])
