@@ -26,6 +26,7 @@ from msl_fem.bench.plant import (
     X,
 )
 from msl_fem.computing.compiled import compiled
+from msl_fem.computing.copied_rows import copy_into
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.table.magnetic_table import MagneticTable
@@ -198,7 +199,7 @@ def sample(
     for part in range(2):
         begin, end = parts[part]
         source = n - late - 1 + part
-        held[:] = 0.0
+        held[0] = held[1] = 0.0
         if source >= 0:
             _limited(plant, commands[source], held)
         steps = int(np.ceil(substeps * (end - begin) / period - 1e-9))
@@ -212,7 +213,7 @@ def sample(
             if status != OK:
                 return status
             _read(plant.reading, step, filters, y, stages[N_STAGE])
-            y[:] = stages[N_STAGE]
+            copy_into(y, stages[N_STAGE])
     row[OUT_VOLTAGE_1] = y[VOLT_SECONDS_1] / period
     row[OUT_VOLTAGE_2] = y[VOLT_SECONDS_2] / period
     return OK

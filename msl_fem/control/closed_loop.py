@@ -261,7 +261,8 @@ def loop(
         for j in range(parameters.delay):
             waiting[j] = waiting[j + 1]
             aims[j] = aims[j + 1]
-        waiting[parameters.delay] = command
+        for j in range(2):
+            waiting[parameters.delay, j] = command[j]
         aims[parameters.delay] = memory[COMING]
         row = out[k]
         row[_POSITION], row[_MEASURED] = state[X], readings[0]

@@ -213,7 +213,8 @@ def _law(
         following[row] = p.model_b[row] * promised
         for j in range(n):
             following[row] += p.model_a[row, j] * model[j]
-    model[:] = following
+    for row in range(n):
+        model[row] = following[row]
     return promised + _shaped(p.shape, state, force), error
 
 
@@ -272,4 +273,5 @@ def _predict(p: ControllerParameters, state: Array, measured: float, given: floa
         following[row] = p.model_b[2 + row] * given
         for j in range(n - 2):
             following[row] += p.model_a[2 + row, 2 + j] * known[j]
-    known[:] = following
+    for row in range(n - 2):
+        known[row] = following[row]

@@ -19,6 +19,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
+from msl_fem.computing.copied_rows import copy_into
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import EffectValues
@@ -137,7 +138,7 @@ def _filter(coil, voltage, reading, truth, z, covariance, states, covariances): 
     ahead, slopes = np.empty(N_OBSERVED), np.empty((N_OBSERVED, N_OBSERVED))
     for k in range(reading.size):
         if truth.shape[0]:
-            z[:] = truth[k]
+            copy_into(z, truth[k])
         expected = covariance[CURRENT, CURRENT] + coil.noise.current**2
         gain, surprise = covariance[:, CURRENT] / expected, reading[k] - z[CURRENT]
         likelihood -= 0.5 * (surprise * surprise / expected + np.log(expected))
@@ -147,12 +148,13 @@ def _filter(coil, voltage, reading, truth, z, covariance, states, covariances): 
         kept = np.eye(N_OBSERVED)
         kept[:, CURRENT] -= gain
         covariance = kept @ covariance @ kept.T + coil.noise.current**2 * np.outer(gain, gain)  # Joseph's form
-        states[k], covariances[k] = z, covariance
+        copy_into(states[k], z)
+        copy_into(covariances[k].ravel(), covariance.ravel())
         inductance = _slopes(coil, voltage[k], z, slopes)
         covariance = slopes @ covariance @ slopes.T
         _add_noise(coil, inductance, covariance)
         _step(coil, voltage[k], z, ahead)
-        z[:] = ahead
+        copy_into(z, ahead)
         _put_inside(coil, z)
     return likelihood
 
@@ -177,7 +179,8 @@ def _slopes(coil, u, z, slopes):  # type: ignore[no-untyped-def]
         there[m] = z[m] - h
         _step(coil, u, there, before)
         there[m] = z[m]
-        slopes[:, m] = (after - before) / (2 * h)
+        for row in range(N_OBSERVED):
+            slopes[row, m] = (after[row] - before[row]) / (2 * h)
     return _circuit(coil, z[CURRENT], z[GAP])[0]
 
 

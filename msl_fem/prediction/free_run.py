@@ -17,6 +17,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
+from msl_fem.computing.copied_rows import copy_into
 from msl_fem.computing.gauss_newton import FitSettings, fit_map
 from msl_fem.errors import ComputationError, OutOfTable
 from msl_fem.plant import kernel, layout, linearise
@@ -337,18 +338,18 @@ def _run_linear(
         row = out[k]
         read_instruments(plant, state, history, k, silence, row[_READINGS])
         for m in range(law.delay):
-            waiting[m] = waiting[m + 1]
+            copy_into(waiting[m], waiting[m + 1])
         if k % law.every == 0:
             for m in range(law.reads.size):
                 deviation[m] = row[law.reads[m]] - recorded[k, law.reads[m]]
-            waiting[law.delay] = law.c @ memory + law.d @ deviation
-            following[:] = law.a @ memory + law.b @ deviation
-            memory[:] = following
-        command[:] = commands[k]
+            copy_into(waiting[law.delay], law.c @ memory + law.d @ deviation)
+            copy_into(following, law.a @ memory + law.b @ deviation)
+            copy_into(memory, following)
+        copy_into(command, commands[k])
         for m in range(n_out):
             command[law.makes[m]] += waiting[0, m]
         status = advance_sample(plant, state, command, 0.0, voltage)
-        row[_VOLTAGES] = voltage
+        copy_into(row[_VOLTAGES], voltage)
         if status != OK:
             return status, k
     return OK, commands.shape[0]

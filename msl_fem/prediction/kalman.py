@@ -13,6 +13,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
+from msl_fem.computing.copied_rows import copy_into
 from msl_fem.plant.effects import PARAMETER_INDEX
 from msl_fem.plant.effects.mechanical import COMPLIANCE, MODE_MASS
 from msl_fem.plant.effects.mechanisms import position_delay
@@ -248,12 +249,12 @@ def filter_run(surface, p, e, timing, setting, state, commands, measured, predic
     base, moved = np.zeros(n), np.zeros(n)
     mean, spare = np.zeros(2), np.zeros(2)
     trial = state.copy()
-    states[0] = state
+    copy_into(states[0], state)
     state_readings(state, which, delay, predicted[0])
     log_likelihood = 0.0
     for k in range(commands.shape[0]):
         if k > 0:
-            predicted[k] = base[n_x:]
+            copy_into(predicted[k], base[n_x:])
             for m in range(n_y):
                 c = n_x + m
                 error, variance = measured[k, m] - base[c], joint[c, c]
@@ -270,21 +271,21 @@ def filter_run(surface, p, e, timing, setting, state, commands, measured, predic
                 state[rows[i]] = base[i]
                 for j in range(n_x):
                     covariance[i, j] = 0.5 * (joint[i, j] + joint[j, i])
-            states[k] = state
-        trial[:] = state
+            copy_into(states[k], state)
+        copy_into(trial, state)
         if advance(surface, p, e, trial, commands[k], 0.0, step, n_step, mean) != OK:
             return k, log_likelihood
         _gather(trial, rows, which, delay, base)
-        voltages[k] = mean
+        copy_into(voltages[k], mean)
         ended = trial.copy()
         for i in range(n_x):
-            trial[:] = state
+            copy_into(trial, state)
             trial[rows[i]] += sizes[i]
             if advance(surface, p, e, trial, commands[k], 0.0, step, n_step, spare) == OK:
                 _gather(trial, rows, which, delay, moved)
                 for j in range(n):
                     slope[j, i] = (moved[j] - base[j]) / sizes[i]
-        state[:] = ended
+        copy_into(state, ended)
         joint[:, :] = slope @ covariance @ slope.T
         for i in range(n_x):
             joint[i, i] += process[i]
@@ -311,14 +312,14 @@ def ahead(surface, p, e, timing, readings, states, commands, horizon, predicted,
     which, delay = readings
     mean, state, failed = np.zeros(2), states[0].copy(), 0
     for k in range(states.shape[0] - horizon):
-        state[:] = states[k]
+        copy_into(state, states[k])
         status, done = OK, 0
         while done < horizon and status == OK:
             status = advance(surface, p, e, state, commands[k + done], 0.0, step, n_step, mean)
             done += 1
         if status == OK:
             state_readings(state, which, delay, predicted[k + horizon])
-            voltages[k + horizon - 1] = mean
+            copy_into(voltages[k + horizon - 1], mean)
         else:
             failed += 1
     return failed

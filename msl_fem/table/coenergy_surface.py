@@ -109,7 +109,8 @@ def evaluate(gap, current, coefficients, i, g, out):  # type: ignore[no-untyped-
     """W', lambda, F, dlambda/di, dF/di, dF/dg at (i, g) into out (6,); False, and nan, outside the rectangle."""
     size = abs(i)
     if not (gap[0] <= g <= gap[-1] and size <= current[-1]):
-        out[:] = np.nan
+        for row in range(6):
+            out[row] = np.nan
         return False
     m, n = cell_of(gap, g), cell_of(current, size)
     y, x = g - gap[m], size - current[n]

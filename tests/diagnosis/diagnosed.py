@@ -38,5 +38,5 @@ def bench_record(*hidden: str, seed: int = 7, noise: str = "coloured", rate: flo
 def diagnosed(*hidden: str, seed: int = 7, noise: str = "coloured", rate: float = 1e4) -> Diagnosis:
     record = bench_record(*hidden, seed=seed, noise=noise, rate=rate).record
     with pytest.MonkeyPatch.context() as patch:
-        cut_menu(patch)
+        cut_menu(patch, entries=0)
         return diagnose(record, DiagnosisSettings(table=TABLE))

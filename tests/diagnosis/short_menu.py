@@ -8,10 +8,10 @@ from msl_fem.diagnosis import next_experiment
 from msl_fem.diagnosis.next_experiment import Entry, Question, menu
 
 
-def cut_menu(patch: pytest.MonkeyPatch) -> None:
-    """Only the first entry is judged; the whole menu is in test_next_experiment."""
+def cut_menu(patch: pytest.MonkeyPatch, *, entries: int = 1) -> None:
+    """Only the first entries are judged; the whole menu is in test_next_experiment."""
 
-    def first_of_all(question: Question) -> list[Entry]:
-        return list(islice(menu(question), 1))
+    def first_ones(question: Question) -> list[Entry]:
+        return list(islice(menu(question), entries))
 
-    patch.setattr(next_experiment, "menu", first_of_all)
+    patch.setattr(next_experiment, "menu", first_ones)

@@ -117,7 +117,7 @@ def test_lanes_over_stretches_are_single_runs_over_stretches(short, table) -> No
 
 def test_starts_refined_beside_others_are_those_refined_alone(short, table) -> None:
     shot, cut = shooting(short, table, np.arange(0, 960, 32))
-    aside = replace(cut, starts=cut.starts + [0.0, 0.0, 2e-4, 0.0])
+    aside = replace(cut, starts=cut.starts + np.array([0.0, 0.0, 2e-4, 0.0]))
     for one, beside in zip((cut, aside), shot._refined_together([cut, aside], 3), strict=True):
         alone = shot.refined(one, 3)
         assert np.array_equal(beside.starts, alone.starts)

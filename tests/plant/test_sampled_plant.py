@@ -7,7 +7,6 @@ from effect_sets import ALL_EFFECTS, effects, rig, rough
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
-from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import Inputs
@@ -20,7 +19,6 @@ from msl_fem.table.magnetic_table import MagneticTable
 LATE = {"command": 1.37e-4, "position": 7.3e-4, "current": 1.1e-5}
 
 
-@compiled
 def fed(
     plant: SampledPlant, state: Array, history: Array, commands: Array, disturbance: Array, noise: Array, out: Array
 ) -> int:
