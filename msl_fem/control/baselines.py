@@ -30,11 +30,11 @@ from msl_fem.control.design_model import AtPosition, DesignModel, reach_of
 from msl_fem.control.inverse import believed_gap, magnet_current_limit, side_surface
 from msl_fem.control.linear_loop import LinearLaw
 from msl_fem.control.linear_plant import LinearPlant
-from msl_fem.control.lqg import LqrGains, LqrWeights, ReducedOrderFilter, lqr_gains, reduced_order_filter
+from msl_fem.control.lqg import LqrGains, LqrWeights, ReducedOrderFilter
 from msl_fem.control.lqr_design import (
     DEFAULT_WISH,
     WORKING_SHARE,
-    following_gains,
+    LqrLaws,
     search_weights,
     stage_with_overlap,
     usual_noise,
@@ -99,12 +99,7 @@ def biased_design(
     middle = bias_point(model, bias, 0.0)
     assert middle is not None
     tangent = replace(model.plant, stiffness=model.plant.stiffness - middle.magnet_stiffness)
-    around = replace(model, plant=tangent)
-    estimator = reduced_order_filter(tangent, usual_noise(model))
-    model_gains = following_gains(around, wish)
-
-    def law_of(weights: LqrWeights) -> LinearLaw:
-        return LinearLaw(tangent, lqr_gains(tangent, weights), model_gains, estimator, 0.0, options.feedforward)
+    law_of = LqrLaws(tangent, usual_noise(model), wish, 0.0, options.feedforward)
 
     def place_of(point: BiasPoint) -> AtPosition:
         gain = point.force_per_current / middle.force_per_current

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from msl_fem.control.design import (
 from msl_fem.control.design_model import AtPosition, DesignModel, design_model_of, reach_of
 from msl_fem.control.inverse import force_domain
 from msl_fem.control.linear_loop import LinearLaw, feedback_bandwidth, grid
+from msl_fem.control.linear_plant import LinearPlant
 from msl_fem.control.lqg import FilterNoise, LqrGains, LqrWeights, ReducedOrderFilter, lqr_gains, reduced_order_filter
 from msl_fem.control.output_stage import HARD_HAND_OVER, INVERSE, OutputStage
 from msl_fem.control.shared_force import shared_force
@@ -44,13 +46,42 @@ LawOf = Callable[[LqrWeights], LinearLaw]
 _SIMPLEX = np.vstack([np.zeros(3), 0.4 * np.eye(3)]) - 0.1
 
 
+@dataclass(frozen=True)
+class LqrLaws:
+    """The laws that follow from a linear belief and the filter's noise, by the regulator's weights."""
+
+    plant: LinearPlant
+    noise: FilterNoise
+    wish: Wish
+    gap_lead: float
+    feedforward: bool
+
+    def __call__(self, weights: LqrWeights) -> LinearLaw:
+        gains = lqr_gains(self.plant, weights)
+        return LinearLaw(self.plant, gains, self._model_gains, self._estimator, self.gap_lead, self.feedforward)
+
+    @cached_property
+    def _model_gains(self) -> LqrGains:
+        return following_gains(self.plant, self.wish)
+
+    @cached_property
+    def _estimator(self) -> ReducedOrderFilter:
+        return reduced_order_filter(self.plant, self.noise)
+
+
 def search_weights(law_of: LawOf, places: Sequence[AtPosition], wish: Wish) -> LqrWeights:
-    """The weights of least worst peak sensitivity over frozen positions (the first is the middle) that keep the wish.
+    """The weights of least worst peak sensitivity over frozen positions (the first is the middle) that keep the wish;
+    of equal laws, places and wishes they are searched once.
 
     Raises
     ------
     InputError : no weights were found that keep it; the message says what was got
     """
+    return _searched(law_of, tuple(places), wish)
+
+
+@lru_cache(maxsize=32)
+def _searched(law_of: LawOf, places: tuple[AtPosition, ...], wish: Wish) -> LqrWeights:
     ends = []
     for ratio, velocity, integral in _STARTS:  # the bandwidth jumps where the response dips, so one start may be stuck
         start = np.log([2 * np.pi * ratio * wish.bandwidth, velocity, integral])
@@ -151,16 +182,9 @@ def lqr_design(model: DesignModel, wish: Wish = DEFAULT_WISH, *, options: LqrOpt
     of the inner 80 % of the reach that keeps the wishes. Raises as `design_controller`.
     """
     options = options or LqrOptions()
-    plant = model.plant
-    check_wish(wish, plant)
+    check_wish(wish, model.plant)
     stage = stage_with_overlap(model, options.overlap)
-    estimator = usual_filter(model)
-    model_gains = following_gains(model, wish)
-
-    def law_of(weights: LqrWeights) -> LinearLaw:
-        gains = lqr_gains(plant, weights)
-        return LinearLaw(plant, gains, model_gains, estimator, plant.lead, options.feedforward)
-
+    law_of = LqrLaws(model.plant, usual_noise(model), wish, model.plant.lead, options.feedforward)
     places = working_places(model, overlap=options.overlap, share=options.working_share)
     weights = search_weights(law_of, places, wish)
     return completed(
@@ -211,9 +235,9 @@ def working_places(model: DesignModel, *, overlap: float = 0.0, share: float = W
     return (middle, *sorted(places - {middle}, key=lambda place: place.magnet_stiffness))
 
 
-def following_gains(model: DesignModel, wish: Wish) -> LqrGains:
+def following_gains(plant: LinearPlant, wish: Wish) -> LqrGains:
     """The state feedback of the model that the loop follows."""
-    return lqr_gains(model.plant, LqrWeights(2 * 2 * np.pi * wish.bandwidth, _MODEL_DAMPING, 0.0))
+    return lqr_gains(plant, LqrWeights(2 * 2 * np.pi * wish.bandwidth, _MODEL_DAMPING, 0.0))
 
 
 def usual_filter(model: DesignModel) -> ReducedOrderFilter:

@@ -197,7 +197,7 @@ def family_task(
     places = places or working_places(model, overlap=options.overlap)
     plants = tuple(family_at(model.plant, options.family, place, frequency) for place in places)
     gain = usual_filter(model).gain
-    following = following_gains(model, DEFAULT_WISH)
+    following = following_gains(model.plant, DEFAULT_WISH)
     noise, compliance = usual_noise(model), options.compliance
     return FamilyTask(model.plant, wish, gain, noise, following, frequency, places, plants, compliance)
 
