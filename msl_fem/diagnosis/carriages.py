@@ -42,6 +42,7 @@ Spectrum = NDArray[np.complexfloating]
 
 FORCE = "force_N"
 _FALL = ("stribeck_rise", "stribeck_velocity")
+_RISE = "transition_velocity"
 FINISHED = 0.5
 """Share of the excess power that a further effect may leave: the inverse model of a real drive never comes down to
 the noise of its instruments, and an effect that takes less than half of the rest mimics what no catalogue holds."""
@@ -182,14 +183,16 @@ class Carriage(Kind):
     def candidates(self, fit: Fit) -> list[Variant]:
         """The variants of all effects that a carriage can have.
 
-        Its travel says nothing of its friction's presliding; and friction is Coulomb's, without a fall over the
-        velocity, which viscous damping and a record of few velocities do not tell apart.
+        Its travel says nothing of its friction's presliding; and friction is Coulomb's, without a fall or a slow rise
+        over the velocity, which viscous damping and a record of few velocities do not tell apart.
         """
         features = record_features(self.likelihood, fit)
         features = replace(features, position=min(features.position, REVERSAL))
         tried = without_those_of(fit, offered(self.likelihood.problem.plant.parameters, features))
         shaped = []
         for variant in tried:
+            if any(shape.name == _RISE for shape in variant.shapes):
+                continue
             shapes = tuple(shape for shape in variant.shapes if shape.name not in _FALL)
             shaped.append(replace(variant, shapes=shapes))
         return list(dict.fromkeys(shaped))

@@ -33,6 +33,8 @@ STALE = 0.6
 MISLED = 0.1
 """The same where columns need not be those of the fit's end."""
 STEPS_A_ROUND = 4
+MOST_IDLE_ROUNDS = 2
+"""Rounds in a row that bring nothing: beside a model that cannot follow, moved starts raise what steps lower."""
 RESTARTED = 0.2
 """Nats by which moving the starts of stretches may change a fit that has converged."""
 INTERVAL = 1.96
@@ -113,6 +115,7 @@ def fit(
     how = plan or FitPlan()
     damping = Damping(first=how.damping, least=1e-4, rise=1e-2, most=1e8)
     simulations, z = 0, unknowns.allowed(start)
+    least, idle = np.inf, 0
     for trials in _trials(likelihood, how.most_steps):
         posterior = _FitPosterior(likelihood, unknowns, how)
         first = posterior.at(z)
@@ -134,7 +137,9 @@ def fit(
         settled = end.ending in {"converged", "in vain"}
         if settled and abs(again - point.objective) < max(RESTARTED, how.enough):
             break
-        if not np.isfinite(again):
+        idle = 0 if point.objective < least - how.enough else idle + 1
+        least = min(least, point.objective)
+        if idle == MOST_IDLE_ROUNDS or not np.isfinite(again):
             break
         likelihood, z, nuisance_columns = nearer, point.z, model.jacobian[:, : unknowns.n_nuisance]
         damping = replace(damping, first=1e-2)

@@ -30,6 +30,7 @@ SCREENING_STEPS = 6
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to the linear model's best at which a refit may begin
 REFINEMENT_STEPS = 25
 LAST_STEPS = 20
+MORE_LEGS = 6  # of `LAST_STEPS`, for the leader alone, as long as they bring what counts
 RACED_STEPS = 5  # of a candidate that is kept, until it is looked at again
 CATCHING_UP = 3.0
 """Times what the last of these rounds brought, by which a candidate that goes on may still grow."""
@@ -181,6 +182,8 @@ class Refinement:
         count if it did."""
         running, ended = [refit for refit in kept if refit.promising], [r for r in kept if not r.promising]
         for _ in range(REFINEMENT_STEPS // RACED_STEPS):
+            if running:
+                self.tell(f"{len(running)} of them go on, {', '.join(_effects(running))}")
             moved = self._together(self.refined, running)
             leader = max((refit.gain for refit in [*moved, *ended]), default=0.0)
             pairs = list(zip(running, moved, strict=True))
@@ -200,6 +203,11 @@ class Refinement:
         enough = CONVERGED if leads else max(ROUGHLY_CONVERGED, FRACTION * refit.gain)
         plan = FitPlan(most_steps=LAST_STEPS, enough=enough)
         led = self._refit(refit.fit, refit.variant, refit.fit.z, plan, None)
+        for _ in range(MORE_LEGS if leads else 0):  # what it has left undone, whatever is beside it would collect
+            if led.gain - refit.gain < led.enough:
+                break
+            self.tell(f"{led.variant.name}, which leads, goes on; {led.gain:.3g} nats")
+            refit, led = led, self._refit(led.fit, led.variant, led.fit.z, plan, None)
         return replace(led, fit=replace(led.fit, finished=leads))
 
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
@@ -216,6 +224,11 @@ def _may_lead(before: Refit, after: Refit, leader: float) -> bool:
     """Whether a candidate that went on gains, and may still come near the one that leads."""
     gained = after.gain - before.gain
     return gained >= after.enough and after.gain + CATCHING_UP * gained > leader - NEAR
+
+
+def _effects(refits: Sequence[Refit]) -> list[str]:
+    """Their effects, each once, the best first."""
+    return list(dict.fromkeys(refit.variant.effect for refit in sorted(refits, key=_by_gain)))
 
 
 def _by_gain(refit: Refit) -> float:

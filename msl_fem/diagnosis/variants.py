@@ -101,13 +101,21 @@ def variants(effect: str, features: RecordFeatures, plant: PlantParameters) -> l
     found = []
     for names in sets:
         amounts = tuple(EffectUnknown(effect, name, size=sizes[name]) for name in names)
-        about = [shape for shape in shapes if not shape.belongs_to or shape.belongs_to in names]
-        for centres in product(*(_centres(shape, features) for shape in about)):
-            around = zip(about, centres, strict=True)
-            unknown = tuple(EffectUnknown(effect, shape.name, centre, shape.width) for shape, centre in around)
-            found.append(Variant(effect, amounts, unknown))
+        of_them = [shape for shape in shapes if not shape.belongs_to or shape.belongs_to in names]
+        for about in _forms(of_them):
+            for centres in product(*(_centres(shape, features) for shape in about)):
+                around = zip(about, centres, strict=True)
+                unknown = tuple(EffectUnknown(effect, shape.name, centre, shape.width) for shape, centre in around)
+                found.append(Variant(effect, amounts, unknown))
     alone = [parameter.name for parameter in entry.parameters if parameter.alone]
     return found + [Variant(effect, (EffectUnknown(effect, name, size=sizes[name]),)) for name in alone]
+
+
+def _forms(shapes: Sequence[Parameter]) -> list[list[Parameter]]:
+    """The shapes that are tried together: those that stand in no other's place, then one of those that do."""
+    first = [shape for shape in shapes if not shape.instead]
+    others = [shape for shape in shapes if shape.instead]
+    return [first, *([*(shape for shape in first if shape.name != one.instead), one] for one in others)]
 
 
 def _there(effect: str, names: Sequence[str], plant: PlantParameters) -> bool:

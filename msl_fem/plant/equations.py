@@ -40,7 +40,7 @@ where the loop applies v_j = R_j i_j + e_j + L_j w (target_j - i_j), as in the p
 import numpy as np
 
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, size, some, within
+from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, hyperbolic_tangent, size, some, within
 from msl_fem.plant.drive import terminal_voltage
 from msl_fem.plant.effects import electrical, magnetic, mechanical, stray_flux
 from msl_fem.plant.effects.expressions import LAW_VOLTAGE_1, LAW_VOLTAGE_2
@@ -442,12 +442,12 @@ def _electrical_rates(p: PlantParameters, e: Rows, work: Rows, dy: int) -> None:
 
 @compiled
 def _suspension(e: Rows, state: Rows, work: Rows, settle: bool) -> tuple[Value, Value]:
-    """The force (N) against +x of stiffness_nonlinearity, flexure_relaxation and coulomb_friction, and by how much
-    friction at low velocities is above that (Hess and Soom, J. Tribology 112, 1990, 147-152)."""
+    """The force (N) against +x of stiffness_nonlinearity, flexure_relaxation and the stops of coulomb_friction, and
+    what of friction depends on the velocity (Hess and Soom, J. Tribology 112, 1990, 147-152)."""
     x, width = work[Y + X], e[mechanical.FRICTION_WIDTH]
     spring = (e[mechanical.QUADRATIC] + e[mechanical.CUBIC] * x) * x * x
     creep = e[mechanical.CREEP_STIFFNESS] * (x - work[Y + CREEP])
-    if not some(e[mechanical.FRICTION_SLOPE] > 0.0):
+    if not (some(e[mechanical.FRICTION_SLOPE] > 0.0) or some(e[mechanical.SMOOTH_FRICTION] > 0.0)):
         return spring + creep, x - x
     change = x - state[ANCHOR_X]
     if settle:
@@ -458,7 +458,15 @@ def _suspension(e: Rows, state: Rows, work: Rows, settle: bool) -> tuple[Value, 
     v = work[Y + V]
     more = e[mechanical.STRIBECK_RISE] / (1.0 + e[mechanical.STRIBECK_FALL] * v * v)
     stops = e[mechanical.FRICTION_SLOPE] * stop_sum(state, STOPS_X, width, change)
-    return spring + creep + stops, more * stops
+    return spring + creep + stops, more * stops + _smooth_friction(e, v) * (1.0 + more)
+
+
+@compiled
+def _smooth_friction(e: Rows, v: Value) -> Value:
+    """Friction (N) that passes zero with the velocity, F tanh(v/w): see coulomb_friction."""
+    if not some(e[mechanical.SMOOTH_FRICTION] > 0.0):
+        return v - v
+    return e[mechanical.SMOOTH_FRICTION] * hyperbolic_tangent(e[mechanical.SMOOTH_SLOPE] * v)
 
 
 @compiled

@@ -90,9 +90,9 @@ def rates_of_effects(plant: PlantParameters, effects: EffectValues) -> dict[str,
         rates["flexure_relaxation"] = 1.0 / effects.get("flexure_relaxation", "time_constant")
         stiffness *= 1.0 + effects.get("flexure_relaxation", "strength")
     if "coulomb_friction" in present:
-        friction = effects.get("coulomb_friction", "force") / effects.get("coulomb_friction", "presliding")
-        stiffness += 2 * N_STOP / (N_STOP + 1) * friction
-        rates["coulomb_friction"] = math.sqrt(stiffness / plant.mass)
+        friction, of_stops = _friction_rate(plant, effects)
+        stiffness += of_stops
+        rates["coulomb_friction"] = max(friction, math.sqrt(stiffness / plant.mass))
     if "periodic_disturbance" in present:
         rates["periodic_disturbance"] = 2 * math.pi * effects.get("periodic_disturbance", "frequency")
     for one in DECLARED.values():
@@ -102,6 +102,15 @@ def rates_of_effects(plant: PlantParameters, effects: EffectValues) -> dict[str,
             rates[one.effect] = max(slopes.get("v", 0.0) / plant.mass, sprung)
     rates["motion.stiffness with the effects over motion.moving_mass"] = math.sqrt(stiffness / plant.mass)
     return rates
+
+
+def _friction_rate(plant: PlantParameters, effects: EffectValues) -> tuple[float, float]:
+    """Of coulomb_friction the slope over the velocity over the mass, in 1/s, and the stiffness of its stops, N/m."""
+    force, transition = (effects.get("coulomb_friction", name) for name in ("force", "transition_velocity"))
+    if transition > 0.0:
+        rise = effects.get("coulomb_friction", "stribeck_rise")
+        return force * (1.0 + rise) / (transition * plant.mass), 0.0
+    return 0.0, 2 * N_STOP / (N_STOP + 1) * force / effects.get("coulomb_friction", "presliding")
 
 
 def _resistance_of_laws(plant: PlantParameters, effects: EffectValues) -> float:

@@ -30,6 +30,8 @@ from msl_fem.table.magnetic_table import MagneticTable
 
 N_POINTS = 241
 MOST_POINTS = 20_000
+ROOM_FOR_LEGEND = 0.17
+"""Of the height of a plot, above what it shows."""
 MOST_EFFECTS = 8
 BINS = 600
 REGIONS = (("preferred", GREEN), ("discouraged", ORANGE), ("unacceptable", RED))
@@ -270,7 +272,9 @@ def _draw_residual(axes: Axes, channel: ChannelResiduals) -> None:
         low, high = (f.reduceat(values * scale, starts) for f in (np.fmin, np.fmax))
         axes.fill_between(channel.time[starts], low, high, color=colour, alpha=0.8, linewidth=0.4, label=name)
     axes.axhspan(-2 * channel.sigma * scale, 2 * channel.sigma * scale, color=GREY, alpha=0.35, label="noise, 2 sigma")
-    axes.legend(frameon=False, fontsize=8, loc="upper right")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + ROOM_FOR_LEGEND * (high - low))
+    axes.legend(frameon=False, fontsize=8, loc="upper right", ncols=2)
     axes.margins(x=0.01)
     name = f"{channel_name(channel.channel)} of {channel.run} ({channel.role})"
     _label(axes, "time in s", f"measured less modelled in {unit}")

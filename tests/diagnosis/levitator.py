@@ -100,7 +100,7 @@ def _sample(truth: Truth, x: float, v: float, flux: float, voltage: float) -> tu
             inductance = truth.inductance * (L0 + K / far)
             current = fm / inductance
             pull = truth.inductance * K / far**2 * current**2 / 2
-            rub = truth.friction * np.tanh(vm / 1e-3) + truth.drag * abs(vm) * vm / 0.1
+            rub = truth.friction * vm / np.hypot(vm, 1e-3) + truth.drag * abs(vm) * vm / 0.1
             force, drop = pull - WEIGHT - rub, resistance * current
             xm, vm, fm = x + h / 2 * vm, v + h / 2 * force / mass, flux + h / 2 * (voltage - drop)
         x, v, flux = 2 * xm - x, 2 * vm - v, 2 * fm - flux

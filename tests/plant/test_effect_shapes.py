@@ -128,6 +128,20 @@ def test_friction_at_a_steady_velocity_falls_as_stated() -> None:
         assert abs(run.audit.imbalance) < 1e-5
 
 
+def test_friction_that_passes_zero_with_the_velocity_creeps_as_stated() -> None:
+    """Push = c v + F (1 + rise/(1 + (v/v_s)^2)) tanh(v/w), below F as well, where stops would hold the mover."""
+    loose = rig(stiffness="0 N/m", damping="40 N s/m")
+    shape = {"transition_velocity": 5e-3, "stribeck_rise": 0.5, "stribeck_velocity": 5e-3}
+    values = effects("coulomb_friction", force=1.0, **shape)
+    for push in (0.5, 2.5):
+        run = simulate(loose, None, Inputs(np.full((4000, 1), push), 2e3), effects=values)
+        v = float(np.diff(run.position[-200:]).mean() * 2e3)
+        assert v > 1e-3
+        friction = (1.0 + 0.5 / (1 + (v / 5e-3) ** 2)) * np.tanh(v / 5e-3)
+        assert push == pytest.approx(40 * v + friction, rel=1e-6)
+        assert abs(run.audit.imbalance) < 1e-6
+
+
 def test_iron_was_demagnetised_before_the_currents_rose(servo: Actuator) -> None:
     """At the start of a run with 1 A the branch is the rising one: its flux is of 1 A less the coercive current."""
     slow = changed(servo, drive={"bandwidth": 50.0}, motion={"moving_mass": 1e24})

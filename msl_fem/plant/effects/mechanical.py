@@ -26,6 +26,7 @@ LAYOUT = RowLayout(after=electrical.LAYOUT)
 QUADRATIC, CUBIC = LAYOUT.rows(2)  # of the spring, N/m^2, N/m^3
 FRICTION_SLOPE, FRICTION_WIDTH = LAYOUT.rows(2)  # of a stop, N/m; of the first stop, m
 STRIBECK_RISE, STRIBECK_FALL = LAYOUT.rows(2)  # friction at rest over that in motion less 1; 1/velocity^2 of its fall
+SMOOTH_FRICTION, SMOOTH_SLOPE = LAYOUT.rows(2)  # friction that passes zero with the velocity, N; 1/velocity of its tanh
 FILM, FILM_GAP = LAYOUT.rows(2)  # N s/m, and the gap at which it is stated, m
 MODE_KEPT, MODE_RATIO = LAYOUT.rows(2)  # share of the mass that moves with the armature, second mass over that
 MODE_STIFFNESS, MODE_DAMPING = LAYOUT.rows(2)  # of the second mass: w^2, 2 zeta w
@@ -50,8 +51,12 @@ def _spring_force(v: Values, plant: PlantParameters, motion: MoverMotion) -> Arr
 
 
 def _friction(e: Array, v: Values, setting: KernelSetting) -> None:
+    force, transition = v["coulomb_friction", "force"], v["coulomb_friction", "transition_velocity"]
     e[FRICTION_WIDTH] = v["coulomb_friction", "presliding"] / N_STOP
-    e[FRICTION_SLOPE] = v["coulomb_friction", "force"] / (SUM_OF_WIDTHS * e[FRICTION_WIDTH])
+    if transition > 0.0:
+        e[SMOOTH_FRICTION], e[SMOOTH_SLOPE] = force, 1.0 / transition
+    else:
+        e[FRICTION_SLOPE] = force / (SUM_OF_WIDTHS * e[FRICTION_WIDTH])
     e[STRIBECK_RISE] = v["coulomb_friction", "stribeck_rise"]
     slow = v["coulomb_friction", "stribeck_velocity"]
     e[STRIBECK_FALL] = 1.0 / (slow * slow)
@@ -62,8 +67,11 @@ def _friction_force(v: Values, plant: PlantParameters, motion: MoverMotion) -> A
     if not np.any(friction):
         return 0.0
     slowness = 1 + (motion.velocity / v["coulomb_friction", "stribeck_velocity"]) ** 2
-    width = v["coulomb_friction", "presliding"] / N_STOP
     rise = 1 + v["coulomb_friction", "stribeck_rise"] / slowness
+    transition = v["coulomb_friction", "transition_velocity"]
+    if transition > 0.0:
+        return friction * rise * np.tanh(motion.velocity / transition)
+    width = v["coulomb_friction", "presliding"] / N_STOP
     return friction * rise * stops_along(motion.position, width) / (width * SUM_OF_WIDTHS)
 
 
@@ -178,11 +186,13 @@ MECHANICAL = (
         sentence="a rate-independent friction force",
         equation=(
             "force -s sum_k e_k (1 + stribeck_rise/(1 + (v/stribeck_velocity)^2)), e_k a stop of width r_k of "
-            "the position: elastic below, sliding at `force`"
+            "the position: elastic below, sliding at `force`; with a transition_velocity w in their place "
+            "-force tanh(v/w)"
         ),
         source=(
             "Iwan, J. Appl. Mech. 33, 1966, 893-900; Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005, 1883-1887; "
-            "Hess, Soom, J. Tribology 112, 1990, 147-152 (the fall over velocity)"
+            "Hess, Soom, J. Tribology 112, 1990, 147-152 (the fall over velocity); "
+            "Andersson, Soderberg, Bjorklund, Tribology Int. 40, 2007, 580-587 (tanh over velocity)"
         ),
         parameters=(
             Parameter("force", "N", 0.0, (0.0, 1e3), 0.1, "in full sliding", of=(("force", 1),)),
@@ -217,6 +227,18 @@ MECHANICAL = (
                 shape=True,
                 tried=(0.15,),
                 over="velocity",
+            ),
+            Parameter(
+                "transition_velocity",
+                "m/s",
+                0.0,
+                (0.0, 10.0),
+                1e-3,
+                "over which friction passes zero; 0: elastic over `presliding`",
+                shape=True,
+                tried=(0.2,),
+                over="velocity",
+                instead="presliding",
             ),
         ),
         coefficients=_friction,
