@@ -272,8 +272,8 @@ def _draw_residual(axes: Axes, channel: ChannelResiduals) -> None:
         low, high = (f.reduceat(values * scale, starts) for f in (np.fmin, np.fmax))
         axes.fill_between(channel.time[starts], low, high, color=colour, alpha=0.8, linewidth=0.4, label=name)
     axes.axhspan(-2 * channel.sigma * scale, 2 * channel.sigma * scale, color=GREY, alpha=0.35, label="noise, 2 sigma")
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + ROOM_FOR_LEGEND * (high - low))
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + ROOM_FOR_LEGEND * (top - bottom))
     axes.legend(frameon=False, fontsize=8, loc="upper right", ncols=2)
     axes.margins(x=0.01)
     name = f"{channel_name(channel.channel)} of {channel.run} ({channel.role})"

@@ -16,6 +16,8 @@ from msl_fem.diagnosis.runs import dynamic_runs
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting, guessed
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.diagnosis.variants import RecordFeatures, variants
+from msl_fem.plant import plant_parameters
 from msl_fem.plant.excitation import Inputs
 from msl_fem.prediction import ModelHypothesis, kernel_plant, run_data
 
@@ -168,6 +170,14 @@ def test_friction_is_named_on_an_unstable_levitator(base, table, monkeypatch) ->
     found = diagnose(levitator.record(base, hidden, seconds=1.6), DiagnosisSettings(table=table, threads=2))
     assert found.names[:1] == ("coulomb_friction",)
     assert found.causes[0].parameters["force"].value == pytest.approx(hidden.friction, rel=0.1)
+
+
+def test_friction_is_tried_in_each_of_its_forms(base) -> None:
+    """Elastic before it slides, or passing zero with the velocity: never both in one."""
+    features = RecordFeatures(1e-3, 1.0, 5e-3, 20.0)
+    tried = variants("coulomb_friction", features, plant_parameters(levitator.actuator(base)))
+    forms = {frozenset(shape.name for shape in one.shapes) & {"presliding", "transition_velocity"} for one in tried}
+    assert forms == {frozenset({"presliding"}), frozenset({"transition_velocity"})}
 
 
 def test_stretches_grow_as_the_model_improves(base, table) -> None:

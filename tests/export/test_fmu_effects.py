@@ -76,10 +76,14 @@ def test_to_the_last_bit_where_the_compiler_fuses_as_the_kernel_does(servo, tabl
     assert wanted.samples_at_voltage_limit.max() > 0
 
 
-@pytest.mark.parametrize("effect", list(ALL_EFFECTS.stated))
-def test_each_effect_is_a_parameter(archive, quiet, table, effect):
+@pytest.mark.parametrize(
+    ("effect", "shape"),
+    [*((effect, {}) for effect in ALL_EFFECTS.stated), ("coulomb_friction", {"transition_velocity": 1e-3})],
+    ids=[*ALL_EFFECTS.stated, "coulomb_friction over the velocity"],
+)
+def test_each_effect_is_a_parameter(archive, quiet, table, effect, shape):
     """One archive: the others are set to their neutral values, as the plain model's."""
-    values = EffectValues({effect: dict(ALL_EFFECTS.stated[effect]) | LARGEST.get(effect, {})})
+    values = EffectValues({effect: dict(ALL_EFFECTS.stated[effect]) | LARGEST.get(effect, {}) | shape})
     master = Master(archive)
     start = master.neutral() | {f"{effect}_{name}": value for name, value in values.stated[effect].items()}
     commands = rough(N_SAMPLE).commands
