@@ -36,6 +36,9 @@ from msl_fem.record.validity import bridged
 
 ROUNDS = 3
 """How often stretches are chosen anew at a better model."""
+FAR, LOSES = 10.0, 2.0
+"""Times the noise that a fitted model may leave over longer stretches, or what it leaves over those before. Beyond
+both a cause is missing, and what of it piles up over a stretch is no more a small change of the model."""
 OTHER_HOLD: Mapping[Hold, Hold] = {"zero-order": "linear", "linear": "zero-order"}
 Cuts = tuple[Stretches | None, ...]
 
@@ -68,7 +71,8 @@ class Runs(Kind):
         return all(cut is None for cut in self.cuts)
 
     def settled(self, tell: Callable[[str], None]) -> "Runs":
-        """With stretches chosen anew at the model without effects, which bears longer ones than the belief."""
+        """With stretches chosen anew at the model without effects, which bears longer ones than the belief, as long as
+        it follows them."""
         kind = self
         for n in range(ROUNDS):
             if kind.whole:
@@ -78,6 +82,9 @@ class Runs(Kind):
             start = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
             found = fit(kind.likelihood, kind.unknowns, start, plan=FitPlan(enough=ROUGH, tell=told))
             renewed = kind.renewed(found)
+            if not renewed.whole and _largest_left(renewed, found) > max(FAR, LOSES * max(found.excess.values())):
+                kind = replace(kind, likelihood=found.likelihood, begin=found.z)
+                break
             done = _lengths(renewed.cuts) == _lengths(kind.cuts)
             kind = renewed
             if done:
@@ -277,6 +284,14 @@ def _simulated_missed(
         problem, 0, ModelSpread(Unknowns((), 0, ()), np.zeros(0), np.zeros((0, 0))), substeps=plant.substeps
     )
     return shot.followed(cut)
+
+
+def _largest_left(kind: Runs, found: Fit) -> float:
+    """The largest RMS residual over the noise that a fit's believed parameters and table leave over a kind's runs."""
+    n = len(found.unknowns.believed) + found.unknowns.n_table
+    z = np.zeros(kind.unknowns.size)
+    z[:n] = found.z[:n]
+    return max(kind.likelihood.excess(replace(found, unknowns=kind.unknowns, z=z)).values())
 
 
 def _of_round(tell: Callable[[str], None], n: int, text: str) -> None:

@@ -190,3 +190,16 @@ def test_stretches_grow_as_the_model_improves(base, table) -> None:
     assert believed.cuts[0].begins.size > fitted.cuts[0].begins.size
     assert told[0].startswith("round 1 of at most 3")  # a long record takes minutes here: every step is told
     assert sum("a further step promises" in text for text in told) > 2
+
+
+def test_stretches_stay_where_longer_ones_leave_far_more(base, table, monkeypatch) -> None:
+    """The record above, with no growth of what is left allowed: the fit goes on from where it came to."""
+    for name in ("FAR", "LOSES"):
+        monkeypatch.setattr(f"msl_fem.diagnosis.runs.{name}", 0.0)
+    record = levitator.record(base, levitator.Truth(inductance=0.8), seconds=0.5)
+    runs = [run_data(record, run) for run in record.runs]
+    believed = dynamic_runs(record, ModelHypothesis(record.actuator, table), runs)
+    kept = believed.settled(lambda text: None)
+    assert [cut.begins.size for cut in kept.cuts] == [cut.begins.size for cut in believed.cuts]
+    assert kept.begin is not None
+    assert np.abs(kept.begin).max() > 1
