@@ -34,6 +34,7 @@ MORE_LEGS = 6  # of `LAST_STEPS`, for the leader alone, as long as they bring wh
 RACED_STEPS = 5  # of a candidate that is kept, until it is looked at again
 CATCHING_UP = 3.0
 """Times what the last of these rounds brought, by which a candidate that goes on may still grow."""
+STRAINED = 4.0  # tolerances by which a believed parameter of a fit has moved, where something else bends it
 NEAR = 15.0  # nats behind the best within which refits are converged
 FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the best
 ROUGHLY_CONVERGED = 0.5  # nats that a candidate which does not lead may still gain
@@ -208,7 +209,23 @@ class Refinement:
                 break
             self.tell(f"{led.variant.name}, which leads, goes on; {led.gain:.3g} nats")
             refit, led = led, self._refit(led.fit, led.variant, led.fit.z, plan, None)
+        if leads and strained(led.fit):
+            led = max(led, self._from_belief(led, plan) or led, key=lambda one: one.gain)
         return replace(led, fit=replace(led.fit, finished=leads))
+
+    def _from_belief(self, refit: Refit, plan: FitPlan) -> Refit | None:
+        """A candidate with its effects, begun once more where all else is as believed: what the model without it had
+        moved, to make up for it, may be a long way back. None where the belief with it cannot be simulated."""
+        z = refit.fit.z.copy()
+        z[: len(refit.fit.unknowns.believed) + refit.fit.unknowns.n_table] = 0.0
+        self.tell(f"{refit.variant.name}, which leads, once more with all else as believed")
+        likelihood = refit.fit.likelihood
+        if likelihood.is_cut:
+            likelihood = likelihood.followed(refit.fit.unknowns, z)
+        try:
+            return self._refit(replace(refit.fit, likelihood=likelihood), refit.variant, z, plan, None)
+        except ComputationError:
+            return None
 
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
         unknowns = extended(self.base.unknowns, variant)
@@ -218,6 +235,11 @@ class Refinement:
         found = replace(found, likelihood=own)
         self.memory.ended(fit_name(self.base.unknowns, variant.name), found.z)
         return Refit(variant, found, found.log_evidence - self.base.log_evidence)
+
+
+def strained(found: Fit) -> bool:
+    """Whether a believed parameter is so far off that something else must be wrong."""
+    return bool(np.any(np.abs(found.z[: len(found.unknowns.believed)]) > STRAINED))
 
 
 def _may_lead(before: Refit, after: Refit, leader: float) -> bool:

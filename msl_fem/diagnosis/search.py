@@ -13,7 +13,7 @@ from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.null import NullDistribution
-from msl_fem.diagnosis.refits import LAST_STEPS, Refinement, Refit
+from msl_fem.diagnosis.refits import LAST_STEPS, Refinement, Refit, strained
 from msl_fem.diagnosis.scores import Score, scored
 from msl_fem.diagnosis.variants import Variant
 
@@ -23,7 +23,6 @@ SHARE = 0.03  # of the best score: effects below are not refitted
 VARIANTS = 2  # of an effect that are refitted
 FAR_ABOVE = 40.0
 HOPELESS = 1 / 3  # of the nats that an effect needs, below which linear scores beside noise are taken at their word
-STRAINED = 4.0  # tolerances by which a believed parameter of a fit has moved, where something else bends it
 COMPENSATED = ("gap_offset", "early_saturation", "fringing", "armature_tilt")
 """Effects that gap, scale and table make up for nearly, so that at a strained fit a linear score misses them."""
 
@@ -91,11 +90,6 @@ def converged_base(start: Fit) -> Fit:
     columns = start.jacobian[:, : start.unknowns.n_nuisance]
     plan = FitPlan(most_steps=LAST_STEPS) if start.unknowns.effects else FitPlan()
     return fit(start.likelihood, start.unknowns, start.z, plan=plan, nuisance_columns=columns)
-
-
-def strained(found: Fit) -> bool:
-    """Whether a believed parameter is so far off that something else must be wrong."""
-    return bool(np.any(np.abs(found.z[: len(found.unknowns.believed)]) > STRAINED))
 
 
 def _best_of(every: Sequence[Score]) -> dict[str, Score]:

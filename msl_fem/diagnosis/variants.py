@@ -115,7 +115,7 @@ def _forms(shapes: Sequence[Parameter]) -> list[list[Parameter]]:
     """The shapes that are tried together: those that stand in no other's place, then one of those that do."""
     first = [shape for shape in shapes if not shape.instead]
     others = [shape for shape in shapes if shape.instead]
-    return [first, *([*(shape for shape in first if shape.name != one.instead), one] for one in others)]
+    return [first, *([*(shape for shape in first if shape.name not in one.instead), one] for one in others)]
 
 
 def _there(effect: str, names: Sequence[str], plant: PlantParameters) -> bool:

@@ -95,7 +95,7 @@ class Parameter:
         position, velocity, current or command, the mover's own frequency, the lines of the residual's spectrum), in SI
         over ""; over "loops" it is searched for in measured loops alone and elsewhere has its neutral value
     width : of a shape, one sigma of its logarithm about a value that is tried
-    instead : of a shape, the one in whose place it is tried: two forms of one effect
+    instead : of a shape, those in whose place it is tried: two forms of one effect
     belongs_to : of a shape, the one amount that it is about; "": all of them
     alone : an amount that is tried without its effect's shapes too
     lagging : it needs a drive whose current cannot jump, though its effect does not
@@ -113,7 +113,7 @@ class Parameter:
     tried: tuple[float, ...] = ()
     over: Scale = ""
     width: float = 1.0
-    instead: str = ""
+    instead: tuple[str, ...] = ()
     belongs_to: str = ""
     alone: bool = False
     lagging: bool = False

@@ -183,7 +183,7 @@ MECHANICAL = (
     Effect(
         name="coulomb_friction",
         group="mechanical",
-        sentence="a rate-independent friction force",
+        sentence="dry friction, a force against the motion that is nearly as large at any speed",
         equation=(
             "force -s sum_k e_k (1 + stribeck_rise/(1 + (v/stribeck_velocity)^2)), e_k a stop of width r_k of "
             "the position: elastic below, sliding at `force`; with a transition_velocity w in their place "
@@ -238,7 +238,7 @@ MECHANICAL = (
                 shape=True,
                 tried=(0.2,),
                 over="velocity",
-                instead="presliding",
+                instead=("presliding", "stribeck_rise", "stribeck_velocity"),
             ),
         ),
         coefficients=_friction,

@@ -1,0 +1,66 @@
+"""The candidate in front is led to its end: in legs while they bring something, and once more from the belief."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from msl_fem.diagnosis.fit_memory import FitMemory
+from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.refits import MORE_LEGS, Refinement, Refit
+from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
+from msl_fem.diagnosis.variants import Variant
+
+FRICTION = Variant("coulomb_friction", (EffectUnknown("coulomb_friction", "force"),))
+UNKNOWNS = Unknowns((("moving_mass", 0.01), ("damping", 0.2)), 0, ())
+
+
+def refit(z: list[float], gain: float) -> Refit:
+    """A candidate at numbers of mass, damping and friction."""
+    likelihood = SimpleNamespace(is_cut=False)
+    unknowns = replace(UNKNOWNS, effects=FRICTION.unknowns)
+    numbers = (np.array(z), np.zeros(1), np.zeros((1, 3)), None, -gain, gain, 0.0, 1)
+    return Refit(FRICTION, Fit(unknowns, *numbers, likelihood), gain)
+
+
+@pytest.fixture
+def fits(monkeypatch) -> list[np.ndarray]:
+    """Where fits began: one from a strained mass gains a hundred nats, one from the belief comes to 5000 at once."""
+    begun: list[np.ndarray] = []
+
+    def fitted(self: Refinement, near: Fit, variant: Variant, z: np.ndarray, *rest: object) -> Refit:
+        begun.append(z)
+        if abs(z[0]) > 1:
+            return refit(list(z), -near.objective + 100.0)
+        return refit([0.1, 0.1, z[2]], 5000.0)
+
+    monkeypatch.setattr(Refinement, "_refit", fitted)
+    return begun
+
+
+def led(z: list[float], *, leads: bool) -> Refit:
+    base = refit([0.0, 0.0, 0.0], 0.0).fit
+    return Refinement(base, lambda text: None, FitMemory()).converged(refit(z, 1000.0), leads=leads)
+
+
+def test_a_strained_leader_begins_once_more_where_all_else_is_as_believed(fits) -> None:
+    found = led([9.0, 5.0, 0.3], leads=True)
+    assert found.gain == 5000.0
+    assert found.fit.finished
+    assert fits[-1].tolist() == [0.0, 0.0, 0.3]
+
+
+def test_a_leader_goes_on_while_it_gains_and_others_take_one_leg(fits) -> None:
+    led([9.0, 5.0, 0.3], leads=True)
+    assert len(fits) == 1 + MORE_LEGS + 1
+    fits.clear()
+    assert led([9.0, 5.0, 0.3], leads=False).gain == 1100.0
+    assert len(fits) == 1
+
+
+def test_the_better_of_both_is_kept(fits, monkeypatch) -> None:
+    monkeypatch.setattr("msl_fem.diagnosis.refits.MORE_LEGS", 0)
+    begin = refit([9.0, 5.0, 0.3], 6000.0)
+    base = refit([0.0, 0.0, 0.0], 0.0).fit
+    assert Refinement(base, lambda text: None, FitMemory()).converged(begin, leads=True).gain == 6100.0
