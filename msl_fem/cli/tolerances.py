@@ -14,6 +14,7 @@ from msl_fem.computing.jobs import Executor
 from msl_fem.computing.row_cache import RowCache
 from msl_fem.design.tolerances import NAMES, RowRun, ToleranceSettings, ToleranceStudy, tolerance_study
 from msl_fem.design.tolerances.manufactured import LENGTHS
+from msl_fem.design.tolerances.study import Band, TableBand
 from msl_fem.errors import InputError
 from msl_fem.files.whole_file import check_target
 from msl_fem.report.design_pages import relative_limit, tolerance_page
@@ -36,6 +37,9 @@ def command(
     samples: Annotated[int, typer.Option(help="Magnets that the Monte Carlo study draws.")] = 2000,
     checks: Annotated[int, typer.Option(help="Samples solved directly, to check the linearised map.")] = 24,
     direct: Annotated[bool, typer.Option("--direct", help="Solve the fields of all samples.")] = False,
+    tables: Annotated[
+        bool, typer.Option("--tables", help="As --direct, with the band of the whole table of force and flux linkage.")
+    ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the magnets that are drawn.")] = 1,
     accuracy: AccuracyLevel = "fast",
     end_effects: SectionEnds = None,
@@ -65,6 +69,7 @@ def command(
         samples=samples,
         checks=checks,
         direct=direct,
+        tables=tables,
         seed=seed,
         accuracy=checked_accuracy(accuracy),
         end_effects=checked_end_effects(end_effects),
@@ -130,7 +135,25 @@ def tolerances_to_json(study: ToleranceStudy) -> dict[str, Any]:
             "checked": band.checked,
             "linearisation_error": band.linearisation_error,
             "band_error": band.band_error,
+            **_table_to_json(band),
         },
+    }
+
+
+def _table_to_json(band: Band) -> dict[str, Any]:
+    """The field `table` of the band, where whole tables were asked for."""
+    table = band.table
+    if table is None:
+        return {}
+    force, flux = (dict(zip(("low", "high"), values, strict=True)) for values in (table.force, table.flux_linkage))
+    return {
+        "table": {
+            "current_A": table.current,
+            "force_N": force,
+            "flux_linkage_Wb": flux,
+            "certified": table.certified,
+            "error_estimate": table.error_estimate,
+        }
     }
 
 
@@ -157,3 +180,15 @@ def _print_tables(study: ToleranceStudy, name: str) -> None:
             f"{a:.3f} ... {b:.3f}" for a, b in zip(study.band.low[k], study.band.high[k], strict=True)
         ]
     print_columns(bands, title=f"the map's band, {study.band.samples} samples, {study.band.method}")
+    if study.band.table is not None:
+        _print_table_band(study, study.band.table)
+
+
+def _print_table_band(study: ToleranceStudy, table: TableBand) -> None:
+    """The force's band at every second current of the table."""
+    columns = {"gap in mm": [f"{g * 1e3:.4g}" for g in study.gap]}
+    for k in range(1, table.current.size, 2):
+        low, high = table.force[:, :, k]
+        columns[f"{table.current[k]:.3g} A"] = [f"{a:.4g} ... {b:.4g}" for a, b in zip(low, high, strict=True)]
+    told = f"{table.certified} by a certified reduced field (errors up to {table.error_estimate:.1e} of full scale)"
+    print_columns(columns, title=f"force in N, 5 ... 95 % of {study.band.samples} samples, {told}")

@@ -25,6 +25,7 @@ def no_field(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("a field was solved")
 
     monkeypatch.setattr(evaluation_module, "field_point", refuse)
+    monkeypatch.setattr(evaluation_module, "stack_point", refuse)
 
 
 @pytest.mark.usefixtures("no_field")
@@ -66,14 +67,16 @@ def test_a_design_is_what_solve_says(ends: bool | None) -> None:
     evaluation = it.by_field(GOOD, accuracy="normal")
     assert evaluation.stage == SOLVED
     assert evaluation.feasible, evaluation.constraints
-    assert 1 <= evaluation.solves <= (5 if ends is False else 12)
+    assert 1 <= evaluation.solves <= 5
     found = evaluation.performance
     assert found is not None
     written = sized_actuator(found, it.requirement, target=Path("x.toml"), end_effects=ends)
     assert written.end_effects == ("none" if ends is False else "section")
     point = solve(written, found.current, 0.5e-3, accuracy="normal")
     assert point.quantities.force == pytest.approx(found.force, rel=1e-6)
-    assert 150.0 <= found.force < 150.0 * (1 + 1e-5 / found.magnet.stack_depth)
+    assert 150.0 <= found.force < 150.0 * (1 + 1.4e-5 / found.magnet.stack_depth), (
+        "a step of the grid; ends do not grow"
+    )
     largest = max(section.mean for section in point.quantities.flux_density.values())
     assert largest == pytest.approx(found.flux_density, rel=1e-6)
     assert 1.2 * (1 - 1e-3) < found.flux_density <= 1.2

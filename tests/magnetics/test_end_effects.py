@@ -8,6 +8,7 @@ from conftest import ROOT
 from random_cores import random_core
 
 from msl_fem.actuator import Actuator, ECore, load_actuator
+from msl_fem.magnetics.field.between_legs import REACH, excess_between
 from msl_fem.magnetics.field.end_effects import (
     EndFactors,
     EndSection,
@@ -197,3 +198,16 @@ def test_saturated_iron_takes_no_more_flux(field, e1):
     small, large = (at(field, i, gap).flux_linkage / at(off, i, gap).flux_linkage - 1 for i in (0.5, 12.0))
     assert 0 < large < small
     assert at(field, 12.0, gap).force < at(off, 12.0, gap).force
+
+
+@pytest.mark.parametrize(("upper", "lower", "mirror"), [(0.6, 0.5, True), (2.5, 0.3, True), (1.2, 1.2, False)])
+def test_kept_excess_is_that_of_a_solved_section(upper, lower, mirror):
+    """Two routes: the polynomial, and a section across the legs; what is beyond the polynomial's reach is solved."""
+    kept = excess_between(upper, lower, mirror=mirror)
+    assert kept == pytest.approx(EndSection(1.0, upper, lower, mirror=mirror).excess(), rel=5e-4 if mirror else 2e-3)
+
+
+def test_beyond_the_reach_nothing_is_kept():
+    assert excess_between(math.exp(REACH) * 1.01, 1.0, mirror=True) is None
+    assert excess_between(1.0, math.exp(-REACH) / 1.01, mirror=True) is None
+    assert excess_between(math.exp(REACH) * 0.99, 1.0, mirror=True) is not None

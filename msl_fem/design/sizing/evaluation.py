@@ -24,7 +24,7 @@ from msl_fem.design.sizing.design import (
     total_violation,
     wound,
 )
-from msl_fem.design.sizing.field_point import TOLERANCE, FieldPoint, field_point
+from msl_fem.design.sizing.field_point import TOLERANCE, FieldPoint, StackDemand, field_point, stack_point
 from msl_fem.design.sizing.requirement import Objective, Requirement
 from msl_fem.errors import ComputationError
 from msl_fem.magnetics.field.accuracy import Accuracy
@@ -38,9 +38,8 @@ MOST_SLENDER, LEAST_STACK = 50.0, 1e-3
 """Of the stack's depth: over the core's half width at most, and in m at least."""
 MOST_DEPTHS = 6
 SAME_FORCE = 1e-3
-SAME_DEPTH: dict[Accuracy, float] = {"fast": 5e-3, "normal": 0.0, "fine": 0.0}
-"""Depths of a stack at most, the relative change of the closed equations' force per depth after which they have it, and
-the relative step of the depth that fields need not solve."""
+"""Depths of a stack at most, and the relative change of the closed equations' force per depth after which they have
+it."""
 MOST_SIZES, SURPLUS, TRIM = 5, 1e-2, 1e-3
 """A body of revolution grows so often at most, until its force is more than the wanted one by no more than a share; the
 flux density is then trimmed to a smaller share."""
@@ -209,48 +208,39 @@ class DesignEvaluator:
         return self._evaluated(SOLVED, design, found.point, depth=found.depth, solves=found.solves)
 
     def _with_ends(self, design: Design, accuracy: Accuracy) -> FieldPoint:
-        """The field of the stack, on the grid, that has the force with its ends.
-
-        Ends do not grow with the stack: a stack that is deeper by a piece has the force of that piece without ends
-        more, so that the closed equations' force per depth is the slope of the first step; the next are secants.
-        """
-        slope, wanted = self.circuit(design).point.force, design.force
+        """The field of the stack, on the grid, that has the force with its ends."""
+        requirement = self.requirement
         point = self._closed(design)
-        found, solves = FieldPoint(point, 0, _gridded(wanted / point.force)), 0
-        known: tuple[float, float] | None = None
-        for _ in range(MOST_DEPTHS):
-            depth = found.depth
-            if any(not c.kept for c in self._stack_limits(design, depth)):
-                break
-            begin = found if solves else None
-            found = self.point_by_field(design, found.point.ampere_turns, depth=depth, accuracy=accuracy, begin=begin)
-            solves += found.solves
-            force = depth * found.point.force
-            if known is not None:
-                slope = (force - known[1]) / (depth - known[0])
-            following, known = _gridded(depth + (wanted - force) / slope), (depth, force)
-            if abs(following - depth) <= SAME_DEPTH[accuracy] * depth:
-                point = replace(found.point, force=(force + slope * (following - depth)) / following)
-                return replace(found, point=point, depth=following, solves=solves)
-            found = replace(found, depth=following)
-        return replace(found, solves=solves)
+        demand = StackDemand(
+            flux_density=self._aimed_at(design),
+            force=design.force,
+            magnet=lambda depth: magnet_of(design, requirement, depth=depth, turns=requirement.sized.coils),
+            allowed=lambda depth: all(c.kept for c in self._stack_limits(design, depth)),
+            on_grid=_gridded,
+        )
+        return stack_point(
+            demand, requirement.force.gap, FieldPoint(point, 0, _gridded(design.force / point.force)),
+            slope=self.circuit(design).point.force, folder=requirement.folder, accuracy=accuracy,
+            end_effects=self.end_effects,
+        )  # fmt: skip
+
+    def _aimed_at(self, design: Design) -> float:
+        return min(design.flux_density, self.requirement.flux.limit * (1 - 2 * TOLERANCE))
 
     def point_by_field(
-        self, design: Design, guess: float, *, depth: float | None = None, accuracy: Accuracy = "fast",
-        begin: FieldPoint | None = None,
-    ) -> FieldPoint:  # fmt: skip
+        self, design: Design, guess: float, *, depth: float | None = None, accuracy: Accuracy = "fast"
+    ) -> FieldPoint:
         """The field at the design's flux density, of a stack with its ends, or without a depth of the plane section.
 
-        The guess is of the ampere turns; `begin` is of another depth.
+        The guess is of the ampere turns.
         """
         requirement = self.requirement
         deep = plain_magnet(design, requirement).half_width if depth is None else depth
         plane = depth is None and not requirement.revolved
         return field_point(
             magnet_of(design, requirement, depth=deep, turns=requirement.sized.coils), requirement.force.gap,
-            min(design.flux_density, requirement.flux.limit * (1 - 2 * TOLERANCE)),
-            guess=guess, folder=requirement.folder, accuracy=accuracy,
-            end_effects=False if plane else self.end_effects, begin=begin,
+            self._aimed_at(design), guess=guess, folder=requirement.folder, accuracy=accuracy,
+            end_effects=False if plane else self.end_effects,
         )  # fmt: skip
 
     def _by_fields_of_sizes(self, design: Design, accuracy: Accuracy) -> DesignEvaluation:

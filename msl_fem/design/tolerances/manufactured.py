@@ -121,8 +121,12 @@ def _check(name: str, limit: float, nominal: float | None, unit: str) -> None:
         )
 
 
-def manufactured_field(nominal: FieldJob, deviation: Mapping[str, float]) -> MagnetField:
+def manufactured_field(
+    nominal: FieldJob, deviation: Mapping[str, float], known: MagnetField | None = None
+) -> MagnetField:
     """The field of the magnet with these deviations but that of the gap; relative for the B-H curve, absolute else.
+
+    `known` : the nominal magnet's, whose elements serve where its mesh can be moved
 
     Raises
     ------
@@ -132,7 +136,10 @@ def manufactured_field(nominal: FieldJob, deviation: Mapping[str, float]) -> Mag
     nominal_section = nominal.magnet.section(nominal.mesh.gap)
     deviating = magnet.section(nominal.mesh.gap)
     mesh = moved_mesh(nominal.mesh, nominal_section, deviating) if magnet.TOLERANCED else nominal.mesh
-    field = replace(nominal, magnet=magnet, mesh=mesh).field()
+    if known is not None and nominal.mesh.motion is None:
+        field = known.of(magnet, mesh.points, end_effects=nominal.end_effects)
+    else:
+        field = replace(nominal, magnet=magnet, mesh=mesh).field()
     polarisation, strength = (deviation.get(name, 0.0) for name in ("bh_polarisation", "bh_field_strength"))
     if polarisation or strength:
         irons = {

@@ -4,9 +4,9 @@ One manufactured magnet is a row of a job: currents of the levels over the gap, 
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,13 +15,15 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.computing.jobs import Executor, Progress, run_jobs
 from msl_fem.computing.row_cache import Arrays, RowCache
+from msl_fem.design.tolerances.made_tables import MadeTables, Nodes, nodes_of
 from msl_fem.design.tolerances.manufactured import NAMES, FieldJob, ManufacturingTolerance, manufactured_field
 from msl_fem.errors import ComputationError, NotConverged
 from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.field_map.gap_levels import CurrentContinuation
 from msl_fem.magnetics.field_map.readings import reader_of
-from msl_fem.magnetics.solver.postprocess import Cuts
-from msl_fem.magnetics.sweep.rows import field_key
+from msl_fem.magnetics.solver.postprocess import Cuts, Probes
+from msl_fem.magnetics.sweep.reduced_rows import TOLERANCE
+from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow, field_key
 from msl_fem.maps.level_currents import Criterion
 
 METHOD_VERSION = 1
@@ -61,10 +63,18 @@ class ManufacturedMagnet:
 
 @dataclass(frozen=True)
 class ManufacturingJob:
-    """What a process needs to answer for made magnets."""
+    """What a process needs to answer for made magnets.
+
+    Attributes
+    ----------
+    limits : of the deviations by name, where magnets within them are asked for in a reduced field; None: all in full
+    tables : whether whole tables are asked for
+    """
 
     nominal: FieldJob
     questions: Questions
+    limits: tuple[tuple[str, float], ...] | None = None
+    tables: bool = False
 
     def solver(self) -> "ManufacturingSolver":
         """What answers the questions about magnets as made, in a process of its own if need be."""
@@ -73,7 +83,8 @@ class ManufacturingJob:
     @cached_property
     def key(self) -> str:
         """What determines the answers, as a name."""
-        return field_key(manufactured_field(self.nominal, {}), questions=self.questions, method=METHOD_VERSION)
+        asked = {"questions": self.questions, "limits": self.limits, "tables": self.tables}
+        return field_key(manufactured_field(self.nominal, {}), **asked, method=METHOD_VERSION)
 
 
 class ManufacturingSolver:
@@ -81,37 +92,92 @@ class ManufacturingSolver:
 
     def __init__(self, job: ManufacturingJob) -> None:
         self.job = job
+        self._nominal = manufactured_field(job.nominal, {})
+
+    @cached_property
+    def _nodes(self) -> Nodes:
+        """Those of tables."""
+        asked = self.job.questions
+        return nodes_of(
+            self._nominal,
+            sorted({*asked.gaps, asked.point_gap}),
+            asked.levels,
+            most=asked.most,
+            current=asked.point_current,
+        )
+
+    @cached_property
+    def _tables(self) -> MadeTables | None:
+        """The family of made magnets; None where all are asked for in full."""
+        if self.job.limits is None or not isinstance(self._nominal.probes, Probes):
+            return None
+        asked = self.job.questions
+        return MadeTables(
+            self._made,
+            dict(self.job.limits),
+            self._nodes,
+            most=asked.most,
+            point=(asked.point_current, asked.point_gap),
+            tolerance=TOLERANCE[self.job.nominal.accuracy],
+        )
+
+    def _made(self, deviation: Mapping[str, float]) -> MagnetField:
+        return manufactured_field(self.job.nominal, deviation, self._nominal)
 
     @one_blas_thread
     def solve(self, row: ManufacturedMagnet) -> Arrays:
         """force N, flux_linkage Wb and currents in A, nan where a level is not reached.
 
         Currents are `current` (n_level, n_gap) of the section that governs, or with `by_section` those of each,
-        `section_current` (n_section, n_level, n_gap). Raises ComputationError, which names the magnet.
+        `section_current` (n_section, n_level, n_gap). Whole tables are `table_force` and `table_flux_linkage`
+        (n_gap, n_current). Raises ComputationError, which names the magnet.
         """
         started = time.process_time()
-        asked = self.job.questions
         deviation = dict(zip(NAMES, row.deviation, strict=True))
-        off = deviation["gap"]
         try:
-            field = manufactured_field(self.job.nominal, deviation)
-            if row.by_section:
-                per_section = [self._currents(field, name, off) for name in asked.sections]
-                found = {"section_current": np.stack(per_section)}
-            else:
-                found = {"current": self._currents(field, None, off)}
-            there = field.near(asked.point_gap)
-            at = there.quantities(there.solve(asked.point_current, asked.point_gap + off))
+            found = self._reduced(deviation) if not row.by_section else None
+            if found is None:
+                found = self._in_full(deviation, row.by_section)
         except (NotConverged, ComputationError, ValueError) as err:
             raise ComputationError(
                 f"the magnet with {_told(row)} failed: {err}; make the tolerances smaller, or leave out the level or "
                 "gap; finished magnets are kept for --resume"
             ) from err
-        return found | {
-            "force": np.array(at.force),
-            "flux_linkage": np.array(at.flux_linkage),
-            "cpu_seconds": np.array(time.process_time() - started),
-        }
+        return found | {"cpu_seconds": np.array(time.process_time() - started)}
+
+    def _reduced(self, deviation: Mapping[str, float]) -> Arrays | None:
+        """The answers by the reduced field; None where it does not hold."""
+        if self._tables is None:
+            return None
+        found = self._tables.answer(deviation)
+        if found is None:
+            return None
+        asked = [self._nodes.gaps.index(gap) for gap in self.job.questions.gaps]
+        names = ("table_force", "table_flux_linkage") if self.job.tables else ()
+        tables = {name: found[name][asked] for name in names} | self._table_currents()
+        rest = {name: found[name] for name in ("force", "flux_linkage", "table_error", "section_error")}
+        return rest | {"current": found["current"][:, asked]} | tables
+
+    def _in_full(self, deviation: Mapping[str, float], by_section: bool) -> Arrays:
+        asked, off = self.job.questions, deviation["gap"]
+        field = self._made(deviation)
+        if by_section:
+            found = {"section_current": np.stack([self._currents(field, name, off) for name in asked.sections])}
+        else:
+            found = {"current": self._currents(field, None, off)}
+        there = field.near(asked.point_gap)
+        at = there.quantities(there.solve(asked.point_current, asked.point_gap + off))
+        found |= {"force": np.array(at.force), "flux_linkage": np.array(at.flux_linkage)}
+        if not self.job.tables or by_section:
+            return found
+        solver = RowSolver(SweepJob(**vars(replace(self.job.nominal, magnet=field.magnet))), field)
+        rows = [solver.solve(SweepRow(gap + off, self._nodes.currents)) for gap in asked.gaps]
+        names = ("force", "flux_linkage")
+        tables = {f"table_{name}": np.stack([row[name] for row in rows]) for name in names}
+        return found | tables | self._table_currents()
+
+    def _table_currents(self) -> Arrays:
+        return {"table_current": np.array(self._nodes.currents)} if self.job.tables else {}
 
     def _currents(self, field: MagnetField, section: str | None, off: float) -> Array:
         """(n_level, n_gap) A, read on a section, or on the one that governs."""

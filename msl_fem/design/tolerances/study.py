@@ -39,6 +39,7 @@ PERCENTILES = (5.0, 95.0)
 MOST_MISSING = 0.05  # of the samples in which a level is not reached: the upper percentile is then unknown
 BEYOND_DRIVE = 4.0  # times the drive's limit: where a level is still looked for
 MOST_SAMPLES = 100_000
+FEW = 16  # made magnets, below which their fields in full take less time than the making of a reduced one
 LARGEST_LEVEL = 10.0  # T
 NEARLY = 0.9  # of the governing section's flux density: what tolerances of a few per cent may make govern
 Point = tuple[float, float]
@@ -57,6 +58,7 @@ class Band:
     checked : made magnets solved directly to check the linearised ones, 0 where all are
     linearisation_error : the largest difference of a current, linearised against solved, over the nominal one
     band_error : the largest of the same over half the band's width there
+    table : of the whole table, where that was asked for
     """
 
     low: Array
@@ -69,6 +71,26 @@ class Band:
     checked: int = 0
     linearisation_error: float = 0.0
     band_error: float = 0.0
+    table: "TableBand | None" = None
+
+
+@dataclass(frozen=True, eq=False)
+class TableBand:
+    """5 and 95 % of the samples at each node of a table.
+
+    Attributes
+    ----------
+    current : (n_current,) A
+    force, flux_linkage : (2, n_gap, n_current) N and Wb, low and high
+    certified : samples whose reduced field's checks held; the others were solved in full
+    error_estimate : of force and flux linkage of those, of full scale, the largest
+    """
+
+    current: Array
+    force: Array
+    flux_linkage: Array
+    certified: int
+    error_estimate: float
 
 
 def draw(tolerances: Sequence[ManufacturingTolerance], samples: int, seed: int) -> list[dict[str, float]]:
@@ -84,10 +106,26 @@ def draw(tolerances: Sequence[ManufacturingTolerance], samples: int, seed: int) 
 def direct_band(
     job: ManufacturingJob, tolerances: Sequence[ManufacturingTolerance], running: RowRun, *, samples: int, seed: int
 ) -> Band:
-    """The band of field solutions of every sample; raises ComputationError."""
-    rows = answers(job, draw(tolerances, samples, seed), running)
+    """The band of every sample's field, reduced where its checks hold; raises ComputationError."""
+    rows = answers(by_children(job, tolerances, samples), draw(tolerances, samples, seed), running)
     stacked = {name: np.stack([row[name] for row in rows]) for name in ("current", "force", "flux_linkage")}
-    return _band(stacked, "direct", samples=samples, seed=seed)
+    band = _band(stacked, "direct", samples=samples, seed=seed)
+    return replace(band, table=_table_band(rows)) if job.tables else band
+
+
+def by_children(
+    job: ManufacturingJob, tolerances: Sequence[ManufacturingTolerance], samples: int = FEW
+) -> ManufacturingJob:
+    """The job for magnets within tolerances, by a reduced field where it holds; for few of them in full."""
+    return job if samples < FEW else replace(job, limits=tuple((t.name, t.limit) for t in tolerances))
+
+
+def _table_band(rows: Sequence[Arrays]) -> TableBand:
+    force, flux = (
+        np.percentile([row[f"table_{name}"] for row in rows], PERCENTILES, axis=0) for name in ("force", "flux_linkage")
+    )
+    errors = [float(row["table_error"]) for row in rows if "table_error" in row]
+    return TableBand(rows[0]["table_current"], force, flux, len(errors), max(errors, default=0.0))
 
 
 def linearised_answers(
@@ -147,6 +185,7 @@ class ToleranceSettings:
     point : (current A, gap m) of force and flux linkage; by default the first level's current at the nominal gap
     samples, seed : of the Monte Carlo
     direct : solve the fields of all samples, instead of the linearised map of all and the fields of `checks`
+    tables : as `direct`, with the whole table of each
     end_effects : as of `SweepSettings`
     """
 
@@ -157,6 +196,7 @@ class ToleranceSettings:
     samples: int = 2000
     seed: int = 1
     direct: bool = False
+    tables: bool = False
     checks: int = 24
     accuracy: Accuracy = "fast"
     end_effects: EndEffects = None
@@ -209,6 +249,22 @@ def tolerance_study(
     """
     settings = settings or ToleranceSettings()
     running = running or RowRun()
+    job, tolerances = study_job(actuator, settings)
+    asked = job.questions
+    at, found = sensitivities(job, tolerances, running)
+    if settings.direct or settings.tables:
+        band = direct_band(job, tolerances, running, samples=settings.samples, seed=settings.seed)
+    else:
+        band = linearised_band(at, found, gap=asked.point_gap, samples=settings.samples, seed=settings.seed)
+        band = _checked(job, band, at, found, running=running, checks=settings.checks)
+    point = asked.point_current, asked.point_gap
+    return ToleranceStudy(np.array(asked.levels), np.array(asked.gaps), asked.sections, point, at, found, band)
+
+
+def study_job(
+    actuator: Actuator, settings: ToleranceSettings
+) -> tuple[ManufacturingJob, tuple[ManufacturingTolerance, ...]]:
+    """What a study asks of every made magnet, and the tolerances; raises as `tolerance_study`."""
     tolerances = tolerances_of(actuator, stated=settings.tolerances)
     _check(settings)
     gaps = _gaps(actuator, settings.gaps, tolerances)
@@ -223,14 +279,8 @@ def tolerance_study(
     point = settings.point or _point(actuator, nominal_field, settings.levels[0], most=most, gaps=gaps)
     check_point(actuator, *point)
     sections = _sections(nominal_field, settings.levels, most=most, gaps=gaps)
-    job = ManufacturingJob(nominal, Questions(gaps, settings.levels, sections, most, *point))
-    at, found = sensitivities(job, tolerances, running)
-    if settings.direct:
-        band = direct_band(job, tolerances, running, samples=settings.samples, seed=settings.seed)
-    else:
-        band = linearised_band(at, found, gap=point[1], samples=settings.samples, seed=settings.seed)
-        band = _checked(job, band, at, found, running=running, checks=settings.checks)
-    return ToleranceStudy(np.array(settings.levels), np.array(gaps), sections, point, at, found, band)
+    questions = Questions(gaps, settings.levels, sections, most, *point)
+    return ManufacturingJob(nominal, questions, tables=settings.tables), tolerances
 
 
 def _gaps(
@@ -316,6 +366,7 @@ def _checked(
     if not checks:
         return band
     deviations = draw([s.tolerance for s in found], checks, band.seed)
+    job = by_children(job, [s.tolerance for s in found], checks)
     solved = np.stack([row["current"] for row in answers(job, deviations, running)])
     off = np.abs(linearised_answers(at, found, deviations, gap=job.questions.point_gap)["current"] - solved)
     known = np.isfinite(off)

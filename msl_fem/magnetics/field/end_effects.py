@@ -10,7 +10,8 @@ keeps its depth: the extra flux goes through the same iron and saturates it.
   the geometric mean of those at which the force is lost, and at most the armature's thickness.
 - Window: the turns lie in planes y = const., so that no current crosses these planes and the magnetomotive force
   between two legs at the height y is the same around the end as through the window. A plane section (x, z) across the
-  legs is solved for their fringe, half the centre leg on its plane of symmetry and the outer leg with all its faces.
+  legs has their fringe, half the centre leg on its plane of symmetry and the outer leg with all its faces; solutions of
+  such sections are kept as a polynomial (`between_legs.py`).
 
 What is left out, and how much it may be: docs/end_effects.md.
 
@@ -29,6 +30,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
+from msl_fem.magnetics.field.between_legs import excess_between
 from msl_fem.magnetics.kinds.ends import DERIVED, EndFactors, StackEnds
 from msl_fem.magnetics.kinds.kind import MagnetKind
 from msl_fem.magnetics.section import Section, rectangle
@@ -180,13 +182,17 @@ def gap_depth(ends: StackEnds, factors: EndFactors, gap: float) -> tuple[float, 
 
 def window_factor(ends: StackEnds) -> float:
     """(depth + 2 delta)/depth of the window; raises ComputationError where the mesher fails."""
-    return 1 + 2 * ends.window_width * _between_legs(ends.window_width, ends.legs, ends.mirror) / ends.depth
+    width = ends.window_width
+    upper, lower = (leg / width for leg in ends.legs)
+    known = excess_between(upper, lower, mirror=ends.mirror)
+    excess = _solved_between(upper, lower, ends.mirror) if known is None else known
+    return 1 + 2 * width * excess / ends.depth
 
 
 @lru_cache(maxsize=16)
-def _between_legs(window_width: float, legs: tuple[float, float], mirror: bool) -> float:
-    """The excess of a section across the legs, which no depth changes."""
-    return EndSection(window_width, *legs, mirror=mirror).excess()
+def _solved_between(upper: float, lower: float, mirror: bool) -> float:
+    """The excess of a section across legs that are so many windows wide."""
+    return EndSection(1.0, upper, lower, mirror=mirror).excess()
 
 
 EndEffects = bool | EndFactors | None

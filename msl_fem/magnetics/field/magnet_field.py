@@ -35,6 +35,7 @@ from msl_fem.magnetics.solver.magnetostatics import (
 from msl_fem.magnetics.solver.mesh import MeshSize, triangulate
 from msl_fem.magnetics.solver.moving_air import moving_triangles
 from msl_fem.magnetics.solver.postprocess import FieldQuantities, Probes, evaluate_field
+from msl_fem.magnetics.solver.strip import AirDepth
 from msl_fem.magnetics.solver.virtual_work import MovingProbes, Symmetry, displacement_share
 from msl_fem.magnetics.triangles import MeshMotion, TriangleMesh
 from msl_fem.materials.material import AnalyticIron, Iron
@@ -133,7 +134,32 @@ class MagnetField:
         other = copy(self)
         other.irons = irons
         other.model = self.model.with_irons(irons)
-        other.probes = _probes(other.model, self.section)
+        other.probes = copy(self.probes)
+        other.probes.model = other.model
+        return other
+
+    def of(self, magnet: MagnetKind, points: Array | None = None, *, end_effects: EndEffects = None) -> "MagnetField":
+        """The field of another magnet of the same topology on this mesh, whose corners lie at points (2, n_point).
+
+        Without points, of a magnet that is the same but for the depth of its stack. End effects as of `wanted_ends`;
+        a mesh with a motion cannot be moved.
+        """
+        other = copy(self)
+        other.magnet, other.ends = magnet, wanted_ends(magnet, end_effects)
+        gap = self.model.mesh.gap
+        other.section = section = magnet.section(gap)
+        air = deeper_air(ends_of(magnet), gap, other.ends) if other.ends else None
+        if points is None:
+            other.model = self.model.in_air(air or AirDepth())
+            other.probes = copy(self.probes)
+            other.probes.model, other.probes.scale = other.model, section.scale
+            return other
+        model = self.model.moved(points, section.turns_density, air_depth=air)
+        if section.iron != self.section.iron:
+            other.irons = irons_of(section.iron, self.folder)
+            model = model.with_irons(other.irons)
+        assert isinstance(self.probes, Probes), "the mesh has a strip"
+        other.model, other.probes = model, self.probes.moved(model, section)
         return other
 
 

@@ -110,10 +110,13 @@ class ReducedModel:
     basis : of the space
     sources : (n_dof,) of each coil
     iron : the quadrature
+    sampled : which of the whole quadrature's points it has, where not all or others
     """
 
-    def __init__(self, basis: Basis, sources: Sequence[Array], iron: ReducedIron) -> None:
-        self.basis, self.iron = basis, iron
+    def __init__(
+        self, basis: Basis, sources: Sequence[Array], iron: ReducedIron, sampled: "Indices | None" = None
+    ) -> None:
+        self.basis, self.iron, self.sampled = basis, iron, sampled
         self.sources = np.stack([basis.vectors.T @ source for source in sources])
         self.linear = basis.linear_parts()
 

@@ -124,10 +124,13 @@ class Reducer:
             self.space.add(vector, self.space.norm(vector))
         self.solutions += 1
 
-    def take(self, n: int, potential: Array) -> None:
-        """Let a state at the n-th point, whose tangent was the last one factored, and its slopes enter the space."""
+    def take(self, n: int, potential: Array, full: FullField | None = None) -> None:
+        """Let a state at the n-th point, whose tangent was the last one factored, and its slopes enter the space.
+
+        `full` : the field it is of, where that is another magnet's on this mesh moved
+        """
         q = float(self.points.coordinate[n])
-        vectors = potential, *self.full.responses(q, potential)
+        vectors = potential, *(full or self.full).responses(q, potential)
         scales = [self.space.norm(vectors[0]), *(self.space.norm(vector) / SLOPE_SHARE for vector in vectors[1:])]
         self._taken.append(_Taken(self.points.only([n]), len(self.space), scales))
         for vector, scale in zip(vectors, scales, strict=True):
@@ -177,7 +180,7 @@ class Reducer:
         for _ in range(settings.fits):
             rows = iron_integrands(basis, trained)
             points, weight = sparse_weights(rows, basis.quadrature.weight, tolerance=settings.fit)
-            model = ReducedModel(basis, self.full.sources, basis.some_iron(points, weight))
+            model = ReducedModel(basis, self.full.sources, basis.some_iron(points, weight), points)
             states = model.solve(self.points, start)
             if not (states.steps > 0).all():
                 return None
@@ -222,7 +225,7 @@ class Reducer:
     def effectivity(self, model: ReducedModel, states: ReducedStates, n: int, estimate: float) -> float:
         """An estimate over the true error of force or flux linkage, of full scale."""
         exact = self.full.solve(self.points, n, model.basis.vectors @ states.states[n])
-        error = _error(self.full, states, n, exact.potential)
+        error = change_of_numbers(self.full, states, n, exact.potential)
         return estimate / error if error > 0 else 1.0
 
     def reduction(self) -> Reduction | None:
@@ -289,10 +292,10 @@ def _some(points: FieldPoints, most: int) -> Indices:
 def _corrected(full: FullField, model: ReducedModel, states: ReducedStates, n: int) -> tuple[float, Array]:
     """The estimated error at a point, of full scale, and the potential that Newton's steps lead to."""
     potential = full.newton_steps(states.points, n, model.basis.vectors @ states.states[n])
-    return _error(full, states, n, potential), potential
+    return change_of_numbers(full, states, n, potential), potential
 
 
-def _error(full: FullField, states: ReducedStates, n: int, potential: Array) -> float:
+def change_of_numbers(full: FullField, states: ReducedStates, n: int, potential: Array) -> float:
     """How far force and flux linkage of a state are from those of a potential, of full scale."""
     numbers = full.numbers(float(states.points.coordinate[n]), potential)
     force = abs(numbers.energy_slope - states.energy_slope[n]) / np.abs(states.energy_slope).max()

@@ -31,6 +31,15 @@ def quadrature_of(model: FieldModel) -> Quadrature:
     return Quadrature(weight, iron, parts[0].weight.shape[1], curves_of([part.iron for part in parts]))
 
 
+def iron_gradients(model: FieldModel, vectors: Array) -> Array:
+    """(2 n_point, n) both derivatives at all points of a model's irons, of n vectors (n_dof, n)."""
+    columns = []
+    for vector in np.ascontiguousarray(vectors.T):
+        pairs = [part.flux_density(vector)[0].reshape(2, -1) for part in model.irons.values()]
+        columns.append(np.concatenate(pairs, axis=1).T.ravel())
+    return np.ascontiguousarray(np.stack(columns, axis=1))
+
+
 class SnapshotSpace:
     """Vectors added one by one; `basis` is their best orthonormal basis in the energy of the unsaturated irons.
 
@@ -61,8 +70,7 @@ class SnapshotSpace:
         vector = vector / scale
         self._vectors.append(vector)
         self._images.append(self.model.tangent.product(self._energy, vector))
-        pairs = [part.flux_density(vector)[0].reshape(2, -1) for part in self.model.irons.values()]
-        self._gradients.append(np.concatenate(pairs, axis=1).T.ravel())
+        self._gradients.append(iron_gradients(self.model, vector[:, None])[:, 0])
 
     def basis(self, tolerance: float) -> "Basis":
         """Proper orthogonal decomposition (Sirovich 1987), modes below `tolerance` times the vectors' size left out."""

@@ -18,7 +18,7 @@ less accurate in the energy norm and one order in B on the axis.
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -164,18 +164,16 @@ class FieldModel:
         self.n_dof = whole.N
         fixed = whole.get_dofs(_box_facets(self.skfem_mesh, symmetry)).all()
         self.free, self._fixed = np.setdiff1d(np.arange(self.n_dof), fixed), fixed
-        strips = strips if mesh.motion is None else ()
-        stretched = [self._stiffness(mesh.elements(strip.region)) for strip in strips]
-        other_regions = set(mesh.names) - set(irons) - {strip.region for strip in strips}
+        self._strips = tuple(strips) if mesh.motion is None else ()
         moving = None if mesh.motion is None else moving_triangles(mesh, mesh.motion)
-        rest = mesh.elements(*other_regions)
-        rest_x, rest_y = self._stiffness(rest if moving is None else np.setdiff1d(rest, moving.elements))
+        self._still = mesh.elements(*set(mesh.names) - set(irons) - {strip.region for strip in self._strips})
+        if moving is not None:
+            self._still = np.setdiff1d(self._still, moving.elements)
         self.irons: dict[str, IronElements] = {}
         for name, iron in irons.items():
-            geometry = _iron_geometry(self._part(mesh.elements(name), 2 * order), axisymmetric)
-            self.irons[name] = IronElements(geometry, iron)
+            self.irons[name] = IronElements(self._iron_geometry(name), iron)
         self.source = self._source(turns_density)
-        linear = [(rest_x + rest_y).tocoo(), *(matrix.tocoo() for pair in stretched for matrix in pair)]
+        linear = self._linear_parts()
         pieces = [(matrix.row, matrix.col) for matrix in linear]
         if moving is not None:
             deforming = self._part(moving.elements, self._linear_degree)
@@ -183,13 +181,7 @@ class FieldModel:
         self._n_linear = len(pieces)
         pieces += [(np.minimum(*part.pairs), np.maximum(*part.pairs)) for part in self.irons.values()]
         self.tangent = SparseTangent(self.free, self.n_dof, pieces)
-        values = [self.tangent.gather(k, matrix.data) for k, matrix in enumerate(linear)]
-        full = [matrix.tocsr() for matrix in linear]
-        self._rest, self._rest_values = full[0], values[0]
-        self.strips: list[StripStiffness | MovingAir] = [
-            StripStiffness(strip, mesh.gap, *full[k : k + 2], *values[k : k + 2])
-            for strip, k in zip(strips, range(1, len(linear), 2), strict=True)
-        ]
+        self._take(linear)
         if moving is not None:
             gradients, weight = _gradients(deforming, axisymmetric)
             self.strips.append(
@@ -202,8 +194,47 @@ class FieldModel:
                     gather=partial(self.tangent.gather, len(linear)),
                 )
             )
-        self._linear = np.nan, values[0]  # the gap and the linear regions' values there
         self.last_response: tuple[FieldSolution, FieldResponse] | None = None
+
+    def _linear_parts(self) -> list[sparse.coo_matrix]:
+        """The stiffness of what neither stretches nor deforms, then for each strip those along x and along y."""
+        pairs = [self._stiffness(self.mesh.elements(strip.region)) for strip in self._strips]
+        return [self._stiffness(self._still, whole=True)[0], *(matrix for pair in pairs for matrix in pair)]
+
+    def _take(self, linear: "list[sparse.coo_matrix]") -> None:
+        """Let these be the linear regions' parts, of the same pattern as ever."""
+        values = [self.tangent.gather(k, matrix.data) for k, matrix in enumerate(linear)]
+        full = [matrix.tocsr() for matrix in linear]
+        self._rest, self._rest_values = full[0], values[0]
+        self.strips: list[StripStiffness | MovingAir] = [
+            StripStiffness(strip, self.mesh.gap, *full[k : k + 2], *values[k : k + 2])
+            for strip, k in zip(self._strips, range(1, len(linear), 2), strict=True)
+        ]
+        self._linear = np.nan, values[0]  # the gap and the linear regions' values there
+
+    def moved(
+        self, points: Array, turns_density: Mapping[str, float], *, air_depth: AirDepth | None = None
+    ) -> "FieldModel":
+        """The same elements with their corners elsewhere (2, n_point); a mesh with a motion cannot be moved."""
+        assert self.mesh.motion is None, "the mesh has strips"
+        other = self._unsolved()
+        other.mesh, other.air_depth = replace(self.mesh, points=points), air_depth or AirDepth()
+        other.skfem_mesh = MeshTri(np.ascontiguousarray(points), self.skfem_mesh.t, sort_t=False, validate=False)
+        other.basis = Basis(
+            other.skfem_mesh, ELEMENTS[self.order](), intorder=self._linear_degree, dofs=self.basis.dofs
+        )
+        other.irons = {name: IronElements(other._iron_geometry(name), part.iron) for name, part in self.irons.items()}
+        other.source = other._source(turns_density)
+        other._take(other._linear_parts())
+        return other
+
+    def in_air(self, air_depth: AirDepth) -> "FieldModel":
+        """The same discretisation with air of another depth; a mesh with a motion has none."""
+        assert self.mesh.motion is None, "the mesh has strips"
+        other = self._unsolved()
+        other.air_depth = air_depth
+        other._take(other._linear_parts())
+        return other
 
     def with_turns(self, turns_density: Mapping[str, float]) -> "FieldModel":
         """The same discretisation with other turns, for sections with several coils.
@@ -247,24 +278,38 @@ class FieldModel:
 
     def _part(self, elements: NDArray[np.int64], degree: int) -> Basis:
         """The basis on some elements, with a quadrature that is exact up to a degree."""
-        return Basis(self.skfem_mesh, ELEMENTS[self.order](), intorder=degree, elements=elements)
+        return Basis(
+            self.skfem_mesh,
+            ELEMENTS[self.order](),
+            mapping=self.basis.mapping,
+            intorder=degree,
+            elements=elements,
+            dofs=self.basis.dofs,
+            disable_doflocs=True,
+        )
 
-    def _stiffness(self, elements: NDArray[np.int64]) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
-        """Integrals of dA/dx dA'/dx and dA/dy dA'/dy over mu_0 (and the air's depth), each (n_dof, n_dof)."""
+    def _iron_geometry(self, name: str) -> ElementGeometry:
+        return _iron_geometry(self._part(self.mesh.elements(name), 2 * self.order), self.axisymmetric)
+
+    def _stiffness(self, elements: NDArray[np.int64], *, whole: bool = False) -> list[sparse.coo_matrix]:
+        """Integrals of dA/dx dA'/dx and dA/dy dA'/dy over mu_0 (and the air's depth), each (n_dof, n_dof); or the sum.
+
+        Entries that cancel are kept, so that the pattern is that of the elements alone.
+        """
+        shape = self.n_dof, self.n_dof
         if elements.size == 0:
-            empty = sparse.csc_matrix((self.n_dof, self.n_dof))
-            return empty, empty
+            return [sparse.coo_matrix(shape)] * (1 if whole else 2)
         basis = self._part(elements, self._linear_degree)
         gradient, weight = _gradients(basis, self.axisymmetric)
         if self.air_depth.regions:
             weight = weight / self._depth_factor(elements, np.asarray(basis.global_coordinates()))
         rows, columns = _pairs(basis)
-        both = []
-        for direction in (0, 1):
-            g = gradient[:, direction]
-            values = np.einsum("aep,bep,ep->abe", g, g, weight / MU_0, optimize=True).ravel()
-            both.append(sparse.csc_matrix((values, (rows, columns)), shape=(self.n_dof, self.n_dof)))
-        return both[0], both[1]
+        each = [
+            np.einsum("aep,bep,ep->abe", g, g, weight / MU_0, optimize=True).ravel()
+            for g in (gradient[:, 0], gradient[:, 1])
+        ]
+        values = [each[0] + each[1]] if whole else each
+        return [sparse.csc_matrix((value, (rows, columns)), shape=shape).tocoo() for value in values]
 
     def _depth_factor(self, elements: NDArray[np.int64], points: Array) -> Array:
         """The air's depth factor (element, point) outside the strip."""

@@ -1,6 +1,7 @@
 """Numbers from a field: flux linkage, coenergy, force by two routes, slopes, flux density on sections."""
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Protocol
@@ -19,6 +20,7 @@ from msl_fem.materials.constants import MU_0
 N_SAMPLE = 48
 END = 1e-6  # of a cut, so that a point at its end is inside the iron
 TAIL_SHARE = 0.01
+BESIDE = 1e-3
 GAUSS = np.polynomial.legendre.leggauss(4)
 
 
@@ -51,7 +53,8 @@ class FieldQuantities:
 
 
 class CutProbe(NamedTuple):
-    """A cut's region, the maps (n_point, n_dof) to the derivatives of A along x and y, and the weights of its mean.
+    """A cut's region, the maps (n_point, n_dof) to the derivatives of A along x and y, the weights of its mean, and the
+    elements that its points lie in.
 
     The first and the last point stand at the cut's ends, for the largest value alone. In a body of revolution the
     weights go with the radius, so that the mean is that over the cut's area.
@@ -61,6 +64,7 @@ class CutProbe(NamedTuple):
     along_x: sparse.csr_matrix
     along_y: sparse.csr_matrix
     weight: Array
+    elements: NDArray[np.int64]
 
     def mean(self, values: Array) -> float:
         """The mean over the cut's area of values (n_point,)."""
@@ -99,12 +103,21 @@ class Probes:
     """Linear maps from the potential to the field where it is read; made once for a model."""
 
     def __init__(self, model: FieldModel, section: Section) -> None:
-        self.model = model
-        self.scale = section.scale
         self.cuts = Cuts((cut.name, cut_probe(model, cut)) for cut in section.cuts)
+        self._read(model, section)
+
+    def _read(self, model: FieldModel, section: Section) -> None:
+        self.model, self.scale = model, section.scale
         points, elements, weight = mid_gap(model)
         self.line_weight = 2 * np.pi * points[0] * weight if model.axisymmetric else weight
         self.line_x, self.line_y = gradient_maps(model, points, elements)
+
+    def moved(self, model: FieldModel, section: Section) -> "Probes":
+        """The same probes of a section whose lines, and with them the mesh, lie elsewhere."""
+        other = copy(self)
+        other.cuts = Cuts((cut.name, cut_probe(model, cut, self.cuts[cut.name].elements)) for cut in section.cuts)
+        other._read(model, section)
+        return other
 
     def section_flux_density(self, potential: Array) -> dict[str, SectionFluxDensity]:
         """|B| in the iron over each cut."""
@@ -126,16 +139,27 @@ class Probes:
         return in_plane - self.scale * energy * slope / k
 
 
-def cut_probe(model: FieldModel, cut: Line) -> CutProbe:
-    """The region that a cut lies in, the maps to its field, the weights of its mean."""
+def cut_probe(model: FieldModel, cut: Line, elements: NDArray[np.int64] | None = None) -> CutProbe:
+    """The region that a cut lies in, the maps to its field, the weights of its mean.
+
+    `elements` are those of its points on this mesh before it was moved; where they are not the points' any more, others
+    are looked for.
+    """
     start, end = np.array(cut.start), np.array(cut.end)
     # midpoints of equal parts for the mean; beside them the ends, where the largest values stand
     t = np.concatenate([[END], (np.arange(N_SAMPLE) + 0.5) / N_SAMPLE, [1 - END]])
     points = start[:, None] + (end - start)[:, None] * t
-    elements = model.skfem_mesh.element_finder()(*points)
+    if elements is None or not inside(model, points, elements):
+        elements = np.asarray(model.skfem_mesh.element_finder()(*points))
     name = model.mesh.names[model.mesh.region[elements[N_SAMPLE // 2]]]
     area = points[0, 1:-1] if model.axisymmetric else np.ones(N_SAMPLE)
-    return CutProbe(name, *gradient_maps(model, points, elements), area / area.sum())
+    return CutProbe(name, *gradient_maps(model, points, elements), area / area.sum(), elements)
+
+
+def inside(model: FieldModel, points: Array, elements: NDArray[np.int64]) -> bool:
+    """Whether points (2, n) lie in the elements given, or beside them by no more than `BESIDE` of their size."""
+    local = model.basis.mapping.invF(points[:, :, None], tind=elements)[:, :, 0]
+    return bool((local >= -BESIDE).all() and (local.sum(axis=0) <= 1 + BESIDE).all())
 
 
 def region_probe(model: FieldModel, name: str) -> CutProbe:
@@ -147,7 +171,7 @@ def region_probe(model: FieldModel, name: str) -> CutProbe:
     at = np.tile(elements, 3)
     area = np.tile(mesh.areas[elements], 3)
     ends = [0, *range(at.size), at.size - 1]  # a cut's first and last point count for the largest value alone
-    return CutProbe(name, *gradient_maps(model, inner[:, ends], at[ends]), area / area.sum())
+    return CutProbe(name, *gradient_maps(model, inner[:, ends], at[ends]), area / area.sum(), at[ends])
 
 
 class FieldReader(Protocol):

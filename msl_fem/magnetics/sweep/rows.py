@@ -79,11 +79,11 @@ class SweepRow:
 
 
 class RowSolver:
-    """Solves rows of a job; the model, and the refined one where it is needed, are made once."""
+    """Solves rows of a job; the model, unless it is given, and the refined one where needed are made once."""
 
-    def __init__(self, job: SweepJob) -> None:
+    def __init__(self, job: SweepJob, field: MagnetField | None = None) -> None:
         self.job = job
-        self._fields: dict[bool, MagnetField] = {}
+        self._fields: dict[bool, MagnetField] = {} if field is None else {False: field}
 
     def field(self, refine: bool = False) -> MagnetField:
         """The field model of the job's degree, or of one more."""
