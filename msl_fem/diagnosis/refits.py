@@ -204,13 +204,13 @@ class Refinement:
         enough = CONVERGED if leads else max(ROUGHLY_CONVERGED, FRACTION * refit.gain)
         plan = FitPlan(most_steps=LAST_STEPS, enough=enough)
         led = self._refit(refit.fit, refit.variant, refit.fit.z, plan, None)
+        if leads and strained(led.fit):
+            led = max(led, self._from_belief(led, plan) or led, key=lambda one: one.gain)
         for _ in range(MORE_LEGS if leads else 0):  # what it has left undone, whatever is beside it would collect
             if led.gain - refit.gain < led.enough:
                 break
             self.tell(f"{led.variant.name}, which leads, goes on; {led.gain:.3g} nats")
             refit, led = led, self._refit(led.fit, led.variant, led.fit.z, plan, None)
-        if leads and strained(led.fit):
-            led = max(led, self._from_belief(led, plan) or led, key=lambda one: one.gain)
         return replace(led, fit=replace(led.fit, finished=leads))
 
     def _from_belief(self, refit: Refit, plan: FitPlan) -> Refit | None:

@@ -1,4 +1,4 @@
-"""The candidate in front is led to its end: in legs while they bring something, and once more from the belief."""
+"""The candidate in front is led to its end: once more from the belief, and in legs while they bring something."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -48,12 +48,12 @@ def test_a_strained_leader_begins_once_more_where_all_else_is_as_believed(fits) 
     found = led([9.0, 5.0, 0.3], leads=True)
     assert found.gain == 5000.0
     assert found.fit.finished
-    assert fits[-1].tolist() == [0.0, 0.0, 0.3]
+    assert fits[1].tolist() == [0.0, 0.0, 0.3]
 
 
 def test_a_leader_goes_on_while_it_gains_and_others_take_one_leg(fits) -> None:
-    led([9.0, 5.0, 0.3], leads=True)
-    assert len(fits) == 1 + MORE_LEGS + 1
+    led([3.0, 2.0, 0.3], leads=True)
+    assert len(fits) == 1 + MORE_LEGS
     fits.clear()
     assert led([9.0, 5.0, 0.3], leads=False).gain == 1100.0
     assert len(fits) == 1
