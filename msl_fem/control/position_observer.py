@@ -19,7 +19,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.copied_rows import copy_into
+from msl_fem.computing.copied_rows import copy_into, set_congruent
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import EffectValues
@@ -134,29 +134,43 @@ def _recursion(
 @compiled
 def _filter(coil, voltage, reading, truth, z, covariance, states, covariances):  # type: ignore[no-untyped-def]
     """Readings and steps in turn, their log-likelihood; with `truth` slopes are taken there, nothing is estimated."""
-    likelihood = 0.0
-    ahead, slopes = np.empty(N_OBSERVED), np.empty((N_OBSERVED, N_OBSERVED))
+    likelihood, noise = 0.0, coil.noise.current**2
+    ahead, gain = np.empty(N_OBSERVED), np.empty(N_OBSERVED)
+    slopes, kept = np.empty((N_OBSERVED, N_OBSERVED)), np.empty((N_OBSERVED, N_OBSERVED))
+    product = np.empty((N_OBSERVED, N_OBSERVED))
     for k in range(reading.size):
         if truth.shape[0]:
             copy_into(z, truth[k])
-        expected = covariance[CURRENT, CURRENT] + coil.noise.current**2
-        gain, surprise = covariance[:, CURRENT] / expected, reading[k] - z[CURRENT]
+        expected, surprise = covariance[CURRENT, CURRENT] + noise, reading[k] - z[CURRENT]
         likelihood -= 0.5 * (surprise * surprise / expected + np.log(expected))
+        for row in range(N_OBSERVED):
+            gain[row] = covariance[row, CURRENT] / expected
+            for column in range(N_OBSERVED):
+                kept[row, column] = 1.0 if row == column else 0.0
+            kept[row, CURRENT] -= gain[row]
+            if not truth.shape[0]:
+                z[row] += gain[row] * surprise
         if not truth.shape[0]:
-            z += gain * surprise
             _put_inside(coil, z)
-        kept = np.eye(N_OBSERVED)
-        kept[:, CURRENT] -= gain
-        covariance = kept @ covariance @ kept.T + coil.noise.current**2 * np.outer(gain, gain)  # Joseph's form
+        set_congruent(covariance, kept, covariance, product)
+        _add_product(noise, gain, covariance)  # Joseph's form
         copy_into(states[k], z)
-        copy_into(covariances[k].ravel(), covariance.ravel())
+        for row in range(N_OBSERVED):
+            copy_into(covariances[k, row], covariance[row])
         inductance = _slopes(coil, voltage[k], z, slopes)
-        covariance = slopes @ covariance @ slopes.T
+        set_congruent(covariance, slopes, covariance, product)
         _add_noise(coil, inductance, covariance)
         _step(coil, voltage[k], z, ahead)
         copy_into(z, ahead)
         _put_inside(coil, z)
     return likelihood
+
+
+@compiled
+def _add_product(factor, gain, covariance):  # type: ignore[no-untyped-def]
+    for row in range(N_OBSERVED):
+        for column in range(N_OBSERVED):
+            covariance[row, column] += factor * gain[row] * gain[column]
 
 
 @compiled

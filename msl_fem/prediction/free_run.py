@@ -17,7 +17,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.copied_rows import copy_into
+from msl_fem.computing.copied_rows import copy_into, set_combined
 from msl_fem.computing.gauss_newton import FitSettings, fit_map
 from msl_fem.errors import ComputationError, OutOfTable
 from msl_fem.plant import kernel, layout, linearise
@@ -342,8 +342,8 @@ def _run_linear(
         if k % law.every == 0:
             for m in range(law.reads.size):
                 deviation[m] = row[law.reads[m]] - recorded[k, law.reads[m]]
-            copy_into(waiting[law.delay], law.c @ memory + law.d @ deviation)
-            copy_into(following, law.a @ memory + law.b @ deviation)
+            set_combined(waiting[law.delay], law.c, memory, law.d, deviation)
+            set_combined(following, law.a, memory, law.b, deviation)
             copy_into(memory, following)
         copy_into(command, commands[k])
         for m in range(n_out):

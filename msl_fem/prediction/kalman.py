@@ -13,7 +13,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.copied_rows import copy_into
+from msl_fem.computing.copied_rows import copy_into, set_congruent
 from msl_fem.plant.effects import PARAMETER_INDEX
 from msl_fem.plant.effects.mechanical import COMPLIANCE, MODE_MASS
 from msl_fem.plant.effects.mechanisms import position_delay
@@ -245,7 +245,7 @@ def filter_run(surface, p, e, timing, setting, state, commands, measured, predic
     n_x, n_y = rows.size, which.size
     n = n_x + n_y
     covariance = np.diag(start)
-    joint, slope = np.zeros((n, n)), np.zeros((n, n_x))
+    joint, slope, product = np.zeros((n, n)), np.zeros((n, n_x)), np.zeros((n, n_x))
     base, moved = np.zeros(n), np.zeros(n)
     mean, spare = np.zeros(2), np.zeros(2)
     trial = state.copy()
@@ -286,7 +286,7 @@ def filter_run(surface, p, e, timing, setting, state, commands, measured, predic
                 for j in range(n):
                     slope[j, i] = (moved[j] - base[j]) / sizes[i]
         copy_into(state, ended)
-        joint[:, :] = slope @ covariance @ slope.T
+        set_congruent(joint, slope, covariance, product)
         for i in range(n_x):
             joint[i, i] += process[i]
         for m in range(n_y):
