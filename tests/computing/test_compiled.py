@@ -1,5 +1,6 @@
 """Compiled functions and their cache."""
 
+import operator
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -8,6 +9,8 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+from numba import types
+from numba.core.registry import cpu_target
 
 import msl_fem
 from msl_fem.computing import lanes, machine_code
@@ -162,3 +165,18 @@ def test_what_a_function_calls_is_linked_into_it_once_for_all_constants(
     assert entry.library.get_pointer_to_function(entry.fndesc.llvm_cpython_wrapper_name)
     assert not linked.library.get_pointer_to_function(linked.fndesc.llvm_func_name)
     assert _shifted(3.0, 2, True) == _shifted.py_func(3.0, 2, True) == 1.0
+
+
+def test_an_operator_of_numbers_is_looked_up_once_and_means_what_it_meant() -> None:
+    """Of constants too, which are typed as numbers; what else an operator can mean goes numba's own way."""
+    context = cpu_target.typing_context
+    context.refresh()
+    plus = context.resolve_value_type(operator.add)
+    arguments = (types.float64, types.intp)
+    first = plus.get_call_type(context, arguments, {})
+    assert plus.get_call_type(context, arguments, {}) is first
+    assert first.args == (types.float64, types.float64)
+    assert plus.get_call_type(context, (types.float64, types.literal(2)), {}) == first
+    others = (types.complex128, types.complex128)
+    assert plus.get_call_type(context, others, {}).return_type == types.complex128
+    assert (context, others) not in vars(plus)["_known_operators"]

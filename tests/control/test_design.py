@@ -2,12 +2,14 @@
 
 import dataclasses
 import json
+from importlib import import_module
 
 import numpy as np
 import pytest
-from servo_controllers import TABLE, servo, servo_design, servo_map
+from servo_controllers import TABLE, servo, servo_belief, servo_design, servo_map
 
-from msl_fem.control import design_controller, with_measured_gap
+from msl_fem.control import design_controller, lqr_design, with_measured_gap
+from msl_fem.control.design import Wish
 from msl_fem.errors import ActuatorError, InputError
 
 
@@ -123,3 +125,18 @@ def test_a_sensor_without_noise_still_gets_a_filter():
     ideal = design_controller(servo(position_sensor={"noise": 0.0}), TABLE, servo_map())
     assert np.isfinite(ideal.peak_sensitivity)
     assert dataclasses.is_dataclass(ideal)
+
+
+def test_equal_beliefs_and_wishes_search_their_weights_once(monkeypatch):
+    lqr_design(servo_belief())  # the search may have been forgotten since the fixture's
+
+    def searched(*_):
+        raise AssertionError("searched")
+
+    monkeypatch.setattr(import_module("msl_fem.control.lqr_design"), "_badness", searched)
+    assert lqr_design(servo_belief()).weights == servo_design().weights
+    heavier = servo_belief(motion={"moving_mass": 0.7})
+    noisier = servo_belief(position_sensor={"noise": 1e-5})
+    for belief, wish in ((heavier, Wish(60.0, 2.0)), (noisier, Wish(60.0, 2.0)), (servo_belief(), Wish(50.0, 2.0))):
+        with pytest.raises(AssertionError, match="searched"):
+            lqr_design(belief, wish)
