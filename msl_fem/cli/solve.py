@@ -14,15 +14,16 @@ from msl_fem.errors import InputError
 from msl_fem.export.vtu import write_solid_vtu, write_vtu
 from msl_fem.files.whole_file import check_target
 from msl_fem.magnetics.field.accuracy import Accuracy, PointResult
-from msl_fem.magnetics.field.magnet_field import chosen_ends, solve_with_field
+from msl_fem.magnetics.field.magnet_field import MagnetField, chosen_ends, solve_with_field
 from msl_fem.magnetics.field.two_sided import TwoSidedResult, solve_two_sided
 from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition
+from msl_fem.magnetics.solver.magnetostatics import FieldSolution
 from msl_fem.magnetics.sweep.rows import stated_ends
+from msl_fem.magnetics.three_d.boxes import BoxModel
 from msl_fem.magnetics.three_d.magnet_point import SolidPoint, solve_solid
 from msl_fem.magnetics.three_d.pair_point import SolidPairPoint, solve_solid_pair
-from msl_fem.report.field_picture import draw_field, save_picture
+from msl_fem.magnetics.three_d.scalar_potential import PotentialSolution
 from msl_fem.report.scene import render_scene
-from msl_fem.report.solid_picture import draw_solid_field
 
 
 def command(
@@ -87,7 +88,7 @@ def command(
         return
     result, field, solution = solve_with_field(it, amperes, metres, accuracy=level, end_effects=corrected)
     if picture is not None:
-        save_picture(draw_field(field, solution, title=f"{it.name}: {current}, gap {metres * 1e3:g} mm"), picture)
+        _draw(field, solution, f"{it.name}: {current}, gap {metres * 1e3:g} mm", picture)
     if vtu is not None:
         write_vtu(field, solution, vtu)
     if scene is not None and vtu is not None:
@@ -97,6 +98,19 @@ def command(
     _say_notes(result.notes)
     stated = stated_ends(field.magnet, field.ends)
     print_result(point_to_json(result) | stated, as_json=json, title=title)
+
+
+def _draw(field: MagnetField, solution: FieldSolution, title: str, picture: Path) -> None:
+    from msl_fem.report.field_picture import draw_field, save_picture  # here: who wants numbers waits for no plotter
+
+    save_picture(draw_field(field, solution, title=title), picture)
+
+
+def _draw_solid(model: BoxModel, solution: PotentialSolution, title: str, picture: Path) -> None:
+    from msl_fem.report.field_picture import save_picture
+    from msl_fem.report.solid_picture import draw_solid_field
+
+    save_picture(draw_solid_field(model, solution, title=title), picture)
 
 
 def _check_dimension(dimension: int, *, tilt: str | None, scene: Path | None) -> None:
@@ -120,7 +134,7 @@ def _solve_solid(
     with progress_bar("field in three dimensions, per cent") as progress:
         point, model, solution = solve_solid(it, current, gap, accuracy=accuracy, progress=progress)
     if picture is not None:
-        save_picture(draw_solid_field(model, solution, title=title), picture)
+        _draw_solid(model, solution, title, picture)
     if vtu is not None:
         write_solid_vtu(model, solution, vtu)
     _say_notes(point.notes)
@@ -143,7 +157,7 @@ def _solve_solid_pair(
     title = f"{it.name}: both magnets"
     if picture is not None:
         at = (f"{current:g} A at {gap * 1e3:g} mm" for current, gap in zip(currents, gaps, strict=True))
-        save_picture(draw_solid_field(model, solution, title=f"{title}, {' and '.join(at)}"), picture)
+        _draw_solid(model, solution, f"{title}, {' and '.join(at)}", picture)
     if vtu is not None:
         write_solid_vtu(model, solution, vtu)
     _say_notes(point.notes)

@@ -20,7 +20,6 @@ from msl_fem.magnetics.sweep.solid_lift import lifted_sweep
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, default_grid, sweep
 from msl_fem.record import load_record
 from msl_fem.record.loop_table import is_at_one_gap, law_of_loops, table_of_loops, told_of
-from msl_fem.record.measured_table import table_from_measurements
 from msl_fem.table.magnetic_table import write_table
 from msl_fem.table.origin import ANOTHER_UNIT, inductance_ratio
 from msl_fem.table.pair_table import write_pair_table
@@ -178,6 +177,8 @@ def _sweep_both(
 def _fit_measured(
     it: Actuator, folder: Path, output: Path, *, gaps: str | None, currents: str | None, json: bool
 ) -> None:
+    from msl_fem.record.measured_table import table_from_measurements  # here, for what fits takes long to import
+
     record = load_record(folder)
     if record.static is None:
         raise InputError(f"{folder}: the record has no static.csv to fit a table to")

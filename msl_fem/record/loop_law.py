@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares, nnls
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
@@ -81,6 +80,8 @@ def fit_loops(loops: Sequence[tuple[Array, Array]]) -> HysteresisLoopLaw:
     much as large ones; the energy of each loop is held beside. What is linear in the law comes from non-negative least
     squares, the four others from a search about usual values.
     """
+    from scipy.optimize import least_squares, nnls  # here: all that reads a record imports this module
+
     largest = max(float(np.abs(flux).max()) for _, flux in loops)
     targets = [_target(current, flux, largest) for current, flux in loops]
 

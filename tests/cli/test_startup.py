@@ -85,6 +85,13 @@ def test_the_model_half_loads_nothing_heavy() -> None:
     assert not set(done.stdout.split()) & HEAVY
 
 
+def test_fields_wait_for_no_fit_and_no_plotter() -> None:
+    """What fits measured forces, and what draws, is imported where something is fitted or drawn."""
+    code = "import sys, msl_fem.cli.table, msl_fem.cli.solve; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not set(done.stdout.split()) & {"scipy.optimize", "matplotlib", "plotly"}
+
+
 def test_who_has_a_table_waits_for_no_mesher() -> None:
     names = ("simulate", "import_log", "losses", "control", "compare", "diagnose", "calibrate", "export", "bench")
     modules = ", ".join(f"msl_fem.cli.{name}" for name in names)
