@@ -24,7 +24,7 @@ from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION
 from msl_fem.table.origin import MAGNET_DIGEST
 
 SCALARS = (*NODES, *EXTRAS)
-SOLVER_VERSION = 2
+SOLVER_VERSION = 3
 """Raised when a change of the field solver changes its answers: cached rows of another version are not used."""
 
 

@@ -186,7 +186,7 @@ MECHANICAL = (
         sentence="dry friction, a force against the motion that is nearly as large at any speed",
         equation=(
             "force -s sum_k e_k (1 + stribeck_rise/(1 + (v/stribeck_velocity)^2)), e_k a stop of width r_k of "
-            "the position: elastic below, sliding at `force`; with a transition_velocity w in their place "
+            "the position: elastic below, sliding at that force; with a transition_velocity w in their place "
             "-force tanh(v/w)"
         ),
         source=(
@@ -213,7 +213,7 @@ MECHANICAL = (
                 0.0,
                 (0.0, 3.0),
                 0.2,
-                "friction at rest over `force`, less 1",
+                "friction at rest over the force in full sliding, less 1",
                 shape=True,
                 tried=(0.2,),
             ),
@@ -234,7 +234,7 @@ MECHANICAL = (
                 0.0,
                 (0.0, 10.0),
                 1e-3,
-                "over which friction passes zero; 0: elastic over `presliding`",
+                "over which friction passes zero; 0: elastic over the presliding length",
                 shape=True,
                 tried=(0.2,),
                 over="velocity",
