@@ -166,6 +166,8 @@ ODD_CONTENT = (
     "delete from study_user_attributes where key = 'first_designs'",
     "update study_user_attributes set value_json = cast(x'ff00fe' as text)",
     "update trial_system_attributes set value_json = '3.5' where key = 'fixed_params'",
+    "insert into trial_values (trial_id, objective, value, value_type) "
+    "select max(trial_id) + 1, 0, 1.0, 'wide' from trials",
     "drop table trial_values",
     "drop table studies",
     "drop table study_directions",

@@ -201,10 +201,14 @@ def only_our_content(url: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as err:  # Optuna and its database raise errors of many kinds on rows that are missing or odd
-        raise InputError(
-            f"the storage '{shown(url)}' holds what no search wrote ({type(err).__name__}: {_reason(err)}); give "
-            "another --storage, or remove the old file"
-        ) from err
+        raise _not_ours(url, err) from err
+
+
+def _not_ours(url: str, err: Exception) -> InputError:
+    return InputError(
+        f"the storage '{shown(url)}' holds what no search wrote ({type(err).__name__}: {_reason(err)}); give "
+        "another --storage, or remove the old file"
+    )
 
 
 def check_content(study: "optuna.Study", evaluator: DesignEvaluator) -> None:
@@ -253,6 +257,10 @@ def storage_trouble(url: str) -> Iterator[None]:
             f"the storage '{shown(url)}' failed on the way ({_reason(err)}); judged designs are kept: run the same "
             "command again"
         ) from err
+    except LookupError as err:
+        if type(err) is not LookupError:  # an odd row that only a new trial's number brought to light is a plain one
+            raise
+        raise _not_ours(url, err) from err
 
 
 def open_study(storage: "optuna.storages.BaseStorage", evaluator: DesignEvaluator) -> "optuna.Study":
