@@ -30,7 +30,7 @@ from msl_fem.record.columns import read_columns
 from msl_fem.record.file_doubts import doubts_of_file
 from msl_fem.record.log_columns import column_sources
 from msl_fem.record.log_import import RunLabel, imported_run
-from msl_fem.record.loop_law import loop_area
+from msl_fem.record.loop_law import HysteresisLoopLaw, loop_area
 from msl_fem.record.loop_table import law_of_loops, table_of_loops
 from msl_fem.record.reader import check_run
 from msl_fem.table.current_map import fit_current_map
@@ -129,21 +129,22 @@ def loops() -> list[Judged]:
         static = StaticMap(np.full(loop.size, 1e-3), field / scale, None, flux, role, sequence=loop)
         noise = Noise(flux_linkage=2e-3 * float(np.abs(flux).max()))
         record = Record("measured", parse_actuator(ring), noise=noise, static=static)
-        found = diagnose(record, DiagnosisSettings(table=table_of_loops(static)))
+        law = law_of_loops(static)
+        found = diagnose(record, DiagnosisSettings(table=table_of_loops(static, law)))
         main = found.main_cause
         means = (
             f"main cause {main.effect}: {main.explained_power:.1%} of the excess"
             if main
             else "no cause takes most of it"
         )
-        parts = [means, held_law(static), *found.notes[-1:]]
+        parts = [means, held_law(law, static), *found.notes[-1:]]
         rows.append(Judged(name.replace("_", " "), said, words(found), "; ".join(parts)))
     return rows
 
 
-def held_law(static: StaticMap) -> str:
+def held_law(law: HysteresisLoopLaw, static: StaticMap) -> str:
     """How the law of the fitted loops holds on those and on the one held out."""
-    law, held = law_of_loops(static), static.rows("held-out")
+    held = static.rows("held-out")
     field, flux = static.current[held], static.flux_linkage[held]
     missed = law.current(flux) - field
     sequence, energy = (

@@ -184,7 +184,7 @@ def _fit_measured(
         raise InputError(f"{folder}: the record has no static.csv to fit a table to")
     if is_at_one_gap(record.static) and gaps is None and currents is None:
         law = law_of_loops(record.static)
-        write_table(table_of_loops(record.static), output)
+        write_table(table_of_loops(record.static, law), output)
         say("note: the rows have one gap; the table is their reversible curve, without a force and alike at every gap")
         fields = {"table": str(output), "points": int(record.static.rows("fit").size), **told_of(law)}
         print_result(fields, as_json=json, title=f"{it.name}: table of loops {output}")

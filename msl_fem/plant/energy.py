@@ -127,15 +127,19 @@ def _stored(surface: Surface, p: PlantParameters, e: Array | None, state: Array)
     if e is None:
         return field, 0.5 * p.mass * v**2 + 0.5 * p.stiffness * x**2
     for start in (STOPS_1, STOPS_2):
-        slopes = e[magnetic.HYSTERESIS_SLOPE : magnetic.HYSTERESIS_SLOPE + N_STOP]
-        field += 0.5 * np.sum(slopes * state[start : start + N_STOP] ** 2)
+        field += _in_stops(e, state, magnetic.HYSTERESIS_SLOPE, start)
     moving = 0.5 * e[mechanical.MODE_KEPT] * p.mass * v**2 + 0.5 * e[mechanical.MODE_MASS] * (v + state[MODE_RATE]) ** 2
     spring = 0.5 * p.stiffness * x**2 + e[mechanical.QUADRATIC] * x**3 / 3 + e[mechanical.CUBIC] * x**4 / 4
     spring += 0.5 * e[mechanical.CREEP_STIFFNESS] * (x - state[CREEP]) ** 2
-    spring += 0.5 * e[mechanical.FRICTION_SLOPE] * np.sum(state[STOPS_X : STOPS_X + N_STOP] ** 2)
+    spring += _in_stops(e, state, mechanical.FRICTION_SLOPE, STOPS_X)
     link = 0.5 * e[mechanical.MODE_MASS] * e[mechanical.MODE_STIFFNESS] * state[MODE] ** 2
     base = 0.5 * (e[mechanical.COMPLIANCE] * state[BASE] ** 2 + e[mechanical.BASE_INERTIA] * state[BASE_RATE] ** 2)
     return field, float(moving + spring + link + base)
+
+
+def _in_stops(e: Array, state: Array, slopes: int, start: int) -> float:
+    """What stops store that stand in the state from row `start` on, in J."""
+    return 0.5 * float(np.sum(e[slopes : slopes + N_STOP] * state[start : start + N_STOP] ** 2))
 
 
 @compiled

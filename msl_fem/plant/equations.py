@@ -346,41 +346,19 @@ def rates_with_effects(
 
 @compiled
 def hysteresis(e: Rows, state: Rows, j: int, flux: Value, settle: bool) -> Value:
-    """The part of a side's current that its iron's memory takes, h = s sum_k e_k of the flux linkage, in A."""
+    """The part of a side's current (A) that its iron's memory takes, p'(lambda) sum_k s_k e_k: magnetic_hysteresis."""
     if not some(e[magnetic.HYSTERESIS_SLOPE] > 0.0):
         return flux - flux
     stretch = e[magnetic.HYSTERESIS_STRETCH] * flux * flux
     followed = flux * (1.0 + stretch)
+    slopes, widths, first = magnetic.HYSTERESIS_SLOPE, magnetic.HYSTERESIS_WIDTH, STOPS_1 + j * N_STOP
     change = followed - state[ANCHOR_1 + j]
     if settle:
-        lost = settle_iron(e, state, STOPS_1 + j * N_STOP, change)
+        lost = settle_stops(e, state, slopes, widths, first, change)
         state[ENERGY_HYSTERESIS] = state[ENERGY_HYSTERESIS] + lost
         state[ANCHOR_1 + j] = followed
         change = flux - flux
-    return (1.0 + 3.0 * stretch) * pinned_by_stops(e, state, STOPS_1 + j * N_STOP, change)
-
-
-@compiled
-def pinned_by_stops(e: Rows, state: Rows, start: int, change: Value) -> Value:
-    """Sum of slope times stop, in A, after a `change` of what the iron's stops follow that is not kept."""
-    total = change - change
-    for k in range(N_STOP):
-        total = total + e[magnetic.HYSTERESIS_SLOPE + k] * within(
-            state[start + k] + change, e[magnetic.HYSTERESIS_WIDTH + k]
-        )
-    return total
-
-
-@compiled
-def settle_iron(e: Rows, state: Rows, start: int, change: Value) -> Value:
-    """Moves the iron's stops by a `change` of what they follow; the loss in J."""
-    lost = change - change
-    for k in range(N_STOP):
-        moved = state[start + k] + change
-        kept = within(moved, e[magnetic.HYSTERESIS_WIDTH + k])
-        lost = lost + e[magnetic.HYSTERESIS_SLOPE + k] * e[magnetic.HYSTERESIS_WIDTH + k] * size(moved - kept)
-        state[start + k] = kept
-    return lost
+    return (1.0 + 3.0 * stretch) * stop_sum(e, state, slopes, widths, first, change)
 
 
 @compiled
@@ -444,20 +422,20 @@ def _electrical_rates(p: PlantParameters, e: Rows, work: Rows, dy: int) -> None:
 def _suspension(e: Rows, state: Rows, work: Rows, settle: bool) -> tuple[Value, Value]:
     """The force (N) against +x of stiffness_nonlinearity, flexure_relaxation and the stops of coulomb_friction, and
     what of friction depends on the velocity (Hess and Soom, J. Tribology 112, 1990, 147-152)."""
-    x, width = work[Y + X], e[mechanical.FRICTION_WIDTH]
+    x, slopes, widths = work[Y + X], mechanical.FRICTION_SLOPE, mechanical.FRICTION_WIDTH
     spring = (e[mechanical.QUADRATIC] + e[mechanical.CUBIC] * x) * x * x
     creep = e[mechanical.CREEP_STIFFNESS] * (x - work[Y + CREEP])
-    if not (some(e[mechanical.FRICTION_SLOPE] > 0.0) or some(e[mechanical.SMOOTH_FRICTION] > 0.0)):
+    if not (some(e[slopes] > 0.0) or some(e[mechanical.SMOOTH_FRICTION] > 0.0)):
         return spring + creep, x - x
     change = x - state[ANCHOR_X]
     if settle:
-        lost = e[mechanical.FRICTION_SLOPE] * settle_stops(state, STOPS_X, width, change)
+        lost = settle_stops(e, state, slopes, widths, STOPS_X, change)
         state[ENERGY_FRICTION] = state[ENERGY_FRICTION] + lost
         state[ANCHOR_X] = x
         change = x - x
     v = work[Y + V]
     more = e[mechanical.STRIBECK_RISE] / (1.0 + e[mechanical.STRIBECK_FALL] * v * v)
-    stops = e[mechanical.FRICTION_SLOPE] * stop_sum(state, STOPS_X, width, change)
+    stops = stop_sum(e, state, slopes, widths, STOPS_X, change)
     return spring + creep + stops, more * stops + _smooth_friction(e, v) * (1.0 + more)
 
 
@@ -496,21 +474,24 @@ def _motion(p: PlantParameters, e: Rows, work: Rows, dy: int, force: Value, own:
 
 
 @compiled
-def stop_sum(state: Rows, start: int, width: Value, change: Value) -> Value:
-    """Sum of the stops that stand from row `start`, after a `change` of their input that is not kept."""
+def stop_sum(e: Rows, state: Rows, slopes: int, widths: int, start: int, change: Value) -> Value:
+    """Sum of slope times stop after a `change` of what the stops follow that is not kept.
+
+    Slopes and widths stand in the coefficients from those rows on, the stops in the state from row `start` on.
+    """
     total = change - change
     for k in range(N_STOP):
-        total = total + within(state[start + k] + change, (k + 1) * width)
+        total = total + e[slopes + k] * within(state[start + k] + change, e[widths + k])
     return total
 
 
 @compiled
-def settle_stops(state: Rows, start: int, width: Value, change: Value) -> Value:
-    """Moves the stops by a `change` of their input; sum of r_k |slip_k|, the loss over their slope."""
+def settle_stops(e: Rows, state: Rows, slopes: int, widths: int, start: int, change: Value) -> Value:
+    """Moves the stops, given as in `stop_sum`, by a `change` of what they follow; the loss in J, s_k r_k |slip_k|."""
     lost = change - change
     for k in range(N_STOP):
         moved = state[start + k] + change
-        kept = within(moved, (k + 1) * width)
-        lost = lost + (k + 1) * width * size(moved - kept)
+        kept = within(moved, e[widths + k])
+        lost = lost + e[slopes + k] * e[widths + k] * size(moved - kept)
         state[start + k] = kept
     return lost

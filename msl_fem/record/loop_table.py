@@ -41,13 +41,14 @@ def law_of_loops(static: StaticMap) -> HysteresisLoopLaw:
     return fit_loops([(current[sequence == n], flux[sequence == n]) for n in np.unique(sequence)])
 
 
-def table_of_loops(static: StaticMap) -> MagneticTable:
+def table_of_loops(static: StaticMap, law: HysteresisLoopLaw | None = None) -> MagneticTable:
     """The table whose flux linkage is that of the reversible curve of the loops' law, odd in the current.
 
     Its coenergy has a closed form. Its force is 0 and it is the same at every gap, so hysteresis, saturation and the
-    current's sensor are what it can be diagnosed for. Raises as `law_of_loops`.
+    current's sensor are what it can be diagnosed for. `law` is that of `law_of_loops`, where it is known; raises as
+    that does.
     """
-    law = law_of_loops(static)
+    law = law or law_of_loops(static)
     at = np.linspace(0.0, REACH * float(np.abs(static.current).max()), CURRENTS)
     rows = _curve(at, law)
     gap = float(static.gap[0]) or 1e-6

@@ -178,8 +178,8 @@ KERNEL = {
     side.cell_values: "Rnrr",
     side.cell_slopes: "Rnrr",
     equations.series_iron: "Rr",
-    equations.stop_sum: "Rnrr",
-    equations.settle_stops: "Rnrr",
+    equations.stop_sum: "RRnnnr",
+    equations.settle_stops: "RRnnnr",
 }
 """Functions that take numbers and rows alone; those above them are compared in whole runs."""
 

@@ -24,7 +24,7 @@ from msl_fem.plant.plant import PlantParameters
 
 LAYOUT = RowLayout(after=electrical.LAYOUT)
 QUADRATIC, CUBIC = LAYOUT.rows(2)  # of the spring, N/m^2, N/m^3
-FRICTION_SLOPE, FRICTION_WIDTH = LAYOUT.rows(2)  # of a stop, N/m; of the first stop, m
+FRICTION_SLOPE, FRICTION_WIDTH = LAYOUT.rows(2, N_STOP)  # of the stops, N/m; their widths, m
 STRIBECK_RISE, STRIBECK_FALL = LAYOUT.rows(2)  # friction at rest over that in motion less 1; 1/velocity^2 of its fall
 SMOOTH_FRICTION, SMOOTH_SLOPE = LAYOUT.rows(2)  # friction that passes zero with the velocity, N; 1/velocity of its tanh
 FILM, FILM_GAP = LAYOUT.rows(2)  # N s/m, and the gap at which it is stated, m
@@ -52,11 +52,14 @@ def _spring_force(v: Values, plant: PlantParameters, motion: MoverMotion) -> Arr
 
 def _friction(e: Array, v: Values, setting: KernelSetting) -> None:
     force, transition = v["coulomb_friction", "force"], v["coulomb_friction", "transition_velocity"]
-    e[FRICTION_WIDTH] = v["coulomb_friction", "presliding"] / N_STOP
+    width = v["coulomb_friction", "presliding"] / N_STOP
+    sliding = force
     if transition > 0.0:
         e[SMOOTH_FRICTION], e[SMOOTH_SLOPE] = force, 1.0 / transition
-    else:
-        e[FRICTION_SLOPE] = force / (SUM_OF_WIDTHS * e[FRICTION_WIDTH])
+        sliding = 0.0
+    for k in range(N_STOP):
+        e[FRICTION_WIDTH + k] = (k + 1) * width
+        e[FRICTION_SLOPE + k] = sliding / (SUM_OF_WIDTHS * width)
     e[STRIBECK_RISE] = v["coulomb_friction", "stribeck_rise"]
     slow = v["coulomb_friction", "stribeck_velocity"]
     e[STRIBECK_FALL] = 1.0 / (slow * slow)
