@@ -53,6 +53,10 @@ class Browser:
 
     def send(self, method: str, **parameters: Any) -> dict[str, Any]:
         """The result of a method of the protocol; AssertionError where the browser refuses it or says nothing."""
+        return self._answer(self._ask(method, parameters), method)
+
+    def _ask(self, method: str, parameters: dict[str, Any]) -> int:
+        """The number of a message that is on its way."""
         self._number += 1
         message: dict[str, Any] = {"id": self._number, "method": method, "params": parameters}
         if self.session:
@@ -60,9 +64,12 @@ class Browser:
         text = json.dumps(message).encode() + b"\0"
         while text:
             text = text[os.write(self.to_browser, text) :]
+        return self._number
+
+    def _answer(self, number: int, method: str) -> dict[str, Any]:
         while True:
             answer = self._receive()
-            if answer.get("id") == self._number:
+            if answer.get("id") == number:
                 assert "error" not in answer, f"{method}: {answer['error']}"
                 return dict(answer["result"])
             self._notice(answer)
@@ -96,10 +103,11 @@ class Browser:
         return str(self.run(f"document.querySelector({json.dumps(selector)}).textContent"))
 
     def press(self, key: str, *, times: int = 1) -> None:
-        """A key pressed as a user does it, in the element that has the focus."""
-        for _ in range(times):
-            for kind in ("keyDown", "keyUp"):
-                self.send("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=KEYS[key])
+        """A key pressed as a user does it, in the element that has the focus, again without waiting for the page."""
+        method, what = "Input.dispatchKeyEvent", {"key": key, "code": key, "windowsVirtualKeyCode": KEYS[key]}
+        asked = [self._ask(method, {"type": kind, **what}) for _ in range(times) for kind in ("keyDown", "keyUp")]
+        for number in asked:
+            self._answer(number, method)
 
     def click(self, x: float, y: float) -> None:
         """A click of the left button at CSS pixels of the window."""

@@ -26,6 +26,21 @@ def report(browser: Browser, study_folder: Path) -> Browser:
     return browser
 
 
+@pytest.fixture
+def explorer(browser: Browser, study_folder: Path) -> Browser:
+    """The report as the test before left it, back at its first current and gap: opening it draws 13 figures."""
+    page = study_folder / "report.html"
+    if browser.run("location.pathname") != page.resolve().as_posix():
+        browser.open(page)
+    browser.size(1200)
+    browser.colours("light")
+    browser.complaints.clear()
+    start = browser.run("JSON.parse(document.getElementById('explorer-data').textContent).start")
+    type_in(browser, "current", repr(start["current"]))
+    type_in(browser, "gap", repr(start["gap"] * 1e3))
+    return browser
+
+
 @pytest.fixture(scope="module")
 def study_table(study_folder: Path) -> MagneticTable:
     return read_table(study_folder / "table.nc")
@@ -34,6 +49,12 @@ def study_table(study_folder: Path) -> MagneticTable:
 @pytest.fixture(scope="module")
 def guard(study_folder: Path) -> Guard:
     return Guard(read_map(study_folder / "map.json"))
+
+
+def type_in(browser: Browser, name: str, text: str) -> None:
+    """The text as a user's input of the current in A or of the gap in mm."""
+    field = f"document.getElementById('explorer-{name}-number')"
+    browser.run(f"{field}.value = '{text}'; {field}.dispatchEvent(new Event('input'))")
 
 
 def shown(browser: Browser, name: str) -> tuple[float, str]:
@@ -93,21 +114,21 @@ def test_the_page_forbids_itself_the_network(report: Browser) -> None:
     assert any("Content Security Policy" in text for text in report.complaints)
 
 
-def test_the_page_computes_what_the_table_says(report: Browser, study_table: MagneticTable) -> None:
+def test_the_page_computes_what_the_table_says(explorer: Browser, study_table: MagneticTable) -> None:
     generator = np.random.default_rng(5)
     t = study_table
     current = np.r_[generator.uniform(-t.current[-1], t.current[-1], 400), t.current[[0, 1, -1]], -t.current[-1]]
     gap = np.r_[generator.uniform(t.gap[0], t.gap[-1], 400), t.gap[[0, 3, -1]], t.gap[0]]
     points = json.dumps(np.stack([current, gap], axis=1).tolist())
-    found = np.array(report.run(f"{points}.map(([i, g]) => explorer.evaluate(i, g))")).T
+    found = np.array(explorer.run(f"{points}.map(([i, g]) => explorer.evaluate(i, g))")).T
     expected = t.surface(current, gap)
     scale = np.abs(expected).max(axis=1, keepdims=True)
     np.testing.assert_allclose(found / scale, expected / scale, rtol=1e-12, atol=1e-15)
     outside = [(1.0, t.gap[0] * 0.999), (1.0, t.gap[-1] * 1.001), (t.current[-1] * 1.001, t.gap[1])]
-    assert report.run(f"{json.dumps(outside)}.map(([i, g]) => explorer.evaluate(i, g))") == [None] * 3
+    assert explorer.run(f"{json.dumps(outside)}.map(([i, g]) => explorer.evaluate(i, g))") == [None] * 3
 
 
-def test_the_page_judges_as_the_guard_does(report: Browser, guard: Guard) -> None:
+def test_the_page_judges_as_the_guard_does(explorer: Browser, guard: Guard) -> None:
     """Random commands, and commands on the limits to the last bit."""
     generator = np.random.default_rng(6)
     gap = generator.uniform(guard.arrays.gap[0] * 0.9, guard.arrays.gap[-1] * 1.05, 600)
@@ -117,7 +138,7 @@ def test_the_page_judges_as_the_guard_does(report: Browser, guard: Guard) -> Non
     current[200:400] = np.nextafter(current[200:400], np.inf)
     current[400:] = generator.uniform(-13, 13, 200)
     points = json.dumps(np.stack([current, gap], axis=1).tolist())
-    found: list[dict[str, Any]] = report.run(f"{points}.map(([i, g]) => explorer.judge(i, g))")
+    found: list[dict[str, Any]] = explorer.run(f"{points}.map(([i, g]) => explorer.judge(i, g))")
     assert [f["region"] for f in found] == guard.regions(current, gap).tolist()
     assert [f["reason"] for f in found] == guard.reasons(current, gap).tolist()
     inside = ~np.isnan(limits[0])
@@ -125,68 +146,64 @@ def test_the_page_judges_as_the_guard_does(report: Browser, guard: Guard) -> Non
     assert np.array([f["limits"] for f in found if f["limits"]]).T.tolist() == limits[:, inside].tolist()
 
 
-def test_sliders_move_the_numbers(report: Browser, study_table: MagneticTable, guard: Guard) -> None:
-    start = state(report)
-    assert_readout_is_true(report, study_table, guard)
+def test_sliders_move_the_numbers(explorer: Browser, study_table: MagneticTable, guard: Guard) -> None:
+    start = state(explorer)
+    assert_readout_is_true(explorer, study_table, guard)
     seen = set()
     for name, key, times in (("gap", "ArrowLeft", 30), ("current", "ArrowRight", 12), ("current", "ArrowRight", 40)):
-        report.run(f"document.getElementById('explorer-{name}').focus()")
-        report.press(key, times=times)
-        assert_readout_is_true(report, study_table, guard)
-        seen.add(report.text('#explorer [data-out="region"]'))
-    current, gap = state(report)
+        explorer.run(f"document.getElementById('explorer-{name}').focus()")
+        explorer.press(key, times=times)
+        assert_readout_is_true(explorer, study_table, guard)
+        seen.add(explorer.text('#explorer [data-out="region"]'))
+    current, gap = state(explorer)
     assert gap < 0.8 * start[1]
     assert current > 1.5 * start[0]
     assert seen >= {"discouraged", "unacceptable"}
     for key, end in (("Home", 0.0), ("End", study_table.current[-1])):
-        report.press(key)
-        assert state(report)[0] == end
-    assert_readout_is_true(report, study_table, guard)
-    report.press("Home")
-    assert [shown(report, name) for name in ("force", "flux_linkage", "coenergy")] == [(0, "N"), (0, "mWb"), (0, "mJ")]
-    assert report.complaints == []
+        explorer.press(key)
+        assert state(explorer)[0] == end
+    assert_readout_is_true(explorer, study_table, guard)
+    explorer.press("Home")
+    assert [shown(explorer, name) for name in ("force", "flux_linkage", "coenergy")] == [(0, "N"), (0, "mWb"), (0, "mJ")]
+    assert explorer.complaints == []
 
 
-def test_typed_values_and_the_address_go_there_and_stay_inside(report: Browser, study_table: MagneticTable) -> None:
-    def typed(name: str, text: str) -> None:
-        field = f"document.getElementById('explorer-{name}-number')"
-        report.run(f"{field}.value = '{text}'; {field}.dispatchEvent(new Event('input'))")
-
-    typed("current", "4.25")
-    typed("gap", "0.31")
-    assert state(report) == (4.25, pytest.approx(0.31e-3))
-    typed("gap", "77")
-    assert state(report)[1] == study_table.gap[-1]
-    typed("gap", "")
-    assert state(report)[1] == study_table.gap[-1]
-    report.run("location.hash = '#gap=0.4&current=2'")
-    report.until("explorer.state.current === 2")
-    assert state(report) == (2.0, pytest.approx(0.4e-3))
+def test_typed_values_and_the_address_go_there_and_stay_inside(explorer: Browser, study_table: MagneticTable) -> None:
+    type_in(explorer, "current", "4.25")
+    type_in(explorer, "gap", "0.31")
+    assert state(explorer) == (4.25, pytest.approx(0.31e-3))
+    type_in(explorer, "gap", "77")
+    assert state(explorer)[1] == study_table.gap[-1]
+    type_in(explorer, "gap", "")
+    assert state(explorer)[1] == study_table.gap[-1]
+    explorer.run("location.hash = '#gap=0.4&current=2'")
+    explorer.until("explorer.state.current === 2")
+    assert state(explorer) == (2.0, pytest.approx(0.4e-3))
 
 
-def test_a_click_into_the_map_goes_there(report: Browser) -> None:
-    report.run("document.getElementById('explorer-map').scrollIntoView({block: 'center', behavior: 'instant'})")
-    place = report.run(
+def test_a_click_into_the_map_goes_there(explorer: Browser) -> None:
+    explorer.run("document.getElementById('explorer-map').scrollIntoView({block: 'center', behavior: 'instant'})")
+    place = explorer.run(
         "(() => { const d = document.getElementById('explorer-map'), f = d._fullLayout, b = d.getBoundingClientRect();"
         "return [b.left + f._size.l + f.xaxis.c2p(0.4), b.top + f._size.t + f.yaxis.c2p(7)]; })()"
     )
-    report.click(*place)
-    assert state(report) == (pytest.approx(7, abs=0.05), pytest.approx(0.4e-3, abs=4e-6))
+    explorer.click(*place)
+    assert state(explorer) == (pytest.approx(7, abs=0.05), pytest.approx(0.4e-3, abs=4e-6))
 
 
-def test_the_pointer_reads_values(report: Browser, study_table: MagneticTable) -> None:
+def test_the_pointer_reads_values(explorer: Browser, study_table: MagneticTable) -> None:
     figure = "document.getElementById('figure-4')"
-    report.run(f"{figure}.scrollIntoView({{block: 'center', behavior: 'instant'}})")
-    x, y, pointed_at = report.run(
+    explorer.run(f"{figure}.scrollIntoView({{block: 'center', behavior: 'instant'}})")
+    x, y, pointed_at = explorer.run(
         f"(() => {{ const d = {figure}, f = d._fullLayout, b = d.getBoundingClientRect(), t = d._fullData[0];"
         "return [b.left + f._size.l + f.xaxis.c2p(t.x[120]), b.top + f._size.t + f.yaxis.c2p(t.y[120]), t.x[120]]; })()"
     )
     for _ in range(50):  # the first move may come before the figure listens
-        report.point_at(x, y)
-        if report.text("#figure-4 .hoverlayer"):
+        explorer.point_at(x, y)
+        if explorer.text("#figure-4 .hoverlayer"):
             break
-        report.run("new Promise(done => setTimeout(done, 50))")
-    said = report.text("#figure-4 .hoverlayer").replace("\u2212", "-")
+        explorer.run("new Promise(done => setTimeout(done, 50))")
+    said = explorer.text("#figure-4 .hoverlayer").replace("\u2212", "-")
     read = re.search(r"\(([\d.]+), ([\d.]+)\)", said)
     assert read, said
     current, force = float(read[1]), float(read[2])
@@ -225,7 +242,7 @@ def test_paper_is_light_and_the_screen_comes_back(report: Browser, tmp_path: Pat
 
 
 @pytest.mark.parametrize("width", [700, 390])
-def test_narrow_windows_show_all(report: Browser, width: int) -> None:
-    report.size(width)
-    report.until(f"document.querySelector('#figure-4 .main-svg').clientWidth < {width}")
-    report.until(f"document.documentElement.scrollWidth <= {width}")
+def test_narrow_windows_show_all(explorer: Browser, width: int) -> None:
+    explorer.size(width)
+    explorer.until(f"document.querySelector('#figure-4 .main-svg').clientWidth < {width}")
+    explorer.until(f"document.documentElement.scrollWidth <= {width}")
