@@ -383,8 +383,8 @@ def _read_points(path: Path) -> tuple[Array, Array]:
         raise MaterialError(f"{path}: cannot be read; give a CSV file with columns H_A_per_m, B_T") from err
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
     header = [name.strip() for name in lines[0][1].split(",")] if lines else []
-    if set(header) != {"H_A_per_m", "B_T"}:
-        raise MaterialError(f"{path}: the first line must name the columns H_A_per_m, B_T")
+    if sorted(header) != ["B_T", "H_A_per_m"]:
+        raise MaterialError(f"{path}: the first line must name the columns H_A_per_m, B_T, each once")
     rows = []
     for number, line in lines[1:]:
         try:

@@ -30,6 +30,10 @@ NO_CURRENT = 1e-6
 """Of the largest current: less says nothing of the inductance."""
 FLOOR = 0.05
 """The incremental inductance stays above this share of W0's."""
+UNEQUAL_ROWS = (
+    "no smooth surface can be fitted to the static map: its rows weigh too differently for the arithmetic; "
+    "look for values far beyond the others, and at the noise stated for them"
+)
 Span = tuple[float, float, float]
 Order = tuple[int, int]
 """Derivatives along the current and along the gap."""
@@ -190,14 +194,14 @@ def fit_coenergy(
     scores = [_score(matrix, right, normal, normal + weight * penalty) for weight in SMOOTHING]
     usable = [k for k, score in enumerate(scores) if not np.isnan(score)]
     if not usable:
-        raise ComputationError(
-            "no smooth surface can be fitted to the static map: its rows weigh too differently for the arithmetic; "
-            "look for values far beyond the others, and at the noise stated for them"
-        )
+        raise ComputationError(UNEQUAL_ROWS)
     chosen = float(SMOOTHING[min(usable, key=lambda k: scores[k])])
     smoothing = max(chosen, least_smoothing)
     stiff = normal + smoothing * penalty
-    factor = cho_factor(stiff)
+    try:
+        factor = cho_factor(stiff)
+    except np.linalg.LinAlgError as err:  # the score's matrix was sound, that of a larger smoothing is not
+        raise ComputationError(UNEQUAL_ROWS) from err
     coefficients = cho_solve(factor, matrix.T @ right)
     plain, design = _design(base, span, (2, 0), *keep_positive)
     coefficients = _nearest_above(coefficients, stiff, design / plain[:, None], FLOOR - 1.0)

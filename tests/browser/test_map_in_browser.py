@@ -34,8 +34,11 @@ def page(pair: PairTable, guard: PairGuard, tmp_path_factory: pytest.TempPathFac
 
 @pytest.fixture
 def shown(browser: Browser, page: Path) -> Browser:
+    """The page, opened once for all that only read it or move its sliders."""
     browser.size(1200)
-    browser.open(page)
+    browser.colours("light")
+    if browser.run("location.pathname") != page.resolve().as_posix():
+        browser.open(page)
     assert browser.complaints == []
     return browser
 

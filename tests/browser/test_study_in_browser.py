@@ -108,10 +108,10 @@ def test_a_page_that_errs_or_asks_for_something_is_noticed(browser: Browser, tmp
     assert any(address.startswith("http://127.0.0.1:9") for address in browser.requests)
 
 
-def test_the_page_forbids_itself_the_network(report: Browser) -> None:
-    blocked = report.run("fetch('http://127.0.0.1:9/x').then(() => 'sent', error => String(error))")
+def test_the_page_forbids_itself_the_network(explorer: Browser) -> None:
+    blocked = explorer.run("fetch('http://127.0.0.1:9/x').then(() => 'sent', error => String(error))")
     assert "Failed to fetch" in blocked
-    assert any("Content Security Policy" in text for text in report.complaints)
+    assert any("Content Security Policy" in text for text in explorer.complaints)
 
 
 def test_the_page_computes_what_the_table_says(explorer: Browser, study_table: MagneticTable) -> None:
@@ -211,34 +211,34 @@ def test_the_pointer_reads_values(explorer: Browser, study_table: MagneticTable)
     assert force == pytest.approx(float(study_table.force(current, study_table.gap[0])), rel=1e-4)
 
 
-def test_light_and_dark(report: Browser) -> None:
+def test_light_and_dark(explorer: Browser) -> None:
     def ground() -> float:
-        colour = report.run("getComputedStyle(document.body).backgroundColor")
+        colour = explorer.run("getComputedStyle(document.body).backgroundColor")
         return float(np.mean([int(n) for n in re.findall(r"\d+", colour)[:3]]))
 
     def ink() -> str:
-        return str(report.run("document.querySelector('#figure-4 .xtitle').style.fill"))
+        return str(explorer.run("document.querySelector('#figure-4 .xtitle').style.fill"))
 
     assert ground() > 240
     light_ink = ink()
-    report.run("document.getElementById('theme').click()")
+    explorer.run("document.getElementById('theme').click()")
     assert ground() < 40
     assert ink() != light_ink
-    report.run("document.getElementById('theme').click()")
+    explorer.run("document.getElementById('theme').click()")
     assert ground() > 240
-    report.colours("dark")
-    report.until("document.documentElement.dataset.theme === 'dark'")  # without a choice it follows the system
+    explorer.colours("dark")
+    explorer.until("document.documentElement.dataset.theme === 'dark'")  # without a choice it follows the system
     assert ground() < 40
-    report.colours("light")
+    explorer.colours("light")
 
 
-def test_paper_is_light_and_the_screen_comes_back(report: Browser, tmp_path: Path) -> None:
-    width = report.run("document.querySelector('#figure-4 .main-svg').clientWidth")
-    made = report.paper(tmp_path / "report.pdf").read_bytes()
+def test_paper_is_light_and_the_screen_comes_back(explorer: Browser, tmp_path: Path) -> None:
+    width = explorer.run("document.querySelector('#figure-4 .main-svg').clientWidth")
+    made = explorer.paper(tmp_path / "report.pdf").read_bytes()
     assert made.startswith(b"%PDF")
     assert 5 <= len(re.findall(rb"/Type\s*/Page[^s]", made)) <= 17
-    assert report.run("document.querySelector('#figure-4 .main-svg').clientWidth") == width
-    assert report.complaints == []
+    assert explorer.run("document.querySelector('#figure-4 .main-svg').clientWidth") == width
+    assert explorer.complaints == []
 
 
 @pytest.mark.parametrize("width", [700, 390])

@@ -208,6 +208,7 @@ def test_byte_order_mark_of_a_spreadsheet_is_no_fault(tmp_path):
     [
         ("", "first line"),
         ("H,B\n1,2\n", "first line"),
+        ("H_A_per_m,B_T,B_T\n0,0,0\n", "first line"),
         ("H_A_per_m,B_T\n\n0,0\n10;0.5\n", "line 4"),
         ("H_A_per_m,B_T\n0,0\n10,0.5,7\n", "line 3"),
         ("H_A_per_m,B_T\n0,0\n10,much\n", "line 3"),

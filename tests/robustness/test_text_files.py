@@ -104,6 +104,14 @@ def test_noise_below_all_rounding_does_not_break_the_fit() -> None:
         table_from_measurements(static_map(), Noise(force=1e-13))
 
 
+def test_a_current_a_hundred_times_too_large_in_one_row_is_one_line() -> None:
+    """Cross-validation then finds a matrix that is sound only without the least smoothing that such a map needs."""
+    rows = static_map()
+    rows.current[0] *= 100
+    with pytest.raises(ComputationError, match="no smooth surface can be fitted"):
+        table_from_measurements(rows, Noise(force=0.2, position=50e-9))
+
+
 def test_a_cell_beyond_the_readers_measure_is_one_line(tmp_path: Path) -> None:
     path = tmp_path / "loss.csv"
     path.write_text("frequency_Hz,B_T,loss_W_per_kg\n50,1," + "9" * 200_000 + "\n")
