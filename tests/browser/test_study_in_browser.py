@@ -164,7 +164,11 @@ def test_sliders_move_the_numbers(explorer: Browser, study_table: MagneticTable,
         assert state(explorer)[0] == end
     assert_readout_is_true(explorer, study_table, guard)
     explorer.press("Home")
-    assert [shown(explorer, name) for name in ("force", "flux_linkage", "coenergy")] == [(0, "N"), (0, "mWb"), (0, "mJ")]
+    assert [shown(explorer, name) for name in ("force", "flux_linkage", "coenergy")] == [
+        (0, "N"),
+        (0, "mWb"),
+        (0, "mJ"),
+    ]
     assert explorer.complaints == []
 
 
