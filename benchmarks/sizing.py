@@ -1,6 +1,6 @@
 """Sizing: how fast designs are judged, how far the closed equations are from the fields, which sampler finds better.
 
-    python benchmarks/sizing.py [REQUIREMENT] [--trials 200] [--workers 2] [--samplers] [--docs]
+    python benchmarks/sizing.py [REQUIREMENT] [--trials 50] [--workers 2] [--samplers] [--docs]
 
 The results are Markdown; with --docs they take their places in docs/sizing.md.
 """
@@ -31,7 +31,7 @@ from msl_fem.design.sizing import (
 )
 from msl_fem.design.sizing.closed_form import Factors
 from msl_fem.design.sizing.parameters import design_from
-from msl_fem.design.sizing.search import MixedSampler
+from msl_fem.design.sizing.screening import ScreenedSampler
 
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parent / "requirements" / "400_newton.toml"
@@ -119,10 +119,10 @@ def _line(name: str, evaluator: DesignEvaluator, found: SearchResult, parameters
 def samplers_table(evaluator: DesignEvaluator, trials: int) -> str:
     """Samplers with the same first designs: least mass, and the volume of objectives that the front beats."""
     makers: dict[str, Callable[..., BaseSampler]] = {
-        "mixed": MixedSampler,
-        "TPE": lambda seed, _: TPESampler(seed=seed, n_startup_trials=20, constant_liar=False),
-        "NSGA-II, 20 a generation": lambda seed, _: NSGAIISampler(seed=seed, population_size=20),
-        "random": lambda seed, _: optuna.samplers.RandomSampler(seed=seed),
+        "screened": ScreenedSampler,
+        "TPE": lambda seed, *_: TPESampler(seed=seed, n_startup_trials=20, constant_liar=False),
+        "NSGA-II, 20 a generation": lambda seed, *_: NSGAIISampler(seed=seed, population_size=20),
+        "random": lambda seed, *_: optuna.samplers.RandomSampler(seed=seed),
     }
     lines = [f"| sampler | first objective, seeds {SEEDS} | log volume beaten |", "| --- | --- | --- |"]
     reference: list[float] | None = None
@@ -154,7 +154,7 @@ def _volume(front: list[tuple[float, ...]], reference: list[float]) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("requirement", nargs="?", type=Path, default=EXAMPLE)
-    parser.add_argument("--trials", type=int, default=200)
+    parser.add_argument("--trials", type=int, default=SearchSettings.trials)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--samplers", action="store_true", help="compare samplers: eight searches")
     parser.add_argument("--docs", action="store_true")

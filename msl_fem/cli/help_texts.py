@@ -29,7 +29,7 @@ EXAMPLES = {
         'losses servo.toml --current "2 A"',
         'losses servo.toml --current "2 A" --amplitude "1 A" --frequency "50 Hz" --table table.nc',
     ),
-    "size": ("size requirement.toml -o sized.toml --trials 200",),
+    "size": ("size requirement.toml -o sized.toml --trials 100",),
     "simulate": (
         'simulate servo.toml --excitation "sine:bias=0.6 A,amplitude=50 mA,frequency=20 Hz,duration=1 s" -o run',
         'simulate relay.toml --excitation "step:amplitude=4 V,duration=0.5 s" --locked -o step',

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from msl_fem.design.sizing import (
 )
 from msl_fem.design.sizing.evaluation import NOT_BUILT
 from msl_fem.design.sizing.in_flight import at_work
+from msl_fem.design.sizing.screening import Forecast, Foreseen, gain_beyond
 from msl_fem.design.sizing.search import GUESS, first_designs
 from msl_fem.design.sizing.trials import asked, open_storage, quiet_optuna, shown
 from msl_fem.errors import InputError
@@ -94,6 +96,60 @@ def test_the_search_itself_finds_better_than_what_it_began_with(
     it, found, _ = small
     front = pareto_front(found.trials, it.requirement.objectives)
     assert any(t.first_design is None for t in front)
+
+
+def test_what_is_foreseen_of_a_design_is_nearly_what_its_field_says(
+    small: tuple[DesignEvaluator, SearchResult, Path],
+) -> None:
+    """Mass and loss of each drawn design from those before it: much nearer than the closed equations alone."""
+    it, found, file = small
+    study = optuna.load_study(study_name="servo", storage=f"sqlite:///{file}")
+    off = []
+    for trial in study.trials[10:]:
+        forecast = Forecast(it, found.space)
+        forecast.learn(study.trials[: trial.number])
+        place = forecast.place(trial.params)
+        foreseen, closed = forecast.of(place).costs, forecast.closed(place).costs
+        assert foreseen is not None
+        assert closed is not None
+        off.append(np.abs([foreseen - np.log(trial.values), closed - np.log(trial.values)]).max(axis=1))
+    corrected, alone = np.mean(off, axis=0)
+    assert corrected < 0.012
+    assert corrected < alone / 3
+
+
+def test_the_parts_of_the_iron_carry_what_the_field_says(small: tuple[DesignEvaluator, SearchResult, Path]) -> None:
+    """With a judged design's own loads the closed equations find its most loaded section, and all shares of it."""
+    it, found, _ = small
+    for trial in found.trials[5:8]:
+        real = trial.figures["section_flux_densities_T"]
+        forecast = Forecast(it, found.space)
+        place = forecast.place(trial.parameters)
+        plain = forecast.closed(place).flux_densities
+        pole = next(iter(plain))
+        loads = {name: np.log(real[name] / plain[name] * plain[pole] / real[pole]) for name in plain}
+        corrected = forecast.closed(place, loads).flux_densities
+        assert max(corrected, key=corrected.__getitem__) == trial.figures["section"]
+        for name in plain:
+            assert corrected[name] / corrected[pole] == pytest.approx(real[name] / real[pole], rel=1e-3)
+
+
+def test_a_gap_of_the_front_is_worth_more_than_its_neighbourhood() -> None:
+    """Svenson and Santner's improvement by hand, of a front of two designs; and a broken limit weighs more."""
+
+    def judged(*costs: float) -> Any:
+        return SimpleNamespace(costs=np.array(costs))
+
+    def worth(*costs: float, alone: bool = False, **broken: float) -> float:
+        return gain_beyond([judged(0.0, 1.0), judged(1.0, 0.0)], alone=alone)(Foreseen(None, np.array(costs), broken))
+
+    assert worth(0.4, 0.4) == pytest.approx(0.6)
+    assert worth(0.1, 0.9) == pytest.approx(0.1)
+    assert worth(1.1, 0.2) == pytest.approx(-0.1)
+    assert worth(-0.2, 3.0) == pytest.approx(0.2)
+    assert worth(-0.2, 3.0, alone=True) == pytest.approx(0.2)
+    assert worth(0.4, 0.4, alone=True) == pytest.approx(-0.4)
+    assert worth(0.4, 0.4, current=0.07, voltage=-0.5) == pytest.approx(0.6 - 10 * 0.07)
 
 
 def test_a_resumed_search_is_the_undisturbed_one(
@@ -210,7 +266,7 @@ def test_designs_outside_the_envelope_are_recorded_and_never_solved(
     monkeypatch.setattr(DesignEvaluator, "solve", count)
     monkeypatch.setattr(closed_search, "_GENERATIONS", 10)  # for the closest design, which is not looked at
     it, file = evaluator(**envelope("48 mm", "44 mm", "50 mm")), tmp_path / "t.sqlite3"
-    found = search_designs(it, settings(file, 14))
+    found = search_designs(it, settings(file, 14, sampler=lambda seed, *_: optuna.samplers.RandomSampler(seed)))
     unbuilt = [t for t in found.trials if t.stage == NOT_BUILT]
     assert len(unbuilt) >= 3
     assert len(submitted) == 14 - len(unbuilt)

@@ -19,7 +19,8 @@ are the kind's (`magnetics.kinds.kind.CircuitOfKind`).
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -114,6 +115,11 @@ class UnloadedCircuit:
         drive = flux_density / per_ampere[section]
         return DrivenGap(permeance, flux, section, drive, -MU_0 * permeance.slope * drive**2 / 2)
 
+    def corrected(self, loads: Mapping[str, float]) -> "UnloadedCircuit":
+        """With parts that carry so many times the flux density that the circuit says, by name."""
+        areas = {name: area / loads.get(name, 1.0) for name, area in self.areas.items()}
+        return replace(self, areas=areas)
+
     def loaded(self, irons: Irons, flux_density: float, air_depth: tuple[float, float] = (1.0, 0.0)) -> MagneticCircuit:
         """The circuit at a flux density, given as in `driven`."""
         gap = self.driven(flux_density, air_depth)
@@ -126,6 +132,7 @@ class UnloadedCircuit:
             inductance=MU_0 * (value * drive / ampere_turns + self.linkage),
             flux_density=flux_density,
             section=gap.section,
+            flux_densities={name: MU_0 * drive * gap.flux[name] / area for name, area in self.areas.items()},
         )
         fringing = value / self.permeance.plain
         return MagneticCircuit(point, gap.flux, self.areas, drive / ampere_turns, fringing, 1 + self.leakage / value)

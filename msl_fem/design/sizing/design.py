@@ -1,7 +1,8 @@
 """A design, its constraints, and what it gives as a wound magnet, by the closed equations or by a field."""
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, cast
 
@@ -216,6 +217,7 @@ class SectionPoint:
     force_slope : N/A, dF/d(ampere turns)
     inductance : H, incremental, of one turn
     flux_density : T in the iron, mean over `section`, the most loaded one
+    flux_densities : T in the iron by section, means
     """
 
     ampere_turns: float
@@ -224,6 +226,7 @@ class SectionPoint:
     inductance: float
     flux_density: float
     section: str
+    flux_densities: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -234,7 +237,7 @@ class Performance:
     ----------
     magnet : with its depth and turns
     current : A in the coil
-    force, flux_density, section : at that current
+    force, flux_density, section, flux_densities : at that current
     resistance : ohm, 20 degC
     loss : W, copper at 20 degC and that current
     inductance : H, incremental at that current
@@ -255,6 +258,7 @@ class Performance:
     current_density: float
     slew_rate: float
     heat: Heat
+    flux_densities: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def temperature_rise(self) -> float:
@@ -306,6 +310,7 @@ def wound(design: Design, point: SectionPoint, requirement: Requirement, *, dept
         current_density=point.ampere_turns / magnet.copper_area,
         slew_rate=point.force_slope * depth * turns * headroom / inductance,
         heat=requirement.heat,
+        flux_densities=point.flux_densities,
     )
 
 

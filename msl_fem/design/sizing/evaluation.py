@@ -1,7 +1,7 @@
 """A design evaluated: by the closed equations, and by field solutions; what cannot be built reaches neither."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -142,12 +142,17 @@ class DesignEvaluator:
         )
         return tuple(c for c in limits if not c.kept)
 
-    def by_closed_form(self, design: Design, *, factors: Factors | None = None) -> DesignEvaluation:
-        """The evaluation by the closed equations (its `stage` is NO_FIELD where the design can be built)."""
+    def by_closed_form(
+        self, design: Design, *, factors: Factors | None = None, loads: Mapping[str, float] | None = None
+    ) -> DesignEvaluation:
+        """The evaluation by the closed equations (its `stage` is NO_FIELD where the design can be built).
+
+        `loads` : by part of the iron how many times the flux density of the closed equations it carries
+        """
         refused = self.not_built(design)
         if refused is not None:
             return refused
-        return self._evaluated(NO_FIELD, design, self._closed(design, factors=factors))
+        return self._evaluated(NO_FIELD, design, self._closed(design, factors=factors, loads=loads))
 
     def circuit(self, design: Design, *, factors: Factors | None = None, depth: float | None = None) -> MagneticCircuit:
         """The closed equations at a design's flux density, 1 m deep where there is a depth.
@@ -171,9 +176,13 @@ class DesignEvaluator:
         ends, gap = ends_of(magnet), self.requirement.force.gap
         return lambda depth: gap_depth(replace(ends, depth=depth), factors, gap)[:2]
 
-    def _closed(self, design: Design, *, factors: Factors | None = None) -> SectionPoint:
+    def _closed(
+        self, design: Design, *, factors: Factors | None = None, loads: Mapping[str, float] | None = None
+    ) -> SectionPoint:
         """The closed equations' point, without factors with the gap's ends of the stack that has the force."""
         circuit = self._unloaded(design, factors)
+        if loads:
+            circuit = circuit.corrected(loads)
         air_depth = (1.0, 0.0)
         if factors is None and not self.requirement.revolved and self.end_effects is not False:
             at_depth = self._air_depth(design)

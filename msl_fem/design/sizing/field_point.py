@@ -186,4 +186,5 @@ def _per_metre(
         inductance=quantities.incremental_inductance / depth / turns**2,
         flux_density=mean,
         section=section,
+        flux_densities={name: found.mean for name, found in quantities.flux_density.items()},
     )

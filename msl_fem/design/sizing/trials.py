@@ -83,6 +83,7 @@ def figures(evaluation: DesignEvaluation) -> dict[str, Any]:
         "inductance_H": found.inductance,
         "flux_density_T": found.flux_density,
         "section": found.section,
+        "section_flux_densities_T": dict(found.flux_densities),
         "current_A": found.current,
         "turns": found.magnet.coil.turns,
         "resistance_ohm": found.resistance,
