@@ -39,9 +39,7 @@ def command(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Actuator file to write; without, NAME.toml here.")
     ] = None,
-    trials: Annotated[
-        int, typer.Option(min=1, max=100_000, help="Designs to judge, earlier runs' counted.")
-    ] = 50,
+    trials: Annotated[int, typer.Option(min=1, max=100_000, help="Designs to judge, earlier runs' counted.")] = 50,
     storage: Annotated[
         str | None, typer.Option(metavar="URL", help="Optuna storage URL; without, a sqlite file beside the output.")
     ] = None,
