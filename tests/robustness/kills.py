@@ -4,7 +4,8 @@
 
 Each command is run once undisturbed, which tells how long it takes; then it is killed as often as asked at moments
 drawn over that time, every other kill with all its processes at once, alternately by each signal, and run again in the
-same folder. Afterwards files and printed result must be those of an undisturbed run, nothing hidden may be left, and
+same folder. A command that ends before its kill says that it takes less, and is tried again at another moment.
+Afterwards files and printed result must be those of an undisturbed run, nothing hidden may be left, and
 what was finished before the kill (rows, trials, records, fits) must still be there or be used. With --kept a next call
 goes on where one stopped.
 """
@@ -69,7 +70,7 @@ class Tally:
     """What came of the kills of a command."""
 
     kills: int = 0
-    before_end: int = 0
+    too_late: int = 0
     went_on: int = 0
     finished: int = 0
     lost: int = 0
@@ -184,14 +185,15 @@ def outcome_of(name: str, printed: dict[str, Any]) -> object:
 
 
 def kill_once(name: str, folder: Path, at: float, number: signal.Signals, *, all_processes: bool) -> tuple[Tally, Any]:
-    """One kill of a command after so many seconds, and the next run with what it printed."""
+    """One kill of a command after so many seconds, and the next run with what it printed; none if it has ended."""
     words, tally = COMMANDS[name], Tally(kills=1)
     when = f"{name}, {number.name} after {at:.2f} s"
     process = start(words, folder)
     time.sleep(at)
-    if process.poll() is None:
-        tally.before_end = 1
-        (os.killpg if all_processes else os.kill)(process.pid, number)
+    if process.poll() is not None:
+        process.communicate()
+        return Tally(too_late=1), None
+    (os.killpg if all_processes else os.kill)(process.pid, number)
     _, said = process.communicate(timeout=LONG)
     if "Traceback" in said:
         tally.wrong.append(f"{when}: a traceback: {said[-300:]!r}")
@@ -229,10 +231,11 @@ def kill_often(name: str, kills: int, seed: int, root: Path, *, done: int = 0) -
     if status:
         yield Tally(wrong=[f"{name}: undisturbed it ended with {status}: {err[-300:]!r}"])
         return
-    for k in range(done, kills):
-        rng = np.random.default_rng([seed, k])
+    k, late = done, 0
+    while k < kills:
+        rng = np.random.default_rng([seed, k, late])
         number = (signal.SIGKILL, signal.SIGTERM)[k % 2]
-        folder = shutil.copytree(given, root / f"{name} {k}")
+        folder = shutil.copytree(given, root / f"{name} {k} {late}")
         at = float(rng.uniform(0.05, 1.0) * takes)
         tally, printed = kill_once(name, folder, at, number, all_processes=bool(k // 2 % 2))
         if results(folder) != results(whole):
@@ -242,6 +245,9 @@ def kill_often(name: str, kills: int, seed: int, root: Path, *, done: int = 0) -
             if not same(now, then):
                 tally.wrong.append(f"{name}, {number.name} after {at:.2f} s: another result than undisturbed")
         shutil.rmtree(folder)
+        if tally.too_late:
+            takes = min(takes, at)
+        k, late = (k, late + 1) if tally.too_late else (k + 1, 0)
         yield tally
 
 
@@ -272,11 +278,11 @@ def main() -> int:
                 if asked.kept is not None:
                     with asked.kept.open("a") as stream:
                         stream.write(json.dumps({"command": name, **asdict(one)}) + "\n")
-    heads = "command, kills, before its end, next run went on, finished before, lost, parts at once, after next"
+    heads = "command, kills, too late for one, next run went on, finished before, lost, parts at once, after next"
     print(f"| {heads.replace(', ', ' | ')} |")
     print(f"| --- {'| ---: ' * heads.count(',')}|")
     for name, t in tallies.items():
-        cells = (t.kills, t.before_end, t.went_on, t.finished, t.lost, t.left_at_once, t.left_after_next)
+        cells = (t.kills, t.too_late, t.went_on, t.finished, t.lost, t.left_at_once, t.left_after_next)
         print(f"| {name} | {' | '.join(map(str, cells))} |")
     wrong = [line for t in tallies.values() for line in t.wrong]
     for line in wrong:
