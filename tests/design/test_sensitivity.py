@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from small_magnets import HERE, job, nominal, nominal_of, wide_open
 
-from msl_fem.design.tolerances.manufactured import ManufacturingTolerance, manufactured_field
-from msl_fem.design.tolerances.sensitivity import Sensitivity, sensitivities
+from msl_fem.design.tolerances.manufactured import NAMES, ManufacturingTolerance, manufactured_field
+from msl_fem.design.tolerances.sensitivity import QUANTITIES, ManufacturingSolver, Sensitivity, sensitivities
 
 LEVEL = (0.3,)
 
@@ -83,6 +83,34 @@ def test_the_gaps_sensitivity_is_the_exact_derivative(saturated: dict[str, Sensi
     at = field.quantities(field.solve(3.0, gap))
     assert saturated["gap"].force == pytest.approx(at.force_gap_slope * gap / at.force, rel=1e-4)
     assert saturated["gap"].flux_linkage == pytest.approx(-at.force_current_slope * gap / at.flux_linkage, rel=1e-4)
+
+
+@pytest.fixture(scope="module")
+def solver() -> ManufacturingSolver:
+    nominal_job, sections = nominal_of("fast_tool_servo", 0.3e-3), ("centre_leg", "outer_leg")
+    return job(nominal_job, 0.3e-3, current=3.0, levels=(1.2, 1.6), sections=sections).solver()
+
+
+@pytest.mark.parametrize("name", ["gap", "outer_leg_width", "bh_polarisation"])
+def test_magnets_near_the_nominal_one_are_off_by_the_square_of_their_deviation(
+    name: str, solver: ManufacturingSolver
+) -> None:
+    """Two routes to a made magnet: the nominal one's fields with their adjoints, and fields of its own (Taylor's test).
+
+    Sections' currents saturated and not, force and flux linkage; with no deviation they are the same.
+    """
+    nominal_value = {"gap": 0.3e-3, "bh_polarisation": 1.0}.get(name) or getattr(solver.job.nominal.magnet, name)
+
+    def off(share: float) -> np.ndarray:
+        deviation = dict.fromkeys(NAMES, 0.0) | {name: share * nominal_value}
+        near, own = solver._by_adjoints(deviation), solver._in_full(deviation, by_section=True)
+        assert near is not None
+        return np.array([np.abs(near[q] / own[q] - 1).max() for q in QUANTITIES])
+
+    assert off(0.0).max() < 1e-9
+    far, half = off(0.01), off(0.005)
+    assert far.max() < 1e-3
+    assert far / half == pytest.approx([4.0] * 3, abs=0.4)
 
 
 def test_differences_do_not_depend_on_their_step(saturated: dict[str, Sensitivity]) -> None:

@@ -17,6 +17,7 @@ from msl_fem.computing.jobs import Executor, Progress, run_jobs
 from msl_fem.computing.row_cache import Arrays, RowCache
 from msl_fem.design.tolerances.made_tables import MadeTables, Nodes, nodes_of
 from msl_fem.design.tolerances.manufactured import NAMES, FieldJob, ManufacturingTolerance, manufactured_field
+from msl_fem.design.tolerances.nearby import NearbyMagnets, SectionRoot
 from msl_fem.errors import ComputationError, NotConverged
 from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.field_map.gap_levels import CurrentContinuation
@@ -26,7 +27,7 @@ from msl_fem.magnetics.sweep.reduced_rows import TOLERANCE
 from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow, field_key
 from msl_fem.maps.level_currents import Criterion
 
-METHOD_VERSION = 1
+METHOD_VERSION = 2
 """Raised when a change of the code changes the answers: kept rows of another version are not used."""
 STEP = 0.01  # of the nominal value (of the smallest gap for the gap); halved once
 QUANTITIES = ("force", "flux_linkage", "section_current")
@@ -135,7 +136,7 @@ class ManufacturingSolver:
         started = time.process_time()
         deviation = dict(zip(NAMES, row.deviation, strict=True))
         try:
-            found = self._reduced(deviation) if not row.by_section else None
+            found = self._by_adjoints(deviation) if row.by_section else self._reduced(deviation)
             if found is None:
                 found = self._in_full(deviation, row.by_section)
         except (NotConverged, ComputationError, ValueError) as err:
@@ -157,6 +158,27 @@ class ManufacturingSolver:
         tables = {name: found[name][asked] for name in names} | self._table_currents()
         rest = {name: found[name] for name in ("force", "flux_linkage", "table_error", "section_error")}
         return rest | {"current": found["current"][:, asked]} | tables
+
+    def _by_adjoints(self, deviation: Mapping[str, float]) -> Arrays | None:
+        """Each section's answers from the nominal magnet's fields; None where its mesh is not moved with dimensions."""
+        return None if self._nearby is None else self._nearby.answer(self._made(deviation), deviation["gap"])
+
+    @cached_property
+    def _nearby(self) -> NearbyMagnets | None:
+        """The nominal magnet's fields at the roots and at the point, with their adjoints."""
+        nominal, asked = self._nominal, self.job.questions
+        if not isinstance(nominal.probes, Probes) or self.job.nominal.mesh.motion is not None:
+            return None
+        roots: dict[tuple[int, int, int], SectionRoot | None] = {}
+        for s, section in enumerate(asked.sections):
+            for g, gap in enumerate(asked.gaps):
+                continuation = CurrentContinuation(nominal, reader_of(only(nominal, section), Criterion("mean")), gap)
+                for k, level in enumerate(asked.levels):
+                    root = continuation.root(level, asked.most)
+                    slope = root.point.reading.current_slope
+                    near = SectionRoot(root.point.solution, section, level, slope)
+                    roots[s, k, g] = None if np.isnan(root.current) else near
+        return NearbyMagnets(nominal, roots, nominal.solve(asked.point_current, asked.point_gap))
 
     def _in_full(self, deviation: Mapping[str, float], by_section: bool) -> Arrays:
         asked, off = self.job.questions, deviation["gap"]
