@@ -13,7 +13,7 @@ from msl_fem.export.dxf_section import drawn_gap
 from msl_fem.export.plane_graph import distance_to, outlines_of_faces, point_inside, signed_area
 from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.section import Region, Section, both_halves, is_taken_off
-from msl_fem.magnetics.solver.mesh import elementary_edges, region_at
+from msl_fem.magnetics.solver.mesh import elementary_edges, regions_at
 from msl_fem.materials.material import AnalyticIron, Iron, load_iron
 
 CORE, ARMATURE, COIL, AIR = 1, 2, 3, 0
@@ -48,7 +48,7 @@ def femm_text(actuator: Actuator, gap: float | None = None, *, current: float = 
     points, edges = elementary_edges(whole)
     outlines = outlines_of_faces(points, np.array([edge[:2] for edge in edges]))
     inside = [point_inside(outlines, k) for k in range(len(outlines))]
-    regions = [region_at(point, whole) for point in inside]
+    regions = regions_at(np.array(inside), whole)
     irons = {name: load_iron(iron, folder=actuator.folder) for name, (iron, _) in section.iron.items()}
     names = ["air", "coil", *irons]
     materials = [_material("air", permeability=1.0), _material("coil", permeability=1.0)]

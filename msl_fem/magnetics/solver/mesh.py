@@ -248,25 +248,24 @@ def elementary_edges(section: Section) -> tuple[Array, list[tuple[int, int, str,
     """Vertices (n, 2) and elementary edges (start, end, region to the left, to the right; "" outside)."""
     every = np.array([v for r in section.regions for v in r.vertices])
     tolerance = TOLERANCE * np.abs(every).max()
-    vertices: list[Array] = []
-    for v in every:
-        if not any(np.abs(v - w).max() < tolerance for w in vertices):
-            vertices.append(v)
-    points = np.array(vertices)
+    alike = np.abs(every[:, None] - every).max(axis=2) < tolerance
+    points = every[np.argmax(alike, axis=1) == np.arange(len(every))]  # the first of those that are one
     pairs = set()
     for region in section.regions:
         ring = np.array(region.vertices)
         for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True):
             on = _on_segment(points, a, b, tolerance)
             pairs |= {tuple(sorted(pair)) for pair in zip(on[:-1], on[1:], strict=True)}
-    edges = []
-    for start, end in sorted(pairs):
-        a, b = points[start], points[end]
-        normal = np.array([a[1] - b[1], b[0] - a[0]])
-        offset = normal / np.linalg.norm(normal) * 100 * tolerance
-        left, right = (region_at((a + b) / 2 + sign * offset, section) for sign in (1, -1))
-        if left != right:
-            edges.append((int(start), int(end), left, right))
+    ends = np.array(sorted(pairs))
+    a, b = points[ends[:, 0]], points[ends[:, 1]]
+    normal = np.stack([a[:, 1] - b[:, 1], b[:, 0] - a[:, 0]], axis=1)
+    offset = normal / np.linalg.norm(normal, axis=1)[:, None] * 100 * tolerance
+    sides = (regions_at((a + b) / 2 + sign * offset, section) for sign in (1, -1))
+    edges = [
+        (int(start), int(end), left, right)
+        for (start, end), left, right in zip(ends, *sides, strict=True)
+        if left != right
+    ]
     used = sorted({k for edge in edges for k in edge[:2]})
     number = {old: new for new, old in enumerate(used)}
     return points[used], [(number[s], number[e], left, right) for s, e, left, right in edges]
@@ -282,15 +281,17 @@ def _on_segment(points: Array, a: Array, b: Array, tolerance: float) -> list[int
     return [int(k) for k in on[np.argsort(t[on])]]
 
 
-def region_at(point: Array, section: Section) -> str:
-    """The topmost region that covers the point (even-odd rule), "" outside all."""
-    for region in reversed(section.regions):
+def regions_at(points: Array, section: Section) -> list[str]:
+    """The topmost region that covers each of the points (n, 2) (even-odd rule), "" outside all."""
+    found = [""] * len(points)
+    x, y = points.T[:, :, None]
+    for region in section.regions:
         ring = np.array(region.vertices)
         (x0, y0) = ring.T
         (x1, y1) = np.roll(ring, -1, axis=0).T
-        crosses = (y0 > point[1]) != (y1 > point[1])
+        crosses = (y0 > y) != (y1 > y)
         with np.errstate(divide="ignore", invalid="ignore"):
-            at = x0 + (point[1] - y0) * (x1 - x0) / (y1 - y0)
-        if np.count_nonzero(crosses & (point[0] < at)) % 2:
-            return region.name
-    return ""
+            at = x0 + (y - y0) * (x1 - x0) / (y1 - y0)
+        for k in np.flatnonzero(np.count_nonzero(crosses & (x < at), axis=1) % 2):
+            found[k] = region.name
+    return found
