@@ -131,12 +131,13 @@ class DescentSettings:
 @dataclass(frozen=True, eq=False)
 class Descent(Generic[P, M]):
     """Where a descent ended: the model there, and why: no step leads down, promises are not kept, or no more steps are
-    allowed."""
+    allowed. `damping` is the mu that a further trial would take."""
 
     point: P
     model: M
     ending: Literal["converged", "no descent", "in vain", "no more steps"]
     steps: int
+    damping: float = 0.0
 
 
 def descend(
@@ -150,7 +151,7 @@ def descend(
     for _ in range(how.most_trials):
         if model.promised < max(how.enough, how.enough_share * point.objective):
             if how.renewal is None or not model.stale or not how.fresh_end:
-                return Descent(point, model, "converged", steps)
+                return Descent(point, model, "converged", steps, mu)
             model = objective.model(point, None)
             continue
         if how.most_steps is not None and steps >= how.most_steps:
@@ -160,7 +161,7 @@ def descend(
         gain = point.objective - trial.objective
         idle = idle + 1 if how.renewal is not None and vain >= MOST_VAIN and not gain >= how.enough else 0
         if idle >= MOST_IDLE:
-            return Descent(point, model, "in vain", steps)
+            return Descent(point, model, "in vain", steps, mu)
         if gain > 0.0:  # not of nan
             if not model.stale:
                 vain = 0 if gain >= VAIN * promised else vain + 1
@@ -173,10 +174,10 @@ def descend(
         elif renewal is not None and model.stale:
             model = objective.model(point, None)
         elif mu > how.damping.most:
-            return Descent(point, model, "no descent", steps)
+            return Descent(point, model, "no descent", steps, mu)
         else:
             mu = how.damping.after_failure(mu)
-    return Descent(point, model, "no more steps", steps)
+    return Descent(point, model, "no more steps", steps, mu)
 
 
 def normal_equations(jacobian: Array, root: Array, residual: Array | None = None) -> tuple[Array, Array]:

@@ -24,7 +24,7 @@ from msl_fem.diagnosis.decision import (
     undecidable_because,
 )
 from msl_fem.diagnosis.equilibria import told_by_equilibria
-from msl_fem.diagnosis.fit import FitPlan, fit
+from msl_fem.diagnosis.fit import STEPS_A_ROUND, FitPlan, beyond_sanity, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.formula import formula_of
 from msl_fem.diagnosis.imposed_maps import with_imposed_maps
@@ -150,7 +150,8 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
     begin = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
     known = how.memory.end_of(fit_name(kind.unknowns), kind.unknowns)
     begin = begin if known is None else known
-    plan = FitPlan(enough=ROUGH, tell=partial(_about_tolerances, how))
+    steps = STEPS_A_ROUND if beyond_sanity(kind.unknowns, begin) else FitPlan.most_steps
+    plan = FitPlan(most_steps=steps, enough=ROUGH, tell=partial(_about_tolerances, how))
     fits = [not_worse(kind, begin, fit(kind.likelihood, kind.unknowns, begin, plan=plan), plan)]
     stages: list[SearchStage] = []
     excesses = []

@@ -5,6 +5,12 @@ densities of the noise integrated out (`noise_bands`), and the prior of the unkn
 densities as they are at the point; since log is concave, a step that decreases the quadratic decreases S. Damping is
 in the prior's metric (`computing.gauss_newton`). The log evidence is Laplace's, -S - log det(J'J + P)/2, P the prior's
 curvature.
+
+Where what is left is far above the densest noise that there can be, the data's part outweighs the prior so much that a
+step of a model which is only linear nearby goes hundreds of tolerances along what the record hardly tells, and the way
+back is long. The data's part is then divided by a heat: at first what brings it to the size of noise, and less from
+round to round, one at the end (the iteratively regularised Gauss-Newton method: Bakushinskii, Comput. Math. Math. Phys.
+32, 1992, 1353-1359).
 """
 
 from collections.abc import Callable
@@ -35,6 +41,16 @@ MISLED = 0.1
 STEPS_A_ROUND = 4
 MOST_IDLE_ROUNDS = 2
 """Rounds in a row that bring nothing: beside a model that cannot follow, moved starts raise what steps lower."""
+HOT = 2.0
+"""Mean square of residuals over their noise at its loudest, above which a fit over stretches begins with a heat."""
+COOLING = 10.0
+"""Times, at least, by which the heat of a round is less than that of the one before."""
+CARRIED = 1e-2, 1e2
+"""Damping, least and most, with which a round goes on after another one."""
+SANE = 20.0
+"""Tolerances beyond which no number of a model without effects is what it says: a cause is missing."""
+WORTH = 0.05
+"""Share of its nats that a round has to bring a model without effects beyond `SANE`, to be worth a further one."""
 RESTARTED = 0.2
 """Nats by which moving the starts of stretches may change a fit that has converged."""
 INTERVAL = 1.96
@@ -115,34 +131,41 @@ def fit(
     how = plan or FitPlan()
     damping = Damping(first=how.damping, least=1e-4, rise=1e-2, most=1e8)
     simulations, z = 0, unknowns.allowed(start)
-    least, idle = np.inf, 0
-    for trials in _trials(likelihood, how.most_steps):
+    least, idle, most_heat = np.inf, 0, np.inf
+    rounds = _trials(likelihood, how.most_steps)
+    for n, trials in enumerate(rounds, 1):
         posterior = _FitPosterior(likelihood, unknowns, how)
         first = posterior.at(z)
         if not np.isfinite(first.residual).all():
             raise ComputationError("the simulation fails at the start of the fit")
+        first = posterior.heated(first, min(most_heat, COOLING ** (len(rounds) - n)))
         renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
         settings = DescentSettings(damping, how.enough, most_trials=trials, renewal=renewal, fresh_end=how.fresh_end)
         end = descend(posterior, first, settings, first=posterior.linearised(first, nuisance_columns))
-        point, model = end.point, end.model
+        point, model = posterior.cooled(end.point, end.model)
         simulations += posterior.simulations
         if not likelihood.is_cut:
             break
+        nuisance_columns = model.jacobian[:, : unknowns.n_nuisance] if posterior.heat == 1.0 else None
         if end.ending == "no more steps" and not end.steps:  # next to a table's end only shorter ones lead anywhere
-            damping = replace(damping, first=damping.first * damping.factor**trials)
-            nuisance_columns = model.jacobian[:, : unknowns.n_nuisance]
+            damping = replace(damping, first=end.damping)
             continue
         nearer = likelihood.followed(unknowns, point.z)
         again = nearer.objective(unknowns, point.z)
-        settled = end.ending in {"converged", "in vain"}
-        if settled and abs(again - point.objective) < max(RESTARTED, how.enough):
-            break
-        idle = 0 if point.objective < least - how.enough else idle + 1
-        least = min(least, point.objective)
+        most_heat = posterior.heat / COOLING
+        if posterior.heat == 1.0:
+            settled = end.ending in {"converged", "in vain"}
+            if settled and abs(again - point.objective) < max(RESTARTED, how.enough):
+                break
+            worth = (
+                max(how.enough, WORTH * least) if least < np.inf and beyond_sanity(unknowns, point.z) else how.enough
+            )
+            idle = 0 if point.objective < least - worth else idle + 1
+            least = min(least, point.objective)
         if idle == MOST_IDLE_ROUNDS or not np.isfinite(again):
             break
-        likelihood, z, nuisance_columns = nearer, point.z, model.jacobian[:, : unknowns.n_nuisance]
-        damping = replace(damping, first=1e-2)
+        likelihood, z = nearer, point.z
+        damping = replace(damping, first=float(np.clip(end.damping, *CARRIED)))
     return Fit(
         unknowns,
         point.z,
@@ -155,6 +178,12 @@ def fit(
         simulations,
         likelihood,
     )
+
+
+def beyond_sanity(unknowns: Unknowns, z: Array) -> bool:
+    """Whether a model without effects makes up for a cause that it lacks by numbers that nothing can have."""
+    n = len(unknowns.believed) + unknowns.n_table
+    return not unknowns.effects and bool(np.any(np.abs(z[:n]) > SANE))
 
 
 def _trials(likelihood: Likelihood, most: int) -> list[int]:
@@ -205,19 +234,41 @@ class _FitModel:
 
 
 class _FitPosterior:
-    """S of a likelihood; counts its simulations."""
+    """S of a likelihood, its data's part over a heat; counts its simulations."""
 
     def __init__(self, likelihood: Likelihood, unknowns: Unknowns, plan: FitPlan) -> None:
         self.likelihood, self.unknowns, self.plan = likelihood, unknowns, plan
-        self.simulations = 0
+        self.simulations, self.heat = 0, 1.0
 
     def at(self, z: Array) -> _FitPoint:
         """A point that holds the bounds; its S is inf where the simulation fails."""
         residual = self.likelihood.spectra(Points.of(self.unknowns, z[None]))[0]
         self.simulations += 1
+        return self._weighted(z, residual)
+
+    def _weighted(self, z: Array, residual: Array) -> _FitPoint:
         weights = self.likelihood.weights(residual)
+        if self.heat != 1.0:
+            weights = replace(weights, root=weights.root / np.sqrt(self.heat), nats=weights.nats / self.heat)
         objective = weights.nats + self.unknowns.prior(z)[0] if np.isfinite(residual).all() else np.inf
         return _FitPoint(z, residual, weights, float(objective))
+
+    def heated(self, point: _FitPoint, most: float) -> _FitPoint:
+        """A point with the heat that suits what is left there, none where runs are followed as a whole."""
+        loud = float(np.mean((point.residual * point.weights.root) ** 2)) if self.likelihood.is_cut else 1.0
+        heat = min(loud, most)
+        if heat <= HOT:
+            return point
+        self.heat = heat
+        return self._weighted(point.z, point.residual)
+
+    def cooled(self, point: _FitPoint, model: _FitModel) -> tuple[_FitPoint, _FitModel]:
+        """The same without heat."""
+        if self.heat == 1.0:
+            return point, model
+        without = _FitPosterior(self.likelihood, self.unknowns, self.plan)
+        cold = without._weighted(point.z, point.residual)
+        return cold, _FitModel(self.unknowns, cold, model.jacobian, stale=True)
 
     def moved(self, point: _FitPoint, move: Array) -> _FitPoint:
         return self.at(self.unknowns.allowed(point.z + move))

@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from msl_fem.computing.arrays import Array
-from msl_fem.diagnosis.fit import FitPlan, fit
+from msl_fem.diagnosis.fit import TINY, FitPlan, beyond_sanity, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.likelihood import CONVERGED, Fit, Likelihood
@@ -26,6 +26,8 @@ from msl_fem.diagnosis.variants import Variant
 from msl_fem.errors import ComputationError
 
 ELIMINATED = 0.25  # of the gain that the best refit has made: a refit below it after screening goes no further
+SMALL = (0.03, 0.1, 0.3)  # of z: the largest amount with which a candidate begins at the belief
+FIRST_STEPS = 12  # of a candidate that begins there
 SCREENING_STEPS = 6
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to the linear model's best at which a refit may begin
 REFINEMENT_STEPS = 25
@@ -74,12 +76,23 @@ def started(base: Fit, score: Score, likelihood: Likelihood) -> Array:
     rows += [np.concatenate([base.z, part * score.guess, shapes]) for part in SHARES]
     unknowns = extended(base.unknowns, score.variant)
     points = np.array([unknowns.allowed(row) for row in rows])
-    residuals = likelihood.spectra(Points.of(unknowns, points))
+    return np.asarray(points[int(np.argmin(objectives(likelihood, unknowns, points)))])
+
+
+def objectives(likelihood: Likelihood, unknowns: Unknowns, points: Array) -> Array:
+    """(n_point,) S at points (n_point, unknowns.size); inf where a run fails."""
     costs = np.full(len(points), np.inf)
-    for n, residual in enumerate(residuals):
+    for n, residual in enumerate(likelihood.spectra(Points.of(unknowns, points))):
         if np.isfinite(residual).all():
             costs[n] = likelihood.weights(residual).nats + unknowns.prior(points[n])[0]
-    return np.asarray(points[int(np.argmin(costs))])
+    return costs
+
+
+def as_believed(found: Fit) -> Array:
+    """Where a fit is, with believed parameters and the table as believed."""
+    z = found.z.copy()
+    z[: len(found.unknowns.believed) + found.unknowns.n_table] = 0.0
+    return z
 
 
 class _Screening:
@@ -121,6 +134,7 @@ class Refinement:
     ) -> None:
         self.base, self.tell, self.memory, self.hopeless = base, tell, memory, hopeless
         self.nuisance_columns = base.jacobian[:, : base.unknowns.n_nuisance]
+        self.no_base = beyond_sanity(base.unknowns, base.z)
         self.gathered = GatheredRuns(0)
 
     def best_first(self, candidates: Sequence[Score]) -> list[Refit]:
@@ -130,7 +144,11 @@ class Refinement:
         screened = [refit for refit in first if refit is not None]
         best = max((refit.gain for refit in screened), default=0.0)
         eliminated = [refit for refit in screened if best > 0 and refit.gain < ELIMINATED * best]
-        raced = self.raced([refit for refit in screened if refit not in eliminated])
+        kept = [refit for refit in screened if refit not in eliminated]
+        if self.no_base:
+            self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(kept))}")
+            kept = self._together(self.from_small_amounts, kept)
+        raced = self.raced(kept)
         eliminated += [refit for refit in raced if refit.gain > 0 and self.hopeless(refit)]
         refined = sorted((refit for refit in raced if refit not in eliminated), key=_by_gain)
         leader = self.converged(refined[0], leads=True) if refined and refined[0].gain > 0 else None
@@ -204,7 +222,7 @@ class Refinement:
         enough = CONVERGED if leads else max(ROUGHLY_CONVERGED, FRACTION * refit.gain)
         plan = FitPlan(most_steps=LAST_STEPS, enough=enough)
         led = self._refit(refit.fit, refit.variant, refit.fit.z, plan, None)
-        if leads and strained(led.fit):
+        if leads and not self.base.unknowns.effects and not self.no_base and strained(led.fit):
             led = max(led, self._from_belief(led, plan) or led, key=lambda one: one.gain)
         for _ in range(MORE_LEGS if leads else 0):  # what it has left undone, whatever is beside it would collect
             if led.gain - refit.gain < led.enough:
@@ -216,8 +234,7 @@ class Refinement:
     def _from_belief(self, refit: Refit, plan: FitPlan) -> Refit | None:
         """A candidate with its effects, begun once more where all else is as believed: what the model without it had
         moved, to make up for it, may be a long way back. None where the belief with it cannot be simulated."""
-        z = refit.fit.z.copy()
-        z[: len(refit.fit.unknowns.believed) + refit.fit.unknowns.n_table] = 0.0
+        z = as_believed(refit.fit)
         self.tell(f"{refit.variant.name}, which leads, once more with all else as believed")
         likelihood = refit.fit.likelihood
         if likelihood.is_cut:
@@ -226,6 +243,28 @@ class Refinement:
             return self._refit(replace(refit.fit, likelihood=likelihood), refit.variant, z, plan, None)
         except ComputationError:
             return None
+
+    def from_small_amounts(self, refit: Refit) -> Refit:
+        """The better of a candidate and of one begun at the belief: beside numbers that nothing can have, the amounts
+        that suit them are none that lead back. Both signs and several sizes are tried, the likeliest is taken."""
+        rows, n = [], self.base.unknowns.n_nuisance
+        for size in (sign * small for small in SMALL for sign in (1.0, -1.0)):
+            row = as_believed(refit.fit)
+            shapes = np.array([one.width > 0 for one in refit.variant.unknowns])
+            own = np.where(shapes, 0.0, row[n:])
+            row[n:] = np.where(shapes, row[n:], size * own / max(float(np.abs(own).max()), TINY))
+            rows.append(refit.fit.unknowns.allowed(row))
+        unknowns, likelihood = refit.fit.unknowns, refit.fit.likelihood.gathering(self.gathered)
+        if likelihood.is_cut:
+            likelihood = likelihood.followed(unknowns, rows[0])
+        costs = objectives(likelihood, unknowns, np.array(rows))
+        begin = rows[int(np.argmin(costs))]
+        near = replace(refit.fit, likelihood=likelihood.followed(unknowns, begin) if likelihood.is_cut else likelihood)
+        try:
+            again = self._refit(near, refit.variant, begin, FitPlan(most_steps=FIRST_STEPS), None)
+        except ComputationError:
+            return refit
+        return max(refit, again, key=lambda one: one.gain)
 
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
         unknowns = extended(self.base.unknowns, variant)

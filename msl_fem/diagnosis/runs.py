@@ -9,7 +9,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.decision import Rule
-from msl_fem.diagnosis.fit import FitPlan, fit
+from msl_fem.diagnosis.fit import FitPlan, beyond_sanity, fit
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, Size
 from msl_fem.diagnosis.left_out import about_invalid, left_outside, runs_inside
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
@@ -81,6 +81,9 @@ class Runs(Kind):
             told("fitted over stretches of the runs, which are then chosen anew")
             start = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
             found = fit(kind.likelihood, kind.unknowns, start, plan=FitPlan(enough=ROUGH, tell=told))
+            if beyond_sanity(kind.unknowns, found.z):
+                kind = replace(kind, likelihood=found.likelihood, begin=found.z)
+                break
             renewed = kind.renewed(found)
             if not renewed.whole and _largest_left(renewed, found) > max(FAR, LOSES * max(found.excess.values())):
                 kind = replace(kind, likelihood=found.likelihood, begin=found.z)

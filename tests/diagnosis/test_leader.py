@@ -14,6 +14,7 @@ from msl_fem.diagnosis.variants import Variant
 
 FRICTION = Variant("coulomb_friction", (EffectUnknown("coulomb_friction", "force"),))
 UNKNOWNS = Unknowns((("moving_mass", 0.01), ("damping", 0.2)), 0, ())
+BASE = Fit(UNKNOWNS, np.zeros(2), np.zeros(1), np.zeros((1, 2)), None, 0.0, 0.0, 0.0, 1, SimpleNamespace(is_cut=False))
 
 
 def refit(z: list[float], gain: float) -> Refit:
@@ -40,8 +41,7 @@ def fits(monkeypatch) -> list[np.ndarray]:
 
 
 def led(z: list[float], *, leads: bool) -> Refit:
-    base = refit([0.0, 0.0, 0.0], 0.0).fit
-    return Refinement(base, lambda text: None, FitMemory()).converged(refit(z, 1000.0), leads=leads)
+    return Refinement(BASE, lambda text: None, FitMemory()).converged(refit(z, 1000.0), leads=leads)
 
 
 def test_a_strained_leader_begins_once_more_where_all_else_is_as_believed(fits) -> None:
@@ -62,5 +62,4 @@ def test_a_leader_goes_on_while_it_gains_and_others_take_one_leg(fits) -> None:
 def test_the_better_of_both_is_kept(fits, monkeypatch) -> None:
     monkeypatch.setattr("msl_fem.diagnosis.refits.MORE_LEGS", 0)
     begin = refit([9.0, 5.0, 0.3], 6000.0)
-    base = refit([0.0, 0.0, 0.0], 0.0).fit
-    assert Refinement(base, lambda text: None, FitMemory()).converged(begin, leads=True).gain == 6100.0
+    assert Refinement(BASE, lambda text: None, FitMemory()).converged(begin, leads=True).gain == 6100.0

@@ -1,0 +1,167 @@
+"""Fits that begin far from what is measured: heated at first, ended where no number says anything, begun anew."""
+
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from msl_fem.computing.gauss_newton import descend
+from msl_fem.diagnosis import fit as fitting
+from msl_fem.diagnosis import runs
+from msl_fem.diagnosis.fit import SANE, FitPlan, beyond_sanity, fit
+from msl_fem.diagnosis.fit_memory import FitMemory
+from msl_fem.diagnosis.noise import weights_of
+from msl_fem.diagnosis.problem import Points
+from msl_fem.diagnosis.refits import SMALL, Refinement, Refit
+from msl_fem.diagnosis.runs import Runs
+from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
+from msl_fem.diagnosis.variants import Variant
+
+CUBIC = Variant("stiffness_nonlinearity", (EffectUnknown("stiffness_nonlinearity", "cubic"),))
+UNKNOWNS = Unknowns((("coil_resistance", 0.01), ("position_gain", 0.002)), 0, ())
+
+
+@dataclass(frozen=True, eq=False)
+class CutRecord:
+    """A likelihood over stretches: 400 numbers in two halves, `strong` z0 tells the first, and `bent` z0^2 and next to
+    nothing of z1 the second; what each round of new starts leaves is `shrinks` times what was left before."""
+
+    data: np.ndarray
+    strong: float = 1e3
+    bent: float = 1e2
+    shrinks: float = 1.0
+    visited: list[np.ndarray] = field(default_factory=list)
+    followed_at: list[np.ndarray] = field(default_factory=list)
+    is_cut = True
+
+    def spectra(self, points: Points) -> np.ndarray:
+        self.visited.extend(points.rows)
+        z = points.rows[:, :2]
+        halves = np.stack([self.strong * z[:, 0], self.bent * z[:, 0] ** 2 + 0.5 * z[:, 1]], axis=1)
+        return self.data - np.repeat(halves, 200, axis=1)
+
+    def weights(self, residual: np.ndarray):
+        return weights_of(residual, np.zeros(400, dtype=np.intp), np.array([100.0]))
+
+    def followed(self, unknowns: Unknowns, z: np.ndarray) -> "CutRecord":
+        self.followed_at.append(z)
+        return replace(self, data=self.shrinks * self.data)
+
+    def objective(self, unknowns: Unknowns, z: np.ndarray) -> float:
+        residual = self.spectra(Points.of(unknowns, z[None]))[0]
+        return self.weights(residual).nats + unknowns.prior(z)[0]
+
+
+def far() -> CutRecord:
+    """Ten tolerances off: 10 000 times the noise."""
+    noise = np.random.default_rng(3).standard_normal(400)
+    return CutRecord(noise + 1e4)
+
+
+def test_a_fit_that_begins_far_away_goes_there_without_detours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The half that the first model does not tell would take the second number thousands of tolerances away."""
+    record = far()
+    found = fit(record, UNKNOWNS, np.zeros(2))  # type: ignore[arg-type]
+    assert found.z == pytest.approx([10.0, 0.0], abs=0.2)
+    assert found.weights.nats == pytest.approx(record.weights(found.residual).nats), "the heat is gone"
+    assert np.abs([z[1] for z in record.visited]).max() < 50
+    monkeypatch.setattr(fitting, "HOT", np.inf)
+    cold = far()
+    fit(cold, UNKNOWNS, np.zeros(2))  # type: ignore[arg-type]
+    assert np.abs([z[1] for z in cold.visited]).max() > 1000
+
+
+def test_a_round_goes_on_with_the_damping_of_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, last = [], iter([10.0, 1e7, 0.0, *[1.0] * 20])
+
+    def noted(objective, point, settings, **more):
+        first.append(settings.damping.first)
+        return replace(descend(objective, point, settings, **more), damping=next(last), ending="no more steps", steps=1)
+
+    monkeypatch.setattr(fitting, "descend", noted)
+    fit(far(), UNKNOWNS, np.zeros(2), plan=FitPlan(most_steps=16))  # type: ignore[arg-type]
+    assert first == [1.0, 10.0, 1e2, 1e-2]
+
+
+@pytest.mark.parametrize(("off", "rounds"), [(5 * SANE, (5, 7)), (0.5 * SANE, (14, 15))])
+def test_a_model_beyond_sanity_is_not_followed_for_the_last_nats(off: float, rounds: tuple[int, int]) -> None:
+    """Each round of new starts takes 3 % of what is left, which no number explains."""
+    data = np.concatenate([np.full(200, 10 * off), np.repeat([300.0, -300.0], 100)])
+    record = CutRecord(data, strong=10.0, bent=0.0, shrinks=0.985)
+    fit(record, UNKNOWNS, np.array([off, 0.0]))  # type: ignore[arg-type]
+    assert rounds[0] <= len(record.followed_at) <= rounds[1]
+
+
+def test_only_a_model_without_effects_is_beyond_sanity() -> None:
+    assert beyond_sanity(UNKNOWNS, np.array([0.0, -1.1 * SANE]))
+    assert not beyond_sanity(UNKNOWNS, np.array([0.9 * SANE, -0.9 * SANE]))
+    assert not beyond_sanity(replace(UNKNOWNS, effects=CUBIC.unknowns), np.array([0.0, -2 * SANE, 0.0]))
+
+
+def test_no_stretches_are_chosen_at_a_model_beyond_sanity(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended = SimpleNamespace(z=np.array([0.0, 2 * SANE]), likelihood="where it ended")
+    monkeypatch.setattr(runs, "fit", lambda *one, **more: ended)
+    monkeypatch.setattr(Runs, "renewed", lambda *one: pytest.fail("stretches are chosen anew"))
+    kind = Runs(None, None, UNKNOWNS, (), None, (), cuts=(SimpleNamespace(),))  # type: ignore[arg-type]
+    settled = kind.settled(str)
+    assert settled.likelihood == "where it ended"
+    assert settled.begin is ended.z
+
+
+def candidate(z: list[float], gain: float, likelihood: object) -> Refit:
+    unknowns = replace(UNKNOWNS, effects=CUBIC.unknowns)
+    numbers = (np.array(z), np.zeros(1), np.zeros((1, 3)), None, -gain, gain, 0.0, 1)
+    return Refit(CUBIC, fitting.Fit(unknowns, *numbers, likelihood), gain)
+
+
+@pytest.fixture
+def begun(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
+    """Where candidates began anew; each comes to 5000 nats."""
+    found: list[np.ndarray] = []
+
+    def fitted(self: Refinement, near, variant: Variant, z: np.ndarray, *rest: object) -> Refit:
+        found.append(z)
+        return candidate(list(z), 5000.0, near.likelihood)
+
+    monkeypatch.setattr(Refinement, "_refit", fitted)
+    return found
+
+
+class Amounts:
+    """A likelihood that is highest where an amount is 0.1 below nothing."""
+
+    is_cut = False
+
+    def gathering(self, meeting: object) -> "Amounts":
+        return self
+
+    def spectra(self, points: Points) -> np.ndarray:
+        return (100 * (points.rows[:, -1:] + 0.1)).repeat(2, axis=1)
+
+    def weights(self, residual: np.ndarray) -> SimpleNamespace:
+        return SimpleNamespace(nats=float(residual @ residual))
+
+
+def refinement(base_z: list[float]) -> Refinement:
+    numbers = (np.array(base_z), np.zeros(1), np.zeros((1, 2)), None, 0.0, 0.0, 0.0, 1)
+    return Refinement(fitting.Fit(UNKNOWNS, *numbers, Amounts()), str, FitMemory())
+
+
+def test_a_candidate_begins_at_the_belief_with_the_small_amount_that_suits_it(begun) -> None:
+    anew = refinement([2 * SANE, 0.0]).from_small_amounts(candidate([2 * SANE, 9.0, 5.0], 100.0, Amounts()))
+    assert anew.gain == 5000.0
+    assert begun[0].tolist() == [0.0, 0.0, -SMALL[1]]
+    better = candidate([2 * SANE, 9.0, 5.0], 6000.0, Amounts())
+    assert refinement([2 * SANE, 0.0]).from_small_amounts(better) is better
+
+
+@pytest.mark.parametrize(("off", "times"), [(2.0, 1), (0.5, 0)])
+def test_candidates_begin_anew_beside_a_base_beyond_sanity_alone(begun, monkeypatch, off: float, times: int) -> None:
+    screened = candidate([0.0, 0.0, 5.0], 100.0, Amounts())
+    race = refinement([off * SANE, 0.0])
+    monkeypatch.setattr(Refinement, "screened", lambda self, score: screened)
+    monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
+    found = race.best_first([SimpleNamespace(variant=CUBIC)])  # type: ignore[list-item]
+    assert len(begun) == times
+    assert found[0].gain == (5000.0 if times else 100.0)
