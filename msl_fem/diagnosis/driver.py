@@ -152,7 +152,8 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
     begin = begin if known is None else known
     steps = STEPS_A_ROUND if beyond_sanity(kind.unknowns, begin) else FitPlan.most_steps
     plan = FitPlan(most_steps=steps, enough=ROUGH, tell=partial(_about_tolerances, how))
-    fits = [not_worse(kind, begin, fit(kind.likelihood, kind.unknowns, begin, plan=plan), plan)]
+    first = not_worse(kind, begin, fit(kind.likelihood, kind.unknowns, begin, plan=plan), plan)
+    fits = [replace(first, finished=beyond_sanity(first.unknowns, first.z))]
     stages: list[SearchStage] = []
     excesses = []
     unclear = ""

@@ -41,8 +41,10 @@ MISLED = 0.1
 STEPS_A_ROUND = 4
 MOST_IDLE_ROUNDS = 2
 """Rounds in a row that bring nothing: beside a model that cannot follow, moved starts raise what steps lower."""
-HOT = 2.0
+HOT = 100.0
 """Mean square of residuals over their noise at its loudest, above which a fit over stretches begins with a heat."""
+WARM = 2.0
+"""Heat below which a fit that began with one goes on without."""
 COOLING = 10.0
 """Times, at least, by which the heat of a round is less than that of the one before."""
 CARRIED = 1e-2, 1e2
@@ -138,7 +140,7 @@ def fit(
         first = posterior.at(z)
         if not np.isfinite(first.residual).all():
             raise ComputationError("the simulation fails at the start of the fit")
-        first = posterior.heated(first, min(most_heat, COOLING ** (len(rounds) - n)))
+        first = posterior.heated(first, most_heat, COOLING ** (len(rounds) - n))
         renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
         settings = DescentSettings(damping, how.enough, most_trials=trials, renewal=renewal, fresh_end=how.fresh_end)
         end = descend(posterior, first, settings, first=posterior.linearised(first, nuisance_columns))
@@ -253,11 +255,12 @@ class _FitPosterior:
         objective = weights.nats + self.unknowns.prior(z)[0] if np.isfinite(residual).all() else np.inf
         return _FitPoint(z, residual, weights, float(objective))
 
-    def heated(self, point: _FitPoint, most: float) -> _FitPoint:
-        """A point with the heat that suits what is left there, none where runs are followed as a whole."""
+    def heated(self, point: _FitPoint, most: float, cools: float) -> _FitPoint:
+        """A point with the heat that suits what is left there, none where runs are followed as a whole; at `most` as
+        what the round before leaves, and what cools in those to come."""
         loud = float(np.mean((point.residual * point.weights.root) ** 2)) if self.likelihood.is_cut else 1.0
-        heat = min(loud, most)
-        if heat <= HOT:
+        heat = min(loud, most, cools)
+        if heat <= WARM or (most == np.inf and loud <= HOT):
             return point
         self.heat = heat
         return self._weighted(point.z, point.residual)

@@ -221,9 +221,11 @@ class Refinement:
         """A candidate in front, with all columns of its own, of which a further step would gain next to nothing."""
         enough = CONVERGED if leads else max(ROUGHLY_CONVERGED, FRACTION * refit.gain)
         plan = FitPlan(most_steps=LAST_STEPS, enough=enough)
-        led = self._refit(refit.fit, refit.variant, refit.fit.z, plan, None)
-        if leads and not self.base.unknowns.effects and not self.no_base and strained(led.fit):
-            led = max(led, self._from_belief(led, plan) or led, key=lambda one: one.gain)
+        led = None
+        if leads and not self.base.unknowns.effects and strained(refit.fit):
+            led = self._from_belief(refit, plan)
+        if led is None or led.gain < refit.gain:
+            led = self._refit(refit.fit, refit.variant, refit.fit.z, plan, None)
         for _ in range(MORE_LEGS if leads else 0):  # what it has left undone, whatever is beside it would collect
             if led.gain - refit.gain < led.enough:
                 break

@@ -5,12 +5,12 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from msl_fem.actuator import Actuator
-from msl_fem.design.tolerances import Sensitivity, ToleranceStudy
+from msl_fem.design.tolerances import Sensitivity, TableBand, ToleranceStudy
 from msl_fem.files.quantity import format_quantity
 from msl_fem.mechanics import SuspensionReport
 from msl_fem.mechanics.flexure_beam import LeafBeam
 from msl_fem.mechanics.gap_trade import GapTrade
-from msl_fem.report.figures import BLUE, GREEN, GREY, ORANGE, RED, dress, figure, line, logarithmic
+from msl_fem.report.figures import BLUE, GREEN, GREY, ORANGE, RED, SERIES, dress, figure, line, logarithmic
 from msl_fem.report.page import Grid, Page, Stage
 
 N_DISPLACEMENT, N_BEAM = 61, 9
@@ -185,6 +185,32 @@ def map_band(study: ToleranceStudy) -> go.Figure:
     return made
 
 
+def table_bands(study: ToleranceStudy, table: TableBand) -> go.Figure:
+    """Force over current at each gap of the study: the band of 5 to 95 % of made magnets."""
+    made = figure(x="coil current in A", y="force in N")
+    for k, gap in enumerate(study.gap):
+        low, high = table.force[:, k]
+        x, y = np.r_[table.current, table.current[::-1]], np.r_[low, high[::-1]]
+        colour = SERIES[k % len(SERIES)]
+        outline = {"color": colour, "width": 1}
+        name = f"{1e3 * gap:.3g} mm"
+        made.add_trace(go.Scatter(x=x, y=y, fill="toself", mode="lines", line=outline, opacity=0.7, name=name))
+    return made
+
+
+def _table_stage(study: ToleranceStudy, table: TableBand) -> Stage:
+    """The band of the whole table, and how wide it is where it is widest."""
+    low, high = table.force[:, :, -1]
+    wide = int(np.argmax((high - low) / (high + low)))
+    half = 100 * float((high[wide] - low[wide]) / (high[wide] + low[wide]))
+    sentence = (
+        f"Force of nine made magnets in ten, over current and gap; at {table.current[-1]:.3g} A and "
+        f"{1e3 * study.gap[wide]:.3g} mm it is the widest, ± {half:.2g} %."
+    )
+    certified = f"{table.certified} of {study.band.samples}, errors up to {table.error_estimate:.1e} of full scale"
+    return Stage("The table as made", sentence, (("certified reduced fields", certified),), table_bands(study, table))
+
+
 def tolerance_effects(study: ToleranceStudy) -> go.Figure:
     """What each tolerance at its limit does to force, flux linkage and the first level's current, in per cent."""
     made = figure(x="change at the tolerance's limit in %", y="")
@@ -234,6 +260,7 @@ def tolerance_page(actuator: Actuator, study: ToleranceStudy) -> Page:
             Stage(
                 "The map as made", "Nine magnets in ten lie in the band.", (("Monte Carlo", checked),), map_band(study)
             ),
+            *(() if band.table is None else (_table_stage(study, band.table),)),
             Stage(
                 "What each tolerance does",
                 f"The force depends most on the {strongest.tolerance.name.replace('_', ' ')}.",

@@ -48,7 +48,7 @@ def test_a_strained_leader_begins_once_more_where_all_else_is_as_believed(fits) 
     found = led([9.0, 5.0, 0.3], leads=True)
     assert found.gain == 5000.0
     assert found.fit.finished
-    assert fits[1].tolist() == [0.0, 0.0, 0.3]
+    assert fits[0].tolist() == [0.0, 0.0, 0.3]
 
 
 def test_a_leader_goes_on_while_it_gains_and_others_take_one_leg(fits) -> None:

@@ -1,12 +1,13 @@
 """Pages and figures of flexure, gap trade and tolerances hold the numbers of their reports."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from msl_fem.actuator import load_actuator
-from msl_fem.design.tolerances import ToleranceSettings, ToleranceStudy, tolerance_study
+from msl_fem.design.tolerances import TableBand, ToleranceSettings, ToleranceStudy, tolerance_study
 from msl_fem.mechanics import assess_flexure
 from msl_fem.mechanics.gap_trade import gap_trade
 from msl_fem.report.design_pages import (
@@ -16,6 +17,7 @@ from msl_fem.report.design_pages import (
     gap_trade_page,
     map_band,
     mode_chart,
+    table_bands,
     tolerance_effects,
     tolerance_page,
 )
@@ -69,3 +71,17 @@ def test_the_tolerances_page(study: ToleranceStudy, tmp_path: Path) -> None:
     assert "ISO 2768-1" in text
     assert "The force depends most on the gap" in text
     assert ">± 0.01</td>" in text, "a pure number has no prefix: 10 m would be metres"
+    assert "The table as made" not in text
+
+
+def test_the_page_shows_the_band_of_the_whole_table_where_it_was_asked_for(study, tmp_path: Path) -> None:
+    """At 2 A and both gaps: a tenth to either side of 2 N and a quarter of 1 N."""
+    force = np.array([[[0.0, 1.8], [0.0, 0.75]], [[0.0, 2.2], [0.0, 1.25]]])
+    table = TableBand(np.array([0.0, 2.0]), force, force, certified=180, error_estimate=2e-4)
+    made = table_bands(study, table)
+    assert [trace.name for trace in made.data] == ["0.3 mm", "0.6 mm"]
+    assert np.asarray(made.data[1].y).tolist() == [0.0, 0.75, 1.25, 0.0]
+    asked = replace(study, band=replace(study.band, table=table))
+    text = write_page(tolerance_page(FLEXURE, asked), tmp_path / "tolerances.html").read_text(encoding="utf-8")
+    assert "at 2 A and 0.6 mm it is the widest, ± 25 %." in text
+    assert "180 of 200, errors up to 2.0e-04 of full scale" in text

@@ -2,6 +2,6 @@
 
 from msl_fem.design.tolerances.manufactured import NAMES
 from msl_fem.design.tolerances.sensitivity import RowRun, Sensitivity
-from msl_fem.design.tolerances.study import ToleranceSettings, ToleranceStudy, tolerance_study
+from msl_fem.design.tolerances.study import TableBand, ToleranceSettings, ToleranceStudy, tolerance_study
 
-__all__ = ["NAMES", "RowRun", "Sensitivity", "ToleranceSettings", "ToleranceStudy", "tolerance_study"]
+__all__ = ["NAMES", "RowRun", "Sensitivity", "TableBand", "ToleranceSettings", "ToleranceStudy", "tolerance_study"]
