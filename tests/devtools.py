@@ -5,6 +5,7 @@ byte), so no port is opened and no client library is needed. https://chromedevto
 """
 
 import base64
+import fcntl
 import json
 import os
 import select
@@ -175,21 +176,28 @@ class Browser:
         return dict(json.loads(message))
 
 
+def hand_over(read: int, write: int) -> None:
+    """In the child, both ends become the protocol's descriptors 3 and 4, kept by the browser.
+
+    The copies lie above them: a copy that were 3 or 4 itself, because these are free (matplotlib closes its fonts' in a
+    child), would end with the start of the browser, for copying it onto itself changes nothing.
+    """
+    spare = [fcntl.fcntl(one, fcntl.F_DUPFD, 5) for one in (read, write)]
+    for one, place in zip(spare, (3, 4), strict=True):
+        os.dup2(one, place)
+        os.close(one)
+
+
 @contextmanager
 def started(program: str, profile: Path) -> Iterator[Browser]:
     """A browser with an empty page, ended afterwards; its profile goes into the folder."""
     read_there, write_here = os.pipe()
     read_here, write_there = os.pipe()
 
-    def hand_over() -> None:  # runs in the child: the protocol's descriptors are 3 and 4
-        spare = os.dup(read_there), os.dup(write_there)
-        os.dup2(spare[0], 3)
-        os.dup2(spare[1], 4)
-
     process = subprocess.Popen(
         [program, *SWITCHES, f"--user-data-dir={profile}", "about:blank"],
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        close_fds=False, preexec_fn=hand_over,
+        close_fds=False, preexec_fn=lambda: hand_over(read_there, write_there),
     )  # fmt: skip
     os.close(read_there)
     os.close(write_there)

@@ -24,7 +24,7 @@ from msl_fem.diagnosis.decision import (
     undecidable_because,
 )
 from msl_fem.diagnosis.equilibria import told_by_equilibria
-from msl_fem.diagnosis.fit import STEPS_A_ROUND, FitPlan, beyond_sanity, fit
+from msl_fem.diagnosis.fit import STEPS_A_ROUND, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.formula import formula_of
 from msl_fem.diagnosis.imposed_maps import with_imposed_maps
@@ -150,10 +150,10 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
     begin = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
     known = how.memory.end_of(fit_name(kind.unknowns), kind.unknowns)
     begin = begin if known is None else known
-    steps = STEPS_A_ROUND if beyond_sanity(kind.unknowns, begin) else FitPlan.most_steps
+    steps = STEPS_A_ROUND if kind.lost else FitPlan.most_steps
     plan = FitPlan(most_steps=steps, enough=ROUGH, tell=partial(_about_tolerances, how))
     first = not_worse(kind, begin, fit(kind.likelihood, kind.unknowns, begin, plan=plan), plan)
-    fits = [replace(first, finished=beyond_sanity(first.unknowns, first.z))]
+    fits = [replace(first, finished=kind.lost)]
     stages: list[SearchStage] = []
     excesses = []
     unclear = ""

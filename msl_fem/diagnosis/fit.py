@@ -48,7 +48,8 @@ WARM = 2.0
 COOLING = 10.0
 """Times, at least, by which the heat of a round is less than that of the one before."""
 CARRIED = 1e-2, 1e2
-"""Damping, least and most, with which a round goes on after another one."""
+"""Damping, least and most, with which a round goes on after another one in a fit that began with a heat; in others it
+is the least."""
 SANE = 20.0
 """Tolerances beyond which no number of a model without effects is what it says: a cause is missing."""
 WORTH = 0.05
@@ -133,7 +134,7 @@ def fit(
     how = plan or FitPlan()
     damping = Damping(first=how.damping, least=1e-4, rise=1e-2, most=1e8)
     simulations, z = 0, unknowns.allowed(start)
-    least, idle, most_heat = np.inf, 0, np.inf
+    least, idle, most_heat, far = np.inf, 0, np.inf, False
     rounds = _trials(likelihood, how.most_steps)
     for n, trials in enumerate(rounds, 1):
         posterior = _FitPosterior(likelihood, unknowns, how)
@@ -141,6 +142,7 @@ def fit(
         if not np.isfinite(first.residual).all():
             raise ComputationError("the simulation fails at the start of the fit")
         first = posterior.heated(first, most_heat, COOLING ** (len(rounds) - n))
+        far = far or posterior.heat > 1.0
         renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
         settings = DescentSettings(damping, how.enough, most_trials=trials, renewal=renewal, fresh_end=how.fresh_end)
         end = descend(posterior, first, settings, first=posterior.linearised(first, nuisance_columns))
@@ -150,7 +152,7 @@ def fit(
             break
         nuisance_columns = model.jacobian[:, : unknowns.n_nuisance] if posterior.heat == 1.0 else None
         if end.ending == "no more steps" and not end.steps:  # next to a table's end only shorter ones lead anywhere
-            damping = replace(damping, first=end.damping)
+            damping = replace(damping, first=damping.first * damping.factor**trials)
             continue
         nearer = likelihood.followed(unknowns, point.z)
         again = nearer.objective(unknowns, point.z)
@@ -167,7 +169,7 @@ def fit(
         if idle == MOST_IDLE_ROUNDS or not np.isfinite(again):
             break
         likelihood, z = nearer, point.z
-        damping = replace(damping, first=float(np.clip(end.damping, *CARRIED)))
+        damping = replace(damping, first=float(np.clip(end.damping, *CARRIED)) if far else CARRIED[0])
     return Fit(
         unknowns,
         point.z,
@@ -179,6 +181,7 @@ def fit(
         model.promised,
         simulations,
         likelihood,
+        far=far,
     )
 
 

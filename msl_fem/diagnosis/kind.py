@@ -197,6 +197,7 @@ class Kind(ABC):
     faithful : how many times their error on the fit data effects may err on held-out data, to be named
     advice : what would show more of what is left unexplained
     takes_laws : whether its prediction knows laws that users state, so that a formula can be looked for
+    lost : whether a fit without effects, begun far from the record, ended at numbers that nothing can have
     """
 
     belief: ModelHypothesis
@@ -210,6 +211,10 @@ class Kind(ABC):
     faithful: ClassVar[float] = float("inf")
     advice: ClassVar[str] = ""
     takes_laws: ClassVar[bool] = False
+
+    @property
+    def lost(self) -> bool:
+        return False
 
     @abstractmethod
     def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:

@@ -45,6 +45,7 @@ class Fit:
     predicted : nats that a further step would gain
     likelihood : that of the fit, the starts of its stretches those that suit it
     finished : whether it was led to its end, so that more steps are not worth trying, whatever they promise
+    far : whether it began so far from the record that it was heated
     """
 
     unknowns: Unknowns
@@ -58,6 +59,7 @@ class Fit:
     simulations: int
     likelihood: "Likelihood"
     finished: bool = False
+    far: bool = False
 
     @property
     def converged(self) -> bool:

@@ -26,7 +26,7 @@ from msl_fem.diagnosis.variants import Variant
 from msl_fem.errors import ComputationError
 
 ELIMINATED = 0.25  # of the gain that the best refit has made: a refit below it after screening goes no further
-SMALL = (0.03, 0.1, 0.3)  # of z: the largest amount with which a candidate begins at the belief
+SMALL = (0.03, 0.1, 0.3)  # of z: the largest amount with which a candidate may begin
 FIRST_STEPS = 12  # of a candidate that begins there
 SCREENING_STEPS = 6
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to the linear model's best at which a refit may begin
@@ -70,10 +70,13 @@ def extended(base: Unknowns, variant: Variant) -> Unknowns:
 
 def started(base: Fit, score: Score, likelihood: Likelihood) -> Array:
     """Where the refit of a scored variant begins: of some points on the way to the linear model's best, the one of the
-    highest density by `likelihood`. All else moves along, since it makes up for what is alike."""
+    highest density by `likelihood`. All else moves along, since it makes up for what is alike. Small amounts are among
+    them, for beside a model that is far off the linear model's best may be none that can be simulated."""
     shapes = np.zeros(len(score.variant.shapes))
     rows = [np.concatenate([base.z + part * score.shift, part * score.guess, shapes]) for part in SHARES]
     rows += [np.concatenate([base.z, part * score.guess, shapes]) for part in SHARES]
+    largest = max(float(np.abs(score.guess).max()), TINY)
+    rows += [np.concatenate([base.z, size / largest * score.guess, shapes]) for size in SMALL if size < largest]
     unknowns = extended(base.unknowns, score.variant)
     points = np.array([unknowns.allowed(row) for row in rows])
     return np.asarray(points[int(np.argmin(objectives(likelihood, unknowns, points)))])
@@ -134,7 +137,7 @@ class Refinement:
     ) -> None:
         self.base, self.tell, self.memory, self.hopeless = base, tell, memory, hopeless
         self.nuisance_columns = base.jacobian[:, : base.unknowns.n_nuisance]
-        self.no_base = beyond_sanity(base.unknowns, base.z)
+        self.no_base = base.finished and beyond_sanity(base.unknowns, base.z)
         self.gathered = GatheredRuns(0)
 
     def best_first(self, candidates: Sequence[Score]) -> list[Refit]:

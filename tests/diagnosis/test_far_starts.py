@@ -100,7 +100,7 @@ def test_only_a_model_without_effects_is_beyond_sanity() -> None:
 
 
 def test_no_stretches_are_chosen_at_a_model_beyond_sanity(monkeypatch: pytest.MonkeyPatch) -> None:
-    ended = SimpleNamespace(z=np.array([0.0, 2 * SANE]), likelihood="where it ended")
+    ended = SimpleNamespace(z=np.array([0.0, 2 * SANE]), likelihood="where it ended", far=True)
     monkeypatch.setattr(runs, "fit", lambda *one, **more: ended)
     monkeypatch.setattr(Runs, "renewed", lambda *one: pytest.fail("stretches are chosen anew"))
     kind = Runs(None, None, UNKNOWNS, (), None, (), cuts=(SimpleNamespace(),))  # type: ignore[arg-type]
@@ -145,7 +145,7 @@ class Amounts:
 
 def refinement(base_z: list[float]) -> Refinement:
     numbers = (np.array(base_z), np.zeros(1), np.zeros((1, 2)), None, 0.0, 0.0, 0.0, 1)
-    return Refinement(fitting.Fit(UNKNOWNS, *numbers, Amounts()), str, FitMemory())
+    return Refinement(fitting.Fit(UNKNOWNS, *numbers, Amounts(), finished=True), str, FitMemory())
 
 
 def test_a_candidate_begins_at_the_belief_with_the_small_amount_that_suits_it(begun) -> None:
