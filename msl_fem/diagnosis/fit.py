@@ -161,9 +161,9 @@ def fit(
             settled = end.ending in {"converged", "in vain"}
             if settled and abs(again - point.objective) < max(RESTARTED, how.enough):
                 break
-            worth = (
-                max(how.enough, WORTH * least) if least < np.inf and beyond_sanity(unknowns, point.z) else how.enough
-            )
+            worth = how.enough
+            if far and least < np.inf and beyond_sanity(unknowns, point.z):
+                worth = max(worth, WORTH * least)
             idle = 0 if point.objective < least - worth else idle + 1
             least = min(least, point.objective)
         if idle == MOST_IDLE_ROUNDS or not np.isfinite(again):
