@@ -246,6 +246,8 @@ def tolerance_page(actuator: Actuator, study: ToleranceStudy) -> Page:
     checked = (
         f"{band.samples} samples, all by field solutions"
         if band.method == "direct"
+        else f"{band.samples} samples of the linearised map, none of them solved directly"
+        if not band.checked
         else f"{band.samples} samples of the linearised map; of {band.checked} solved directly none is off by more "
         f"than {100 * band.linearisation_error:.2g} % of the current or {100 * band.band_error:.2g} % of half the band"
     )

@@ -71,6 +71,7 @@ def test_the_tolerances_page(study: ToleranceStudy, tmp_path: Path) -> None:
     assert "ISO 2768-1" in text
     assert "The force depends most on the gap" in text
     assert ">± 0.01</td>" in text, "a pure number has no prefix: 10 m would be metres"
+    assert "200 samples of the linearised map, none of them solved directly" in text
     assert "The table as made" not in text
 
 
