@@ -49,7 +49,7 @@ class RowCache:
         """Remove the rows, what a killed process left unfinished, and the folder, if nothing else is in it."""
         for file in self.folder.glob("*.npz"):
             file.unlink(missing_ok=True)
-        for file in self.folder.glob(".*.npz.*.part"):
+        for file in self.folder.glob(".*.npz.*"):
             with contextlib.suppress(OSError):
                 if time.time() - file.stat().st_mtime > ABANDONED:
                     file.unlink()

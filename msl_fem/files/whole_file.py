@@ -19,8 +19,11 @@ if sys.platform != "win32":
 
 ASIDE = "old"
 """Name in a staging folder of what is there still and is to be replaced."""
+BEGUN = ".new"
+"""Ending of a part until it is locked; then it is PART, and without a lock its run is known to have ended."""
+PART = ".part"
 NEW = 5.0
-"""Seconds in which a file is made and locked, whatever else the machine does."""
+"""Seconds in which a part is made and locked, whatever else the machine does."""
 NO_ROOM = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO}
 """Numbers of the system's errors where a disk takes no more."""
 
@@ -77,11 +80,10 @@ def whole_file(target: Path) -> Iterator[Path]:
     _refuse_what_is_no_file(target)
     try:
         make_folder(target.parent)
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=BEGUN)
+        partial = _locked_part(handle, Path(name))
     except OSError as err:
         raise cannot_be_written(target, err, "choose another folder") from err
-    partial = Path(name)
-    _lock(handle)
     _remove_abandoned(target, apart_from=partial)
     try:
         yield partial
@@ -105,11 +107,11 @@ def staging_folder(target: Path) -> Iterator[Path]:
 
     What a killed run leaves of it the next one removes. OSError where the folder cannot be made.
     """
-    folder = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part"))
+    folder = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.", suffix=BEGUN))
     handle = None if sys.platform == "win32" else os.open(folder, os.O_RDONLY)
     try:
         if handle is not None:
-            _lock(handle)
+            folder = _locked_part(handle, folder)
             _remove_abandoned(target, apart_from=folder)
         yield folder
     finally:
@@ -129,12 +131,20 @@ def _lock(handle: int) -> bool:
     return True
 
 
+def _locked_part(handle: int, begun: Path) -> Path:
+    """The part that a file or folder becomes once it is locked: a part without a lock is never one that works."""
+    _lock(handle)
+    return begun.rename(begun.with_suffix(PART))
+
+
 def _remove_abandoned(target: Path, *, apart_from: Path) -> None:
-    """Removes what killed runs left of a target: parts that are not quite new, and that no process has locked."""
-    for part in target.parent.glob(f".{glob.escape(target.name)}.*.part"):
+    """Removes what killed runs left of a target: parts that no process has locked, and what is begun and not new."""
+    name = glob.escape(target.name)
+    for part in (*target.parent.glob(f".{name}.*{PART}"), *target.parent.glob(f".{name}.*{BEGUN}")):
         with contextlib.suppress(OSError):  # another process removed it, or may alone
             known = part.is_dir() or part.is_file()
-            if part == apart_from or not known or time.time() - part.stat().st_mtime < NEW:
+            new = part.suffix == BEGUN and time.time() - part.stat().st_mtime < NEW
+            if part == apart_from or not known or new:
                 continue
             access = os.O_RDONLY if part.is_dir() else os.O_RDWR
             handle = os.open(part, access | getattr(os, "O_NOFOLLOW", 0))

@@ -6,7 +6,7 @@ import sys
 import time
 from pathlib import Path
 
-from msl_fem.files.whole_file import ASIDE, NEW, staging_folder, whole_file
+from msl_fem.files.whole_file import ASIDE, BEGUN, NEW, staging_folder, whole_file
 
 
 def made_old(path: Path) -> Path:
@@ -28,15 +28,21 @@ def left_by_a_killed_run(staging: str, target: Path, *, before: str = "pass") ->
 def test_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
     target = tmp_path / "t[1].nc"
     left = left_by_a_killed_run("whole_file", target)
-    with whole_file(target):
-        assert left.exists(), "it may be of a run that has just begun"
-    made_old(left)
-    other = made_old(_touched(tmp_path / ".other.nc.abcdefgh.part"))
+    other = _touched(tmp_path / ".other.nc.abcdefgh.part")
     with whole_file(target) as partial:
         partial.write_text("new")
         assert not left.exists()
     assert other.exists(), "it belongs to another target"
     assert target.read_text() == "new"
+
+
+def test_what_a_run_has_begun_and_not_locked_is_left_to_it_while_it_is_new(tmp_path: Path) -> None:
+    target, begun = tmp_path / "t.nc", _touched(tmp_path / f".t.nc.abcdefgh{BEGUN}")
+    with whole_file(target):
+        assert begun.exists()
+    made_old(begun)
+    with whole_file(target):
+        assert not begun.exists()
 
 
 def test_what_a_killed_run_left_of_a_folder_is_removed(tmp_path: Path) -> None:
@@ -45,11 +51,8 @@ def test_what_a_killed_run_left_of_a_folder_is_removed(tmp_path: Path) -> None:
     left = left_by_a_killed_run("staging_folder", target, before="(part / 'a').touch()")
     kept = tmp_path / ".out.abcdefgh.part"
     (kept / ASIDE).mkdir(parents=True)
-    made_old(left)
-    made_old(kept)
     with staging_folder(target) as first:
         assert not left.exists()
-        made_old(first)
         with staging_folder(target) as second:
             assert first.exists()
             assert second.exists()
@@ -65,7 +68,6 @@ def test_the_part_of_a_run_that_works_stays(tmp_path: Path) -> None:
     target = tmp_path / "t.nc"
     with whole_file(target) as first:
         first.write_text("first")
-        made_old(first)
         with whole_file(target) as second:
             second.write_text("second")
             assert first.exists()

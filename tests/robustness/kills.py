@@ -131,7 +131,7 @@ def run(words: tuple[str, ...], folder: Path) -> tuple[int, str, str]:
 def hidden(folder: Path) -> list[str]:
     """Leftovers: parts and locks. Rows and trials that a next run takes are no leftovers until it is done."""
     names = [p.name for p in folder.rglob("*")]
-    return sorted(name for name in names if name.endswith((".part", ".lock")))
+    return sorted(name for name in names if name.endswith((".new", ".part", ".lock")))
 
 
 def results(folder: Path) -> set[str]:
