@@ -19,8 +19,8 @@ from msl_fem.diagnosis.fit import believed_estimates, effect_estimates
 from msl_fem.diagnosis.kind import (
     Kind,
     PredictionError,
+    held_out_against,
     held_out_gains,
-    held_out_worse,
     on_common_ground,
     worse_than_belief,
 )
@@ -92,7 +92,7 @@ def conclude(
     compensating = _compensating(kind, result, models[result.taken], threads=threads)
     if compensating:
         result = replace(result, taken=1)
-    worse = [held_out_worse(*pair) for pair in zip(signals, signals[1:], strict=False)]
+    worse = held_out_against(signals)
     main = main_cause(result, worse)
     result, notes = _named(result, [gain if bad else max(gain, 0.0) for gain, bad in zip(gains, worse, strict=True)])
     if compensating:

@@ -134,10 +134,12 @@ def log_likelihood_gain(before: Sequence[PredictionError], after: Sequence[Predi
     return total
 
 
-def held_out_worse(before: Sequence[ErrorSignal], after: Sequence[ErrorSignal]) -> bool:
+def held_out_worse(
+    before: Sequence[ErrorSignal], after: Sequence[ErrorSignal], *, standard_errors: float = STANDARD_ERRORS
+) -> bool:
     """Whether held-out data are followed worse by the second model, in blocks that are longer than the errors'
-    correlation: the mean change of their power, over the noise's and the first model's, is above two of its standard
-    errors."""
+    correlation: the mean change of their power, over the noise's and the first model's, is above so many of its
+    standard errors."""
     changes: list[float] = []
     for first, second in zip(before, after, strict=True):
         if first.role == "held-out":
@@ -148,7 +150,14 @@ def held_out_worse(before: Sequence[ErrorSignal], after: Sequence[ErrorSignal]) 
     if len(changes) < 2:
         return False
     error = float(np.std(changes, ddof=1)) / np.sqrt(len(changes))
-    return float(np.mean(changes)) > STANDARD_ERRORS * error
+    return float(np.mean(changes)) > standard_errors * error
+
+
+def held_out_against(models: Sequence[Sequence[ErrorSignal]]) -> list[bool]:
+    """Of each effect, between the model before it and the one with it, whether held-out data speak against its name:
+    against the first where they are worse beyond chance, against a further one where they do not confirm it."""
+    pairs = zip(models, models[1:], strict=False)
+    return [held_out_worse(*pair, standard_errors=0.0 if n else STANDARD_ERRORS) for n, pair in enumerate(pairs)]
 
 
 def worse_than_belief(believed: Sequence[ErrorSignal], extended: Sequence[ErrorSignal]) -> bool:

@@ -23,7 +23,7 @@ from msl_fem.diagnosis.decision import (
     white,
 )
 from msl_fem.diagnosis.fit import FitPlan
-from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, held_out_worse, log_likelihood_gain
+from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, held_out_against, held_out_worse, log_likelihood_gain
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.search import SearchStage
@@ -228,6 +228,16 @@ def test_held_out_blocks_speak_against_what_is_worse_all_over_and_not_against_ch
     lost = noise.copy()
     lost[7] = np.nan
     assert held_out_worse(before, [error_signal(lost)])
+
+
+def test_a_further_name_has_to_be_confirmed_where_a_first_one_need_only_not_be_refuted() -> None:
+    """Worse in the one block where a sweep meets a resonance: chance by the blocks' scatter, yet no confirmation."""
+    noise = np.random.default_rng(4).standard_normal(4000)
+    at_resonance = noise * np.where(np.arange(4000) // 200 == 7, 1.5, 1.0)
+    better, worse = [error_signal(0.9 * noise)], [error_signal(at_resonance)]
+    assert held_out_against([[error_signal(noise)], worse]) == [False]
+    assert held_out_against([[error_signal(1.2 * noise)], [error_signal(noise)], worse]) == [False, True]
+    assert held_out_against([[error_signal(1.2 * noise)], [error_signal(noise)], better]) == [False, False]
 
 
 def test_the_main_cause_takes_most_of_the_excess_whatever_else_is_left() -> None:
