@@ -87,6 +87,11 @@ class Browser:
         self._until_loaded()
         self.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))")
 
+    def show(self, file: Path) -> None:
+        """The page of a file, opened where it is not there already; else as it was left."""
+        if self.run("location.pathname") != file.resolve().as_posix():
+            self.open(file)
+
     def run(self, script: str) -> Any:
         """The value of an expression in the page, awaited; AssertionError with its exception."""
         found = self.send("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)

@@ -37,8 +37,7 @@ def shown(browser: Browser, page: Path) -> Browser:
     """The page, opened once for all that only read it or move its sliders."""
     browser.size(1200)
     browser.colours("light")
-    if browser.run("location.pathname") != page.resolve().as_posix():
-        browser.open(page)
+    browser.show(page)
     assert browser.complaints == []
     return browser
 

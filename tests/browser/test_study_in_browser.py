@@ -29,9 +29,7 @@ def report(browser: Browser, study_folder: Path) -> Browser:
 @pytest.fixture
 def explorer(browser: Browser, study_folder: Path) -> Browser:
     """The report as the test before left it, back at its first current and gap: opening it draws 13 figures."""
-    page = study_folder / "report.html"
-    if browser.run("location.pathname") != page.resolve().as_posix():
-        browser.open(page)
+    browser.show(study_folder / "report.html")
     browser.size(1200)
     browser.colours("light")
     browser.complaints.clear()

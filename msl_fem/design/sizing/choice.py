@@ -16,7 +16,7 @@ from msl_fem.design.sizing.evaluation import NOT_BUILT, DesignEvaluation, Design
 from msl_fem.design.sizing.parameters import design_from
 from msl_fem.design.sizing.requirement import Objective, Requirement
 from msl_fem.design.sizing.search import GUESS, SearchResult
-from msl_fem.design.sizing.trials import EvaluatedTrial
+from msl_fem.design.sizing.trials import EvaluatedTrial, unbeaten
 from msl_fem.errors import ComputationError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.schema import document
@@ -46,15 +46,8 @@ def pareto_front(trials: Sequence[EvaluatedTrial], objectives: tuple[Objective, 
         return []
     signs = np.array([-1.0 if direction(o) == "maximize" else 1.0 for o in objectives])
     costs = np.array([t.values for t in feasible]) * signs
-    front = []
-    for k, cost in enumerate(costs):
-        at_least_as_good = (costs <= cost).all(axis=1)
-        better = (costs < cost).any(axis=1)
-        twin = at_least_as_good & ~better
-        if not (at_least_as_good & better).any() and int(np.argmax(twin)) == k:
-            front.append(k)
-    front.sort(key=lambda k: tuple(costs[k]))
-    return [feasible[k] for k in front]
+    first = {tuple(costs[k]): k for k in reversed(unbeaten(costs))}
+    return [feasible[first[cost]] for cost in sorted(first)]
 
 
 @dataclass(frozen=True)

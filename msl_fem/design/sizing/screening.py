@@ -20,7 +20,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.design.sizing.design import Design
 from msl_fem.design.sizing.evaluation import DesignEvaluator, direction, objective_values
 from msl_fem.design.sizing.parameters import ParameterSpan, SearchSpace, design_from
-from msl_fem.design.sizing.trials import ASKED_FOR, VERDICT, EvaluatedTrial, distributions, evaluated_trial
+from msl_fem.design.sizing.trials import ASKED_FOR, VERDICT, EvaluatedTrial, distributions, evaluated_trial, unbeaten
 
 FIRST_OBJECTIVE = 0.3
 """Share of the trials that look for the best in the first objective alone."""
@@ -215,7 +215,7 @@ class ScreenedSampler(BaseSampler):
         """Between designs of the front, or anywhere where there are too few; then steps uphill from the best."""
         known = {j.design for j in self._forecast.judged.values()}
         judged = [j for j in self._forecast.judged.values() if j.feasible]
-        front = [j for j in judged if not any((o.costs <= j.costs).all() and (o.costs < j.costs).any() for o in judged)]
+        front = [judged[k] for k in unbeaten(np.array([j.costs for j in judged]))]
         alone = draws.random() < FIRST_OBJECTIVE
         gain = gain_beyond(front, alone=alone)
         begin = [min(front, key=lambda j: float(j.costs[0]))] if alone and front else front

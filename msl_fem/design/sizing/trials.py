@@ -18,6 +18,7 @@ from sqlalchemy import event
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import IntegrityError, OperationalError, SQLAlchemyError
 
+from msl_fem.computing.arrays import Array
 from msl_fem.design.sizing.design import Constraint, Design, total_violation
 from msl_fem.design.sizing.evaluation import DesignEvaluation, DesignEvaluator, direction
 from msl_fem.design.sizing.parameters import ParameterSpan, SearchSpace
@@ -210,6 +211,11 @@ def _not_ours(url: str, err: Exception) -> InputError:
         f"the storage '{shown(url)}' holds what no search wrote ({type(err).__name__}: {_reason(err)}); give "
         "another --storage, or remove the old file"
     )
+
+
+def unbeaten(costs: Array) -> list[int]:
+    """Rows of costs (n, n_objective) that no other row beats: by being at most as large in all and less in one."""
+    return [k for k, c in enumerate(costs) if not ((costs <= c).all(axis=1) & (costs < c).any(axis=1)).any()]
 
 
 def check_content(study: "optuna.Study", evaluator: DesignEvaluator) -> None:

@@ -20,7 +20,7 @@ from msl_fem.design.tolerances.manufactured import NAMES, FieldJob, Manufacturin
 from msl_fem.design.tolerances.nearby import NearbyMagnets, SectionRoot
 from msl_fem.errors import ComputationError, NotConverged
 from msl_fem.magnetics.field.magnet_field import MagnetField
-from msl_fem.magnetics.field_map.gap_levels import CurrentContinuation
+from msl_fem.magnetics.field_map.gap_levels import CurrentContinuation, LevelRoot
 from msl_fem.magnetics.field_map.readings import reader_of
 from msl_fem.magnetics.solver.postprocess import Cuts, Probes
 from msl_fem.magnetics.sweep.reduced_rows import TOLERANCE
@@ -171,10 +171,8 @@ class ManufacturingSolver:
             return None
         roots: dict[tuple[int, int, int], SectionRoot | None] = {}
         for s, section in enumerate(asked.sections):
-            for g, gap in enumerate(asked.gaps):
-                continuation = CurrentContinuation(nominal, reader_of(only(nominal, section), Criterion("mean")), gap)
-                for k, level in enumerate(asked.levels):
-                    root = continuation.root(level, asked.most)
+            for g, at_gap in enumerate(self._roots(nominal, section, 0.0)):
+                for k, (level, root) in enumerate(zip(asked.levels, at_gap, strict=True)):
                     slope = root.point.reading.current_slope
                     near = SectionRoot(root.point.solution, section, level, slope)
                     roots[s, k, g] = None if np.isnan(root.current) else near
@@ -203,14 +201,17 @@ class ManufacturingSolver:
 
     def _currents(self, field: MagnetField, section: str | None, off: float) -> Array:
         """(n_level, n_gap) A, read on a section, or on the one that governs."""
-        asked = self.job.questions
-        columns = []
+        return np.array([[root.current for root in at_gap] for at_gap in self._roots(field, section, off)]).T
+
+    def _roots(self, field: MagnetField, section: str | None, off: float) -> list[list[LevelRoot]]:
+        """By gap and level, where the level is reached."""
+        asked, found = self.job.questions, []
         for gap in asked.gaps:
             near = field.near(gap)
             reader = reader_of(near if section is None else only(near, section), Criterion("mean"))
             continuation = CurrentContinuation(near, reader, gap + off)
-            columns.append([continuation.root(level, asked.most).current for level in asked.levels])
-        return np.array(columns).T
+            found.append([continuation.root(level, asked.most) for level in asked.levels])
+        return found
 
 
 def only(field: MagnetField, section: str) -> MagnetField:
