@@ -6,11 +6,12 @@ python docs/make_reference.py
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from msl_fem.actuator import Actuator
 from msl_fem.design.sizing.requirement import Requirement
-from msl_fem.export.key_reference import json_schema, markdown_table, sections_of
+from msl_fem.export.key_reference import FileKey, json_schema, markdown_table, sections_of
 from msl_fem.plant.effects import CATALOGUE
 from msl_fem.plant.excitation_kinds import KINDS
 from msl_fem.record.columns import CHANNELS
@@ -43,13 +44,22 @@ def file_page(name: str) -> str:
     return "\n".join(parts)
 
 
+def excitation_key(key: FileKey) -> FileKey:
+    """A key as people write it: sizes in the unit of the command or reference, a duration that may be its file's."""
+    if key.name in ("amplitude", "bias"):
+        bound = ", above 0" if key.name == "amplitude" else ""
+        default = key.default and ("none" if key.default == "none" else f"{key.default} of that unit")
+        return replace(key, value=f"quantity in A, V, N or m{bound}", default=default)
+    return replace(key, default="the file's") if key.default == "0 s" and key.name == "duration" else key
+
+
 def excitations_page() -> str:
     """Kinds of excitations and references with their keys."""
     parts = [
         "# Excitations and references", "",
         "An excitation is a text, `name:key=value,key=value`, or an `[[excitation]]` of a TOML file with the same keys. "
         "`simulate --excitation`, `bench --excitation` and `control --reference` take them. Amplitude and bias are in A, V or N, by "
-        "the actuator's `drive.kind`; those of a reference, and with `loop=closed`, are in m.", "",
+        "the actuator's `drive.kind`; those of a reference, and with `loop=closed`, are in m. The path of a CSV file alone is the signal in it (kind `csv`).", "",
         '    msl-fem simulate servo.toml --excitation "step:channel=1,bias=0.5 A,amplitude=0.1 A,duration=1 s" -o run', "",
         "`channel` says where the signal s goes with the bias b: `1` or `2`: b + s on that side, b on the other; `common`: b + s on "
         "both; `differential`: b + s and b - s, without a bias the side by the sign of s; `independent`: two draws (noise and "
@@ -57,9 +67,8 @@ def excitations_page() -> str:
     ]  # fmt: skip
     for name, kind in KINDS.items():
         [section] = sections_of(kind)
-        section = type(section)(
-            section.path, "", section.meaning, tuple(k for k in section.keys if k.name not in ("name", "unit"))
-        )
+        keys = tuple(excitation_key(k) for k in section.keys if k.name not in ("name", "unit"))
+        section = type(section)(section.path, "", section.meaning, keys)
         parts += [f"## `{name}`", "", section.meaning, "", markdown_table(section), ""]
     return "\n".join(parts)
 

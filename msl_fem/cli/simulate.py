@@ -94,7 +94,7 @@ def usual_loop(
 def command(
     actuator: Annotated[Path, typer.Argument(metavar="ACTUATOR", help="Actuator file, or an extended model (TOML).")],
     excitation: Annotated[
-        list[str], typer.Option(help='Repeatable: like "sine:channel=1,...", or a TOML file with several.')
+        list[str], typer.Option(help='Repeatable: like "sine:channel=1,...", a CSV file, or a TOML file of several.')
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Record folder to write.")],
     table: TableFile = None,

@@ -43,10 +43,14 @@ def parse_excitation(text: str, *, unit: Unit = "A") -> Excitation:
 def load_excitations(spec: str, *, unit: Unit = "A") -> tuple[Excitation, ...]:
     """The excitations of a text, or of a TOML file with one `[[excitation]]` each (`name` and the keys of the text).
 
+    The path of a CSV file alone is the signal in it: `csv:file=PATH`.
+
     Raises
     ------
     InputError : as `parse_excitation`; no such file, not TOML; the message names the file and the key path
     """
+    if spec.strip().lower().endswith(".csv") and "=" not in spec:
+        return (_excitation_of({"name": "csv", "file": spec.strip()}, unit=unit, where="excitation"),)
     if not spec.strip().lower().endswith(".toml"):
         return (parse_excitation(spec, unit=unit),)
     path = Path(spec.strip())
@@ -60,7 +64,8 @@ def load_excitations(spec: str, *, unit: Unit = "A") -> tuple[Excitation, ...]:
         complaint = bare_number(entry, _PURE_NUMBERS, path=f"excitation.{position}.", words=("channel",))
         if complaint:
             raise InputError(f"{path}: {complaint}")
-        excitations.append(_excitation_of(entry, unit=unit, where=f"{path}: excitation.{position}"))
+        beside = {"file": str(path.parent / entry["file"])} if isinstance(entry.get("file"), str) else {}
+        excitations.append(_excitation_of({**entry, **beside}, unit=unit, where=f"{path}: excitation.{position}"))
     return tuple(excitations)
 
 

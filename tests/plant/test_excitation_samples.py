@@ -296,3 +296,51 @@ def test_a_channel_is_a_number_or_a_word(tmp_path) -> None:
     file.write_text(noise)
     with pytest.raises(InputError, match="write the number without quotes, seed = 3"):
         load_excitations(str(file))
+
+
+def csv_of(folder: Path, text: str) -> Path:
+    (folder / "pulse.csv").write_text(text)
+    return folder / "pulse.csv"
+
+
+def test_a_csv_file_is_a_signal(tmp_path: Path) -> None:
+    """Alone, with a column and a factor, and from a TOML file's folder; straight between rows, held after the last."""
+    file = csv_of(tmp_path, "time_s,voltage_1_V,other\n0,1,0\n0.1,3,0\n0.2,-2,5\n")
+    with pytest.raises(InputError, match="state which; beside time_s there are voltage_1_V, other"):
+        load_excitations(str(file))
+    (run,) = load_excitations(f"csv:file={file},column=voltage_1_V,amplitude=2 V,duration=0.3 s", unit="V")
+    t = np.arange(3000) / RATE
+    wanted = 2 * np.interp(t, [0, 0.1, 0.2], [1, 3, -2])
+    np.testing.assert_allclose(samples(run, rate=RATE, sides=1)[:, 0], wanted, rtol=0, atol=1e-12)
+    assert parse_excitation(run.spec, unit="V") == run
+    (tmp_path / "plan.toml").write_text('[[excitation]]\nname = "csv"\nfile = "pulse.csv"\ncolumn = "other"\n')
+    (told,) = load_excitations(str(tmp_path / "plan.toml"), unit="V")
+    assert told.file == str(file)
+    assert told.duration == 0.2
+    csv_of(tmp_path, "x_m,time_s\n0,0\n1e-3,0.1\n1e-3,0.2\n")
+    (alone,) = load_excitations(str(file), unit="A")
+    path = reference(parse_excitation(f"csv:file={file},loop=closed"), rate=RATE)
+    assert samples(alone, rate=RATE, sides=2)[-1].tolist() == [1e-3, 0]
+    np.testing.assert_allclose(path.velocity[[1, 999, 1000]], [0.01, 0.01, 0], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "no column time_s"),
+        ("t,u\n0,1\n1,1\n", "no column time_s"),
+        ("time_s\n0\n1\n", "there are none"),
+        ("time_s,u\n0,1\n", "has 1 rows"),
+        ("time_s,u\n0,1\n1\n", "line 3: '1' has no finite numbers"),
+        ("time_s,u\n0,1\n1,nan\n", "line 3: '1,nan' has no finite numbers"),
+        ("time_s,u\n0,1\n1,1\n1,2\n", "line 4: time_s must begin at 0 or later and increase"),
+        ("time_s,u\n-1,1\n1,1\n", "line 2: time_s must begin at 0"),
+        ("time_s,u\n0,1\n1,-1\n", "would make currents negative"),
+    ],
+)
+def test_a_faulty_csv_file_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    file = csv_of(tmp_path, text)
+    with pytest.raises(InputError) as caught:
+        samples(load_excitations(f"csv:file={file},channel=1")[0], rate=RATE, sides=1)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)

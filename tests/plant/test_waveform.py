@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from msl_fem.errors import ComputationError, InputError
-from msl_fem.plant import excitation_kinds as waveform
+from msl_fem.plant import waveforms as waveform
 
 SMOOTH = {
     "sine": lambda t: waveform.sine(t, frequency=3.0),
