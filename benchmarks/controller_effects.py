@@ -1,6 +1,6 @@
 """Each effect at a stated size on the reference actuator, by the coupled model: for the benchmarks of the controller.
 
-Size is RECORDS.md's: the RMS change of an open-loop record at equal input over that channel's RMS, the largest over
+Size is the RMS change of an open-loop record at equal input over that channel's RMS, the largest over
 position, currents and voltages. Effects that coincide with a believed parameter are at least six of its tolerances.
 """
 

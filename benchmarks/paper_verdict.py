@@ -2,7 +2,7 @@
 
     python benchmarks/paper_verdict.py [--seeds 3,5] [--extended FILE] [--docs]
 
-A rig with a gap offset, eddy currents and hysteresis at once (each at its size of RECORDS.md, the gap's at least six
+A rig with a gap offset, eddy currents and hysteresis at once (sizes as in docs/bench.md, the gap's at least six
 tolerances) is identified on small noise up to 200 Hz. Held out are: other noise of that kind, five times the amplitude,
 another bias, and a sweep above the band. All models see the fit run alone; the figures are the position's NRMSE in free
 run. With --extended, an extended model that `msl-fem diagnose` found on the record of the (one) seed stands in the last

@@ -23,6 +23,8 @@ class GeneralTolerances(FrozenModel):
     stacking_factor : of its value, as a number
     bh_polarisation : of the iron's polarisation at a field strength, relative
     bh_field_strength : of the field strength that a polarisation takes, relative
+    centre_leg_width, outer_leg_width, leg_width, post_diameter, ring_width : of that length
+    yoke_thickness, armature_thickness, stack_depth : of that length
     """
 
     gap: Clearance | None = None

@@ -1,6 +1,6 @@
 """What an effect is fitted into, its size, and the strength that has the size asked for.
 
-Size is RECORDS.md's: the RMS change of the record at equal input, over that channel's RMS, the largest over position
+Size is the RMS change of the record at equal input, over that channel's RMS, the largest over position
 and currents, in current drive over voltages too. Record means all its runs together, without noise, with and without
 the effect at the same true parameters; RMS is the root of the mean square, constant part included.
 """

@@ -139,7 +139,7 @@ PROGRAMS = {
 WHAT_MATTERS = ("numpy", "scipy", "scikit-fem", "netgen-mesher", "numba", "qdldl", "xarray", "h5netcdf", "pydantic")
 _ANSWERS_WITHIN = 10.0  # seconds
 _CACHED = re.compile(r"_[0-9a-f]{12}-\d+\.py\d+\w*\.nbi$")
-_EXTRA = re.compile(r"extra\s*==\s*['\"](\w+)['\"]")
+_EXTRA = re.compile(r"extra\s*==\s*['\"]([\w-]+)['\"]")
 
 
 def installed_version(name: str) -> str | None:

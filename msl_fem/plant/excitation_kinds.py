@@ -40,6 +40,7 @@ class Excitation(FrozenModel):
     channel : where the signal goes, see `samples`; None: what is usual for the kind
     amplitude : RMS of noise and multisine, the factor of a file's values, peak of all others
     bias : the constant that the signal is added to, on every side
+    duration : of the run
     seed : of the random phases, where there are any
     role : of the run that is made with it
     loop : "closed": a reference that a closed loop follows
@@ -99,7 +100,12 @@ class Excitation(FrozenModel):
 
 
 class BandLimitedNoise(Excitation):
-    """Noise with a flat spectrum from 0 (excluded) to `band`, nothing above, peaks within 3 RMS."""
+    """Noise with a flat spectrum from 0 (excluded) to `band`, nothing above, peaks within 3 RMS.
+
+    Attributes
+    ----------
+    band : highest frequency in it
+    """
 
     name: Literal["band-limited-noise"]
     band: Frequency
@@ -130,6 +136,12 @@ class Multisine(Excitation):
     All of them, the odd ones, or the odd ones with detection lines: of four odd harmonics in a row one, by the seed, is
     left out. What a plant answers there, and at even harmonics, is distortion of odd and even order (Pintelon and
     Schoukens, System Identification, 2nd ed., 2012, ch. 4).
+
+    Attributes
+    ----------
+    start, stop : lowest and highest frequency
+    periods : equal ones, in the whole duration
+    lines : which harmonics sound
     """
 
     name: Literal["multisine"]
@@ -186,7 +198,14 @@ class Multisine(Excitation):
 
 
 class SweptSine(Excitation):
-    """A sine from `start` to `stop`, linear or logarithmic in time, faded in and out (5 % of the duration each)."""
+    """A sine from `start` to `stop`, linear or logarithmic in time, faded in and out (5 % of the duration each).
+
+    Attributes
+    ----------
+    start, stop : first and last frequency
+    law : of the frequency over time
+    fade : duration of each fade, in place of the 5 %
+    """
 
     name: Literal["swept-sine"]
     start: Frequency
@@ -214,7 +233,12 @@ class SweptSine(Excitation):
 
 
 class Sine(Excitation):
-    """A sine that starts at zero."""
+    """A sine that starts at zero.
+
+    Attributes
+    ----------
+    frequency : of the sine
+    """
 
     name: Literal["sine"]
     frequency: Frequency
@@ -228,7 +252,12 @@ class Sine(Excitation):
 
 
 class Step(Excitation):
-    """A square wave between plus and minus amplitude; without a frequency one step from 0 after a tenth of the time."""
+    """A square wave between plus and minus amplitude; without a frequency one step from 0 after a tenth of the time.
+
+    Attributes
+    ----------
+    frequency : of the square wave
+    """
 
     name: Literal["step"]
     frequency: Frequency | None = None
@@ -248,7 +277,12 @@ class Step(Excitation):
 
 
 class Ramp(Excitation):
-    """A triangular wave between plus and minus amplitude; without a frequency one ramp from 0 to amplitude."""
+    """A triangular wave between plus and minus amplitude; without a frequency one ramp from 0 to amplitude.
+
+    Attributes
+    ----------
+    frequency : of the triangular wave
+    """
 
     name: Literal["ramp"]
     frequency: Frequency | None = None

@@ -28,14 +28,25 @@ DEMAGNETISED, UNKNOWN, CYCLED = "demagnetised", "unknown", "cycled:"
 
 
 class Sampling(FrozenModel):
-    """Sampling of the runs; `hold` says how inputs run between samples."""
+    """Sampling of the runs; `hold` says how inputs run between samples.
+
+    Attributes
+    ----------
+    rate : samples a second
+    hold : inputs are held over a sample, or run straight to the next
+    """
 
     rate: Frequency
     hold: Literal["zero-order", "linear"] = "zero-order"
 
 
 class Noise(FrozenModel):
-    """One sigma of each instrument, from its data sheet; None where it is not known."""
+    """One sigma of each instrument, from its data sheet; None where it is not known.
+
+    Attributes
+    ----------
+    position, velocity, current, voltage, force, flux_linkage : RMS of its white noise
+    """
 
     position: PositionNoise | None = None
     velocity: Annotated[float, In("m/s"), Field(ge=0)] | None = None
@@ -60,7 +71,21 @@ class OfDrive:
 
 
 class Tolerance(FrozenModel):
-    """One sigma, relative where no unit is given, of how well parameters of rig and instruments are known."""
+    """One sigma, relative where no unit is given, of how well parameters of rig and instruments are known.
+
+    Attributes
+    ----------
+    moving_mass, stiffness, damping, coil_resistance, nominal_gap : of the actuator file's value
+    position_gain, velocity_gain, current_gain, force_gain, flux_linkage_gain : of what the sensor shows per unit
+    voltage_gain, command_gain : of what the amplifier takes or shows per unit
+    position_zero, velocity_zero, current_zero, force_zero, flux_linkage_zero, flux_density_zero : of the sensor's zero
+    command_zero : of the drive's input; A, V or N by the drive
+    magnetic_scale : of force and flux linkage together, as turns or depth change them
+    table : of the table's shape
+    static_gap_zero : of the gauges that set the gaps of static.csv
+    force_asymmetry, flux_linkage_asymmetry, flux_density_asymmetry : of readings above zero against those below
+    leakage_inductance, mutual_inductance : of the inductance of a side at the nominal gap
+    """
 
     OF_THE_RIG: ClassVar = (
         "moving_mass", "stiffness", "damping", "coil_resistance", "nominal_gap", "position_gain", "magnetic_scale",
@@ -98,7 +123,16 @@ class Tolerance(FrozenModel):
 
 class RunEntry(FrozenModel):
     """A `[[run]]` of rig.toml; `mover` says whether it was free to move, held where it was, moved by a hand or a
-    machine whose force is measured, or taken away; `levels` are columns that have one value throughout, by name."""
+    machine whose force is measured, or taken away; `levels` are columns that have one value throughout, by name.
+
+    Attributes
+    ----------
+    file : CSV or NetCDF in the record's folder
+    excitation : words on what drove the run
+    role : models are fitted to it, or judged by it
+    mover : what became of it during the run
+    levels : column to its one value
+    """
 
     file: Annotated[str, Field(min_length=1)]
     excitation: str = ""
@@ -139,6 +173,15 @@ class StaticEntry(FrozenModel):
     whether the rows stand as they were measured; `before` what the iron had gone through: "demagnetised", "unknown",
     or "cycled:+10 A" (between both currents, that one last); `scale` whether the readings are in their unit, or
     ("free") in proportion to it; `curves` are files of calibration curves, by the columns of static.csv.
+
+    Attributes
+    ----------
+    role : of all rows
+    gap : whose zero the gaps have
+    order : whether the rows stand as they were measured
+    before : what the iron had gone through
+    scale : of the readings
+    curves : column to the file of its calibration curve
     """
 
     role: Role | None = None
@@ -156,7 +199,12 @@ class StaticEntry(FrozenModel):
 
 
 class DutySupply(FrozenModel):
-    """The `[supply]` of a drive whose runs have duties instead of voltages."""
+    """The `[supply]` of a drive whose runs have duties instead of voltages.
+
+    Attributes
+    ----------
+    voltage : of the supply; a side's voltage is its duty times this
+    """
 
     voltage: Annotated[float, In("V"), Field(gt=0)]
 
@@ -167,6 +215,13 @@ class Scheduling(FrozenModel):
     `changes` are "damping" and the like, or amounts of effects, "coulomb_friction.force"; `at` the levels of the column
     between which they go straight (left out: those of the runs); `tolerance` one sigma of the logarithm by which they
     may differ from their value at the first level.
+
+    Attributes
+    ----------
+    column : name in the runs, with its unit behind the last underscore
+    changes : believed parameters, or amounts of effects
+    at : its levels, ascending
+    tolerance : one sigma of the logarithm
     """
 
     column: Annotated[str, Field(pattern="^[A-Za-z][A-Za-z0-9_]*_[A-Za-z0-9]+$")]
@@ -183,13 +238,28 @@ class Scheduling(FrozenModel):
 
 
 class StatedEffects(FrozenModel):
-    """The `[[effects.expression]]` of rig.toml: causes of the user's own that a diagnosis tries too."""
+    """The `[[effects.expression]]` of rig.toml: causes of the user's own that a diagnosis tries too.
+
+    Attributes
+    ----------
+    expression : each with name, equation, law and parameters
+    """
 
     expression: tuple[dict[str, Any], ...] = ()
 
 
 class RigFile(FrozenModel):
-    """rig.toml as it stands, quantities in SI units."""
+    """rig.toml as it stands, quantities in SI units.
+
+    Attributes
+    ----------
+    schema_version : of this form of the file
+    origin : of the runs
+    actuator : path of the actuator file, from the record's folder
+    belief : what is believed beside the table
+    controller : the law of a loop that was closed around the rig
+    position_sensor_curve : file with the columns reading (V) and value (m), where runs have position_sensor_V
+    """
 
     schema_version: Literal[1] = Field(alias="schema")
     origin: Origin

@@ -133,8 +133,8 @@ def test_the_cache_counts_the_functions_of_the_sources(tmp_path: Path, monkeypat
 
 def test_an_uninstalled_checkout_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "installed_version", lambda name: None)
-    monkeypatch.setattr(doctor, "_requirements", lambda: ["numpy>=2.0", 'pytest>=8; extra == "test"', "a[b]>1"])
-    assert doctor.packages() == {"required": {"numpy": None, "a": None}, "test": {"pytest": None}}
+    monkeypatch.setattr(doctor, "_requirements", lambda: ["numpy>=2.0", 'pytest>=8; extra == "three-d"', "a[b]>1"])
+    assert doctor.packages() == {"required": {"numpy": None, "a": None}, "three-d": {"pytest": None}}
     assert "numpy missing" in doctor.versions_that_matter()
 
 

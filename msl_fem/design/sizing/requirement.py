@@ -74,7 +74,14 @@ class MagnetWanted(FrozenModel):
 
 
 class ForceWanted(FrozenModel):
-    """The force of one magnet at a gap, and how fast it must be able to change there."""
+    """The force of one magnet at a gap, and how fast it must be able to change there.
+
+    Attributes
+    ----------
+    minimum : of the force of one magnet
+    gap : at which it is wanted
+    slew_rate : of the force, which the voltage must allow
+    """
 
     minimum: Newton
     gap: Length
@@ -82,14 +89,26 @@ class ForceWanted(FrozenModel):
 
 
 class FluxLimit(FrozenModel):
-    """The largest flux density in the iron, by the operating map's criterion: the mean of the most loaded section."""
+    """The largest flux density in the iron, by the operating map's criterion: the mean of the most loaded section.
+
+    Attributes
+    ----------
+    limit : in the iron itself
+    criterion : of the operating map
+    """
 
     limit: FluxDensity = 1.2
     criterion: Literal["mean"] = "mean"
 
 
 class Supply(FrozenModel):
-    """What the amplifier of a side gives at most."""
+    """What the amplifier of a side gives at most.
+
+    Attributes
+    ----------
+    voltage, current : the largest, of a side
+    bandwidth : of its current, first order
+    """
 
     voltage: Voltage = 80.0
     current: Current = 12.0
@@ -97,7 +116,15 @@ class Supply(FrozenModel):
 
 
 class Heat(FrozenModel):
-    """How warm the coil may get at the wanted force; `duty` is the share of time that it is held."""
+    """How warm the coil may get at the wanted force; `duty` is the share of time that it is held.
+
+    Attributes
+    ----------
+    current_density : RMS in the copper, at most
+    temperature_rise : of the winding over its surroundings, at most
+    heat_transfer : from the magnet's surface
+    duty : share of time that the force is held
+    """
 
     current_density: CurrentDensity | None = None
     temperature_rise: TemperatureRise | None = None
@@ -113,7 +140,12 @@ class Heat(FrozenModel):
 
 
 class Envelope(FrozenModel):
-    """The box around one magnet with its armature at the wanted gap, end turns included; what is not stated is free."""
+    """The box around one magnet with its armature at the wanted gap, end turns included; what is not stated is free.
+
+    Attributes
+    ----------
+    width, height, depth : at most; height along the pull, depth along the stack
+    """
 
     width: Length | None = None
     height: Length | None = None
@@ -121,7 +153,14 @@ class Envelope(FrozenModel):
 
 
 class WindingSpec(FrozenModel):
-    """The coil's copper and its clearances in the window; with `wire_diameter` the turns follow from the area."""
+    """The coil's copper and its clearances in the window; with `wire_diameter` the turns follow from the area.
+
+    Attributes
+    ----------
+    fill_factor : copper over the winding's section
+    wire_diameter : of the copper
+    leg_clearance, face_clearance, back_clearance : from the winding to the leg, the pole face, the yoke
+    """
 
     fill_factor: Annotated[float, Field(gt=0, lt=1)] = 0.5
     wire_diameter: Length | None = None
@@ -131,7 +170,12 @@ class WindingSpec(FrozenModel):
 
 
 class Densities(FrozenModel):
-    """Mass densities in place of those that belong to the materials' names."""
+    """Mass densities in place of those that belong to the materials' names.
+
+    Attributes
+    ----------
+    core, armature, copper : of that part
+    """
 
     core: Density | None = None
     armature: Density | None = None
@@ -139,7 +183,16 @@ class Densities(FrozenModel):
 
 
 class MotionWanted(FrozenModel):
-    """What the actuator file says of the motion; the armatures' mass is added to `payload`."""
+    """What the actuator file says of the motion; the armatures' mass is added to `payload`.
+
+    Attributes
+    ----------
+    payload : of all that moves beside the armatures
+    stiffness, damping : of the suspension
+    nominal_gap : of both sides at rest
+    range : plus and minus
+    constant_force : along the pull of side 1
+    """
 
     payload: Payload = 0.0
     stiffness: Stiffness | None = None
@@ -150,7 +203,15 @@ class MotionWanted(FrozenModel):
 
 
 class Requirement(FrozenModel):
-    """A requirement file. What is left out has the default given here; `docs/sizing.md` lists them."""
+    """A requirement file. What is left out has the default given here; `docs/sizing.md` lists them.
+
+    Attributes
+    ----------
+    schema_version : of this form of the file
+    name : of the actuator that comes out
+    objectives : what the search makes small
+    sources : where the numbers come from, by key
+    """
 
     schema_version: Literal[1] = Field(alias="schema")
     name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9_. -]+$")]

@@ -33,7 +33,17 @@ E1_ENDS = EndFactors(gap=1.237, window=1.198, outer=0.393, leakage=0.326e-3)
 
 
 class ECore(PlaneMagnet):
-    """A laminated E-core with its coil on the centre leg, facing a flat armature."""
+    """A laminated E-core with its coil on the centre leg, facing a flat armature.
+
+    Attributes
+    ----------
+    centre_leg_width, outer_leg_width : of the leg, across the flux
+    window_width, window_height : of the room between the legs, height along them
+    yoke_thickness, armature_thickness : across the flux
+    armature_overhang : of the armature beyond the outer legs, on each side
+    stack_depth : of the sheets, across the section
+    pole_chamfer : of the edges of the pole faces, under 45 degrees
+    """
 
     TOLERANCED: ClassVar = (
         "centre_leg_width",

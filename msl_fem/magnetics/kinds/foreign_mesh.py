@@ -30,6 +30,7 @@ class MeshMagnet(MagnetKind):
     ----------
     mesh : a gmsh file with physical names, or another format of meshio with named cell sets; relative to the file
     length_unit : the length of one unit of the mesh's coordinates, like "1 mm"; metres without it
+    stack_depth : across the section
     gap : the air gap that the mesh was made at
     pull : the direction in which the armature is attracted
     turns : of all regions coil+* together, and of coil-*

@@ -19,7 +19,13 @@ AIR = 4.0  # outer radii of air around the magnet, where none is stated
 
 
 class RingCoil(Coil):
-    """A coil of revolution about the axis: a rectangle from `inner_radius` outwards and from `bottom` upwards."""
+    """A coil of revolution about the axis: a rectangle from `inner_radius` outwards and from `bottom` upwards.
+
+    Attributes
+    ----------
+    inner_radius : of the winding
+    bottom : z of its lower end
+    """
 
     inner_radius: Clearance
     bottom: Coordinate

@@ -29,7 +29,16 @@ BESIDE = 0.02  # of the window's width from the post's edge: where yoke and arma
 
 
 class PotCore(FlatFaceMagnet):
-    """A body of revolution about the post's axis: post, winding, ring and yoke, facing a disc that is attracted."""
+    """A body of revolution about the post's axis: post, winding, ring and yoke, facing a disc that is attracted.
+
+    Attributes
+    ----------
+    post_diameter : of the pole in the middle
+    window_width, window_height : of the room of the winding, radially and along the axis
+    ring_width : of the outer wall, radially
+    yoke_thickness, armature_thickness : along the axis
+    armature_overhang : of the disc beyond the ring, radially
+    """
 
     TOLERANCED: ClassVar = ("post_diameter", "ring_width", "yoke_thickness", "armature_thickness")
     SIZED: ClassVar = SizedLengths(

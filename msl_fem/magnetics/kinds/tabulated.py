@@ -6,7 +6,12 @@ from msl_fem.files.schema import FrozenModel
 
 
 class TableMagnet(FrozenModel):
-    """A magnet known by a measured or foreign table."""
+    """A magnet known by a measured or foreign table.
+
+    Attributes
+    ----------
+    table : its file, relative to this one
+    """
 
     kind: Literal["table"]
     table: str

@@ -29,6 +29,14 @@ class UCore(PlaneMagnet):
     """A laminated U-core over a flat armature; each leg carries half the turns, so that flux goes round through both.
 
     The right half is solved: x = 0 cuts yoke and armature where the field goes straight across.
+
+    Attributes
+    ----------
+    leg_width : of each leg, across the flux
+    window_width, window_height : of the room between the legs, height along them
+    yoke_thickness, armature_thickness : across the flux
+    armature_overhang : of the armature beyond the legs, on each side
+    stack_depth : of the sheets, across the section
     """
 
     TOLERANCED: ClassVar = ("leg_width", "yoke_thickness", "armature_thickness", "stack_depth")
