@@ -10,6 +10,8 @@ INPUTS ?= 20000
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING ?= 1
+# Where it is set, each of the programs that the tests start would translate all of the project's source anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 SHORT := tests/test_architecture.py tests/test_package.py tests/test_names.py tests/actuator/test_actuator.py \
   tests/files/test_quantity.py tests/files/test_toml_text.py tests/files/test_whole_file.py tests/table tests/materials \
