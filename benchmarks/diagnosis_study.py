@@ -176,18 +176,22 @@ def done(path: Path) -> list[Row]:
 
 @dataclass(frozen=True)
 class Portion:
-    """Which cases of a study are made: of these kinds and rigs, sampled at most at `fastest` Hz, so many."""
+    """Which cases of a study are made: of these kinds and rigs, sampled at most at `fastest` Hz, so many; `hiding` one
+    of these effects where any are stated."""
 
     study: int
     kinds: Sequence[str]
     rigs: Sequence[str]
     fastest: float
     limit: int
+    hiding: frozenset[str] = frozenset()
 
     def left(self, known: set[int]) -> list[Case]:
         """Those that are not known yet."""
         cases = [case_of(seed, self.study) for seed in range(COUNT) if seed not in known]
         own = [case for case in cases if case.kind in self.kinds and case.rig in self.rigs]
+        if self.hiding:
+            own = [case for case in own if any(text.partition("=")[0] in self.hiding for text in case.hidden)]
         return [case for case in own if case.rate <= self.fastest][: self.limit]
 
 
@@ -319,6 +323,7 @@ def main() -> None:
     parser.add_argument("--kinds", default=",".join(KINDS), help="of these kinds alone, with commas between them")
     parser.add_argument("--rigs", default=",".join(dict.fromkeys(rig for rig, _ in RIGS)), help="of these rigs alone")
     parser.add_argument("--fastest", default="20 kHz", help="sampled at this rate at most")
+    parser.add_argument("--hiding", default="", help="with one of these effects alone")
     parser.add_argument("--seed", type=int, default=SEED, help="from which the cases are drawn")
     parser.add_argument("--results", type=Path, default=RESULTS)
     parser.add_argument("--tables", action="store_true", help="print the rates of what is there")
@@ -327,7 +332,8 @@ def main() -> None:
     if not options.tables:
         fastest = parse_quantity(options.fastest, "Hz")
         kinds, rigs = options.kinds.split(","), options.rigs.split(",")
-        run(options.results, Portion(options.seed, kinds, rigs, fastest, options.limit))
+        hiding = frozenset(options.hiding.split(",")) - {""}
+        run(options.results, Portion(options.seed, kinds, rigs, fastest, options.limit, hiding))
         return
     rows = done(options.results)
     text = "\n\n".join([extent(rows), totals_table(rows), rigs_table(rows), wrong_names(rows)])
