@@ -150,10 +150,10 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
     begin = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
     known = how.memory.end_of(fit_name(kind.unknowns), kind.unknowns)
     begin = begin if known is None else known
-    steps = STEPS_A_ROUND if kind.lost else FitPlan.most_steps
+    steps = STEPS_A_ROUND if kind.sane else FitPlan.most_steps
     plan = FitPlan(most_steps=steps, enough=ROUGH, tell=partial(_about_tolerances, how))
     first = not_worse(kind, begin, fit(kind.likelihood, kind.unknowns, begin, plan=plan), plan)
-    fits = [replace(first, finished=kind.lost)]
+    fits = [replace(first, finished=kind.sane is not None, sane=kind.sane)]
     stages: list[SearchStage] = []
     excesses = []
     unclear = ""

@@ -134,7 +134,8 @@ def fit(
     how = plan or FitPlan()
     damping = Damping(first=how.damping, least=1e-4, rise=1e-2, most=1e8)
     simulations, z = 0, unknowns.allowed(start)
-    least, idle, most_heat, far = np.inf, 0, np.inf, False
+    least, idle, most_heat = np.inf, 0, np.inf
+    sane: Fit | None = None
     rounds = _trials(likelihood, how.most_steps)
     for n, trials in enumerate(rounds, 1):
         posterior = _FitPosterior(likelihood, unknowns, how)
@@ -142,12 +143,17 @@ def fit(
         if not np.isfinite(first.residual).all():
             raise ComputationError("the simulation fails at the start of the fit")
         first = posterior.heated(first, most_heat, COOLING ** (len(rounds) - n))
-        far = far or posterior.heat > 1.0
+        model = posterior.linearised(first, nuisance_columns)
+        if sane is None and posterior.heat > 1.0:
+            sane = _fit_at(likelihood, *posterior.cooled(first, model), simulations)
         renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
         settings = DescentSettings(damping, how.enough, most_trials=trials, renewal=renewal, fresh_end=how.fresh_end)
-        end = descend(posterior, first, settings, first=posterior.linearised(first, nuisance_columns))
+        end = descend(posterior, first, settings, first=model)
         point, model = posterior.cooled(end.point, end.model)
         simulations += posterior.simulations
+        found = _fit_at(likelihood, point, model, simulations)
+        if sane is not None and not beyond_sanity(unknowns, point.z):
+            sane = found
         if not likelihood.is_cut:
             break
         nuisance_columns = model.jacobian[:, : unknowns.n_nuisance] if posterior.heat == 1.0 else None
@@ -162,33 +168,38 @@ def fit(
             if settled and abs(again - point.objective) < max(RESTARTED, how.enough):
                 break
             worth = how.enough
-            if far and least < np.inf and beyond_sanity(unknowns, point.z):
+            if sane is not None and least < np.inf and beyond_sanity(unknowns, point.z):
                 worth = max(worth, WORTH * least)
             idle = 0 if point.objective < least - worth else idle + 1
             least = min(least, point.objective)
         if idle == MOST_IDLE_ROUNDS or not np.isfinite(again):
             break
         likelihood, z = nearer, point.z
-        damping = replace(damping, first=float(np.clip(end.damping, *CARRIED)) if far else CARRIED[0])
-    return Fit(
-        unknowns,
-        point.z,
-        point.residual,
-        model.jacobian,
-        point.weights,
-        point.objective,
-        log_evidence(point.objective, model.gram + np.diag(model.curvature)),
-        model.promised,
-        simulations,
-        likelihood,
-        far=far,
-    )
+        damping = replace(damping, first=float(np.clip(end.damping, *CARRIED)) if sane else CARRIED[0])
+    return replace(found, sane=sane)
 
 
 def beyond_sanity(unknowns: Unknowns, z: Array) -> bool:
     """Whether a model without effects makes up for a cause that it lacks by numbers that nothing can have."""
     n = len(unknowns.believed) + unknowns.n_table
     return not unknowns.effects and bool(np.any(np.abs(z[:n]) > SANE))
+
+
+def _fit_at(likelihood: Likelihood, point: "_FitPoint", model: "_FitModel", simulations: int) -> Fit:
+    """What a fit is at a point."""
+    precision = model.gram + np.diag(model.curvature)
+    return Fit(
+        model.unknowns,
+        point.z,
+        point.residual,
+        model.jacobian,
+        point.weights,
+        point.objective,
+        log_evidence(point.objective, precision),
+        model.promised,
+        simulations,
+        likelihood,
+    )
 
 
 def _trials(likelihood: Likelihood, most: int) -> list[int]:

@@ -206,7 +206,8 @@ class Kind(ABC):
     faithful : how many times their error on the fit data effects may err on held-out data, to be named
     advice : what would show more of what is left unexplained
     takes_laws : whether its prediction knows laws that users state, so that a formula can be looked for
-    lost : whether a fit without effects, begun far from the record, ended at numbers that nothing can have
+    sane : where a fit without effects, begun far from the record, was last at numbers that a plant can have, if it went
+        on to those that nothing can have
     """
 
     belief: ModelHypothesis
@@ -222,8 +223,8 @@ class Kind(ABC):
     takes_laws: ClassVar[bool] = False
 
     @property
-    def lost(self) -> bool:
-        return False
+    def sane(self) -> Fit | None:
+        return None
 
     @abstractmethod
     def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:

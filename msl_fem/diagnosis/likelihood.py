@@ -45,7 +45,8 @@ class Fit:
     predicted : nats that a further step would gain
     likelihood : that of the fit, the starts of its stretches those that suit it
     finished : whether it was led to its end, so that more steps are not worth trying, whatever they promise
-    far : whether it began so far from the record that it was heated
+    sane : of a fit that began so far from the record that it was heated, where it was last at numbers that a plant can
+        have
     """
 
     unknowns: Unknowns
@@ -59,7 +60,7 @@ class Fit:
     simulations: int
     likelihood: "Likelihood"
     finished: bool = False
-    far: bool = False
+    sane: "Fit | None" = None
 
     @property
     def converged(self) -> bool:

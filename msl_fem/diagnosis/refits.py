@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from msl_fem.computing.arrays import Array
-from msl_fem.diagnosis.fit import TINY, FitPlan, beyond_sanity, fit
+from msl_fem.diagnosis.fit import TINY, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.likelihood import CONVERGED, Fit, Likelihood
@@ -136,8 +136,8 @@ class Refinement:
         hopeless: Callable[[Refit], bool] = lambda refit: False,
     ) -> None:
         self.base, self.tell, self.memory, self.hopeless = base, tell, memory, hopeless
-        self.nuisance_columns = base.jacobian[:, : base.unknowns.n_nuisance]
-        self.no_base = base.finished and beyond_sanity(base.unknowns, base.z)
+        self.near = base.sane or base
+        self.nuisance_columns = self.near.jacobian[:, : base.unknowns.n_nuisance]
         self.gathered = GatheredRuns(0)
 
     def best_first(self, candidates: Sequence[Score]) -> list[Refit]:
@@ -148,7 +148,7 @@ class Refinement:
         best = max((refit.gain for refit in screened), default=0.0)
         eliminated = [refit for refit in screened if best > 0 and refit.gain < ELIMINATED * best]
         kept = [refit for refit in screened if refit not in eliminated]
-        if self.no_base:
+        if self.near is not self.base:
             self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(kept))}")
             kept = self._together(self.from_small_amounts, kept)
         raced = self.raced(kept)
@@ -194,8 +194,8 @@ class Refinement:
         begin = self.memory.end_of(fit_name(self.base.unknowns, score.variant.name), unknowns)
         try:
             if begin is None:  # at the same time, all their runs would be in the memory together
-                begin = started(self.base, score, self.base.likelihood.gathering(self.gathered))
-            return self._refit(self.base, score.variant, begin, plan, self.nuisance_columns)
+                begin = started(self.near, score, self.near.likelihood.gathering(self.gathered))
+            return self._refit(self.near, score.variant, begin, plan, self.nuisance_columns)
         except ComputationError:
             return None
 

@@ -53,7 +53,7 @@ class Runs(Kind):
     cuts: Cuts = ()
     recorded: tuple[RunData, ...] = ()
     threads: int = 1
-    is_lost: bool = False
+    last_sane: Fit | None = None
     _followed: dict[tuple[object, ...], Mapping[str, Array]] = field(default_factory=dict, init=False, repr=False)
 
     takes_laws: ClassVar[bool] = True
@@ -72,8 +72,8 @@ class Runs(Kind):
         return all(cut is None for cut in self.cuts)
 
     @property
-    def lost(self) -> bool:
-        return self.is_lost
+    def sane(self) -> Fit | None:
+        return self.last_sane
 
     def settled(self, tell: Callable[[str], None]) -> "Runs":
         """With stretches chosen anew at the model without effects, which bears longer ones than the belief, as long as
@@ -86,8 +86,8 @@ class Runs(Kind):
             told("fitted over stretches of the runs, which are then chosen anew")
             start = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
             found = fit(kind.likelihood, kind.unknowns, start, plan=FitPlan(enough=ROUGH, tell=told))
-            if found.far and beyond_sanity(kind.unknowns, found.z):
-                kind = replace(kind, likelihood=found.likelihood, begin=found.z, is_lost=True)
+            if found.sane and beyond_sanity(kind.unknowns, found.z):
+                kind = replace(kind, likelihood=found.likelihood, begin=found.z, last_sane=found.sane)
                 break
             renewed = kind.renewed(found)
             if not renewed.whole and _largest_left(renewed, found) > max(FAR, LOSES * max(found.excess.values())):

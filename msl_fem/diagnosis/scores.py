@@ -97,10 +97,12 @@ def _held(g: Array, b: Array, one_sided: NDArray[np.bool_]) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ScoredVariants:
-    """All variants that can be seen at a fit, best first, and what any of them brings by chance there."""
+    """All variants that can be seen at a fit, best first, what any of them brings by chance there, and the effects none
+    of whose variants can be simulated there."""
 
     scores: tuple[Score, ...] = ()
     null: NullDistribution = field(default_factory=NullDistribution)
+    dropped: tuple[str, ...] = ()
 
 
 def scores(found: Fit, tried: Sequence[Variant]) -> list[Score]:
@@ -115,19 +117,23 @@ def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True, with_colu
     amounts = list(dict.fromkeys((amount, variant.shapes) for variant in tried for amount in variant.amounts))
     raw = signatures(found, amounts)
     seen = seen_columns(raw)
+    failed = np.array([not np.isfinite(column).all() for column in raw.T], dtype=bool)
     raw[:, ~seen] = 0.0
     background = Background(found, raw)
     place = {amount: n for n, amount in enumerate(amounts)}
     made, amount_places = [], []
+    dropped = {variant.effect: True for variant in tried}
     for variant in tried:
         places = [place[one, variant.shapes] for one in variant.amounts]
+        dropped[variant.effect] &= bool(failed[places].any())
         if seen[places].all():
             score = background.score(variant, places)
             made.append(replace(score, signature=background.c[:, places]) if with_columns else score)
             one_sided = tuple(one.one_sided for one in variant.amounts)
             amount_places.append(AmountPlaces(tuple(places), one_sided))
     by_chance = null_distribution(background.own, amount_places) if null else NullDistribution()
-    return ScoredVariants(tuple(sorted(made, key=lambda s: -s.gain)), by_chance)
+    none_left = tuple(effect for effect, all_fail in dropped.items() if all_fail)
+    return ScoredVariants(tuple(sorted(made, key=lambda s: -s.gain)), by_chance, none_left)
 
 
 def seen_columns(raw: Array) -> NDArray[np.bool_]:

@@ -65,7 +65,9 @@ def search_stage(
     tell("all effects")
     quiet = max(start.excess.values()) <= QUIET
     base = converged_base(start) if quiet else start
-    at_base = scored(base, tried)
+    at_base = scored(base.sane or base, tried)
+    if at_base.dropped:
+        tell(f"all effects but those with which the runs cannot be simulated here: {', '.join(at_base.dropped)}")
     every = at_base.scores
     if not base.converged and not quiet and not (every and every[0].gain > FAR_ABOVE + 10 * base.predicted):
         base = converged_base(base)

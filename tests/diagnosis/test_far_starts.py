@@ -8,13 +8,14 @@ import pytest
 
 from msl_fem.computing.gauss_newton import descend
 from msl_fem.diagnosis import fit as fitting
-from msl_fem.diagnosis import runs
+from msl_fem.diagnosis import runs, search
 from msl_fem.diagnosis.fit import SANE, FitPlan, beyond_sanity, fit
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.noise import weights_of
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.refits import SMALL, Refinement, Refit
 from msl_fem.diagnosis.runs import Runs
+from msl_fem.diagnosis.scores import ScoredVariants
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
 
@@ -66,6 +67,8 @@ def test_a_fit_that_begins_far_away_goes_there_without_detours(monkeypatch: pyte
     assert found.z == pytest.approx([10.0, 0.0], abs=0.2)
     assert found.weights.nats == pytest.approx(record.weights(found.residual).nats), "the heat is gone"
     assert np.abs([z[1] for z in record.visited]).max() < 50
+    assert found.sane is not None
+    assert found.sane.z == pytest.approx(found.z)
     monkeypatch.setattr(fitting, "HOT", np.inf)
     cold = far()
     fit(cold, UNKNOWNS, np.zeros(2))  # type: ignore[arg-type]
@@ -93,6 +96,34 @@ def test_a_model_beyond_sanity_is_not_followed_for_the_last_nats(off: float, rou
     assert rounds[0] <= len(record.followed_at) <= rounds[1]
 
 
+def test_where_a_fit_was_last_at_possible_numbers_is_kept() -> None:
+    """It begins at the belief and ends beyond 20 tolerances; heated, its first rounds are within them."""
+    record = CutRecord(np.random.default_rng(3).standard_normal(400) + 5e4)
+    found = fit(record, UNKNOWNS, np.zeros(2))  # type: ignore[arg-type]
+    assert found.z[0] > SANE
+    assert found.sane is not None
+    assert found.sane.sane is None
+    assert np.abs(found.sane.z).max() <= SANE
+    assert fit(CutRecord(record.data - 5e4), UNKNOWNS, np.zeros(2)).sane is None  # type: ignore[arg-type]
+
+
+def test_causes_are_scored_where_the_base_was_last_at_possible_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What cannot be simulated there is told."""
+    told, at = [], []
+    monkeypatch.setattr(fitting.Fit, "excess", {"position_m": 9.0})
+
+    def scored(found: fitting.Fit, tried: object) -> ScoredVariants:
+        at.append(found)
+        return ScoredVariants(dropped=("coulomb_friction",))
+
+    monkeypatch.setattr(search, "scored", scored)
+    near = base_at([1.0, 0.0])
+    stage = search.search_stage(base_at([2 * SANE, 0.0], near), [CUBIC], tell=told.append)
+    assert at == [near]
+    assert stage.base.z[0] == 2 * SANE
+    assert any("cannot be simulated here: coulomb_friction" in text for text in told)
+
+
 def test_only_a_model_without_effects_is_beyond_sanity() -> None:
     assert beyond_sanity(UNKNOWNS, np.array([0.0, -1.1 * SANE]))
     assert not beyond_sanity(UNKNOWNS, np.array([0.9 * SANE, -0.9 * SANE]))
@@ -100,13 +131,14 @@ def test_only_a_model_without_effects_is_beyond_sanity() -> None:
 
 
 def test_no_stretches_are_chosen_at_a_model_beyond_sanity(monkeypatch: pytest.MonkeyPatch) -> None:
-    ended = SimpleNamespace(z=np.array([0.0, 2 * SANE]), likelihood="where it ended", far=True)
+    ended = SimpleNamespace(z=np.array([0.0, 2 * SANE]), likelihood="where it ended", sane="before that")
     monkeypatch.setattr(runs, "fit", lambda *one, **more: ended)
     monkeypatch.setattr(Runs, "renewed", lambda *one: pytest.fail("stretches are chosen anew"))
     kind = Runs(None, None, UNKNOWNS, (), None, (), cuts=(SimpleNamespace(),))  # type: ignore[arg-type]
     settled = kind.settled(str)
     assert settled.likelihood == "where it ended"
     assert settled.begin is ended.z
+    assert settled.sane == "before that"
 
 
 def candidate(z: list[float], gain: float, likelihood: object) -> Refit:
@@ -143,9 +175,13 @@ class Amounts:
         return SimpleNamespace(nats=float(residual @ residual))
 
 
-def refinement(base_z: list[float]) -> Refinement:
-    numbers = (np.array(base_z), np.zeros(1), np.zeros((1, 2)), None, 0.0, 0.0, 0.0, 1)
-    return Refinement(fitting.Fit(UNKNOWNS, *numbers, Amounts(), finished=True), str, FitMemory())
+def base_at(z: list[float], sane: fitting.Fit | None = None) -> fitting.Fit:
+    numbers = (np.array(z), np.zeros(1), np.zeros((1, 2)), None, 0.0, 0.0, 0.0, 1)
+    return fitting.Fit(UNKNOWNS, *numbers, Amounts(), finished=True, sane=sane)
+
+
+def refinement(base_z: list[float], *, sane: fitting.Fit | None = None) -> Refinement:
+    return Refinement(base_at(base_z, sane), str, FitMemory())
 
 
 def test_a_candidate_begins_at_the_belief_with_the_small_amount_that_suits_it(begun) -> None:
@@ -156,10 +192,10 @@ def test_a_candidate_begins_at_the_belief_with_the_small_amount_that_suits_it(be
     assert refinement([2 * SANE, 0.0]).from_small_amounts(better) is better
 
 
-@pytest.mark.parametrize(("off", "times"), [(2.0, 1), (0.5, 0)])
-def test_candidates_begin_anew_beside_a_base_beyond_sanity_alone(begun, monkeypatch, off: float, times: int) -> None:
+@pytest.mark.parametrize(("sane", "times"), [(base_at([1.0, 0.0]), 1), (None, 0)])
+def test_candidates_begin_anew_beside_a_base_beyond_sanity_alone(begun, monkeypatch, sane, times: int) -> None:
     screened = candidate([0.0, 0.0, 5.0], 100.0, Amounts())
-    race = refinement([off * SANE, 0.0])
+    race = refinement([2 * SANE, 0.0], sane=sane)
     monkeypatch.setattr(Refinement, "screened", lambda self, score: screened)
     monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
     found = race.best_first([SimpleNamespace(variant=CUBIC)])  # type: ignore[list-item]
