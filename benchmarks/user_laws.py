@@ -16,7 +16,7 @@ import numpy as np
 
 from msl_fem.computing.laws import LawExpression, parse_expression
 from msl_fem.diagnosis import diagnose
-from msl_fem.diagnosis.fit import Estimate
+from msl_fem.diagnosis.estimates import Estimate
 from msl_fem.plant.effects import declared
 from msl_fem.record import Noise, Record, Run, Sampling, load_record
 

@@ -5,7 +5,7 @@
 
 from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.driver import DiagnosisSettings, diagnose
-from msl_fem.diagnosis.fit import Estimate
+from msl_fem.diagnosis.estimates import Estimate
 from msl_fem.diagnosis.kind import PredictionError, Size
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.result import (

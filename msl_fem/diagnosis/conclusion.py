@@ -15,7 +15,7 @@ from msl_fem.diagnosis.decision import (
     too_much_left,
     white,
 )
-from msl_fem.diagnosis.fit import believed_estimates, effect_estimates
+from msl_fem.diagnosis.estimates import believed_estimates, effect_estimates
 from msl_fem.diagnosis.kind import (
     Kind,
     PredictionError,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from msl_fem.computing.arrays import Array
-from msl_fem.diagnosis.fit import effect_estimates
+from msl_fem.diagnosis.estimates import effect_estimates
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.problem import FitProblem
 from msl_fem.diagnosis.refits import Refit

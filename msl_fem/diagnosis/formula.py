@@ -7,7 +7,7 @@ from typing import Any
 
 from msl_fem.computing.laws import LawExpression, expression
 from msl_fem.diagnosis.decision import WORSE, Rule, excess_power, white
-from msl_fem.diagnosis.fit import Estimate, effect_estimates
+from msl_fem.diagnosis.estimates import Estimate, effect_estimates
 from msl_fem.diagnosis.formula_search import EXPLAINED, ChosenTerms, chosen_terms
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, held_out_gains, held_out_worse
 from msl_fem.diagnosis.likelihood import Fit

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.decision import WORSE, Rule
-from msl_fem.diagnosis.fit import extended_belief
+from msl_fem.diagnosis.estimates import extended_belief
 from msl_fem.diagnosis.left_out import LeftOut
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.outside import Dependence

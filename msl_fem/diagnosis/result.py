@@ -8,7 +8,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.correlation import Correlation
-from msl_fem.diagnosis.fit import Estimate, unit_of
+from msl_fem.diagnosis.estimates import Estimate, unit_of
 from msl_fem.diagnosis.formula import Formula
 from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, Size
 from msl_fem.diagnosis.left_out import LeftOut

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from msl_fem.computing.arrays import Array
-from msl_fem.diagnosis.fit import INTERVAL, Estimate
+from msl_fem.diagnosis.estimates import INTERVAL, Estimate
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.prediction import ModelHypothesis
 from msl_fem.prediction.hypothesis import believed_value, unit_of_believed

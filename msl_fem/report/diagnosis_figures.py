@@ -9,7 +9,7 @@ from plotly.subplots import make_subplots
 from scipy.signal import welch
 
 from msl_fem.comparison.accuracy import over_variable
-from msl_fem.diagnosis.fit import Estimate
+from msl_fem.diagnosis.estimates import Estimate
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.result import Accuracy, ChannelResiduals
 from msl_fem.record.columns import name_and_unit

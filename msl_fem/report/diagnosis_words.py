@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from msl_fem.diagnosis.fit import Estimate, unit_of
+from msl_fem.diagnosis.estimates import Estimate, unit_of
 from msl_fem.diagnosis.formula import Formula
 from msl_fem.diagnosis.result import Accuracy, Cause, Diagnosis
 from msl_fem.files.quantity import format_quantity

@@ -12,7 +12,7 @@ from conftest import ROOT
 from devtools import Browser
 
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.diagnosis.fit import Estimate
+from msl_fem.diagnosis.estimates import Estimate
 from msl_fem.diagnosis.kind import PredictionError, Size
 from msl_fem.diagnosis.result import Accuracy, Cause, ChannelResiduals, Diagnosis, Evidence, TriedVariant, Unexplained
 from msl_fem.maps import operating_map

@@ -6,7 +6,8 @@ from scipy.stats import binom
 
 from msl_fem.actuator import parse_actuator
 from msl_fem.diagnosis.carriages import prepared_carriage
-from msl_fem.diagnosis.fit import believed_estimates, fit
+from msl_fem.diagnosis.estimates import believed_estimates
+from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.likelihood import Likelihood
 from msl_fem.prediction import ModelHypothesis, run_data
 from msl_fem.record import Noise, Record, Run, Sampling, Tolerance

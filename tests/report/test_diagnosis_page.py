@@ -8,7 +8,7 @@ import pytest
 from devtools import Browser
 
 from msl_fem.actuator import Actuator
-from msl_fem.diagnosis.fit import Estimate
+from msl_fem.diagnosis.estimates import Estimate
 from msl_fem.diagnosis.kind import PredictionError, Size
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.result import Accuracy, Cause, ChannelResiduals, Diagnosis, Evidence, TriedVariant, Unexplained
