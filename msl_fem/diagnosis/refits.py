@@ -226,7 +226,8 @@ class Refinement:
         plan = FitPlan(most_steps=LAST_STEPS, enough=enough)
         led = None
         if leads and not self.base.unknowns.effects and strained(refit.fit):
-            led = self._from_belief(refit, plan)
+            self.tell(f"{refit.variant.name}, which leads, once more with all else as believed")
+            led = self._begun_anew(refit, as_believed(refit.fit), plan)
         if led is None or led.gain < refit.gain:
             led = self._refit(refit.fit, refit.variant, refit.fit.z, plan, None)
         for _ in range(MORE_LEGS if leads else 0):  # what it has left undone, whatever is beside it would collect
@@ -236,11 +237,9 @@ class Refinement:
             refit, led = led, self._refit(led.fit, led.variant, led.fit.z, plan, None)
         return replace(led, fit=replace(led.fit, finished=leads))
 
-    def _from_belief(self, refit: Refit, plan: FitPlan) -> Refit | None:
-        """A candidate with its effects, begun once more where all else is as believed: what the model without it had
-        moved, to make up for it, may be a long way back. None where the belief with it cannot be simulated."""
-        z = as_believed(refit.fit)
-        self.tell(f"{refit.variant.name}, which leads, once more with all else as believed")
+    def _begun_anew(self, refit: Refit, z: Array, plan: FitPlan) -> Refit | None:
+        """A candidate begun once more elsewhere, as where all but its effects is as believed: what the model without it
+        had moved, to make up for it, may be a long way back. None where that cannot be simulated."""
         likelihood = refit.fit.likelihood
         if likelihood.is_cut:
             likelihood = likelihood.followed(refit.fit.unknowns, z)
@@ -263,13 +262,9 @@ class Refinement:
         if likelihood.is_cut:
             likelihood = likelihood.followed(unknowns, rows[0])
         costs = objectives(likelihood, unknowns, np.array(rows))
-        begin = rows[int(np.argmin(costs))]
-        near = replace(refit.fit, likelihood=likelihood.followed(unknowns, begin) if likelihood.is_cut else likelihood)
-        try:
-            again = self._refit(near, refit.variant, begin, FitPlan(most_steps=FIRST_STEPS), None)
-        except ComputationError:
-            return refit
-        return max(refit, again, key=lambda one: one.gain)
+        near = replace(refit, fit=replace(refit.fit, likelihood=likelihood))
+        again = self._begun_anew(near, rows[int(np.argmin(costs))], FitPlan(most_steps=FIRST_STEPS))
+        return refit if again is None else max(refit, again, key=lambda one: one.gain)
 
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
         unknowns = extended(self.base.unknowns, variant)
