@@ -208,10 +208,11 @@ def refit_notes(refit: RecordFit) -> list[str]:
     notes = []
     if not refit.fit.converged:
         notes.append(f"{REFITTED}: the fit ended without convergence ({refit.fit.reason})")
-    for name, fitted in refit.far.items():
+    moved = [f"{name.replace('_', ' ')} {fitted.tolerances:+.1f}" for name, fitted in refit.far.items()]
+    if moved:
         notes.append(
-            f"{REFITTED}: {name} moved by {fitted.tolerances:+.1f} of its tolerances to {fitted.value:.5g}: more than "
-            "these parameters is wrong, or the tolerance is too small"
+            f"{REFITTED}: left what was believed by so many tolerances: {', '.join(moved)}; more than these parameters "
+            "is wrong, or their tolerances are too small"
         )
     return notes
 

@@ -25,6 +25,10 @@ from msl_fem.diagnosis.noise import (
 from msl_fem.diagnosis.problem import FitProblem, Points, batches, residuals_in_parts, simulated_residuals
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
 from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.record.columns import name_and_unit
+
+NO_NOISE = "which is an error of the model and no noise"
+"""How a note on what is left above an instrument's noise ends."""
 
 CONVERGED = 0.05
 """Nats that a further step would gain, at which a fit has converged."""
@@ -192,10 +196,9 @@ class Likelihood:
         told = []
         for label in np.flatnonzero(density > ceilings(n_band, len(names), strict=True)):
             low, high = self.bands.edges[label % n_band : label % n_band + 2]
-            told.append(
-                f"{names[label // n_band]}: from {low:.3g} to {high:.3g} Hz {np.sqrt(density[label]):.3g} times the "
-                "noise is left, which is an error of the model and no noise"
-            )
+            channel = name_and_unit(names[label // n_band])[0].replace("_", " ")
+            times = f"{np.sqrt(density[label]):.3g} times the noise is left"
+            told.append(f"{channel}: from {low:.3g} to {high:.3g} Hz {times}, {NO_NOISE}")
         return told
 
     def runs_part(self, found: Fit) -> tuple["Likelihood", Fit]:

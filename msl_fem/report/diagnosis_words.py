@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from msl_fem.diagnosis.estimates import Estimate, unit_of
 from msl_fem.diagnosis.formula import Formula
+from msl_fem.diagnosis.likelihood import NO_NOISE
 from msl_fem.diagnosis.result import Accuracy, Cause, Diagnosis
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import CATALOGUE, find_parameter
@@ -94,6 +95,12 @@ def _rests_on(found: Diagnosis) -> str:
     """What is left with the causes in the model, and what it is judged against."""
     several = any(cause.rivals for cause in found.causes)
     start = "With one of them in the model" if several else "With it in the model"
+    if loud := [note.split(":")[0] for note in found.notes if note.endswith(NO_NOISE)]:
+        where = " and ".join(dict.fromkeys(loud))
+        return (
+            f"{start} most of the error is gone; at some frequencies of {where} more is left than an instrument's "
+            "noise can be, as the notes say."
+        )
     return (
         f"{start} nothing is left that differs from the noise; how loud that is over frequency was estimated with the "
         "fit and is drawn below."

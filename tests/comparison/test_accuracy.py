@@ -1,9 +1,12 @@
 """Figures of accuracy against signals whose errors are known."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from msl_fem.comparison.accuracy import by_band, nrmse, octaves, over_variable
+from msl_fem.comparison.models import refit_notes
 from msl_fem.errors import InputError
 
 RATE, N = 2000.0, 20_000
@@ -67,3 +70,10 @@ def test_refusals() -> None:
         nrmse(np.arange(5.0), np.arange(6.0))
     with pytest.raises(InputError, match="give equally many"):
         over_variable(np.zeros(4), np.zeros(5))
+
+
+def test_all_parameters_that_left_their_tolerances_stand_in_one_note() -> None:
+    far = {"moving_mass": SimpleNamespace(tolerances=-9.94), "position_gain": SimpleNamespace(tolerances=16.8)}
+    [note] = refit_notes(SimpleNamespace(fit=SimpleNamespace(converged=True), far=far))  # type: ignore[arg-type]
+    assert "moving mass -9.9, position gain +16.8; more than these" in note
+    assert refit_notes(SimpleNamespace(fit=SimpleNamespace(converged=True), far={})) == []  # type: ignore[arg-type]

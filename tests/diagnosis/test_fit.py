@@ -184,7 +184,7 @@ def test_what_no_instrument_s_noise_can_be_is_told_octave_by_octave() -> None:
     power = np.sum(octave) * 2 / 8000  # share of its numbers
     assert told(np.sqrt(2 * power * 5)) == []
     (said,) = told(np.sqrt(2 * power * 100))
-    assert said.startswith("position_m: from 31.2 to 62.5 Hz 10 times the noise is left")
+    assert said.startswith("position: from 31.2 to 62.5 Hz 10 times the noise is left")
 
 
 def test_an_interrupted_search_goes_on_where_its_fits_ended(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ from devtools import Browser
 from msl_fem.actuator import Actuator
 from msl_fem.diagnosis.estimates import Estimate
 from msl_fem.diagnosis.kind import PredictionError, Size
+from msl_fem.diagnosis.likelihood import NO_NOISE
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.result import Accuracy, Cause, ChannelResiduals, Diagnosis, Evidence, TriedVariant, Unexplained
 from msl_fem.plant.effects import CATALOGUE
@@ -88,6 +89,14 @@ def test_the_first_page_says_what_how_sure_how_much_better_and_what_next(record:
     assert CATALOGUE["time_delay"].advice in said
     assert "moving mass is +4 of its tolerances off" in said
     assert "stiffness is" not in said
+
+
+def test_what_is_louder_than_noise_is_not_called_nothing(named: Diagnosis) -> None:
+    note = f"position: from 9.61 to 19.2 Hz 3.9 times the noise is left, {NO_NOISE}"
+    assert "nothing is left that differs from the noise" in verdict_sentence(named)
+    said = verdict_sentence(replace(named, notes=("a table of one's own", note, note)))
+    assert "nothing" not in said
+    assert "at some frequencies of position more is left" in said
 
 
 @pytest.mark.parametrize("verdict", ["nothing-found", "unexplained", "named-and-unexplained", "undecidable"])
