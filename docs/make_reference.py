@@ -9,6 +9,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from api_page import api_page
+
 from msl_fem.actuator import Actuator
 from msl_fem.design.sizing.requirement import Requirement
 from msl_fem.export.key_reference import FileKey, json_schema, markdown_table, sections_of
@@ -115,7 +117,7 @@ def pages() -> dict[str, str]:
     """All files by their path below docs."""
     made = {f"reference/{name}.md": file_page(name) for name in FILES}
     made |= {"reference/excitations.md": excitations_page(), "reference/columns.md": columns_page()}
-    made |= {"reference/effects.md": effects_page()}
+    made |= {"reference/effects.md": effects_page(), "reference/api.md": api_page()}
     for name, (model, title, _) in FILES.items():
         schema = json_schema(model, title=f"msl_fem: {title}")
         if model is RigFile:  # states sections of the actuator file anew
