@@ -26,7 +26,7 @@ def api_page() -> str:
     for name in msl_fem.__all__:
         definition = definition_of(getattr(msl_fem, name))
         parts += [f"## `{name}`", "", "```python", *_lines(definition, name), "```", ""]
-        parts += ["```text", inspect.cleandoc(ast.get_docstring(definition) or ""), "```", ""]
+        parts += ["``` { .text .docstring }", inspect.cleandoc(ast.get_docstring(definition) or ""), "```", ""]
     return "\n".join(parts)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
+from matplotlib.path import Path as Outline
 
 from msl_fem.actuator import Actuator, MagnetKind
 from msl_fem.errors import InputError
@@ -19,6 +20,7 @@ FORMATS = ("svg", "png", "pdf")
 OFFSET = 0.07  # of the drawing's larger side: from the body to a line of dimensions
 SMALLEST_SHOWN = 0.012  # of the larger side: a smaller gap is drawn this large, and says so
 TEXT = 8.0  # points
+LETTER = 0.55  # width of a letter, in its height
 NEAR = 1e-9  # m
 
 
@@ -43,17 +45,18 @@ def draw_section(actuator: Actuator, gap: float | None = None) -> PaperFigure:
     figure = PaperFigure(figsize=(8.4, 6.6))
     axes = figure.add_axes((0.01, 0.03, 0.98, 0.92))
     _paint(axes, section)
-    _name_parts(axes, section, magnet)
+    right, low, high = section.body[1], section.body[2], section.body[3]
+    wide, tall = 1e3 * (2 * right + 0.5 * larger), 1e3 * (high - low + 0.48 * larger)
+    beside = _name_parts(axes, section, magnet, scale=72 * min(8.23 / wide, 6.07 / tall))
     for measure in magnet.measures(shown):
         _dimension(axes, measure, section, larger)
     _gap_note(axes, section, nominal, shown=shown, larger=larger, edge=magnet.half_width)
     axes.set_aspect("equal")
     axes.axis("off")
-    right, low, high = section.body[1], section.body[2], section.body[3]
     axes.set_xlim(-1e3 * (right + 0.1 * larger), 1e3 * (right + 0.4 * larger))
     axes.set_ylim(1e3 * (low - 0.12 * larger), 1e3 * (high + 0.36 * larger))
     axes.set_title(_title(actuator, magnet), loc="left", fontsize=11, color=INK)
-    figure.text(0.01, 0.005, _summary(magnet), fontsize=TEXT, color=INK)
+    figure.text(0.01, 0.005, "\n".join(["; ".join(beside), _summary(magnet)]).strip(), fontsize=TEXT, color=INK)
     return figure
 
 
@@ -84,8 +87,12 @@ def _paint(axes: Axes, section: Section) -> None:
     axes.plot([0, 0], [low - beyond, high + beyond], color=LINE, linewidth=0.6, linestyle=(0, (12, 3, 2, 3)), zorder=3)
 
 
-def _name_parts(axes: Axes, section: Section, magnet: MagnetKind) -> None:
-    """Core and armature by their irons, the coil by its turns."""
+def _name_parts(axes: Axes, section: Section, magnet: MagnetKind, *, scale: float) -> list[str]:
+    """Core and armature by their irons, the coil by its turns; names that do not fit into their part come back.
+
+    `scale` is in points a millimetre.
+    """
+    beside = []
     for part in section.parts:
         if part.region == "armature" or part is section.parts[0]:
             x, y = np.array(part.vertices).T * 1e3
@@ -93,6 +100,11 @@ def _name_parts(axes: Axes, section: Section, magnet: MagnetKind) -> None:
             words = f"{'armature' if part.region == 'armature' else 'core'}: {iron}"
             place = (0.0 if x.min() <= 0 else (x.min() + x.max()) / 2, (y.min() + y.max()) / 2)
             upright = part.region != "armature" and np.ptp(y) > 2 * np.ptp(x)
+            room = np.ptp(y) if upright else np.ptp(x) * (2 if x.min() <= 0 else 1)
+            inside = x.min() <= 0 or Outline(np.column_stack([x, y])).contains_point(place)
+            if not inside or len(words) * LETTER * TEXT > scale * room:
+                beside.append(words)
+                continue
             paper = {"facecolor": IRON, "edgecolor": "none", "pad": 0.5}
             axes.text(*place, words, ha="center", va="center", fontsize=TEXT, color=INK, zorder=4, bbox=paper,
                       rotation=90 if upright else 0)  # fmt: skip
@@ -102,6 +114,7 @@ def _name_parts(axes: Axes, section: Section, magnet: MagnetKind) -> None:
         x, y = np.array(region.vertices).T * 1e3
         axes.text(-x.mean(), y.mean(), f"{each} turns", ha="center", va="center", fontsize=TEXT, color=INK, zorder=4,
                   rotation=90)  # fmt: skip
+    return beside
 
 
 def _dimension(axes: Axes, measure: DrawnLength, section: Section, larger: float) -> None:

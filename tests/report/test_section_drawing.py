@@ -38,6 +38,16 @@ def test_every_length_of_the_file_stands_in_the_drawing(name: str, tmp_path: Pat
     assert (tmp_path / "section.svg").read_text().count("<path") > 20
 
 
+def test_names_that_do_not_fit_into_their_part_stand_below() -> None:
+    narrow = draw_section(load_actuator(ROOT / "geometries" / "roters_plunger.toml"), 5e-3)
+    assert "roters_1020_half_hard.csv" not in words_of(narrow)
+    below = [text.get_text() for text in narrow.texts]
+    assert below[0].startswith("core: roters_1020_half_hard.csv; armature: roters_1020_half_hard.csv\n2550 turns")
+    wide = words_of(draw_section(load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")))
+    assert "core: m19" in wide
+    assert "armature: m19" in wide
+
+
 @pytest.mark.parametrize("name", DRAWN)
 def test_measures_are_of_the_section(name: str) -> None:
     """Every dimension's ends lie on outlines of the section, and its length is the file's."""
