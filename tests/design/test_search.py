@@ -4,8 +4,6 @@ import json
 import os
 import signal
 import sqlite3
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -18,6 +16,7 @@ import optuna
 import pytest
 from optuna.distributions import FloatDistribution
 from optuna.trial import TrialState
+from ready_commands import Command
 from sizing_requirements import envelope, evaluator, one_beginning
 
 from msl_fem.computing import jobs
@@ -294,15 +293,12 @@ def test_force_as_an_objective_is_pushed_up(tmp_path: Path) -> None:
 # --- processes ---------------------------------------------------------------------------------------------------
 
 
-def start(folder: Path, *more: str) -> "subprocess.Popen[str]":
+def start(folder: Path, *more: str) -> Command:
     (folder / "r.toml").write_text(REQUIREMENT)
-    command = [sys.executable, "-m", "msl_fem.cli", "size", "r.toml", "-o", "g.toml", "--json", *more]
-    return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder, start_new_session=True
-    )
+    return Command(["size", "r.toml", "-o", "g.toml", "--json", *more], folder)
 
 
-def finish(process: "subprocess.Popen[str]") -> dict[str, Any]:
+def finish(process: Command) -> dict[str, Any]:
     out, err = process.communicate(timeout=LONG)
     assert process.returncode == 0, err
     return dict(json.loads(out))

@@ -4,8 +4,6 @@ import contextlib
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import ROOT
+from ready_commands import Command
 
 from msl_fem.actuator import load_actuator
 from msl_fem.cli.app import app
@@ -36,22 +35,12 @@ def arguments(output: Path, *more: str) -> list[str]:
     return ["table", str(E1), *grid, "--accuracy", "fast", "-o", str(output), "--json", *more]
 
 
-def start(output: Path, *more: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "msl_fem.cli", *arguments(output, *more)]
-    # A session of its own, so that a signal to its group is Ctrl-C in its terminal; and SIGINT not ignored, as it is in
-    # whatever a shell started in the background.
-    return subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        cwd=output.parent,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
+def start(output: Path, *more: str) -> Command:
+    """In a session of its own, so that a signal to its group is Ctrl-C in its terminal."""
+    return Command(arguments(output, *more), output.parent)
 
 
-def finish(process: subprocess.Popen[str]) -> dict[str, object]:
+def finish(process: Command) -> dict[str, object]:
     out, err = process.communicate(timeout=LONG)
     assert process.returncode == 0, err
     return dict(json.loads(out))

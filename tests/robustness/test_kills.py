@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import pytest
 from kills import Tally, finished, kill_often, same
+from ready_commands import Command
 
 
-def test_a_killed_command_leaves_nothing_and_the_next_goes_on(tmp_path: Path) -> None:
-    """A kill -9 and a SIGTERM of a table, at moments drawn over the time that the command takes."""
+def test_a_killed_command_leaves_nothing_and_the_next_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A kill -9 and a SIGTERM of a table, at moments drawn over the time that it takes after its imports."""
+    monkeypatch.setattr("kills.start", lambda words, folder: Command(list(words), folder))
     total = Tally()
     for one in kill_often("table", 2, 1, tmp_path):
         total.add(one)
