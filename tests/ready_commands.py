@@ -30,7 +30,7 @@ class Command:
     """A command that was started, as `subprocess.Popen` has it."""
 
     def __init__(self, words: list[str], folder: Path) -> None:
-        self.files = [tempfile.TemporaryFile("w+") for _ in range(2)]
+        self.files = [tempfile.TemporaryFile("w+") for _ in range(2)]  # noqa: SIM115 - read when it has ended
         self._status, theirs = os.pipe()
         request = json.dumps([words, str(folder)]).encode()
         socket.send_fds(ready(words[0]), [request], [theirs, *(file.fileno() for file in self.files)])

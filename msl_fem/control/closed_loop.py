@@ -294,7 +294,8 @@ def loop(
 
 def checked_reference(design: ControllerDesign, reference: ReferenceArrays) -> Array:
     """(n_sample, 3) of the reference, which the believed plant can follow at rest and in motion."""
-    r, v, a = (np.asarray(x, dtype=float) for x in (reference.position, reference.velocity, reference.acceleration))
+    given = reference.position, reference.velocity, reference.acceleration
+    r, v, a = (np.ascontiguousarray(x, dtype=float) for x in given)
     time = np.asarray(reference.time, dtype=float)
     plant = design.law.plant
     if not (r.shape == v.shape == a.shape == time.shape and r.ndim == 1 and r.size >= 2):

@@ -122,7 +122,7 @@ def energy_audit(
 
 def _stored(surface: Surface, p: PlantParameters, e: Array | None, state: Array) -> tuple[float, float]:
     """(field, mechanical) energy of a state in J."""
-    field = float(_field(surface, p, e, state))
+    field = float(_field(surface, p._replace(end_stop=None), e, state))
     x, v = float(state[X]), float(state[V])
     if e is None:
         return field, 0.5 * p.mass * v**2 + 0.5 * p.stiffness * x**2

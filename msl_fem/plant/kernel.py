@@ -111,7 +111,7 @@ def advance_rows(
     step: float, n_step: int,
 ) -> int:  # fmt: skip
     """`advance` on rows, with timing set for the step."""
-    return _hold(cells, p, e, state, work, np.inf, command, command, disturbance, step, n_step, False)
+    return _hold(p.end_stop, cells, p, e, state, work, np.inf, command, command, disturbance, step, n_step, False)
 
 
 @compiled
@@ -135,10 +135,9 @@ def rates_at(
     return inside
 
 
-@compiled
 def run(
-    surface: Surface, parameters: PlantParameters, effects: Rows, state: Array, commands: Array, disturbance: Array,
-    step: float, n_sub: int, out: Array, linear: bool,
+    surface: Surface, parameters: PlantParameters, effects: Array | None, state: Array, commands: Array,
+    disturbance: Array, step: float, n_sub: int, out: Array, linear: bool,
 ) -> tuple[int, int]:  # fmt: skip
     """(status, whole samples done) of an open-loop run of n samples of n_sub steps each.
 
@@ -146,10 +145,20 @@ def run(
     to the next, the last one is held; out (n, N_OUT) receives a row a sample (the
     OUT_ columns), taken before the sample's command acts. The state ends where the last good step ended.
     """
+    stop, others = parameters.end_stop, parameters._replace(end_stop=None)  # what asks for no stop is compiled once
+    return _run(stop, surface, others, effects, state, commands, disturbance, step, n_sub, out, linear)
+
+
+@compiled
+def _run(
+    stop: EndStop | None, surface: Surface, parameters: PlantParameters, effects: Rows, state: Array, commands: Array,
+    disturbance: Array, step: float, n_sub: int, out: Array, linear: bool,
+) -> tuple[int, int]:  # fmt: skip
+    """`run` with the end stop apart."""
     memory = workspace()
     e, rows, work, cells = rows_of(effects), rows_of(state), rows_of(memory), cells_of(surface)
     table = rows_of(out.ravel())
-    ended = run_rows(cells, parameters, e, rows, work, np.inf, commands, disturbance, step, n_sub, table, linear)
+    ended = run_rows(stop, cells, parameters, e, rows, work, np.inf, commands, disturbance, step, n_sub, table, linear)
     keep(memory)
     keep(out)
     return ended
@@ -157,8 +166,8 @@ def run(
 
 @compiled
 def run_rows(
-    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float, commands: Array,
-    disturbance: Array, step: float, n_sub: int, table: Rows, linear: bool,
+    stop: EndStop | None, cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float,
+    commands: Array, disturbance: Array, step: float, n_sub: int, table: Rows, linear: bool,
 ) -> tuple[int, int]:  # fmt: skip
     """The time loop of `run`, for one run or for lanes, n_sample * N_OUT rows; beyond `reach` (m) a lane ends."""
     set_timing(p, e, step, work)
@@ -176,7 +185,8 @@ def run_rows(
                 table[row + OUT_AT_CURRENT_LIMIT_1 + n] = 0.0 - state[AT_CURRENT_LIMIT_1 + n]
             ahead = commands[done + 1 if linear and done + 1 < commands.shape[0] else done]
             push = disturbance[done]
-            status = _hold(cells, p, e, state, work, reach, commands[done], ahead, push, step, n_sub, linear)
+            now = commands[done]
+            status = _hold(stop, cells, p, e, state, work, reach, now, ahead, push, step, n_sub, linear)
             for n in range(4):
                 limit = row + OUT_AT_CURRENT_LIMIT_1 + n
                 table[limit] = table[limit] + state[AT_CURRENT_LIMIT_1 + n]
@@ -190,8 +200,8 @@ def run_rows(
 
 @compiled
 def _hold(
-    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float, command: Array,
-    ahead: Array, disturbance: float, step: float, n_step: int, linear: bool,
+    stop: EndStop | None, cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float,
+    command: Array, ahead: Array, disturbance: float, step: float, n_step: int, linear: bool,
 ) -> int:  # fmt: skip
     """A disturbance held over n_step steps and a command that is held, or `linear` on its way to the one `ahead`:
     `advance`, for one run or for lanes."""
@@ -217,7 +227,7 @@ def _hold(
             set_inputs(p, state, work, push, done * part, part)
         else:
             set_inputs_with_effects(p, e, state, work, push, done, part, step, linear)
-        status = _step(p.end_stop, cells, p, e, state, work, reach, step)
+        status = _step(stop, cells, p, e, state, work, reach, step)
         if status == OK:
             if e is not None and done == 0:
                 state[COIL_START_1] = work[SLOPES + I1]

@@ -424,7 +424,9 @@ def _run_block(
         own[_ROW.polarity],
         own[_ROW.inductance],
     )
-    kernel.run_rows(cells, p, e, state, work, block.reach, commands, disturbance, step, n_sub, rows_of(out), linear)
+    kernel.run_rows(
+        None, cells, p, e, state, work, block.reach, commands, disturbance, step, n_sub, rows_of(out), linear
+    )
     keep(block.numbers)
     keep(block.work)
     keep(block.effects)

@@ -7,6 +7,7 @@ import pytest
 from conftest import ROOT
 from servo_controllers import servo
 
+from msl_fem.computing.compiled import compiled
 from msl_fem.control.both_sides import both_sides_of
 from msl_fem.control.design_model import DesignModel, design_model_of
 from msl_fem.control.inverse import force_domain, magnet_force, side_surface
@@ -35,12 +36,17 @@ def belief(polarity: str = "opposing", *, together: bool = True) -> DesignModel:
 
 
 def commands(stage: OutputStage, model: DesignModel, forces, positions):
-    out = np.zeros((len(forces), 2))
-    told = [
-        commanded_currents(stage, model.inverse, float(f), (float(x), float(y)), (np.inf, np.inf), row)
-        for f, (x, y), row in zip(forces, positions, out, strict=True)
-    ]
-    return np.array([given for given, _ in told]), np.array([verdict for _, verdict in told]), out
+    given, verdict, out = np.zeros(len(forces)), np.zeros(len(forces), dtype=np.int64), np.zeros((len(forces), 2))
+    _commands(stage, model.inverse, forces, positions, given, verdict, out)
+    return given, verdict, out
+
+
+@compiled
+def _commands(stage, inverse, forces, positions, given, verdict, out):
+    """As one: the arguments of a single call take longer to hand over than its work."""
+    for k in range(len(forces)):
+        ahead = (positions[k, 0], positions[k, 1])
+        given[k], verdict[k] = commanded_currents(stage, inverse, forces[k], ahead, (np.inf, np.inf), out[k])
 
 
 @pytest.mark.parametrize("polarity", ["opposing", "aiding"])

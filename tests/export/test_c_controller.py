@@ -2,6 +2,7 @@
 
 import subprocess
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -118,6 +119,7 @@ def changed(design: ControllerDesign, **parameters: object) -> ControllerDesign:
     return replace(design, parameters=design.parameters._replace(**parameters))
 
 
+@cache
 def designs() -> dict[str, ControllerDesign]:
     """Every branch of the template: laws, stages, delays, sides, two surfaces."""
     plain = servo_design()
@@ -179,11 +181,20 @@ def test_every_design_steps_as_python_does_to_the_last_bit(name: str, tmp_path: 
         assert (np.ptp(found, axis=0) > 0).sum() == (1 if name == "one side" else 2)
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_every_compiler_gives_the_same_bits(variant: str, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def usual() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """References, readings and Python's commands of the usual design."""
     wanted, measured = rough_run(servo_design())
+    return wanted, measured, python_answers(servo_design(), wanted, measured)[0]
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_every_compiler_gives_the_same_bits(
+    variant: str, usual: tuple[np.ndarray, np.ndarray, np.ndarray], tmp_path: Path
+) -> None:
+    wanted, measured, commands = usual
     found, _ = answers(program(servo_design(), tmp_path, variant), wanted, measured)
-    assert_same_bits(found, python_answers(servo_design(), wanted, measured)[0])
+    assert_same_bits(found, commands)
 
 
 def test_what_is_no_number_gives_no_current_in_both(tmp_path: Path) -> None:

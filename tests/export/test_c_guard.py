@@ -73,22 +73,26 @@ def hard_points(guard: Guard, n: int) -> tuple[np.ndarray, np.ndarray]:
     return current, gap
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize("name", ["example", "rough"])
-def test_c_says_the_same_as_python_to_the_last_bit(name, variant, request, tmp_path):
-    judged: OperatingMap = request.getfixturevalue(name)
-    guard = Guard(judged)
-    (tmp_path / "exported.h").write_text(guard_header(judged, name="m"))
-    program = compile_c(tmp_path, SOURCE, variant)
+@pytest.fixture(scope="module", params=["example", "rough"])
+def judged(request):
+    """A map, hard points, and what Python says of them: (header, currents, gaps, answers as the program's rows)."""
+    of: OperatingMap = request.getfixturevalue(request.param)
+    guard = Guard(of)
     current, gap = hard_points(guard, N_POINTS)
-    found = run_pairs(program, current, gap, 3 + judged.levels.size)
     regions, reasons = guard.regions(current, gap), guard.reasons(current, gap)
     assert set(regions) == {0, 1, 2}
     assert set(reasons) == set(range(7))
-    np.testing.assert_array_equal(found[:, 0], regions)
-    np.testing.assert_array_equal(found[:, 1], reasons)
-    assert_same_bits(found[:, 2], guard.margin(current, gap))
-    assert_same_bits(found[:, 3:].T, guard.limit(gap))
+    answers = np.vstack([regions, reasons, guard.margin(current, gap), guard.limit(gap)])
+    return guard_header(of, name="m"), current, gap, answers
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_c_says_the_same_as_python_to_the_last_bit(judged, variant, tmp_path):
+    header, current, gap, answers = judged
+    (tmp_path / "exported.h").write_text(header)
+    found = run_pairs(compile_c(tmp_path, SOURCE, variant), current, gap, len(answers))
+    np.testing.assert_array_equal(found[:, :2].T, answers[:2])
+    assert_same_bits(found[:, 2:].T, answers[2:])
 
 
 def test_the_self_check_sees_one_bit_in_a_table(example, tmp_path):

@@ -41,8 +41,9 @@ def made() -> PairMap:
     return pair_map(read_pair_table(TABLE))
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_c_says_the_same_as_python_to_the_last_bit(made: PairMap, variant: str, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def judged(made: PairMap) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3) currents and positions, hard ones among them, and (n, 3) regions and limits as Python has them."""
     guard, rng = PairGuard(made), np.random.default_rng(7)
     one, two = rng.uniform(-13, 13, (2, N_POINTS)) * rng.choice([1.0, 0.2], (2, N_POINTS))
     position = rng.uniform(-0.6e-3, 0.6e-3, N_POINTS)
@@ -51,19 +52,25 @@ def test_c_says_the_same_as_python_to_the_last_bit(made: PairMap, variant: str, 
     fixed = pair_check_points(guard)
     for values, checked in zip((one, two, position), fixed, strict=True):
         values[: checked.size] = checked
-    write(made, tmp_path / "exported.h", name="m")
-    program = compile_c(tmp_path, PROGRAM, variant, "-lm")
-    given = np.column_stack([one, two, position]).tobytes()
-    done = subprocess.run([program], input=given, capture_output=True, check=False)
-    assert done.returncode == 0
-    found = np.frombuffer(done.stdout).reshape(-1, 3)
-    assert np.array_equal(found[:, 0], guard.regions(one, two, position))
     limits = [
         [pair_limit_at(guard.arrays, relation, level, x, j) for x, j in zip(position, other, strict=True)]
         for relation, level, other in ((0, 1, one), (1, 0, two))
     ]
-    assert_same_bits(found[:, 1], np.array(limits[0]))
-    assert_same_bits(found[:, 2], np.array(limits[1]))
+    return np.column_stack([one, two, position]), np.column_stack([guard.regions(one, two, position), *limits])
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_c_says_the_same_as_python_to_the_last_bit(
+    made: PairMap, judged: tuple[np.ndarray, np.ndarray], variant: str, tmp_path: Path
+) -> None:
+    given, answers = judged
+    write(made, tmp_path / "exported.h", name="m")
+    program = compile_c(tmp_path, PROGRAM, variant, "-lm")
+    done = subprocess.run([program], input=given.tobytes(), capture_output=True, check=False)
+    assert done.returncode == 0
+    found = np.frombuffer(done.stdout).reshape(-1, 3)
+    assert np.array_equal(found[:, 0], answers[:, 0])
+    assert_same_bits(found[:, 1:], answers[:, 1:])
 
 
 def test_the_command_writes_it(made: PairMap, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -63,7 +63,7 @@ def test_a_fast_current_loop_agrees_with_an_adaptive_integrator(
 def test_a_fast_current_loop_meets_its_voltage_limit(servo: Actuator, table: MagneticTable) -> None:
     """Each step begins at the limit of 80 V; the adaptive integrator goes through every one of them."""
     bench = changed(servo, drive=FAST_DRIVE)
-    inputs = wandering(6)
+    inputs = wandering(3)
     run, reference = simulate(bench, table, inputs), reference_run(bench, table, inputs)
     assert largest_error(run, reference, "current") < 1e-8
     assert largest_error(run, reference, "position") < 1e-5
