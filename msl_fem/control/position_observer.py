@@ -125,9 +125,9 @@ def _recursion(
     """States, covariances and the readings' log-likelihood."""
     n = len(reading)
     states, covariances = np.empty((n, N_OBSERVED)), np.empty((n, N_OBSERVED, N_OBSERVED))
-    arguments = [np.ascontiguousarray(values, float) for values in (voltage, reading, truth)]
+    u, read, true = (np.ascontiguousarray(values, float) for values in (voltage, reading, truth))
     before = np.diag(np.asarray(variances, float))
-    likelihood = _filter(coil, *arguments, np.array(start, float), before, states, covariances)
+    likelihood = _filter(coil, u, read, true, np.array(start, float), before, states, covariances)
     return states, covariances, float(likelihood)
 
 

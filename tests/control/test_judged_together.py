@@ -36,6 +36,7 @@ def belief(polarity: str = "opposing", *, together: bool = True) -> DesignModel:
 
 
 def commands(stage: OutputStage, model: DesignModel, forces, positions):
+    forces, positions = np.ascontiguousarray(forces, dtype=float), np.ascontiguousarray(positions, dtype=float)
     given, verdict, out = np.zeros(len(forces)), np.zeros(len(forces), dtype=np.int64), np.zeros((len(forces), 2))
     _commands(stage, model.inverse, forces, positions, given, verdict, out)
     return given, verdict, out
