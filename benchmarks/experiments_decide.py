@@ -1,16 +1,21 @@
 """Records whose diagnosis names a cause with others beside it, and how many proposed runs decide them.
 
-    python benchmarks/experiments_decide.py [FIRST [LAST]]
+    python benchmarks/experiments_decide.py [FIRST [LAST]] [--results FILE]
 
 Each record is one of the virtual bench with an effect so small that its diagnosis cannot tell it from another. What
 `experiments` proposes is run on the same rig with the same effect and joins the record, up to three times, until the
-first cause has no effect beside it. Whether it is the hidden one then is told too. A line for each case.
+first cause has no effect beside it. Whether it is the hidden one then is told too. Each case is a line of
+`experiments_decide.jsonl` and a run goes on where the last one stopped; some ten CPU minutes a case.
 """
 
+import argparse
+import json
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 from study_rigs import ROOT, servo_in
 
@@ -30,6 +35,7 @@ from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 
+RESULTS = Path(__file__).parent / "experiments_decide.jsonl"
 MOST_RUNS, RATE = 3, 1e4
 FIRST_RUNS = (
     "band-limited-noise:bias=0.6 A,amplitude=50 mA,band=500 Hz,duration=1.2 s,seed=2,role=fit",
@@ -37,13 +43,14 @@ FIRST_RUNS = (
 )
 HIDDEN = ("time_delay", "amplifier_bandwidth", "position_sensor_lag", "eddy_currents", "gap_offset")
 SIZES = (0.03, 0.02, 0.015, 0.01)
-CASES = [(effect, size, 101 + 7 * n) for n, size in enumerate(SIZES) for effect in HIDDEN]
+Case = tuple[str, float, int]
+CASES: list[Case] = [(effect, size, 101 + 7 * n) for n, size in enumerate(SIZES) for effect in HIDDEN]
 
 
 class HiddenCause:
     """A rig of a seed with an effect at one strength, whatever runs it makes."""
 
-    def __init__(self, actuator: Actuator, table: MagneticTable, case: tuple[str, float, int]) -> None:
+    def __init__(self, actuator: Actuator, table: MagneticTable, case: Case) -> None:
         name, size, seed = case
         self.actuator, self.table = actuator, table
         self.effect, self.options = INSIDE[name], BenchOptions(seed=seed, rate=RATE, exact=True)
@@ -85,30 +92,58 @@ def proposal(found: Diagnosis, rig: HiddenCause) -> RunOption:
     return next(run for run in plan.runs if not run.locked)
 
 
-def decided(case: tuple[str, float, int]) -> str:
-    """A line on a case: what was named at first, and after each further run."""
+def decided(case: Case) -> dict[str, Any]:
+    """A case: what was named first and beside what, before and after each further run, and how it ended."""
     table = read_table(ROOT / "lookup_tables" / "fast_tool_servo.nc")
     rig = HiddenCause(servo_in("current"), table, case)
-    specs, told = list(FIRST_RUNS), []
+    specs, stages = list(FIRST_RUNS), []
     for n in range(MOST_RUNS + 1):
         found = diagnose(rig.record(specs), DiagnosisSettings(table=table))
-        told.append(f"{found.names[0] if found.names else found.verdict}{rivals(found) or ''}")
-        if not rivals(found):
-            right = bool(found.names) and found.names[0] == case[0]
-            return f"{'; '.join(told)} -> {n} further runs, {'right' if right else 'WRONG'}"
-        if n < MOST_RUNS:
-            run = proposal(found, rig)
-            specs.append(parse_excitation(run.excitation, unit="A").model_copy(update={"role": "fit"}).spec)
-            told.append(run.words)
-    return f"{'; '.join(told)} -> undecided"
+        first, beside = found.names[0] if found.names else "", rivals(found)
+        stages.append({"verdict": found.verdict, "first": first, "beside": beside})
+        if not beside or n == MOST_RUNS:
+            break
+        run = proposal(found, rig)
+        stages[-1]["proposed"] = run.words
+        print(f"{case}: {first} beside {beside}; {run.words}", file=sys.stderr, flush=True)
+        specs.append(parse_excitation(run.excitation, unit="A").model_copy(update={"role": "fit"}).spec)
+    return {"decided": not beside, "right": first == case[0], "further_runs": n, "stages": stages}
+
+
+def told(row: dict[str, Any]) -> str:
+    """A line on a case."""
+    began, last = row["stages"][0], row["stages"][-1]
+    beside = ", ".join(began["beside"]) or "none"
+    words = f"{row['effect']} {row['size']:.1%}: {began['first'] or began['verdict']}, beside it {beside}"
+    if not began["beside"]:
+        return f"{words}: was not undecided"
+    name = f"{last['first'] or last['verdict']}, {'right' if row['right'] else 'WRONG'}"
+    ended = name if row["decided"] else "undecided"
+    return f"{words}; after {row['further_runs']} further runs {ended} ({row['cpu_seconds']:.0f} CPU s)"
+
+
+def done(path: Path) -> list[dict[str, Any]]:
+    """The lines that are there."""
+    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+    return [json.loads(line) for line in lines]
 
 
 def main() -> None:
-    bounds = [int(text) for text in sys.argv[1:]]
-    first, last = [*bounds, 0, len(CASES)][:2] if len(bounds) != 1 else (bounds[0], bounds[0] + 1)
-    for case in CASES[first:last]:
-        began = time.process_time()
-        print(*case, decided(case), f"({time.process_time() - began:.0f} CPU s)", flush=True)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("first", type=int, nargs="?", default=0)
+    parser.add_argument("last", type=int, nargs="?", default=len(CASES))
+    parser.add_argument("--results", type=Path, default=RESULTS)
+    options = parser.parse_args()
+    known = {row["case"]: row for row in done(options.results)}
+    for n in range(options.first, options.last):
+        if n not in known:
+            began = time.process_time()
+            effect, size, seed = CASES[n]
+            row = {"case": n, "effect": effect, "size": size, "seed": seed, **decided(CASES[n])}
+            known[n] = row | {"cpu_seconds": round(time.process_time() - began)}
+            with options.results.open("a", encoding="utf-8") as out:
+                out.write(json.dumps(known[n]) + "\n")
+        print(told(known[n]), flush=True)
 
 
 if __name__ == "__main__":
