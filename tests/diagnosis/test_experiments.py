@@ -1,6 +1,7 @@
 """Which causes instruments can tell apart: the linear model by two routes, what an instrument adds, what decides."""
 
 import json
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -82,6 +83,27 @@ def test_a_rival_is_taken_at_the_amount_that_suits(refit: BelievedRefit) -> None
         found[size] = Separations(refit, causes, weight=1.0).distance("time_delay", "amplifier_bandwidth", ALL)
     assert found[2e-5] == pytest.approx(found[4e-5], rel=0.1)
     assert found[4e-5] > DECIDES
+
+
+def test_a_rival_takes_the_form_that_comes_nearest(refit: BelievedRefit) -> None:
+    """A delay is far from a lag of one pole and next to one of many, whose own delay it is but for a twentieth; the
+    second order that is left goes with the square of the lag, the noncentrality with the fourth power."""
+    runs = PlannedRuns(SERVO, TABLE, [NOISE], 5e3)
+    late = ExpectedCause("time_delay", {"command": 4e-5}, "test")
+    lag = ExpectedCause("amplifier_bandwidth", {"lag": 4e-5}, "test")
+    assert [form.values.get("delay_share") for form in lag.forms] == [None, 0.95]
+    assert late.forms == (late,)
+
+    def distance(forms: Sequence[ExpectedCause]) -> float:
+        lags = [partial(planned._change_at, runs, refit, form) for form in forms]
+        causes = {
+            "time_delay": CauseInRun(late.beside(None), partial(planned._change_at, runs, refit, late)),
+            "amplifier_bandwidth": CauseInRun(lag.beside(None), lags[0], tuple(lags[1:])),
+        }
+        return Separations(refit, causes, weight=1.0).distance("time_delay", "amplifier_bandwidth", ALL)
+
+    assert distance(lag.forms[:1]) > DECIDES
+    assert distance(lag.forms) < 0.01 * distance(lag.forms[:1])
 
 
 def test_a_cause_is_at_no_distance_from_itself_and_instruments_only_add(separations: Separations) -> None:

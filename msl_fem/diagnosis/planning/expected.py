@@ -58,6 +58,12 @@ class ExpectedCause:
             return (self,)
         return self, replace(self, values={**self.values, second: -self.values[second]})
 
+    @property
+    def forms(self) -> "tuple[ExpectedCause, ...]":
+        """The cause, and with each shape of its amounts as far as it goes: a lag of many poles is nearly a delay."""
+        shapes = [p for p in CATALOGUE[self.effect].parameters if p.shape and p.belongs_to in self.values]
+        return self, *(replace(self, values={**self.values, p.name: p.bounds[1]}) for p in shapes)
+
     def scaled(self, factor: float) -> "ExpectedCause":
         """With all amounts times a factor; shapes stay."""
         shape = {name: CATALOGUE[self.effect].parameter(name).shape for name in self.values}

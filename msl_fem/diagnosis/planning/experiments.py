@@ -178,8 +178,8 @@ def _separations(rig: RigToPlan, entry: Entry, causes: Sequence[ExpectedCause]) 
     refit = BelievedRefit(record, replace(rig.belief, actuator=actuator), every=True)
     found: dict[str, CauseInRun] = {}
     for cause in causes:
-        change_at = partial(_change_at, runs, refit, cause)
-        found[cause.effect] = CauseInRun(cause.beside(rig.belief.effects), change_at)
+        change_at, *other_forms = [partial(_change_at, runs, refit, form) for form in cause.forms]
+        found[cause.effect] = CauseInRun(cause.beside(rig.belief.effects), change_at, tuple(other_forms))
     seconds = len(record.runs[0].columns["time_s"]) / rig.rate
     return _Planned(refit, Separations(refit, found, weight=PLANNED / seconds), record)
 

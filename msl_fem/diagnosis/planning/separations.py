@@ -1,9 +1,10 @@
 """How far apart causes are in a planned run, by what instruments: the noncentrality of one over another.
 
 The truth is the change of the readings that the cause makes at its full size, all orders of it. The rival is fitted in
-its amount, and everything that is not known within its tolerance with it (`separation`, in the linear model). A rival
-that makes up for nearly all of it is simulated anew at the amount that was fitted: a delay and a lag, alike to first
-order, differ by the second, which goes with the square of the amount.
+its amount, and everything that is not known within its tolerance with it (`separation`, in the linear model), in
+whichever of its forms comes nearest. A rival that makes up for nearly all of it is simulated anew at the amount that
+was fitted: a delay and a lag of one pole, alike to first order, differ by the second, which goes with the square of the
+amount.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -47,10 +48,16 @@ class CauseInRun:
     effects : all that there are with it
     change_at : the change of the readings, (n_number,) over the noise, at a multiple of its size; raises as
         `PlannedRuns.record`
+    other_forms : the same of other forms that it may have
     """
 
     effects: EffectValues
     change_at: Callable[[float], Array]
+    other_forms: tuple[Callable[[float], Array], ...] = ()
+
+    @property
+    def forms(self) -> tuple[Callable[[float], Array], ...]:
+        return self.change_at, *self.other_forms
 
 
 class Separations:
@@ -64,7 +71,7 @@ class Separations:
     def __init__(self, refit: BelievedRefit, causes: Mapping[str, CauseInRun], *, weight: float) -> None:
         self.causes, self.root = causes, np.sqrt(weight)
         self.columns = self.root * refit.columns
-        self.scaled: dict[tuple[str, float], Array] = {}
+        self.scaled: dict[tuple[str, int, float], Array] = {}
         self.changes = {name: self._change(name, 1.0) for name in causes}
         self.parts = list(channel_parts(refit.likelihood))
         self.rows: dict[str, Array] = {}
@@ -79,16 +86,16 @@ class Separations:
             name: refit.measured_change(measure, cause.effects) for name, cause in self.causes.items()
         }
 
-    def _change(self, name: str, amount: float) -> Array:
-        """The change by a multiple of a cause, kept; of one that is not borne that of the cause, scaled."""
-        key = (name, float(f"{amount:.2g}"))
+    def _change(self, name: str, amount: float, form: int = 0) -> Array:
+        """The change by a multiple of a cause in a form, kept; of one that is not borne that of the cause, scaled."""
+        key = (name, form, float(f"{amount:.2g}"))
         if key not in self.scaled:
             try:
-                self.scaled[key] = self.root * self.causes[name].change_at(key[1])
+                self.scaled[key] = self.root * self.causes[name].forms[form](key[2])
             except (InputError, ComputationError):
-                if amount == 1.0:
+                if (form, amount) == (0, 1.0):
                     raise
-                self.scaled[key] = key[1] * self.changes[name]
+                self.scaled[key] = key[2] * self.changes[name]
         return self.scaled[key]
 
     def distance(self, truth: str, rival: str | None, instruments: Iterable[str]) -> float:
@@ -97,14 +104,7 @@ class Separations:
         target = read.of(truth, 1.0)
         if rival is None:
             return read.least(target, None)[0]
-        alone, amount = read.least(target, None)[0], 1.0
-        distance, factor = read.least(target, read.of(rival, amount))
-        for _ in range(_ROUNDS):
-            if not (distance < ALIKE * alone and factor > 0 and abs(np.log(factor)) > _SAME_AMOUNT):
-                break
-            amount = float(f"{amount * factor:.2g}")
-            distance, factor = read.least(target, read.of(rival, amount))
-        return distance
+        return min(read.over_form(target, rival, form) for form in range(len(self.causes[rival].forms)))
 
     def apart(self, first: str, second: str, instruments: Sequence[str]) -> float:
         """d^2 of two causes whichever is the truth: the lesser one."""
@@ -134,11 +134,22 @@ class _Readings:
         rows = [separations.columns[part] for part in self.kept] + [separations.rows[n][None] for n in self.beside]
         self.columns = np.concatenate(rows) if rows else np.zeros((0, separations.columns.shape[1]))
 
-    def of(self, name: str, amount: float) -> Array:
+    def of(self, name: str, amount: float, form: int = 0) -> Array:
         """A cause at a multiple of its size."""
-        change = self.all._change(name, amount)
+        change = self.all._change(name, amount, form)
         seen = [amount * self.all.seen[one][name] for one in self.beside]
         return np.concatenate([*(change[part] for part in self.kept), seen])
+
+    def over_form(self, target: Array, rival: str, form: int) -> float:
+        """d^2 over a rival in one of its forms, at the amount that suits."""
+        alone, amount = self.least(target, None)[0], 1.0
+        distance, factor = self.least(target, self.of(rival, amount, form))
+        for _ in range(_ROUNDS):
+            if not (distance < ALIKE * alone and factor > 0 and abs(np.log(factor)) > _SAME_AMOUNT):
+                break
+            amount = float(f"{amount * factor:.2g}")
+            distance, factor = self.least(target, self.of(rival, amount, form))
+        return distance
 
     def least(self, target: Array, rival: Array | None) -> tuple[float, float]:
         """(d^2, how much of the rival) where the rival and all that is unknown are fitted to a change."""

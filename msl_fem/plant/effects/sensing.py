@@ -110,6 +110,7 @@ SENSING = (
                 shape=True,
                 tried=(0.3,),
                 width=0.8,
+                belongs_to="lag",
             ),
         ),
         coefficients=_sensor_pole,
