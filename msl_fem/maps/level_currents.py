@@ -5,8 +5,9 @@ Gutierrez and Ro (IEEE Trans. Magnetics 34(5), 1998, Fig. 2) draw two curves ove
 to work, above the last is where not to. The criterion says at which point of the iron the flux density is read.
 """
 
+import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -340,8 +341,6 @@ def _thinned(size: int, start: int) -> NDArray[np.int64]:
 
 def _along_current(table: MagneticTable, name: str, gap: float, thinning: int | None = None) -> Array:
     """(n_current,) mean flux density of a section at a gap, by a cubic spline over log(gap) where it is no node."""
-    from scipy.interpolate import make_interp_spline
-
     values = table.extras[SECTION + name]
     if not np.isfinite(values).all():
         m, n = np.argwhere(~np.isfinite(values))[0]
@@ -355,9 +354,20 @@ def _along_current(table: MagneticTable, name: str, gap: float, thinning: int | 
         )
     if thinning is None and gap in table.gap:
         return np.asarray(values[np.searchsorted(table.gap, gap)])
+    return np.asarray(_over_gap(table, name, thinning)(math.log(gap)))
+
+
+@functools.lru_cache(maxsize=32)
+def _over_gap(table: MagneticTable, name: str, thinning: int | None) -> Callable[[float], Array]:
+    """The cubic spline over log(gap) of a section's mean flux densities, (n_current,) at each gap."""
+    from scipy.interpolate import make_interp_spline
+
+    values = table.extras[SECTION + name]
     rows = np.arange(table.gap.size) if thinning is None else _thinned(table.gap.size, thinning)
-    spline = make_interp_spline(np.log(table.gap[rows]), values[rows], k=min(3, rows.size - 1))
-    return np.asarray(spline(math.log(gap)))
+    spline: Callable[[float], Array] = make_interp_spline(
+        np.log(table.gap[rows]), values[rows], k=min(3, rows.size - 1)
+    )
+    return spline
 
 
 def _crossings(current: Array, flux_density: Array, levels: Array, rows: NDArray[np.int64] | None = None) -> Array:

@@ -13,9 +13,10 @@ from msl_fem.control.design_model import DesignModel, design_model_of
 from msl_fem.control.inverse import force_domain, magnet_force, side_surface
 from msl_fem.control.output_stage import BIAS, INVERSE, VIOLATION, OutputStage, commanded_currents
 from msl_fem.errors import InputError
-from msl_fem.maps import operating_map
+from msl_fem.maps import OperatingMap, operating_map
 from msl_fem.maps.pair_guard import PairGuard
 from msl_fem.maps.pair_limits import PairMap, pair_map
+from msl_fem.table.magnetic_table import MagneticTable
 from msl_fem.table.pair_table import load_table, read_pair_table
 
 FILE = ROOT / "lookup_tables" / "fast_tool_servo_pair.nc"
@@ -29,10 +30,15 @@ def regions(polarity: str = "opposing") -> PairMap:
 
 
 @cache
-def belief(polarity: str = "opposing", *, together: bool = True) -> DesignModel:
+def of_each_side() -> tuple[MagneticTable, OperatingMap]:
     table = load_table(FILE)
+    return table, operating_map(table, levels=LEVELS)
+
+
+@cache
+def belief(polarity: str = "opposing", *, together: bool = True) -> DesignModel:
     pair = regions(polarity) if together else None
-    return design_model_of(servo(sides={"polarity": polarity}), table, operating_map(table, levels=LEVELS), pair)
+    return design_model_of(servo(sides={"polarity": polarity}), *of_each_side(), pair)
 
 
 def commands(stage: OutputStage, model: DesignModel, forces, positions):
