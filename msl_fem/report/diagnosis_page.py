@@ -7,9 +7,11 @@ import datetime
 import json
 import os
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
+
+import numpy as np
 
 from msl_fem.actuator import Actuator, TableMagnet
 from msl_fem.computing.arrays import Array
@@ -24,6 +26,7 @@ from msl_fem.plant.effects import CATALOGUE, EffectValues, find_parameter
 from msl_fem.plant.extended_model import ExtendedModel, write_extended_model
 from msl_fem.prediction import ModelHypothesis
 from msl_fem.prediction.hypothesis import unit_of_believed
+from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record import Record
 from msl_fem.record.columns import name_and_unit
 from msl_fem.report.belief_stage import belief_stage
@@ -54,6 +57,7 @@ from msl_fem.report.diagnosis_words import (
     what_is_left,
 )
 from msl_fem.report.page import Grid, Page, Stage, write_page
+from msl_fem.report.played_motion import motion_of, motion_stage
 from msl_fem.table.magnetic_table import MagneticTable
 from msl_fem.table.pair_table import save_table
 
@@ -257,6 +261,7 @@ def _evidence(found: Diagnosis, evidence: Evidence) -> list[Stage]:
                 plot=over_time(left, named=named),
             )
         )
+        stages += _motion(left, evidence.variables[left.run], named=named)
         stages += [
             _over_frequency(one, evidence.noise.get(one.channel), named=named)
             for one in evidence.residuals
@@ -274,6 +279,17 @@ def _evidence(found: Diagnosis, evidence: Evidence) -> list[Stage]:
     if evidence.dependences:
         stages.insert(0, _dependences(evidence.dependences))
     return [*stages, _tried(evidence.tried)]
+
+
+def _motion(left: ChannelResiduals, measured: Mapping[str, Array], *, named: bool) -> list[Stage]:
+    """The motion of the believed model, or re-fitted where that leaves its range, and of the one with what was found;
+    nothing where no position was followed."""
+    if left.channel != POSITION_COLUMN or not named:
+        return []
+    before = (("as believed", left.nominal), ("re-fitted within tolerances", left.refitted))
+    follow = [one for one in before if np.isfinite(one[1]).all()]
+    motion = motion_of(left, measured[POSITION_COLUMN], (*follow[:1], ("with what was found", left.extended)))
+    return [] if motion is None else [motion_stage(left, motion)]
 
 
 def _dependences(ranked: Sequence[Dependence]) -> Stage:

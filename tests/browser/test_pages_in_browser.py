@@ -8,6 +8,7 @@ from conftest import ROOT
 from devtools import Browser
 
 from msl_fem.actuator import load_actuator
+from msl_fem.diagnosis.result import ChannelResiduals
 from msl_fem.maps import Guard, operating_map
 from msl_fem.mechanics import assess_flexure
 from msl_fem.mechanics.gap_trade import gap_trade
@@ -15,6 +16,7 @@ from msl_fem.report.design_pages import flexure_page, gap_trade_page
 from msl_fem.report.explorer import explorer
 from msl_fem.report.figures import figure, line, logarithmic
 from msl_fem.report.page import Grid, Page, Stage, write_page
+from msl_fem.report.played_motion import motion_of, motion_stage
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 FLEXURE = load_actuator(ROOT / "geometries" / "fast_tool_servo_flexure.toml")
@@ -67,6 +69,30 @@ def test_the_explorer_says_where_a_level_is_not_reached(browser: Browser, tmp_pa
     assert "that may bring 1.9 T" in browser.text('#explorer [data-out="reason"]')
     browser.run("explorer.go(12, explorer.state.gap)")
     assert browser.text('#explorer [data-out="region"]') == Guard(made).classify(12.0, gap) == "unacceptable"
+
+
+def test_a_motion_is_played_to_its_end_when_it_is_asked_for(browser: Browser, tmp_path: Path) -> None:
+    time = np.arange(400) / 1e3
+    error = 2e-6 * np.sin(30 * time)
+    left = ChannelResiduals("sweep", "held-out", "position_m", 1e3, 5e-8, error, error, error / 20)
+    motion = motion_of(left, 1e-3 * np.sin(20 * time), (("as believed", error), ("found", error / 20)))
+    assert motion is not None
+    file = write_page(Page("t", "s", (), (motion_stage(left, motion),), ()), tmp_path / "page.html")
+    for width, scheme in ((390, "dark"), (1200, "light")):
+        browser.size(width)
+        browser.colours(scheme)
+        browser.open(file)
+        assert browser.complaints == []
+        assert browser.run("document.documentElement.scrollWidth") <= width
+    place = "document.querySelector('[data-track=\"before\"]').getAttribute('transform')"
+    before = browser.run(place)
+    assert browser.text("#motion button") == "play"
+    last = len(motion.time) - 1
+    browser.run(f"motion.show({last - 3}); document.querySelector('#motion button').click()")
+    browser.until(f"document.querySelector('#motion input').value === '{last}'")
+    browser.until("document.querySelector('#motion button').textContent === 'play'")
+    assert browser.run(place) == f"translate({motion.places()[1][-1]:.2f} 0)".replace(".00 ", " ")
+    assert browser.run(place) != before
 
 
 def test_ticks_of_a_logarithmic_axis_say_their_number(browser: Browser, tmp_path: Path) -> None:
