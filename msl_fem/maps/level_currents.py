@@ -307,7 +307,7 @@ def _roots(table: MagneticTable, levels: Array, gap: float) -> Roots:
             "make one with 'msl-fem table'"
         )
     flux = {name: _along_current(table, name, gap) for name in names}
-    candidates = np.array([_crossings(table.current, flux[name], levels) for name in names])
+    candidates = _crossings(table.current, np.array([flux[name] for name in names]), levels)
     best = np.argmin(np.where(np.isnan(candidates), np.inf, candidates), axis=0)
     current = candidates[best, np.arange(levels.size)]
     error = np.zeros(levels.size)
@@ -324,7 +324,7 @@ def _thinning_error(table: MagneticTable, name: str, gap: float, flux: Array, *,
     """A: how far the current moves when every other node is left out, along the current and along the gap."""
 
     def moved(flux_density: Array, rows: NDArray[np.int64] | None = None) -> float:
-        crossing = _crossings(table.current, flux_density, np.array([level]), rows)[0]
+        crossing = _crossings(table.current, flux_density[None], np.array([level]), rows)[0, 0]
         return abs((table.current[-1] if np.isnan(crossing) else crossing) - current)
 
     along_current = max(moved(flux, _thinned(table.current.size, start)) for start in (1, 2))
@@ -371,18 +371,21 @@ def _over_gap(table: MagneticTable, name: str, thinning: int | None) -> Callable
 
 
 def _crossings(current: Array, flux_density: Array, levels: Array, rows: NDArray[np.int64] | None = None) -> Array:
-    """(n_level,) the smallest positive current at which the odd spline through the chosen nodes takes each level."""
-    from scipy.interpolate import CubicSpline
+    """(n_curve, n_level) the smallest positive current at which the odd spline through the chosen nodes of each curve,
+    flux_density (n_curve, n_current), takes each level."""
+    from scipy.interpolate import CubicSpline, PPoly
 
     i = current if rows is None else current[rows]
-    b = flux_density if rows is None else flux_density[rows]
-    spline = CubicSpline(np.r_[-i[:0:-1], i], np.r_[-b[:0:-1], b])
-    crossings = np.full(levels.size, np.nan)
-    for k, level in enumerate(levels):
-        roots = spline.solve(level, extrapolate=False)
-        positive = roots[roots > 0]
-        if positive.size:
-            crossings[k] = positive.min()
+    b = flux_density if rows is None else flux_density[:, rows]
+    fitted = CubicSpline(np.r_[-i[:0:-1], i], np.concatenate([-b[:, :0:-1], b], axis=1), axis=1)
+    crossings = np.full((len(b), levels.size), np.nan)
+    for j in range(len(b)):
+        curve = PPoly.construct_fast(np.ascontiguousarray(fitted.c[:, :, j]), fitted.x)
+        for k, level in enumerate(levels):
+            roots = curve.solve(level, extrapolate=False)
+            positive = roots[roots > 0]
+            if positive.size:
+                crossings[j, k] = positive.min()
     return crossings
 
 
