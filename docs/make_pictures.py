@@ -9,7 +9,9 @@ Chromium, as the tests do it.
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import chdir
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import matplotlib as mpl
@@ -30,6 +32,8 @@ from friction_drive import closed_loop, inverse_dynamics, refined  # noqa: E402
 from published_magnets import INCH, ROTERS_CURRENT, SOLENOID_CURRENT, roters, solenoid  # noqa: E402
 
 from msl_fem.actuator import load_actuator  # noqa: E402
+from msl_fem.cli.app import app  # noqa: E402
+from msl_fem.cli.output import run_guarded  # noqa: E402
 from msl_fem.magnetics.field.magnet_field import solve_with_field  # noqa: E402
 from msl_fem.magnetics.field.plunger import solve_plunger  # noqa: E402
 from msl_fem.magnetics.field_map import decoupling_map  # noqa: E402
@@ -47,6 +51,7 @@ from msl_fem.table.magnetic_table import MagneticTable  # noqa: E402
 from msl_fem.table.pair_table import load_table  # noqa: E402
 
 SERVO = ROOT / "geometries" / "fast_tool_servo.toml"
+TABLE = ROOT / "lookup_tables" / "fast_tool_servo.nc"
 REFERENCE = ROOT / "tests" / "reference"
 
 
@@ -158,14 +163,44 @@ def emps() -> None:
     save(figure, "emps")
 
 
-def report() -> None:
-    """The study's report in a browser: its top and its explorer, light and dark."""
+def diagnosis() -> None:
+    """The report of the tutorial's diagnosis, a delay of 3 %: its first screen, and the motion."""
+    hidden = ["bench", str(SERVO), "--table", str(TABLE), "--hide", "time_delay=3%", "--seed", "11", "-o", "rig"]
+    for spec in (
+        "band-limited-noise:bias=0.6 A,amplitude=50 mA,band=500 Hz,duration=1.2 s,seed=2",
+        "swept-sine:bias=0.6 A,amplitude=12 mA,start=5 Hz,stop=300 Hz,duration=1 s",
+    ):
+        hidden += ["--excitation", spec]
+    with tempfile.TemporaryDirectory() as folder, chdir(folder):
+        for words in (hidden, ["diagnose", "rig", "--table", str(TABLE), "-o", "found"]):
+            if run_guarded(partial(app, words)) != 0:
+                sys.exit(f"msl-fem {' '.join(words)} has failed")
+        with started(_browser(), Path("profile")) as browser:
+            browser.size(1000)
+            browser.open(Path("found") / "report.html")
+            assert not browser.complaints, browser.complaints
+            browser.run("motion.show(150)")
+            whole, motion = (
+                imread(browser.picture(Path(f"{n}.png"), of=of))
+                for n, of in enumerate(("html", "section:has(#motion)"))
+            )
+            below = np.ones((motion.shape[0], whole.shape[1], whole.shape[2]), dtype=whole.dtype)
+            below[:, 20 : 20 + motion.shape[1]] = motion[:, : whole.shape[1] - 20]
+            imsave(PICTURES / "diagnosis.png", np.concatenate([whole[:364], below]))
+
+
+def _browser() -> str:
     program = find_browser()
     if program is None:
         sys.exit("no Chromium here; install one (Debian: apt-get install chromium)")
+    return program
+
+
+def report() -> None:
+    """The study's report in a browser: its top and its explorer, light and dark."""
     with tempfile.TemporaryDirectory() as folder:
         page = write_page(study_page(run_study(load_actuator(SERVO))), Path(folder) / "report.html")
-        with started(program, Path(folder) / "profile") as browser:
+        with started(_browser(), Path(folder) / "profile") as browser:
             for scheme in ("light", "dark"):
                 browser.size(1120)
                 browser.colours(scheme)
@@ -180,7 +215,7 @@ def report() -> None:
 
 ALL: dict[str, Callable[[], None]] = {
     "field": field, "e1": e1, "solenoid": solenoid_force, "roters": roters_force, "decoupling": decoupling,
-    "biased_pair": biased_pair, "emps": emps, "report": report,
+    "biased_pair": biased_pair, "emps": emps, "diagnosis": diagnosis, "report": report,
 }  # fmt: skip
 
 if __name__ == "__main__":

@@ -261,7 +261,8 @@ def _evidence(found: Diagnosis, evidence: Evidence) -> list[Stage]:
                 plot=over_time(left, named=named),
             )
         )
-        stages += _motion(left, evidence.variables[left.run], named=named)
+        positions = [r for r in evidence.residuals if (r.run, r.channel) == (left.run, POSITION_COLUMN)]
+        stages += _motion(positions[0], evidence.variables[left.run]) if positions and named else []
         stages += [
             _over_frequency(one, evidence.noise.get(one.channel), named=named)
             for one in evidence.residuals
@@ -281,11 +282,9 @@ def _evidence(found: Diagnosis, evidence: Evidence) -> list[Stage]:
     return [*stages, _tried(evidence.tried)]
 
 
-def _motion(left: ChannelResiduals, measured: Mapping[str, Array], *, named: bool) -> list[Stage]:
+def _motion(left: ChannelResiduals, measured: Mapping[str, Array]) -> list[Stage]:
     """The motion of the believed model, or re-fitted where that leaves its range, and of the one with what was found;
-    nothing where no position was followed."""
-    if left.channel != POSITION_COLUMN or not named:
-        return []
+    nothing where they cannot be drawn."""
     before = (("as believed", left.nominal), ("re-fitted within tolerances", left.refitted))
     follow = [one for one in before if np.isfinite(one[1]).all()]
     motion = motion_of(left, measured[POSITION_COLUMN], (*follow[:1], ("with what was found", left.extended)))
