@@ -1,11 +1,12 @@
 """A signal that stands in a CSV file: times, and the values of one of its columns."""
 
 import csv
-from pathlib import Path
+import io
 
 import numpy as np
 
 from msl_fem.computing.arrays import Array
+from msl_fem.files.schema import reason, small_text
 
 TIME = "time_s"
 
@@ -15,14 +16,14 @@ def read_signal(file: str, column: str | None = None) -> tuple[Array, Array]:
 
     Raises
     ------
-    ValueError : no such file or no text, no such column, or several to choose from; fewer than two rows, what is no
-        finite number, a time that is below 0 or does not increase; the message names the file and the line
+    ValueError : no such file, too large or no text, no such column, or several to choose from; fewer than
+        two rows, what is no finite number, a time that is below 0 or does not increase; the message names the file and
+        the line
     """
     try:
-        with Path(file).open(encoding="utf-8-sig", newline="") as source:
-            rows = [row for row in csv.reader(source) if row]
-    except (OSError, UnicodeError, csv.Error) as err:
-        why = err.strerror if isinstance(err, OSError) else "no text of comma-separated values"
+        rows = [row for row in csv.reader(io.StringIO(small_text(file, encoding="utf-8-sig"))) if row]
+    except (OSError, ValueError, csv.Error) as err:
+        why = "no text of comma-separated values" if isinstance(err, UnicodeError | csv.Error) else reason(err)
         raise ValueError(f"{file}: cannot be read ({why})") from err
     names = [name.strip() for name in rows[0]] if rows else []
     if TIME not in names:

@@ -103,6 +103,7 @@ COLUMNS = (
 )
 
 
+SIGNAL = "time_s,current_1_A\n" + "".join(f"{0.01 * k:.2f},{0.1 + 0.001 * k:.3f}\n" for k in range(30))
 LOSSES = "frequency_Hz,B_T,loss_W_per_kg\n" + "".join(
     f"{f},{b},{1e-3 * f * b**1.8 + 1e-5 * f**2 * b**2:.6g}\n" for f in (50, 200, 400, 1000) for b in (0.4, 0.8, 1.2)
 )
@@ -170,6 +171,13 @@ def _use_excitations(folder: Path, out: Path) -> None:
         if one.duration > 10.0:
             raise InputError("long enough")
         samples(one, rate=1000.0, sides=2, generator=np.random.default_rng(1))
+
+
+def _use_signal(folder: Path, out: Path) -> None:
+    (one,) = load_excitations(str(folder / "a.csv"))
+    if one.duration > 10.0:
+        raise InputError("long enough")
+    samples(one, rate=1000.0, sides=2)
 
 
 def _use_table(folder: Path, out: Path) -> None:
@@ -287,6 +295,7 @@ TARGETS = (
     Target("requirement", _one_file("a.toml", (ROOT / "requirements" / "400_newton.toml").read_bytes()), _toml,
            lambda folder, out: load_requirement(folder / "a.toml")),
     Target("excitations", _one_file("a.toml", EXCITATIONS), _toml, _use_excitations),
+    Target("signal", _one_file("a.csv", SIGNAL), _csv, _use_signal),
     Target("iron", _one_file("a.csv", "H_A_per_m,B_T\n0,0\n50,0.5\n100,1\n500,1.5\n5000,1.8\n50000,2.1\n"), _csv,
            lambda folder, out: load_iron("a.csv", folder=folder)),
     Target("log", _one_file("a.csv", LOG), _csv, lambda folder, out: read_log(folder / "a.csv")),

@@ -16,6 +16,7 @@ COMMANDS = {
     "actuator": ("flexure", "PIPE.toml"),
     "requirement": ("size", "PIPE.toml", "-o", "OUT"),
     "excitation": (*SIMULATE, "--excitation", "PIPE.toml"),
+    "signal": (*SIMULATE, "--excitation", "PIPE.csv"),
     "map": ("guard", "PIPE.json", *POINT),
     "map to export": ("export", "PIPE.json", "--to", "c", "-o", "OUT"),
     "table": ("lookup", "PIPE.nc", *POINT),
