@@ -120,11 +120,12 @@ class Proposal:
     @property
     def text(self) -> str:
         """What to do, and what it would bring."""
+        first, second = (name.replace("_", " ") for name in (self.first, self.second))
         if not self.options:
-            return f"no run of the menu is borne by the rig; {self.first} and {self.second} stay together"
+            return f"no run of the menu is borne by the rig; {first} and {second} stay together"
         best = self.options[0]
         said = f'{best.words}: simulate --excitation "{best.excitation}"'
-        both = f"{self.first} from {self.second}"
+        both = f"{first} from {second}"
         apart = f"the two models then lie {best.noncentrality**0.5:.3g} sigma of the noise apart"
         name, value, unit = self.amount
         limit = f"{name} = {format_quantity(value, unit, digits=2) if unit else f'{value:.2g}'}"
