@@ -128,7 +128,7 @@ class Proposal:
         both = f"{first} from {second}"
         apart = f"the two models then lie {best.noncentrality**0.5:.3g} sigma of the noise apart"
         name, value, unit = self.amount
-        limit = f"{name} = {format_quantity(value, unit, digits=2) if unit else f'{value:.2g}'}"
+        limit = f"{name} = {format_quantity(value, unit, digits=3) if unit else f'{value:.2g}'}"
         if self.decides:
             return f"{said}; it tells {both} from {limit} on ({apart}, {DECIDES**0.5:.2g} are enough)"
         from_where = f", which it reaches from {limit} on" if np.isfinite(value) else ""
