@@ -144,13 +144,11 @@ class Refinement:
         """All refits by their gain."""
         told = _Screening(self.tell, len(candidates))
         first = self._together(lambda score: told.ends(score, self.screened(score)), candidates)
-        screened = [refit for refit in first if refit is not None]
-        best = max((refit.gain for refit in screened), default=0.0)
-        eliminated = [refit for refit in screened if best > 0 and refit.gain < ELIMINATED * best]
-        kept = [refit for refit in screened if refit not in eliminated]
+        kept, eliminated = _in_front([refit for refit in first if refit is not None])
         if self.near is not self.base:
             self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(kept))}")
-            kept = self._together(self.from_small_amounts, kept)
+            kept, behind = _in_front(self._together(self.from_small_amounts, kept))
+            eliminated += behind
         raced = self.raced(kept)
         eliminated += [refit for refit in raced if refit.gain > 0 and self.hopeless(refit)]
         refined = sorted((refit for refit in raced if refit not in eliminated), key=_by_gain)
@@ -274,6 +272,13 @@ class Refinement:
         found = replace(found, likelihood=own)
         self.memory.ended(fit_name(self.base.unknowns, variant.name), found.z)
         return Refit(variant, found, found.log_evidence - self.base.log_evidence)
+
+
+def _in_front(refits: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:
+    """Those that go on, and those too far behind the best."""
+    best = max((refit.gain for refit in refits), default=0.0)
+    behind = [refit for refit in refits if best > 0 and refit.gain < ELIMINATED * best]
+    return [refit for refit in refits if refit not in behind], behind
 
 
 def strained(found: Fit) -> bool:
