@@ -142,6 +142,9 @@ class Refinement:
 
     def best_first(self, candidates: Sequence[Score]) -> list[Refit]:
         """All refits by their gain."""
+        if self.near is not self.base:  # where no gain over the base means anything
+            most = max((score.gain for score in candidates), default=0.0)
+            candidates = [score for score in candidates if score.gain >= ELIMINATED * most]
         told = _Screening(self.tell, len(candidates))
         first = self._together(lambda score: told.ends(score, self.screened(score)), candidates)
         kept, eliminated = _in_front([refit for refit in first if refit is not None])

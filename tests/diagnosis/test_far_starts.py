@@ -198,13 +198,14 @@ def test_candidates_begin_anew_beside_a_base_beyond_sanity_alone(begun, monkeypa
     race = refinement([2 * SANE, 0.0], sane=sane)
     monkeypatch.setattr(Refinement, "screened", lambda self, score: screened)
     monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
-    found = race.best_first([SimpleNamespace(variant=CUBIC)])  # type: ignore[list-item]
+    found = race.best_first([SimpleNamespace(variant=CUBIC, gain=100.0)])  # type: ignore[list-item]
     assert len(begun) == times
     assert found[0].gain == (5000.0 if times else 100.0)
 
 
 def test_what_lags_behind_after_it_began_anew_goes_no_further(begun, monkeypatch) -> None:
-    """Beside a model that nothing can be no gain is above nothing at first, so all begin anew; then one leads."""
+    """Beside a model that nothing can be no gain is above nothing at first: those begin anew whose score, where its
+    numbers were last possible, is a quarter of the best; then one leads."""
     anew = iter([candidate([0.0, 0.0, 5.0], gain, Amounts()) for gain in (9000.0, 100.0)])
     race = refinement([2 * SANE, 0.0], sane=base_at([1.0, 0.0]))
     monkeypatch.setattr(Refinement, "screened", lambda self, score: candidate([0.0, 0.0, 5.0], -10.0, Amounts()))
@@ -212,6 +213,7 @@ def test_what_lags_behind_after_it_began_anew_goes_no_further(begun, monkeypatch
     raced: list[float] = []
     monkeypatch.setattr(Refinement, "raced", lambda self, kept: raced.extend(one.gain for one in kept) or list(kept))
     monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
-    found = race.best_first([SimpleNamespace(variant=CUBIC)] * 2)  # type: ignore[list-item]
+    scores = [SimpleNamespace(variant=CUBIC, gain=gain) for gain in (1000.0, 300.0, 200.0)]
+    found = race.best_first(scores)  # type: ignore[arg-type]
     assert raced == [9000.0]
     assert [one.gain for one in found] == [9000.0, 100.0]
