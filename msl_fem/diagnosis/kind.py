@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -202,12 +202,12 @@ class Kind(ABC):
     notes : what the reader must know beside the verdict
     begin : (unknowns.size,) where the fit without effects begins; None: as believed
     left_out : what of the record does not count
+    sane : where a fit without effects, begun far from the record, was last at numbers that a plant can have, if it went
+        on to those that nothing can have
     prediction : how models are judged, the word of the accuracy's entries
     faithful : how many times their error on the fit data effects may err on held-out data, to be named
     advice : what would show more of what is left unexplained
     takes_laws : whether its prediction knows laws that users state, so that a formula can be looked for
-    sane : where a fit without effects, begun far from the record, was last at numbers that a plant can have, if it went
-        on to those that nothing can have
     """
 
     belief: ModelHypothesis
@@ -216,15 +216,12 @@ class Kind(ABC):
     notes: tuple[str, ...] = ()
     begin: Array | None = None
     left_out: tuple[LeftOut, ...] = ()
+    sane: Fit | None = field(default=None, kw_only=True)
 
     prediction: ClassVar[str]
     faithful: ClassVar[float] = float("inf")
     advice: ClassVar[str] = ""
     takes_laws: ClassVar[bool] = False
-
-    @property
-    def sane(self) -> Fit | None:
-        return None
 
     @abstractmethod
     def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:

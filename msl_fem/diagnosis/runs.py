@@ -53,7 +53,6 @@ class Runs(Kind):
     cuts: Cuts = ()
     recorded: tuple[RunData, ...] = ()
     threads: int = 1
-    last_sane: Fit | None = None
     _followed: dict[tuple[object, ...], Mapping[str, Array]] = field(default_factory=dict, init=False, repr=False)
 
     takes_laws: ClassVar[bool] = True
@@ -71,10 +70,6 @@ class Runs(Kind):
         """Whether every run is followed from its start to its end."""
         return all(cut is None for cut in self.cuts)
 
-    @property
-    def sane(self) -> Fit | None:
-        return self.last_sane
-
     def settled(self, tell: Callable[[str], None]) -> "Runs":
         """With stretches chosen anew at the model without effects, which bears longer ones than the belief, as long as
         it follows them."""
@@ -87,7 +82,7 @@ class Runs(Kind):
             start = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
             found = fit(kind.likelihood, kind.unknowns, start, plan=FitPlan(enough=ROUGH, tell=told))
             if found.sane and beyond_sanity(kind.unknowns, found.z):
-                kind = replace(kind, likelihood=found.likelihood, begin=found.z, last_sane=found.sane)
+                kind = replace(kind, likelihood=found.likelihood, begin=found.z, sane=found.sane)
                 break
             renewed = kind.renewed(found)
             if not renewed.whole and _largest_left(renewed, found) > max(FAR, LOSES * max(found.excess.values())):

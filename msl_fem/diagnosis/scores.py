@@ -117,23 +117,24 @@ def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True, with_colu
     amounts = list(dict.fromkeys((amount, variant.shapes) for variant in tried for amount in variant.amounts))
     raw = signatures(found, amounts)
     seen = seen_columns(raw)
-    failed = np.array([not np.isfinite(column).all() for column in raw.T], dtype=bool)
+    failed = np.array([not (shown or np.isfinite(raw[:, n]).all()) for n, shown in enumerate(seen)], dtype=bool)
     raw[:, ~seen] = 0.0
     background = Background(found, raw)
     place = {amount: n for n, amount in enumerate(amounts)}
     made, amount_places = [], []
-    dropped = {variant.effect: True for variant in tried}
+    followed = set()
     for variant in tried:
         places = [place[one, variant.shapes] for one in variant.amounts]
-        dropped[variant.effect] &= bool(failed[places].any())
+        if not failed[places].any():
+            followed.add(variant.effect)
         if seen[places].all():
             score = background.score(variant, places)
             made.append(replace(score, signature=background.c[:, places]) if with_columns else score)
             one_sided = tuple(one.one_sided for one in variant.amounts)
             amount_places.append(AmountPlaces(tuple(places), one_sided))
     by_chance = null_distribution(background.own, amount_places) if null else NullDistribution()
-    none_left = tuple(effect for effect, all_fail in dropped.items() if all_fail)
-    return ScoredVariants(tuple(sorted(made, key=lambda s: -s.gain)), by_chance, none_left)
+    dropped = dict.fromkeys(variant.effect for variant in tried if variant.effect not in followed)
+    return ScoredVariants(tuple(sorted(made, key=lambda s: -s.gain)), by_chance, tuple(dropped))
 
 
 def seen_columns(raw: Array) -> NDArray[np.bool_]:

@@ -8,7 +8,7 @@ import pytest
 
 from msl_fem.computing.gauss_newton import descend
 from msl_fem.diagnosis import fit as fitting
-from msl_fem.diagnosis import runs, search
+from msl_fem.diagnosis import runs, scores, search
 from msl_fem.diagnosis.fit import SANE, FitPlan, beyond_sanity, fit
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.noise import weights_of
@@ -130,6 +130,22 @@ def test_only_a_model_without_effects_is_beyond_sanity() -> None:
     assert not beyond_sanity(replace(UNKNOWNS, effects=CUBIC.unknowns), np.array([0.0, -2 * SANE, 0.0]))
 
 
+def test_a_cause_is_dropped_where_none_of_its_variants_can_be_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One whose other variant shows nothing is not: it can be simulated."""
+    quadratic = Variant("stiffness_nonlinearity", (EffectUnknown("stiffness_nonlinearity", "quadratic"),))
+    friction = Variant("coulomb_friction", (EffectUnknown("coulomb_friction", "force"),))
+    columns = {"cubic": np.nan, "quadratic": 0.0, "force": np.nan}
+
+    def signatures(found: fitting.Fit, amounts: list[tuple[EffectUnknown, object]]) -> np.ndarray:
+        return np.tile([columns[one.name] for one, _ in amounts], (400, 1))
+
+    monkeypatch.setattr(scores, "signatures", signatures)
+    found = fit(far(), UNKNOWNS, np.zeros(2))  # type: ignore[arg-type]
+    at = scores.scored(found, [CUBIC, quadratic, friction], null=False)
+    assert at.scores == ()
+    assert at.dropped == ("coulomb_friction",)
+
+
 def test_no_stretches_are_chosen_at_a_model_beyond_sanity(monkeypatch: pytest.MonkeyPatch) -> None:
     ended = SimpleNamespace(z=np.array([0.0, 2 * SANE]), likelihood="where it ended", sane="before that")
     monkeypatch.setattr(runs, "fit", lambda *one, **more: ended)
@@ -213,7 +229,7 @@ def test_what_lags_behind_after_it_began_anew_goes_no_further(begun, monkeypatch
     raced: list[float] = []
     monkeypatch.setattr(Refinement, "raced", lambda self, kept: raced.extend(one.gain for one in kept) or list(kept))
     monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
-    scores = [SimpleNamespace(variant=CUBIC, gain=gain) for gain in (1000.0, 300.0, 200.0)]
-    found = race.best_first(scores)  # type: ignore[arg-type]
+    scored = [SimpleNamespace(variant=CUBIC, gain=gain) for gain in (1000.0, 300.0, 200.0)]
+    found = race.best_first(scored)  # type: ignore[arg-type]
     assert raced == [9000.0]
     assert [one.gain for one in found] == [9000.0, 100.0]

@@ -102,9 +102,10 @@ class Separations:
         """d^2 of a cause over another, or over none."""
         read = _Readings(self, set(instruments))
         target = read.of(truth, 1.0)
+        alone = read.least(target, None)[0]
         if rival is None:
-            return read.least(target, None)[0]
-        return min(read.over_form(target, rival, form) for form in range(len(self.causes[rival].forms)))
+            return alone
+        return min(read.over_form(target, alone, rival, form) for form in range(len(self.causes[rival].forms)))
 
     def apart(self, first: str, second: str, instruments: Sequence[str]) -> float:
         """d^2 of two causes whichever is the truth: the lesser one."""
@@ -140,9 +141,9 @@ class _Readings:
         seen = [amount * self.all.seen[one][name] for one in self.beside]
         return np.concatenate([*(change[part] for part in self.kept), seen])
 
-    def over_form(self, target: Array, rival: str, form: int) -> float:
-        """d^2 over a rival in one of its forms, at the amount that suits."""
-        alone, amount = self.least(target, None)[0], 1.0
+    def over_form(self, target: Array, alone: float, rival: str, form: int) -> float:
+        """d^2 over a rival in one of its forms, at the amount that suits; `alone` is that over none."""
+        amount = 1.0
         distance, factor = self.least(target, self.of(rival, amount, form))
         for _ in range(_ROUNDS):
             if not (distance < ALIKE * alone and factor > 0 and abs(np.log(factor)) > _SAME_AMOUNT):
