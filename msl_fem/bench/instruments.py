@@ -258,7 +258,7 @@ def _ramp(bench: Bench, memory: Array, currents: Array, gap: float, force_and_fl
     magnetising = 0.0
     for n in range(currents.size):
         # bisection for i_m: the coil's current grows with it
-        low = magnetising - 0.5 * (abs(currents[n]) + 1.0)
+        low = min(magnetising, currents[n]) - 0.5 * (abs(currents[n]) + 1.0)
         high = currents[n] + 1.0
         for _ in range(60):
             middle = 0.5 * (low + high)

@@ -9,13 +9,14 @@ import pytest
 from bench_rigs import DRIVES, RATE, SERVO, SERVO_TABLE, VOLTAGE_SERVO, excitations
 
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record, usual_excitations
-from msl_fem.bench.instruments import instrument_noise, noise_of_instruments
+from msl_fem.bench.instruments import bench_static_map, instrument_noise, noise_of_instruments
 from msl_fem.bench.rig import true_rig
 from msl_fem.bench.running import run_rig
 from msl_fem.bench.sealed import SealedRecord
 from msl_fem.errors import InputError
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.record import load_record, write_record
+from msl_fem.table.magnetic_table import MagneticTable
 
 
 def made(*hide: str, seed: int = 4, drive: str = "voltage", **options: object) -> SealedRecord:
@@ -146,6 +147,19 @@ def test_a_static_map_shows_hysteresis_and_little_else() -> None:
             assert {"fit", "held-out"} == set(static.role)
     assert loops["none"] < 1e-9
     assert loops["iron"] > 1e-3
+
+
+def test_a_static_map_of_large_currents_is_the_same_up_and_down() -> None:
+    """Fewer turns and more current: every row of a sweep is at its own current, steps of some amperes apart."""
+    times, per = 20.0, {"flux_linkage": 1, "incremental_inductance": 2, "force_current_slope": 1}
+    nodes = {name: values / times ** per.get(name, 0) for name, values in SERVO_TABLE.nodes.items()}
+    table = MagneticTable(SERVO_TABLE.gap, times * SERVO_TABLE.current, nodes)
+    drive = VOLTAGE_SERVO.drive.model_copy(update={"current_limit": times * VOLTAGE_SERVO.drive.current_limit})
+    actuator = VOLTAGE_SERVO.model_copy(update={"drive": drive})
+    rig = true_rig(actuator, table)
+    static = bench_static_map(actuator, table, rig, generator=np.random.default_rng(1), noisy=False)
+    assert np.abs(np.diff(static.current)).max() > 1.5
+    assert static.flux_linkage == pytest.approx(table.flux_linkage(static.current, static.gap), rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize(
