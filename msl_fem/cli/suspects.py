@@ -1,5 +1,6 @@
 """The command `suspects`: which causes are likely before anything is measured, and what each would do."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
@@ -77,12 +78,19 @@ def _closing(found: SuspectRanking) -> tuple[str, str, str]:
     """The first suspects, how sure their sizes are, and what to do about them."""
     likely = [one for one in found.suspects if one.noncentrality >= 1.0][:3]
     names = ", ".join(f"{one.cause.effect.replace('_', ' ')} ({_percent(one.change)})" for one in likely)
-    drawn = sum(one.cause.drawn for one in likely)
     return (
         f"What it means: a free run is changed most by {names or 'nothing that an instrument shows'}.",
-        f"How sure: {drawn} of these sizes come from the drawing; a change goes with its size as long as it is small.",
+        f"How sure: {_sources(likely)}a change goes with its size as long as it is small.",
         "What to do: measure what the last column says, or mend the cause; msl-fem diagnose names what a record shows.",
     )
+
+
+def _sources(likely: Sequence[Suspect]) -> str:
+    """Where the sizes of these suspects come from; those of one source together."""
+    by_source: dict[str, list[str]] = {}
+    for one in likely:
+        by_source.setdefault(one.cause.source, []).append(one.cause.effect.replace("_", " "))
+    return "".join(f"size of {' and '.join(names)}: {source}; " for source, names in by_source.items())
 
 
 def _size(one: Suspect) -> str:

@@ -137,7 +137,7 @@ def test_a_ranking_is_printed_with_what_it_means(capsys: pytest.CaptureFixture[s
     printed = capsys.readouterr().out
     assert "leakage inductance" in printed
     assert "a free run is changed most by leakage inductance (14 %)" in " ".join(printed.split())
-    assert "1 of these sizes" in printed
+    assert "size of leakage inductance: the drawing: ends; a change goes" in " ".join(printed.split())
     assert "100 %" in printed
 
 
