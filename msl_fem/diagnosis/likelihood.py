@@ -167,7 +167,12 @@ class Likelihood:
         return self.weights(residual).nats + unknowns.prior(z)[0]
 
     def excess(self, found: Fit) -> dict[str, float]:
-        """Channel to RMS residual over the noise's sigma, all frequencies and all runs together.
+        """Channel to RMS residual over the noise's sigma."""
+        return self.excess_of_runs(found)
+
+    def excess_of_runs(self, found: Fit) -> dict[str, float]:
+        """Channel to RMS residual over the noise's sigma, all frequencies and all runs together, of the numbers of a
+        fit; its residual may be that of other stretches.
 
         Where the highest frequencies show an instrument louder than stated, over that (`noise.loudness`).
         """
@@ -175,11 +180,13 @@ class Likelihood:
         loud: dict[str, float] = {}
         points = Points.of(found.unknowns, found.z[None])
         for run, channels in enumerate(simulated_residuals(self.problem, points, substeps=self.substeps)):
-            counts = self.problem.counts(run)
+            counts, left_out = self.problem.counts(run), self.problem.runs[run].left_out
             for name, every in zip(self.problem.channels(run), self._over_noise(run, channels), strict=True):
                 values = every[:, counts]
                 power.setdefault(name, []).append(float(np.mean(values**2)))
-                loud[name] = min(loud.get(name, np.inf), loudness(values[0]))
+                read = np.ones(every.shape[1], dtype=bool)
+                read[left_out.get(name, [])] = False
+                loud[name] = min(loud.get(name, np.inf), loudness(values[0], read[counts]))
         return {name: float(np.sqrt(np.mean(values))) / loud[name] for name, values in power.items()}
 
     def standard_errors(self, found: Fit, along: Array | None = None) -> Array:

@@ -1,12 +1,14 @@
 """A static map as measured: its readings, their noise, which rows a fit counts, what the iron went through before."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.noise import MISSTATED
 from msl_fem.diagnosis.table_error import Visited
 from msl_fem.diagnosis.unit_scatter import UnitScatter, without_scatter
 from msl_fem.errors import InputError
@@ -20,6 +22,10 @@ MEDIAN_OF_NORMAL = 0.6745  # of the absolute value, over sigma
 LEAST_NOISE = 1e-5  # of the largest value, where no noise is stated
 FEWEST_REPEATS = 6
 """Repeats, less one a place, from which the noise is taken where none is stated."""
+FEWEST_WINDOWS = 12
+"""Of four neighbouring rows, from which a stated noise is doubted."""
+SPREAD = 1.45
+"""Standard deviation of a noise from n such windows, which share rows, over the noise / sqrt(n); simulated."""
 
 
 class MeasuredPath(NamedTuple):
@@ -42,6 +48,7 @@ class MeasuredMap:
     counted : (n_row,) rows of the role `fit` that lie inside the table
     free : channels that are in proportion to the model's, with a factor that is not known
     scatter : what each of several magnets has of its own, which the channels are free of; None of one magnet
+    louder : channel to how many times its stated noise the sigmas are, where neighbouring rows show that it is more
     """
 
     rows: StaticMap
@@ -50,6 +57,16 @@ class MeasuredMap:
     counted: NDArray[np.bool_]
     free: frozenset[str] = frozenset()
     scatter: UnitScatter | None = None
+    louder: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def notes(self) -> list[str]:
+        """What is to be said of its noise."""
+        return [
+            f"the rows of {name} scatter {times:.2g} times as much about their neighbours as their stated noise; that "
+            "is taken for the noise"
+            for name, times in self.louder.items()
+        ]
 
     @property
     def visited(self) -> Visited:
@@ -90,15 +107,21 @@ def measured_map(record: Record, table: MagneticTable) -> MeasuredMap:
     if not counted.any():
         raise InputError("no row of static.csv lies inside the table; extend the sweep")
     magnet = table.evaluate(rows.current, rows.gap)
+    modelled = {FORCE: magnet["force"], FLUX: magnet["flux_linkage"]}
     slopes = {FORCE: magnet["force_current_slope"], FLUX: magnet["incremental_inductance"]}
-    sigmas = {}
+    sigmas: dict[str, Array] = {}
+    louder: dict[str, float] = {}
     for name, sigma in single.items():
         stated = name in slopes and is_stated(record, name)
         by_current = slopes[name] * (record.noise.current or 0.0) if stated else 0.0
         sigmas[name] = np.hypot(sigma[inside], by_current * np.ones(rows.gap.size))
+        if stated:
+            times = _loudness(rows, rows.readings[name] / sigmas[name], modelled[name] / sigmas[name])
+            sigmas[name] = times * sigmas[name]
+            louder |= {name: times} if times > 1.0 else {}
     free = frozenset(rows.readings) if rows.scale == "free" else frozenset({DENSITY})
     rows, scatter = without_scatter(rows, sigmas, table=table, actuator=record.actuator)
-    return MeasuredMap(rows, rows.readings, sigmas, counted, free, scatter)
+    return MeasuredMap(rows, rows.readings, sigmas, counted, free, scatter, louder)
 
 
 def is_stated(record: Record, name: str) -> bool:
@@ -139,8 +162,33 @@ def _of_repeats(static: StaticMap, values: Array) -> float:
 def _roughness(static: StaticMap, values: Array) -> float:
     """One sigma of what neighbours in the order of gap and current do not share: third differences over sqrt(20)."""
     ordered = values[np.lexsort((static.current, static.gap))]
-    third = np.diff(ordered, 3) / np.sqrt(20.0)
-    return float(max(np.median(np.abs(third)) / MEDIAN_OF_NORMAL, LEAST_NOISE * np.abs(values).max()))
+    return float(max(_of_third_differences(np.diff(ordered, 3)), LEAST_NOISE * np.abs(values).max()))
+
+
+def _of_third_differences(third: Array) -> float:
+    """One sigma of what makes them, whose variance is a twentieth of theirs."""
+    return float(np.median(np.abs(third)) / MEDIAN_OF_NORMAL / np.sqrt(20.0))
+
+
+def _loudness(static: StaticMap, measured: Array, modelled: Array) -> float:
+    """How many times its stated noise a reading is, 1 to `MISSTATED`, by third differences along each sweep of what is
+    measured less what is modelled, (n_row,) over that noise; a scale of the model is fitted. What two standard
+    errors of so few windows make is none.
+    """
+    if static.gap.size < FEWEST_WINDOWS:
+        return 1.0
+    windows = [np.lib.stride_tricks.sliding_window_view(values, 4) for values in (static.gap, static.current)]
+    along = [np.all(np.diff(own) > 0, axis=1) | np.all(np.diff(own) < 0, axis=1) for own in windows]
+    still = [np.ptp(own, axis=1) == 0 for own in windows]
+    third = np.diff(np.stack([measured, modelled]), 3)
+    kept = ((along[0] & still[1]) | (along[1] & still[0])) & np.isfinite(third).all(axis=0)
+    if np.count_nonzero(kept) < FEWEST_WINDOWS:
+        return 1.0
+    own, model = third[:, kept]
+    own = own - model * (own @ model) / max(float(model @ model), np.finfo(float).tiny)
+    sigma = _of_third_differences(own)
+    by_chance = 1.0 + 2.0 * SPREAD / np.sqrt(own.size)
+    return min(sigma, MISSTATED) if sigma > by_chance else 1.0
 
 
 def _refuse_cycles(static: StaticMap, table: MagneticTable) -> None:

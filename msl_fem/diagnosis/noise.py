@@ -31,6 +31,10 @@ MISSTATED = 3.0
 """How many times as loud as stated an instrument may be where the highest frequencies show it."""
 HIGHEST_BAND = 0.8
 """Of half the sampling rate: above it a residual is the instruments' noise."""
+WINDOWED_LINES = 1.4
+"""Two standard errors of an RMS of n lines are this over sqrt(n) under the window, by which neighbours depend."""
+FLAT = 0.1
+"""Between thirds of the upper half of a spectrum, up to which it is flat."""
 HEARD = 0.02  # of the noise's density: lines where the model's readings stay below it tell nothing
 WINDOWED = 1.3  # a margin above the highest line that is heard
 PRIOR = 4.0
@@ -69,12 +73,21 @@ def ceilings(n_band: int, n_channel: int, *, strict: bool) -> Array:
     return np.tile(found, n_channel)
 
 
-def loudness(over: Array) -> float:
-    """How many times louder than stated, 1 to `MISSTATED`, a residual over the noise's sigma, (n_sample,), shows the
-    instrument to be: by its highest frequencies, where no model error is left that it could be."""
+def loudness(over: Array, read: NDArray[np.bool_] | None = None) -> float:
+    """How many times as loud as stated, 1/`MISSTATED` to `MISSTATED`, a residual over the noise's sigma, (n_sample,),
+    shows the instrument to be: louder by its highest frequencies, where no model error is left that it could be, with
+    two standard errors; quieter where the upper half of its spectrum is flat, for a filter's noise is less there than
+    where it counts. Samples that are not `read` but bridged hold no noise."""
     window = np.hanning(over.size)
-    lines = np.abs(np.fft.rfft(over * window))[int(HIGHEST_BAND * (over.size // 2 + 1)) :] ** 2
-    return float(np.clip(np.sqrt(lines.mean() / np.sum(window**2)), 1.0, MISSTATED))
+    lines = np.abs(np.fft.rfft(over * window)) ** 2 / np.sum(window**2 if read is None else window[read] ** 2)
+    top = float(np.sqrt(lines[int(HIGHEST_BAND * lines.size) :].mean()))
+    two_errors = WINDOWED_LINES / np.sqrt((1 - HIGHEST_BAND) * lines.size)
+    if top > 1 + two_errors:
+        return float(min(top * (1 + two_errors), MISSTATED))
+    upper = [float(np.sqrt(part.mean())) for part in np.array_split(lines[lines.size // 2 :], 3)]
+    if max(upper) < 1 - two_errors and max(upper) - min(upper) < FLAT * max(upper):
+        return max(*upper, 1 / MISSTATED)
+    return 1.0
 
 
 def make_bands(samples: Sequence[int], rate: float, *, highest: float) -> NoiseBands:

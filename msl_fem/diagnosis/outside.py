@@ -21,12 +21,13 @@ from scipy.signal import lfilter
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.problem import states
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.plant import layout
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_run import LaneSettings, run_lanes
 from msl_fem.plant.plant import FORCE_DRIVE
-from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, measured_start
+from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, Start, measured_start
 from msl_fem.prediction.free_run import readings_of
 from msl_fem.prediction.hypothesis import plant_in_run, plant_of_run
 from msl_fem.record.columns import Channel
@@ -84,8 +85,7 @@ def dependences(
     """
     run = likelihood.problem.runs[0]
     plant = plant_of_run(belief, run)
-    cut = likelihood.problem.cut(0) or Stretches.whole(measured_start(plant, run))
-    trajectory = _Trajectory(plant, run, cut)
+    trajectory = _Trajectory(plant, run, likelihood.problem.cut(0))
     if not np.isfinite(trajectory.out).all():
         return []
     judge = _FreeFunctions(likelihood, fit, trajectory)
@@ -106,10 +106,11 @@ def named_dependence(ranked: Sequence[Dependence]) -> tuple[str, tuple[str, ...]
 
 
 class _Trajectory:
-    """The first run of a record as the fitted model makes it, from its measured start."""
+    """The first run of a record as the fitted model makes it, from its measured start, or the starts of stretches."""
 
-    def __init__(self, plant: KernelPlant, run: RunData, cut: Stretches) -> None:
+    def __init__(self, plant: KernelPlant, run: RunData, cut: Stretches | None) -> None:
         self.plant, self.run, self.cut = plant, run, cut
+        self.starts = _whole(measured_start(plant, run)) if cut is None else states(plant, run, cut.starts, {})
         self.out = self.simulated()
 
     def simulated(self, push: Array | None = None, more: Array | None = None) -> Array:
@@ -119,7 +120,8 @@ class _Trajectory:
         commands = self.run.commands if more is None else self.run.commands + more
         inputs = Inputs(commands[:, :columns], self.run.rate, 0.0 if push is None else push, self.run.hold)
         effects = None if plant.effects is None else plant.readings[None]
-        settings = LaneSettings(effects=effects, starts=self.cut.starts[None], begins=self.cut.begins)
+        begins = np.zeros(1, dtype=np.intp) if self.cut is None else self.cut.begins
+        settings = LaneSettings(effects=effects, starts=self.starts[None], begins=begins)
         found = run_lanes(
             plant.surface,
             [plant_in_run(plant.parameters, self.run)],
@@ -128,7 +130,7 @@ class _Trajectory:
             settings=settings,
         )
         out = found.blocks[0][:, :, 0]
-        return bridged(out.T, np.flatnonzero(~self.cut.counts(len(out)))).T
+        return out if self.cut is None else bridged(out.T, np.flatnonzero(~self.cut.counts(len(out)))).T
 
     @cached_property
     def variables(self) -> dict[str, Array]:
@@ -145,6 +147,11 @@ class _Trajectory:
             "current reading": float(np.std(self.out[:, layout.OUT_I1])) or 1.0,
             "position reading": float(np.std(self.out[:, layout.OUT_X])) or 1.0,
         }
+
+
+def _whole(start: Start) -> Array:
+    """(1, 4) of a run that is followed from its start to its end."""
+    return np.array([[*start.currents, start.position, start.velocity]])
 
 
 def _tried(trajectory: _Trajectory) -> Mapping[str, list[str]]:

@@ -1,6 +1,6 @@
 """The runs of a record simulated for many values of the unknowns at once: what is measured less what is simulated."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -157,13 +157,10 @@ def residuals_in_parts(problem: FitProblem, points: Points, run: int, *, substep
 def missed(problem: FitProblem, points: Points, run: int, found: LaneRun) -> list[Array]:
     """Measured less simulated of a run's channels, (n_row, n_sample) in SI units."""
     factors = [points.unknowns.factors(z) for z in points.rows]
-    gains = np.array([f.get("position_gain", 1.0) for f in factors]) * problem.plant.gain
     data, residuals = problem.runs[run], []
     left_out = data.left_out
     for name in problem.channels(run):
-        lines = np.array([line_of(name, together(problem.plant.instruments, f)) for f in factors])
-        if name == POSITION_COLUMN:
-            lines[:, 0] = gains
+        lines = np.array([_line(problem.plant, name, f) for f in factors])
         values = data.measured[name] - (lines[:, :1] * reading(found, name) + lines[:, 1:])
         residuals.append(bridged(values, left_out[name]) if name in left_out else values)
     return residuals
@@ -196,7 +193,8 @@ def _lane_settings(
     if cut is None:
         starts = np.array([_start(problem, unknowns, z, run) for z in rows])
     else:
-        starts = np.broadcast_to(cut.starts, (len(rows), cut.begins.size, 4))
+        read = np.broadcast_to(cut.starts, (len(rows), cut.begins.size, 4))
+        starts = np.array([states(problem.plant, data, one, f) for one, f in zip(read, factors, strict=True)])
     surface, index = _surfaces(problem, unknowns, rows)
     settings = LaneSettings(
         effects=effects,
@@ -206,6 +204,25 @@ def _lane_settings(
         begins=None if cut is None else cut.begins,
     )
     return surface, plants, settings
+
+
+def states(plant: KernelPlant, data: RunData, starts: Array, factors: Mapping[str, float]) -> Array:
+    """(n_stretch, 4) where stretches begin in truth, by a plant whose instruments have these factors beside its own."""
+    found = starts.copy()
+    gain, zero = _line(plant, POSITION_COLUMN, factors)
+    found[:, 2], found[:, 3] = (starts[:, 2] - zero) / gain, starts[:, 3] / gain
+    for side in range(plant.parameters.sides):
+        column = Channel("current", side + 1).column
+        if column in data.measured:
+            gain, zero = _line(plant, column, factors)
+            found[:, side] = (starts[:, side] - zero) / gain
+    return found
+
+
+def _line(plant: KernelPlant, column: str, factors: Mapping[str, float]) -> tuple[float, float]:
+    """(gain, zero) of a reading by a plant whose instruments have these factors beside its own."""
+    gain, zero = line_of(column, together(plant.instruments, factors))
+    return (plant.gain * factors.get("position_gain", 1.0) if column == POSITION_COLUMN else gain), zero
 
 
 def reading(found: LaneRun, channel: str) -> Array:

@@ -136,19 +136,19 @@ class Refinement:
         hopeless: Callable[[Refit], bool] = lambda refit: False,
     ) -> None:
         self.base, self.tell, self.memory, self.hopeless = base, tell, memory, hopeless
-        self.near = base.sane or base
+        self.near, self.lost = base.sane or base, base.sane is not None
         self.nuisance_columns = self.near.jacobian[:, : base.unknowns.n_nuisance]
         self.gathered = GatheredRuns(0)
 
     def best_first(self, candidates: Sequence[Score]) -> list[Refit]:
         """All refits by their gain."""
-        if self.near is not self.base:  # where no gain over the base means anything
+        if self.lost:  # where no gain over the base means anything
             most = max((score.gain for score in candidates), default=0.0)
             candidates = [score for score in candidates if score.gain >= ELIMINATED * most]
         told = _Screening(self.tell, len(candidates))
         first = self._together(lambda score: told.ends(score, self.screened(score)), candidates)
         kept, eliminated = _in_front([refit for refit in first if refit is not None])
-        if self.near is not self.base:
+        if self.lost:
             self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(kept))}")
             kept, behind = _in_front(self._together(self.from_small_amounts, kept))
             eliminated += behind
@@ -160,16 +160,23 @@ class Refinement:
             return sorted([*refined, *eliminated], key=_by_gain)
         near: list[Refit] = []
         far = list(eliminated)
-        for refit in refined[1:]:
+        forms = self._other_forms(leader, refined[1:])
+        for refit in (one for one in refined[1:] if one not in forms):
             is_near = refit.gain > 0 and refit.gain + refit.fit.predicted > leader.gain - NEAR
             (near if is_near else far).append(refit)
         converged = self._together(lambda refit: self.converged(refit, leads=False), near)
-        return self._led([leader, *converged], far)
+        return self._led([leader, *(self.converged(form, leads=True) for form in forms), *converged], far)
+
+    def _other_forms(self, leader: Refit, refits: Sequence[Refit]) -> list[Refit]:
+        """Of the leader's effect, beside a model that is lost: which of them leads on the way there is chance."""
+        if not self.lost:
+            return []
+        return [one for one in refits if one.gain > 0 and one.variant.effect == leader.variant.effect]
 
     def _led(self, converged: list[Refit], far: list[Refit]) -> list[Refit]:
         """All refits, best first; one that overtook the first is led to its end as well."""
         best = min(converged, key=_by_gain)
-        if best is not converged[0]:
+        if best is not converged[0] and not best.fit.finished:
             converged[converged.index(best)] = self.converged(best, leads=True)
         return sorted([*converged, *far], key=_by_gain)
 

@@ -21,7 +21,7 @@ from msl_fem.diagnosis.refits import ROUGH
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
 from msl_fem.diagnosis.spikes import about_spikes, without_spikes
-from msl_fem.diagnosis.static_maps import MAP_BESIDE, JointLikelihood, joined
+from msl_fem.diagnosis.static_maps import MAP_BESIDE, StaticLikelihood, joined, map_beside, own_of_map
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.table_error import Visited, table_error
 from msl_fem.diagnosis.unknowns import Unknowns, fixed_of
@@ -100,9 +100,8 @@ class Runs(Kind):
         n = len(self.unknowns.believed) + self.unknowns.n_table
         covariance = np.linalg.inv(found.precision)[:n, :n]
         values, vectors = np.linalg.eigh(covariance)
-        moves = np.zeros((n, found.z.size))
-        moves[:, :n] = (vectors * np.sqrt(np.maximum(values, 0.0))).T
-        return _made(self.record, self.belief, self.recorded, found.z[:n], moves[:, :n], threads=self.threads)
+        moves = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+        return _made(self.record, self.belief, self.recorded, found.z[:n], moves, threads=self.threads)
 
     def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:
         signals = []
@@ -197,11 +196,11 @@ def _made(
 ) -> Runs:
     """The kind, its stretches chosen at numbers `at` of believed parameters and table, and `moves` of one sigma of
     them; at the belief and its tolerances without."""
-    problem, unknowns = _problem(belief, runs, record.tolerance, threads=threads)
+    static = map_beside(record, belief)
+    problem, unknowns = _problem(belief, runs, record.tolerance, static, threads=threads)
     spread = ModelSpread.of_tolerances(unknowns)
     if at is not None and moves is not None:
-        rest = unknowns.size - at.size
-        spread = ModelSpread(unknowns, np.pad(at, (0, rest)), np.pad(moves, ((0, 0), (0, rest))))
+        spread = ModelSpread(unknowns, at, moves)
     substeps = problem.plant.substeps
     shots = [Shooting(problem, n, spread, substeps=substeps) for n in range(len(runs))]
     every: Cuts = tuple(shot.chosen(with_moves=at is not None) for shot in shots)
@@ -210,9 +209,8 @@ def _made(
     recorded, runs, cuts = tuple(runs), tuple(run for run, _ in inside), tuple(cut for _, cut in inside)
     kept = [n for n, run in enumerate(runs) if run.role == "fit"]
     fitted = _cut_problem(replace(problem, runs=runs), cuts, kept)
-    likelihood, unknowns = _likelihood(fitted, unknowns)
-    likelihood, unknowns = joined(record, belief, likelihood, unknowns)
-    notes = [MAP_BESIDE] if isinstance(likelihood, JointLikelihood) else []
+    likelihood, unknowns = _likelihood(fitted, unknowns, static)
+    notes = [] if static is None else [MAP_BESIDE, *static.measured.notes]
     left_out += about_spikes(runs) + about_invalid(runs)
     notes += [*_told(runs, cuts), *(one.text for one in left_out)]
     begin = None
@@ -222,26 +220,45 @@ def _made(
 
 
 def prepared_runs(
-    belief: ModelHypothesis, runs: Sequence[RunData], tolerance: Tolerance, *, threads: int = 1
+    belief: ModelHypothesis,
+    runs: Sequence[RunData],
+    tolerance: Tolerance,
+    *,
+    static: StaticLikelihood | None = None,
+    threads: int = 1,
 ) -> tuple[Likelihood, Unknowns]:
-    """The likelihood of runs that are followed from start to end, and what it does not know without any effect."""
-    problem, unknowns = _problem(belief, runs, tolerance, threads=threads)
+    """The likelihood of runs that are followed from start to end, a static map beside them where there is one, and
+    what it does not know without any effect."""
+    problem, unknowns = _problem(belief, runs, tolerance, static, threads=threads)
     every = range(len(runs))
-    return _likelihood(_cut_problem(problem, (None,) * len(runs), every), unknowns)
+    return _likelihood(_cut_problem(problem, (None,) * len(runs), every), unknowns, static)
 
 
 def _problem(
-    belief: ModelHypothesis, runs: Sequence[RunData], tolerance: Tolerance, *, threads: int
+    belief: ModelHypothesis,
+    runs: Sequence[RunData],
+    tolerance: Tolerance,
+    static: StaticLikelihood | None,
+    *,
+    threads: int,
 ) -> tuple[FitProblem, Unknowns]:
-    """All runs as a problem, followed as a whole, and what is unknown in it beside their starts."""
+    """All runs as a problem, followed as a whole, and what is unknown in it and in a static map beside them, but for
+    their starts."""
     plant = kernel_plant(belief, rate=runs[0].rate, ideal_current=runs[0].ideal_current)
     error = None
     if belief.table is not None and plant.parameters.sides and tolerance.table:
         fitted = [run for run in runs if run.role == "fit"]
-        error = table_error(belief.table, Visited.by_runs(plant, fitted or runs), tolerance=tolerance.table)
+        visited = Visited.by_runs(plant, fitted or runs)
+        if static is not None:
+            visited = visited.joined(static.measured.visited)
+        error = table_error(belief.table, visited, tolerance=tolerance.table)
     problem = FitProblem(plant, tuple(runs), (), (), error, threads, tolerance=tolerance)
-    believed = tuple(free_parameters(belief, tolerance, runs=runs).items())
-    return problem, Unknowns(believed, 0 if error is None else len(error.modes), (), fixed=fixed_of(belief))
+    believed = free_parameters(belief, tolerance, runs=runs)
+    if static is not None:
+        believed |= own_of_map(static.measured, tolerance)
+    return problem, Unknowns(
+        tuple(believed.items()), 0 if error is None else len(error.modes), (), fixed=fixed_of(belief)
+    )
 
 
 def _cut_problem(problem: FitProblem, cuts: Cuts, kept: Sequence[int]) -> FitProblem:
@@ -256,8 +273,10 @@ def _cut_problem(problem: FitProblem, cuts: Cuts, kept: Sequence[int]) -> FitPro
     return replace(problem, runs=runs, guesses=tuple(guesses), start_sigmas=tuple(sigmas), stretches=stretches)
 
 
-def _likelihood(problem: FitProblem, unknowns: Unknowns) -> tuple[Likelihood, Unknowns]:
-    """Of runs that are cut, and its unknowns with the starts of those that are not."""
+def _likelihood(
+    problem: FitProblem, unknowns: Unknowns, static: StaticLikelihood | None
+) -> tuple[Likelihood, Unknowns]:
+    """Of runs that are cut and of a map beside them, and its unknowns with the starts of runs that are not cut."""
     unknowns = replace(unknowns, starts=tuple(sigma.size for sigma in problem.start_sigmas))
     points = Points.of(unknowns, np.zeros((1, unknowns.size)))
     found = simulated_residuals(problem, points, substeps=problem.plant.substeps)
@@ -269,7 +288,8 @@ def _likelihood(problem: FitProblem, unknowns: Unknowns) -> tuple[Likelihood, Un
         highest = max(highest, highest_line(run, readings))
     lengths = [part.stop - part.start for _, part in problem.pieces]
     bands = make_bands(lengths, problem.plant.rate, highest=highest)
-    return Likelihood(problem, bands, problem.plant.substeps), unknowns
+    likelihood = Likelihood(problem, bands, problem.plant.substeps)
+    return likelihood if static is None else joined(static, likelihood), unknowns
 
 
 def _simulated_missed(
@@ -294,7 +314,7 @@ def _largest_left(kind: Runs, found: Fit) -> float:
     n = len(found.unknowns.believed) + found.unknowns.n_table
     z = np.zeros(kind.unknowns.size)
     z[:n] = found.z[:n]
-    return max(kind.likelihood.excess(replace(found, unknowns=kind.unknowns, z=z)).values())
+    return max(kind.likelihood.excess_of_runs(replace(found, unknowns=kind.unknowns, z=z)).values())
 
 
 def _of_round(tell: Callable[[str], None], n: int, text: str) -> None:

@@ -18,8 +18,8 @@ from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.plant.excitation import Inputs
 from msl_fem.prediction import KernelPlant, RunData
 from msl_fem.prediction.free_run import read_current, start_sigmas
-from msl_fem.prediction.nuisances import line_of
 from msl_fem.prediction.run_data import POSITION_COLUMN
+from msl_fem.record.columns import Channel
 
 SHORTEST = 16  # samples of a stretch
 GENTLE = 3.0  # times that a start's error may grow from the first quarter to the last, and be no growth
@@ -240,8 +240,7 @@ class Shooting:
 
 def guessed(plant: KernelPlant, data: RunData, begins: NDArray[np.intp], n_start: int) -> Stretches:
     """Stretches with starts by a parabola through the positions around, and currents as read or commanded."""
-    half = LOOKED_AT // 2
-    x = (data.measured[POSITION_COLUMN] - line_of(POSITION_COLUMN, plant.instruments)[1]) / plant.gain
+    half, x = LOOKED_AT // 2, data.measured[POSITION_COLUMN]
     starts = np.zeros((begins.size, 4))
     for n, begin in enumerate(begins):
         first = int(np.clip(begin - half, 0, x.size - LOOKED_AT))
@@ -250,7 +249,8 @@ def guessed(plant: KernelPlant, data: RunData, begins: NDArray[np.intp], n_start
     if data.mover == "locked":
         starts[:, 2], starts[:, 3] = x.mean(), 0.0
     for side in range(plant.parameters.sides):
-        starts[:, side] = read_current(plant, data, side)[begins]
+        read = data.measured.get(Channel("current", side + 1).column)
+        starts[:, side] = (read_current(plant, data, side) if read is None else read)[begins]
     return Stretches(begins, starts, np.zeros((len(data.measured), n_start, x.size)))
 
 

@@ -6,7 +6,7 @@ the role `fit` count. The noise of each channel is white, its density estimated 
 belong to one likelihood with them: table, scale and gap are the same unknowns.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -21,7 +21,7 @@ from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.measured_map import DENSITY, FLUX, FORCE, MeasuredMap, is_stated, measured_map, path_of
 from msl_fem.diagnosis.noise import NoiseBands, NoiseWeights
 from msl_fem.diagnosis.problem import FitProblem, Points
-from msl_fem.diagnosis.table_error import TableErrorModes, Visited, corrected, table_error
+from msl_fem.diagnosis.table_error import corrected, table_error
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import RecordFeatures, Variant, variants
 from msl_fem.errors import InputError, OutOfTable
@@ -30,9 +30,9 @@ from msl_fem.plant.effects import CATALOGUE, PARAMETER_INDEX, from_vector, neutr
 from msl_fem.plant.plant import VOLTAGE_DRIVE
 from msl_fem.plant.preparation import small_signal_inductance
 from msl_fem.plant.static_map import static_map
-from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData
+from msl_fem.prediction import KernelPlant, ModelHypothesis
 from msl_fem.prediction.nuisances import line_of, nuisances_of_map, read_of_map
-from msl_fem.record import Record, StaticMap
+from msl_fem.record import Record, StaticMap, Tolerance
 from msl_fem.table.magnetic_table import MagneticTable
 
 FEWEST_ROWS = 12
@@ -167,7 +167,7 @@ def prepared_map(record: Record, table: MagneticTable) -> tuple[StaticLikelihood
     stated = {"nominal_gap": tolerance.nominal_gap, "magnetic_scale": tolerance.magnetic_scale}
     if measured.rows.gap_zero == "gauge":
         del stated["nominal_gap"]  # it is the gauges' zero that the map is off by
-    stated |= nuisances_of_map(tolerance, gap=measured.rows.gap_zero, readings=measured.channels)
+    stated |= own_of_map(measured, tolerance)
     believed = tuple((name, sigma) for name, sigma in stated.items() if sigma)
     unknowns = Unknowns(believed, 0 if error is None else len(error.modes), ())
     return StaticLikelihood(problem, bands, 1, measured), unknowns
@@ -238,15 +238,15 @@ def map_alone(record: Record, belief: ModelHypothesis) -> MapAlone:
     guessed = [name for name in likelihood.measured.sigmas if not is_stated(record, name)]
     notes = [f"the noise of {name} is not stated; taken from repeats or neighbouring rows" for name in guessed]
     scatter = likelihood.measured.scatter
-    notes += [] if scatter is None else [scatter.told]
+    notes += [*likelihood.measured.notes, *([] if scatter is None else [scatter.told])]
     return MapAlone(belief, likelihood, unknowns, tuple(notes))
 
 
 @dataclass(frozen=True, eq=False)
 class JointLikelihood(Likelihood):
-    """The numbers of the runs, then those of the map; `static` may be missing. Its table error is that of `problem`."""
+    """The numbers of the runs, then those of the map, whose table error is that of `problem`."""
 
-    static: StaticLikelihood | None
+    static: StaticLikelihood
 
     def of_runs(self, points: Points) -> Array:
         """`spectra` of the runs alone."""
@@ -254,31 +254,23 @@ class JointLikelihood(Likelihood):
 
     def spectra(self, points: Points) -> Array:
         """Residuals of the runs in the frequency domain over their white sigma, then the map's; (n_row, n_number)."""
-        found = self.of_runs(points)
-        return found if self.static is None else np.hstack([found, self.static.spectra(points)])
+        return np.hstack([self.of_runs(points), self.static.spectra(points)])
 
     @property
     def labels(self) -> NDArray[np.intp]:
         """(n_number,) the band of each number of the runs, then the channel of each of the map."""
         own, n = super().labels, self.bands.n_band * len(super().channel_names)
-        return own if self.static is None else np.concatenate([own, self.static.labels + n])
+        return np.concatenate([own, self.static.labels + n])
 
     @property
     def ceilings(self) -> Array:
         """(n_label,) of the runs' bands, then of the map."""
-        own = super().ceilings
-        return own if self.static is None else np.concatenate([own, self.static.ceilings])
-
-    def excess_of_runs(self, found: Fit) -> dict[str, float]:
-        """Channel to RMS residual over the noise's sigma."""
-        return super().excess(found)
+        return np.concatenate([super().ceilings, self.static.ceilings])
 
     def excess(self, found: Fit) -> dict[str, float]:
         """Channel to RMS residual over the noise, of runs and map."""
-        made = self.excess_of_runs(found)
-        if self.static is not None:
-            made |= self.static.excess(replace(found, residual=found.residual[self._of_runs :]))
-        return made
+        own = replace(found, residual=found.residual[self._of_runs :])
+        return self.excess_of_runs(found) | self.static.excess(own)
 
     def runs_part(self, found: Fit) -> tuple[Likelihood, Fit]:
         """The runs alone, and a fit as they see it."""
@@ -293,34 +285,19 @@ class JointLikelihood(Likelihood):
         return self._labels_of_runs.size
 
 
-def joined(
-    record: Record, belief: ModelHypothesis, likelihood: Likelihood, unknowns: Unknowns
-) -> tuple[Likelihood, Unknowns]:
-    """The likelihood of runs with a record's static map beside it, where there is one that a fit can use."""
+def map_beside(record: Record, belief: ModelHypothesis) -> StaticLikelihood | None:
+    """A record's static map, to stand beside its runs; None where there is none that a fit can use."""
     if record.static is None or belief.table is None or why_no_map(record.static):
-        return likelihood, unknowns
-    static = prepared_map(record, belief.table)[0]
-    runs = likelihood.problem
-    error = common_error(record, belief, runs.plant, runs.runs, static)
-    static = replace(static, problem=replace(static.problem, table_error=error))
-    both = JointLikelihood(replace(runs, table_error=error), likelihood.bands, likelihood.substeps, static)
-    own = nuisances_of_map(record.tolerance, gap=static.measured.rows.gap_zero, readings=static.measured.channels)
-    believed = tuple((dict(unknowns.believed) | own).items())
-    return both, replace(unknowns, believed=believed, n_table=0 if error is None else len(error.modes))
-
-
-def common_error(
-    record: Record,
-    belief: ModelHypothesis,
-    plant: KernelPlant,
-    runs: Sequence[RunData],
-    static: StaticLikelihood | None,
-) -> TableErrorModes | None:
-    """The table's error over all that runs and map visit."""
-    tolerance = record.tolerance.table
-    if belief.table is None or not tolerance:
         return None
-    visited = Visited.by_runs(plant, runs)
-    if static is not None:
-        visited = visited.joined(static.measured.visited)
-    return table_error(belief.table, visited, tolerance=tolerance)
+    return prepared_map(record, belief.table)[0]
+
+
+def own_of_map(measured: MeasuredMap, tolerance: Tolerance) -> dict[str, float]:
+    """What is believed of a map's instruments, to its sigma."""
+    return nuisances_of_map(tolerance, gap=measured.rows.gap_zero, readings=measured.channels)
+
+
+def joined(static: StaticLikelihood, runs: Likelihood) -> JointLikelihood:
+    """The likelihood of runs with a static map beside it, which has the same error of the table."""
+    static = replace(static, problem=replace(static.problem, table_error=runs.problem.table_error))
+    return JointLikelihood(runs.problem, runs.bands, runs.substeps, static)

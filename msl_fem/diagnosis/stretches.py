@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
-from msl_fem.prediction import Start
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +27,8 @@ class Stretches:
     Attributes
     ----------
     begins : (n_stretch,) first samples, the first is 0
-    starts : (n_stretch, 4) currents of the sides (A), position (m), velocity (m/s)
+    starts : (n_stretch, 4) currents of the sides (A), position (m), velocity (m/s), as instruments read them where they
+        are read: where a model believes in another gain or zero of them, what moves begins elsewhere
     slopes : (n_channel, n_start, n_sample) of the channels' residuals over their noise, by the moves of the starts
     outside : (n_stretch,) those in which the model leaves its table or range, which do not count; None: all count
     """
@@ -37,12 +37,6 @@ class Stretches:
     starts: Array
     slopes: Array
     outside: NDArray[np.bool_] | None = None
-
-    @classmethod
-    def whole(cls, start: Start) -> "Stretches":
-        """One stretch, whose start is none of a fit's unknowns."""
-        starts = np.array([[*start.currents, start.position, start.velocity]])
-        return cls(np.zeros(1, dtype=np.intp), starts, np.zeros((0, 0, 0)))
 
     def parts(self, n_sample: int) -> list[slice]:
         """The samples of each stretch."""

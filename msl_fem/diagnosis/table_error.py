@@ -1,12 +1,14 @@
 """Smooth errors of a field table as a few coefficients: a Gaussian process over current and gap, where a record went.
 
-The coenergy of the table is multiplied by 1 + a phi, phi a process of unit variance with the squared exponential
-covariance in u(i) = sqrt(1 + (i/s)^2) and z(g) = sqrt(g) (Rasmussen and Williams, Gaussian Processes for Machine
-Learning, 2006, ch. 4), so that force and flux stay derivatives of one coenergy. On the part of the table that a record
-visits, the process is its first Karhunen-Loeve modes. The amplitude a is such that the RMS error over the table, of
-force or flux linkage, whichever is larger, is the table's tolerance.
+The coenergy of the table is multiplied by 1 + a phi, phi a process of unit variance with the Matern covariance of order
+5/2 in u(i) = sqrt(1 + (i/s)^2) and in z(g) = sqrt(g) (Rasmussen and Williams, Gaussian Processes for Machine Learning,
+2006, ch. 4), so that force and flux stay derivatives of one coenergy. It has the two derivatives that a table needs and
+no more: an infinitely smooth process, on the small part of a table that a record visits, leaves none of the fine shape
+that an error has at the knee. On that part the process is its first Karhunen-Loeve modes. The amplitude a is such that
+the RMS error over the table, of force or flux linkage, whichever is larger, is the table's tolerance.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -19,7 +21,7 @@ from msl_fem.record.columns import Channel
 from msl_fem.table.coenergy_surface import fit_coenergy_surface
 from msl_fem.table.magnetic_table import NODES, SECTION, MagneticTable
 
-LENGTH = 0.6
+LENGTH = 1.5
 """Correlation length, in half widths of the table's range of u and z."""
 KNEE = 6.0  # the largest current over s
 MOST_MODES = 12
@@ -88,7 +90,7 @@ def table_error(table: MagneticTable, visited: Visited, *, tolerance: float) -> 
     i = np.linspace(*_widened(visited.current, currents), _SAMPLES)
     g = np.linspace(*_widened(visited.gap, gaps), _SAMPLES)
     u, z = (a.ravel() for a in np.meshgrid(coordinates.u(i)[0], coordinates.z(g)[0]))
-    covariance = np.exp(-((u[:, None] - u) ** 2 + (z[:, None] - z) ** 2) / (2 * LENGTH**2))
+    covariance = _matern(u[:, None] - u)[0] * _matern(z[:, None] - z)[0]
     values, vectors = np.linalg.eigh(covariance)
     order = np.argsort(values)[::-1][:MOST_MODES]
     kept = order[values[order] > LEAST * values[order[0]]]
@@ -145,16 +147,24 @@ class _Coordinates:
         return k * (root - self.z_low) - 1, k / (2 * root), -k / (4 * root**3)
 
 
+def _matern(d: Array) -> tuple[Array, Array, Array]:
+    """The covariance at a distance d along one coordinate, and its first and second derivative over d."""
+    r = math.sqrt(5.0) * np.abs(d) / LENGTH
+    rate, falling = 5 / (3 * LENGTH**2), np.exp(-r)
+    return (1 + r + r**2 / 3) * falling, -rate * d * (1 + r) * falling, -rate * (1 + r - r**2) * falling
+
+
 def _error_of_unit(table: MagneticTable, coordinates: _Coordinates) -> float:
     """Mean square over the nodes of the relative error of force or flux linkage that phi makes, the larger.
 
     A relative error of the force is phi + (W'/W'_g) dphi/dg; a stationary process and its slope at a point are not
-    correlated, and the slope's variance is z_g^2 / LENGTH^2.
+    correlated, and the slope's variance is 5/3 z_g^2 / LENGTH^2.
     """
     w = table.nodes["coenergy"][:, 1:]
     u_i, z_g = coordinates.u(table.current[1:])[1], coordinates.z(table.gap)[1][:, None]
-    flux = 1 + (w / table.nodes["flux_linkage"][:, 1:] * u_i / LENGTH) ** 2
-    force = 1 + (w / table.nodes["force"][:, 1:] * z_g / LENGTH) ** 2
+    slope = 5 / (3 * LENGTH**2)
+    flux = 1 + slope * (w / table.nodes["flux_linkage"][:, 1:] * u_i) ** 2
+    force = 1 + slope * (w / table.nodes["force"][:, 1:] * z_g) ** 2
     return float(max(flux.mean(), force.mean()))
 
 
@@ -165,14 +175,10 @@ def _node_changes(
     at_u, at_z, weight = mode
     u, u_i, u_ii = (a[:, None] for a in coordinates.u(table.current))
     z, z_g, z_gg = (a[:, None] for a in coordinates.z(table.gap))
-    du = (u - at_u) / LENGTH**2
-    dz = (z - at_z) / LENGTH**2
-    along = np.exp(-(du**2) * LENGTH**2 / 2)  # (n_node, n_sample)
-    across = np.exp(-(dz**2) * LENGTH**2 / 2)
-    along_ii = ((du * u_i) ** 2 - u_i**2 / LENGTH**2 - du * u_ii) * along
-    across_gg = ((dz * z_g) ** 2 - z_g**2 / LENGTH**2 - dz * z_gg) * across
-    along_i = (along, -du * u_i * along, along_ii)
-    across_g = (across, -dz * z_g * across, across_gg)
+    along, along_u, along_uu = _matern(u - at_u)  # (n_node, n_sample)
+    across, across_z, across_zz = _matern(z - at_z)
+    along_i = (along, u_i * along_u, u_ii * along_u + u_i**2 * along_uu)
+    across_g = (across, z_g * across_z, z_gg * across_z + z_g**2 * across_zz)
     p, p_i, p_g, p_ii, p_ig, p_gg = (
         (across_g[k] * weight) @ along_i[m].T for m, k in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
     )

@@ -14,6 +14,7 @@ from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 Array = NDArray[np.float64]
 OFFSET = EffectUnknown("force_offset", "force")
 CUBIC = EffectUnknown("stiffness_nonlinearity", "cubic")
+BOW = EffectUnknown("position_sensor_nonlinearity", "quadratic")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ class LinearRecord:
         rows = []
         for n, z in enumerate(points.rows):
             model = self.nuisances @ z[: self.nuisances.shape[1]]
-            for one in (OFFSET, CUBIC):
+            for one in (OFFSET, CUBIC, BOW):
                 if points.effects is not None and one.effect in self.of_effect:
                     model = model + self.of_effect[one.effect] * one.z_of(float(points.effects[n, one.place]))
             rows.append(self.data - model)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msl_fem.diagnosis import decision, driver
+from msl_fem.diagnosis import decision, effect_search
 from msl_fem.diagnosis.conclusion import EffectSearch, _compensating, _named, main_cause
 from msl_fem.diagnosis.decision import (
     RELAXED,
@@ -125,10 +125,10 @@ def test_a_fit_that_is_worse_than_the_belief_is_made_anew_with_ceilings(
         assert likelihood.strict
         return Ended(np.ones(2), {"x": strictly, "i": 1.0})
 
-    monkeypatch.setattr(driver, "fit", fit)
+    monkeypatch.setattr(effect_search, "fit", fit)
     kind: Any = SimpleNamespace(likelihood=Ceilings(believed), unknowns=None)
     first: Any = Ended(np.ones(2), {"x": 918.0, "i": 1.0})
-    assert max(driver.not_worse(kind, np.zeros(2), first, FitPlan()).excess.values()) == left
+    assert max(effect_search.not_worse(kind, np.zeros(2), first, FitPlan()).excess.values()) == left
 
 
 def test_beside_a_wandering_sensor_a_large_gain_counts_though_nothing_finishes_what_it_leaves() -> None:

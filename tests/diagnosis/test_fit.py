@@ -7,12 +7,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from linear_record import CUBIC, OFFSET, LinearRecord, record, with_effect
+from scipy.signal import butter, lfilter
 
 from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.likelihood import Likelihood
-from msl_fem.diagnosis.noise import MISSTATED, PRIOR, ceilings, loudness, make_bands, transformed, weights_of
+from msl_fem.diagnosis.noise import (
+    MISSTATED,
+    PRIOR,
+    WINDOWED_LINES,
+    ceilings,
+    loudness,
+    make_bands,
+    transformed,
+    weights_of,
+)
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.scores import scores
 from msl_fem.diagnosis.search import converged_base, ranked, search_stage
@@ -59,12 +69,28 @@ def test_noise_has_a_ceiling_in_the_lowest_octave_or_in_all() -> None:
     assert ceilings(1, 1, strict=False).tolist() == [np.inf]
 
 
-@pytest.mark.parametrize(("times", "shown"), [(0.5, 1.0), (2.0, 2.0), (30.0, MISSTATED)])
+TWO_ERRORS = 1 + WINDOWED_LINES / np.sqrt(0.2 * 4001)
+"""More than is seen in the highest fifth of the lines of 8000 samples, which a louder instrument may be."""
+
+
+@pytest.mark.parametrize(
+    ("times", "shown"), [(0.1, 1 / MISSTATED), (0.5, 0.5), (1.0, 1.0), (2.0, 2.0 * TWO_ERRORS), (30.0, MISSTATED)]
+)
 def test_how_loud_an_instrument_is_its_highest_frequencies_say(times: float, shown: float) -> None:
     """White noise of a known multiple of its stated sigma beside a slow error of thirty times it."""
     slow = 30 * np.sin(2 * np.pi * 3.5 * np.arange(8000) / 1000)
     noise = times * np.random.default_rng(5).standard_normal(8000)
     assert loudness(noise + slow) == pytest.approx(shown, rel=0.05)
+
+
+def test_a_filter_behind_an_instrument_makes_it_no_quieter() -> None:
+    noise = lfilter(*butter(1, 0.2), np.random.default_rng(6).standard_normal(8000))
+    assert loudness(noise / noise.std()) == 1.0
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_an_instrument_as_loud_as_stated_is_neither(seed: int) -> None:
+    assert loudness(np.random.default_rng(seed).standard_normal(4000)) == pytest.approx(1.0, abs=0.16)
 
 
 def test_beyond_a_band_s_ceiling_a_residual_counts_by_its_square() -> None:

@@ -1,5 +1,6 @@
 """Runs and a static map of one record together: one likelihood, the same unknowns, sharper answers."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,11 +10,13 @@ from diagnosed import RUNS, TABLE, VOLTAGE_SERVO
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.fit import FitPlan, fit
+from msl_fem.diagnosis.measured_map import measured_map
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.runs import prepared_runs
-from msl_fem.diagnosis.static_maps import MAP_BESIDE, JointLikelihood, joined
+from msl_fem.diagnosis.static_maps import MAP_BESIDE, JointLikelihood, map_beside
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.prediction import ModelHypothesis, run_data
+from msl_fem.record import Noise, StaticMap
 
 
 @cache
@@ -28,7 +31,7 @@ def likelihoods(record):
     belief = ModelHypothesis(record.actuator, TABLE)
     runs = [data for data in (run_data(record, run) for run in record.runs) if data.role == "fit"]
     alone = prepared_runs(belief, runs, record.tolerance)
-    return alone, joined(record, belief, *alone)
+    return alone, prepared_runs(belief, runs, record.tolerance, static=map_beside(record, belief))
 
 
 def test_the_numbers_of_runs_and_map_stand_side_by_side() -> None:
@@ -64,3 +67,22 @@ def test_what_is_hidden_in_runs_and_map_is_found_by_both() -> None:
     assert found.names[:1] == ("fringing",)
     assert MAP_BESIDE in found.notes
     assert found.verdict in ("named", "named-and-unexplained")
+
+
+@pytest.mark.parametrize(("stated", "least", "most"), [(0.5, 1.4, 2.8), (1.0, 1.0, 1.3)])
+def test_rows_that_scatter_more_than_stated_tell_their_noise(stated: float, least: float, most: float) -> None:
+    excitations = tuple(parse_excitation(text, unit="V") for text in RUNS)
+    options = BenchOptions(seed=11, excitations=excitations, static=True, stated_noise=stated)
+    found = measured_map(sealed_record(VOLTAGE_SERVO, TABLE, (), options).record, TABLE)
+    assert least < found.louder.get("force_N", 1.0) + 1e-9 < most
+    assert len(found.notes) == len(found.louder)
+
+
+def test_what_is_smooth_along_a_sweep_is_no_noise() -> None:
+    """A pull of a tenth more than believed, a hundred times its noise, and a coarse sweep."""
+    gap, current = (each.ravel() for each in np.meshgrid(np.linspace(0.4e-3, 0.8e-3, 6), np.linspace(0.2, 1.6, 8)))
+    order = np.lexsort((current, gap))
+    force = 1.1 * TABLE.force(current, gap)
+    rows = StaticMap(gap, current, force, None, np.full(gap.size, "fit")).at(order)
+    record = replace(sealed().record, static=rows, noise=Noise(force=0.1 / 100 * float(np.median(force))))
+    assert not measured_map(record, TABLE).louder

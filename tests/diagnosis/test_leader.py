@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,3 +64,15 @@ def test_the_better_of_both_is_kept(fits, monkeypatch) -> None:
     monkeypatch.setattr("msl_fem.diagnosis.refits.MORE_LEGS", 0)
     begin = refit([9.0, 5.0, 0.3], 6000.0)
     assert Refinement(BASE, lambda text: None, FitMemory()).converged(begin, leads=True).gain == 6100.0
+
+
+@pytest.mark.parametrize("lost", [True, False])
+def test_beside_a_lost_model_the_leader_s_other_forms_are_led_to_their_ends_too(lost: bool) -> None:
+    near = SimpleNamespace(jacobian=np.zeros((1, 1)), sane=None, unknowns=SimpleNamespace(n_nuisance=1))
+    base: Any = SimpleNamespace(sane=near, unknowns=near.unknowns) if lost else near
+    force, slip, mode = (
+        SimpleNamespace(gain=gain, variant=SimpleNamespace(effect=effect))
+        for gain, effect in ((3.0, "coulomb_friction"), (2.0, "coulomb_friction"), (2.5, "structural_mode"))
+    )
+    refinement = Refinement(base, lambda text: None, FitMemory())
+    assert refinement._other_forms(force, [mode, slip]) == ([slip] if lost else [])  # type: ignore[arg-type, list-item]

@@ -14,12 +14,14 @@ from msl_fem.diagnosis.noise import transformed
 from msl_fem.diagnosis.problem import FitProblem, Points, lanes
 from msl_fem.diagnosis.runs import dynamic_runs
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting, guessed
+from msl_fem.diagnosis.static_maps import MAP_BESIDE
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import RecordFeatures, variants
 from msl_fem.plant import plant_parameters
 from msl_fem.plant.excitation import Inputs
-from msl_fem.prediction import ModelHypothesis, kernel_plant, run_data
+from msl_fem.prediction import ModelHypothesis, free_parameters, kernel_plant, run_data
+from msl_fem.record import StaticMap
 
 TRUTH = levitator.Truth(mass=1.004, resistance=0.99, inductance=1.001)
 
@@ -190,6 +192,30 @@ def test_stretches_grow_as_the_model_improves(base, table) -> None:
     assert believed.cuts[0].begins.size > fitted.cuts[0].begins.size
     assert told[0].startswith("round 1 of at most 3")  # a long record takes minutes here: every step is told
     assert sum("a further step promises" in text for text in told) > 2
+
+
+def test_a_static_map_beside_the_runs_stays_beside_stretches_that_are_chosen_anew(base, table) -> None:
+    """It has unknowns of its own: zero and gain of its gauges, and the table's error wherever it goes."""
+    record = replace(levitator.record(base, levitator.Truth(inductance=0.8), seconds=0.5), static=measured_map(table))
+    runs = [run_data(record, run) for run in record.runs]
+    believed = dynamic_runs(record, ModelHypothesis(record.actuator, table), runs)
+    fitted = believed.settled(lambda text: None)
+    assert believed.cuts[0].begins.size > fitted.cuts[0].begins.size
+    assert MAP_BESIDE in fitted.notes
+    of_runs = free_parameters(believed.belief, record.tolerance, runs=runs)
+    assert dict(fitted.unknowns.believed).keys() > of_runs.keys()
+    assert fitted.unknowns.believed == believed.unknowns.believed
+    scale = [name for name, _ in fitted.unknowns.believed].index("magnetic_scale")
+    assert fitted.begin[scale] < -1.0, "runs and map pull a fifth less than believed"
+
+
+def measured_map(table) -> StaticMap:
+    """The pull of a coil of four fifths, each third row held out."""
+    current, gap = (each.ravel() for each in np.meshgrid(np.linspace(0.3, 1.5, 7), np.linspace(9e-3, 15e-3, 7)))
+    noise = 2e-3 * np.random.default_rng(4).standard_normal(gap.size)
+    role = np.where(np.arange(gap.size) % 3 == 2, "held-out", "fit")
+    sigma = {"force": np.full(gap.size, 2e-3)}
+    return StaticMap(gap, current, 0.8 * table.force(current, gap) + noise, None, role, sigma=sigma)
 
 
 def test_stretches_stay_where_longer_ones_leave_far_more(base, table, monkeypatch) -> None:

@@ -1,0 +1,131 @@
+"""The search for a set of effects: forward one after the other, back, and forward again."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.conclusion import EffectSearch
+from msl_fem.diagnosis.decision import (
+    TIE,
+    Rule,
+    beyond_tolerances,
+    disagrees,
+    in_sight,
+    n_accepted,
+    stays_within,
+    white,
+)
+from msl_fem.diagnosis.exchange import Exchange
+from msl_fem.diagnosis.fit import STEPS_A_ROUND, FitPlan, fit
+from msl_fem.diagnosis.fit_memory import fit_name
+from msl_fem.diagnosis.kind import Kind, about_belief
+from msl_fem.diagnosis.likelihood import QUIET, Fit
+from msl_fem.diagnosis.refits import ROUGH
+from msl_fem.diagnosis.search import SearchStage, search_stage
+from msl_fem.diagnosis.settings import DiagnosisSettings
+
+WORSE_THAN = 1.02
+"""How many times the belief's largest residual a fit within the tolerances may leave."""
+EXCHANGED = 2
+"""How often a set of effects is put right and then added to."""
+
+
+@dataclass(frozen=True)
+class _Doubt:
+    """The first stage whose most probable effect another surpasses by far in what it takes, and that other. Where all
+    effects together leave noise it says nothing."""
+
+    stage: int
+    effect: str
+
+
+@dataclass(frozen=True, eq=False)
+class _Chain:
+    """Fits without effects, with the first, and so on; the stages at each of them; the first doubt."""
+
+    fits: tuple[Fit, ...]
+    stages: tuple[SearchStage, ...] = ()
+    doubt: _Doubt | None = None
+
+    @property
+    def quiet(self) -> bool:
+        return white(self.fits[-1].excess)
+
+    def told(self, rule: Rule) -> EffectSearch:
+        """As many effects as the rule takes; with a doubt that remains those before it."""
+        fits, stages, unclear = self.fits, self.stages, ""
+        if self.doubt is not None and not self.quiet:
+            n, unclear = self.doubt.stage, self.doubt.effect
+            fits, stages = fits[: n + 1], stages[: n + 1]
+        excesses = tuple(found.excess for found in fits)
+        judged = stages[:-1] if unclear else stages
+        return EffectSearch(fits, stages, excesses, n_accepted(judged, excesses, rule), unclear)
+
+
+def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
+    """Effects added one after the other as long as each brings more than the rule asks."""
+    rule = kind.rule(how.rule)
+    begin = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
+    known = how.memory.end_of(fit_name(kind.unknowns), kind.unknowns)
+    begin = begin if known is None else known
+    steps = STEPS_A_ROUND if kind.sane else FitPlan.most_steps
+    plan = FitPlan(most_steps=steps, enough=ROUGH, tell=partial(about_tolerances, how))
+    first = not_worse(kind, begin, fit(kind.likelihood, kind.unknowns, begin, plan=plan), plan)
+    first = replace(first, finished=kind.sane is not None, sane=kind.sane)
+    return _gone_through(kind, how, _Chain((first,))).told(rule)
+
+
+def _gone_through(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
+    """A chain continued forward, put right and continued again, until nothing changes."""
+    rule = kind.rule(how.rule)
+    chain = _forward(kind, how, chain)
+    exchange = Exchange(rule.further, TIE, how.progress, how.memory)
+    for _ in range(EXCHANGED):
+        other = exchange.chain(chain.fits, chain.stages) if len(chain.fits) > 2 and not chain.fits[0].sane else None
+        if other is None:
+            break
+        chain = _forward(kind, how, _Chain(tuple(other[0]), tuple(other[1])))
+    return chain
+
+
+def _forward(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
+    """Effects added to the last fit, one after the other, as long as the rule asks for more."""
+    rule, doubt, fits, stages = kind.rule(how.rule), None, list(chain.fits), list(chain.stages)
+    for n in range(len(stages), rule.most):
+        stage = search_stage(
+            fits[n],
+            about_belief(kind, fits[n]),
+            tell=how.progress,
+            memory=how.memory,
+            least=rule.least(stages),
+            hopeless=partial(stays_within, kind.likelihood.problem),
+        )
+        stage = in_sight(kind.likelihood.problem, beyond_tolerances(kind.likelihood.problem, stage))
+        fits[n] = stage.base
+        stages.append(stage)
+        if stage.best is None or not rule.enough(stages, n):
+            break
+        surpassed_by = disagrees(stage, stage.base.excess)
+        if surpassed_by and doubt is None:
+            doubt = _Doubt(n, surpassed_by)
+        fits.append(stage.best.fit)
+        if not rule.searches_on(stages, n, stage.base.excess, stage.best.fit.excess):
+            break
+    return _Chain(tuple(fits), tuple(stages), doubt)
+
+
+def about_tolerances(how: DiagnosisSettings, text: str) -> None:
+    """Tells how the model without effects comes on."""
+    how.progress(f"the model within its tolerances: {text}")
+
+
+def not_worse(kind: Kind, begin: Array, found: Fit, plan: FitPlan) -> Fit:
+    """A fit without effects that is no worse than the belief: where its largest residual is, because the error of a
+    channel was taken for noise, one whose noise has a ceiling in every octave, or the better of both."""
+    believed = kind.likelihood.excess(replace(found, z=np.zeros(found.z.size)))
+    if not max(found.excess.values()) > max(WORSE_THAN * max(believed.values()), QUIET):
+        return found
+    again = fit(replace(kind.likelihood, strict=True), kind.unknowns, begin, plan=plan)
+    return again if max(again.excess.values()) < max(found.excess.values()) else found

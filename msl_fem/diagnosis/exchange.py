@@ -1,0 +1,194 @@
+"""A set of effects put right: each is dropped, or another tried in its place, beside all the others.
+
+A search forward takes first what alone makes up for most, and of several causes that may be none: once the others are
+there it is superfluous, or another explains the same better. Steps back until nothing changes mend that (Pudil,
+Novovicova and Kittler, Pattern Recognition Letters 15, 1994, 1119-1125).
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.fit import FitPlan, fit
+from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
+from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.refits import LAST_STEPS, SCREENING_STEPS, Refit, extended
+from msl_fem.diagnosis.search import SearchStage
+from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.diagnosis.variants import Variant
+from msl_fem.errors import ComputationError
+
+WORTH = 0.25
+"""Of the best gain at a stage of the search, from which an effect is tried in another's place."""
+MOST = 3
+"""Effects that are tried in the place of one."""
+ROUNDS = 3
+FAR = 50.0
+"""Nats behind the set, after some steps and what a further one promises, at which a trial ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class EffectSet:
+    """Effects beside each other, fitted together: their variants in the order of the fit's unknowns."""
+
+    variants: tuple[Variant, ...]
+    fit: Fit
+
+    @property
+    def effects(self) -> set[str]:
+        return {variant.effect for variant in self.variants}
+
+    def part(self, places: Sequence[int]) -> tuple[tuple[Variant, ...], Unknowns, Array]:
+        """(variants, unknowns, numbers) of some of the effects, in this order."""
+        n = self.fit.unknowns.n_nuisance
+        ends = np.cumsum([len(variant.unknowns) for variant in self.variants])[:-1]
+        own = np.split(self.fit.z[n:], ends)
+        variants = tuple(self.variants[at] for at in places)
+        effects = tuple(one for variant in variants for one in variant.unknowns)
+        z = np.concatenate([self.fit.z[:n], *(own[at] for at in places)])
+        return variants, replace(self.fit.unknowns, effects=effects), z
+
+    def without(self, n: int) -> tuple[tuple[Variant, ...], Unknowns, Array]:
+        """(variants, unknowns, numbers) without effect n."""
+        return self.part([at for at in range(len(self.variants)) if at != n])
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """An effect of a set: the nats that are lost without it, and what was tried in its place."""
+
+    loss: float
+    others: tuple[Refit, ...]
+
+
+class Exchange:
+    """Steps back from the end of a search forward.
+
+    Parameters
+    ----------
+    least : nats that an effect has to bring beside the others
+    better : nats by which another has to be more probable in its place
+    """
+
+    def __init__(self, least: float, better: float, tell: Callable[[str], None], memory: FitMemory) -> None:
+        self.least, self.better, self.tell, self.memory = least, better, tell, memory
+
+    def chain(self, fits: Sequence[Fit], stages: Sequence[SearchStage]) -> tuple[list[Fit], list[SearchStage]] | None:
+        """Fits and stages of the set that the steps lead to, what it needs most first; None where it is the one that
+        the search came to.
+
+        Parameters
+        ----------
+        fits : without effects, with the first, and so on, (n_effect + 1,)
+        stages : at each of them, (n_effect,) or one more
+        """
+        variants = tuple(stage.best.variant for stage in stages[: len(fits) - 1] if stage.best is not None)
+        began = found = EffectSet(variants, fits[-1])
+        known = [_tried(stage) for stage in stages]
+        places: list[_Place] = []
+        for _ in range(ROUNDS):
+            found, places, settled = self._round(found, known)
+            if settled:
+                break
+        return None if found is began else self._rebuilt(found, places, fits[0], stages[0])
+
+    def _round(self, found: EffectSet, known: Sequence[Sequence[Refit]]) -> tuple[EffectSet, list[_Place], bool]:
+        """Every effect once, the first first; the set after a change, and whether there was none."""
+        places = []
+        for n, variant in enumerate(found.variants):
+            self.tell(f"{variant.effect} dropped or exchanged beside the others")
+            without = self._without(found, n)
+            loss = found.fit.log_evidence - without.fit.log_evidence
+            if loss < self.least:
+                return without, [], False
+            others = tuple(self._in_place(found, n, without, _worth(found, variant, known)))
+            best = max(others, key=lambda one: one.fit.log_evidence, default=None)
+            if best is not None and best.fit.log_evidence > found.fit.log_evidence + self.better:
+                return EffectSet((*without.variants, best.variant), best.fit), [], False
+            places.append(_Place(loss, others))
+        return found, places, True
+
+    def _without(self, found: EffectSet, n: int) -> EffectSet:
+        """The others, fitted anew."""
+        variants, unknowns, z = found.without(n)
+        name = fit_name(unknowns, f"without {found.variants[n].name}")
+        known = self.memory.end_of(name, unknowns)
+        columns = found.fit.jacobian[:, : unknowns.n_nuisance]
+        again = fit(
+            found.fit.likelihood,
+            unknowns,
+            z if known is None else known,
+            plan=FitPlan(most_steps=LAST_STEPS),
+            nuisance_columns=None if found.fit.likelihood.is_cut else columns,
+        )
+        self.memory.ended(name, again.z)
+        return EffectSet(variants, again)
+
+    def _in_place(self, found: EffectSet, n: int, without: EffectSet, worth: Sequence[Refit]) -> Iterator[Refit]:
+        """Others in the place of effect n, each followed as long as it may come near the set."""
+        _, _, z = found.without(n)
+        for other in worth:
+            unknowns = extended(without.fit.unknowns, other.variant)
+            amounts = other.fit.z[-len(other.variant.unknowns) :]
+            name = fit_name(without.fit.unknowns, f"{other.variant.name} in place of {found.variants[n].effect}")
+            known = self.memory.end_of(name, unknowns)
+            begin = np.concatenate([z, amounts]) if known is None else known
+            columns = None if found.fit.likelihood.is_cut else found.fit.jacobian[:, : unknowns.n_nuisance]
+            try:
+                tried = fit(
+                    found.fit.likelihood,
+                    unknowns,
+                    begin,
+                    plan=FitPlan(most_steps=SCREENING_STEPS),
+                    nuisance_columns=columns,
+                )
+                if tried.log_evidence + tried.predicted > found.fit.log_evidence - FAR:
+                    tried = fit(tried.likelihood, unknowns, tried.z, plan=FitPlan(most_steps=LAST_STEPS))
+            except ComputationError:
+                continue
+            self.memory.ended(name, tried.z)
+            yield Refit(other.variant, tried, tried.log_evidence - without.fit.log_evidence)
+
+    def _rebuilt(
+        self, found: EffectSet, places: Sequence[_Place], first: Fit, stage: SearchStage
+    ) -> tuple[list[Fit], list[SearchStage]]:
+        """Fits and stages as a search forward would have them that took the effects in the order of their losses."""
+        losses = [place.loss for place in places] or [0.0] * len(found.variants)
+        order = sorted(range(len(losses)), key=lambda n: -losses[n])
+        fits, stages = [first], []
+        for count in range(1, len(order) + 1):
+            chosen, unknowns, z = found.part(order[:count])
+            last = count == len(order)
+            plan = FitPlan(most_steps=1 if last else LAST_STEPS)
+            fits.append(fit(found.fit.likelihood, unknowns, z, plan=plan))
+            base, whole = fits[-2], fits[-1]
+            gain = whole.log_evidence - base.log_evidence
+            best = Refit(chosen[-1], whole, gain)
+            lost = found.fit.log_evidence
+            others = places[order[count - 1]].others if places else ()
+            rivals = [replace(one, gain=gain - (lost - one.fit.log_evidence)) for one in others]
+            refits = (best, *sorted(rivals, key=lambda one: -one.gain))
+            stages.append(
+                SearchStage(base, stage.scores, refits, stage.null) if count == 1 else SearchStage(base, (), refits)
+            )
+        return fits, stages
+
+
+def _tried(stage: SearchStage) -> list[Refit]:
+    """The effects that came to a good part of what the best did, the variant of each that came farthest."""
+    found: dict[str, Refit] = {}
+    for one in stage.refits:
+        if one.gain > 0 and one.gain >= WORTH * stage.refits[0].gain:
+            found.setdefault(one.variant.effect, one)
+    return list(found.values())
+
+
+def _worth(found: EffectSet, variant: Variant, known: Sequence[Sequence[Refit]]) -> list[Refit]:
+    """What is tried in the place of an effect: rivals of the stage that chose it, then others, none of the set."""
+    stages = sorted(known, key=lambda tried: [one.variant.effect for one in tried[:1]] != [variant.effect])
+    by_effect: dict[str, Refit] = {}
+    for one in (one for tried in stages for one in tried):
+        by_effect.setdefault(one.variant.effect, one)
+    return [one for one in by_effect.values() if one.variant.effect not in found.effects][:MOST]

@@ -1,0 +1,80 @@
+"""Sets of effects put right, on records that are linear: what made up for others goes, what explains better comes."""
+
+import numpy as np
+import pytest
+from linear_record import BOW, CUBIC, OFFSET, LinearRecord, with_effect
+
+from msl_fem.diagnosis.exchange import Exchange
+from msl_fem.diagnosis.fit import fit
+from msl_fem.diagnosis.fit_memory import FitMemory
+from msl_fem.diagnosis.refits import Refit
+from msl_fem.diagnosis.search import SearchStage
+from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
+from msl_fem.diagnosis.variants import Variant
+
+UNKNOWNS = Unknowns((("moving_mass", 0.01),), 0, (0,))
+COUNT = 2000
+
+
+def linear(*, truth: tuple[float, float], mixed: tuple[float, float]) -> LinearRecord:
+    """An offset and a cubic of these amounts; a bow is a mixture of the columns of both and of one of its own."""
+    chance = np.random.default_rng(3)
+    nuisance, offset, cubic, own = chance.standard_normal((4, COUNT))
+    bow = mixed[0] * offset + mixed[1] * cubic + 0.3 * own
+    data = truth[0] * offset + truth[1] * cubic + chance.standard_normal(COUNT)
+    columns = {"force_offset": offset, "stiffness_nonlinearity": cubic, "position_sensor_nonlinearity": bow}
+    return LinearRecord(data, nuisance[:, None], columns)
+
+
+def searched(record: LinearRecord, *chosen: EffectUnknown, rivals: tuple[EffectUnknown, ...] = ()):
+    """Fits and stages of a search that took these effects in this order, and tried rivals at its first stage."""
+    fits = [fit(record, UNKNOWNS, np.zeros(1))]
+    stages = []
+    for n in range(len(chosen)):
+        base = fits[-1]
+
+        def refit(one: EffectUnknown, before: tuple[EffectUnknown, ...] = chosen[:n], base=base) -> Refit:
+            unknowns = with_effect(UNKNOWNS, *before, one)
+            found = fit(record, unknowns, np.zeros(unknowns.size))
+            return Refit(Variant(one.effect, (one,)), found, found.log_evidence - base.log_evidence)
+
+        refits = [refit(chosen[n]), *(refit(one) for one in rivals if n == 0)]
+        fits.append(refits[0].fit)
+        stages.append(SearchStage(base, (), tuple(refits)))
+    return fits, stages
+
+
+def put_right(fits, stages):
+    return Exchange(12.0, 5.0, lambda text: None, FitMemory()).chain(fits, stages)
+
+
+def test_what_made_up_for_two_others_goes_once_both_are_there() -> None:
+    fits, stages = searched(linear(truth=(0.4, 0.6), mixed=(0.5, 0.5)), BOW, CUBIC, OFFSET)
+    assert stages[0].best.gain > 100.0
+    better = put_right(fits, stages)
+    assert better is not None
+    chain, made = better
+    assert [stage.best.variant.effect for stage in made] == ["stiffness_nonlinearity", "force_offset"], "most first"
+    assert [len(one.unknowns.effects) for one in chain] == [0, 1, 2]
+    assert chain[-1].log_evidence > fits[-1].log_evidence
+    for stage, before, after in zip(made, chain, chain[1:], strict=False):
+        assert stage.base is before
+        assert stage.best.fit is after
+        assert stage.best.gain == pytest.approx(after.log_evidence - before.log_evidence)
+    assert chain[-1].z[-2:] == pytest.approx([CUBIC.z_of(CUBIC.value(0.6)), 0.4], abs=0.06)
+
+
+def test_what_explains_better_beside_the_others_takes_the_place_of_one() -> None:
+    """The bow holds more than half of the offset, but not all; the cubic is apart."""
+    record = linear(truth=(0.5, 0.5), mixed=(1.0, 0.0))
+    fits, stages = searched(record, BOW, CUBIC, rivals=(OFFSET,))
+    better = put_right(fits, stages)
+    assert better is not None
+    chain, made = better
+    assert {stage.best.variant.effect for stage in made} == {"stiffness_nonlinearity", "force_offset"}
+    assert chain[-1].log_evidence > fits[-1].log_evidence + 5.0
+
+
+def test_a_set_that_is_right_stays_as_the_search_left_it() -> None:
+    fits, stages = searched(linear(truth=(0.4, 0.6), mixed=(0.5, 0.5)), CUBIC, OFFSET, rivals=(BOW,))
+    assert put_right(fits, stages) is None
