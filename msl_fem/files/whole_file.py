@@ -4,6 +4,7 @@ import contextlib
 import errno
 import glob
 import os
+import secrets
 import shutil
 import sys
 import tempfile
@@ -78,18 +79,18 @@ def whole_file(target: Path) -> Iterator[Path]:
     ComputationError : the disk is full
     """
     _refuse_what_is_no_file(target)
+    part = _Part(target)
     try:
-        make_folder(target.parent)
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=BEGUN)
-        partial = _locked_part(handle, Path(name))
-    except OSError as err:
-        raise cannot_be_written(target, err, "choose another folder") from err
-    _remove_abandoned(target, apart_from=partial)
-    try:
-        yield partial
-        partial.chmod(0o644)
         try:
-            os.replace(partial, target)
+            make_folder(target.parent)
+            part.begin_file()
+        except OSError as err:
+            raise cannot_be_written(target, err, "choose another folder") from err
+        _remove_abandoned(target, apart_from=part.path)
+        yield part.path
+        part.path.chmod(0o644)
+        try:
+            os.replace(part.path, target)
         except OSError as err:
             raise cannot_be_written(target, err, "choose another name") from err
     except OSError as err:
@@ -97,8 +98,7 @@ def whole_file(target: Path) -> Iterator[Path]:
             raise
         raise cannot_be_written(target, err, "choose another folder") from err
     finally:
-        partial.unlink(missing_ok=True)
-        os.close(handle)
+        part.end()
 
 
 @contextlib.contextmanager
@@ -107,15 +107,59 @@ def staging_folder(target: Path) -> Iterator[Path]:
 
     What a killed run leaves of it the next one removes. OSError where the folder cannot be made.
     """
-    folder = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.", suffix=BEGUN))
-    handle = None if sys.platform == "win32" else os.open(folder, os.O_RDONLY)
+    part = _Part(target)
     try:
-        if handle is not None:
-            folder = _locked_part(handle, folder)
-            _remove_abandoned(target, apart_from=folder)
-        yield folder
+        part.begin_folder()
+        _remove_abandoned(target, apart_from=part.path)
+        yield part.path
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        part.end()
+
+
+class _Part:
+    """What a file or folder is written as, beside it; locked as long as its run works, where the system has locks.
+
+    It has its name before it is made: an interrupt leaves none, whenever it comes.
+    """
+
+    handle: int | None = None
+
+    def __init__(self, target: Path) -> None:
+        self.begun = target.parent / f".{target.name}.{secrets.token_hex(4)}{BEGUN}"
+
+    @property
+    def path(self) -> Path:
+        return self.begun.with_suffix(PART)
+
+    def begin_file(self) -> None:
+        self._lock(os.open(self.begun, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600))
+
+    def begin_folder(self) -> None:
+        self.begun.mkdir(0o700)
+        self._lock(None if sys.platform == "win32" else os.open(self.begun, os.O_RDONLY))
+
+    def _lock(self, handle: int | None) -> None:
+        """A part without a lock is never one that works; on Windows an open file could not be renamed."""
+        self.handle = handle
+        if sys.platform == "win32":
+            self._close()
+        elif handle is not None:
+            _lock(handle)
+        self.begun.rename(self.path)
+
+    def end(self) -> None:
+        """Takes away what there is of it still."""
+        for path in (self.begun, self.path):
+            with contextlib.suppress(OSError):
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+        self._close()
+
+    def __del__(self) -> None:
+        if hasattr(self, "begun"):  # an interrupt may have come before it, as into the end
+            self.end()
+
+    def _close(self) -> None:
+        handle, self.handle = self.handle, None
         if handle is not None:
             os.close(handle)
 
@@ -129,12 +173,6 @@ def _lock(handle: int) -> bool:
     except OSError:
         return False
     return True
-
-
-def _locked_part(handle: int, begun: Path) -> Path:
-    """The part that a file or folder becomes once it is locked: a part without a lock is never one that works."""
-    _lock(handle)
-    return begun.rename(begun.with_suffix(PART))
 
 
 def _remove_abandoned(target: Path, *, apart_from: Path) -> None:

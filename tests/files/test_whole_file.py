@@ -1,9 +1,19 @@
 """Files that appear whole or not at all."""
 
+import contextlib
+import gc
+import itertools
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
 import pytest
 
 from msl_fem.errors import InputError
-from msl_fem.files.whole_file import check_target, whole_file
+from msl_fem.files import whole_file as module
+from msl_fem.files.whole_file import check_target, staging_folder, whole_file
 
 
 def test_file_appears_only_when_the_block_ends_well(tmp_path):
@@ -36,6 +46,50 @@ def test_failed_block_leaves_nothing_and_touches_nothing(tmp_path, error):
         write()
     assert target.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
+
+
+def interrupted_at_line(count: int) -> Callable[[FrameType, str, object], Any]:
+    """A tracer that interrupts at the line of that number that is run in the module."""
+    lines = itertools.count()
+
+    def trace(frame: FrameType, event: str, _: object) -> Any:
+        if frame.f_code.co_filename != module.__file__:
+            return None
+        if event == "line" and next(lines) == count:
+            raise KeyboardInterrupt
+        return trace
+
+    return trace
+
+
+@contextlib.contextmanager
+def traced(trace: Callable[[FrameType, str, object], Any]) -> Iterator[None]:
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        yield
+    finally:
+        sys.settrace(before)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("folder", [False, True])
+def test_an_interrupt_at_any_line_leaves_no_part(tmp_path: Path, folder: bool) -> None:
+    for count in itertools.count():
+        whole = False
+        with contextlib.suppress(KeyboardInterrupt), traced(interrupted_at_line(count)):
+            if folder:
+                with staging_folder(tmp_path / f"{count}.txt") as part:
+                    (part / "a").write_text("content")
+            else:
+                with whole_file(tmp_path / f"{count}.txt") as part:
+                    part.write_text("content")
+            whole = True
+        gc.collect()
+        assert list(tmp_path.glob(".*")) == [], f"at line {count}"
+        if whole:
+            break
+    assert count > 20
 
 
 def test_two_writers_do_not_share_their_partial_files(tmp_path):
