@@ -99,7 +99,11 @@ class Exchange:
         places = []
         for n, variant in enumerate(found.variants):
             self.tell(f"{variant.effect} dropped or exchanged beside the others")
-            without = self._without(found, n)
+            try:
+                without = self._without(found, n)
+            except ComputationError:  # the others alone cannot even be followed there
+                places.append(_Place(np.inf, ()))
+                continue
             loss = found.fit.log_evidence - without.fit.log_evidence
             if loss < self.least:
                 return without, [], False
