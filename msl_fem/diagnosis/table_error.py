@@ -1,11 +1,13 @@
 """Smooth errors of a field table as a few coefficients: a Gaussian process over current and gap, where a record went.
 
 The coenergy of the table is multiplied by 1 + a phi, phi a process of unit variance with the Matern covariance of order
-5/2 in u(i) = sqrt(1 + (i/s)^2) and in z(g) = sqrt(g) (Rasmussen and Williams, Gaussian Processes for Machine Learning,
-2006, ch. 4), so that force and flux stay derivatives of one coenergy. It has the two derivatives that a table needs and
-no more: an infinitely smooth process, on the small part of a table that a record visits, leaves none of the fine shape
-that an error has at the knee. On that part the process is its first Karhunen-Loeve modes. The amplitude a is such that
-the RMS error over the table, of force or flux linkage, whichever is larger, is the table's tolerance.
+5/2 in u(i) = log(1 + (i/s)^2) and in z(g) = sqrt(g) (Rasmussen and Williams, Gaussian Processes for Machine Learning,
+2006, ch. 4), so that force and flux stay derivatives of one coenergy. Even in the current, it may change as much over
+an octave of small currents as over one of large ones; a process over the current itself is a number below the knee. It
+has the two derivatives that a table needs and no more: an infinitely smooth process, on the small part of a table that
+a record visits, leaves none of the fine shape that an error has at the knee. On that part the process is its first
+Karhunen-Loeve modes. The amplitude a is such that the RMS error over the table, of force or flux linkage, whichever is
+larger, is the table's tolerance.
 """
 
 import math
@@ -23,7 +25,7 @@ from msl_fem.table.magnetic_table import NODES, SECTION, MagneticTable
 
 LENGTH = 1.5
 """Correlation length, in half widths of the table's range of u and z."""
-KNEE = 6.0  # the largest current over s
+SMALL = 12.0  # the largest current over s
 MOST_MODES = 12
 LEAST = 1e-7  # of the first mode's variance: what is smaller cannot be seen
 _SAMPLES = 14  # points a direction of the visited part
@@ -132,15 +134,14 @@ class _Coordinates:
     """u of the current and z of the gap, -1 to 1 over the table, with first and second derivative."""
 
     def __init__(self, table: MagneticTable) -> None:
-        self.s = float(table.current[-1]) / KNEE
-        self.u_span = np.sqrt(1 + KNEE**2) - 1
+        self.s = float(table.current[-1]) / SMALL
+        self.u_span = math.log1p(SMALL**2)
         self.z_low = np.sqrt(table.gap[0])
         self.z_span = np.sqrt(table.gap[-1]) - self.z_low
 
     def u(self, i: Array) -> tuple[Array, Array, Array]:
-        root = np.sqrt(1 + (i / self.s) ** 2)
-        k = 2 / self.u_span
-        return k * (root - 1) - 1, k * i / self.s**2 / root, k / (self.s**2 * root**3)
+        k, square = 2 / self.u_span, self.s**2 + i**2
+        return k * np.log1p((i / self.s) ** 2) - 1, k * 2 * i / square, k * 2 * (self.s**2 - i**2) / square**2
 
     def z(self, g: Array) -> tuple[Array, Array, Array]:
         k, root = 2 / self.z_span, np.sqrt(g)

@@ -1,5 +1,7 @@
 """Sets of effects put right, on records that are linear: what made up for others goes, what explains better comes."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
 from linear_record import BOW, CUBIC, OFFSET, LinearRecord, with_effect
@@ -7,6 +9,7 @@ from linear_record import BOW, CUBIC, OFFSET, LinearRecord, with_effect
 from msl_fem.diagnosis.exchange import Exchange
 from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.fit_memory import FitMemory
+from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
@@ -78,3 +81,22 @@ def test_what_explains_better_beside_the_others_takes_the_place_of_one() -> None
 def test_a_set_that_is_right_stays_as_the_search_left_it() -> None:
     fits, stages = searched(linear(truth=(0.4, 0.6), mixed=(0.5, 0.5)), CUBIC, OFFSET, rivals=(BOW,))
     assert put_right(fits, stages) is None
+
+
+@dataclass(frozen=True, eq=False)
+class LostWithoutCubic(LinearRecord):
+    """A simulation fails where there is no cubic."""
+
+    def spectra(self, points: Points) -> np.ndarray:
+        there = np.zeros(len(points.rows), bool) if points.effects is None else points.effects[:, CUBIC.place] != 0
+        return np.where(there[:, None], super().spectra(points), np.nan)
+
+
+def test_an_effect_without_which_nothing_can_be_followed_stays() -> None:
+    """And the others are put right beside it."""
+    record = linear(truth=(0.4, 0.6), mixed=(0.5, 0.5))
+    fits, stages = searched(record, BOW, CUBIC, OFFSET)
+    lost = LostWithoutCubic(record.data, record.nuisances, record.of_effect)
+    better = put_right([*fits[:-1], replace(fits[-1], likelihood=lost)], stages)
+    assert better is not None
+    assert {stage.best.variant.effect for stage in better[1]} == {"stiffness_nonlinearity", "force_offset"}

@@ -55,14 +55,30 @@ def test_its_size_over_the_whole_table_is_the_tolerance() -> None:
 
 def test_where_a_record_goes_an_error_of_another_kind_is_a_sum_of_modes() -> None:
     """A smooth factor that is not made of the modes: what they cannot follow is below a fiftieth of it."""
-    error = table_error(TABLE, VISITED, tolerance=1e-3)
-    i, g = np.meshgrid(np.linspace(0.3, 1.2, 12), np.linspace(4.5e-4, 7.5e-4, 12))
+    i, g = (a.ravel() for a in np.meshgrid(np.linspace(0.3, 1.2, 12), np.linspace(4.5e-4, 7.5e-4, 12)))
     wanted = 1e-3 * np.cos(i / 2.5 + g / 4e-4)
-    coenergy = TABLE.evaluate(i.ravel(), g.ravel())["coenergy"]
-    factors = []
-    for k in range(len(error.modes)):
-        one = corrected(TABLE, error, np.eye(len(error.modes))[k], scale=1.0)
-        factors.append(one.evaluate(i.ravel(), g.ravel())["coenergy"] / coenergy - 1)
-    basis = np.array(factors).T
-    numbers = np.linalg.lstsq(basis, wanted.ravel(), rcond=None)[0]
-    assert np.abs(basis @ numbers - wanted.ravel()).max() < 2e-5
+    basis = factors(VISITED, i, g)
+    numbers = np.linalg.lstsq(basis, wanted, rcond=None)[0]
+    assert np.abs(basis @ numbers - wanted).max() < 2e-5
+
+
+def factors(visited: Visited, i: np.ndarray, g: np.ndarray) -> np.ndarray:
+    """Relative change of the coenergy at currents and gaps by each mode of an error of 1e-3, (n_point, n_mode)."""
+    error = table_error(TABLE, visited, tolerance=1e-3)
+    coenergy = TABLE.evaluate(i, g)["coenergy"]
+    tables = [corrected(TABLE, error, row, scale=1.0) for row in np.eye(len(error.modes))]
+    return np.array([table.evaluate(i, g)["coenergy"] / coenergy - 1 for table in tables]).T
+
+
+def test_an_error_is_as_probable_where_currents_are_small_as_where_they_are_large() -> None:
+    """Of a wave of the same octaves, whose current is a quarter."""
+    costs = []
+    for top in (0.25, 1.0):
+        high = top * float(TABLE.current[-1])
+        i, g = (a.ravel() for a in np.meshgrid(np.geomspace(high / 4, high, 12), np.linspace(4.5e-4, 7.5e-4, 4)))
+        wanted = 1e-3 * np.cos(2 * np.log(i / high))
+        basis, noise = factors(Visited((high / 4, high), (4.5e-4, 7.5e-4)), i, g), 5e-5
+        left = np.vstack([basis / noise, np.eye(basis.shape[1])])
+        numbers = np.linalg.lstsq(left, np.concatenate([wanted / noise, np.zeros(basis.shape[1])]), rcond=None)[0]
+        costs.append(float(numbers @ numbers + np.sum((basis @ numbers - wanted) ** 2) / noise**2))
+    assert costs[0] < 3 * costs[1]
