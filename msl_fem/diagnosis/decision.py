@@ -87,7 +87,7 @@ class Rule:
     was not quiet; `several` that of one of several, which have to leave noise alone in the end.
     """
 
-    threshold: float = 6.0
+    threshold: float = 9.0
     further: float = 12.0
     share: float = 0.003
     finished: float = FINISHED

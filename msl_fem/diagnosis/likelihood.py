@@ -176,18 +176,18 @@ class Likelihood:
 
         Where the highest frequencies show an instrument louder than stated, over that (`noise.loudness`).
         """
-        power: dict[str, list[float]] = {}
-        loud: dict[str, float] = {}
+        over: dict[str, list[Array]] = {}
+        reads: dict[str, list[NDArray[np.bool_]]] = {}
         points = Points.of(found.unknowns, found.z[None])
         for run, channels in enumerate(simulated_residuals(self.problem, points, substeps=self.substeps)):
             counts, left_out = self.problem.counts(run), self.problem.runs[run].left_out
             for name, every in zip(self.problem.channels(run), self._over_noise(run, channels), strict=True):
-                values = every[:, counts]
-                power.setdefault(name, []).append(float(np.mean(values**2)))
                 read = np.ones(every.shape[1], dtype=bool)
                 read[left_out.get(name, [])] = False
-                loud[name] = min(loud.get(name, np.inf), loudness(values[0], read[counts]))
-        return {name: float(np.sqrt(np.mean(values))) / loud[name] for name, values in power.items()}
+                over.setdefault(name, []).append(every[0, counts])
+                reads.setdefault(name, []).append(read[counts])
+        power = {name: np.mean([np.mean(values**2) for values in runs]) for name, runs in over.items()}
+        return {name: float(np.sqrt(power[name])) / loudness(over[name], reads[name]) for name in over}
 
     def standard_errors(self, found: Fit, along: Array | None = None) -> Array:
         """(unknowns.size,) of the unknowns at a fit, or (n,) of sums of them with weights `along` (n, unknowns.size): a

@@ -35,6 +35,8 @@ WINDOWED_LINES = 1.4
 """Two standard errors of an RMS of n lines are this over sqrt(n) under the window, by which neighbours depend."""
 FLAT = 0.1
 """Between thirds of the upper half of a spectrum, up to which it is flat."""
+RANGE_OF_THREE = 3.3
+"""Standard errors that three estimates of one number differ by at most in 95 of 100 (the studentized range)."""
 HEARD = 0.02  # of the noise's density: lines where the model's readings stay below it tell nothing
 WINDOWED = 1.3  # a margin above the highest line that is heard
 PRIOR = 4.0
@@ -73,21 +75,43 @@ def ceilings(n_band: int, n_channel: int, *, strict: bool) -> Array:
     return np.tile(found, n_channel)
 
 
-def loudness(over: Array, read: NDArray[np.bool_] | None = None) -> float:
-    """How many times as loud as stated, 1/`MISSTATED` to `MISSTATED`, a residual over the noise's sigma, (n_sample,),
-    shows the instrument to be: louder by its highest frequencies, where no model error is left that it could be, with
-    two standard errors; quieter where the upper half of its spectrum is flat, for a filter's noise is less there than
-    where it counts. Samples that are not `read` but bridged hold no noise."""
-    window = np.hanning(over.size)
-    lines = np.abs(np.fft.rfft(over * window)) ** 2 / np.sum(window**2 if read is None else window[read] ** 2)
+def loudness(over: Sequence[Array], read: Sequence[NDArray[np.bool_]] | None = None) -> float:
+    """How many times as loud as stated, 1/`MISSTATED` to `MISSTATED`, residuals over the noise's sigma, (n_sample,) of
+    each run, show an instrument to be: louder by its highest frequencies in all runs, where no model error is left that
+    it could be, with two standard errors; quieter where the upper half of its spectrum is flat, for a filter's noise is
+    less there than where it counts. Samples that are not `read` but bridged hold no noise."""
+    read = read if read is not None else [np.ones(values.size, dtype=bool) for values in over]
+    spectra = [_windowed_lines(values, own) for values, own in zip(over, read, strict=True)]
+    louder = min(_louder(lines) for lines in spectra)
+    if louder > 1.0:
+        return min(louder, MISSTATED)
+    upper = [np.array_split(lines[lines.size // 2 :], 3) for lines in spectra]
+    flat = [thirds for thirds in upper if _is_flat(thirds)]
+    if not flat:
+        return 1.0
+    pooled = [np.concatenate(parts) for parts in zip(*flat, strict=True)]
+    quieter = max(float(np.sqrt(part.mean())) for part in pooled)
+    return max(quieter, 1 / MISSTATED) if quieter < 1 - WINDOWED_LINES / np.sqrt(pooled[0].size) else 1.0
+
+
+def _windowed_lines(values: Array, read: NDArray[np.bool_]) -> Array:
+    """Power density over the stated one's at a residual's frequencies."""
+    window = np.hanning(values.size)
+    return np.asarray(np.abs(np.fft.rfft(values * window)) ** 2 / np.sum(window[read] ** 2))
+
+
+def _louder(lines: Array) -> float:
+    """How many times as loud the highest frequencies are, with two standard errors; 1 within these."""
     top = float(np.sqrt(lines[int(HIGHEST_BAND * lines.size) :].mean()))
     two_errors = WINDOWED_LINES / np.sqrt((1 - HIGHEST_BAND) * lines.size)
-    if top > 1 + two_errors:
-        return float(min(top * (1 + two_errors), MISSTATED))
-    upper = [float(np.sqrt(part.mean())) for part in np.array_split(lines[lines.size // 2 :], 3)]
-    if max(upper) < 1 - two_errors and max(upper) - min(upper) < FLAT * max(upper):
-        return max(*upper, 1 / MISSTATED)
-    return 1.0
+    return float(top * (1 + two_errors)) if top > 1 + two_errors else 1.0
+
+
+def _is_flat(thirds: Sequence[Array]) -> bool:
+    """Whether parts of a spectrum are as loud as each other, as far as so many lines can tell."""
+    sizes = [float(np.sqrt(part.mean())) for part in thirds]
+    by_chance = RANGE_OF_THREE * WINDOWED_LINES / 2 / np.sqrt(thirds[0].size)
+    return max(sizes) - min(sizes) < max(FLAT, by_chance) * max(sizes)
 
 
 def make_bands(samples: Sequence[int], rate: float, *, highest: float) -> NoiseBands:

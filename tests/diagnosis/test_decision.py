@@ -52,8 +52,8 @@ def test_excess_is_what_is_above_the_noise_in_all_channels() -> None:
 
 def test_effects_are_taken_as_long_as_they_bring_enough() -> None:
     rule = Rule()
-    assert n_accepted(stages(5.9), [QUIET], rule) == 0
-    assert n_accepted(stages(6.1, 3.0), [QUIET, QUIET], rule) == 1
+    assert n_accepted(stages(8.9), [QUIET], rule) == 0
+    assert n_accepted(stages(9.1, 3.0), [QUIET, QUIET], rule) == 1
     loud = NullDistribution(np.linspace(0.0, 10.0, 101))
     assert n_accepted(stages(9.5, by_chance=loud), [QUIET], rule) == 0, "surrogates bring 9.9 in one of a hundred"
     assert n_accepted(stages(10.5, 3.0, by_chance=loud), [QUIET, QUIET], rule) == 1

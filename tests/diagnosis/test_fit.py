@@ -80,17 +80,26 @@ def test_how_loud_an_instrument_is_its_highest_frequencies_say(times: float, sho
     """White noise of a known multiple of its stated sigma beside a slow error of thirty times it."""
     slow = 30 * np.sin(2 * np.pi * 3.5 * np.arange(8000) / 1000)
     noise = times * np.random.default_rng(5).standard_normal(8000)
-    assert loudness(noise + slow) == pytest.approx(shown, rel=0.05)
+    assert loudness([noise + slow]) == pytest.approx(shown, rel=0.05)
 
 
 def test_a_filter_behind_an_instrument_makes_it_no_quieter() -> None:
     noise = lfilter(*butter(1, 0.2), np.random.default_rng(6).standard_normal(8000))
-    assert loudness(noise / noise.std()) == 1.0
+    assert loudness([noise / noise.std()]) == 1.0
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_short_runs_show_a_quieter_instrument_together(seed: int) -> None:
+    """Beside a run whose highest frequencies hold an error of the model."""
+    chance = np.random.default_rng(seed)
+    runs = [0.5 * chance.standard_normal(size) for size in (4000, 1000, 1000, 1000)]
+    error = 0.7 * np.sin(0.9 * np.pi * np.arange(1000))
+    assert loudness([*runs, runs[-1] + error]) == pytest.approx(0.5, rel=0.06)
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_an_instrument_as_loud_as_stated_is_neither(seed: int) -> None:
-    assert loudness(np.random.default_rng(seed).standard_normal(4000)) == pytest.approx(1.0, abs=0.16)
+    assert loudness([np.random.default_rng(seed).standard_normal(4000)]) == pytest.approx(1.0, abs=0.16)
 
 
 def test_beyond_a_band_s_ceiling_a_residual_counts_by_its_square() -> None:
