@@ -104,7 +104,7 @@ def test_a_table_has_the_leakage_by_both_ways_and_states_what_is_left() -> None:
 
 def at(field: PairField, position: float, *currents: float) -> PairQuantities:
     solution = field.solve(position, *currents)
-    return field.quantities(solution, (currents[0], currents[1]), field.by_currents(solution))
+    return field.quantities(solution, (currents[0], currents[1]))
 
 
 def test_a_pair_with_its_ends_is_near_three_dimensions() -> None:

@@ -12,6 +12,7 @@ from msl_fem.magnetics.field.accuracy import LEVELS
 from msl_fem.magnetics.field.pair_field import PairField, PairQuantities, pair_magnet, pair_mesh
 from msl_fem.magnetics.field.two_sided import solve_two_sided
 from msl_fem.magnetics.field.two_sided_section import TwoSidedPosition
+from msl_fem.magnetics.solver.magnetostatics import NewtonSettings
 
 GAP_SUM = 1.2e-3
 
@@ -29,7 +30,7 @@ def field(servo: Actuator) -> PairField:
 
 def at(field: PairField, x: float, i: float, j: float) -> PairQuantities:
     solution = field.solve(x, i, j)
-    return field.quantities(solution, (i, j), field.by_currents(solution))
+    return field.quantities(solution, (i, j))
 
 
 def test_all_slopes_are_derivatives_of_one_coenergy(field: PairField) -> None:
@@ -113,3 +114,15 @@ def test_sections_of_both_sides_are_read(field: PairField) -> None:
     assert mirrored["centre_leg_2"].mean == pytest.approx(b["centre_leg_1"].mean, rel=1e-9)
     assert {name for name in b if name[-2:] not in ("_1", "_2")} == {"armature"}
     assert dataclasses.is_dataclass(b["armature"])
+
+
+def test_second_derivatives_are_those_of_refined_responses(field: PairField) -> None:
+    """With the factors of another tangent, one rough step of Newton's before."""
+    solution = field.solve(3e-4, 2.0, -3.0, settings=NewtonSettings(tolerance=0.1))
+    found, products = field.responses(solution)
+    pull, _ = field.model.strip_products(solution.potential, solution.gap)
+    rights = np.stack([-pull, *field.sources])
+    refined = np.stack([field.model.tangent.refined_substitute(right, solution.tangent) for right in rights])
+    sizes = np.sqrt(np.outer(*2 * [np.diag(products)]))
+    assert (np.abs(products - rights @ refined.T) < 1e-9 * sizes).all()
+    assert (np.abs(products - rights @ found.T) > 1e-4 * sizes).any()

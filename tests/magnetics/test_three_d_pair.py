@@ -47,7 +47,7 @@ def test_one_layer_between_flux_lines_is_the_plane_pair(e1: Actuator, flat: Soli
     """Opposing currents on unequal gaps, on a coarse grid; all within 0.4 % at accuracy `normal`."""
     field = PairField(e1, pair_mesh(pair_magnet(e1), sum(GAPS) / 2, "fast"), gap_sum=sum(GAPS), order=2)
     solution = field.solve((GAPS[1] - GAPS[0]) / 2, *CURRENTS)
-    plane = field.quantities(solution, CURRENTS, field.by_currents(solution))
+    plane = field.quantities(solution, CURRENTS)
     assert flat.net_force == pytest.approx(plane.force, rel=0.012)
     assert flat.flux_linkage == pytest.approx((plane.flux_linkage_1, plane.flux_linkage_2), rel=0.01)
     assert flat.coenergy == pytest.approx(plane.coenergy, rel=0.01)

@@ -54,7 +54,7 @@ def _mutual_inductance(actuator: Actuator, gap: float, currents: tuple[float, fl
     mesh = pair_mesh(pair_magnet(actuator), gap, "fast")
     field = PairField(actuator, mesh, gap_sum=2 * gap, order=LEVELS["fast"].order)
     solution = field.solve(0.0, *currents)
-    return field.quantities(solution, currents, field.by_currents(solution)).mutual_inductance
+    return field.quantities(solution, currents).mutual_inductance
 
 
 def end_flux(actuator: Actuator, table: MagneticTable) -> tuple[BelievedValue, ...]:

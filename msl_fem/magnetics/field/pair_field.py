@@ -25,7 +25,6 @@ from msl_fem.magnetics.solver.postprocess import (
     SectionFluxDensity,
     cut_probe,
     gradient_maps,
-    irons_on_tail,
     mid_gap,
 )
 from msl_fem.magnetics.solver.strip import STRIP, Strip, StripStiffness
@@ -198,41 +197,63 @@ class PairField:
         self.model.source = current_1 * self.sources[0] + current_2 * self.sources[1]
         return solve_field(self.model, 1.0, position, start=start, settings=settings)
 
-    def by_currents(self, solution: FieldSolution) -> tuple[Array, Array]:
-        """dA/di_1 and dA/di_2 at the last solution."""
-        one, two = (self.model.tangent.refined_substitute(source, solution.tangent) for source in self.sources)
-        return one, two
+    def responses(self, solution: FieldSolution) -> tuple[Array, Array]:
+        """(3, n_dof) dA/dx, dA/di_1 and dA/di_2 at the last solution, and R.K^-1 R (3, 3), R = (-dS/dx A, f_1, f_2).
 
-    def quantities(
-        self, solution: FieldSolution, currents: tuple[float, float], responses: tuple[Array, Array]
-    ) -> PairQuantities:
-        """The numbers of the last solution, with its `by_currents`.
+        The first by the factors at hand, those of the tangent one of Newton's steps before. With Y = K_0^-1 R of these,
+        Y.R + R.Y - Y.K Y is wrong by the square of Y's error.
+        """
+        pull, _ = self.model.strip_products(solution.potential, solution.gap)
+        rights = np.stack([-pull, *self.sources])
+        found = np.stack([self.model.tangent.substitute(right) for right in rights])
+        images = np.stack([self.model.tangent.product(solution.tangent, one) for one in found])
+        both = rights @ found.T
+        return found, both + both.T - found @ images.T
+
+    def quantities(self, solution: FieldSolution, currents: tuple[float, float]) -> PairQuantities:
+        """The numbers of the last solution."""
+        _, seconds = self.responses(solution)
+        found = self.row_quantities(solution.gap, np.array([currents]), solution.potential[None], seconds[None])
+        return PairQuantities(**{name: float(values[0]) for name, values in found.items()})
+
+    def row_quantities(self, position: float, currents: Array, potentials: Array, seconds: Array) -> dict[str, Array]:
+        """The arrays (n,) of `PairQuantities` at a position and currents (n, 2).
 
         With E the field's energy at a given potential, dW'/dx = -dE/dx: virtual work (Coulomb 1983). The slopes follow
         by the responses of the potential, as those of one magnet. The end turns' leakage belongs to each side alone.
+
+        Parameters
+        ----------
+        potentials : (n, n_dof)
+        seconds : (n, 3, 3) the products of their `responses`
         """
-        model, scale, a = self.model, self.scale, solution.potential
-        first, second = model.strip_products(a, solution.gap)
-        by_position = -model.tangent.refined_substitute(first, solution.tangent)
-        one, two = self.sources
-        flux_1, flux_2 = scale * float(one @ a), scale * float(two @ a)
-        leak_1, leak_2 = (leaked(self.leakage, current) for current in currents)
-        return PairQuantities(
-            coenergy=currents[0] * flux_1
-            + currents[1] * flux_2
-            - scale * model.energy(a, solution.gap)
-            + leak_1["coenergy"]
-            + leak_2["coenergy"],
-            flux_linkage_1=flux_1 + leak_1["flux_linkage"],
-            flux_linkage_2=flux_2 + leak_2["flux_linkage"],
-            force=-scale * float(a @ first) / 2,
-            incremental_inductance_1=scale * float(one @ responses[0]) + self.leakage,
-            incremental_inductance_2=scale * float(two @ responses[1]) + self.leakage,
-            mutual_inductance=scale * float(one @ responses[1]),
-            force_current_slope_1=-scale * float(first @ responses[0]),
-            force_current_slope_2=-scale * float(first @ responses[1]),
-            force_position_slope=-scale * float(a @ second / 2 + first @ by_position),
-        )
+        scale, first = self.scale, self.first_quantities(position, currents, potentials)
+        _, bend = self.model.strip_products(potentials.T, position)
+        leaks = [leaked(self.leakage, current) for current in currents.T]
+        energy = scale * self.model.energies(potentials, position)
+        stored = (currents * scale * (potentials @ np.stack(self.sources).T)).sum(axis=1) - energy
+        seconds = scale * seconds
+        return {
+            "coenergy": stored + leaks[0]["coenergy"] + leaks[1]["coenergy"],
+            **first,
+            "incremental_inductance_1": seconds[:, 1, 1] + self.leakage,
+            "incremental_inductance_2": seconds[:, 2, 2] + self.leakage,
+            "mutual_inductance": seconds[:, 1, 2],
+            "force_current_slope_1": seconds[:, 0, 1],
+            "force_current_slope_2": seconds[:, 0, 2],
+            "force_position_slope": seconds[:, 0, 0] - scale * (potentials * bend.T).sum(axis=1) / 2,
+        }
+
+    def first_quantities(self, position: float, currents: Array, potentials: Array) -> dict[str, Array]:
+        """Both flux linkages and the force, (n,), of `row_quantities`."""
+        pull, _ = self.model.strip_products(potentials.T, position)
+        flux = [self.scale * (potentials @ source) for source in self.sources]
+        leaks = [leaked(self.leakage, current)["flux_linkage"] for current in currents.T]
+        return {
+            "flux_linkage_1": flux[0] + leaks[0],
+            "flux_linkage_2": flux[1] + leaks[1],
+            "force": -self.scale * (potentials * pull.T).sum(axis=1) / 2,
+        }
 
     def force_stress_tensor(self, solution: FieldSolution) -> float:
         """N on the armature towards side 1 by the second route: Maxwell's stress on the middle of both strips."""
@@ -251,10 +272,6 @@ class PairField:
     def flux_densities(self, solution: FieldSolution) -> dict[str, SectionFluxDensity]:
         """|B| in the iron over the cuts of both sides, NAME_1 and NAME_2, and of the armature."""
         return self.cuts.flux_density(self.model, solution.potential)
-
-    def on_tail(self, solution: FieldSolution) -> bool:
-        """Whether more than 1 % of an iron lies beyond its last B-H point."""
-        return bool(irons_on_tail(self.model, solution.potential))
 
 
 def _mid_gaps(model: FieldModel) -> list[tuple[sparse.csr_matrix, sparse.csr_matrix, Array]]:

@@ -169,7 +169,7 @@ class TwoSidedStack:
         pair, currents = self.pair, (current_1, current_2)
         towards_1 = (self.position.gap_2 - self.position.gap_1) / 2
         solution = pair.solve(towards_1, *currents, start=start)
-        found = pair.quantities(solution, currents, pair.by_currents(solution))
+        found = pair.quantities(solution, currents)
         quantities = TwoSidedQuantities(
             net_force=found.force,
             net_force_stress_tensor=pair.force_stress_tensor(solution),

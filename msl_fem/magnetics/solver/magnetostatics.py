@@ -371,8 +371,12 @@ class FieldModel:
 
     def energy(self, potential: Array, gap: float) -> float:
         """Field energy W: per unit depth in J/m, or of the whole in J."""
-        linear = 0.5 * float(potential @ self.linear_product(potential, gap))
-        return linear + sum(part.energy(potential) for part in self.irons.values())
+        return float(self.energies(potential[None], gap)[0])
+
+    def energies(self, potentials: Array, gap: float) -> Array:
+        """(n,) `energy` of potentials (n, n_dof) at one gap."""
+        linear = np.array([0.5 * float(a @ self.linear_product(a, gap)) for a in potentials])
+        return np.asarray(sum((part.energies(potentials) for part in self.irons.values()), linear))
 
 
 def solve_field(

@@ -98,6 +98,17 @@ class Cuts(dict[str, CutProbe]):
                 found[name] = SectionFluxDensity(self[name].mean(values), float(values.max()))
         return {name: found[name] for name in self}
 
+    def means(self, model: FieldModel, potentials: Array) -> dict[str, Array]:
+        """(n,) mean of |B| in the iron over each cut, of potentials (n, n_dof)."""
+        maps, rows = self._all
+        size = np.hypot(*(maps @ potentials.T).reshape(2, -1, len(potentials)))
+        found = {}
+        for region, cuts in rows.items():
+            for name, own in cuts:
+                sheets = model.irons[region].iron.iron_flux_density(size[own])
+                found[name] = np.asarray(self[name].weight @ sheets[1:-1])
+        return {name: found[name] for name in self}
+
 
 class Probes:
     """Linear maps from the potential to the field where it is read; made once for a model."""

@@ -106,10 +106,10 @@ class IronElements:
         _magnetise_all(b.ravel(), curves.start, curves.b, curves.h, curves.slope, curves.tail, h.ravel(), slope.ravel())
         return h, slope
 
-    def energy(self, potential: Array) -> float:
-        """Integral of w(|B|): per unit depth in J/m, or of the whole in J."""
-        _, b = self.flux_density(potential)
-        return float(np.sum(self.iron.energy_density(b) * self.weight))
+    def energies(self, potentials: Array) -> Array:
+        """(n,) integral of w(|B|) of potentials (n, n_dof): per unit depth in J/m, or of the whole in J."""
+        b = np.stack([self.flux_density(a)[1] for a in potentials])
+        return np.asarray((self.iron.energy_density(b) * self.weight).sum(axis=(1, 2)))
 
 
 @compiled

@@ -67,11 +67,10 @@ def _flux_of_opposing(field: PairField, position: float, currents: Array) -> Arr
     for n in range(1, currents.size):
         current = float(currents[n])
         solution = field.solve(position, current, -current, start=potential)
-        responses = field.by_currents(solution)
-        flux[n] = field.quantities(solution, (current, -current), responses).flux_linkage_1
-        potential = solution.potential + (responses[0] - responses[1]) * (
-            currents[min(n + 1, currents.size - 1)] - current
-        )
+        flux[n] = field.scale * float(field.sources[0] @ solution.potential)
+        responses, _ = field.responses(solution)
+        step = currents[min(n + 1, currents.size - 1)] - current
+        potential = solution.potential + (responses[1] - responses[2]) * step
     return flux
 
 

@@ -1,9 +1,12 @@
 """Rows of both sides' field: a position and a current of side 1 over currents of side 2, solved wherever a job runs."""
 
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
+from scipy import sparse
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
@@ -14,12 +17,15 @@ from msl_fem.magnetics.field.accuracy import LEVELS, Accuracy
 from msl_fem.magnetics.field.end_effects import EndEffects
 from msl_fem.magnetics.field.pair_field import COMMON, PairField, pair_magnet, pair_mesh
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution, NewtonSettings
+from msl_fem.magnetics.solver.prolongation import prolongation_map
+from msl_fem.magnetics.sweep.pair_starts import PairStarts, SideAlone
 from msl_fem.magnetics.sweep.predictor import RowPredictor
 from msl_fem.magnetics.sweep.rows import SOLVER_VERSION
 from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.table.magnetic_table import SECTION
-from msl_fem.table.pair_table import PAIR_NODES
 
+Found = dict[int, tuple[FieldSolution, Array]]
+"""Solutions by the place of their current in the row, with the products of their responses."""
 STEPS = NewtonSettings(tolerance=1e-5)
 """Forces come within 2e-6 of the largest, slopes within 2e-5: far below what meshes and interpolation leave."""
 
@@ -28,7 +34,8 @@ STEPS = NewtonSettings(tolerance=1e-5)
 class PairSweepRow:
     """One position (m), one current of side 1 (A) and those of side 2.
 
-    `refine` takes one polynomial degree more, `common` the coarse mesh of what both sides have in common.
+    `common` is on the coarse mesh of what both sides have in common; `checked` asks for force and flux linkages alone,
+    with `refine` of one polynomial degree more.
     """
 
     position: float
@@ -36,6 +43,7 @@ class PairSweepRow:
     currents_2: tuple[float, ...]
     refine: bool = False
     common: bool = False
+    checked: bool = False
 
     @property
     def cost(self) -> int:
@@ -44,7 +52,7 @@ class PairSweepRow:
 
 @dataclass(frozen=True)
 class PairSweepJob:
-    """What a process needs to make the field of both sides."""
+    """What a process needs to make the field of both sides; `alone` tells starts, and no answers."""
 
     actuator: Actuator
     mesh: TriangleMesh
@@ -53,6 +61,7 @@ class PairSweepJob:
     order: int
     common_order: int
     end_effects: EndEffects = False
+    alone: SideAlone | None = None
 
     def field(self, *, refine: bool = False, common: bool = False) -> PairField:
         mesh, order = (self.common, self.common_order) if common else (self.mesh, self.order + refine)
@@ -69,34 +78,111 @@ class PairSweepSolver:
         self.job = job
         self._fields: dict[tuple[bool, bool], PairField] = {}
 
-    def field(self, row: PairSweepRow) -> PairField:
+    def field(self, *, refine: bool = False, common: bool = False) -> PairField:
         """The model that a row asks."""
-        kind = row.refine, row.common
+        kind = refine, common
         if kind not in self._fields:
-            self._fields[kind] = self.job.field(refine=row.refine, common=row.common)
+            self._fields[kind] = self.job.field(refine=refine, common=common)
         return self._fields[kind]
+
+    @cached_property
+    def _starts(self) -> PairStarts:
+        return PairStarts(self.field(), self.field(common=True), self.job.alone)
+
+    @cached_property
+    def _raised(self) -> sparse.csr_matrix:
+        """A potential with one polynomial degree more."""
+        return prolongation_map(self.field().model, self.field(refine=True).model)
 
     @one_blas_thread
     def solve(self, row: PairSweepRow) -> Arrays:
-        """Arrays (n_2,) of `PAIR_NODES` and the flux densities; a point that does not converge is named in `failed`.
-
-        The row is walked from its smallest current outwards, each field from where those before it lead.
-        """
+        """Arrays (n_2,) of `PAIR_NODES` and the flux densities; points that do not converge are named in `failed`."""
         started = time.process_time()
-        points: list[dict[str, float]] = [{} for _ in row.currents_2]
-        failed: list[str] = []
+        answer = self._check(row) if row.checked else self._walk(row)
+        return answer | {"cpu_seconds": np.array(time.process_time() - started)}
+
+    def _walk(self, row: PairSweepRow) -> Arrays:
+        """The row from its smallest current outwards, each field from where those before it lead."""
+        field = self.field(common=row.common)
         order = np.argsort(np.abs(row.currents_2), kind="stable")
-        walker = {sign: _Walker(self.field(row), row) for sign in (1, -1)}
-        for k in order:
+        walker = {sign: RowPredictor() for sign in (1, -1)}
+        found: Found = {}
+        for k in order.tolist():
             current = row.currents_2[k]
+            predictor = walker[1 if current >= 0 else -1]
             try:
-                points[k] = walker[1 if current >= 0 else -1].solve(current)
+                solution = self._solve_from(predictor.at(current), field, row, current)
             except NotConverged:
-                failed.append(f"{row.current_1:g} and {current:g} A at {row.position * 1e3:g} mm")
-        names = dict.fromkeys(name for point in points for name in point)
-        arrays = {name: np.array([point.get(name, np.nan) for point in points]) for name in names}
-        arrays["cpu_seconds"] = np.array(time.process_time() - started)
-        return arrays | ({"failed": np.array(failed)} if failed else {})
+                predictor.forget()
+                continue
+            responses, seconds = field.responses(solution)
+            predictor.take(current, solution, responses[2])
+            found[k] = solution, seconds
+        return _told(row, found, partial(_all_numbers, field))
+
+    def _check(self, row: PairSweepRow) -> Arrays:
+        """Force and flux linkages, from starts that a coarse mesh gives."""
+        found: Found = {}
+        field = self.field(refine=row.refine)
+        for k, current in enumerate(row.currents_2):
+            try:
+                start = self._start(row, current)
+                if row.refine:
+                    start = self._raised @ self._solve_from(start, self.field(), row, current).potential
+                found[k] = self._solve_from(start, field, row, current), np.empty(0)
+            except NotConverged:
+                continue
+        return _told(row, found, partial(_first_numbers, field))
+
+    def _start(self, row: PairSweepRow, current: float) -> Array | None:
+        try:
+            return self._starts.at(row.position, row.current_1, current)
+        except NotConverged:
+            return None
+
+    def _solve_from(self, start: Array | None, field: PairField, row: PairSweepRow, current: float) -> FieldSolution:
+        """The solution from a start, or else from zero."""
+        where = row.position, row.current_1, current
+        if start is not None:
+            try:
+                return field.solve(*where, start=start, settings=STEPS)
+            except NotConverged:
+                pass
+        return field.solve(*where, settings=STEPS)
+
+
+def _told(row: PairSweepRow, found: Found, numbers: Callable[[PairSweepRow, Found], Arrays]) -> Arrays:
+    """The numbers of what was found at all currents, nan where nothing was, and what failed."""
+    missing = [k for k in range(len(row.currents_2)) if k not in found]
+    steps = np.zeros(len(row.currents_2))
+    steps[list(found)] = [len(solution.trail) for solution, _ in found.values()]
+    answer: Arrays = {"newton_iterations": steps}
+    if found:
+        for name, values in numbers(row, found).items():
+            answer[name] = np.full(steps.size, np.nan)
+            answer[name][list(found)] = values
+    if missing:
+        at = f"A at {row.position * 1e3:g} mm"
+        answer["failed"] = np.array([f"{row.current_1:g} and {row.currents_2[k]:g} {at}" for k in missing])
+    return answer
+
+
+def _first_numbers(field: PairField, row: PairSweepRow, found: Found) -> Arrays:
+    return field.first_quantities(row.position, *_of(row, found))
+
+
+def _all_numbers(field: PairField, row: PairSweepRow, found: Found) -> Arrays:
+    currents, potentials = _of(row, found)
+    seconds = np.stack([products for _, products in found.values()])
+    means = field.cuts.means(field.model, potentials)
+    numbers = field.row_quantities(row.position, currents, potentials, seconds)
+    return numbers | {SECTION + name: values for name, values in means.items()}
+
+
+def _of(row: PairSweepRow, found: Found) -> tuple[Array, Array]:
+    """The currents (n, 2) and potentials (n, n_dof) of what was found."""
+    currents = np.array([(row.current_1, row.currents_2[k]) for k in found])
+    return currents, np.stack([solution.potential for solution, _ in found.values()])
 
 
 def pair_job(
@@ -109,38 +195,15 @@ def pair_job(
     return PairSweepJob(actuator, mesh, common, gap_sum, LEVELS[accuracy].order, coarse.order, end_effects)
 
 
-class _Walker:
-    """Goes along the currents of side 2 of one sign."""
-
-    def __init__(self, field: PairField, row: PairSweepRow) -> None:
-        self.field, self.row = field, row
-        self.predictor = RowPredictor()
-
-    def solve(self, current: float) -> dict[str, float]:
-        """The numbers at a current; raises NotConverged where neither the neighbour nor zero is a start."""
-        solution = self._field_at(current)
-        responses = self.field.by_currents(solution)
-        self.predictor.take(current, solution, responses[1])
-        quantities = self.field.quantities(solution, (self.row.current_1, current), responses)
-        numbers = {name: float(getattr(quantities, name)) for name in PAIR_NODES}
-        numbers |= {SECTION + name: value.mean for name, value in self.field.flux_densities(solution).items()}
-        return numbers | {"tail": float(self.field.on_tail(solution)), "newton_iterations": len(solution.trail)}
-
-    def _field_at(self, current: float) -> FieldSolution:
-        where = self.row.position, self.row.current_1, current
-        start = self.predictor.at(current)
-        if start is not None:
-            try:
-                return self.field.solve(*where, start=start, settings=STEPS)
-            except NotConverged:
-                self.predictor.forget()
-        return self.field.solve(*where, settings=STEPS)
+def alone_of(rows: Sequence[PairSweepRow]) -> set[tuple[float, float]]:
+    """Positions and currents of side 2 alone that the starts of rows ask; side 1 at x is side 2 at -x."""
+    asked = {(row.position, current) for row in rows for current in row.currents_2}
+    return asked | {(-row.position, row.current_1) for row in rows}
 
 
-def job_key(job: PairSweepJob) -> str:
-    """A name for all that determines the answers of a job."""
+def job_key(job: PairSweepJob, field: PairField) -> str:
+    """A name for all that determines the answers of a job, whose accurate field is given."""
     probe = np.linspace(0.0, 3.0, 3001)
-    field = job.field()
     return content_key(
         {
             "magnet": field.magnet.model_dump(),

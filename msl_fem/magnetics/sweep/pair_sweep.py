@@ -18,7 +18,8 @@ from msl_fem.magnetics.field.accuracy import LEVELS
 from msl_fem.magnetics.field.magnet_field import chosen_ends
 from msl_fem.magnetics.field.pair_field import pair_magnet
 from msl_fem.magnetics.sweep.pair_grid import check_pair_grid, half_of, one_sided_grid
-from msl_fem.magnetics.sweep.pair_rows import PairSweepJob, PairSweepRow, job_key, pair_job
+from msl_fem.magnetics.sweep.pair_rows import PairSweepJob, PairSweepRow, alone_of, job_key, pair_job
+from msl_fem.magnetics.sweep.pair_starts import side_alone
 from msl_fem.magnetics.sweep.pair_symmetry import by_symmetry, needed, with_each_alone
 from msl_fem.magnetics.sweep.reduced_rows import reduced_side_rows
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, refuse_failures, sweep
@@ -71,10 +72,13 @@ def pair_sweep(
     one_on = [PairSweepRow(float(x), 0.0, tuple(half_i.tolist())) for x in whole_x]
     between, judged = _between_nodes(half_x, half_i), _judged(half_x, half_i)
     refined = [replace(row, refine=True) for row in judged]
-    reduced = None if settings.full else reduced_side_rows(job.field(), one_on, settings.accuracy)
+    field = job.field()
+    reduced = None if settings.full else reduced_side_rows(field, one_on, settings.accuracy)
     easy = [] if reduced is None else reduced.answers
+    if reduced is not None:
+        job = replace(job, alone=side_alone(reduced.model, alone_of([*between, *judged])))
     solved = [*common, *([] if easy else one_on), *between]
-    done = _answers(job, [*solved, *judged, *refined], settings, progress)
+    done = _answers(job, job_key(job, field), [*solved, *judged, *refined], settings, progress)
     parts = iter([*done[: len(common)], *easy, *done[len(common) :]])
     answers = [[next(parts) for _ in rows] for rows in (common, one_on, between, judged, refined)]
     arrays = with_each_alone(
@@ -110,7 +114,7 @@ def pair_sweep(
     report = SweepReport(
         points=whole_x.size * both.size**2,
         failed=0,
-        unknowns=job.field().model.free.size,
+        unknowns=field.model.free.size,
         newton_iterations=int(sum(row["newton_iterations"].sum() for row in done)),
         mesh_error=table.mesh_error,
         interpolation_error=interpolation_error,
@@ -127,7 +131,7 @@ def pair_sweep(
 
 
 def _answers(
-    job: PairSweepJob, rows: list[PairSweepRow], settings: SweepSettings, progress: Progress | None
+    job: PairSweepJob, key: str, rows: list[PairSweepRow], settings: SweepSettings, progress: Progress | None
 ) -> list[Arrays]:
     """The rows' answers, in order; ComputationError where a field did not converge."""
     cache = RowCache(settings.cache) if settings.cache is not None else None
@@ -138,7 +142,7 @@ def _answers(
         rows,
         executor=Executor(settings.workers, settings.scheduler),
         cache=cache,
-        key=job_key(job),
+        key=key,
         resume=settings.resume,
         progress=progress,
     )
@@ -154,7 +158,7 @@ def _between_nodes(half_x: Array, half_i: Array) -> list[PairSweepRow]:
     for m, x in enumerate(middle_x):
         for n, i in enumerate(middle_1[m % apart :: apart]):
             currents = middle_2[(m + n) % CHECKS :: CHECKS].tolist()
-            rows.append(PairSweepRow(float(x), float(i), tuple(currents or middle_2.tolist())))
+            rows.append(PairSweepRow(float(x), float(i), tuple(currents or middle_2.tolist()), checked=True))
     return rows
 
 
@@ -163,7 +167,7 @@ def _judged(half_x: Array, half_i: Array) -> list[PairSweepRow]:
     middle = float(half_i[half_i.size // 2])
     largest = float(half_i[-1])
     positions = sorted({0.0, float(half_x[half_x.size // 2]), float(half_x[-1])})
-    return [PairSweepRow(x, middle, (-largest, -middle, middle)) for x in positions]
+    return [PairSweepRow(x, middle, (-largest, -middle, middle), checked=True) for x in positions]
 
 
 def _mesh_error(largest: float, judged: list[Arrays], refined: list[Arrays]) -> float:

@@ -28,11 +28,12 @@ TOLERANCE: dict[Accuracy, float] = {"fast": 5e-4, "normal": 2.5e-4, "fine": 1e-4
 
 @dataclass(frozen=True, eq=False)
 class ReducedRows:
-    """The rows' answers, what certifies them, and the full solutions taken."""
+    """The rows' answers, what certifies them, the full solutions taken, and the model."""
 
     answers: list[Arrays]
     certificate: Certificate
     solutions: int
+    model: ReducedModel
 
 
 @one_blas_thread
@@ -70,7 +71,7 @@ def reduced_side_rows(field: PairField, rows: Sequence[PairSweepRow], accuracy: 
     model, states = reduction.model, reduction.states
     arrays = _side_arrays(field.scale, states) | _cut_means(field.cuts, model, states)
     _add_leakage(arrays, field.leakage, points.currents[:, 0], side="_2")
-    return _by_row(arrays | {"tail": on_tail(model, states).astype(float)}, counts, reduction)
+    return _by_row(arrays, counts, reduction)
 
 
 def _by_row(arrays: Arrays, counts: Sequence[int], reduction: Reduction) -> ReducedRows:
@@ -78,9 +79,8 @@ def _by_row(arrays: Arrays, counts: Sequence[int], reduction: Reduction) -> Redu
     ends = np.cumsum(counts)[:-1]
     pieces = {name: np.split(values, ends) for name, values in arrays.items()}
     answers = [{name: piece[k] for name, piece in pieces.items()} for k in range(len(counts))]
-    return ReducedRows(
-        [answer | {"cpu_seconds": np.array(0.0)} for answer in answers], reduction.certificate, reduction.solutions
-    )
+    answers = [answer | {"cpu_seconds": np.array(0.0)} for answer in answers]
+    return ReducedRows(answers, reduction.certificate, reduction.solutions, reduction.model)
 
 
 def _add_leakage(arrays: Arrays, inductance: float, current: Array, side: str = "") -> None:
