@@ -4,7 +4,7 @@ import gc
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,12 +23,28 @@ from msl_fem.plant.effects import declared
 from msl_fem.table.magnetic_table import MagneticTable
 
 ROOT = Path(__file__).parent.parent
+WORKER = os.environ.get("PYTEST_XDIST_WORKER", "")
 sys.path += [str(folder) for folder in sorted((ROOT / "tests").iterdir()) if folder.is_dir()]
 sys.path.append(str(ROOT / "benchmarks"))
 settings.register_profile("untimed", deadline=None)  # a loaded machine is no error of the code
 settings.load_profile("untimed")
 gc.set_threshold(20_000, 20, 20)  # at 700 one second in six of the imports goes into looks for cycles
 threadpool_limits(limits=1, user_api="blas")  # as the verbs and `make` have it: threads of a BLAS only cost time here
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector: pytest.Collector) -> Generator[None, Any, Any]:
+    """Every second worker goes through a folder from its end, so that each translates half of the tests for both."""
+    report = yield
+    if isinstance(collector, pytest.Dir) and WORKER[-1:] in tuple("13579"):
+        report.result.reverse()
+    return report
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """All workers have the tests in the same order."""
+    if WORKER:
+        items.sort(key=lambda item: item.nodeid.partition("::")[0])
 
 
 def pytest_collection_finish() -> None:
@@ -94,7 +110,7 @@ def study_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     import fcntl  # not on Windows, where the other tests run
 
     base = tmp_path_factory.getbasetemp()
-    common = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    common = base.parent if WORKER else base
     folder, whole = common / "study", common / "study.whole"
     with (common / "study.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
