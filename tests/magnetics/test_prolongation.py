@@ -7,10 +7,13 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.magnetics.field.magnet_field import magnet_mesh
 from msl_fem.magnetics.solver.prolongation import prolongation_map
+from msl_fem.magnetics.sweep.expected_fields import expected_fields
 from msl_fem.magnetics.sweep.pair_rows import PairSweepJob, PairSweepRow, alone_of, pair_job
-from msl_fem.magnetics.sweep.pair_starts import PairStarts, mirror_map, side_alone
-from msl_fem.magnetics.sweep.reduced_rows import reduced_side_rows
+from msl_fem.magnetics.sweep.pair_starts import PairStarts, mirror_map
+from msl_fem.magnetics.sweep.reduced_rows import reduced_rows, reduced_side_rows
+from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
 
 POSITIONS, CURRENTS = np.linspace(-0.25e-3, 0.25e-3, 9), 4 * np.linspace(0, 1, 10) ** 1.5
 
@@ -52,7 +55,7 @@ def test_a_start_of_both_lies_nearer_than_the_coarse_field(job: PairSweepJob) ->
     reduced = reduced_side_rows(field, rows, "fast")
     assert reduced is not None
     asked = PairSweepRow(1e-4, 2.0, (-3.5, -1.0, 1.5), checked=True)
-    known = side_alone(reduced.model, alone_of([asked]))
+    known = expected_fields(reduced.model, alone_of([asked]))
     both, coarse = PairStarts(field, common, known), PairStarts(field, common, None)
     for current in asked.currents_2:
         exact = field.solve(asked.position, asked.current_1, current)
@@ -74,3 +77,22 @@ def test_a_start_of_both_lies_nearer_than_the_coarse_field(job: PairSweepJob) ->
     exact = finer.quantities(finer.solve(asked.position, asked.current_1, -1.0), (asked.current_1, -1.0))
     assert raised["force"][1] == pytest.approx(exact.force, rel=1e-5)
     assert raised["force"][1] != pytest.approx(checked["force"][1], rel=1e-5)
+
+
+def test_a_refined_row_starts_from_the_plain_field(servo: Actuator) -> None:
+    """From a reduced one, or else from a rough one; it is what the field of one degree more says."""
+    magnet = servo.magnet_kind()
+    gaps, currents = np.geomspace(2e-4, 1e-3, 7), 4 * np.linspace(0, 1, 10) ** 1.5
+    job = SweepJob(magnet, magnet_mesh(magnet, 4.5e-4, "fast"), servo.folder, 2)
+    reduced = reduced_rows(job.field(), [SweepRow(float(gap), tuple(currents.tolist())) for gap in gaps], "fast")
+    assert reduced is not None
+    row = SweepRow(float(gaps[2]), (float(currents[5]), float(currents[9])), refine=True)
+    known = expected_fields(reduced.model, [(row.gap, current) for current in row.currents])
+    finer = job.field(refine=True)
+    exact = [finer.solve(current, row.gap) for current in row.currents]
+    for solver in (RowSolver(replace(job, expected=known)), RowSolver(job)):
+        found = solver.solve(row)
+        assert found["newton_iterations"].sum() <= 0.7 * sum(len(one.trail) for one in exact)
+        for n, current in enumerate(row.currents):
+            force = finer.quantities(finer.solve(current, row.gap, start=exact[n].potential)).force
+            assert found["force"][n] == pytest.approx(force, rel=1e-6)

@@ -252,3 +252,13 @@ def test_compiled_curve_is_the_iron(iron) -> None:
         h, slope = iron.magnetise(np.array([b]))
         assert magnetise_at(b, 1, *curves) == pytest.approx((h[0], slope[0]), rel=1e-6)
     assert magnetise_at(1.5, 0, *curves)[0] == pytest.approx(load_iron("linear:1000").magnetise(np.array([1.5]))[0][0])
+
+
+@pytest.mark.parametrize("name", ["m19", "steel_1010", "linear:1000"])
+def test_every_piece_of_a_compiled_curve_is_found(name: str) -> None:
+    iron = load_iron(name)
+    curves = curves_of([e1_iron(), iron, load_iron("m19")])
+    points = curves.b[curves.start[1] : curves.start[2]]
+    for b in (*points, *(points[1:] + points[:-1]) / 2):
+        h, slope = iron.magnetise(np.array([b]))
+        assert magnetise_at(b, 1, *curves) == pytest.approx((h[0], slope[0]), rel=1e-9)

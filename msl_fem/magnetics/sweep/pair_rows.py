@@ -18,7 +18,8 @@ from msl_fem.magnetics.field.end_effects import EndEffects
 from msl_fem.magnetics.field.pair_field import COMMON, PairField, pair_magnet, pair_mesh
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution, NewtonSettings
 from msl_fem.magnetics.solver.prolongation import prolongation_map
-from msl_fem.magnetics.sweep.pair_starts import PairStarts, SideAlone
+from msl_fem.magnetics.sweep.expected_fields import ExpectedFields
+from msl_fem.magnetics.sweep.pair_starts import PairStarts
 from msl_fem.magnetics.sweep.predictor import RowPredictor
 from msl_fem.magnetics.sweep.rows import SOLVER_VERSION
 from msl_fem.magnetics.triangles import TriangleMesh
@@ -61,7 +62,7 @@ class PairSweepJob:
     order: int
     common_order: int
     end_effects: EndEffects = False
-    alone: SideAlone | None = None
+    alone: ExpectedFields | None = None
 
     def field(self, *, refine: bool = False, common: bool = False) -> PairField:
         mesh, order = (self.common, self.common_order) if common else (self.mesh, self.order + refine)

@@ -5,8 +5,6 @@ c(0, i_2): what a mesh gets wrong of either side falls out of the difference, as
 field by some 2e-3 in the energy norm, the coarse field alone by 6e-2.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -14,40 +12,12 @@ from scipy import sparse
 
 from msl_fem.computing.arrays import Array
 from msl_fem.magnetics.field.pair_field import PairField
-from msl_fem.magnetics.reduced.reduced_model import FieldPoints, ReducedModel
 from msl_fem.magnetics.solver.magnetostatics import NewtonSettings
 from msl_fem.magnetics.solver.prolongation import elements_of_dofs, prolongation_map, value_map
+from msl_fem.magnetics.sweep.expected_fields import ExpectedFields
 
 ROUGH = NewtonSettings(tolerance=1e-3)
 KEPT = 256  # of the coarse mesh's fields, those of sides alone among them
-
-
-@dataclass(frozen=True, eq=False)
-class SideAlone:
-    """Potentials of an accurate mesh with side 2 alone on, in a reduced space.
-
-    Attributes
-    ----------
-    vectors : (n_dof, N) the space's functions
-    states : position (m) and current (A), which is above 0, to the state (N,)
-    """
-
-    vectors: Array
-    states: Mapping[tuple[float, float], Array]
-
-    def potential(self, position: float, current: float) -> Array:
-        """(n_dof,) at a position towards side 1; odd in the current."""
-        if not current:
-            return np.zeros(len(self.vectors))
-        return np.asarray(np.sign(current) * (self.vectors @ self.states[position, abs(current)]))
-
-
-def side_alone(model: ReducedModel, asked: Iterable[tuple[float, float]]) -> SideAlone:
-    """The potentials at positions and currents of side 2, by a reduced model of that side."""
-    points = np.array(sorted({(position, abs(current)) for position, current in asked}))
-    found = model.solve(FieldPoints(points[:, 0], points[:, 1:]))
-    states = {(x, i): state for (x, i), state in zip(points.tolist(), found.states, strict=True)}
-    return SideAlone(model.basis.vectors, states)
 
 
 class PairStarts:
@@ -56,10 +26,10 @@ class PairStarts:
     Parameters
     ----------
     field, common : on the accurate and on the coarse mesh
-    alone : of the accurate one; None where nothing is known but the coarse fields
+    alone : of the accurate one with side 2 alone on; None where nothing is known but the coarse fields
     """
 
-    def __init__(self, field: PairField, common: PairField, alone: SideAlone | None) -> None:
+    def __init__(self, field: PairField, common: PairField, alone: ExpectedFields | None) -> None:
         self._common, self._alone = common, alone
         self._prolongation = prolongation_map(common.model, field.model)
         self._mirror = mirror_map(field)

@@ -17,9 +17,9 @@ from msl_fem.computing.row_cache import Arrays, RowCache
 from msl_fem.magnetics.field.accuracy import LEVELS
 from msl_fem.magnetics.field.magnet_field import chosen_ends
 from msl_fem.magnetics.field.pair_field import pair_magnet
+from msl_fem.magnetics.sweep.expected_fields import expected_fields
 from msl_fem.magnetics.sweep.pair_grid import check_pair_grid, half_of, one_sided_grid
 from msl_fem.magnetics.sweep.pair_rows import PairSweepJob, PairSweepRow, alone_of, job_key, pair_job
-from msl_fem.magnetics.sweep.pair_starts import side_alone
 from msl_fem.magnetics.sweep.pair_symmetry import by_symmetry, needed, with_each_alone
 from msl_fem.magnetics.sweep.reduced_rows import reduced_side_rows
 from msl_fem.magnetics.sweep.table_sweep import SweepReport, SweepSettings, refuse_failures, sweep
@@ -76,7 +76,7 @@ def pair_sweep(
     reduced = None if settings.full else reduced_side_rows(field, one_on, settings.accuracy)
     easy = [] if reduced is None else reduced.answers
     if reduced is not None:
-        job = replace(job, alone=side_alone(reduced.model, alone_of([*between, *judged])))
+        job = replace(job, alone=expected_fields(reduced.model, alone_of([*between, *judged])))
     solved = [*common, *([] if easy else one_on), *between]
     done = _answers(job, job_key(job, field), [*solved, *judged, *refined], settings, progress)
     parts = iter([*done[: len(common)], *easy, *done[len(common) :]])

@@ -17,13 +17,17 @@ from msl_fem.errors import NotConverged
 from msl_fem.magnetics.field.end_effects import METHOD as END_EFFECTS_METHOD
 from msl_fem.magnetics.field.end_effects import NONE, EndEffects, KnownFactors
 from msl_fem.magnetics.field.magnet_field import Accuracy, MagnetField, magnet_mesh
-from msl_fem.magnetics.solver.magnetostatics import FieldSolution
+from msl_fem.magnetics.solver.magnetostatics import FieldSolution, NewtonSettings, solve_field
+from msl_fem.magnetics.solver.prolongation import prolongation_map
+from msl_fem.magnetics.sweep.expected_fields import ExpectedFields
 from msl_fem.magnetics.sweep.predictor import RowPredictor
 from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION
 from msl_fem.table.origin import MAGNET_DIGEST
 
 SCALARS = (*NODES, *EXTRAS)
+ROUGH = NewtonSettings(tolerance=1e-3)
+"""Of a field that one with a degree more starts from, which is 1e-2 away."""
 SOLVER_VERSION = 3
 """Raised when a change of the field solver changes its answers: cached rows of another version are not used."""
 
@@ -57,7 +61,9 @@ class FieldJob:
 
 @dataclass(frozen=True)
 class SweepJob(FieldJob):
-    """A job of `SweepRow`s."""
+    """A job of `SweepRow`s; `expected` tells starts of refined ones, and no answers."""
+
+    expected: ExpectedFields | None = None
 
     def solver(self) -> "RowSolver":
         """The solver of the job's rows."""
@@ -88,24 +94,27 @@ class RowSolver:
     def field(self, refine: bool = False) -> MagnetField:
         """The field model of the job's degree, or of one more."""
         if refine not in self._fields:
-            self._fields[refine] = self.job.field(refine)
+            self._fields[refine] = self.field().refined() if refine else self.job.field()
         return self._fields[refine]
 
     @one_blas_thread
     def solve(self, row: SweepRow) -> Arrays:
         """Arrays (n_current,) of a row's quantities; a point that does not converge is nan, and named in `failed`.
 
-        Along the row each field starts from where those before it lead; a point that fails from there is tried once
-        more from zero.
+        Along the row each field starts from where those before it lead, or a refined one from the plain one; a point
+        that fails from there is tried once more from zero.
         """
         started = time.process_time()
-        field = self.field(row.refine).near(row.gap)
+        plain = self.field().near(row.gap)
+        field = self.field(refine=True).near(row.gap) if row.refine else plain
+        raised = prolongation_map(plain.model, field.model) if row.refine else None
         points: list[dict[str, float]] = []
         failed: list[str] = []
         predictor = RowPredictor()
         for current in row.currents:
             try:
-                solution = _solve_from(field, current, row.gap, predictor.at(current))
+                start = predictor.at(current) if raised is None else raised @ self._plain(plain, current, row.gap)
+                solution = _solve_from(field, current, row.gap, start)
             except NotConverged:
                 failed.append(f"{current:g} A at {row.gap * 1e3:g} mm")
                 points.append({})
@@ -117,6 +126,12 @@ class RowSolver:
         arrays = {name: np.array([point.get(name, np.nan) for point in points]) for name in names}
         arrays["cpu_seconds"] = np.array(time.process_time() - started)
         return arrays | ({"failed": np.array(failed)} if failed else {})
+
+    def _plain(self, field: MagnetField, current: float, gap: float) -> Array:
+        """A potential near that of the plain field."""
+        if self.job.expected is not None:
+            return self.job.expected.potential(gap, current)
+        return solve_field(field.model, current, gap, settings=ROUGH).potential
 
 
 def _solve_from(field: MagnetField, current: float, gap: float, start: Array | None) -> FieldSolution:

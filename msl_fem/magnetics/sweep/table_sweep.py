@@ -24,6 +24,7 @@ from msl_fem.magnetics.field.magnet_field import (
     with_margin,
 )
 from msl_fem.magnetics.reduced.reduction import Certificate
+from msl_fem.magnetics.sweep.expected_fields import expected_fields
 from msl_fem.magnetics.sweep.reduced_rows import ReducedRows, reduced_rows
 from msl_fem.magnetics.sweep.rows import SweepJob, SweepRow, field_key, field_provenance
 from msl_fem.table.magnetic_table import EXTRAS, NODES, SECTION, MagneticTable
@@ -162,6 +163,9 @@ def sweep(
         cache.check_writable()
     reduced = None if settings.full else reduced_rows(field, [*nodes, *between], settings.accuracy)
     easy = [] if reduced is None else reduced.answers
+    if reduced is not None:
+        asked = ((row.gap, current) for row in refined for current in row.currents)
+        job = replace(job, expected=expected_fields(reduced.model, asked))
     hard = [*nodes, *between, *refined][len(easy) :]
     done = easy + run_jobs(
         job,
