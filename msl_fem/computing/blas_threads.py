@@ -4,12 +4,13 @@ Dot products of ten thousand entries and QR of thin matrices run up to a hundred
 machine of two cores. Parallel work is done by processes.
 """
 
+import sys
 import threading
 from collections.abc import Callable
-from functools import wraps
+from functools import lru_cache, wraps
 from typing import ParamSpec, TypeVar
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 Parameters = ParamSpec("Parameters")
 Answer = TypeVar("Answer")
@@ -19,7 +20,7 @@ _limited = threading.local()
 def one_blas_thread(function: Callable[Parameters, Answer]) -> Callable[Parameters, Answer]:
     """The function, run with one BLAS thread; the caller's setting is back when it returns.
 
-    Finding the libraries takes 3 ms; within a function that runs so already it is not done again.
+    Within a function that runs so already nothing is set.
     """
 
     @wraps(function)
@@ -28,9 +29,15 @@ def one_blas_thread(function: Callable[Parameters, Answer]) -> Callable[Paramete
             return function(*args, **kwargs)
         _limited.already = True
         try:
-            with threadpool_limits(limits=1, user_api="blas"):
+            with _libraries(len(sys.modules)).limit(limits=1, user_api="blas"):
                 return function(*args, **kwargs)
         finally:
             _limited.already = False
 
     return run
+
+
+@lru_cache(maxsize=1)
+def _libraries(modules: int) -> ThreadpoolController:
+    """The loaded BLAS libraries. Finding them takes 5 ms: they are looked for again only after a further import."""
+    return ThreadpoolController()

@@ -27,6 +27,7 @@ LARGEST_CURRENT, LARGEST_GAP = 1e6, 10.0  # A, m
 _THINNING_GAIN = 3.0  # a cubic spline's error grows 16-fold on nodes twice as far apart; count on 3
 _DEFECT_MARGIN = 1.25  # the largest departure from a chord over the largest of those at three inner points
 _INNER = (0.25, 0.5, 0.75)
+_BERNSTEIN = np.array([[0, 0, 0, 3], [0, 0, 1, 3], [0, 1, 2, 3], [3, 3, 3, 3]]) / 3  # of powers, highest first
 MEAN, PERCENTILE, MAX = "mean", "percentile", "max"
 CORNER_RADIUS = 0.5e-3
 """m: the default radius around the iron's corners that the criterion `max` leaves out."""
@@ -306,32 +307,31 @@ def _roots(table: MagneticTable, levels: Array, gap: float) -> Roots:
             "the table holds no flux_density_<section>, so no operating map can be made of it; "
             "make one with 'msl-fem table'"
         )
-    flux = {name: _along_current(table, name, gap) for name in names}
-    candidates = _crossings(table.current, np.array([flux[name] for name in names]), levels)
+    curves = np.array([_along_current(table, name, gap) for name in names])
+    candidates = _crossings(table.current, curves, levels)
     best = np.argmin(np.where(np.isnan(candidates), np.inf, candidates), axis=0)
     current = candidates[best, np.arange(levels.size)]
-    error = np.zeros(levels.size)
-    for k, level in enumerate(levels):
-        if np.isnan(current[k]):
-            best[k] = int(np.argmax([flux[name][-1] for name in names]))
-        else:
-            name = names[best[k]]
-            error[k] = _thinning_error(table, name, gap, flux[name], level=level, current=current[k])
+    reached = ~np.isnan(current)
+    best[~reached] = np.argmax(curves[:, -1])
+    error = np.where(reached, _thinning_error(table, gap, curves, levels=levels, best=best, current=current), 0.0)
     return Roots(current, error, tuple(names[j] for j in best))
 
 
-def _thinning_error(table: MagneticTable, name: str, gap: float, flux: Array, *, level: float, current: float) -> float:
-    """A: how far the current moves when every other node is left out, along the current and along the gap."""
+def _thinning_error(
+    table: MagneticTable, gap: float, curves: Array, *, levels: Array, best: NDArray[np.int64], current: Array
+) -> Array:
+    """(n_level,) A: how far the currents of the loading sections, those numbered `best`, move when every other node is
+    left out, along the current and along the gap."""
 
-    def moved(flux_density: Array, rows: NDArray[np.int64] | None = None) -> float:
-        crossing = _crossings(table.current, flux_density[None], np.array([level]), rows)[0, 0]
-        return abs((table.current[-1] if np.isnan(crossing) else crossing) - current)
+    def moved(thinned: Array, rows: NDArray[np.int64] | None = None) -> Array:
+        crossings = _crossings(table.current, thinned, levels, rows)[best, np.arange(levels.size)]
+        return np.abs(np.where(np.isnan(crossings), table.current[-1], crossings) - current)
 
-    along_current = max(moved(flux, _thinned(table.current.size, start)) for start in (1, 2))
-    along_gap = 0.0
+    error = np.maximum(*(moved(curves, _thinned(table.current.size, start)) for start in (1, 2)))
     if gap not in table.gap:
-        along_gap = max(moved(_along_current(table, name, gap, thinning=start)) for start in (1, 2))
-    return (along_current + along_gap) / _THINNING_GAIN
+        over = ([_along_current(table, name, gap, thinning=start) for name in table.sections] for start in (1, 2))
+        error = error + np.maximum(*(moved(np.array(each)) for each in over))
+    return np.asarray(error / _THINNING_GAIN)
 
 
 def _thinned(size: int, start: int) -> NDArray[np.int64]:
@@ -372,20 +372,30 @@ def _over_gap(table: MagneticTable, name: str, thinning: int | None) -> Callable
 
 def _crossings(current: Array, flux_density: Array, levels: Array, rows: NDArray[np.int64] | None = None) -> Array:
     """(n_curve, n_level) the smallest positive current at which the odd spline through the chosen nodes of each curve,
-    flux_density (n_curve, n_current), takes each level."""
+    flux_density (n_curve, n_current), takes each level.
+
+    A cubic lies between the smallest and the largest of its Bernstein coefficients: pieces whose coefficients are all
+    below or all above the level are passed over.
+    """
     from scipy.interpolate import CubicSpline, PPoly
 
     i = current if rows is None else current[rows]
     b = flux_density if rows is None else flux_density[:, rows]
     fitted = CubicSpline(np.r_[-i[:0:-1], i], np.concatenate([-b[:, :0:-1], b], axis=1), axis=1)
+    x, c = fitted.x[i.size - 1 :], fitted.c[:, i.size - 1 :]
+    bernstein = np.einsum("pq,qnj->pnj", _BERNSTEIN, c * np.diff(x)[:, None] ** np.arange(3, -1, -1)[:, None, None])
+    slack = 1e-9 * np.abs(b).max()
+    lowest, highest = bernstein.min(axis=0) - slack, bernstein.max(axis=0) + slack
     crossings = np.full((len(b), levels.size), np.nan)
     for j in range(len(b)):
-        curve = PPoly.construct_fast(np.ascontiguousarray(fitted.c[:, :, j]), fitted.x)
         for k, level in enumerate(levels):
-            roots = curve.solve(level, extrapolate=False)
-            positive = roots[roots > 0]
-            if positive.size:
-                crossings[j, k] = positive.min()
+            for n in np.flatnonzero((lowest[:, j] <= level) & (level <= highest[:, j])):
+                two = PPoly.construct_fast(np.ascontiguousarray(c[:, n : n + 2, j]), x[n : n + 3])
+                roots = two.solve(level, extrapolate=False)
+                positive = roots[roots > 0]
+                if positive.size:
+                    crossings[j, k] = positive.min()
+                    break
     return crossings
 
 
