@@ -200,11 +200,11 @@ def _check(record: OperatingMap) -> None:
 
 
 class Roots(NamedTuple):
-    """Currents (n_level,) of one gap, their error, and the section that gives each."""
+    """Currents (n_level, n_gap), their error, and the section that gives each."""
 
     current: Array
     error: Array
-    section: tuple[str, ...]
+    section: tuple[tuple[str, ...], ...]
 
 
 def checked_levels(levels: Sequence[float] | Array) -> Array:
@@ -249,10 +249,7 @@ def operating_map(
     gaps = np.array(table.gap if gap is None else gap, dtype=float)
     if gaps.ndim != 1 or gaps.size < 2 or not (np.diff(gaps) > 0).all():
         raise InputError("gaps must be increasing and at least two")
-    roots = [_roots(table, values, float(g)) for g in gaps]
-    current = np.stack([root.current for root in roots], axis=1)
-    error = np.stack([root.error for root in roots], axis=1)
-    section = tuple(zip(*(root.section for root in roots), strict=True))
+    current, error, section = roots = _roots(table, values, gaps)
     provenance = {} if table.provenance is None else dict(table.provenance)
     falls = monotone_or_why_not(
         values, gaps, current, error=error, section=section, cause="look for noise in the table's flux densities"
@@ -272,66 +269,64 @@ def operating_map(
     )
 
 
-def _allowance(table: MagneticTable, levels: Array, gap: Array, roots: list[Roots]) -> Array:
+def _allowance(table: MagneticTable, levels: Array, gap: Array, roots: Roots) -> Array:
     """(n_level, n_gap) A: the errors of the currents, and how far the curve sags below its chords.
 
     A chord lies above a convex curve. The sag is measured at three points inside each interval and enlarged by a
     quarter, which covers a cubic's largest sag; a node takes the larger allowance of its two intervals, so that the
     reduced curve is continuous.
     """
-    end = table.current[-1]
 
-    def reached(root: Roots) -> Array:
-        return np.where(np.isnan(root.current), end, root.current)
+    def reached(current: Array) -> Array:
+        return np.where(np.isnan(current), table.current[-1], current)
 
-    allowance = np.stack([root.error for root in roots], axis=1)
-    for m in range(gap.size - 1):
-        left, right = reached(roots[m]), reached(roots[m + 1])
-        sag = np.zeros(levels.size)
-        error = np.maximum(roots[m].error, roots[m + 1].error)
-        for t in _INNER:
-            inner = _roots(table, levels, float((1 - t) * gap[m] + t * gap[m + 1]))
-            below = (1 - t) * left + t * right - reached(inner)
-            sag = np.maximum(sag, below)
-            error = np.maximum(error, inner.error)
-        for j in (m, m + 1):
-            allowance[:, j] = np.maximum(allowance[:, j], _DEFECT_MARGIN * sag + error)
+    t = np.array(_INNER)
+    inner = _roots(table, levels, ((1 - t) * gap[:-1, None] + t * gap[1:, None]).ravel())
+    nodes = reached(roots.current)[:, :, None]
+    below = (1 - t) * nodes[:, :-1] + t * nodes[:, 1:] - reached(inner.current).reshape(levels.size, -1, t.size)
+    error = np.maximum(roots.error[:, :-1], roots.error[:, 1:])
+    error = np.maximum(error, inner.error.reshape(below.shape).max(axis=2))
+    needed = _DEFECT_MARGIN * np.maximum(below.max(axis=2), 0.0) + error
+    allowance = roots.error.copy()
+    for interval in (np.s_[:, :-1], np.s_[:, 1:]):
+        allowance[interval] = np.maximum(allowance[interval], needed)
     return allowance
 
 
-def _roots(table: MagneticTable, levels: Array, gap: float) -> Roots:
-    """The smallest current of any section for each level, at a gap of the table or between its gaps."""
+def _roots(table: MagneticTable, levels: Array, gaps: Array) -> Roots:
+    """The smallest current of any section for each level, at gaps of the table or between them."""
     names = table.sections
     if not names:
         raise TableError(
             "the table holds no flux_density_<section>, so no operating map can be made of it; "
             "make one with 'msl-fem table'"
         )
-    curves = np.array([_along_current(table, name, gap) for name in names])
-    candidates = _crossings(table.current, curves, levels)
+    curves = np.array([_along_current(table, name, gaps) for name in names])
+    candidates = _crossings(table.current, curves[:, None], levels[:, None])
     best = np.argmin(np.where(np.isnan(candidates), np.inf, candidates), axis=0)
-    current = candidates[best, np.arange(levels.size)]
-    reached = ~np.isnan(current)
-    best[~reached] = np.argmax(curves[:, -1])
-    error = np.where(reached, _thinning_error(table, gap, curves, levels=levels, best=best, current=current), 0.0)
-    return Roots(current, error, tuple(names[j] for j in best))
+    current = np.take_along_axis(candidates, best[None], axis=0)[0]
+    best = np.where(np.isnan(current), np.argmax(curves[:, :, -1], axis=0), best)
+    error = _thinning_error(table, gaps, curves, levels=levels, best=best, current=current)
+    return Roots(current, error, tuple(tuple(names[j] for j in row) for row in best))
 
 
 def _thinning_error(
-    table: MagneticTable, gap: float, curves: Array, *, levels: Array, best: NDArray[np.int64], current: Array
+    table: MagneticTable, gaps: Array, curves: Array, *, levels: Array, best: NDArray[np.int64], current: Array
 ) -> Array:
-    """(n_level,) A: how far the currents of the loading sections, those numbered `best`, move when every other node is
-    left out, along the current and along the gap."""
+    """(n_level, n_gap) A: how far the currents of the loading sections, those numbered `best`, move when every other
+    node is left out, along the current and along the gap; 0 where the level is not reached."""
 
-    def moved(thinned: Array, rows: NDArray[np.int64] | None = None) -> Array:
-        crossings = _crossings(table.current, thinned, levels, rows)[best, np.arange(levels.size)]
-        return np.abs(np.where(np.isnan(crossings), table.current[-1], crossings) - current)
+    def moved(curves: Array, at: NDArray[np.bool_], rows: NDArray[np.int64] | None = None) -> Array:
+        loading = curves[best[:, at], np.arange(curves.shape[1])]
+        crossings = _crossings(table.current, loading, levels[:, None], rows)
+        return np.abs(np.where(np.isnan(crossings), table.current[-1], crossings) - current[:, at])
 
-    error = np.maximum(*(moved(curves, _thinned(table.current.size, start)) for start in (1, 2)))
-    if gap not in table.gap:
-        over = ([_along_current(table, name, gap, thinning=start) for name in table.sections] for start in (1, 2))
-        error = error + np.maximum(*(moved(np.array(each)) for each in over))
-    return np.asarray(error / _THINNING_GAIN)
+    anywhere, between = np.ones(gaps.size, dtype=bool), ~np.isin(gaps, table.gap)
+    error = np.maximum(*(moved(curves, anywhere, _thinned(table.current.size, start)) for start in (1, 2)))
+    if between.any():
+        over = ([_along_current(table, name, gaps[between], thinning=n) for name in table.sections] for n in (1, 2))
+        error[:, between] += np.maximum(*(moved(np.array(each), between) for each in over))
+    return np.where(np.isnan(current), 0.0, error / _THINNING_GAIN)
 
 
 def _thinned(size: int, start: int) -> NDArray[np.int64]:
@@ -339,40 +334,44 @@ def _thinned(size: int, start: int) -> NDArray[np.int64]:
     return np.unique(np.r_[0, np.arange(start, size, 2), size - 1])
 
 
-def _along_current(table: MagneticTable, name: str, gap: float, thinning: int | None = None) -> Array:
-    """(n_current,) mean flux density of a section at a gap, by a cubic spline over log(gap) where it is no node."""
+def _along_current(table: MagneticTable, name: str, gaps: Array, thinning: int | None = None) -> Array:
+    """(n_gap, n_current) mean flux density of a section, by a cubic spline over log(gap) where the gap is no node."""
     values = table.extras[SECTION + name]
     if not np.isfinite(values).all():
         m, n = np.argwhere(~np.isfinite(values))[0]
         raise TableError(
             f"{SECTION}{name} is not finite at gap {format_quantity(table.gap[m], 'm')}, current {table.current[n]:g} A"
         )
-    if not table.gap[0] <= gap <= table.gap[-1]:
+    outside = gaps[(gaps < table.gap[0]) | (gaps > table.gap[-1])]
+    if outside.size:
         raise OutOfTable(
-            f"gap {format_quantity(gap, 'm')} lies outside the table's {table.gap[0] * 1e3:.4g} ... "
+            f"gap {format_quantity(outside[0], 'm')} lies outside the table's {table.gap[0] * 1e3:.4g} ... "
             f"{table.gap[-1] * 1e3:.4g} mm; extend the sweep (--gaps) or ask for gaps inside"
         )
-    if thinning is None and gap in table.gap:
-        return np.asarray(values[np.searchsorted(table.gap, gap)])
-    return np.asarray(_over_gap(table, name, thinning)(math.log(gap)))
+    found = np.empty((gaps.size, table.current.size))
+    nodes = np.isin(gaps, table.gap) if thinning is None else np.zeros(gaps.size, dtype=bool)
+    found[nodes] = values[np.searchsorted(table.gap, gaps[nodes])]
+    if not nodes.all():
+        found[~nodes] = _over_gap(table, name, thinning)(np.log(gaps[~nodes]))
+    return found
 
 
 @functools.lru_cache(maxsize=32)
-def _over_gap(table: MagneticTable, name: str, thinning: int | None) -> Callable[[float], Array]:
+def _over_gap(table: MagneticTable, name: str, thinning: int | None) -> Callable[[Array], Array]:
     """The cubic spline over log(gap) of a section's mean flux densities, (n_current,) at each gap."""
     from scipy.interpolate import make_interp_spline
 
     values = table.extras[SECTION + name]
     rows = np.arange(table.gap.size) if thinning is None else _thinned(table.gap.size, thinning)
-    spline: Callable[[float], Array] = make_interp_spline(
+    spline: Callable[[Array], Array] = make_interp_spline(
         np.log(table.gap[rows]), values[rows], k=min(3, rows.size - 1)
     )
     return spline
 
 
-def _crossings(current: Array, flux_density: Array, levels: Array, rows: NDArray[np.int64] | None = None) -> Array:
-    """(n_curve, n_level) the smallest positive current at which the odd spline through the chosen nodes of each curve,
-    flux_density (n_curve, n_current), takes each level.
+def _crossings(current: Array, flux_density: Array, level: Array, rows: NDArray[np.int64] | None = None) -> Array:
+    """The smallest positive current at which the odd spline through the chosen nodes of each curve, flux_density
+    (..., n_current), takes its level, which has the curves' shape or is broadcast with it.
 
     A cubic lies between the smallest and the largest of its Bernstein coefficients: pieces whose coefficients are all
     below or all above the level are passed over.
@@ -380,22 +379,22 @@ def _crossings(current: Array, flux_density: Array, levels: Array, rows: NDArray
     from scipy.interpolate import CubicSpline, PPoly
 
     i = current if rows is None else current[rows]
-    b = flux_density if rows is None else flux_density[:, rows]
+    b = flux_density.reshape(-1, current.size)[:, slice(None) if rows is None else rows]
     fitted = CubicSpline(np.r_[-i[:0:-1], i], np.concatenate([-b[:, :0:-1], b], axis=1), axis=1)
     x, c = fitted.x[i.size - 1 :], fitted.c[:, i.size - 1 :]
     bernstein = np.einsum("pq,qnj->pnj", _BERNSTEIN, c * np.diff(x)[:, None] ** np.arange(3, -1, -1)[:, None, None])
     slack = 1e-9 * np.abs(b).max()
     lowest, highest = bernstein.min(axis=0) - slack, bernstein.max(axis=0) + slack
-    crossings = np.full((len(b), levels.size), np.nan)
-    for j in range(len(b)):
-        for k, level in enumerate(levels):
-            for n in np.flatnonzero((lowest[:, j] <= level) & (level <= highest[:, j])):
-                two = PPoly.construct_fast(np.ascontiguousarray(c[:, n : n + 2, j]), x[n : n + 3])
-                roots = two.solve(level, extrapolate=False)
-                positive = roots[roots > 0]
-                if positive.size:
-                    crossings[j, k] = positive.min()
-                    break
+    curve, wanted = np.broadcast_arrays(np.arange(len(b)).reshape(flux_density.shape[:-1]), level)
+    crossings = np.full(curve.shape, np.nan)
+    for place, j in np.ndenumerate(curve):
+        for n in np.flatnonzero((lowest[:, j] <= wanted[place]) & (wanted[place] <= highest[:, j])):
+            two = PPoly.construct_fast(np.ascontiguousarray(c[:, n : n + 2, j]), x[n : n + 3])
+            roots = two.solve(wanted[place], extrapolate=False)
+            positive = roots[roots > 0]
+            if positive.size:
+                crossings[place] = positive.min()
+                break
     return crossings
 
 

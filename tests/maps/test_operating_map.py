@@ -7,11 +7,12 @@ import math
 import numpy as np
 import pytest
 from conftest import closed_form_table, saturating_reluctance
+from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from msl_fem.errors import InputError, OutOfTable, TableError
 from msl_fem.maps import OperatingMap, operating_map
-from msl_fem.maps.level_currents import CORNER_RADIUS, Criterion, monotone_or_why_not, parse_criterion
+from msl_fem.maps.level_currents import CORNER_RADIUS, Criterion, _crossings, monotone_or_why_not, parse_criterion
 from msl_fem.maps.map_file import map_to_json, read_map, write_map
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -310,3 +311,15 @@ def test_a_fall_is_located_and_explained(current, more, why):
     (sentence,) = said(current, **more)
     assert sentence.startswith("the 1.2 T curve falls between gaps 100 µm and 200 µm")
     assert sentence.endswith(why)
+
+
+def test_a_level_is_taken_where_the_whole_curve_first_takes_it() -> None:
+    """Also inside a piece whose ends are both below the level, and at a node; NaN where it is never taken."""
+    rng, i = np.random.default_rng(3), np.linspace(0.0, 5.0, 9)
+    curves = np.concatenate([np.zeros((40, 1)), rng.uniform(0.0, 1.0, (40, 8))], axis=1)
+    levels = np.concatenate([rng.uniform(0.0, 1.3, 39), curves[39:, 4]])
+    found = _crossings(i, curves, levels)
+    for curve, level, crossing in zip(curves, levels, found, strict=True):
+        roots = CubicSpline(np.r_[-i[:0:-1], i], np.r_[-curve[:0:-1], curve]).solve(level, extrapolate=False)
+        assert crossing == pytest.approx(min(roots[roots > 0], default=np.nan), rel=1e-9, nan_ok=True)
+    assert np.isnan(found).any()
