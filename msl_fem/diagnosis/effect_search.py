@@ -66,15 +66,18 @@ class _Chain:
 
 def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
     """Effects added one after the other as long as each brings more than the rule asks."""
-    rule = kind.rule(how.rule)
+    return _gone_through(kind, how, _Chain((without_effects(kind, how),))).told(kind.rule(how.rule))
+
+
+def without_effects(kind: Kind, how: DiagnosisSettings) -> Fit:
+    """The most probable model without effects."""
     begin = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
     known = how.memory.end_of(fit_name(kind.unknowns), kind.unknowns)
     begin = begin if known is None else known
     steps = STEPS_A_ROUND if kind.sane else FitPlan.most_steps
     plan = FitPlan(most_steps=steps, enough=ROUGH, tell=partial(about_tolerances, how))
     first = not_worse(kind, begin, fit(kind.likelihood, kind.unknowns, begin, plan=plan), plan)
-    first = replace(first, finished=kind.sane is not None, sane=kind.sane)
-    return _gone_through(kind, how, _Chain((first,))).told(rule)
+    return replace(first, finished=kind.sane is not None, sane=kind.sane)
 
 
 def _gone_through(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
