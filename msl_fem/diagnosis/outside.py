@@ -177,8 +177,8 @@ class _FreeFunctions:
         self.root = fit.weights.root
         self.jacobian = fit.jacobian * self.root[:, None]
         self.residual = fit.residual * self.root
-        prior = np.diag(fit.unknowns.prior(fit.z)[2])
-        self.inverse = np.linalg.inv(self.jacobian.T @ self.jacobian + prior)
+        self.prior = fit.unknowns.prior(fit.z)[2]
+        self.inverse = np.linalg.inv(self.jacobian.T @ self.jacobian + np.diag(self.prior))
         self.channels = likelihood.problem.channels(0)
         self.zero = readings_of(trajectory.plant, trajectory.run, trajectory.out)
 
@@ -186,14 +186,15 @@ class _FreeFunctions:
         """The most probable function of a variable in an equation."""
         basis, (points, shapes) = _basis(self.trajectory.variables[variable])
         columns = np.column_stack([self._response(equation, part) for part in basis]) * self.root[:, None]
-        mixed = columns.T @ self.jacobian
-        g = columns.T @ columns - mixed @ self.inverse @ mixed.T
-        b = -columns.T @ self.residual + mixed @ self.inverse @ (self.jacobian.T @ self.residual)
+        absorbed = self.inverse @ (self.jacobian.T @ columns)
+        own = columns - self.jacobian @ absorbed
+        g = own.T @ own + absorbed.T @ (self.prior[:, None] * absorbed)
+        b = -own.T @ self.residual
         gains = [_evidence(g, b, size) for size in SIZES]
         size = float(SIZES[int(np.argmax(gains))])
         matrix = g + np.eye(len(b)) / size**2
         coefficients = np.linalg.solve(matrix, b)
-        after = self.residual + columns @ coefficients - self.jacobian @ (self.inverse @ (mixed.T @ coefficients))
+        after = self.residual + own @ coefficients
         excess, left = self._excess_power(self.residual), self._excess_power(after)
         share = 1 - left / excess if excess > 0 else 0.0
         scale = self.trajectory.scales[equation]

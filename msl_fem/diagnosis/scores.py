@@ -4,11 +4,13 @@ The linear evidence is exact for the linear model around a fit. At a most probab
 weighted residual r, the columns J of what is unknown there and C of the effect's amounts, the likelihood over the
 amounts a is that of a linear model with
 
-    G = C'C - C'J (J'J + I)^-1 J'C,   b = -C'r + C'J (J'J + I)^-1 (J'r + z),
+    G = C'C - C'J (J'J + I)^-1 J'C,   b = -C'r + C'J (J'J + I)^-1 (J'r + z)
+      = R'R + X'X,                      = -R'r + X'z,   X = (J'J + I)^-1 J'C,   R = C - J X,
 
-and with Cauchy's prior the log evidence grows by b'a - a'Ga/2 - sum log(1 + a^2) - log det(G + 2)/2 at the best a. G
-tells how far apart an effect and all that is unknown are: the noncentrality of an effect of given size is a'Ga (a case
-of Kay, Statistical Signal Processing II, 1998, ch. 6).
+and with Cauchy's prior the log evidence grows by b'a - a'Ga/2 - sum log(1 + a^2) - log det(G + 2)/2 at the best a. The
+second form loses no digits where what is unknown makes up for almost all of C. G tells how far apart an effect and all
+that is unknown are: the noncentrality of an effect of given size is a'Ga (a case of Kay, Statistical Signal Processing
+II, 1998, ch. 6).
 """
 
 from collections.abc import Sequence
@@ -26,6 +28,7 @@ from msl_fem.diagnosis.variants import Variant
 
 Shapes = tuple[EffectUnknown, ...]
 ROUNDING = 1e-12  # of a diagonal: amounts that act alike
+ROWS = 4096  # of the columns that are held twice
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +60,15 @@ class Background:
         raw *= root[:, None]
         j, self.c = found.jacobian * root[:, None], raw
         residual = found.residual * root
-        inverse = np.linalg.inv(j.T @ j + np.diag(found.unknowns.prior(found.z)[2]))
-        mixed = self.c.T @ j
-        gradient = j.T @ residual + found.unknowns.prior(found.z)[1]
-        self.own = self.c.T @ self.c - mixed @ inverse @ mixed.T
-        self.slope = -self.c.T @ residual + mixed @ inverse @ gradient
-        self.still, self.moved = -inverse @ gradient, -inverse @ mixed.T
+        _, prior_slope, curvature = found.unknowns.prior(found.z)
+        inverse = np.linalg.inv(j.T @ j + np.diag(curvature))
+        absorbed = inverse @ (j.T @ self.c)
+        self.still, self.moved = -inverse @ (j.T @ residual + prior_slope), -absorbed
+        self.own, self.slope = absorbed.T @ (curvature[:, None] * absorbed), absorbed.T @ prior_slope
+        for part in (slice(n, n + ROWS) for n in range(0, len(raw), ROWS)):
+            left = self.c[part] - j[part] @ absorbed
+            self.own += left.T @ left
+            self.slope -= left.T @ residual[part]
 
     def score(self, variant: Variant, places: Sequence[int]) -> Score:
         """The score of a variant whose amounts stand at these places."""

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from linear_record import OFFSET, record
+from linear_record import OFFSET, LinearRecord, record
 from scipy.optimize import nnls
 
 from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.scores import _held, scored
+from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant
 
 VARIANT = Variant("force_offset", (OFFSET,))
@@ -33,6 +34,19 @@ def test_a_hidden_effect_stands_out_of_its_surrogates() -> None:
     base = fit(data, unknowns, np.zeros(unknowns.size))  # type: ignore[arg-type]
     at_base = scored(base, [VARIANT])
     assert at_base.null.p_value(at_base.scores[0].gain) == 1 / 201
+
+
+def test_what_the_unknowns_make_up_for_almost_wholly_keeps_its_digits() -> None:
+    """An effect that is a nuisance of a million million times the noise, and noise of its own beside it."""
+    chance = np.random.default_rng(5)
+    nuisance, own, noise = chance.standard_normal((3, 4000))
+    data = LinearRecord(noise, 1e12 * nuisance[:, None], {"force_offset": 1e12 * nuisance + own})
+    base = fit(data, Unknowns((("moving_mass", 0.01),), 0, (0,)), np.zeros(1))  # type: ignore[arg-type]
+    at_base = scored(base, [VARIANT])
+    assert at_base.scores[0].own[0, 0] == pytest.approx(
+        own @ own - (own @ nuisance) ** 2 / (nuisance @ nuisance) + 1, rel=0.05
+    )
+    assert -10.0 < at_base.null.quantile(0.99) < 10.0
 
 
 def test_more_variants_bring_more_by_chance_and_a_one_sided_amount_brings_less() -> None:
