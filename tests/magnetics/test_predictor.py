@@ -8,7 +8,7 @@ from msl_fem.actuator import load_actuator
 from msl_fem.magnetics.field.magnet_field import magnet_mesh
 from msl_fem.magnetics.reduced.online import same_way
 from msl_fem.magnetics.solver.magnetostatics import FieldSolution, NewtonSettings, expected_error
-from msl_fem.magnetics.sweep.predictor import RowPredictor
+from msl_fem.magnetics.sweep.predictor import RowPredictor, RowsPredictor
 from msl_fem.magnetics.sweep.rows import SweepJob
 
 
@@ -38,6 +38,22 @@ def test_the_error_of_a_prediction_goes_with_the_fourth_power_of_the_step() -> N
         assert predicted is not None
         errors.append(abs(float(predicted[0]) - np.exp(1.0 + 2 * step)))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.4)
+
+
+def test_what_a_prediction_missed_in_the_row_before_is_added() -> None:
+    """A = exp(j) + 3 i: every row's prediction misses the same, and the first field of a row follows by its slope."""
+    rows, currents = RowsPredictor(), (0.0, -0.3, 0.5, -0.8, 1.1)
+    for n, current_1 in enumerate((0.0, 0.4, 1.0)):
+        rows.begin(current_1)
+        for current in currents:
+            exact, expected = np.exp(current) + 3 * current_1, rows.at(current)
+            if n:
+                assert expected == pytest.approx(exact, abs=1e-12)
+            elif expected is not None:
+                assert abs(expected - exact) > 1e-3
+            rows.take(current, solution(np.array([exact])), (np.array([3.0]), np.array([np.exp(current)])))
+    rows.begin(2.0)
+    assert rows.at(7.0) is None
 
 
 @pytest.mark.parametrize(

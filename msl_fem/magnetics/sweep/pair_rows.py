@@ -20,7 +20,7 @@ from msl_fem.magnetics.solver.magnetostatics import FieldSolution, NewtonSetting
 from msl_fem.magnetics.solver.prolongation import prolongation_map
 from msl_fem.magnetics.sweep.expected_fields import ExpectedFields
 from msl_fem.magnetics.sweep.pair_starts import PairStarts
-from msl_fem.magnetics.sweep.predictor import RowPredictor
+from msl_fem.magnetics.sweep.predictor import RowsPredictor
 from msl_fem.magnetics.sweep.rows import SOLVER_VERSION
 from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.table.magnetic_table import SECTION
@@ -78,6 +78,7 @@ class PairSweepSolver:
     def __init__(self, job: PairSweepJob) -> None:
         self.job = job
         self._fields: dict[tuple[bool, bool], PairField] = {}
+        self._last: tuple[float, bool, RowsPredictor] | None = None
 
     def field(self, *, refine: bool = False, common: bool = False) -> PairField:
         """The model that a row asks."""
@@ -104,22 +105,26 @@ class PairSweepSolver:
 
     def _walk(self, row: PairSweepRow) -> Arrays:
         """The row from its smallest current outwards, each field from where those before it lead."""
-        field = self.field(common=row.common)
-        order = np.argsort(np.abs(row.currents_2), kind="stable")
-        walker = {sign: RowPredictor() for sign in (1, -1)}
+        field, predictor = self.field(common=row.common), self._predictor(row)
         found: Found = {}
-        for k in order.tolist():
+        for k in np.argsort(np.abs(row.currents_2), kind="stable").tolist():
             current = row.currents_2[k]
-            predictor = walker[1 if current >= 0 else -1]
             try:
                 solution = self._solve_from(predictor.at(current), field, row, current)
             except NotConverged:
-                predictor.forget()
+                predictor.forget(current)
                 continue
             responses, seconds = field.responses(solution)
-            predictor.take(current, solution, responses[2])
+            predictor.take(current, solution, (responses[1], responses[2]))
             found[k] = solution, seconds
         return _told(row, found, partial(_all_numbers, field))
+
+    def _predictor(self, row: PairSweepRow) -> RowsPredictor:
+        """That of the row before, where it was at the same position."""
+        if self._last is None or self._last[:2] != (row.position, row.common):
+            self._last = row.position, row.common, RowsPredictor()
+        self._last[2].begin(row.current_1)
+        return self._last[2]
 
     def _check(self, row: PairSweepRow) -> Arrays:
         """Force and flux linkages, from starts that a coarse mesh gives."""
