@@ -259,7 +259,7 @@ def loop(
         read_instruments(plant, state, history, k, inputs.noise[k], readings)
         controller_step(parameters, memory, inputs.reference[k], readings[0] + inputs.injection[k], command)
         for j in range(parameters.delay):
-            waiting[j] = waiting[j + 1]
+            waiting[j, 0], waiting[j, 1] = waiting[j + 1, 0], waiting[j + 1, 1]
             aims[j] = aims[j + 1]
         for j in range(2):
             waiting[parameters.delay, j] = command[j]

@@ -4,6 +4,7 @@ Inductance L(g) = L0 + K/(g + a) in closed form; the implicit midpoint rule in f
 tenth of a sample. Voltages are the controller's, held between samples; readings have white noise.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,22 +70,22 @@ def run(truth: Truth, count: int, chance: np.random.Generator) -> dict[str, np.n
     """Columns of a run."""
     steps = np.repeat(chance.uniform(-1e-3, 1e-3, count // 150 + 1), 150)[:count]
     reference = HELD + np.convolve(steps, np.ones(60) / 60, "same")
-    noise = chance.standard_normal((count, 2)) * [POSITION_NOISE, CURRENT_NOISE]
+    noise = (chance.standard_normal((count, 2)) * [POSITION_NOISE, CURRENT_NOISE]).tolist()
     gap = GAP - HELD
-    current = np.sqrt(2 * WEIGHT * (gap + A) ** 2 / K)
+    current = math.sqrt(2 * WEIGHT * (gap + A) ** 2 / K)
     flux = truth.inductance * (L0 + K / (gap + A)) * current
     x, v, total, slow, before = HELD, 0.0, 0.0, 0.0, HELD
     rows = np.empty((count, 4))
-    for k in range(count):
+    for k, (aim_at, (position_noise, current_noise)) in enumerate(zip(reference.tolist(), noise, strict=True)):
         inductance = truth.inductance * (L0 + K / (GAP - x + A))
-        read, read_current = x + noise[k, 0], flux / inductance + noise[k, 1]
+        read, read_current = x + position_noise, flux / inductance + current_noise
         slow += 0.3 * ((read - before) * RATE - slow)
         before = read
-        error = reference[k] - read
+        error = aim_at - read
         total += error / RATE
         aim = current + 100 * error - 1.8 * slow + 300 * total
         voltage = RESISTANCE * aim + 40.0 * (aim - read_current)
-        rows[k] = read, read_current, voltage, reference[k]
+        rows[k] = read, read_current, voltage, aim_at
         x, v, flux = _sample(truth, x, v, flux, voltage)
     names = ("position_m", "current_1_A", "voltage_1_V", "reference_m")
     return {"time_s": np.arange(count) / RATE, **dict(zip(names, rows.T, strict=True))}
@@ -100,7 +101,7 @@ def _sample(truth: Truth, x: float, v: float, flux: float, voltage: float) -> tu
             inductance = truth.inductance * (L0 + K / far)
             current = fm / inductance
             pull = truth.inductance * K / far**2 * current**2 / 2
-            rub = truth.friction * vm / np.hypot(vm, 1e-3) + truth.drag * abs(vm) * vm / 0.1
+            rub = truth.friction * vm / math.hypot(vm, 1e-3) + truth.drag * abs(vm) * vm / 0.1
             force, drop = pull - WEIGHT - rub, resistance * current
             xm, vm, fm = x + h / 2 * vm, v + h / 2 * force / mass, flux + h / 2 * (voltage - drop)
         x, v, flux = 2 * xm - x, 2 * vm - v, 2 * fm - flux

@@ -1,5 +1,6 @@
 """A mover that a force drives and no spring holds, diagnosed by its inverse dynamics: EMPS, and rigs of our own."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -59,13 +60,13 @@ def _run(mover, name, role, seed):
     rng, n, steps = np.random.default_rng(seed), 16_000, 5
     time = np.arange(n) / RATE
     wanted = sum(0.03 / k * np.sin(2 * np.pi * 0.37 * k * time + rng.uniform(0, 6.28)) for k in (1, 2, 3, 5, 8))
-    x, v, dt = wanted[0], 0.0, 1 / RATE / steps
+    x, v, dt = float(wanted[0]), 0.0, 1 / RATE / steps
     force, position = np.empty(n), np.empty(n)
-    for t in range(n):
+    for t, aim in enumerate(wanted.tolist()):
         position[t] = x
-        force[t] = 4e4 * (wanted[t] - x) - 3e3 * v
+        force[t] = held = 4e4 * (aim - x) - 3e3 * v
         for _ in range(steps):
-            change = dt * (force[t] - 203.5 * v - mover(v)) / 95.1
+            change = dt * (held - 203.5 * v - mover(v)) / 95.1
             x += dt * (v + change / 2)
             v += change
     position += 20e-9 * rng.standard_normal(n)
@@ -93,7 +94,7 @@ def test_a_law_of_one_s_own_is_found_and_refitted(emps):
 
 def test_a_rig_with_friction_is_told_from_a_clean_one(emps):
     """The smooth friction of the rig is not the model's stops: named, its size within 5 %; without it nothing is."""
-    found = diagnose(_record(emps, lambda v: 15 * np.tanh(v / 1e-4)))
+    found = diagnose(_record(emps, lambda v: 15 * math.tanh(v / 1e-4)))
     assert found.names[0] == "coulomb_friction"
     assert found.causes[0].parameters["force"].value == pytest.approx(15, rel=0.05)
     clean = diagnose(_record(emps, lambda v: 0.0))

@@ -38,7 +38,8 @@ def columns(count: int = 1000, *, seed: int = 1) -> dict[str, np.ndarray]:
 
 
 def write_csv(path: Path, table: dict[str, np.ndarray]) -> None:
-    rows = [",".join(table), *(",".join(map(str, row)) for row in zip(*table.values(), strict=True))]
+    lists = [np.asarray(column).tolist() for column in table.values()]
+    rows = [",".join(table), *(",".join(map(str, row)) for row in zip(*lists, strict=True))]
     path.write_text("\n".join(rows) + "\n")
 
 
