@@ -67,12 +67,13 @@ def magnetise_at(
         pull = tail[iron, 2] * tail[iron, 1] ** 2
         h = half + np.sqrt(half**2 + pull / MU_0)
         return h, 1.0 / (MU_0 + pull / h**2)
-    low, left = start[iron], start[iron + 1] - 1 - start[iron]
-    while left > 1:  # without a branch, whose outcome no processor can foretell
-        half = left >> 1
-        low += half * (points[low + half] <= b)
-        left -= half
-    high = low + 1
+    low, high = start[iron], start[iron + 1] - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if points[middle] <= b:
+            low = middle
+        else:
+            high = middle
     width = points[high] - points[low]
     t = (b - points[low]) / width
     rise = (values[high] - values[low]) / width
