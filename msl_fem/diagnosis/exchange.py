@@ -118,15 +118,7 @@ class Exchange:
         """The others, fitted anew."""
         variants, unknowns, z = found.without(n)
         name = fit_name(unknowns, f"without {found.variants[n].name}")
-        known = self.memory.end_of(name, unknowns)
-        columns = found.fit.jacobian[:, : unknowns.n_nuisance]
-        again = fit(
-            found.fit.likelihood,
-            unknowns,
-            z if known is None else known,
-            plan=FitPlan(most_steps=LAST_STEPS),
-            nuisance_columns=None if found.fit.likelihood.is_cut else columns,
-        )
+        again = self._fitted(found, unknowns, name, z, LAST_STEPS)
         self.memory.ended(name, again.z)
         return EffectSet(variants, again)
 
@@ -135,25 +127,23 @@ class Exchange:
         _, _, z = found.without(n)
         for other in worth:
             unknowns = extended(without.fit.unknowns, other.variant)
-            amounts = other.fit.z[-len(other.variant.unknowns) :]
+            begin = np.concatenate([z, other.fit.z[-len(other.variant.unknowns) :]])
             name = fit_name(without.fit.unknowns, f"{other.variant.name} in place of {found.variants[n].effect}")
-            known = self.memory.end_of(name, unknowns)
-            begin = np.concatenate([z, amounts]) if known is None else known
-            columns = None if found.fit.likelihood.is_cut else found.fit.jacobian[:, : unknowns.n_nuisance]
             try:
-                tried = fit(
-                    found.fit.likelihood,
-                    unknowns,
-                    begin,
-                    plan=FitPlan(most_steps=SCREENING_STEPS),
-                    nuisance_columns=columns,
-                )
+                tried = self._fitted(found, unknowns, name, begin, SCREENING_STEPS)
                 if tried.log_evidence + tried.predicted > found.fit.log_evidence - FAR:
                     tried = fit(tried.likelihood, unknowns, tried.z, plan=FitPlan(most_steps=LAST_STEPS))
             except ComputationError:
                 continue
             self.memory.ended(name, tried.z)
             yield Refit(other.variant, tried, tried.log_evidence - without.fit.log_evidence)
+
+    def _fitted(self, found: EffectSet, unknowns: Unknowns, name: str, begin: Array, steps: int) -> Fit:
+        """A fit of the set's record, from where it ended if it is known by this name."""
+        likelihood, known = found.fit.likelihood, self.memory.end_of(name, unknowns)
+        columns = None if likelihood.is_cut else found.fit.jacobian[:, : unknowns.n_nuisance]
+        begin = begin if known is None else known
+        return fit(likelihood, unknowns, begin, plan=FitPlan(most_steps=steps), nuisance_columns=columns)
 
     def _rebuilt(
         self, found: EffectSet, places: Sequence[_Place], first: Fit, stage: SearchStage
