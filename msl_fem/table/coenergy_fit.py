@@ -198,10 +198,9 @@ def fit_coenergy(
     chosen = float(SMOOTHING[min(usable, key=lambda k: scores[k])])
     smoothing = max(chosen, least_smoothing)
     stiff = normal + smoothing * penalty
-    try:
-        factor = cho_factor(stiff)
-    except np.linalg.LinAlgError as err:  # the score's matrix was sound, that of a larger smoothing is not
-        raise ComputationError(UNEQUAL_ROWS) from err
+    factor = _factor(stiff)
+    if factor is None:  # the score's matrix was sound, that of a larger smoothing is not
+        raise ComputationError(UNEQUAL_ROWS)
     coefficients = cho_solve(factor, matrix.T @ right)
     plain, design = _design(base, span, (2, 0), *keep_positive)
     coefficients = _nearest_above(coefficients, stiff, design / plain[:, None], FLOOR - 1.0)
@@ -304,13 +303,23 @@ def _score(matrix: Array, right: Array, normal: Array, stiff: Array) -> float:
 
     Nan where rounding leaves the normal equations indefinite: too little smoothing for these rows.
     """
-    try:
-        factor = cho_factor(stiff)
-    except (np.linalg.LinAlgError, ValueError):
+    factor = _factor(stiff)
+    if factor is None:
         return np.nan
     residual = right - matrix @ cho_solve(factor, matrix.T @ right)
     free = 1 - COUNTED * np.trace(cho_solve(factor, normal)) / right.size
     return float(np.mean(residual**2) / free**2) if free > 0 else np.inf
+
+
+def _factor(stiff: Array) -> tuple[Array, bool] | None:
+    """Cholesky's factor; None where rounding alone would decide whether there is one: the least eigenvalue, each
+    unknown in its own unit, is that of so many roundings or less."""
+    own = np.sqrt(np.diag(stiff))
+    if not (np.isfinite(stiff).all() and (own > 0).all()):
+        return None
+    values = np.linalg.eigvalsh(stiff / own[:, None] / own)
+    sound = values[0] > own.size * np.finfo(float).eps * values[-1]
+    return cho_factor(stiff) if sound else None
 
 
 def _nearest_above(best: Array, stiff: Array, constraint: Array, floor: float) -> Array:

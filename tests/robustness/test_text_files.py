@@ -104,12 +104,14 @@ def test_noise_below_all_rounding_does_not_break_the_fit() -> None:
         table_from_measurements(static_map(), Noise(force=1e-13))
 
 
-def test_a_current_a_hundred_times_too_large_in_one_row_is_one_line() -> None:
-    """Cross-validation then finds a matrix that is sound only without the least smoothing that such a map needs."""
+def test_a_current_a_hundred_times_too_large_in_one_row_is_told() -> None:
+    """It may be right, for a saturated magnet pulls no more; on every processor the same is made of it."""
     rows = static_map()
     rows.current[0] *= 100
-    with pytest.raises(ComputationError, match="no smooth surface can be fitted"):
-        table_from_measurements(rows, Noise(force=0.2, position=50e-9))
+    table, _ = table_from_measurements(rows, Noise(force=0.2, position=50e-9))
+    [thin] = [note for note in table.provenance["notes"] if "data are thin" in note]
+    assert "have no measurement within 15 % of the measured ranges" in thin
+    assert table.provenance["smoothing"] == pytest.approx(31.6, rel=0.01)
 
 
 def test_a_cell_beyond_the_readers_measure_is_one_line(tmp_path: Path) -> None:
