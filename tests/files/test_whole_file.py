@@ -1,7 +1,6 @@
 """Files that appear whole or not at all."""
 
 import contextlib
-import gc
 import itertools
 import sys
 from collections.abc import Callable, Iterator
@@ -85,7 +84,6 @@ def test_an_interrupt_at_any_line_leaves_no_part(tmp_path: Path, folder: bool) -
                 with whole_file(tmp_path / f"{count}.txt") as part:
                     part.write_text("content")
             whole = True
-        gc.collect()
         assert list(tmp_path.glob(".*")) == [], f"at line {count}"
         if whole:
             break
