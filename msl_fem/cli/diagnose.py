@@ -130,7 +130,7 @@ def memory_in(folder: Path, mark: str, *, resume: bool) -> FitMemory:
             state = json_text.loads(path.read_text(encoding="utf-8"))
             known = {str(name): [float(z) for z in end] for name, end in state["fits"].items()}
             known = known if state["record"] == mark else {}
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as err:
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as err:
             raise InputError(f"{path}: is no state of a diagnosis ({err}); leave --resume out to begin anew") from err
         if not known:
             say(f"note: {path} is of another record or table; it is diagnosed anew")

@@ -33,6 +33,8 @@ def _problems(model: ArmaxEstimate) -> Iterator[str]:
 
 def _problems_of_coefficients(model: ArmaxEstimate) -> Iterator[str]:
     orders, polynomials = model.orders, model.polynomials
+    if not isinstance(orders.offset, bool):
+        yield f"orders.offset is {orders.offset!r}, it must be true or false"
     sizes = [("a", polynomials.a, orders.na + 1), ("c", polynomials.c, orders.nc + 1)]
     if len(polynomials.b) != len(model.input_names):
         yield f"b has {len(polynomials.b)} rows, there are {len(model.input_names)} inputs"

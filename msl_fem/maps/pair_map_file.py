@@ -76,7 +76,7 @@ def read_pair_map(path: str | Path) -> PairMap:
         raise InputError(f"{path}: cannot be read ({err.strerror}); make a map with 'msl-fem map'") from err
     except InputError as err:
         raise InputError(f"{path}: {err}") from err
-    except (ValueError, TypeError, RecursionError) as err:
+    except (ValueError, TypeError, OverflowError, RecursionError) as err:
         raise InputError(f"{path}: not the map of a pair ({str(err)[:200]})") from err
 
 

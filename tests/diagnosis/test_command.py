@@ -74,9 +74,10 @@ def test_the_state_of_an_interrupted_diagnosis_is_kept_for_its_own_record(tmp_pa
     assert end.tolist() == [0.25, -1.5]
     assert memory_in(tmp_path, "mark", resume=False).end_of("none: ", unknowns) is None
     assert memory_in(tmp_path, "another", resume=True).end_of("none: ", unknowns) is None
-    (tmp_path / STATE).write_text('{"record": "ma')
-    with pytest.raises(InputError, match="leave --resume out"):
-        memory_in(tmp_path, "mark", resume=True)
+    for text in ('{"record": "ma', '{"record": "mark", "fits": {"none: ": [1' + 400 * "0" + "]}}"):
+        (tmp_path / STATE).write_text(text)
+        with pytest.raises(InputError, match="leave --resume out"):
+            memory_in(tmp_path, "mark", resume=True)
 
 
 def test_resume_without_a_folder_is_refused(desk: Path, msl_fem: Run) -> None:

@@ -197,6 +197,7 @@ def test_a_document_that_is_no_model(oversampled):
         ({"parameters": {"a1": {}}}, "parameters must be a1"),
         ({"noise_variance": -1.0}, "noise_variance is -1.0"),
         ({"input_slopes": [1.0, 2.0, 3.0, 4.0, 5.0]}, "input_slopes are 5 numbers"),
+        ({"orders": {"na": 2, "nb": [1] * 4, "nc": 2, "nk": [1] * 4, "offset": [True]}}, "offset is \\[True\\]"),
         ({"orders": {"na": 500, "nb": [2], "nc": 2, "nk": [1], "offset": False}}, "500|is for 1 inputs"),
     ],
 )

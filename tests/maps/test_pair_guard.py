@@ -116,7 +116,13 @@ def test_the_file_reads_back_and_is_not_taken_for_one_of_one_magnet(made: PairMa
     with pytest.raises(InputError, match="both sides"):
         read_map(tmp_path / "pair.json")
     content = json.loads((tmp_path / "pair.json").read_text())
-    for key, value in (("position_m", [0.0]), ("current_A", [[1.0]]), ("polarity", "none"), ("schema", 9)):
+    for key, value in (
+        ("position_m", [0.0]),
+        ("current_A", [[1.0]]),
+        ("levels_T", [10**400]),
+        ("polarity", "none"),
+        ("schema", 9),
+    ):
         (tmp_path / "bad.json").write_text(json.dumps(content | {key: value}))
         with pytest.raises(InputError, match=r"bad\.json"):
             read_pair_map(tmp_path / "bad.json")

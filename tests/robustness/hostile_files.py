@@ -76,8 +76,8 @@ def spoilt_csv(rng: np.random.Generator, good: bytes) -> bytes:
         if action <= 3 and rows[at]:
             place = min(column, len(rows[at]) - 1)
             rows[at][place] = _cell(rng) if rng.random() < 0.5 else str(scaled(rng, rows[at][place]))
-        elif action == 4:
-            rows[0] = [*rows[0][: len(rows[0]) - 1], rows[0][0]]
+        elif action == 4 and rows[0]:
+            rows[0] = [*rows[0][:-1], rows[0][0]]
         elif action == 5:
             rows = rows[:at]
         elif action == 6:
