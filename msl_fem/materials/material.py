@@ -188,7 +188,8 @@ def iron_from_points(flux_density: ArrayLike, field_strength: ArrayLike, *, name
 def _doubt(b: Array, h: Array, name: str) -> str:
     """What an iron seldom has, as a note; MaterialError for what none has: mistakes of units and of columns."""
     polarisation = float((b - MU_0 * h).max())
-    permeability = float((np.diff(b) / np.diff(h)).max() / MU_0)
+    with np.errstate(over="ignore"):  # of fields that differ by less than a float can tell: infinite, and refused
+        permeability = float((np.diff(b) / np.diff(h)).max() / MU_0)
     has = f"{name}: a polarisation of {polarisation:.4g} T and a relative permeability of {permeability:.4g}"
     if polarisation > LARGEST_POLARISATION or permeability > LARGEST_PERMEABILITY:
         raise MaterialError(

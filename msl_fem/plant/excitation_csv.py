@@ -34,10 +34,12 @@ def read_signal(file: str, column: str | None = None) -> tuple[Array, Array]:
     time, values = points.T
     if time.size < 2:
         raise ValueError(f"{file}: has {time.size} rows of numbers; a signal takes two or more")
-    odd = np.flatnonzero(np.diff(time) <= 0)
+    odd = np.flatnonzero(~(np.diff(time) > np.spacing(time[-1])))
     if odd.size or time[0] < 0:
         line = int(odd[0]) + 3 if odd.size else 2
-        raise ValueError(f"{file}: line {line}: {TIME} must begin at 0 or later and increase from row to row")
+        raise ValueError(
+            f"{file}: line {line}: {TIME} must begin at 0 or later and increase from row to row by more than a rounding"
+        )
     return time, values
 
 

@@ -228,6 +228,7 @@ ODD_CONTENT = (
     "drop table study_directions",
     "delete from study_directions",
     "delete from study_directions where objective = 1",
+    "delete from trials; update trial_params set distribution_json = 'x'",
 )
 
 
@@ -240,7 +241,7 @@ def test_a_storage_with_odd_content_is_one_line(
     odd = tmp_path / "odd.sqlite3"
     with sqlite3.connect(file) as source, sqlite3.connect(odd) as copy:
         source.backup(copy)
-        copy.execute(change)
+        copy.executescript(change)
     with pytest.raises(InputError, match=r"odd\.sqlite3' (holds what no search wrote|cannot be reached)") as refused:
         search_designs(it, settings(odd, 15))
     assert "\n" not in str(refused.value)

@@ -252,6 +252,13 @@ def test_units_that_make_no_iron_are_refused(of_b, of_h):
         iron_from_points(of_b * m19.flux_density, of_h * m19.field_strength, name="mine", source="test")
 
 
+@pytest.mark.filterwarnings("error")
+def test_fields_that_differ_by_less_than_a_float_can_tell_are_refused():
+    b, h = saturating_points()
+    with pytest.raises(MaterialError, match="a relative permeability of inf"):
+        iron_from_points(b, np.r_[0.0, 1e-320, h[2:]], name="mine", source="test")
+
+
 def test_columns_exchanged_are_refused():
     m19 = load_iron("m19")
     with pytest.raises(MaterialError, match="order of the columns"):

@@ -334,6 +334,7 @@ def test_a_csv_file_is_a_signal(tmp_path: Path) -> None:
         ("time_s,u\n0,1\n1\n", "line 3: '1' has no finite numbers"),
         ("time_s,u\n0,1\n1,nan\n", "line 3: '1,nan' has no finite numbers"),
         ("time_s,u\n0,1\n1,1\n1,2\n", "line 4: time_s must begin at 0 or later and increase"),
+        ("time_s,u\n0,1\n1e-320,2\n1,1\n", "line 3: time_s must begin at 0 or later and increase"),
         ("time_s,u\n-1,1\n1,1\n", "line 2: time_s must begin at 0"),
         ("time_s,u\n0,1\n1,-1\n", "would make currents negative"),
     ],

@@ -109,10 +109,11 @@ def search_designs(
         with only_our_content(settings.storage):
             begun = in_flight(study, space) if presence.alone else []
         presence.let_others_in()
-        if not presence.alone:
-            clear_abandoned(study)
-        enqueue_first(study, study.user_attrs[FIRST])
-        reused = count_evaluated(study)
+        with only_our_content(settings.storage):  # a trial that is made may take over what a lost one left
+            if not presence.alone:
+                clear_abandoned(study)
+            enqueue_first(study, study.user_attrs[FIRST])
+            reused = count_evaluated(study)
         if reused < settings.trials:
             with _executor(settings).start(evaluator, settings.trials - reused) as workers:
                 _Run(study, evaluator, space, settings.trials, progress or (lambda *_: None), begun).go(workers)
