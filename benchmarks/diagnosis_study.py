@@ -31,6 +31,7 @@ from scipy.stats import beta
 from study_rigs import ROOT, StudyRig, excitations_of, loop_of, study_rig
 
 from msl_fem.bench import BenchOptions, ClosedLoop, parse_nuisances, parse_requests, sealed_record
+from msl_fem.bench.sealed import SealedRecord
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.driver import kind_of
@@ -134,18 +135,23 @@ def options_of(case: Case) -> BenchOptions:
     )
 
 
+def sealed_of(case: Case) -> SealedRecord:
+    """The record of a case with its answer."""
+    rig = rig_of(case.rig)
+    return sealed_record(rig.in_drive(case.drive), rig.table, parse_requests(case.hidden), options_of(case))
+
+
 @one_blas_thread
 def tried(case: Case) -> Row:
     """A case made and diagnosed."""
     row: Row = {"key": case.key, "version": VERSION, **asdict(case)}
-    rig = rig_of(case.rig)
     try:
-        sealed = sealed_record(rig.in_drive(case.drive), rig.table, parse_requests(case.hidden), options_of(case))
+        sealed = sealed_of(case)
     except (InputError, ComputationError) as err:  # not every effect can be as large on every rig
         return row | {"bench": str(err)}
     begin = time.process_time()
     try:
-        found = diagnose(sealed.record, DiagnosisSettings(table=rig.table))
+        found = diagnose(sealed.record, DiagnosisSettings(table=rig_of(case.rig).table))
     except (InputError, ComputationError) as err:
         return row | {"failed": f"{type(err).__name__}: {err}"}
     truth = [effect["effect"] for effect in sealed.answer["effects"]]
@@ -155,15 +161,15 @@ def tried(case: Case) -> Row:
 @one_blas_thread
 def nats_shown(case: Case) -> dict[str, float]:
     """Of each hidden effect the nats that it brings beside the others, where nothing else is tried."""
-    rig = rig_of(case.rig)
-    sealed = sealed_record(rig.in_drive(case.drive), rig.table, parse_requests(case.hidden), options_of(case))
+    sealed = sealed_of(case)
     truth = {effect["effect"] for effect in sealed.answer["effects"]}
-    how = DiagnosisSettings(table=rig.table)
+    how = DiagnosisSettings(table=rig_of(case.rig).table)
     kind = kind_of(sealed.record, how)
     if isinstance(kind, str):
         return {}
     kind = kind.settled(how.progress)
-    base, found = without_effects(kind, how), {}
+    base = without_effects(kind, how)
+    found: dict[str, float] = {}
     while truth - set(found):
         tried = [variant for variant in about_belief(kind, base) if variant.effect in truth]
         best = search_stage(base, tried, tell=how.progress, memory=how.memory).best
