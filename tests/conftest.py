@@ -142,6 +142,13 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
         yield it
 
 
+@pytest.fixture(scope="session")
+def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where tests write a page that they open: the browser keeps what it compiled of the scripts of an address, and
+    compiling plotly.js is a third of what opening a page takes."""
+    return tmp_path_factory.mktemp("page") / "page.html"
+
+
 @dataclass(frozen=True)
 class Outcome:
     """Exit status of a command and what it printed."""

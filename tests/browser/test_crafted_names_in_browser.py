@@ -113,10 +113,10 @@ def trade() -> Page:
 
 
 @pytest.mark.parametrize("made", [page_of_texts, page_of_an_explorer, diagnosed, flexure, trade])
-def test_no_text_runs_or_asks_for_anything(browser: Browser, tmp_path: Path, made: Callable[[], Page]) -> None:
+def test_no_text_runs_or_asks_for_anything(browser: Browser, page_file: Path, made: Callable[[], Page]) -> None:
     page = made()
     assert ALL in texts_of(page)
-    file = write_page(page, tmp_path / "page.html")
+    file = write_page(page, page_file)
     browser.size(1120)  # whatever another test has left: such a title leaves no room on a phone
     browser.open(file)
     browser.run("for (const a of document.querySelectorAll('a, [onclick]')) a.dispatchEvent(new MouseEvent('click'))")

@@ -41,9 +41,9 @@ def hostile() -> Page:
 
 
 @pytest.mark.parametrize("made", [flexure, trade, hostile])
-def test_a_page_is_whole(browser: Browser, tmp_path: Path, made: object) -> None:
+def test_a_page_is_whole(browser: Browser, page_file: Path, made: object) -> None:
     assert callable(made)
-    file = write_page(made(), tmp_path / "page.html")
+    file = write_page(made(), page_file)
     for width, scheme in ((1200, "light"), (700, "dark")):
         browser.size(width)
         browser.colours(scheme)
@@ -55,12 +55,14 @@ def test_a_page_is_whole(browser: Browser, tmp_path: Path, made: object) -> None
     browser.colours("light")
 
 
-def test_the_explorer_says_where_a_level_is_not_reached(browser: Browser, tmp_path: Path, table: MagneticTable) -> None:
+def test_the_explorer_says_where_a_level_is_not_reached(
+    browser: Browser, page_file: Path, table: MagneticTable
+) -> None:
     made = operating_map(table, levels=(0.5, 1.9))
     assert np.isnan(made.current[1]).any()
     assert not np.isnan(made.current[1]).all()
     widget = explorer(table, made, start=(11.0, float(table.gap[-1])))
-    file = write_page(Page("t", "s", (), (Stage("map", "s", (), widget=widget),), ()), tmp_path / "page.html")
+    file = write_page(Page("t", "s", (), (Stage("map", "s", (), widget=widget),), ()), page_file)
     browser.open(file)
     assert browser.complaints == []
     assert "where the map ends, 1.9 T not reached" in browser.text('#explorer [data-out="reason"]')
@@ -71,13 +73,13 @@ def test_the_explorer_says_where_a_level_is_not_reached(browser: Browser, tmp_pa
     assert browser.text('#explorer [data-out="region"]') == Guard(made).classify(12.0, gap) == "unacceptable"
 
 
-def test_a_motion_is_played_to_its_end_when_it_is_asked_for(browser: Browser, tmp_path: Path) -> None:
+def test_a_motion_is_played_to_its_end_when_it_is_asked_for(browser: Browser, page_file: Path) -> None:
     time = np.arange(400) / 1e3
     error = 2e-6 * np.sin(30 * time)
     left = ChannelResiduals("sweep", "held-out", "position_m", 1e3, 5e-8, error, error, error / 20)
     motion = motion_of(left, 1e-3 * np.sin(20 * time), (("as believed", error), ("found", error / 20)))
     assert motion is not None
-    file = write_page(Page("t", "s", (), (motion_stage(left, motion),), ()), tmp_path / "page.html")
+    file = write_page(Page("t", "s", (), (motion_stage(left, motion),), ()), page_file)
     for width, scheme in ((390, "dark"), (1200, "light")):
         browser.size(width)
         browser.colours(scheme)
@@ -95,21 +97,21 @@ def test_a_motion_is_played_to_its_end_when_it_is_asked_for(browser: Browser, tm
     assert browser.run(place) != before
 
 
-def test_ticks_of_a_logarithmic_axis_say_their_number(browser: Browser, tmp_path: Path) -> None:
+def test_ticks_of_a_logarithmic_axis_say_their_number(browser: Browser, page_file: Path) -> None:
     browser.size(1200)
-    browser.open(write_page(hostile(), tmp_path / "page.html"))
+    browser.open(write_page(hostile(), page_file))
     browser.until("document.querySelectorAll('.xtick text').length > 0")
     ticks = browser.run("[...document.querySelectorAll('.xtick text')].map(t => t.textContent)")
     assert ticks == ["2", "5", "10", "20", "50", "100", "200"]
 
 
-def test_titles_of_axes_are_whole_on_a_telephone(browser: Browser, tmp_path: Path) -> None:
+def test_titles_of_axes_are_whole_on_a_telephone(browser: Browser, page_file: Path) -> None:
     plot = figure(x="change at the limit of the tolerance in %", y="")
     plot.add_trace(line([0.0, 1.0], ["a category of many words", "b"], name="n", colour="#000000"))
     plot.update_yaxes(automargin=True)
     stage = Stage("title", "It is said.", (("name", "1 N"),), plot=plot)
     browser.size(390)
-    browser.open(write_page(Page("a_name_of_parts" * 4, "s", (), (stage,), ()), tmp_path / "page.html"))
+    browser.open(write_page(Page("a_name_of_parts" * 4, "s", (), (stage,), ()), page_file))
     browser.until("document.querySelectorAll('.xtitle').length > 0")
     left, right = browser.run(
         "(() => { const b = document.querySelector('.xtitle').getBoundingClientRect(); return [b.left, b.right]; })()"

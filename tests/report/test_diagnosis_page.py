@@ -209,7 +209,7 @@ def test_a_model_that_left_its_table_is_drawn_as_no_dot() -> None:
 
 
 def test_names_from_a_record_cannot_become_markup(
-    record: Record, named: Diagnosis, tmp_path: Path, browser: Browser
+    record: Record, named: Diagnosis, page_file: Path, browser: Browser
 ) -> None:
     evil = "<img src=x onerror=document.title='broken'>"
     left = replace(residuals(), run=evil)
@@ -218,8 +218,7 @@ def test_names_from_a_record_cannot_become_markup(
     )
     evidence = replace(named.evidence, residuals=(left,), variables={evil: {"position_m": left.nominal}})
     found = replace(named, accuracy=accuracy, notes=(evil,), evidence=evidence)
-    page = write_page(diagnosis_page(record, found), tmp_path / "report.html")
-    browser.open(page)
+    browser.open(write_page(diagnosis_page(record, found), page_file))
     assert browser.run("document.title") == "fast_tool_servo: what the model gets wrong"
     assert browser.run("document.images.length") == 0
     assert not [a for a in browser.requests if not a.startswith(("file:", "data:", "blob:"))]
