@@ -2,10 +2,11 @@
 
     python benchmarks/experiments_decide.py [FIRST [LAST]] [--results FILE]
 
-Each record is one of the virtual bench with an effect so small that its diagnosis cannot tell it from another. What
-`experiments` proposes is run on the same rig with the same effect and joins the record, up to three times, until the
-first cause has no effect beside it. Whether it is the hidden one then is told too. Each case is a line of
-`experiments_decide.jsonl` and a run goes on where the last one stopped; some ten CPU minutes a case.
+Each record is one of the virtual bench, 3.2 s of noise at 1 kHz and a sweep held out, with an effect so small that it
+is barely seen. Where its diagnosis cannot tell it from other effects, the run that `experiments` proposes is made on
+the same rig and joins the record, up to three times, until no effect stands beside the first cause. Whether that is
+the hidden one then is told too, and so is whether the plan said before that none of its runs would tell them. Each case
+is a line of `experiments_decide.jsonl` and a run goes on where the last one stopped.
 """
 
 import argparse
@@ -13,113 +14,139 @@ import json
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from study_rigs import ROOT, servo_in
+from study_rigs import excitations_of, study_rig
 
-from msl_fem.actuator import Actuator
-from msl_fem.bench import INSIDE, BenchOptions, sealed_record
-from msl_fem.bench.catalogue import Request
-from msl_fem.bench.sealed import prepared_setting
-from msl_fem.bench.setting import changes, channels, effect_of_size, runs_of
+from msl_fem.bench import INSIDE, BenchOptions
+from msl_fem.bench.sealed import prepared_setting, recorded
+from msl_fem.bench.setting import effect_of_size, runs_of
 from msl_fem.diagnosis import Diagnosis, DiagnosisSettings, diagnose
-from msl_fem.diagnosis.planning.expected import ExpectedCause, expected_causes
-from msl_fem.diagnosis.planning.experiments import RigToPlan, RunOption, experiments
-from msl_fem.plant.believed import PLAIN_BELIEF
-from msl_fem.plant.effects import CATALOGUE, EffectValues
+from msl_fem.diagnosis.planning.after import OpenQuestion, effects_of, open_question
+from msl_fem.diagnosis.planning.experiments import ExperimentPlan, RunOption
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.excitation_kinds import Excitation
-from msl_fem.prediction import ModelHypothesis
-from msl_fem.record import Record
-from msl_fem.table.magnetic_table import MagneticTable, read_table
+from msl_fem.prediction.hypothesis import HEAVY
+from msl_fem.record import Record, Run
 
 RESULTS = Path(__file__).parent / "experiments_decide.jsonl"
-MOST_RUNS, RATE = 3, 1e4
-FIRST_RUNS = (
-    "band-limited-noise:bias=0.6 A,amplitude=50 mA,band=500 Hz,duration=1.2 s,seed=2,role=fit",
-    "swept-sine:bias=0.6 A,amplitude=12 mA,start=5 Hz,stop=300 Hz,duration=1 s,role=held-out",
-)
-HIDDEN = ("time_delay", "amplifier_bandwidth", "position_sensor_lag", "eddy_currents", "gap_offset")
-SIZES = (0.03, 0.02, 0.015, 0.01)
-Case = tuple[str, float, int]
-CASES: list[Case] = [(effect, size, 101 + 7 * n) for n, size in enumerate(SIZES) for effect in HIDDEN]
+MOST_RUNS, RATE, SECONDS = 3, 1e3, 3.2
+
+
+@dataclass(frozen=True)
+class Case:
+    """A rig, its drive, the hidden effect, its size as the bench has it, and the seed."""
+
+    rig: str
+    drive: str
+    effect: str
+    size: float
+    seed: int
+
+
+CASES: list[Case] = []
 
 
 class HiddenCause:
-    """A rig of a seed with an effect at one strength, whatever runs it makes."""
+    """A rig of a seed with an effect in it, whatever runs it makes."""
 
-    def __init__(self, actuator: Actuator, table: MagneticTable, case: Case) -> None:
-        name, size, seed = case
-        self.actuator, self.table = actuator, table
-        self.effect, self.options = INSIDE[name], BenchOptions(seed=seed, rate=RATE, exact=True)
-        first = prepared_setting(actuator, table, _excitations(FIRST_RUNS), self.options)
-        self.strength = effect_of_size(first, self.effect, size, exact=True).strength
+    def __init__(self, case: Case) -> None:
+        rig = study_rig(case.rig)
+        self.actuator, self.table = rig.in_drive(case.drive), rig.table
+        self.first = excitations_of(rig, case.drive, seconds=SECONDS)
+        self.options = BenchOptions(seed=case.seed, rate=RATE, exact=True)
+        setting = prepared_setting(self.actuator, self.table, self.first, self.options)
+        effect = INSIDE[case.effect]
+        strength = effect_of_size(setting, effect, case.size, exact=True).strength
+        self.rig, _ = effect.hide(setting, setting.rig, strength)
 
-    def record(self, specs: Sequence[str]) -> Record:
-        """The record of some runs."""
-        excitations = _excitations(specs)
-        setting = prepared_setting(self.actuator, self.table, excitations, self.options)
-        rig, _ = self.effect.hide(setting, setting.rig, self.strength)
-        responses = runs_of(rig, setting.commands, setting.leads, rate=RATE)
-        of_all = max(changes(channels(rig, responses), channels(setting.rig, setting.responses)).values())
+    def record(self, further: Sequence[RunOption]) -> Record:
+        """The record of the first runs and further ones."""
+        unit = self.first[0].unit
+        more = [parse_excitation(run.excitation, unit=unit).model_copy(update={"role": "fit"}) for run in further]
+        excitations = (*self.first, *more)
+        free, held = self._runs(excitations, locked=False), self._runs(excitations, locked=True)
+        locked = [False] * len(self.first) + [run.locked for run in further]
+        runs = [held.runs[n] if it else free.runs[n] for n, it in enumerate(locked)]
+        return replace(free, runs=tuple(runs))
+
+    def _runs(self, excitations: tuple[Excitation, ...], *, locked: bool) -> Record:
         options = replace(self.options, excitations=excitations)
-        return sealed_record(self.actuator, self.table, [Request(self.effect, of_all)], options).record
+        setting = prepared_setting(self.actuator, self.table, excitations, options)
+        rig = self.rig
+        if locked:
+            rig = rig.with_parts(motion=rig.plant.motion._replace(mass=HEAVY * rig.plant.motion.mass))
+        responses = runs_of(rig, setting.commands, setting.leads, rate=RATE)
+        record = recorded(setting, rig, excitations, options, responses)
+        runs: list[Run] = [replace(run, mover="locked" if locked else "free") for run in record.runs]
+        return replace(record, runs=tuple(runs))
 
 
-def _excitations(specs: Sequence[str]) -> tuple[Excitation, ...]:
-    return tuple(parse_excitation(spec, unit="A") for spec in specs)
+def question_of(found: Diagnosis, record: Record) -> OpenQuestion | None:
+    """What a diagnosis leaves open; None where its causes have no effects beside them."""
+    if found.extended is None:
+        return None
+    named = [(cause.effect, cause.rivals) for cause in found.causes]
+    channels = [entry.nominal.channel for entry in found.accuracy]
+    return open_question(found.extended, named, channels, tolerance=record.tolerance, rate=RATE)
 
 
-def rivals(found: Diagnosis) -> list[str]:
-    """Effects that the diagnosis cannot tell from its first cause."""
-    return [name for name in found.causes[0].rivals if name in CATALOGUE] if found.causes else []
+def stage_of(found: Diagnosis) -> dict[str, Any]:
+    """What a diagnosis says."""
+    causes = [[cause.effect, round(cause.statistic, 1), effects_of(cause.rivals)] for cause in found.causes]
+    return {"verdict": found.verdict, "causes": causes}
 
 
-def proposal(found: Diagnosis, rig: HiddenCause) -> RunOption:
-    """The run that `experiments` proposes after a diagnosis."""
-    assert found.extended is not None
-    assert found.extended.effects is not None
-    stated = {name: dict(of) for name, of in found.extended.effects.stated.items()}
-    first = found.causes[0].effect
-    fitted = ExpectedCause(first, stated.pop(first), "the diagnosis")
-    belief = ModelHypothesis(found.extended.actuator, found.extended.table, EffectValues(stated) if stated else None)
-    tolerance = rig.record(FIRST_RUNS[:1]).tolerance
-    every = expected_causes(rig.actuator, PLAIN_BELIEF, tolerance=tolerance, rate=RATE)
-    beside = [one for one in every if one.effect in rivals(found)]
-    plan = experiments(RigToPlan(belief, RATE), [fitted, *beside])
-    return next(run for run in plan.runs if not run.locked)
+def plan_of(plan: ExperimentPlan) -> dict[str, Any]:
+    """What a plan says, in short."""
+    runs = {}
+    for run in plan.runs:
+        left = {" and ".join(pair): float(f"{distance:.3g}") for pair, distance in run.undecided.items()}
+        runs[run.words] = {"decided": run.decided, "seen": run.seen, "undecided": left}
+    return {"groups": plan.groups, "unseen": plan.unseen, "add": plan.instrument_to_add, "runs": runs}
 
 
 def decided(case: Case) -> dict[str, Any]:
-    """A case: what was named first and beside what, before and after each further run, and how it ended."""
-    table = read_table(ROOT / "lookup_tables" / "fast_tool_servo.nc")
-    rig = HiddenCause(servo_in("current"), table, case)
-    specs, stages = list(FIRST_RUNS), []
+    """What was named first and beside what, before and after each further run, and how it ended."""
+    rig = HiddenCause(case)
+    further: list[RunOption] = []
+    stages: list[dict[str, Any]] = []
     for n in range(MOST_RUNS + 1):
-        found = diagnose(rig.record(specs), DiagnosisSettings(table=table))
-        first, beside = found.names[0] if found.names else "", rivals(found)
-        stages.append({"verdict": found.verdict, "first": first, "beside": beside})
-        if not beside or n == MOST_RUNS:
+        record = rig.record(further)
+        found = diagnose(record, DiagnosisSettings(table=rig.table))
+        stages.append(stage_of(found))
+        question = question_of(found, record)
+        print(f"{case}: {stages[-1]}", file=sys.stderr, flush=True)
+        if question is None or n == MOST_RUNS:
             break
-        run = proposal(found, rig)
-        stages[-1]["proposed"] = run.words
-        print(f"{case}: {first} beside {beside}; {run.words}", file=sys.stderr, flush=True)
-        specs.append(parse_excitation(run.excitation, unit="A").model_copy(update={"role": "fit"}).spec)
-    return {"decided": not beside, "right": first == case[0], "further_runs": n, "stages": stages}
+        plan = question.plan()
+        further.append(plan.runs[0])
+        stages[-1] |= {"plan": plan_of(plan), "proposed": [plan.runs[0].words, plan.runs[0].excitation]}
+        print(f"   {stages[-1]['plan']}\n   {stages[-1]['proposed']}", file=sys.stderr, flush=True)
+    return {"open_at_first": len(stages) > 1, "ended": ended(case, stages[-1]), "further_runs": n, "stages": stages}
+
+
+def ended(case: Case, stage: dict[str, Any]) -> str:
+    """How a case ended: "right", "wrong", "undecided" or "no name"."""
+    causes = stage["causes"]
+    if not causes:
+        return "no name"
+    if any(beside for _, _, beside in causes):
+        return "undecided"
+    return "right" if causes[0][0] == case.effect else "wrong"
 
 
 def told(row: dict[str, Any]) -> str:
     """A line on a case."""
-    began, last = row["stages"][0], row["stages"][-1]
-    beside = ", ".join(began["beside"]) or "none"
-    words = f"{row['effect']} {row['size']:.1%}: {began['first'] or began['verdict']}, beside it {beside}"
-    if not began["beside"]:
-        return f"{words}: was not undecided"
-    name = f"{last['first'] or last['verdict']}, {'right' if row['right'] else 'WRONG'}"
-    ended = name if row["decided"] else "undecided"
-    return f"{words}; after {row['further_runs']} further runs {ended} ({row['cpu_seconds']:.0f} CPU s)"
+    case, began, last = Case(**row["case"]), row["stages"][0], row["stages"][-1]
+    words = f"{case.rig} {case.drive} {case.effect} {100 * case.size:.3g} %, seed {case.seed}: "
+    words += "; ".join(f"{name}, beside it {', '.join(beside) or 'none'}" for name, _, beside in began["causes"])
+    if not row["open_at_first"]:
+        return f"{words or began['verdict']}: was not undecided ({row['cpu_seconds']} CPU s)"
+    names = ", ".join(name for name, _, _ in last["causes"])
+    return f"{words}; after {row['further_runs']} runs {row['ended']}: {names} ({row['cpu_seconds']} CPU s)"
 
 
 def done(path: Path) -> list[dict[str, Any]]:
@@ -134,16 +161,20 @@ def main() -> None:
     parser.add_argument("last", type=int, nargs="?", default=len(CASES))
     parser.add_argument("--results", type=Path, default=RESULTS)
     options = parser.parse_args()
-    known = {row["case"]: row for row in done(options.results)}
-    for n in range(options.first, options.last):
-        if n not in known:
+    run_cases(CASES[options.first : options.last], options.results)
+
+
+def run_cases(cases: Sequence[Case], results: Path) -> None:
+    """The cases that are not yet among the results, each told."""
+    known = {Case(**row["case"]): row for row in done(results)}
+    for case in cases:
+        if case not in known:
             began = time.process_time()
-            effect, size, seed = CASES[n]
-            row = {"case": n, "effect": effect, "size": size, "seed": seed, **decided(CASES[n])}
-            known[n] = row | {"cpu_seconds": round(time.process_time() - began)}
-            with options.results.open("a", encoding="utf-8") as out:
-                out.write(json.dumps(known[n]) + "\n")
-        print(told(known[n]), flush=True)
+            row = {"case": vars(case), **decided(case)}
+            known[case] = row | {"cpu_seconds": round(time.process_time() - began)}
+            with results.open("a", encoding="utf-8") as out:
+                out.write(json.dumps(known[case]) + "\n")
+        print(told(known[case]), flush=True)
 
 
 if __name__ == "__main__":

@@ -209,7 +209,7 @@ def sealed_record(
         responses = runs_of(rig, asked, setting.leads, rate=options.rate)
     except ComputationError as err:
         raise InputError(f"with the effects asked for, {err}") from err
-    record = _record(setting, rig, excitations, options, responses)
+    record = recorded(setting, rig, excitations, options, responses)
     progress(steps, steps)
     together: dict[str, float] = {}
     if hidden:
@@ -312,7 +312,7 @@ def with_all(setting: BenchSetting, hidden: Sequence[EffectAtSize]) -> Rig:
     return rig
 
 
-def _record(
+def recorded(
     setting: BenchSetting,
     rig: Rig,
     excitations: Sequence[Excitation],

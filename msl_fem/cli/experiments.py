@@ -1,6 +1,5 @@
 """The command `experiments`: which causes instruments can tell apart, what to add, and the run that decides."""
 
-from dataclasses import dataclass
 from json import loads as parse_json
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,27 +13,16 @@ from msl_fem.cli.output import print_closing, print_columns, print_result, progr
 from msl_fem.cli.sweeping import table_for, table_of_model
 from msl_fem.cli.told import DIAGNOSIS, told_by
 from msl_fem.comparison.as_designed import as_designed
-from msl_fem.diagnosis.planning.expected import USUAL, ExpectedCause, expected_causes
-from msl_fem.diagnosis.planning.experiments import USUAL_INSTRUMENTS, ExperimentPlan, RigToPlan, experiments
-from msl_fem.diagnosis.planning.separations import RUN_INSTRUMENTS
+from msl_fem.diagnosis.planning.after import OpenQuestion, open_question
+from msl_fem.diagnosis.planning.expected import USUAL, expected_causes
+from msl_fem.diagnosis.planning.experiments import USUAL_INSTRUMENTS, ExperimentPlan, RigToPlan
 from msl_fem.errors import InputError
 from msl_fem.files.schema import small_text
 from msl_fem.plant.believed import AS_DESIGNED, PLAIN_BELIEF
-from msl_fem.plant.effects import CATALOGUE, EffectValues
 from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import Tolerance
 
 SHOWN = 5  # runs of the menu
-
-
-@dataclass(frozen=True, eq=False)
-class _Question:
-    """The rig, the causes in question where no one names others, all that could be, by name, and what is read."""
-
-    rig: RigToPlan
-    asked: tuple[str, ...]
-    possible: dict[str, ExpectedCause]
-    read: tuple[str, ...] = USUAL_INSTRUMENTS
 
 
 def command(
@@ -71,17 +59,16 @@ def command(
         raise InputError(f"--suspects: '{wrong[0]}' is no cause here; there are {', '.join(question.possible)}")
     if len(set(names)) < 2:
         raise InputError("one cause alone has nothing to be told from; name at least two with --suspects")
-    causes = [question.possible[name] for name in dict.fromkeys(names)]
-    with_these = question.read if instruments is None else tuple(name.strip() for name in instruments.split(","))
+    with_these = () if instruments is None else tuple(name.strip() for name in instruments.split(","))
     with progress_bar("runs of the menu") as progress:
-        plan = experiments(question.rig, causes, with_these, progress=progress)
+        plan = question.plan(names, with_these, progress=progress)
     if json:
         print_result(plan.to_json(), as_json=True, title="")
     else:
         print_plan(plan, question.rig.actuator.name)
 
 
-def _before(source: Path, table: Path | None, rate: float, *, known: bool) -> _Question:
+def _before(source: Path, table: Path | None, rate: float, *, known: bool) -> OpenQuestion:
     """The question before anything is measured."""
     actuator = load_actuator(source)
     magnet_table = table_for(actuator, table)
@@ -89,10 +76,10 @@ def _before(source: Path, table: Path | None, rate: float, *, known: bool) -> _Q
     model = ModelHypothesis.of(actuator, magnet_table, drawn if known else PLAIN_BELIEF)
     every = expected_causes(actuator, drawn, tolerance=Tolerance(), rate=rate, known=known)
     asked = tuple(one.effect for one in every if one.source != USUAL)
-    return _Question(RigToPlan(model, rate), asked, {one.effect: one for one in every})
+    return OpenQuestion(RigToPlan(model, rate), asked, {one.effect: one for one in every}, USUAL_INSTRUMENTS)
 
 
-def _after(folder: Path, table: Path | None, rate: float) -> _Question:
+def _after(folder: Path, table: Path | None, rate: float) -> OpenQuestion:
     """The question that a diagnosis leaves open: its first cause with rivals, about the model without it.
 
     Raises
@@ -102,24 +89,14 @@ def _after(folder: Path, table: Path | None, rate: float) -> _Question:
     folder = folder.parent if folder.name == DIAGNOSIS else folder
     model = told_by(folder).model
     content: dict[str, Any] = parse_json(small_text(folder / DIAGNOSIS))
-    open_ones = [c for c in content.get("causes", []) if _rivals(c) and c.get("effect") in CATALOGUE]
-    if not open_ones:
-        raise InputError(f"{folder}: no cause of its diagnosis has another one beside it; there is nothing to decide")
-    effect = str(open_ones[0]["effect"])
-    stated = {name: dict(of) for name, of in model.effects.stated.items()}
-    fitted = ExpectedCause(effect, stated.pop(effect, {}), "the diagnosis")
+    named = [(str(c["effect"]), list(map(str, c.get("indistinguishable_from", [])))) for c in content.get("causes", [])]
+    channels = [str(one.get("channel", "")) for one in content.get("accuracy", [])]
     magnet_table = table_of_model(model.actuator, None) or table_for(model.actuator, table)
-    belief = ModelHypothesis(model.actuator, magnet_table, EffectValues(stated) if stated else None)
-    every = expected_causes(model.actuator, PLAIN_BELIEF, tolerance=Tolerance(), rate=rate)
-    possible = {one.effect: one for one in every} | {effect: fitted}
-    asked = (effect, *(name for name in _rivals(open_ones[0]) if name in possible))
-    read = {str(one.get("channel", "")).partition("_")[0] for one in content.get("accuracy", [])}
-    return _Question(RigToPlan(belief, rate), asked, possible, tuple(n for n in RUN_INSTRUMENTS if n in read))
-
-
-def _rivals(cause: dict[str, Any]) -> list[str]:
-    """Effects of the catalogue that a diagnosis could not tell from a cause."""
-    return [str(name) for name in cause.get("indistinguishable_from", []) if str(name) in CATALOGUE]
+    extended = ModelHypothesis(model.actuator, magnet_table, model.effects)
+    question = open_question(extended, named, channels, tolerance=Tolerance(), rate=rate)
+    if question is None:
+        raise InputError(f"{folder}: no cause of its diagnosis has another one beside it; there is nothing to decide")
+    return question
 
 
 def print_plan(plan: ExperimentPlan, name: str) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.problem import FitProblem
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.plant.effects import CATALOGUE, LAGGING, Parameter
 from msl_fem.plant.own_scales import over_reference, own_quantities
@@ -141,7 +142,12 @@ def _centres(shape: Parameter, features: RecordFeatures) -> tuple[float, ...]:
 
 def record_features(likelihood: Likelihood, found: Fit) -> RecordFeatures:
     """The features of a record at a fit without what is looked for."""
-    problem, p = likelihood.problem, likelihood.problem.plant.parameters
+    return replace(features_of_runs(likelihood.problem), lines=loud_lines(likelihood, found))
+
+
+def features_of_runs(problem: FitProblem) -> RecordFeatures:
+    """The features of runs without the lines of a residual."""
+    p = problem.plant.parameters
     currents = [run.measured.get("current_1_A", run.commands[:, 0]) for run in problem.runs]
     own = np.sqrt(p.stiffness / p.mass) / (2 * np.pi) if p.stiffness else 0.0
     return RecordFeatures(
@@ -149,7 +155,6 @@ def record_features(likelihood: Likelihood, found: Fit) -> RecordFeatures:
         current=_rms(currents) if p.sides else 1.0,
         velocity=max(_rms([_velocity(run) for run in problem.runs]), LEAST),
         own_frequency=float(own) or 20.0,
-        lines=loud_lines(likelihood, found),
         rate=problem.runs[0].rate if problem.runs else None,
         command=_command(problem.runs),
     )

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +15,12 @@ from msl_fem.diagnosis.planning import experiments as planned
 from msl_fem.diagnosis.planning.absorbed import BelievedRefit, channel_parts
 from msl_fem.diagnosis.planning.expected import ExpectedCause
 from msl_fem.diagnosis.planning.experiments import ExperimentPlan, RigToPlan, RunOption
+from msl_fem.diagnosis.planning.forms import forms_of
 from msl_fem.diagnosis.planning.planned_runs import PlannedRuns
 from msl_fem.diagnosis.planning.separations import INSTRUMENTS, CauseInRun, Separations, groups
+from msl_fem.diagnosis.variants import RecordFeatures
 from msl_fem.errors import InputError
+from msl_fem.plant import plant_parameters
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.prediction import ModelHypothesis
 from msl_fem.table.magnetic_table import MagneticTable, read_table
@@ -34,6 +36,7 @@ CAUSES = (
     ExpectedCause("position_sensor_nonlinearity", {"gain_error": 0.01}, "test"),
     ExpectedCause("mutual_inductance", {"share": 0.03}, "test"),
 )
+FEATURES = RecordFeatures(1e-4, 0.6, 1e-2, 63.0, rate=5e3)
 RUN, ALL = ("position", "current"), ("position", "current", "voltage")
 
 
@@ -43,13 +46,18 @@ def refit() -> BelievedRefit:
     return BelievedRefit(record, BELIEF, every=True)
 
 
+def separated(refit: BelievedRefit, *causes: ExpectedCause, forms: Sequence[ExpectedCause] = ()) -> Separations:
+    """Causes in the run of `refit`, each fitted in its own form; the last one in others where they are stated."""
+    runs = PlannedRuns(SERVO, TABLE, [NOISE], 5e3)
+    found = {one.effect: CauseInRun(one, (one,)) for one in causes}
+    if forms:
+        found[causes[-1].effect] = CauseInRun(causes[-1], tuple(forms))
+    return Separations(refit, found, lambda cause: refit.change(runs.record(cause.beside(None))), weight=1.0)
+
+
 @pytest.fixture(scope="module")
 def separations(refit: BelievedRefit) -> Separations:
-    runs = PlannedRuns(SERVO, TABLE, [NOISE], 5e3)
-    found = {}
-    for cause in CAUSES:
-        found[cause.effect] = CauseInRun(cause.beside(None), partial(planned._change_at, runs, refit, cause))
-    return Separations(refit, found, weight=1.0)
+    return separated(refit, *CAUSES)
 
 
 def test_a_distance_is_the_least_squares_of_rival_and_tolerances(
@@ -71,16 +79,11 @@ def test_a_distance_is_the_least_squares_of_rival_and_tolerances(
 
 def test_a_rival_is_taken_at_the_amount_that_suits(refit: BelievedRefit) -> None:
     """A lag beside a delay twice as long: what is left is the second order at equal amounts, not at half."""
-    runs = PlannedRuns(SERVO, TABLE, [NOISE], 5e3)
     found = {}
+    late = ExpectedCause("time_delay", {"command": 4e-5}, "test")
     for size in (2e-5, 4e-5):
-        late = ExpectedCause("time_delay", {"command": 4e-5}, "test")
         lag = ExpectedCause("amplifier_bandwidth", {"lag": size}, "test")
-        causes = {
-            one.effect: CauseInRun(one.beside(None), partial(planned._change_at, runs, refit, one))
-            for one in (late, lag)
-        }
-        found[size] = Separations(refit, causes, weight=1.0).distance("time_delay", "amplifier_bandwidth", ALL)
+        found[size] = separated(refit, late, lag).distance("time_delay", "amplifier_bandwidth", ALL)
     assert found[2e-5] == pytest.approx(found[4e-5], rel=0.1)
     assert found[4e-5] > DECIDES
 
@@ -88,22 +91,50 @@ def test_a_rival_is_taken_at_the_amount_that_suits(refit: BelievedRefit) -> None
 def test_a_rival_takes_the_form_that_comes_nearest(refit: BelievedRefit) -> None:
     """A delay is far from a lag of one pole and next to one of many, whose own delay it is but for a twentieth; the
     second order that is left goes with the square of the lag, the noncentrality with the fourth power."""
-    runs = PlannedRuns(SERVO, TABLE, [NOISE], 5e3)
     late = ExpectedCause("time_delay", {"command": 4e-5}, "test")
     lag = ExpectedCause("amplifier_bandwidth", {"lag": 4e-5}, "test")
-    assert [form.values.get("delay_share") for form in lag.forms] == [None, 0.95]
-    assert late.forms == (late,)
+    forms = forms_of(lag, FEATURES, plant_parameters(SERVO))
+    assert forms[0] == lag
+    one_pole, many = [form for form in forms if form.values.get("delay_share", 0.95) == 0.95 and "lag" in form.values][
+        :2
+    ]
+    assert many.values == {"lag": 4e-5, "delay_share": 0.95}
 
-    def distance(forms: Sequence[ExpectedCause]) -> float:
-        lags = [partial(planned._change_at, runs, refit, form) for form in forms]
-        causes = {
-            "time_delay": CauseInRun(late.beside(None), partial(planned._change_at, runs, refit, late)),
-            "amplifier_bandwidth": CauseInRun(lag.beside(None), lags[0], tuple(lags[1:])),
-        }
-        return Separations(refit, causes, weight=1.0).distance("time_delay", "amplifier_bandwidth", ALL)
+    def distance(*forms: ExpectedCause) -> float:
+        return separated(refit, late, lag, forms=forms).distance("time_delay", "amplifier_bandwidth", ALL)
 
-    assert distance(lag.forms[:1]) > DECIDES
-    assert distance(lag.forms) < 0.01 * distance(lag.forms[:1])
+    assert distance(one_pole) > DECIDES
+    assert distance(one_pole, many) < 0.01 * distance(one_pole)
+    assert distance(*forms) <= distance(one_pole, many) * (1 + 1e-9)
+
+
+def test_a_rival_is_fitted_in_each_of_its_amounts(refit: BelievedRefit) -> None:
+    """A delay of the command beside one of the readings: told apart by the amount that is expected alone, by none of
+    the forms that a diagnosis tries."""
+    late = ExpectedCause("time_delay", {"command": 2e-5}, "test")
+    seen_late = ExpectedCause("position_sensor_lag", {"lag": 2e-5}, "test")
+    forms = forms_of(late, FEATURES, plant_parameters(SERVO))
+    assert [form.amounts for form in forms] == [("command",), ("position",), ("current",), ("position", "current")]
+    alone = separated(refit, seen_late, late).distance("position_sensor_lag", "time_delay", RUN)
+    assert alone > DECIDES
+    every = separated(refit, seen_late, late, forms=forms)
+    assert every.distance("position_sensor_lag", "time_delay", RUN) < 0.01 * alone
+    _, taken = every.all_suited("position_sensor_lag", RUN)
+    assert taken.values["position"] == pytest.approx(2e-5, rel=0.1)
+
+
+def test_amounts_that_are_never_below_nothing_are_fitted_so(refit: BelievedRefit) -> None:
+    """A lag makes up for nothing of what turning it round would do."""
+    lag = ExpectedCause("amplifier_bandwidth", {"lag": 2e-5}, "test")
+    film = ExpectedCause("squeeze_film", {"damping": 0.5}, "test")
+    both = separated(refit, film, lag)
+    read = both._read(ALL)
+    free = read._free(lag)
+    assert free is not None
+    target = read.of(lag)
+    assert free.least(target) == pytest.approx([1.0], rel=1e-6)
+    assert free.least(-target) == pytest.approx([0.0], abs=1e-12)
+    assert free.nearer(-2 * target, np.array([1.0])) == pytest.approx([-1.0])
 
 
 def test_a_cause_is_at_no_distance_from_itself_and_instruments_only_add(separations: Separations) -> None:

@@ -5,10 +5,11 @@ say, and else the size that is usual in practice, which is the catalogue's scale
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from msl_fem.actuator import Actuator, MagnetKind
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import MaterialError
 from msl_fem.materials.core_loss_data import sheet_of
 from msl_fem.plant.believed import Belief
@@ -59,15 +60,29 @@ class ExpectedCause:
         return self, replace(self, values={**self.values, second: -self.values[second]})
 
     @property
-    def forms(self) -> "tuple[ExpectedCause, ...]":
-        """The cause, and with each shape of its amounts as far as it goes: a lag of many poles is nearly a delay."""
-        shapes = [p for p in CATALOGUE[self.effect].parameters if p.shape and p.belongs_to in self.values]
-        return self, *(replace(self, values={**self.values, p.name: p.bounds[1]}) for p in shapes)
+    def amounts(self) -> tuple[str, ...]:
+        """Its parameters that say how much."""
+        return tuple(name for name in self.values if not CATALOGUE[self.effect].parameter(name).shape)
 
-    def scaled(self, factor: float) -> "ExpectedCause":
-        """With all amounts times a factor; shapes stay."""
-        shape = {name: CATALOGUE[self.effect].parameter(name).shape for name in self.values}
-        return replace(self, values={name: v if shape[name] else factor * v for name, v in self.values.items()})
+    @property
+    def of_amounts(self) -> "ExpectedCause":
+        """Without amounts that are nothing."""
+        return replace(self, values={name: v for name, v in self.values.items() if v or name not in self.amounts})
+
+    def only(self, amount: str) -> "ExpectedCause":
+        """With one of its amounts alone, and its shapes."""
+        left_out = set(self.amounts) - {amount}
+        return replace(self, values={name: v for name, v in self.values.items() if name not in left_out})
+
+    def one_sided(self, amount: str) -> bool:
+        """Whether an amount is never below nothing."""
+        parameter = CATALOGUE[self.effect].parameter(amount)
+        return parameter.neutral == parameter.bounds[0]
+
+    def times(self, multiples: Sequence[float] | Array) -> "ExpectedCause":
+        """With each of its amounts times a factor of its own; shapes stay."""
+        factors = dict(zip(self.amounts, multiples, strict=True))
+        return replace(self, values={name: float(v * factors.get(name, 1.0)) for name, v in self.values.items()})
 
     def beside(self, believed: EffectValues | None) -> EffectValues:
         """What is believed, and the cause beside it: amounts add up, a shape that is believed stays."""

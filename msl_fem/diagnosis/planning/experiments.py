@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from msl_fem.diagnosis.next_experiment import (
 )
 from msl_fem.diagnosis.planning.absorbed import BelievedRefit
 from msl_fem.diagnosis.planning.expected import ExpectedCause
+from msl_fem.diagnosis.planning.forms import forms_of
 from msl_fem.diagnosis.planning.planned_runs import PlannedRuns, standard_excitations
 from msl_fem.diagnosis.planning.separations import (
     INSTRUMENTS,
@@ -29,6 +29,7 @@ from msl_fem.diagnosis.planning.separations import (
     Separations,
     groups,
 )
+from msl_fem.diagnosis.variants import features_of_runs
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant import bearable_run
 from msl_fem.plant.excitation_kinds import Excitation
@@ -128,6 +129,7 @@ def experiments(
     instruments: Sequence[str] = USUAL_INSTRUMENTS,
     *,
     excitation: Excitation | None = None,
+    named: str = "",
     progress: Progress = lambda done, total: None,
 ) -> ExperimentPlan:
     """What these instruments can tell of the causes, which one to add, and which run decides.
@@ -135,6 +137,8 @@ def experiments(
     Parameters
     ----------
     excitation : the usual run; None: the noise of `standard_excitations`
+    named : the cause that a record named, from which it does not tell the others: these are taken at the amounts at
+        which each comes nearest to it
 
     The runs are judged by the causes that the usual one leaves open.
 
@@ -146,6 +150,9 @@ def experiments(
         raise InputError(f"'{unknown[0]}' is no instrument; choose of {', '.join(INSTRUMENTS)}")
     usual = excitation or standard_excitations(rig.actuator, rig.table, rate=rig.rate, seconds=SIMULATED)[0]
     first = _separations(rig, Entry("the usual run", usual), causes)
+    if named:
+        causes = first.separations.all_suited(named, instruments)
+        first = _separations(rig, Entry("the usual run", usual), causes)
     entries = _entries(rig, first.refit)
     pairs = first.separations.pairs(instruments)
     unseen = first.separations.unseen(instruments)
@@ -166,7 +173,6 @@ def experiments(
 class _Planned:
     refit: BelievedRefit
     separations: Separations
-    record: Record
 
 
 def _separations(rig: RigToPlan, entry: Entry, causes: Sequence[ExpectedCause]) -> _Planned:
@@ -176,16 +182,15 @@ def _separations(rig: RigToPlan, entry: Entry, causes: Sequence[ExpectedCause]) 
     runs = PlannedRuns(actuator, rig.table, [excitation], rig.rate, rig.belief.effects)
     record = _with_voltmeter(runs.record())
     refit = BelievedRefit(record, replace(rig.belief, actuator=actuator), every=True)
-    found: dict[str, CauseInRun] = {}
-    for cause in causes:
-        change_at, *other_forms = [partial(_change_at, runs, refit, form) for form in cause.forms]
-        found[cause.effect] = CauseInRun(cause.beside(rig.belief.effects), change_at, tuple(other_forms))
+
+    def change_of(cause: ExpectedCause) -> Array:
+        return refit.change(runs.record(cause.beside(runs.believed)))
+
+    features, plant = features_of_runs(refit.likelihood.problem), runs.plant
+    found = {cause.effect: CauseInRun(cause, forms_of(cause, features, plant)) for cause in causes}
     seconds = len(record.runs[0].columns["time_s"]) / rig.rate
-    return _Planned(refit, Separations(refit, found, weight=PLANNED / seconds), record)
-
-
-def _change_at(runs: PlannedRuns, refit: BelievedRefit, cause: ExpectedCause, amount: float) -> Array:
-    return refit.change(runs.record(cause.scaled(amount).beside(runs.believed)))
+    separations = Separations(refit, found, change_of, believed=rig.belief.effects, weight=PLANNED / seconds)
+    return _Planned(refit, separations)
 
 
 def _locked(actuator: Actuator) -> Actuator:

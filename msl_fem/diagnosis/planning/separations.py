@@ -1,21 +1,22 @@
 """How far apart causes are in a planned run, by what instruments: the noncentrality of one over another.
 
 The truth is the change of the readings that the cause makes at its full size, all orders of it. The rival is fitted in
-its amount, and everything that is not known within its tolerance with it (`separation`, in the linear model), in
-whichever of its forms comes nearest. A rival that makes up for nearly all of it is simulated anew at the amount that
-was fitted: a delay and a lag of one pole, alike to first order, differ by the second, which goes with the square of the
-amount.
+its amounts, and everything that is not known within its tolerance with it (`separation`, in the linear model), in
+whichever of its forms comes nearest. A rival that makes up for nearly all of it is simulated anew at the amounts that
+were fitted: a delay and a lag of one pole, alike to first order, differ by the second, which goes with the square of
+the amount.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.next_experiment import DECIDES
 from msl_fem.diagnosis.planning.absorbed import BelievedRefit, channel_parts
-from msl_fem.diagnosis.separation import Measure
+from msl_fem.diagnosis.planning.expected import ExpectedCause
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.effects import EffectValues
 
@@ -30,34 +31,27 @@ BESIDE = {
 """What is measured once beside the runs, and its name in `beside_a_run`."""
 INSTRUMENTS = (*RUN_INSTRUMENTS, *BESIDE)
 Pair = tuple[str, str]
+ChangeOf = Callable[[ExpectedCause], Array]
+"""The change of the readings by a cause, (n_number,) over the noise; raises as `PlannedRuns.record`."""
 
 
 ALIKE = 0.01
 """Of the noncentrality of a cause over none: what a rival leaves that is alike to first order."""
+ITS_OWN = 0.5
+"""The same, up to which the rival could have been taken for the cause."""
 _SAME_AMOUNT = 0.03
-WEAK = 1e-12  # prior of an amount, over what the run tells of it
+WEAK = 1e-10  # prior of an amount, over what the run tells of it where all else is known
 _ROUNDS = 3
+SHARES = (1.0, 0.1, 0.01)
+"""Of a form's amounts, at which its slopes are taken."""
 
 
 @dataclass(frozen=True, eq=False)
 class CauseInRun:
-    """A cause in a planned run.
+    """A cause at its size, and the forms that are fitted to others: their amounts are free."""
 
-    Attributes
-    ----------
-    effects : all that there are with it
-    change_at : the change of the readings, (n_number,) over the noise, at a multiple of its size; raises as
-        `PlannedRuns.record`
-    other_forms : the same of other forms that it may have
-    """
-
-    effects: EffectValues
-    change_at: Callable[[float], Array]
-    other_forms: tuple[Callable[[float], Array], ...] = ()
-
-    @property
-    def forms(self) -> tuple[Callable[[float], Array], ...]:
-        return self.change_at, *self.other_forms
+    cause: ExpectedCause
+    forms: tuple[ExpectedCause, ...]
 
 
 class Separations:
@@ -65,47 +59,55 @@ class Separations:
 
     Parameters
     ----------
+    believed : effects that are there besides
     weight : seconds planned over seconds simulated
     """
 
-    def __init__(self, refit: BelievedRefit, causes: Mapping[str, CauseInRun], *, weight: float) -> None:
-        self.causes, self.root = causes, np.sqrt(weight)
+    def __init__(
+        self,
+        refit: BelievedRefit,
+        causes: Mapping[str, CauseInRun],
+        change_of: ChangeOf,
+        *,
+        believed: EffectValues | None = None,
+        weight: float,
+    ) -> None:
+        self.refit, self.causes, self.change_of, self.believed = refit, causes, change_of, believed
+        self.root = np.sqrt(weight)
         self.columns = self.root * refit.columns
-        self.scaled: dict[tuple[str, int, float], Array] = {}
-        self.changes = {name: self._change(name, 1.0) for name in causes}
         self.parts = list(channel_parts(refit.likelihood))
-        self.rows: dict[str, Array] = {}
-        self.seen: dict[str, dict[str, float]] = {}
         named = {words: instrument for instrument, words in BESIDE.items()}
-        for measure in refit.measures():
-            self._add(named[measure.name], measure, refit)
+        self.measures = {named[measure.name]: measure for measure in refit.measures()}
+        self.rows = {name: refit.measured_row(measure) for name, measure in self.measures.items()}
+        self._changes: dict[tuple[str, tuple[tuple[str, float], ...]], Array] = {}
+        self._readings: dict[frozenset[str], _Readings] = {}
+        self.changes = {name: self.change(one.cause) for name, one in causes.items()}
 
-    def _add(self, instrument: str, measure: Measure, refit: BelievedRefit) -> None:
-        self.rows[instrument] = refit.measured_row(measure)
-        self.seen[instrument] = {
-            name: refit.measured_change(measure, cause.effects) for name, cause in self.causes.items()
-        }
+    def change(self, cause: ExpectedCause) -> Array:
+        """The change by a cause, kept; raises as `change_of`."""
+        key = cause.effect, tuple(cause.values.items())
+        if key not in self._changes:
+            self._changes[key] = self.root * self.change_of(cause)
+        return self._changes[key]
 
-    def _change(self, name: str, amount: float, form: int = 0) -> Array:
-        """The change by a multiple of a cause in a form, kept; of one that is not borne that of the cause, scaled."""
-        key = (name, form, float(f"{amount:.2g}"))
-        if key not in self.scaled:
-            try:
-                self.scaled[key] = self.root * self.causes[name].forms[form](key[2])
-            except (InputError, ComputationError):
-                if (form, amount) == (0, 1.0):
-                    raise
-                self.scaled[key] = key[2] * self.changes[name]
-        return self.scaled[key]
+    def measured(self, instrument: str, cause: ExpectedCause) -> float:
+        """By how much a cause changes a number measured beside the run, over its sigma."""
+        return self.refit.measured_change(self.measures[instrument], cause.beside(self.believed))
 
     def distance(self, truth: str, rival: str | None, instruments: Iterable[str]) -> float:
         """d^2 of a cause over another, or over none."""
-        read = _Readings(self, set(instruments))
-        target = read.of(truth, 1.0)
-        alone = read.least(target, None)[0]
-        if rival is None:
-            return alone
-        return min(read.over_form(target, alone, rival, form) for form in range(len(self.causes[rival].forms)))
+        read = self._read(instruments)
+        return read.alone(truth) if rival is None else read.nearest(truth, rival)[0]
+
+    def all_suited(self, truth: str, instruments: Iterable[str]) -> list[ExpectedCause]:
+        """All causes, those that could be taken for one of them in the form and at the amounts that come nearest."""
+        read = self._read(instruments)
+        found = []
+        for name, one in self.causes.items():
+            distance, nearest = (np.inf, None) if name == truth else read.nearest(truth, name)
+            alike = nearest is not None and distance < ITS_OWN * read.alone(truth)
+            found.append(nearest if alike and nearest is not None else one.cause)
+        return found
 
     def apart(self, first: str, second: str, instruments: Sequence[str]) -> float:
         """d^2 of two causes whichever is the truth: the lesser one."""
@@ -124,43 +126,127 @@ class Separations:
         """Causes that what is not known makes up for."""
         return [name for name in self.causes if self.distance(name, None, instruments) < DECIDES]
 
+    def _read(self, instruments: Iterable[str]) -> "_Readings":
+        key = frozenset(instruments)
+        if key not in self._readings:
+            self._readings[key] = _Readings(self, key)
+        return self._readings[key]
+
+
+@dataclass(frozen=True, eq=False)
+class _FreeForm:
+    """A form whose amounts are free: of each the change that it makes alone, and what of that no unknown makes up for,
+    (n_amount, n_number); the curvature of d^2 over the amounts, and which of them are not below nothing."""
+
+    form: ExpectedCause
+    slopes: Array
+    left: Array
+    curvature: Array
+    one_sided: Array
+
+    def least(self, target: Array) -> Array:
+        """The amounts, as multiples of the form's, that come nearest to a change."""
+        return self._solved(self.left @ target, np.zeros(len(self.left)))
+
+    def nearer(self, target: Array, multiples: Array) -> Array:
+        """By how much to move them, from where these leave that of a change."""
+        return self._solved(self.left @ target, -multiples)
+
+    def _solved(self, slope: Array, least: Array) -> Array:
+        """Least squares, one-sided amounts at their end where they would go below it."""
+        least = np.where(self.one_sided, least, -np.inf)
+        move, free = np.zeros(slope.size), np.ones(slope.size, dtype=bool)
+        while free.any():
+            right = slope[free] - self.curvature[np.ix_(free, ~free)] @ move[~free]
+            move[free] = np.linalg.solve(self.curvature[np.ix_(free, free)], right)
+            below = free & (move < least)
+            if not below.any():
+                break
+            move[below], free = least[below], free & ~below
+        return move
+
 
 class _Readings:
     """What a set of instruments reads of a planned run."""
 
-    def __init__(self, separations: Separations, instruments: set[str]) -> None:
+    def __init__(self, separations: Separations, instruments: frozenset[str]) -> None:
         self.all = separations
         self.kept = [part for name, part in separations.parts if name.partition("_")[0] in instruments]
         self.beside = [name for name in separations.rows if name in instruments]
         rows = [separations.columns[part] for part in self.kept] + [separations.rows[n][None] for n in self.beside]
         self.columns = np.concatenate(rows) if rows else np.zeros((0, separations.columns.shape[1]))
+        self._inverse = np.linalg.inv(self.columns.T @ self.columns + np.eye(self.columns.shape[1]))
+        self._forms: dict[str, list[_FreeForm]] = {}
+        self._nearest: dict[Pair, tuple[float, ExpectedCause | None]] = {}
 
-    def of(self, name: str, amount: float, form: int = 0) -> Array:
-        """A cause at a multiple of its size."""
-        change = self.all._change(name, amount, form)
-        seen = [amount * self.all.seen[one][name] for one in self.beside]
-        return np.concatenate([*(change[part] for part in self.kept), seen])
+    def of(self, cause: ExpectedCause) -> Array:
+        """The change by a cause, (n_number,)."""
+        change = self.all.change(cause)
+        return np.concatenate(
+            [*(change[part] for part in self.kept), [self.all.measured(n, cause) for n in self.beside]]
+        )
 
-    def over_form(self, target: Array, alone: float, rival: str, form: int) -> float:
-        """d^2 over a rival in one of its forms, at the amount that suits; `alone` is that over none."""
-        amount = 1.0
-        distance, factor = self.least(target, self.of(rival, amount, form))
-        for _ in range(_ROUNDS):
-            if not (distance < ALIKE * alone and factor > 0 and abs(np.log(factor)) > _SAME_AMOUNT):
+    def left(self, changes: Array) -> Array:
+        """What of changes (..., n_number) no unknown within its tolerance makes up for, so that its product with a
+        change is that of both."""
+        return np.asarray(changes - ((changes @ self.columns) @ self._inverse) @ self.columns.T)
+
+    @cached_property
+    def targets(self) -> dict[str, Array]:
+        return {name: self.of(one.cause) for name, one in self.all.causes.items()}
+
+    def alone(self, truth: str) -> float:
+        """d^2 of a cause over none."""
+        return self._square(self.targets[truth])
+
+    def nearest(self, truth: str, rival: str) -> tuple[float, ExpectedCause | None]:
+        """d^2 over a rival, and that in its form and at its amounts; None where no form comes nearer than none."""
+        if (truth, rival) not in self._nearest:
+            if rival not in self._forms:
+                tried = [self._free(form) for form in self.all.causes[rival].forms]
+                self._forms[rival] = [free for free in tried if free is not None]
+            best: tuple[float, ExpectedCause | None] = (self.alone(truth), None)
+            for free in self._forms[rival]:
+                distance, multiples = self._over_form(self.targets[truth], best[0], self.alone(truth), free)
+                if distance < best[0]:
+                    best = distance, free.form.times(multiples)
+            self._nearest[truth, rival] = best
+        return self._nearest[truth, rival]
+
+    def _free(self, form: ExpectedCause) -> _FreeForm | None:
+        """The form with free amounts, its slopes at the largest of a few shares of it that the run bears."""
+        for share in SHARES:
+            one = form.times([share] * len(form.amounts))
+            try:
+                slopes = np.array([self.of(one.only(name)) for name in one.amounts])
+            except (InputError, ComputationError):
+                continue
+            left = self.left(slopes)
+            curvature = slopes @ left.T + WEAK * np.diag(np.sum(slopes**2, axis=1) + WEAK)
+            return _FreeForm(one, slopes, left, curvature, np.array([one.one_sided(name) for name in one.amounts]))
+        return None
+
+    def _over_form(self, target: Array, best: float, alone: float, free: _FreeForm) -> tuple[float, Array]:
+        """d^2 over a form, and the multiples of its amounts that suit."""
+        multiples = free.least(target)
+        distance = self._square(target - multiples @ free.slopes)
+        simulated = multiples.size == 1 and abs(multiples[0] - 1) <= _SAME_AMOUNT
+        for _ in range(0 if simulated else _ROUNDS):
+            if not distance < min(ALIKE * alone, best):
                 break
-            amount = float(f"{amount * factor:.2g}")
-            distance, factor = self.least(target, self.of(rival, amount, form))
-        return distance
+            try:
+                rest = target - self.of(free.form.times(multiples))
+            except (InputError, ComputationError):
+                break
+            move = free.nearer(rest, multiples)
+            distance = self._square(rest - move @ free.slopes)
+            multiples = multiples + move
+            if np.abs(move).max() <= _SAME_AMOUNT * np.abs(multiples).max():
+                break
+        return distance, multiples
 
-    def least(self, target: Array, rival: Array | None) -> tuple[float, float]:
-        """(d^2, how much of the rival) where the rival and all that is unknown are fitted to a change."""
-        columns, prior = self.columns, np.ones(self.columns.shape[1])
-        if rival is not None:
-            columns = np.column_stack([columns, -rival])
-            prior = np.append(prior, WEAK * max(float(rival @ rival), WEAK))
-        move = -np.linalg.solve(columns.T @ columns + np.diag(prior), columns.T @ target)
-        rest = target + columns @ move
-        return float(rest @ rest + prior @ move**2), float(move[-1])
+    def _square(self, change: Array) -> float:
+        return max(float(change @ self.left(change)), 0.0)
 
 
 def groups(names: Sequence[str], pairs: Mapping[Pair, float]) -> list[list[str]]:
