@@ -1,6 +1,6 @@
 """Records whose diagnosis names a cause with others beside it, and how many proposed runs decide them.
 
-    python benchmarks/experiments_decide.py [FIRST [LAST]] [--results FILE]
+    python benchmarks/experiments_decide.py [FIRST [LAST]] [--seen] [--results FILE]
 
 Each record is one of the virtual bench, 3.2 s of noise at 1 kHz and a sweep held out, with an effect so small that it
 is barely seen. Where its diagnosis cannot tell it from other effects, the run that `experiments` proposes is made on
@@ -18,35 +18,55 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from study_rigs import excitations_of, study_rig
 
 from msl_fem.bench import INSIDE, BenchOptions
+from msl_fem.bench.rig import Rig
 from msl_fem.bench.sealed import prepared_setting, recorded
-from msl_fem.bench.setting import effect_of_size, runs_of
+from msl_fem.bench.setting import BenchEffect, BenchSetting, runs_of
 from msl_fem.diagnosis import Diagnosis, DiagnosisSettings, diagnose
-from msl_fem.diagnosis.planning.after import OpenQuestion, effects_of, open_question
+from msl_fem.diagnosis.planning.absorbed import BelievedRefit
+from msl_fem.diagnosis.planning.after import OpenQuestion, as_excited, effects_of, open_question
 from msl_fem.diagnosis.planning.experiments import ExperimentPlan, RunOption
+from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.excitation_kinds import Excitation
+from msl_fem.prediction import ModelHypothesis
 from msl_fem.prediction.hypothesis import HEAVY
 from msl_fem.record import Record, Run
 
 RESULTS = Path(__file__).parent / "experiments_decide.jsonl"
 MOST_RUNS, RATE, SECONDS = 3, 1e3, 3.2
+RIGS = (("servo", "current"), ("servo", "voltage"), ("small", "voltage"), ("large", "current"), ("large", "voltage"))
+OF_A_RUN = {"sensor_drift", "drive_limit", "coil_heating", "thermal_history"}
+"""Effects that are another one in each run, or need other runs than these to be seen at all."""
+NATS = (30.0, 60.0)
+WITHIN = 0.1  # of the nats asked for
+MOST_TRIALS = 8
+TO_SEE = 1
+"""Further runs where the plan says that none tells the first cause from one beside it, to see whether that is so."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A rig, its drive, the hidden effect, its size as the bench has it, and the seed."""
+    """A rig, its drive, the hidden effect, what the first record tells of it, and the seed."""
 
     rig: str
     drive: str
     effect: str
-    size: float
+    nats: float
     seed: int
 
 
-CASES: list[Case] = []
+def cases(*, seen: bool) -> list[Case]:
+    """In an order drawn once: those by which the planner was made better, or the others, by which it is judged. No rig
+    has an effect in both."""
+    every = [(rig, drive, effect) for rig, drive in RIGS for effect in INSIDE if effect not in OF_A_RUN]
+    drawn = np.random.default_rng(17).permutation(len(every))
+    half = drawn[::2] if seen else drawn[1::2]
+    first = 1000 if seen else 5000
+    return [Case(*every[n], nats, first + 10 * k + j) for j, nats in enumerate(NATS) for k, n in enumerate(half)]
 
 
 class HiddenCause:
@@ -56,11 +76,35 @@ class HiddenCause:
         rig = study_rig(case.rig)
         self.actuator, self.table = rig.in_drive(case.drive), rig.table
         self.first = excitations_of(rig, case.drive, seconds=SECONDS)
-        self.options = BenchOptions(seed=case.seed, rate=RATE, exact=True)
+        self.options = BenchOptions(seed=case.seed, rate=RATE)
         setting = prepared_setting(self.actuator, self.table, self.first, self.options)
-        effect = INSIDE[case.effect]
-        strength = effect_of_size(setting, effect, case.size, exact=True).strength
-        self.rig, _ = effect.hide(setting, setting.rig, strength)
+        self.strength, self.rig = self._hidden(setting, INSIDE[case.effect], case.nats)
+
+    def _hidden(self, setting: BenchSetting, effect: BenchEffect, nats: float) -> tuple[float, Rig]:
+        """The strength at which the first record, without its noise, tells so much of an effect once all that is known
+        within tolerances is fitted anew, and the rig with it.
+
+        Raises
+        ------
+        InputError : no strength does
+        """
+        options = replace(self.options, noise="none", excitations=self.first)
+        plain = recorded(setting, setting.rig, self.first, options, setting.responses)
+        refit = BelievedRefit(plain, ModelHypothesis(self.actuator, self.table), every=True)
+        strength, largest = effect.start(setting), effect.largest(setting)
+        for _ in range(MOST_TRIALS):
+            try:
+                rig, _ = effect.hide(setting, setting.rig, strength)
+                responses = runs_of(rig, setting.commands, setting.leads, rate=RATE)
+            except ComputationError:
+                strength /= 4
+                continue
+            change = refit.change(recorded(setting, rig, self.first, options, responses))
+            told = (1 - refit.left(change).absorbed) ** 2 * float(change @ change) / 2
+            if abs(told / nats - 1) <= WITHIN:
+                return strength, rig
+            strength = min(strength * float(np.clip(np.sqrt(nats / max(told, 1e-9)), 0.02, 10.0)), largest)
+        raise InputError(f"{effect.name}: no strength is told of by {nats:g} nats")
 
     def record(self, further: Sequence[RunOption]) -> Record:
         """The record of the first runs and further ones."""
@@ -90,7 +134,8 @@ def question_of(found: Diagnosis, record: Record) -> OpenQuestion | None:
         return None
     named = [(cause.effect, cause.rivals) for cause in found.causes]
     channels = [entry.nominal.channel for entry in found.accuracy]
-    return open_question(found.extended, named, channels, tolerance=record.tolerance, rate=RATE)
+    usual = as_excited(record)
+    return open_question(found.extended, named, channels, tolerance=record.tolerance, rate=RATE, usual=usual)
 
 
 def stage_of(found: Diagnosis) -> dict[str, Any]:
@@ -101,31 +146,43 @@ def stage_of(found: Diagnosis) -> dict[str, Any]:
 
 def plan_of(plan: ExperimentPlan) -> dict[str, Any]:
     """What a plan says, in short."""
-    runs = {}
-    for run in plan.runs:
-        left = {" and ".join(pair): float(f"{distance:.3g}") for pair, distance in run.undecided.items()}
-        runs[run.words] = {"decided": run.decided, "seen": run.seen, "undecided": left}
-    return {"groups": plan.groups, "unseen": plan.unseen, "add": plan.instrument_to_add, "runs": runs}
+    runs = {run.words: {" and ".join(p): float(f"{d:.3g}") for p, d in run.pairs.items()} for run in plan.runs}
+    together = [" and ".join(pair) for pair in plan.together]
+    said = {"groups": plan.groups, "unseen": plan.unseen, "together": together, "add": plan.instrument_to_add}
+    return said | {"runs": runs}
 
 
 def decided(case: Case) -> dict[str, Any]:
     """What was named first and beside what, before and after each further run, and how it ended."""
-    rig = HiddenCause(case)
+    try:
+        rig = HiddenCause(case)
+    except InputError as err:
+        return {"ended": str(err), "open_at_first": False, "said_to_stay": False, "further_runs": 0, "stages": []}
     further: list[RunOption] = []
     stages: list[dict[str, Any]] = []
-    for n in range(MOST_RUNS + 1):
+    most = MOST_RUNS
+    while True:
         record = rig.record(further)
         found = diagnose(record, DiagnosisSettings(table=rig.table))
         stages.append(stage_of(found))
         question = question_of(found, record)
         print(f"{case}: {stages[-1]}", file=sys.stderr, flush=True)
-        if question is None or n == MOST_RUNS:
+        if question is None or len(further) == most:
             break
         plan = question.plan()
+        if not further and any(question.named in pair for pair in plan.together):
+            most = TO_SEE
         further.append(plan.runs[0])
         stages[-1] |= {"plan": plan_of(plan), "proposed": [plan.runs[0].words, plan.runs[0].excitation]}
         print(f"   {stages[-1]['plan']}\n   {stages[-1]['proposed']}", file=sys.stderr, flush=True)
-    return {"open_at_first": len(stages) > 1, "ended": ended(case, stages[-1]), "further_runs": n, "stages": stages}
+    return {
+        "strength": rig.strength,
+        "open_at_first": len(stages) > 1,
+        "said_to_stay": most == TO_SEE,
+        "ended": ended(case, stages[-1]),
+        "further_runs": len(further),
+        "stages": stages,
+    }
 
 
 def ended(case: Case, stage: dict[str, Any]) -> str:
@@ -140,12 +197,16 @@ def ended(case: Case, stage: dict[str, Any]) -> str:
 
 def told(row: dict[str, Any]) -> str:
     """A line on a case."""
-    case, began, last = Case(**row["case"]), row["stages"][0], row["stages"][-1]
-    words = f"{case.rig} {case.drive} {case.effect} {100 * case.size:.3g} %, seed {case.seed}: "
-    words += "; ".join(f"{name}, beside it {', '.join(beside) or 'none'}" for name, _, beside in began["causes"])
+    case, stages = Case(**row["case"]), row["stages"]
+    words = f"{case.rig} {case.drive} {case.effect} {case.nats:g} nats, seed {case.seed}: "
+    if not stages:
+        return words + row["ended"]
+    words += "; ".join(f"{name}, beside it {', '.join(beside) or 'none'}" for name, _, beside in stages[0]["causes"])
     if not row["open_at_first"]:
-        return f"{words or began['verdict']}: was not undecided ({row['cpu_seconds']} CPU s)"
-    names = ", ".join(name for name, _, _ in last["causes"])
+        return f"{words or stages[0]['verdict']}; was not undecided ({row['cpu_seconds']} CPU s)"
+    names = ", ".join(name for name, _, _ in stages[-1]["causes"])
+    if row["said_to_stay"]:
+        words += "; said to stay together"
     return f"{words}; after {row['further_runs']} runs {row['ended']}: {names} ({row['cpu_seconds']} CPU s)"
 
 
@@ -158,16 +219,17 @@ def done(path: Path) -> list[dict[str, Any]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("first", type=int, nargs="?", default=0)
-    parser.add_argument("last", type=int, nargs="?", default=len(CASES))
+    parser.add_argument("last", type=int, nargs="?", default=None)
+    parser.add_argument("--seen", action="store_true", help="the cases by which the planner was made better")
     parser.add_argument("--results", type=Path, default=RESULTS)
     options = parser.parse_args()
-    run_cases(CASES[options.first : options.last], options.results)
+    run_cases(cases(seen=options.seen)[options.first : options.last], options.results)
 
 
-def run_cases(cases: Sequence[Case], results: Path) -> None:
+def run_cases(asked: Sequence[Case], results: Path) -> None:
     """The cases that are not yet among the results, each told."""
     known = {Case(**row["case"]): row for row in done(results)}
-    for case in cases:
+    for case in asked:
         if case not in known:
             began = time.process_time()
             row = {"case": vars(case), **decided(case)}

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from msl_fem.actuator import load_actuator
+from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.believed import stated_belief
 from msl_fem.cli.options import Json, PlainBelief, TableFile, read_option
 from msl_fem.cli.output import print_closing, print_columns, print_result, progress_bar
@@ -15,14 +15,17 @@ from msl_fem.cli.told import DIAGNOSIS, told_by
 from msl_fem.comparison.as_designed import as_designed
 from msl_fem.diagnosis.planning.after import OpenQuestion, open_question
 from msl_fem.diagnosis.planning.expected import USUAL, expected_causes
-from msl_fem.diagnosis.planning.experiments import USUAL_INSTRUMENTS, ExperimentPlan, RigToPlan
+from msl_fem.diagnosis.planning.experiments import TIMES, USUAL_INSTRUMENTS, ExperimentPlan, RigToPlan
 from msl_fem.errors import InputError
 from msl_fem.files.schema import small_text
 from msl_fem.plant.believed import AS_DESIGNED, PLAIN_BELIEF
+from msl_fem.plant.excitation import DRIVE_UNIT, parse_excitation
+from msl_fem.plant.excitation_kinds import Excitation
 from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import Tolerance
 
 SHOWN = 5  # runs of the menu
+RATE = 10e3  # Hz, where nothing states one
 
 
 def command(
@@ -40,7 +43,9 @@ def command(
         ),
     ] = None,
     table: TableFile = None,
-    rate: Annotated[str, typer.Option(help="Sampling rate of the runs.")] = "10 kHz",
+    rate: Annotated[
+        str | None, typer.Option(help="Sampling rate of the runs.", show_default="10 kHz, or the diagnosed record's")
+    ] = None,
     belief: PlainBelief = "plain",
     json: Json = False,
 ) -> None:
@@ -48,12 +53,12 @@ def command(
 
     After a diagnosis the causes are what it named and what it could not tell from that, at the fitted size.
     """
-    sampling = read_option("--rate", rate, "Hz")
-    if not sampling > 0:
+    sampling = None if rate is None else read_option("--rate", rate, "Hz")
+    if sampling is not None and not sampling > 0:
         raise InputError(f'--rate {rate} is not allowed; it must be above 0 Hz, like "10 kHz"')
     known = stated_belief(belief) == AS_DESIGNED
     of_folder = source.is_dir() or source.name == DIAGNOSIS
-    question = _after(source, table, sampling) if of_folder else _before(source, table, sampling, known=known)
+    question = _after(source, table, sampling) if of_folder else _before(source, table, sampling or RATE, known=known)
     names = question.asked if suspects is None else tuple(name.strip() for name in suspects.split(","))
     if wrong := [name for name in names if name not in question.possible]:
         raise InputError(f"--suspects: '{wrong[0]}' is no cause here; there are {', '.join(question.possible)}")
@@ -79,7 +84,7 @@ def _before(source: Path, table: Path | None, rate: float, *, known: bool) -> Op
     return OpenQuestion(RigToPlan(model, rate), asked, {one.effect: one for one in every}, USUAL_INSTRUMENTS)
 
 
-def _after(folder: Path, table: Path | None, rate: float) -> OpenQuestion:
+def _after(folder: Path, table: Path | None, rate: float | None) -> OpenQuestion:
     """The question that a diagnosis leaves open: its first cause with rivals, about the model without it.
 
     Raises
@@ -93,10 +98,21 @@ def _after(folder: Path, table: Path | None, rate: float) -> OpenQuestion:
     channels = [str(one.get("channel", "")) for one in content.get("accuracy", [])]
     magnet_table = table_of_model(model.actuator, None) or table_for(model.actuator, table)
     extended = ModelHypothesis(model.actuator, magnet_table, model.effects)
-    question = open_question(extended, named, channels, tolerance=Tolerance(), rate=rate)
+    sampling, usual = _as_excited(content, model.actuator)
+    question = open_question(
+        extended, named, channels, tolerance=Tolerance(), rate=rate or sampling or RATE, usual=usual
+    )
     if question is None:
         raise InputError(f"{folder}: no cause of its diagnosis has another one beside it; there is nothing to decide")
     return question
+
+
+def _as_excited(content: dict[str, Any], actuator: Actuator) -> tuple[float | None, Excitation | None]:
+    """The rate and the usual run of the record, where its diagnosis says them."""
+    said = content.get("usual_run")
+    if not isinstance(said, dict) or actuator.drive is None:
+        return None, None
+    return float(said["rate"]), parse_excitation(str(said["excitation"]), unit=DRIVE_UNIT[actuator.drive.kind])
 
 
 def print_plan(plan: ExperimentPlan, name: str) -> None:
@@ -122,8 +138,8 @@ def _closing(plan: ExperimentPlan) -> tuple[str, str, str]:
     added = f"add {plan.instrument_to_add}: it tells {len(plan.helped)} more; " if plan.instrument_to_add else ""
     best = f'simulate --excitation "{plan.runs[0].excitation}"' if plan.runs else "no run of the menu is borne"
     locked = " --locked" if plan.runs and plan.runs[0].locked else ""
-    left = " nor ".join(" from ".join(pair).replace("_", " ") for pair in plan.runs[0].undecided) if plan.runs else ""
-    still = f"; no run at this size tells {left}" if left else ""
+    left = " nor ".join(" from ".join(pair).replace("_", " ") for pair in plan.together)
+    still = f"; no run at this size, made {TIMES} times, tells {left}" if left else ""
     return (
         f"What it means: the usual run tells {single} of {total} causes from all; {len(plan.unseen)} are not seen.",
         "How sure: a cause counts as told at a noncentrality that decides 95 of 100 records, at its expected size.",

@@ -228,14 +228,19 @@ def menu(question: Question) -> Iterator[Entry]:
 
 def usual(question: Question) -> Excitation:
     """Band-limited noise of the bias, size and band that the record's longest run has."""
-    commands = question.run.commands[:, : question.sides]
+    return noise_like(question.run, sides=question.sides, drive=_drive(question))
+
+
+def noise_like(run: RunData, *, sides: int, drive: str) -> Excitation:
+    """Band-limited noise of the bias, size and band that the commands of a run have."""
+    commands = run.commands[:, :sides]
     bias, spread = float(commands.mean()), float(commands.std(axis=0).max())
     power = np.abs(np.fft.rfft(commands - commands.mean(axis=0), axis=0)) ** 2
     total = np.cumsum(power.sum(axis=1))
-    band = float(np.searchsorted(total, 0.97 * total[-1])) * question.run.rate / len(commands)
-    unit = DRIVE_UNIT[_drive(question)]
+    band = float(np.searchsorted(total, 0.97 * total[-1])) * run.rate / len(commands)
+    unit = DRIVE_UNIT[drive]
     bias = 0.0 if abs(bias) < 0.05 * spread else bias
-    channel = "independent" if question.sides == 2 else "1"
+    channel = "independent" if sides == 2 else "1"
     text = (
         f"band-limited-noise:channel={channel},bias={bias:.3g} {unit},amplitude={spread:.3g} {unit},"
         f"band={format_quantity(max(band, 20.0), 'Hz', digits=2)},duration={SIMULATED} s,seed=1"

@@ -204,7 +204,7 @@ def test_what_is_wrong_is_one_line(msl_fem, tmp_path: Path) -> None:
 
 
 def test_a_plan_is_printed_with_what_to_do(capsys: pytest.CaptureFixture[str]) -> None:
-    run = RunOption("steps", "step:channel=1", True, ("a", "b"), 0, {("a", "b"): 1.0})
+    run = RunOption("steps", "step:channel=1", True, ("a", "b"), {("a", "b"): 1.0})
     print_plan(ExperimentPlan(("position",), (("a", "b"),), ("c",), "voltage", (("c",),), (run,)), "servo")
     said = " ".join(capsys.readouterr().out.split())
     assert "not told apart" in said

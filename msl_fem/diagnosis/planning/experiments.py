@@ -11,6 +11,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.next_experiment import (
     DECIDES,
     HEAVY,
+    MUCH,
     PLANNED,
     SIMULATED,
     Entry,
@@ -37,6 +38,7 @@ from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable
 
+TIMES = 3  # that a run may be made
 VOLTMETER = 1e-3  # of the RMS voltage: one sigma of a voltage that is read, where none is stated
 Progress = Callable[[int, int], None]
 USUAL_INSTRUMENTS = ("position", "current")
@@ -49,16 +51,31 @@ class RunOption:
     Attributes
     ----------
     seen : causes that it shows
-    decided : pairs of these that it tells apart
-    undecided : those that it does not, with their d^2
+    pairs : d^2 of pairs of these, of a record's causes of all pairs
     """
 
     words: str
     excitation: str
     locked: bool
     seen: tuple[str, ...]
-    decided: int
-    undecided: Mapping[Pair, float]
+    pairs: Mapping[Pair, float]
+
+    @property
+    def undecided(self) -> dict[Pair, float]:
+        """The pairs that it does not tell apart."""
+        return {pair: distance for pair, distance in self.pairs.items() if distance < DECIDES}
+
+    @property
+    def decided(self) -> int:
+        """How many pairs it tells apart."""
+        return len(self.pairs) - len(self.undecided)
+
+    @property
+    def worth(self) -> tuple[float, float, float]:
+        """By which runs are sorted: what it shows and tells, how near it comes to telling the others, and how far apart
+        the nearest pair is, where all that is ample is alike."""
+        near = sum(np.log(max(d, 1e-3)) for d in self.undecided.values())
+        return self.decided + len(self.seen), float(near), min(min(self.pairs.values(), default=0.0), MUCH)
 
     def to_json(self) -> dict[str, Any]:
         """The entry in `runs`."""
@@ -93,6 +110,15 @@ class ExperimentPlan:
     helped: tuple[tuple[str, ...], ...]
     runs: tuple[RunOption, ...]
 
+    @property
+    def together(self) -> dict[Pair, float]:
+        """Pairs that the best run for them does not tell apart even where it is made `TIMES` times, with d^2 of one."""
+        best: dict[Pair, float] = {}
+        for run in self.runs:
+            for pair, distance in run.pairs.items():
+                best[pair] = max(distance, best.get(pair, 0.0))
+        return {pair: distance for pair, distance in best.items() if TIMES * distance < DECIDES}
+
     def to_json(self) -> dict[str, Any]:
         """The JSON object of the command."""
         return {
@@ -101,6 +127,7 @@ class ExperimentPlan:
             "unseen": list(self.unseen),
             "instrument_to_add": self.instrument_to_add or None,
             "it_tells": [list(told) for told in self.helped],
+            "together": [[*pair, distance] for pair, distance in self.together.items()],
             "runs": [run.to_json() for run in self.runs],
         }
 
@@ -154,7 +181,7 @@ def experiments(
         causes = first.separations.all_suited(named, instruments)
         first = _separations(rig, Entry("the usual run", usual), causes)
     entries = _entries(rig, first.refit)
-    pairs = first.separations.pairs(instruments)
+    pairs = first.separations.pairs(instruments, every=bool(named))
     unseen = first.separations.unseen(instruments)
     together = groups([cause.effect for cause in causes if cause.effect not in unseen], pairs)
     settled = {group[0] for group in together if len(group) == 1}
@@ -162,10 +189,10 @@ def experiments(
     judged = []
     for n, entry in enumerate(entries):
         progress(n, len(entries))
-        judged += _judged(rig, entry, in_question, instruments)
+        judged += _judged(rig, entry, in_question, instruments, every=bool(named))
     progress(len(entries), len(entries))
     added, helped = _instrument_to_add(first.separations, instruments)
-    ranked = sorted(judged, key=lambda run: (-run.decided - len(run.seen), -_sum_of_logs(run.undecided)))
+    ranked = sorted(judged, key=lambda run: run.worth, reverse=True)
     return ExperimentPlan(tuple(instruments), tuple(map(tuple, together)), tuple(unseen), added, helped, tuple(ranked))
 
 
@@ -214,7 +241,7 @@ def _entries(rig: RigToPlan, refit: BelievedRefit) -> list[Entry]:
 
 
 def _judged(
-    rig: RigToPlan, entry: Entry, causes: Sequence[ExpectedCause], instruments: Sequence[str]
+    rig: RigToPlan, entry: Entry, causes: Sequence[ExpectedCause], instruments: Sequence[str], *, every: bool
 ) -> list[RunOption]:
     """The entry with an amplitude that the rig bears; nothing where it bears none, or not the causes."""
     try:
@@ -222,12 +249,10 @@ def _judged(
         planned = _separations(rig, replace(entry, excitation=borne), causes)
     except (InputError, ComputationError):
         return []
-    pairs = planned.separations.pairs(instruments)
-    undecided = {pair: distance for pair, distance in pairs.items() if distance < DECIDES}
+    pairs = planned.separations.pairs(instruments, every=every)
     hidden = planned.separations.unseen(instruments)
     seen = tuple(cause.effect for cause in causes if cause.effect not in hidden)
-    spec = at_planned_length(borne).spec
-    return [RunOption(entry.words, spec, entry.locked, seen, len(pairs) - len(undecided), undecided)]
+    return [RunOption(entry.words, at_planned_length(borne).spec, entry.locked, seen, pairs)]
 
 
 def _instrument_to_add(separations: Separations, instruments: Sequence[str]) -> tuple[str, tuple[tuple[str, ...], ...]]:
@@ -241,7 +266,3 @@ def _instrument_to_add(separations: Separations, instruments: Sequence[str]) -> 
         if len(shown) + len(apart) > len(best[1]):
             best = (name, (*shown, *apart))
     return best
-
-
-def _sum_of_logs(distances: Mapping[Pair, float]) -> float:
-    return float(sum(np.log(max(d, 1e-3)) for d in distances.values()))

@@ -113,9 +113,9 @@ class Separations:
         """d^2 of two causes whichever is the truth: the lesser one."""
         return min(self.distance(first, second, instruments), self.distance(second, first, instruments))
 
-    def pairs(self, instruments: Sequence[str]) -> dict[Pair, float]:
-        """d^2 of every two causes that are seen at all."""
-        names = [name for name in self.causes if self.distance(name, None, instruments) >= DECIDES]
+    def pairs(self, instruments: Sequence[str], *, every: bool = False) -> dict[Pair, float]:
+        """d^2 of every two causes that are seen at all, or of all that there are."""
+        names = [name for name in self.causes if every or self.distance(name, None, instruments) >= DECIDES]
         return {
             (first, second): self.apart(first, second, instruments)
             for n, first in enumerate(names)
