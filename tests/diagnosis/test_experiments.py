@@ -13,6 +13,7 @@ from msl_fem.cli.experiments import print_plan
 from msl_fem.diagnosis.next_experiment import DECIDES
 from msl_fem.diagnosis.planning import experiments as planned
 from msl_fem.diagnosis.planning.absorbed import BelievedRefit, channel_parts
+from msl_fem.diagnosis.planning.after import as_excited, excited_json, open_question
 from msl_fem.diagnosis.planning.expected import ExpectedCause
 from msl_fem.diagnosis.planning.experiments import ExperimentPlan, RigToPlan, RunOption
 from msl_fem.diagnosis.planning.forms import forms_of
@@ -20,9 +21,12 @@ from msl_fem.diagnosis.planning.planned_runs import PlannedRuns
 from msl_fem.diagnosis.planning.separations import INSTRUMENTS, CauseInRun, Separations, groups
 from msl_fem.diagnosis.variants import RecordFeatures
 from msl_fem.errors import InputError
-from msl_fem.plant import plant_parameters
-from msl_fem.plant.excitation import parse_excitation
+from msl_fem.plant import NamedRun, Simulation, plant_parameters, simulate, simulation_record
+from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.excitation import excitation_inputs, parse_excitation
+from msl_fem.plant.excitation_kinds import BandLimitedNoise
 from msl_fem.prediction import ModelHypothesis
+from msl_fem.record import Tolerance
 from msl_fem.table.magnetic_table import MagneticTable, read_table
 
 SERVO: Actuator = load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")
@@ -44,6 +48,11 @@ RUN, ALL = ("position", "current"), ("position", "current", "voltage")
 def refit() -> BelievedRefit:
     record = planned._with_voltmeter(PlannedRuns(SERVO, TABLE, [NOISE], 5e3).record())
     return BelievedRefit(record, BELIEF, every=True)
+
+
+def simulated(spec: str) -> Simulation:
+    text = spec if "duration" in spec else f"{spec},duration=0.2 s"
+    return simulate(SERVO, TABLE, excitation_inputs(SERVO, parse_excitation(text, unit="A"), rate=5e3))
 
 
 def separated(refit: BelievedRefit, *causes: ExpectedCause, forms: Sequence[ExpectedCause] = ()) -> Separations:
@@ -209,4 +218,79 @@ def test_a_plan_is_printed_with_what_to_do(capsys: pytest.CaptureFixture[str]) -
     said = " ".join(capsys.readouterr().out.split())
     assert "not told apart" in said
     assert "add voltage: it tells 1 more" in said
-    assert '"step:channel=1" --locked; no run at this size tells a from b.' in said
+    assert '"step:channel=1" --locked; no run at this size, made 3 times, tells a from b.' in said
+
+
+def test_what_a_run_tells_only_thrice_does_not_stay_together() -> None:
+    """Two runs, of which the second tells the pair in three times; the other pair no run does."""
+    near, far = ("a", "b"), ("a", "c")
+    runs = [
+        RunOption("steps", "step:channel=1", False, ("a",), {near: 0.1 * DECIDES, far: 0.2 * DECIDES}),
+        RunOption("sweep", "step:channel=1", False, ("a",), {near: 0.4 * DECIDES, far: 0.3 * DECIDES}),
+    ]
+    plan = ExperimentPlan(("position",), (), (), "", (), tuple(runs))
+    assert plan.together == {far: 0.3 * DECIDES}
+    assert plan.to_json()["together"] == [["a", "c", 0.3 * DECIDES]]
+
+
+def test_of_runs_that_tell_as_much_the_one_with_more_to_spare_is_better() -> None:
+    def run(seen: int, *distances: float) -> RunOption:
+        return RunOption("", "", False, ("a",) * seen, {("a", str(n)): d for n, d in enumerate(distances)})
+
+    assert run(2, 30.0).worth > run(2, 25.0).worth
+    assert run(2, 2e4).worth == run(2, 3e4).worth
+    assert run(2, 25.0).worth > run(1, 3e4).worth
+    assert run(2, 30.0, 20.0).worth > run(2, 3e4, 10.0).worth
+
+
+def test_after_a_diagnosis_the_question_is_that_of_its_record() -> None:
+    """The first cause with effects beside it, without it in the rig; the run is noise as the record's first one was,
+    whatever was added."""
+    tones = "multisine:channel=1,bias=0.5 A,amplitude=10 mA,start=40 Hz,stop=60 Hz,periods=4"
+    runs = [
+        NamedRun("steps", "", "held-out", simulated("step:channel=1,frequency=5 Hz,bias=0.6 A,amplitude=40 mA")),
+        NamedRun("noise", "", "fit", simulated(NOISE.spec)),
+        NamedRun(
+            "tones",
+            "",
+            "fit",
+            simulated(tones),
+        ),
+    ]
+    record = simulation_record(SERVO, runs)
+    usual = as_excited(record)
+    assert isinstance(usual, BandLimitedNoise)
+    assert usual.bias == pytest.approx(0.6, rel=0.02)
+    assert usual.amplitude == pytest.approx(0.05, rel=0.1)
+    assert usual.band == pytest.approx(300.0, rel=0.05)
+    said = excited_json(record)["usual_run"]
+    assert said["rate"] == pytest.approx(5e3)
+    assert parse_excitation(said["excitation"], unit="A") == usual
+    effects = EffectValues({"time_delay": {"command": 3e-5}, "squeeze_film": {"damping": 0.5}})
+    named = [
+        ("squeeze_film", ["damping"]),
+        ("time_delay", ["amplifier_bandwidth", "amplifier_bandwidth", "position_gain"]),
+    ]
+    extended = ModelHypothesis(SERVO, TABLE, effects)
+    question = open_question(extended, named, ["position_m", "current_1_A"], tolerance=Tolerance(), rate=5e3)
+    assert question is not None
+    assert question.asked == ("time_delay", "amplifier_bandwidth")
+    assert question.named == "time_delay"
+    assert question.read == ("position", "current")
+    assert question.possible["time_delay"].values == {"command": 3e-5}
+    assert question.rig.belief.effects == EffectValues({"squeeze_film": {"damping": 0.5}})
+    assert open_question(extended, named[:1], [], tolerance=Tolerance(), rate=5e3) is None
+
+
+def test_after_a_diagnosis_a_rival_has_the_size_that_suits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A delay of 40 us that could be a lag, expected at 0.1 us, at which it would not be seen."""
+    menu = planned.menu
+    monkeypatch.setattr(planned, "menu", lambda question: list(menu(question))[:1])
+    late = ExpectedCause("time_delay", {"command": 4e-5}, "test")
+    lag = ExpectedCause("amplifier_bandwidth", {"lag": 1e-7}, "test")
+    rig = RigToPlan(BELIEF, 5e3)
+    assert planned.experiments(rig, [late, lag], RUN, excitation=NOISE).unseen == ("amplifier_bandwidth",)
+    plan = planned.experiments(rig, [late, lag], RUN, excitation=NOISE, named="time_delay")
+    assert plan.unseen == ()
+    assert plan.groups == (("time_delay", "amplifier_bandwidth"),)
+    assert list(plan.runs[0].pairs) == [("time_delay", "amplifier_bandwidth")]
