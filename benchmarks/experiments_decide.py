@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from study_rigs import excitations_of, study_rig
+from study_rigs import study_rig
 
 from msl_fem.bench import INSIDE, BenchOptions
 from msl_fem.bench.rig import Rig
@@ -38,14 +38,22 @@ from msl_fem.record import Record, Run
 
 RESULTS = Path(__file__).parent / "experiments_decide.jsonl"
 MOST_RUNS, RATE, SECONDS = 3, 1e3, 3.2
-RIGS = (("servo", "current"), ("servo", "voltage"), ("small", "voltage"), ("large", "current"), ("large", "voltage"))
+FIRST = {
+    ("servo", "current"): ("bias=0.5 A", "amplitude=50 mA", "30 Hz"),
+    ("servo", "voltage"): ("bias=1 V", "amplitude=0.5 V", "30 Hz"),
+    ("small", "voltage"): ("bias=0.2 V", "amplitude=40 mV", "40 Hz"),
+    ("large", "current"): ("bias=12 A", "amplitude=1.5 A", "8 Hz"),
+    ("large", "voltage"): ("bias=9 V", "amplitude=10 V", "8 Hz"),
+}
+"""Bias, amplitude and band of the first runs of each rig and drive: below the mover's own frequency, where causes are
+alike."""
 OF_A_RUN = {"sensor_drift", "drive_limit", "coil_heating", "thermal_history"}
 """Effects that are another one in each run, or need other runs than these to be seen at all."""
-NATS = (30.0, 60.0)
+NATS = (300.0, 1000.0)
 WITHIN = 0.1  # of the nats asked for
 MOST_TRIALS = 8
 TO_SEE = 1
-"""Further runs where the plan says that none tells the first cause from one beside it, to see whether that is so."""
+"""Further runs where the plan says that none tells some of the causes in question apart, to see whether that is so."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +70,20 @@ class Case:
 def cases(*, seen: bool) -> list[Case]:
     """In an order drawn once: those by which the planner was made better, or the others, by which it is judged. No rig
     has an effect in both."""
-    every = [(rig, drive, effect) for rig, drive in RIGS for effect in INSIDE if effect not in OF_A_RUN]
+    every = [(rig, drive, effect) for rig, drive in FIRST for effect in INSIDE if effect not in OF_A_RUN]
     drawn = np.random.default_rng(17).permutation(len(every))
     half = drawn[::2] if seen else drawn[1::2]
     first = 1000 if seen else 5000
     return [Case(*every[n], nats, first + 10 * k + j) for j, nats in enumerate(NATS) for k, n in enumerate(half)]
+
+
+def first_runs(case: Case) -> tuple[Excitation, Excitation]:
+    """Noise, and a sweep held out."""
+    bias, amplitude, band = FIRST[case.rig, case.drive]
+    about = f"{bias},{amplitude},duration={SECONDS} s"
+    unit = "A" if case.drive == "current" else "V"
+    noise = parse_excitation(f"band-limited-noise:{about},band={band},seed=1,role=fit", unit=unit)
+    return noise, parse_excitation(f"swept-sine:{about},start=2 Hz,stop={band},role=held-out", unit=unit)
 
 
 class HiddenCause:
@@ -75,7 +92,7 @@ class HiddenCause:
     def __init__(self, case: Case) -> None:
         rig = study_rig(case.rig)
         self.actuator, self.table = rig.in_drive(case.drive), rig.table
-        self.first = excitations_of(rig, case.drive, seconds=SECONDS)
+        self.first = first_runs(case)
         self.options = BenchOptions(seed=case.seed, rate=RATE)
         setting = prepared_setting(self.actuator, self.table, self.first, self.options)
         self.strength, self.rig = self._hidden(setting, INSIDE[case.effect], case.nats)
@@ -106,14 +123,25 @@ class HiddenCause:
             strength = min(strength * float(np.clip(np.sqrt(nats / max(told, 1e-9)), 0.02, 10.0)), largest)
         raise InputError(f"{effect.name}: no strength is told of by {nats:g} nats")
 
+    def bears(self, run: RunOption) -> bool:
+        """Whether the rig makes a run, for the bench refuses what leaves its range or its stable currents."""
+        try:
+            self.record([run])
+        except (InputError, ComputationError):
+            return False
+        return True
+
     def record(self, further: Sequence[RunOption]) -> Record:
         """The record of the first runs and further ones."""
         unit = self.first[0].unit
         more = [parse_excitation(run.excitation, unit=unit).model_copy(update={"role": "fit"}) for run in further]
         excitations = (*self.first, *more)
-        free, held = self._runs(excitations, locked=False), self._runs(excitations, locked=True)
         locked = [False] * len(self.first) + [run.locked for run in further]
-        runs = [held.runs[n] if it else free.runs[n] for n, it in enumerate(locked)]
+        free, held = (
+            self._runs(excitations, locked=False),
+            self._runs(excitations, locked=True) if any(locked) else None,
+        )
+        runs = [held.runs[n] if it and held else free.runs[n] for n, it in enumerate(locked)]
         return replace(free, runs=tuple(runs))
 
     def _runs(self, excitations: tuple[Excitation, ...], *, locked: bool) -> Record:
@@ -146,7 +174,10 @@ def stage_of(found: Diagnosis) -> dict[str, Any]:
 
 def plan_of(plan: ExperimentPlan) -> dict[str, Any]:
     """What a plan says, in short."""
-    runs = {run.words: {" and ".join(p): float(f"{d:.3g}") for p, d in run.pairs.items()} for run in plan.runs}
+    runs = {
+        run.words: {" and ".join(p): [float(f"{d:.3g}"), float(f"{run.one_way[p]:.3g}")] for p, d in run.pairs.items()}
+        for run in plan.runs
+    }
     together = [" and ".join(pair) for pair in plan.together]
     said = {"groups": plan.groups, "unseen": plan.unseen, "together": together, "add": plan.instrument_to_add}
     return said | {"runs": runs}
@@ -170,10 +201,12 @@ def decided(case: Case) -> dict[str, Any]:
         if question is None or len(further) == most:
             break
         plan = question.plan()
-        if not further and any(question.named in pair for pair in plan.together):
+        if not further and plan.together:
             most = TO_SEE
-        further.append(plan.runs[0])
-        stages[-1] |= {"plan": plan_of(plan), "proposed": [plan.runs[0].words, plan.runs[0].excitation]}
+        run = next(run for run in plan.runs if rig.bears(run))
+        further.append(run)
+        refused = [one.words for one in plan.runs[: plan.runs.index(run)]]
+        stages[-1] |= {"plan": plan_of(plan), "proposed": [run.words, run.excitation], "refused": refused}
         print(f"   {stages[-1]['plan']}\n   {stages[-1]['proposed']}", file=sys.stderr, flush=True)
     return {
         "strength": rig.strength,

@@ -12,6 +12,7 @@ from msl_fem.diagnosis.likelihood import Likelihood
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.runs import prepared_runs
 from msl_fem.diagnosis.separation import Measure, beside_a_run
+from msl_fem.diagnosis.unknowns import fixed_of
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import BELIEVED, ModelHypothesis, run_data
 from msl_fem.record import Record
@@ -47,7 +48,7 @@ class BelievedRefit:
 
     def __init__(self, record: Record, belief: ModelHypothesis, *, every: bool = False) -> None:
         runs = [run_data(record, run) for run in record.runs_of("fit")]
-        self.record = record
+        self.record, self.belief = record, belief
         self.likelihood, self.unknowns = prepared_runs(belief, runs, record.tolerance)
         if not every:
             kept = tuple(p for p in self.unknowns.believed if p[0] in BELIEVED or p[0] in belief.known)
@@ -69,6 +70,13 @@ class BelievedRefit:
                 for n, run in enumerate(self.record.runs_of("fit"))
             ]
         )[0]
+
+    def moved(self, z: Array, effects: EffectValues | None) -> Array:
+        """What the unknowns at z take from the readings where these effects are there, (n_number,) over the noise, all
+        orders of it; `columns @ z` is the first. Not finite where the model does not bear it."""
+        unknowns = replace(self.unknowns, fixed=fixed_of(replace(self.belief, effects=effects)))
+        at, none = self.likelihood.spectra(Points.of(unknowns, np.array([z, np.zeros(z.size)])))
+        return np.asarray(at - none)
 
     def left(self, change: Array) -> Left:
         """What stays of a change (n_number,) once the parameters are fitted to it."""
@@ -96,6 +104,11 @@ class BelievedRefit:
         """By how much effects, all that there are, change a measured number, over its sigma."""
         nothing = np.zeros(self.unknowns.size)
         return self._measured(measure, nothing, effects) - self._measured(measure, nothing)
+
+    def measured_moved(self, measure: Measure, z: Array, effects: EffectValues | None) -> float:
+        """What the unknowns at z take from a measured number, over its sigma, where these effects are there."""
+        nothing = np.zeros(self.unknowns.size)
+        return self._measured(measure, nothing, effects) - self._measured(measure, z, effects)
 
     @property
     def channels(self) -> list[str]:

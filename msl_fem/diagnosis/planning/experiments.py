@@ -38,6 +38,7 @@ from msl_fem.prediction import ModelHypothesis
 from msl_fem.record import Record
 from msl_fem.table.magnetic_table import MagneticTable
 
+ROOM = 1.2  # times the amplitude of a run that its rig has to bear as well
 TIMES = 3  # that a run may be made
 VOLTMETER = 1e-3  # of the RMS voltage: one sigma of a voltage that is read, where none is stated
 Progress = Callable[[int, int], None]
@@ -51,7 +52,8 @@ class RunOption:
     Attributes
     ----------
     seen : causes that it shows
-    pairs : d^2 of pairs of these, of a record's causes of all pairs
+    pairs : d^2 of pairs of these, of a record's causes of all pairs, whichever is true
+    one_way : the same of the one of both that is told better from the other
     """
 
     words: str
@@ -59,6 +61,7 @@ class RunOption:
     locked: bool
     seen: tuple[str, ...]
     pairs: Mapping[Pair, float]
+    one_way: Mapping[Pair, float]
 
     @property
     def undecided(self) -> dict[Pair, float]:
@@ -71,11 +74,12 @@ class RunOption:
         return len(self.pairs) - len(self.undecided)
 
     @property
-    def worth(self) -> tuple[float, float, float]:
-        """By which runs are sorted: what it shows and tells, how near it comes to telling the others, and how far apart
-        the nearest pair is, where all that is ample is alike."""
+    def worth(self) -> tuple[float, float, float, float]:
+        """By which runs are sorted: what it shows and tells; what it tells if the right one is true; how near it comes
+        to telling the others; and how far apart the nearest pair is, where all that is ample is alike."""
+        lucky = sum(distance >= DECIDES for distance in self.one_way.values())
         near = sum(np.log(max(d, 1e-3)) for d in self.undecided.values())
-        return self.decided + len(self.seen), float(near), min(min(self.pairs.values(), default=0.0), MUCH)
+        return self.decided + len(self.seen), lucky, float(near), min(min(self.pairs.values(), default=0.0), MUCH)
 
     def to_json(self) -> dict[str, Any]:
         """The entry in `runs`."""
@@ -112,10 +116,11 @@ class ExperimentPlan:
 
     @property
     def together(self) -> dict[Pair, float]:
-        """Pairs that the best run for them does not tell apart even where it is made `TIMES` times, with d^2 of one."""
+        """Pairs that the best run for them does not tell apart whichever is true, even where it is made `TIMES` times,
+        with d^2 of one."""
         best: dict[Pair, float] = {}
         for run in self.runs:
-            for pair, distance in run.pairs.items():
+            for pair, distance in run.one_way.items():
                 best[pair] = max(distance, best.get(pair, 0.0))
         return {pair: distance for pair, distance in best.items() if TIMES * distance < DECIDES}
 
@@ -191,7 +196,7 @@ def experiments(
         progress(n, len(entries))
         judged += _judged(rig, entry, in_question, instruments, every=bool(named))
     progress(len(entries), len(entries))
-    added, helped = _instrument_to_add(first.separations, instruments)
+    added, helped = _instrument_to_add(first.separations, instruments, pairs)
     ranked = sorted(judged, key=lambda run: run.worth, reverse=True)
     return ExperimentPlan(tuple(instruments), tuple(map(tuple, together)), tuple(unseen), added, helped, tuple(ranked))
 
@@ -245,19 +250,32 @@ def _judged(
 ) -> list[RunOption]:
     """The entry with an amplitude that the rig bears; nothing where it bears none, or not the causes."""
     try:
-        _, borne = bearable_run(rig.actuator, rig.table, entry.excitation, rate=rig.rate)
+        borne = _borne(rig, entry)
         planned = _separations(rig, replace(entry, excitation=borne), causes)
     except (InputError, ComputationError):
         return []
     pairs = planned.separations.pairs(instruments, every=every)
     hidden = planned.separations.unseen(instruments)
     seen = tuple(cause.effect for cause in causes if cause.effect not in hidden)
-    return [RunOption(entry.words, at_planned_length(borne).spec, entry.locked, seen, pairs)]
+    one_way = planned.separations.one_way(pairs, instruments)
+    return [RunOption(entry.words, at_planned_length(borne).spec, entry.locked, seen, pairs, one_way)]
 
 
-def _instrument_to_add(separations: Separations, instruments: Sequence[str]) -> tuple[str, tuple[tuple[str, ...], ...]]:
+def _borne(rig: RigToPlan, entry: Entry) -> Excitation:
+    """The entry's excitation with an amplitude that the rig bears with room to spare over the planned length, whose
+    noise has higher peaks than the piece of it that is simulated; raises as `bearable_run`."""
+    actuator = _locked(rig.actuator) if entry.locked else rig.actuator
+    longer = at_planned_length(entry.excitation)
+    larger = longer.model_copy(update={"amplitude": ROOM * longer.amplitude})
+    _, borne = bearable_run(actuator, rig.table, larger, rate=rig.rate, effects=rig.belief.effects)
+    return entry.excitation.model_copy(update={"amplitude": borne.amplitude / ROOM})
+
+
+def _instrument_to_add(
+    separations: Separations, instruments: Sequence[str], pairs: Mapping[Pair, float]
+) -> tuple[str, tuple[tuple[str, ...], ...]]:
     """The instrument that helps most, and what it tells: causes it shows, pairs it separates."""
-    unseen, pairs = separations.unseen(instruments), separations.pairs(instruments)
+    unseen = separations.unseen(instruments)
     best: tuple[str, tuple[tuple[str, ...], ...]] = ("", ())
     for name in (one for one in INSTRUMENTS if one not in instruments):
         more = [*instruments, name]

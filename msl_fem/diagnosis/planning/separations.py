@@ -1,10 +1,10 @@
 """How far apart causes are in a planned run, by what instruments: the noncentrality of one over another.
 
 The truth is the change of the readings that the cause makes at its full size, all orders of it. The rival is fitted in
-its amounts, and everything that is not known within its tolerance with it (`separation`, in the linear model), in
-whichever of its forms comes nearest. A rival that makes up for nearly all of it is simulated anew at the amounts that
-were fitted: a delay and a lag of one pole, alike to first order, differ by the second, which goes with the square of
-the amount.
+its amounts, and everything that is not known within its tolerance with it, in whichever of its forms comes nearest: the
+linear model first, then what is left is simulated anew where that has led (Gauss-Newton steps with the slopes of the
+belief). A delay and a lag of one pole, alike to first order, differ by the second, which goes with the square of the
+amount; and what tolerances make up for, they do so in all orders.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -35,13 +35,12 @@ ChangeOf = Callable[[ExpectedCause], Array]
 """The change of the readings by a cause, (n_number,) over the noise; raises as `PlannedRuns.record`."""
 
 
-ALIKE = 0.01
-"""Of the noncentrality of a cause over none: what a rival leaves that is alike to first order."""
 ITS_OWN = 0.5
-"""The same, up to which the rival could have been taken for the cause."""
-_SAME_AMOUNT = 0.03
+"""Of the noncentrality of a cause over none: what a rival leaves at most that could have been taken for the cause."""
+SETTLED, LITTLE = 0.05, 0.1  # share of d^2, and of itself, that another round may bring and is not worth it
 WEAK = 1e-10  # prior of an amount, over what the run tells of it where all else is known
-_ROUNDS = 3
+ROUNDS = 6
+NEAREST = 2  # forms of a rival that are simulated anew
 SHARES = (1.0, 0.1, 0.01)
 """Of a form's amounts, at which its slopes are taken."""
 
@@ -61,6 +60,7 @@ class Separations:
     ----------
     believed : effects that are there besides
     weight : seconds planned over seconds simulated
+    rounds : how often at most what a rival leaves is simulated anew; 0: the linear model
     """
 
     def __init__(
@@ -71,7 +71,9 @@ class Separations:
         *,
         believed: EffectValues | None = None,
         weight: float,
+        rounds: int = ROUNDS,
     ) -> None:
+        self.rounds = rounds
         self.refit, self.causes, self.change_of, self.believed = refit, causes, change_of, believed
         self.root = np.sqrt(weight)
         self.columns = self.root * refit.columns
@@ -120,6 +122,13 @@ class Separations:
             (first, second): self.apart(first, second, instruments)
             for n, first in enumerate(names)
             for second in names[n + 1 :]
+        }
+
+    def one_way(self, pairs: Iterable[Pair], instruments: Sequence[str]) -> dict[Pair, float]:
+        """The greater d^2 of two causes, with which one of them is told from the other if it is the truth."""
+        return {
+            (first, second): max(self.distance(first, second, instruments), self.distance(second, first, instruments))
+            for first, second in pairs
         }
 
     def unseen(self, instruments: Sequence[str]) -> list[str]:
@@ -176,6 +185,7 @@ class _Readings:
         rows = [separations.columns[part] for part in self.kept] + [separations.rows[n][None] for n in self.beside]
         self.columns = np.concatenate(rows) if rows else np.zeros((0, separations.columns.shape[1]))
         self._inverse = np.linalg.inv(self.columns.T @ self.columns + np.eye(self.columns.shape[1]))
+        self._alone: dict[str, float] = {}
         self._forms: dict[str, list[_FreeForm]] = {}
         self._nearest: dict[Pair, tuple[float, ExpectedCause | None]] = {}
 
@@ -197,7 +207,9 @@ class _Readings:
 
     def alone(self, truth: str) -> float:
         """d^2 of a cause over none."""
-        return self._square(self.targets[truth])
+        if truth not in self._alone:
+            self._alone[truth] = self._over_none(self.targets[truth])
+        return self._alone[truth]
 
     def nearest(self, truth: str, rival: str) -> tuple[float, ExpectedCause | None]:
         """d^2 over a rival, and that in its form and at its amounts; None where no form comes nearer than none."""
@@ -205,11 +217,13 @@ class _Readings:
             if rival not in self._forms:
                 tried = [self._free(form) for form in self.all.causes[rival].forms]
                 self._forms[rival] = [free for free in tried if free is not None]
+            target = self.targets[truth]
             best: tuple[float, ExpectedCause | None] = (self.alone(truth), None)
-            for free in self._forms[rival]:
-                distance, multiples = self._over_form(self.targets[truth], best[0], self.alone(truth), free)
-                if distance < best[0]:
-                    best = distance, free.form.times(multiples)
+            linear = [(free, free.least(target)) for free in self._forms[rival]]
+            linear.sort(key=lambda one: self._square(target - one[1] @ one[0].slopes))
+            for free, multiples in linear[:NEAREST]:
+                distance, cause = self._over_form(target, free, multiples)
+                best = min(best, (distance, cause), key=lambda one: one[0])
             self._nearest[truth, rival] = best
         return self._nearest[truth, rival]
 
@@ -226,24 +240,55 @@ class _Readings:
             return _FreeForm(one, slopes, left, curvature, np.array([one.one_sided(name) for name in one.amounts]))
         return None
 
-    def _over_form(self, target: Array, best: float, alone: float, free: _FreeForm) -> tuple[float, Array]:
-        """d^2 over a form, and the multiples of its amounts that suit."""
-        multiples = free.least(target)
-        distance = self._square(target - multiples @ free.slopes)
-        simulated = multiples.size == 1 and abs(multiples[0] - 1) <= _SAME_AMOUNT
-        for _ in range(0 if simulated else _ROUNDS):
-            if not distance < min(ALIKE * alone, best):
+    def _over_form(self, target: Array, free: _FreeForm, multiples: Array) -> tuple[float, ExpectedCause]:
+        """d^2 over a form, and that at the amounts that suit, from where the linear model has them.
+
+        What is left then is simulated anew at these amounts and at the unknowns that go with them, as often as that
+        moves it: of a change of hundreds of sigma the second order of what makes up for it counts.
+        """
+        rest = target - multiples @ free.slopes
+        distance = self._square(rest)
+        for _ in range(self.all.rounds):
+            cause = free.form.times(multiples)
+            again = self._simulated(target, cause, self._unknowns(rest))
+            if again is None:
                 break
-            try:
-                rest = target - self.of(free.form.times(multiples))
-            except (InputError, ComputationError):
+            move = free.nearer(again, multiples)
+            rest, multiples, before = again - move @ free.slopes, multiples + move, distance
+            distance = self._square(rest)
+            if abs(distance - before) <= SETTLED * distance + LITTLE:
                 break
-            move = free.nearer(rest, multiples)
-            distance = self._square(rest - move @ free.slopes)
-            multiples = multiples + move
-            if np.abs(move).max() <= _SAME_AMOUNT * np.abs(multiples).max():
+        return distance, free.form.times(multiples)
+
+    def _over_none(self, target: Array) -> float:
+        """The same over none."""
+        rest, distance = target, self._square(target)
+        for _ in range(self.all.rounds):
+            again = self._simulated(target, None, self._unknowns(rest))
+            if again is None:
                 break
-        return distance, multiples
+            rest, before = again, distance
+            distance = self._square(rest)
+            if abs(distance - before) <= SETTLED * distance + LITTLE:
+                break
+        return distance
+
+    def _unknowns(self, rest: Array) -> Array:
+        """Where the unknowns go that make up for a change."""
+        return np.asarray(-self._inverse @ (self.columns.T @ rest))
+
+    def _simulated(self, target: Array, cause: ExpectedCause | None, z: Array) -> Array | None:
+        """What a cause and unknowns at z leave of a change, less what these take to first order; None where the model
+        does not bear it."""
+        effects = self.all.believed if cause is None else cause.beside(self.all.believed)
+        try:
+            change = np.zeros(target.size) if cause is None else self.of(cause)
+            moved = self.all.root * self.all.refit.moved(z, effects)
+        except (InputError, ComputationError):
+            return None
+        beside = [self.all.refit.measured_moved(self.all.measures[name], z, effects) for name in self.beside]
+        rest = target - change + np.concatenate([*(moved[part] for part in self.kept), beside]) - self.columns @ z
+        return rest if np.isfinite(rest).all() else None
 
     def _square(self, change: Array) -> float:
         return max(float(change @ self.left(change)), 0.0)
