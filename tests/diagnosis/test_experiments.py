@@ -23,7 +23,7 @@ from msl_fem.diagnosis.planning.separations import INSTRUMENTS, ROUNDS, CauseInR
 from msl_fem.diagnosis.variants import RecordFeatures
 from msl_fem.errors import InputError
 from msl_fem.plant import NamedRun, Simulation, plant_parameters, simulate, simulation_record
-from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.effects import CATALOGUE, EffectValues
 from msl_fem.plant.excitation import excitation_inputs, parse_excitation
 from msl_fem.plant.excitation_kinds import BandLimitedNoise
 from msl_fem.prediction import ModelHypothesis
@@ -149,6 +149,8 @@ def test_amounts_that_are_never_below_nothing_are_fitted_so(refit: BelievedRefit
     assert free.least(target) == pytest.approx([1.0], rel=1e-6)
     assert free.least(-target) == pytest.approx([0.0], abs=1e-12)
     assert free.nearer(-2 * target, np.array([1.0])) == pytest.approx([-1.0])
+    assert lag.most("lag")[1] * 2e-5 == pytest.approx(CATALOGUE["amplifier_bandwidth"].parameter("lag").allowed[1])
+    assert free.least(1e9 * target) == pytest.approx([lag.most("lag")[1]])
 
 
 def test_a_cause_is_at_no_distance_from_itself_and_instruments_only_add(separations: Separations) -> None:

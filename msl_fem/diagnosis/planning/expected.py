@@ -74,10 +74,10 @@ class ExpectedCause:
         left_out = set(self.amounts) - {amount}
         return replace(self, values={name: v for name, v in self.values.items() if name not in left_out})
 
-    def one_sided(self, amount: str) -> bool:
-        """Whether an amount is never below nothing."""
-        parameter = CATALOGUE[self.effect].parameter(amount)
-        return parameter.neutral == parameter.bounds[0]
+    def most(self, amount: str) -> tuple[float, float]:
+        """Between which multiples an amount is allowed."""
+        low, high = (bound / self.values[amount] for bound in CATALOGUE[self.effect].parameter(amount).allowed)
+        return min(low, high), max(low, high)
 
     def times(self, multiples: Sequence[float] | Array) -> "ExpectedCause":
         """With each of its amounts times a factor of its own; shapes stay."""

@@ -145,33 +145,30 @@ class Separations:
 @dataclass(frozen=True, eq=False)
 class _FreeForm:
     """A form whose amounts are free: of each the change that it makes alone, and what of that no unknown makes up for,
-    (n_amount, n_number); the curvature of d^2 over the amounts, and which of them are not below nothing."""
+    (n_amount, n_number); the curvature of d^2 over the amounts, and the multiples (n_amount, 2) that are allowed."""
 
     form: ExpectedCause
     slopes: Array
     left: Array
     curvature: Array
-    one_sided: Array
+    allowed: Array
 
     def least(self, target: Array) -> Array:
         """The amounts, as multiples of the form's, that come nearest to a change."""
-        return self._solved(self.left @ target, np.zeros(len(self.left)))
+        return self.nearer(target, np.zeros(len(self.left)))
 
     def nearer(self, target: Array, multiples: Array) -> Array:
-        """By how much to move them, from where these leave that of a change."""
-        return self._solved(self.left @ target, -multiples)
-
-    def _solved(self, slope: Array, least: Array) -> Array:
-        """Least squares, one-sided amounts at their end where they would go below it."""
-        least = np.where(self.one_sided, least, -np.inf)
+        """By how much to move them, from where these leave that of a change: least squares, an amount that would go
+        beyond its bounds at its bound."""
+        slope, (low, high) = self.left @ target, (self.allowed - multiples[:, None]).T
         move, free = np.zeros(slope.size), np.ones(slope.size, dtype=bool)
         while free.any():
             right = slope[free] - self.curvature[np.ix_(free, ~free)] @ move[~free]
             move[free] = np.linalg.solve(self.curvature[np.ix_(free, free)], right)
-            below = free & (move < least)
-            if not below.any():
+            beyond = free & ((move < low) | (move > high))
+            if not beyond.any():
                 break
-            move[below], free = least[below], free & ~below
+            move, free = np.clip(move, low, high), free & ~beyond
         return move
 
 
@@ -237,7 +234,7 @@ class _Readings:
                 continue
             left = self.left(slopes)
             curvature = slopes @ left.T + WEAK * np.diag(np.sum(slopes**2, axis=1) + WEAK)
-            return _FreeForm(one, slopes, left, curvature, np.array([one.one_sided(name) for name in one.amounts]))
+            return _FreeForm(one, slopes, left, curvature, np.array([one.most(name) for name in one.amounts]))
         return None
 
     def _over_form(self, target: Array, free: _FreeForm, multiples: Array) -> tuple[float, ExpectedCause]:
@@ -280,8 +277,8 @@ class _Readings:
     def _simulated(self, target: Array, cause: ExpectedCause | None, z: Array) -> Array | None:
         """What a cause and unknowns at z leave of a change, less what these take to first order; None where the model
         does not bear it."""
-        effects = self.all.believed if cause is None else cause.beside(self.all.believed)
         try:
+            effects = self.all.believed if cause is None else cause.beside(self.all.believed)
             change = np.zeros(target.size) if cause is None else self.of(cause)
             moved = self.all.root * self.all.refit.moved(z, effects)
         except (InputError, ComputationError):
