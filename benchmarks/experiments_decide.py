@@ -70,13 +70,13 @@ class Case:
 
 
 def cases(*, seen: bool) -> list[Case]:
-    """In an order drawn once: those by which the planner was made better, or those by which it is judged. No rig has an
+    """Twice in an order drawn once: those by which the planner was made better, or those by which it is judged. No rig has an
     effect in both. Lags and delays, of which the plan says that they stay together, are among the first alone."""
     every = [(rig, drive, effect) for rig, drive in FIRST for effect in INSIDE if effect not in OF_A_RUN]
     drawn = np.random.default_rng(17).permutation(len(every))
     half, first = (drawn[::2], 1000) if seen else (drawn[1::2], 5000)
     chosen = [every[n] for n in half if seen or every[n][2] not in LATE]
-    return [Case(*one, first + 10 * n) for n, one in enumerate(chosen)]
+    return [Case(*one, first + 10 * n + again) for again in range(2) for n, one in enumerate(chosen)]
 
 
 def first_runs(case: Case) -> tuple[Excitation, Excitation]:
