@@ -71,7 +71,7 @@ class Case:
 
 def cases(*, seen: bool) -> list[Case]:
     """In an order drawn once, each twice: those by which the planner was made better, or those by which it is judged.
-    No rig has an effect in both. Lags and delays, of which the plan says that they stay together, are among the first."""
+    No rig has an effect in both. Lags and delays, which the plan says stay together, are among the first."""
     every = [(rig, drive, effect) for rig, drive in FIRST for effect in INSIDE if effect not in OF_A_RUN]
     drawn = np.random.default_rng(17).permutation(len(every))
     half, first = (drawn[::2], 1000) if seen else (drawn[1::2], 5000)
