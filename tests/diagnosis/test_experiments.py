@@ -316,6 +316,20 @@ def test_after_a_diagnosis_a_rival_has_the_size_that_suits(monkeypatch: pytest.M
     assert list(plan.runs[0].pairs) == [("time_delay", "amplifier_bandwidth")]
 
 
+def test_after_a_diagnosis_what_is_not_seen_is_judged_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A delay that is hardly seen beside a lag that is not: their pair is in every run of the menu."""
+    menu = planned.menu
+    monkeypatch.setattr(planned, "menu", lambda question: list(menu(question))[:1])
+    small = [
+        ExpectedCause("time_delay", {"command": 1e-7}, "test"),
+        ExpectedCause("amplifier_bandwidth", {"lag": 1e-7}, "test"),
+    ]
+    plan = planned.experiments(RigToPlan(BELIEF, 5e3), small, RUN, excitation=NOISE, named="time_delay")
+    assert plan.unseen == ("time_delay", "amplifier_bandwidth")
+    assert plan.groups == (("time_delay", "amplifier_bandwidth"),)
+    assert set(plan.together) == {("time_delay", "amplifier_bandwidth")}
+
+
 def test_what_tolerances_make_up_for_they_do_in_all_orders() -> None:
     """A leakage of six of its tolerances is the believed one, in voltage drive a change of hundreds of sigma: d^2 is at
     most that of its prior, and the linear model takes it for more."""

@@ -172,7 +172,7 @@ def experiments(
     named : the cause that a record named, from which it does not tell the others: these are taken at the amounts at
         which each comes nearest to it
 
-    The runs are judged by the causes that the usual one leaves open.
+    The runs are judged by the causes that the usual one leaves open; with `named` by all, seen or not.
 
     Raises
     ------
@@ -188,8 +188,9 @@ def experiments(
     entries = _entries(rig, first.refit)
     pairs = first.separations.pairs(instruments, every=bool(named))
     unseen = first.separations.unseen(instruments)
-    together = groups([cause.effect for cause in causes if cause.effect not in unseen], pairs)
-    settled = {group[0] for group in together if len(group) == 1}
+    apart = () if named else unseen
+    together = groups([cause.effect for cause in causes if cause.effect not in apart], pairs)
+    settled = set() if named else {group[0] for group in together if len(group) == 1}
     in_question = [cause for cause in causes if cause.effect not in settled] or causes
     judged = []
     for n, entry in enumerate(entries):
