@@ -98,7 +98,7 @@ def _after(folder: Path, table: Path | None, rate: float | None) -> OpenQuestion
     channels = [str(one.get("channel", "")) for one in content.get("accuracy", [])]
     magnet_table = table_of_model(model.actuator, None) or table_for(model.actuator, table)
     extended = ModelHypothesis(model.actuator, magnet_table, model.effects)
-    sampling, usual = _as_excited(content, model.actuator)
+    sampling, usual = said_usual_run(content, model.actuator)
     question = open_question(
         extended, named, channels, tolerance=Tolerance(), rate=rate or sampling or RATE, usual=usual
     )
@@ -107,7 +107,7 @@ def _after(folder: Path, table: Path | None, rate: float | None) -> OpenQuestion
     return question
 
 
-def _as_excited(content: dict[str, Any], actuator: Actuator) -> tuple[float | None, Excitation | None]:
+def said_usual_run(content: dict[str, Any], actuator: Actuator) -> tuple[float | None, Excitation | None]:
     """The rate and the usual run of the record, where its diagnosis says them."""
     said = content.get("usual_run")
     if not isinstance(said, dict) or actuator.drive is None:

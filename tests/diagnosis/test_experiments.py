@@ -9,9 +9,9 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.cli.experiments import print_plan
+from msl_fem.cli.experiments import print_plan, said_usual_run
 from msl_fem.computing.arrays import Array
-from msl_fem.diagnosis.next_experiment import DECIDES
+from msl_fem.diagnosis.next_experiment import DECIDES, Entry
 from msl_fem.diagnosis.planning import experiments as planned
 from msl_fem.diagnosis.planning.absorbed import BelievedRefit, channel_parts
 from msl_fem.diagnosis.planning.after import as_excited, excited_json, open_question
@@ -351,3 +351,26 @@ def test_what_tolerances_make_up_for_they_do_in_all_orders() -> None:
 
     assert distance(ROUNDS) <= 2 * (0.06 / Tolerance().leakage_inductance) ** 2 * 1.01
     assert distance(0) > 1.5 * distance(ROUNDS)
+
+
+def test_a_run_is_borne_over_its_planned_length() -> None:
+    """A piece of 0.4 s is borne and the 4 s are not, whose noise has higher peaks; beyond what keeps currents positive
+    no room is asked for."""
+    rig = RigToPlan(BELIEF, 5e3)
+
+    def borne(amplitude: str) -> float:
+        text = f"band-limited-noise:bias=0.6 A,amplitude={amplitude},band=300 Hz,duration=0.4 s,seed=3"
+        piece = parse_excitation(text, unit="A")
+        found = planned._borne(rig, Entry("", piece))
+        assert found == piece.model_copy(update={"amplitude": found.amplitude})
+        return found.amplitude
+
+    assert borne("0.1 A") == 0.1
+    assert borne("0.15 A") == 0.075
+    assert borne("0.2 A") == 0.1
+
+
+def test_the_command_takes_the_usual_run_of_the_diagnosis() -> None:
+    said = {"usual_run": {"excitation": NOISE.spec, "rate": 2e3}}
+    assert said_usual_run(said, SERVO) == (2e3, NOISE)
+    assert said_usual_run({}, SERVO) == (None, None)

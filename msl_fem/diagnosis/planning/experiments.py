@@ -268,8 +268,13 @@ def _borne(rig: RigToPlan, entry: Entry) -> Excitation:
     actuator = _locked(rig.actuator) if entry.locked else rig.actuator
     longer = at_planned_length(entry.excitation)
     larger = longer.model_copy(update={"amplitude": ROOM * longer.amplitude})
-    _, borne = bearable_run(actuator, rig.table, larger, rate=rig.rate, effects=rig.belief.effects)
-    return entry.excitation.model_copy(update={"amplitude": borne.amplitude / ROOM})
+    try:
+        _, borne = bearable_run(actuator, rig.table, larger, rate=rig.rate, effects=rig.belief.effects)
+    except InputError:  # with currents that would be negative there is no larger run
+        larger = longer
+        _, borne = bearable_run(actuator, rig.table, larger, rate=rig.rate, effects=rig.belief.effects)
+    share = borne.amplitude / larger.amplitude
+    return entry.excitation.model_copy(update={"amplitude": share * entry.excitation.amplitude})
 
 
 def _instrument_to_add(
