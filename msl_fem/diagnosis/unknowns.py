@@ -79,7 +79,8 @@ class EffectUnknown:
         parameter = CATALOGUE[self.effect].parameter(self.name)
         if self.width:
             return np.clip(self.centre * np.exp(self.width * z), *parameter.bounds)
-        low, high = (self.size * bound for bound in parameter.bounds)
+        least, most = parameter.allowed
+        low, high = (min(max(self.size * bound, least), most) for bound in parameter.bounds)
         return np.clip(self.base + WIDE * self.size * parameter.scale * z, low, high)
 
     def z_of(self, value: float) -> float:

@@ -86,6 +86,20 @@ def test_a_large_magnet_has_large_bounds(effect: str, name: str, least: float, m
         assert unknown.value(np.array(unknown.z_of(0.5 * least))) == pytest.approx(0.5 * least)
 
 
+@pytest.mark.parametrize("scale", [0.01, 1.0, 30.0, 1e3])
+def test_what_a_search_can_find_a_model_can_state(scale: float) -> None:
+    """Of every amount, however large or small its plant: a tilt of a magnet of 16 mm went beyond what may be stated."""
+    for effect in CATALOGUE.values():
+        for name in effect.amounts:
+            powers = effect.parameter(name).of
+            for size in (scale ** sum(power for _, power in powers), 1 / scale):
+                unknown = EffectUnknown(effect.name, name, size=size)
+                for z in (-1e9, 1e9):
+                    EffectValues({effect.name: {name: float(unknown.value(np.array(z)))}})
+    tilt = EffectUnknown("armature_tilt", "gap_variance", size=(16 / 0.6) ** 2)
+    assert float(tilt.value(np.array(1e9))) == pytest.approx(1e-8 * (16 / 0.6) ** 2)
+
+
 def test_an_offset_of_eight_millimetres_is_fitted() -> None:
     """Of a magnet of 16 mm, from its static map; with the scale of the servo the fit ends at the servo's bound."""
     actuator, table = large_magnet()

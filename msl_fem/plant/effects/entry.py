@@ -12,7 +12,7 @@ Need = Literal["magnets", "two sides", "drive lag"]
 Scale = Literal["", "own_frequency", "position", "velocity", "current", "command", "lines", "loops"]
 Quantity = Literal["gap", "travel", "mass", "force", "current", "period"]
 OF_ANY_PLANT = 100.0
-"""How much larger than on the reference servo an amount may be that goes with the plant's size."""
+"""How much larger than the reference servo's a quantity of another plant may be."""
 
 
 Values = Mapping[tuple[str, str], float]
@@ -124,7 +124,7 @@ class Parameter:
         """Lowest and highest value that any plant may have."""
         low, high = self.bounds
         of_size = self.of and ("period", 1) not in self.of
-        wide = OF_ANY_PLANT if of_size else 1.0
+        wide = OF_ANY_PLANT ** max(1.0, *(abs(power) for _, power in self.of)) if of_size else 1.0
         return low * wide, high * wide
 
 
