@@ -75,6 +75,7 @@ def test_every_amount_with_a_dimension_says_what_it_goes_with() -> None:
         ("current_sensor_error", "offset_1", 9.0, 11.0),
         ("coulomb_friction", "force", 5e3, 7e3),
         ("sensor_drift", "offset", 20e-3, 30e-3),
+        ("position_sensor_nonlinearity", "quadratic", 150.0, 250.0),
     ],
 )
 def test_a_large_magnet_has_large_bounds(effect: str, name: str, least: float, most: float) -> None:

@@ -67,9 +67,9 @@ SENSING = (
         parameters=(
             Parameter("gain_error", "", 0.0, (-0.3, 0.3), 0.002, "relative"),
             Parameter(
-                "quadratic", "m^-1", 0.0, (-1e3, 1e3), 5.0, "of the reading over the position", of=(("travel", -1),)
+                "quadratic", "m^-1", 0.0, (-5e3, 5e3), 5.0, "of the reading over the position", of=(("travel", -1),)
             ),
-            Parameter("cubic", "m^-2", 0.0, (-1e6, 1e6), 1e4, "of the reading over the position", of=(("travel", -2),)),
+            Parameter("cubic", "m^-2", 0.0, (-1e7, 1e7), 1e4, "of the reading over the position", of=(("travel", -2),)),
         ),
         design=Part(declined="the loop follows the reading and has nothing to compare it with"),
         inverse=Part(("gain_error", "quadratic", "cubic")),
