@@ -9,6 +9,7 @@ from msl_fem.diagnosis.decision import (
     OWN_OF_A_RUN,
     TIE,
     WORSE,
+    completes,
     excess_power,
     gauges,
     share_left,
@@ -186,14 +187,26 @@ def _named(result: EffectSearch, gains: Sequence[float]) -> tuple[EffectSearch, 
     if too_much:
         notes.append(too_much)
         taken = 0
-    while taken and gains[taken - 1] < -WORSE:
+    while taken and (gains[taken - 1] < -WORSE or _unconfirmed(result, taken - 1, gains)):
         effect = effects[taken - 1]
         if effect in OWN_OF_A_RUN:
             notes.append(f"{effect} is of each run's own: that of the fit run says nothing of held-out runs")
             break
         taken -= 1
-        notes.append(f"{effect} makes held-out runs worse and is not named")
+        why = (
+            "makes held-out runs worse"
+            if gains[taken] < 0
+            else "leaves more than noise, and makes no held-out run better"
+        )
+        notes.append(f"{effect} {why} and is not named")
     return replace(result, taken=taken), notes
+
+
+def _unconfirmed(result: EffectSearch, n: int, gains: Sequence[float]) -> bool:
+    """Whether effect n, which does not complete those before it, brings nothing on held-out data either."""
+    before, after = result.excesses[n : n + 2]
+    beside_own = not OWN_OF_A_RUN.isdisjoint(result.effects)
+    return n > 0 and gains[n] <= 0 and not beside_own and not completes(before, after)
 
 
 def _unfaithful(errors: Sequence[PredictionError], kind: Kind) -> str:

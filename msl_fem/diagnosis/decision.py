@@ -21,6 +21,8 @@ from msl_fem.prediction import RunData
 from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record import Record
 
+Excesses = Sequence[Mapping[str, float]]
+"""Of the fits without effects, with the first, and so on: channel to residuals over the noise."""
 LEFT_OVER = 0.05
 """Share of the excess power without effects that named ones may leave."""
 FINISHED = 0.25
@@ -50,7 +52,7 @@ WANDERED = 0.25
 OWN_OF_A_RUN = {"sensor_drift"}
 """Effects that begin anew in every run: held-out runs cannot speak against them."""
 BESIDE = 0.1
-"""Share of such an effect's gain that another one beside it has to bring."""
+"""Share of the largest gain before that an effect has to bring to count where more than noise is left beside it."""
 FAR_WITHIN = 0.5
 """Share of all that, up to which a refit that is not converged will not get there."""
 STRONG = 25.0  # the square of a number of standard errors at which the rest of an effect counts by itself
@@ -109,21 +111,19 @@ class Rule:
         least = 0.0 if bounded else self.share * first.gain
         return best.gain >= max(self.further, least)
 
-    def searches_on(
-        self, stages: Sequence[SearchStage], n: int, before: Mapping[str, float], after: Mapping[str, float]
-    ) -> bool:
+    def searches_on(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
         """Whether more is looked for beside the best effect of stage n: it may be one of several."""
-        return self.goes_on(stages, n, before, after) or completes(before, after, self.several)
+        return self.goes_on(stages, n, excesses) or completes(excesses[n], excesses[n + 1], self.several)
 
-    def goes_on(
-        self, stages: Sequence[SearchStage], n: int, before: Mapping[str, float], after: Mapping[str, float]
-    ) -> bool:
-        """Whether the best effect of stage n is no spurious addition to those before (`completes`). What is of a run's
-        own, a wandering sensor, leaves a rest that no other effect completes: beside it a large gain counts."""
-        first, best = stages[0].best, stages[n].best
-        if n == 0 or completes(before, after, self.finished) or first is None or best is None:
+    def goes_on(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
+        """Whether the best effect of stage n is no spurious addition to those before: it completes them (`completes`),
+        or with a large gain leaves, of all that was there without effects, no more than named ones may. What is of a
+        run's own, a wandering sensor, leaves a rest that no other effect completes: beside it a large gain counts."""
+        first = stages[0].best
+        if n == 0 or completes(excesses[n], excesses[n + 1], self.finished) or first is None:
             return True
-        return first.variant.effect in OWN_OF_A_RUN and best.gain >= BESIDE * first.gain
+        wanders = first.variant.effect in OWN_OF_A_RUN
+        return strong(stages, n) and (wanders or share_left(excesses, n + 1) <= LEFT_OVER)
 
 
 def excess_power(excess: Mapping[str, float]) -> float:
@@ -131,7 +131,7 @@ def excess_power(excess: Mapping[str, float]) -> float:
     return sum(max(value**2 - 1, 0.0) for value in excess.values())
 
 
-def share_left(excesses: Sequence[Mapping[str, float]], taken: int) -> float:
+def share_left(excesses: Excesses, taken: int) -> float:
     """Share of the excess power without effects that is left with so many."""
     without = excess_power(excesses[0])
     return excess_power(excesses[taken]) / without if without > 0 else 0.0
@@ -142,7 +142,7 @@ def may_leave(effects: Iterable[str]) -> float:
     return LEFT_OVER if OWN_OF_A_RUN.isdisjoint(effects) else WANDERED
 
 
-def too_much_left(effects: Sequence[str], excesses: Sequence[Mapping[str, float]]) -> str:
+def too_much_left(effects: Sequence[str], excesses: Excesses) -> str:
     """Why effects that were taken, in their order, are not named: they leave neither noise nor a small part of what was
     there without them. Empty where they do."""
     taken = len(effects)
@@ -228,13 +228,20 @@ def _relative(problem: FitProblem, unknown: EffectUnknown, value: float) -> floa
     return value / problem.plant.parameters.nominal_gap if unknown.name == "offset" else value
 
 
+def strong(stages: Sequence[SearchStage], n: int) -> bool:
+    """Whether the best effect of stage n brings `BESIDE` of what any before it did: what is left of a cause that has
+    another form than the catalogue's seldom does."""
+    gains = [0.0 if stage.best is None else stage.best.gain for stage in stages[: n + 1]]
+    return gains[n] >= BESIDE * max(gains)
+
+
 def completes(before: Mapping[str, float], after: Mapping[str, float], share: float = FINISHED) -> bool:
     """Whether one effect more is no spurious addition to those before: they were enough, or it leaves little of what
     they left."""
     return white(before) or white(after) or excess_power(after) <= share * excess_power(before)
 
 
-def n_accepted(stages: Sequence[SearchStage], excesses: Sequence[Mapping[str, float]], rule: Rule) -> int:
+def n_accepted(stages: Sequence[SearchStage], excesses: Excesses, rule: Rule) -> int:
     """How many of the stages' best effects are taken.
 
     Parameters
@@ -245,9 +252,9 @@ def n_accepted(stages: Sequence[SearchStage], excesses: Sequence[Mapping[str, fl
     for n in range(len(stages)):
         if not rule.enough(stages, n):
             break
-        if not rule.searches_on(stages, n, excesses[n], excesses[n + 1]):
+        if not rule.searches_on(stages, n, excesses):
             break
-        each_completes &= rule.goes_on(stages, n, excesses[n], excesses[n + 1])
+        each_completes &= rule.goes_on(stages, n, excesses)
         if each_completes or white(excesses[n + 1]):
             taken = n + 1
     return taken

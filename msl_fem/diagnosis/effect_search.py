@@ -114,7 +114,7 @@ def _forward(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
         if surpassed_by and doubt is None:
             doubt = _Doubt(n, surpassed_by)
         fits.append(stage.best.fit)
-        if not rule.searches_on(stages, n, stage.base.excess, stage.best.fit.excess):
+        if not rule.searches_on(stages, n, [found.excess for found in fits]):
             break
     return _Chain(tuple(fits), tuple(stages), doubt)
 

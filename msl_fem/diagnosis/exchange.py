@@ -1,8 +1,8 @@
 """A set of effects put right: each is dropped, or another tried in its place, beside all the others.
 
 A search forward takes first what alone makes up for most, and of several causes that may be none: once the others are
-there it is superfluous, or another explains the same better. Steps back until nothing changes mend that (Pudil,
-Novovicova and Kittler, Pattern Recognition Letters 15, 1994, 1119-1125).
+there it is superfluous, or another explains the same better, or one of them does in a fuller form. Steps back until
+nothing changes mend that (Pudil, Novovicova and Kittler, Pattern Recognition Letters 15, 1994, 1119-1125).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -14,7 +14,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.likelihood import Fit
-from msl_fem.diagnosis.refits import LAST_STEPS, SCREENING_STEPS, Refit, extended
+from msl_fem.diagnosis.refits import LAST_STEPS, SCREENING_STEPS, Refit, extended, objectives
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant
@@ -25,6 +25,11 @@ WORTH = 0.25
 MOST = 3
 """Effects that are tried in the place of one."""
 ROUNDS = 3
+FULLER = 0.1
+"""Of the nats that a set loses without an effect, that the rest of another's form makes up for at once, to be tried."""
+SIZES = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
+"""Of an amount, in units of its prior, with which such a rest begins: beside the form that is there it may be far from
+linear."""
 FAR = 50.0
 """Nats behind the set, after some steps and what a further one promises, at which a trial ends."""
 
@@ -48,6 +53,17 @@ class EffectSet:
         variants = tuple(self.variants[at] for at in places)
         effects = tuple(one for variant in variants for one in variant.unknowns)
         z = np.concatenate([self.fit.z[:n], *(own[at] for at in places)])
+        return variants, replace(self.fit.unknowns, effects=effects), z
+
+    def fuller(self, n: int, rest: Variant, z: Array) -> tuple[tuple[Variant, ...], Unknowns, Array]:
+        """(variants, unknowns, numbers) with the rest of its form beside what effect n has; z: with that at the end."""
+        have = self.variants[n]
+        whole = Variant(have.effect, (*have.amounts, *rest.amounts), (*have.shapes, *rest.shapes))
+        variants = (*self.variants[:n], whole, *self.variants[n + 1 :])
+        effects = tuple(one for variant in variants for one in variant.unknowns)
+        values = dict(zip((*self.fit.unknowns.effects, *rest.unknowns), z[self.fit.unknowns.n_nuisance :], strict=True))
+        own = [values[one] for one in effects]
+        z = np.concatenate([z[: self.fit.unknowns.n_nuisance], own])
         return variants, replace(self.fit.unknowns, effects=effects), z
 
     def without(self, n: int) -> tuple[tuple[Variant, ...], Unknowns, Array]:
@@ -87,14 +103,17 @@ class Exchange:
         variants = tuple(stage.best.variant for stage in stages[: len(fits) - 1] if stage.best is not None)
         began = found = EffectSet(variants, fits[-1])
         known = [_tried(stage) for stage in stages]
+        forms = [score.variant for score in stages[0].scores]
         places: list[_Place] = []
         for _ in range(ROUNDS):
-            found, places, settled = self._round(found, known)
+            found, places, settled = self._round(found, known, forms)
             if settled:
                 break
         return None if found is began else self._rebuilt(found, places, fits[0], stages[0])
 
-    def _round(self, found: EffectSet, known: Sequence[Sequence[Refit]]) -> tuple[EffectSet, list[_Place], bool]:
+    def _round(
+        self, found: EffectSet, known: Sequence[Sequence[Refit]], forms: Sequence[Variant]
+    ) -> tuple[EffectSet, list[_Place], bool]:
         """Every effect once, the first first; the set after a change, and whether there was none."""
         places = []
         for n, variant in enumerate(found.variants):
@@ -107,6 +126,12 @@ class Exchange:
             loss = found.fit.log_evidence - without.fit.log_evidence
             if loss < self.least:
                 return without, [], False
+            enough = found.fit.log_evidence - self.least
+            fuller = next(
+                (one for one in self._fuller(found, n, without, loss, forms) if one.fit.log_evidence > enough), None
+            )
+            if fuller is not None:
+                return fuller, [], False
             others = tuple(self._in_place(found, n, without, _worth(found, variant, known)))
             best = max(others, key=lambda one: one.fit.log_evidence, default=None)
             if best is not None and best.fit.log_evidence > found.fit.log_evidence + self.better:
@@ -122,6 +147,29 @@ class Exchange:
         self.memory.ended(name, again.z)
         return EffectSet(variants, again)
 
+    def _fuller(
+        self, found: EffectSet, n: int, without: EffectSet, loss: float, forms: Sequence[Variant]
+    ) -> Iterator[EffectSet]:
+        """The set without effect n, another of its effects in a fuller form, the most promising first: a drive's lag
+        and slew limit are one cause, and the limit beside a delay are two."""
+        _, _, z = found.without(n)  # fitted without it, the others would be bent
+        promised = []
+        for m, rest in ((m, rest) for m, have in enumerate(without.variants) for rest in _rests(have, forms)):
+            unknowns = extended(without.fit.unknowns, rest)
+            begins = np.array([np.concatenate([z, row]) for row in _sizes(rest)])
+            costs = objectives(found.fit.likelihood, unknowns, begins)
+            best = int(np.argmin(costs))
+            promised.append((float(costs[0] - costs[best]), m, rest, begins[best]))
+        likely = [one for one in promised if one[0] > FULLER * loss]
+        for _, m, rest, begin in sorted(likely, key=lambda one: -one[0])[:MOST]:
+            variants, unknowns, begin = without.fuller(m, rest, begin)
+            name = fit_name(unknowns, f"{rest.name} more of it")
+            try:
+                tried = self._followed(found, unknowns, name, begin)
+            except ComputationError:
+                continue
+            yield EffectSet(variants, tried)
+
     def _in_place(self, found: EffectSet, n: int, without: EffectSet, worth: Sequence[Refit]) -> Iterator[Refit]:
         """Others in the place of effect n, each followed as long as it may come near the set."""
         _, _, z = found.without(n)
@@ -130,13 +178,18 @@ class Exchange:
             begin = np.concatenate([z, other.fit.z[-len(other.variant.unknowns) :]])
             name = fit_name(without.fit.unknowns, f"{other.variant.name} in place of {found.variants[n].effect}")
             try:
-                tried = self._fitted(found, unknowns, name, begin, SCREENING_STEPS)
-                if tried.log_evidence + tried.predicted > found.fit.log_evidence - FAR:
-                    tried = fit(tried.likelihood, unknowns, tried.z, plan=FitPlan(most_steps=LAST_STEPS))
+                tried = self._followed(found, unknowns, name, begin)
             except ComputationError:
                 continue
-            self.memory.ended(name, tried.z)
             yield Refit(other.variant, tried, tried.log_evidence - without.fit.log_evidence)
+
+    def _followed(self, found: EffectSet, unknowns: Unknowns, name: str, begin: Array) -> Fit:
+        """A trial, as long as it may come near the set."""
+        tried = self._fitted(found, unknowns, name, begin, SCREENING_STEPS)
+        if tried.log_evidence + tried.predicted > found.fit.log_evidence - FAR:
+            tried = fit(tried.likelihood, unknowns, tried.z, plan=FitPlan(most_steps=LAST_STEPS))
+        self.memory.ended(name, tried.z)
+        return tried
 
     def _fitted(self, found: EffectSet, unknowns: Unknowns, name: str, begin: Array, steps: int) -> Fit:
         """A fit of the set's record, from where it ended if it is known by this name."""
@@ -177,6 +230,26 @@ def _tried(stage: SearchStage) -> list[Refit]:
         if one.gain > 0 and one.gain >= WORTH * stage.refits[0].gain:
             found.setdefault(one.variant.effect, one)
     return list(found.values())
+
+
+def _rests(have: Variant, forms: Sequence[Variant]) -> Iterator[Variant]:
+    """What fuller forms of an effect have beyond one of its forms, where that is an amount at least."""
+    names = {one.name for one in have.unknowns}
+    for form in forms:
+        if form.effect == have.effect and names < {one.name for one in form.unknowns}:
+            amounts = tuple(one for one in form.amounts if one.name not in names)
+            if amounts:
+                yield Variant(have.effect, amounts, tuple(one for one in form.shapes if one.name not in names))
+
+
+def _sizes(rest: Variant) -> list[Array]:
+    """(n_unknown,) nothing of what an effect may have besides, and each amount at several sizes."""
+    rows = [np.zeros(len(rest.unknowns))]
+    for n, amount in enumerate(rest.amounts):
+        for size in SIZES if amount.one_sided else (*SIZES, *(-size for size in SIZES)):
+            rows.append(np.zeros(len(rest.unknowns)))
+            rows[-1][n] = size
+    return rows
 
 
 def _worth(found: EffectSet, variant: Variant, known: Sequence[Sequence[Refit]]) -> list[Refit]:

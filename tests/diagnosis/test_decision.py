@@ -81,6 +81,23 @@ def test_several_effects_that_leave_noise_alone_are_taken_though_none_completes_
     assert n_accepted(stages(9000.0, 8000.0, 7000.0), [*powers[:2], {"x": 7.5}, QUIET], Rule()) == 1
 
 
+@pytest.mark.parametrize(("second", "left", "taken"), [(130.0, 2.0, 2), (90.0, 2.0, 1), (130.0, 2.6, 1)])
+def test_a_strong_effect_counts_though_more_than_noise_is_left(second: float, left: float, taken: int) -> None:
+    """It brings a tenth of the largest gain, and 5 % of all excess power may be left: 3 of 102 here, or 5.8."""
+    powers = [LOUDER, {"x": 2.8, "i": 1.0}, {"x": left, "i": 1.0}]
+    assert n_accepted(stages(1000.0, second), powers, Rule()) == taken
+
+
+@pytest.mark.parametrize(("gain", "named"), [(5.0, 2), (0.0, 1), (-3.0, 1)])
+def test_where_more_than_noise_is_left_held_out_runs_have_to_become_better(gain: float, named: int) -> None:
+    found = replace(searched(("periodic_disturbance", 1000.0), ("squeeze_film", 130.0)))
+    rest = (LOUDER, {"x": 2.8, "i": 1.0}, {"x": 2.0, "i": 1.0})
+    loud, notes = _named(replace(found, excesses=rest), [50.0, gain])
+    assert loud.taken == named
+    assert any("held-out" in note for note in notes) == (named < 2)
+    assert _named(found, [50.0, gain])[0].taken == 2, "to the noise chance is enough"
+
+
 def candidate(effect: str, gain: float, loud: float) -> Any:
     return SimpleNamespace(gain=gain, variant=SimpleNamespace(effect=effect), fit=SimpleNamespace(excess={"x": loud}))
 

@@ -11,6 +11,7 @@ from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.refits import Refit
+from msl_fem.diagnosis.scores import Score
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
@@ -81,6 +82,41 @@ def test_what_explains_better_beside_the_others_takes_the_place_of_one() -> None
 def test_a_set_that_is_right_stays_as_the_search_left_it() -> None:
     fits, stages = searched(linear(truth=(0.4, 0.6), mixed=(0.5, 0.5)), CUBIC, OFFSET, rivals=(BOW,))
     assert put_right(fits, stages) is None
+
+
+def test_an_effect_in_its_fuller_form_takes_the_place_of_two() -> None:
+    """Curvature and cubic part of a reading are one cause; an offset that makes up for most of the one is none."""
+    chance = np.random.default_rng(5)
+    nuisance, quadratic, cubic, own = chance.standard_normal((4, COUNT))
+    data = 0.6 * quadratic + 0.4 * cubic + chance.standard_normal(COUNT)
+    columns = {"force_offset": cubic + 0.5 * own}
+    record = ReadingInTwo(data, nuisance[:, None], columns, {"quadratic": quadratic, "cubic": cubic})
+    fits, stages = searched(record, BOW, OFFSET)
+    whole = Variant(BOW.effect, (BOW, EffectUnknown(BOW.effect, "cubic")))
+    score = Score(whole, 1.0, np.zeros(2), np.zeros(1), np.eye(2))
+    assert put_right(fits, stages) is None
+    better = put_right(fits, [replace(stages[0], scores=(score,)), stages[1]])
+    assert better is not None
+    chain, made = better
+    assert [stage.best.variant for stage in made] == [whole]
+    assert chain[-1].log_evidence > fits[-1].log_evidence
+    amounts = [whole.amounts[n].z_of(value) for n, value in enumerate((BOW.value(0.6), whole.amounts[1].value(0.4)))]
+    assert chain[-1].z[-2:] == pytest.approx(amounts, abs=0.06)
+
+
+@dataclass(frozen=True, eq=False)
+class ReadingInTwo(LinearRecord):
+    """The reading's curvature and its cubic part have columns of their own."""
+
+    of_reading: dict[str, np.ndarray]
+
+    def spectra(self, points: Points) -> np.ndarray:
+        rows = super().spectra(points)
+        if points.effects is not None:
+            for name, column in self.of_reading.items():
+                one = EffectUnknown(BOW.effect, name)
+                rows = rows - np.outer([one.z_of(float(v)) for v in points.effects[:, one.place]], column)
+        return rows
 
 
 @dataclass(frozen=True, eq=False)
