@@ -119,7 +119,7 @@ class CoenergyFit:
         """The quantity (of `ORDERS`) and its sigma at |current| and gap, (n,) each."""
         order, sign = ORDERS[quantity]
         plain, design = _design(self.base, self.span, order, current, gap)
-        variance = np.einsum("nk,kl,nl->n", design, self.covariance, design)
+        variance = np.einsum("nk,nk->n", design @ self.covariance, design)
         return sign * (plain + design @ self.coefficients), np.sqrt(np.maximum(variance, 0.0))
 
 
@@ -222,7 +222,7 @@ def _first_inductance(samples: Mapping[str, Samples]) -> float:
 def _design(base: SaturatingReluctance, span: Span, order: Order, i: Array, g: Array) -> tuple[Array, Array]:
     """A derivative of W0 (n,) and those of W0 times each spline (n, n_spline), by Leibniz' rule."""
     plain = base.derivatives(i, g)
-    splines = _spline_derivatives(base, span, i, g)
+    splines = _spline_derivatives(base, span, i, g, highest=order)
     p, m = order
     design = sum(
         (comb(p, j) * comb(m, k) * plain[p - j, m - k])[:, None] * splines[j, k]
@@ -232,8 +232,10 @@ def _design(base: SaturatingReluctance, span: Span, order: Order, i: Array, g: A
     return plain[order], np.asarray(design)
 
 
-def _spline_derivatives(base: SaturatingReluctance, span: Span, i: Array, g: Array) -> dict[Order, Array]:
-    """The splines of (x, y), (n, n_spline), and their derivatives along i and g, by the chain rule.
+def _spline_derivatives(
+    base: SaturatingReluctance, span: Span, i: Array, g: Array, *, highest: Order
+) -> dict[Order, Array]:
+    """The splines of (x, y), (n, n_spline), and their derivatives along i and g up to the highest, by the chain rule.
 
     x = ln(g + b) and y = ln(1 + (i/s)^2)/2, s = c (g + d), each scaled to 0 ... 1: saturation stands at the same y for
     every gap, and y is even and smooth in i.
@@ -256,22 +258,24 @@ def _spline_derivatives(base: SaturatingReluctance, span: Span, i: Array, g: Arr
     y_gg = c**2 * ((i**2 - s**2) / r2**2 + 1 / s**2) / height
     along_x, along_y = _splines(x, ALONG_GAP), _splines(y, ALONG_CURRENT)
 
-    def spline(m: int, n: int) -> Array:
-        return np.einsum("ka,kb->kab", along_x[m], along_y[n]).reshape(i.size, -1)
-
-    def times(factor: Array, matrix: Array) -> Array:
-        return factor[:, None] * matrix
-
-    f_x, f_y, f_xx, f_xy, f_yy = (spline(m, n) for m, n in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2)))
-    along_gap = times(x_g**2, f_xx) + times(2 * x_g * y_g, f_xy) + times(y_g**2, f_yy)
-    return {
-        (0, 0): spline(0, 0),
-        (1, 0): times(y_i, f_y),
-        (0, 1): times(x_g, f_x) + times(y_g, f_y),
-        (2, 0): times(y_i**2, f_yy) + times(y_ii, f_y),
-        (1, 1): times(x_g * y_i, f_xy) + times(y_g * y_i, f_yy) + times(y_ig, f_y),
-        (0, 2): along_gap + times(x_gg, f_x) + times(y_gg, f_y),
+    f, f_x, f_y, f_xx, f_xy, f_yy = (0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)
+    terms: dict[Order, list[tuple[Array, Order]]] = {
+        (0, 0): [(np.ones_like(y), f)],
+        (1, 0): [(y_i, f_y)],
+        (0, 1): [(x_g, f_x), (y_g, f_y)],
+        (2, 0): [(y_i**2, f_yy), (y_ii, f_y)],
+        (1, 1): [(x_g * y_i, f_xy), (y_g * y_i, f_yy), (y_ig, f_y)],
+        (0, 2): [(x_g**2, f_xx), (2 * x_g * y_g, f_xy), (y_g**2, f_yy), (x_gg, f_x), (y_gg, f_y)],
     }
+
+    def product(factor: Array, m: int, n: int) -> Array:
+        return (factor[:, None] * along_x[m])[:, :, None] * along_y[n][:, None, :]
+
+    def summed(parts: list[tuple[Array, Order]]) -> Array:
+        return np.asarray(sum(product(factor, *of) for factor, of in parts)).reshape(i.size, -1)
+
+    p, m = highest
+    return {order: summed(parts) for order, parts in terms.items() if order[0] <= p and order[1] <= m}
 
 
 def _splines(u: Array, count: int) -> list[Array]:
