@@ -115,14 +115,16 @@ def fisher_information(case, run, innovations):
     b = p[:, 2:-2]
     y = run.output
     u = np.vstack(list(run.inputs.values()))
+    lagged = np.stack([u[:, 1:-1], u[:, :-2]], axis=1).reshape(-1, y.size - 2)  # u1(t-1), u1(t-2), u2(t-1), ...
+    without_past = y[2:] + np.outer(a1, y[1:-1]) + np.outer(a2, y[:-2]) - b @ lagged
     past_1 = np.full(n, innovations[1], dtype=complex)
     past_2 = np.full(n, innovations[0], dtype=complex)
     gradient = np.zeros((y.size, n))
-    for t in range(2, y.size):
-        lagged = u[:, t - 2 : t][:, ::-1].ravel()  # u1(t-1), u1(t-2), u2(t-1), ...
-        e = y[t] + a1 * y[t - 1] + a2 * y[t - 2] - b @ lagged - c1 * past_1 - c2 * past_2
-        gradient[t] = e.imag / (step * scale)
+    for t, known in enumerate(without_past.T.copy(), start=2):
+        e = known - c1 * past_1 - c2 * past_2
+        gradient[t] = e.imag
         past_1, past_2 = e, past_1
+    gradient /= step * scale
     return gradient.T @ gradient / np.mean(innovations**2)
 
 
