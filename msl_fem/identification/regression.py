@@ -49,7 +49,7 @@ def triangular_factor(blocks: Iterable[Array], n_columns: int) -> Array:
     """Upper triangular R (n_columns, n_columns) with R'R = M'M for the matrix M whose row blocks are given."""
     factor = np.zeros((0, n_columns))
     for block in blocks:
-        factor = r_factor(np.vstack([factor, block]))
+        factor = r_factor(np.vstack([factor, block]) if factor.size else block)
     missing = n_columns - factor.shape[0]
     return np.vstack([factor, np.zeros((missing, n_columns))]) if missing else factor
 
