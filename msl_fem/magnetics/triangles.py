@@ -81,7 +81,13 @@ def hat_gradients(mesh: TriangleMesh) -> Array:
     return np.stack([y[after] - y[before], x[before] - x[after]], axis=1) / twice_area
 
 
+def single_edges(edges: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Indices of the edges (2, n) that occur once, in either direction, sorted by their points."""
+    low, high = np.sort(edges, axis=0)
+    _, first, count = np.unique(low * (high.max(initial=0) + 1) + high, return_index=True, return_counts=True)
+    return first[count == 1]
+
+
 def boundary_points(mesh: TriangleMesh) -> NDArray[np.int64]:
     """Indices of the points on edges that belong to one triangle only."""
-    edges, count = np.unique(np.sort(mesh.edges, axis=0), axis=1, return_counts=True)
-    return np.unique(edges[:, count == 1])
+    return np.unique(mesh.edges[:, single_edges(mesh.edges)])

@@ -11,7 +11,7 @@ from msl_fem.files.quantity import format_quantity
 from msl_fem.magnetics.field.magnet_field import MagnetField
 from msl_fem.magnetics.solver.magnetostatics import FieldModel
 from msl_fem.magnetics.solver.postprocess import gradient_maps
-from msl_fem.magnetics.triangles import TriangleMesh
+from msl_fem.magnetics.triangles import TriangleMesh, single_edges
 from msl_fem.maps.level_currents import MAX, PERCENTILE, Criterion
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron
@@ -106,8 +106,7 @@ def _outline(mesh: TriangleMesh, inside: Indices) -> tuple[Indices, Indices]:
     """Edges (2, n) that belong to one of the triangles only, and that triangle."""
     corners = mesh.triangles[:, inside]
     edges = np.concatenate([corners[[0, 1]], corners[[1, 2]], corners[[2, 0]]], axis=1)
-    _, first, count = np.unique(np.sort(edges, axis=0), axis=1, return_index=True, return_counts=True)
-    single = first[count == 1]
+    single = single_edges(edges)
     return edges[:, single], np.tile(inside, 3)[single]
 
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.files.quantity import format_quantity
-from msl_fem.magnetics.triangles import TriangleMesh
+from msl_fem.magnetics.triangles import TriangleMesh, single_edges
 
 SAME = 0.03
 """Relative difference of gaps that are the same: straight edges for the arcs of a bearing leave about 1 %."""
@@ -50,8 +50,7 @@ def doubt_about_gap(mesh: TriangleMesh, armature: tuple[str, ...], core: tuple[s
 def _outline(mesh: TriangleMesh, names: tuple[str, ...]) -> Array:
     """(2, 2, n) x and y of the starts and ends of the edges around the regions, which lie on their left."""
     edges = np.concatenate([mesh.triangles[[k, (k + 1) % 3]][:, mesh.elements(*names)] for k in range(3)], axis=1)
-    _, first, count = np.unique(np.sort(edges, axis=0), axis=1, return_index=True, return_counts=True)
-    return mesh.points[:, edges[:, first[count == 1]]]
+    return mesh.points[:, edges[:, single_edges(edges)]]
 
 
 def _points(outline: Array) -> Array:

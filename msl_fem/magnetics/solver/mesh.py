@@ -12,7 +12,7 @@ from netgen.meshing import MeshingParameters, NgException
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.magnetics.section import Section
-from msl_fem.magnetics.triangles import TriangleMesh
+from msl_fem.magnetics.triangles import TriangleMesh, single_edges
 
 TOLERANCE = 1e-9  # of the box: two vertices closer than this are one
 LAYER_RATIO = 1.4  # of a far-field layer's outer to its inner outline
@@ -218,8 +218,7 @@ def _surrounded(mesh: TriangleMesh, factor: float) -> TriangleMesh:
     if factor == 1.0:
         return mesh
     edges = mesh.edges
-    _, first, count = np.unique(np.sort(edges, axis=0), axis=1, return_index=True, return_counts=True)
-    outline = first[count == 1]
+    outline = single_edges(edges)
     outline = outline[mesh.points[0, edges[:, outline]].max(axis=0) > 0]  # not the symmetry line
     region = mesh.region[outline % mesh.region.size]
     nodes, place = np.unique(edges[:, outline], return_inverse=True)
