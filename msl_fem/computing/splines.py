@@ -64,9 +64,9 @@ def cubic_slopes(x: Array, y: Array, *, natural: bool) -> Array:
         curvature = (chord[1] - chord[0]) / (x[2] - x[0])
         return chord[0] + curvature * (2 * x - x[0] - x[1])
     matrix, right = np.zeros((n, n)), np.zeros(n)
-    for k in range(1, n - 1):
-        matrix[k, k - 1 : k + 2] = h[k], 2 * (h[k - 1] + h[k]), h[k - 1]
-        right[k] = 3 * (h[k] * chord[k - 1] + h[k - 1] * chord[k])
+    k = np.arange(1, n - 1)
+    matrix[k, k - 1], matrix[k, k], matrix[k, k + 1] = h[1:], 2 * (h[:-1] + h[1:]), h[:-1]
+    right[k] = 3 * (h[1:] * chord[:-1] + h[:-1] * chord[1:])
     for end, near, (h0, h1), (c0, c1) in ((0, 1, h[:2], chord[:2]), (-1, -2, h[:-3:-1], chord[:-3:-1])):
         if natural:
             matrix[end, [end, near]], right[end] = (2.0, 1.0), 3 * c0

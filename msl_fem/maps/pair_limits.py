@@ -182,7 +182,8 @@ def _flux_density(
     position, one, two = (nodes[k] for nodes, k in zip(table.axes, kept, strict=True))
     values = PchipInterpolator(two, values, axis=2)(points[2])
     values = PchipInterpolator(one, values, axis=1)(points[1])
-    return np.asarray(make_interp_spline(position, values, k=min(3, position.size - 1), axis=0)(points[0]))
+    spline = make_interp_spline(position, np.eye(position.size), k=min(3, position.size - 1))
+    return np.tensordot(spline(points[0]), values, axes=1)  # what it does to each unit vector is all that it does
 
 
 def _kept(nodes: Array, step: int) -> NDArray[np.int64]:
