@@ -78,17 +78,17 @@ def _gains(own: Array, slopes: Array, variant: AmountPlaces) -> Array:
 
 def _bounded(g: Array, b: Array, one_sided: NDArray[np.bool_]) -> Array:
     """The best points (n_surrogate, n_amount), one-sided numbers that would be below 0 left out together."""
-    made = np.zeros_like(b)
-    kept = np.ones(b.shape, dtype=bool)
-    for _ in range(b.shape[1] + 1):
-        for pattern in np.unique(kept, axis=0):
-            rows = np.all(kept == pattern, axis=1)
-            made[rows] = 0.0
+    made, kept = np.linalg.solve(g, b.T).T, np.ones(b.shape, dtype=bool)
+    for _ in range(b.shape[1]):
+        below = one_sided & (made < 0)
+        again = np.flatnonzero(below.any(axis=1))
+        if not again.size:
+            break
+        kept[again] &= ~below[again]
+        made[again] = 0.0
+        for pattern in np.unique(kept[again], axis=0):
+            rows = again[np.all(kept[again] == pattern, axis=1)]
             if pattern.any():
                 part = np.linalg.solve(g[np.ix_(pattern, pattern)], b[rows][:, pattern].T).T
                 made[np.ix_(rows, pattern)] = part
-        below = one_sided & (made < 0)
-        if not below.any():
-            break
-        kept &= ~below
     return np.where(one_sided & (made < 0), 0.0, made)
