@@ -83,9 +83,8 @@ class StateSpace:
 
     def _response(self, frequency: Array) -> NDArray[np.complex128]:
         jw = 2j * np.pi * frequency
-        q = jw if self.sampling_period is None else np.exp(jw * self.sampling_period)
-        resolvent = q[:, None, None] * np.eye(self.A.shape[0]) - self.A
-        return np.asarray(self.C @ np.linalg.solve(resolvent, self.B.astype(complex)[None]) + self.D)
+        q = np.asarray(jw if self.sampling_period is None else np.exp(jw * self.sampling_period), dtype=complex)
+        return np.asarray(self.C @ states_over_inputs(self.A, self.B, q) + self.D)
 
     def sampled(self, period: float) -> "StateSpace":
         """The system that a computer sees through a zero-order hold: exact at the sampling instants.
@@ -102,3 +101,11 @@ class StateSpace:
 
         a, b, c, d, _ = cont2discrete((self.A, self.B, self.C, self.D), period, method="zoh")
         return StateSpace(a, b, c, d, float(period), self.states, self.inputs, self.outputs)
+
+
+def states_over_inputs(A: Array, B: Array, q: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """(n_q, n_state, n_input) (q I - A)^-1 B at each q (n_q,)."""
+    shifted = np.tile(-A.astype(complex), (q.size, 1, 1))
+    diagonal = np.arange(len(A))
+    shifted[:, diagonal, diagonal] += q[:, None]
+    return np.linalg.solve(shifted, B.astype(complex)[None])

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from msl_fem.computing.arrays import Array
-from msl_fem.computing.statespace import StateSpace
+from msl_fem.computing.statespace import StateSpace, states_over_inputs
 from msl_fem.control.controller import NO_SHAPE
 from msl_fem.control.design_model import MIDDLE, AtPosition
 from msl_fem.control.gap_to_come import position_after
@@ -159,8 +159,7 @@ class LinearLaw:
     def _states(self, z: Complex) -> Complex:
         """(n_state, n_frequency) states of the believed plant over its command."""
         model = self.plant.sampled()
-        resolvent = z[:, None, None] * np.eye(model.A.shape[0]) - model.A
-        return np.asarray(np.linalg.solve(resolvent, model.B.astype(complex)[None])[:, :, 0].T)
+        return states_over_inputs(model.A, model.B, z)[:, :, 0].T
 
 
 @lru_cache(maxsize=16)
