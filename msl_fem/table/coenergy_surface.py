@@ -6,6 +6,7 @@ dF/di = -dlambda/dg holds to rounding and no closed path over the table yields e
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -57,8 +58,8 @@ def fit_coenergy_surface(gap: Array, current: Array, nodes: dict[str, Array]) ->
     w_g, w_ig = -nodes["force"], -nodes["force_current_slope"]
     w_ii = nodes["incremental_inductance"][:, -1]
     w_gg = -nodes["force_gap_slope"][[0, -1], :]
-    along_gap = HermiteSpline(gap, symmetric_start=False)
-    along_current = HermiteSpline(current, symmetric_start=True)
+    along_gap = hermite_spline(gap, symmetric_start=False)
+    along_current = hermite_spline(current, symmetric_start=True)
     n_g, n_i = gap.size, current.size
     values_g, slopes_g = slice(0, n_g), slice(n_g, 2 * n_g)
     values_i, slopes_i = slice(0, n_i), slice(n_i, 2 * n_i)
@@ -82,6 +83,16 @@ def fit_coenergy_surface(gap: Array, current: Array, nodes: dict[str, Array]) ->
     return CoenergySurface(gap, current, np.ascontiguousarray(taylor))
 
 
+def hermite_spline(nodes: Array, *, symmetric_start: bool) -> "HermiteSpline":
+    """The spline of these nodes; the last ones are kept, for tables come in families of the same nodes."""
+    return _hermite_spline(nodes.astype(float).tobytes(), symmetric_start)
+
+
+@lru_cache(maxsize=32)
+def _hermite_spline(nodes: bytes, symmetric_start: bool) -> "HermiteSpline":
+    return HermiteSpline(np.frombuffer(nodes), symmetric_start=symmetric_start)
+
+
 class HermiteSpline:
     """The map from (values, slopes, one condition at each end) to Taylor coefficients in every cell.
 
@@ -102,6 +113,7 @@ class HermiteSpline:
         factorial = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0]
         terms = [b_splines(knots, 5, x[:-1], k) @ to_basis / (factorial[k] * scale**k) for k in range(N)]
         self.taylor = np.stack(terms, axis=1)
+        self.taylor.flags.writeable = False
 
 
 @compiled

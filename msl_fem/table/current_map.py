@@ -63,7 +63,7 @@ class CurrentMap:
                 )
         along_1 = b_splines(_knots(self.current_1), DEGREE, i, orders[0])
         along_2 = b_splines(_knots(self.current_2), DEGREE, j, orders[1])
-        return np.einsum("na,ab,nb->n", along_1, self.coefficients, along_2)
+        return np.einsum("nb,nb->n", along_1 @ self.coefficients, along_2)
 
     def flux_linkages(self, current_1: Array, current_2: Array) -> tuple[Array, Array]:
         """Both in Wb, exactly reciprocal."""

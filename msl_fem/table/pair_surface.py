@@ -17,7 +17,7 @@ from msl_fem.computing.quintic_cell import AT_NODE, N_CELL, ORDERS, PADDED, expa
 from msl_fem.computing.splines import spline_derivative
 from msl_fem.errors import OutOfTable
 from msl_fem.files.quantity import format_quantity
-from msl_fem.table.coenergy_surface import HermiteSpline, cell_of
+from msl_fem.table.coenergy_surface import cell_of, hermite_spline
 
 FEW = 4  # points that Python evaluates sooner than it loads the compiler
 DERIVATIVES = ("", "1", "2", "x", "11", "22", "12", "x1", "x2", "xx")
@@ -72,11 +72,11 @@ def fit_pair_surface(position: Array, current_1: Array, current_2: Array, nodes:
 
 
 def _derivatives_at_nodes(places: Array) -> Array:
-    """(3, n, 2 n + 2): value, slope and second derivative of a `HermiteSpline` at its nodes, by what it takes."""
+    """(3, n, 2 n + 2): value, slope and second derivative of a `hermite_spline` at its nodes, by what it takes."""
     n = places.size
     to_nodes = np.zeros((ORDERS, n, 2 * n + 2))
     to_nodes[0, :, :n] = to_nodes[1, :, n : 2 * n] = np.eye(n)
-    to_nodes[2, :-1] = 2 * HermiteSpline(places, symmetric_start=False).taylor[:, 2]
+    to_nodes[2, :-1] = 2 * hermite_spline(places, symmetric_start=False).taylor[:, 2]
     to_nodes[2, -1, -1] = 1.0  # the condition at the end
     return to_nodes
 
