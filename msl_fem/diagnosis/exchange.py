@@ -126,12 +126,9 @@ class Exchange:
             loss = found.fit.log_evidence - without.fit.log_evidence
             if loss < self.least:
                 return without, [], False
-            enough = found.fit.log_evidence - self.least
-            fuller = next(
-                (one for one in self._fuller(found, n, without, loss, forms) if one.fit.log_evidence > enough), None
-            )
-            if fuller is not None:
-                return fuller, [], False
+            for fuller in self._fuller(found, n, without, loss, forms):
+                if fuller.fit.log_evidence > found.fit.log_evidence - self.least:
+                    return fuller, [], False
             others = tuple(self._in_place(found, n, without, _worth(found, variant, known)))
             best = max(others, key=lambda one: one.fit.log_evidence, default=None)
             if best is not None and best.fit.log_evidence > found.fit.log_evidence + self.better:
@@ -154,7 +151,8 @@ class Exchange:
         and slew limit are one cause, and the limit beside a delay are two."""
         _, _, z = found.without(n)  # fitted without it, the others would be bent
         promised = []
-        for m, rest in ((m, rest) for m, have in enumerate(without.variants) for rest in _rests(have, forms)):
+        rests = dict.fromkeys((m, rest) for m, have in enumerate(without.variants) for rest in _rests(have, forms))
+        for m, rest in rests:
             unknowns = extended(without.fit.unknowns, rest)
             begins = np.array([np.concatenate([z, row]) for row in _sizes(rest)])
             costs = objectives(found.fit.likelihood, unknowns, begins)
