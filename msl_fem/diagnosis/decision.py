@@ -37,6 +37,8 @@ LEAST_SHARE = 1e-5
 """Of the moving mass, that a second mass has at least."""
 HIGHEST_MODE = 0.8
 """Of half the sampling rate, beyond which a second resonance is no cause."""
+LEAST_LOST = 0.02
+"""Of a command beyond a drive's limit, that is lost at least: less is no limit but a drive that is not quite linear."""
 MOST_OF_IT = 0.6
 """Share of the excess power that a main cause accounts for."""
 RELAXED = 10.0
@@ -211,14 +213,16 @@ def beyond_tolerances(problem: FitProblem, stage: SearchStage) -> SearchStage:
 
 
 def in_sight(problem: FitProblem, stage: SearchStage) -> SearchStage:
-    """A stage without second resonances that have no mass, or lie where a record shows next to nothing."""
+    """A stage without refits that are not what their names say: second resonances that have no mass, or lie where a
+    record shows next to nothing, and drive limits beyond which next to nothing is lost."""
 
     def counts(refit: Refit) -> bool:
-        if refit.variant.effect != "structural_mode":
-            return True
-        mode = effect_estimates(refit.fit)["structural_mode"]
-        heavy = "mass_share" in mode and mode["mass_share"].value >= LEAST_SHARE
-        return heavy and mode["frequency"].value <= HIGHEST_MODE * problem.plant.rate / 2
+        effect = refit.variant.effect
+        if effect == "structural_mode":
+            mode = effect_estimates(refit.fit)[effect]
+            heavy = "mass_share" in mode and mode["mass_share"].value >= LEAST_SHARE
+            return heavy and mode["frequency"].value <= HIGHEST_MODE * problem.plant.rate / 2
+        return effect != "drive_limit" or effect_estimates(refit.fit)[effect]["lost_share"].value >= LEAST_LOST
 
     return replace(stage, refits=tuple(filter(counts, stage.refits)))
 

@@ -282,3 +282,16 @@ def test_a_mode_without_mass_or_out_of_sight_is_no_cause(
     problem: Any = SimpleNamespace(plant=SimpleNamespace(rate=1e4))
     found = in_sight(problem, stage)
     assert found.best is (refit if kept else other)
+
+
+@pytest.mark.parametrize(("lost", "kept"), [(0.13, True), (1e-3, False)])
+def test_a_limit_beyond_which_next_to_nothing_is_lost_is_none(
+    lost: float, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    limit = {"lost_share": SimpleNamespace(value=lost), "limit": SimpleNamespace(value=8.0)}
+    monkeypatch.setattr(decision, "effect_estimates", lambda fit: {"drive_limit": limit})
+    refit: Any = Refit(SimpleNamespace(effect="drive_limit"), None, 32.0)  # type: ignore[arg-type]
+    other: Any = Refit(SimpleNamespace(effect="fringing"), None, 3.0)  # type: ignore[arg-type]
+    stage = SearchStage(None, (), (refit, other))  # type: ignore[arg-type]
+    problem: Any = SimpleNamespace()
+    assert in_sight(problem, stage).best is (refit if kept else other)
