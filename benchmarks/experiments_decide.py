@@ -39,14 +39,13 @@ from msl_fem.record import Record, Run
 RESULTS = Path(__file__).parent / "experiments_decide.jsonl"
 MOST_RUNS, RATE, SECONDS = 3, 1e3, 3.2
 FIRST = {
-    ("servo", "current"): ("bias=0.5 A", "amplitude=50 mA", "30 Hz"),
-    ("servo", "voltage"): ("bias=1 V", "amplitude=0.5 V", "30 Hz"),
-    ("small", "voltage"): ("bias=0.2 V", "amplitude=40 mV", "40 Hz"),
-    ("large", "current"): ("bias=12 A", "amplitude=1.5 A", "8 Hz"),
-    ("large", "voltage"): ("bias=9 V", "amplitude=10 V", "8 Hz"),
+    ("servo", "current"): ("bias=0.5 A", "amplitude=60 mA", "25 Hz", "20 Hz"),
+    ("servo", "voltage"): ("bias=1 V", "amplitude=0.6 V", "25 Hz", "20 Hz"),
+    ("small", "voltage"): ("bias=0.2 V", "amplitude=50 mV", "30 Hz", "25 Hz"),
+    ("large", "current"): ("bias=12 A", "amplitude=2 A", "6 Hz", "5 Hz"),
+    ("large", "voltage"): ("bias=9 V", "amplitude=10 V", "6 Hz", "5 Hz"),
 }
-"""Bias, amplitude and band of the first runs of each rig and drive: below the mover's own frequency, where causes are
-alike."""
+"""Bias, amplitude and tones of the first runs of each rig and drive, below the mover's own frequency."""
 LATE = {"time_delay", "position_sensor_lag", "amplifier_bandwidth"}
 CLEAR = {"current_sensor_error", "periodic_disturbance", "position_sensor_crosstalk", "structural_mode"}
 """Effects beside which none stood in any record."""
@@ -84,12 +83,11 @@ def cases(*, seen: bool) -> list[Case]:
 
 
 def first_runs(case: Case) -> tuple[Excitation, Excitation]:
-    """Noise, and a sweep held out."""
-    bias, amplitude, band = FIRST[case.rig, case.drive]
-    about = f"{bias},{amplitude},duration={SECONDS} s"
-    unit = "A" if case.drive == "current" else "V"
-    noise = parse_excitation(f"band-limited-noise:{about},band={band},seed=1,role=fit", unit=unit)
-    return noise, parse_excitation(f"swept-sine:{about},start=2 Hz,stop={band},role=held-out", unit=unit)
+    """A tone, and another one held out."""
+    bias, amplitude, fit, held_out = FIRST[case.rig, case.drive]
+    about, unit = f"{bias},{amplitude},duration={SECONDS} s", "A" if case.drive == "current" else "V"
+    tone = parse_excitation(f"sine:{about},frequency={fit},role=fit", unit=unit)
+    return tone, parse_excitation(f"sine:{about},frequency={held_out},role=held-out", unit=unit)
 
 
 class HiddenCause:
