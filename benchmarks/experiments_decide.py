@@ -2,11 +2,12 @@
 
     python benchmarks/experiments_decide.py [FIRST [LAST]] [--seen] [--results FILE]
 
-Each record is one of the virtual bench, 3.2 s of noise at 1 kHz and a sweep held out, with an effect so small that it
-is barely seen. Where its diagnosis cannot tell it from other effects, the run that `experiments` proposes is made on
-the same rig and joins the record, up to three times, until no effect stands beside the first cause. Whether that is
-the hidden one then is told too, and so is whether the plan said before that none of its runs would tell them. Each case
-is a line of `experiments_decide.jsonl` and a run goes on where the last one stopped.
+Each record is one of the virtual bench, 3.2 s of a tone at 1 kHz and another one held out, with an effect so small that
+it is barely named. Where its diagnosis cannot tell it from other effects, the run that `experiments` proposes is made
+on the same rig and joins the record, up to three times, until no effect stands beside a cause. Whether the first one is
+the hidden one then is told too, and so is whether the plan said before that none of its runs would tell them: then one
+run is made to see. Each case is a line of `experiments_decide.jsonl` and a run goes on where the last one stopped; a
+case takes some CPU seconds where it is not undecided, and a minute or two where it is.
 """
 
 import argparse
