@@ -28,8 +28,9 @@ from msl_fem.bench.sealed import prepared_setting, recorded
 from msl_fem.bench.setting import BenchEffect, BenchSetting, runs_of
 from msl_fem.diagnosis import Diagnosis, DiagnosisSettings, diagnose
 from msl_fem.diagnosis.planning.absorbed import BelievedRefit
-from msl_fem.diagnosis.planning.after import OpenQuestion, as_excited, effects_of, open_question
+from msl_fem.diagnosis.planning.after import OpenQuestion, effects_of, open_question
 from msl_fem.diagnosis.planning.experiments import ExperimentPlan, RunOption
+from msl_fem.diagnosis.usual_run import as_excited
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.excitation_kinds import Excitation

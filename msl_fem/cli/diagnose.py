@@ -22,7 +22,7 @@ from msl_fem.cli.sweeping import table_for
 from msl_fem.diagnosis import Diagnosis, DiagnosisSettings, diagnose
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.impedances import diagnose_impedance
-from msl_fem.diagnosis.planning.after import excited_json
+from msl_fem.diagnosis.usual_run import excited_json
 from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target, whole_file

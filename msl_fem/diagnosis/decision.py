@@ -29,6 +29,8 @@ FINISHED = 0.25
 """Share of the excess power that a further effect may leave, where the fit before was not white."""
 ONE_OF_SEVERAL = 0.75
 """The same of one of several effects that leave nothing but noise in the end."""
+LITTLE_MORE = 1.5
+"""Times the noise that is left at most, where a strong further effect counts that does not finish."""
 AGREES = 0.5
 """Share of the excess power that the best candidate takes, that the most probable one takes at least."""
 TOLERANCES = 4.0
@@ -119,13 +121,16 @@ class Rule:
 
     def goes_on(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
         """Whether the best effect of stage n is no spurious addition to those before: it completes them (`completes`),
-        or with a large gain leaves, of all that was there without effects, no more than named ones may. What is of a
-        run's own, a wandering sensor, leaves a rest that no other effect completes: beside it a large gain counts."""
+        or with a large gain leaves little more than noise, and of all that was there without effects no more than named
+        ones may. What is of a run's own, a wandering sensor, leaves a rest that no other effect completes: beside it a
+        large gain counts.
+        """
         first = stages[0].best
         if n == 0 or completes(excesses[n], excesses[n + 1], self.finished) or first is None:
             return True
         wanders = first.variant.effect in OWN_OF_A_RUN
-        return strong(stages, n) and (wanders or share_left(excesses, n + 1) <= LEFT_OVER)
+        little = max(excesses[n + 1].values()) <= LITTLE_MORE and share_left(excesses, n + 1) <= LEFT_OVER
+        return strong(stages, n) and (wanders or little)
 
 
 def excess_power(excess: Mapping[str, float]) -> float:

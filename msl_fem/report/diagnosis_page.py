@@ -17,8 +17,8 @@ from msl_fem.actuator import Actuator, TableMagnet
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.kind import Size
 from msl_fem.diagnosis.outside import Dependence
-from msl_fem.diagnosis.planning.after import excited_json
 from msl_fem.diagnosis.result import ChannelResiduals, Diagnosis, Evidence, TriedVariant
+from msl_fem.diagnosis.usual_run import excited_json
 from msl_fem.errors import InputError
 from msl_fem.files.numbers import json_value
 from msl_fem.files.quantity import format_quantity

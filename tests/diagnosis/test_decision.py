@@ -81,10 +81,11 @@ def test_several_effects_that_leave_noise_alone_are_taken_though_none_completes_
     assert n_accepted(stages(9000.0, 8000.0, 7000.0), [*powers[:2], {"x": 7.5}, QUIET], Rule()) == 1
 
 
-@pytest.mark.parametrize(("second", "left", "taken"), [(130.0, 2.0, 2), (90.0, 2.0, 1), (130.0, 2.6, 1)])
+@pytest.mark.parametrize(("second", "left", "taken"), [(130.0, 1.4, 2), (90.0, 1.4, 1), (130.0, 1.6, 1)])
 def test_a_strong_effect_counts_though_more_than_noise_is_left(second: float, left: float, taken: int) -> None:
-    """It brings a tenth of the largest gain, and 5 % of all excess power may be left: 3 of 102 here, or 5.8."""
-    powers = [LOUDER, {"x": 2.8, "i": 1.0}, {"x": left, "i": 1.0}]
+    """It brings a tenth of the largest gain, and leaves half more than the noise at most: a real drive's friction keeps
+    a structure of 70 times the noise, beside which much would bring as many nats."""
+    powers = [LOUDER, {"x": 1.8, "i": 1.0}, {"x": left, "i": 1.0}]
     assert n_accepted(stages(1000.0, second), powers, Rule()) == taken
 
 

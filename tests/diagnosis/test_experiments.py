@@ -14,12 +14,13 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.next_experiment import DECIDES, Entry
 from msl_fem.diagnosis.planning import experiments as planned
 from msl_fem.diagnosis.planning.absorbed import BelievedRefit, channel_parts
-from msl_fem.diagnosis.planning.after import as_excited, excited_json, open_question
+from msl_fem.diagnosis.planning.after import open_question
 from msl_fem.diagnosis.planning.expected import ExpectedCause
 from msl_fem.diagnosis.planning.experiments import ExperimentPlan, RigToPlan, RunOption
 from msl_fem.diagnosis.planning.forms import forms_of
 from msl_fem.diagnosis.planning.planned_runs import PlannedRuns
 from msl_fem.diagnosis.planning.separations import INSTRUMENTS, ROUNDS, CauseInRun, Separations, groups
+from msl_fem.diagnosis.usual_run import as_excited, excited_json
 from msl_fem.diagnosis.variants import RecordFeatures
 from msl_fem.errors import InputError
 from msl_fem.plant import NamedRun, Simulation, plant_parameters, simulate, simulation_record

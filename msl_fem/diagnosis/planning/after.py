@@ -2,20 +2,15 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
-
-from msl_fem.diagnosis.next_experiment import noise_like
 from msl_fem.diagnosis.planning.expected import ExpectedCause, expected_causes
 from msl_fem.diagnosis.planning.experiments import ExperimentPlan, Progress, RigToPlan, experiments
 from msl_fem.diagnosis.planning.separations import RUN_INSTRUMENTS
-from msl_fem.plant import plant_parameters
 from msl_fem.plant.believed import PLAIN_BELIEF
 from msl_fem.plant.effects import CATALOGUE, EffectValues
 from msl_fem.plant.excitation_kinds import Excitation
-from msl_fem.prediction import ModelHypothesis, run_data
-from msl_fem.record import Record, Tolerance
+from msl_fem.prediction import ModelHypothesis
+from msl_fem.record import Tolerance
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +63,7 @@ def open_question(
     ----------
     named : each cause with all that the record cannot tell from it
     channels : columns that were compared
-    usual : how the record was excited (`as_excited`)
+    usual : how the record was excited (`diagnosis.usual_run`)
     """
     rivals = {effect: effects_of(beside) for effect, beside in named if effect in CATALOGUE}
     effect = next((effect for effect, beside in rivals.items() if beside), None)
@@ -83,30 +78,6 @@ def open_question(
     words = {name.partition("_")[0] for name in channels}
     read = tuple(name for name in RUN_INSTRUMENTS if name in words)
     return OpenQuestion(RigToPlan(belief, rate), asked, possible, read, effect, usual)
-
-
-def as_excited(record: Record) -> Excitation | None:
-    """Noise of the bias, size and band of the record's first fit run in motion; None without one, or without a drive.
-
-    A run that is added later, two tones or a locked mover, is no usual one.
-    """
-    drive = record.actuator.drive
-    free = [run for run in record.runs_of("fit") if run.mover == "free"]
-    if drive is None or not free:
-        return None
-    run = run_data(record, free[0])
-    if not np.ptp(run.commands) > 0:
-        return None
-    return noise_like(run, sides=max(plant_parameters(record.actuator).sides, 1), drive=drive.kind)
-
-
-def excited_json(record: Record) -> dict[str, Any]:
-    """What diagnosis.json says of how a record was excited; nothing of one that `as_excited` takes for none."""
-    usual = as_excited(record)
-    if usual is None:
-        return {}
-    rate = 1.0 / record.runs_of("fit")[0].sampling_period
-    return {"usual_run": {"excitation": usual.spec, "rate": rate}}
 
 
 def effects_of(beside: Iterable[str]) -> list[str]:
