@@ -1,10 +1,10 @@
 """The command `experiments`: which causes instruments can tell apart, what to add, and the run that decides."""
 
-from json import loads as parse_json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
+from pydantic import BaseModel, Field, ValidationError
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.cli.believed import stated_belief
@@ -17,7 +17,7 @@ from msl_fem.diagnosis.planning.after import OpenQuestion, open_question
 from msl_fem.diagnosis.planning.expected import USUAL, expected_causes
 from msl_fem.diagnosis.planning.experiments import TIMES, USUAL_INSTRUMENTS, ExperimentPlan, RigToPlan
 from msl_fem.errors import InputError
-from msl_fem.files.schema import small_text
+from msl_fem.files.schema import first_complaint, small_text
 from msl_fem.plant.believed import AS_DESIGNED, PLAIN_BELIEF
 from msl_fem.plant.excitation import DRIVE_UNIT, parse_excitation
 from msl_fem.plant.excitation_kinds import Excitation
@@ -26,6 +26,29 @@ from msl_fem.record import Tolerance
 
 SHOWN = 5  # runs of the menu
 RATE = 10e3  # Hz, where nothing states one
+FASTEST = 1e8  # Hz, of a record
+
+
+class _Cause(BaseModel):
+    effect: str
+    indistinguishable_from: list[str] = []
+
+
+class _Compared(BaseModel):
+    channel: str = ""
+
+
+class _UsualRun(BaseModel):
+    excitation: str
+    rate: Annotated[float, Field(gt=0, le=FASTEST, allow_inf_nan=False)]
+
+
+class Said(BaseModel):
+    """What a diagnosis.json says that a plan needs."""
+
+    causes: list[_Cause] = []
+    accuracy: list[_Compared] = []
+    usual_run: _UsualRun | None = None
 
 
 def command(
@@ -93,12 +116,12 @@ def _after(folder: Path, table: Path | None, rate: float | None) -> OpenQuestion
     """
     folder = folder.parent if folder.name == DIAGNOSIS else folder
     model = told_by(folder).model
-    content: dict[str, Any] = parse_json(small_text(folder / DIAGNOSIS))
-    named = [(str(c["effect"]), list(map(str, c.get("indistinguishable_from", [])))) for c in content.get("causes", [])]
-    channels = [str(one.get("channel", "")) for one in content.get("accuracy", [])]
+    said = said_by(folder / DIAGNOSIS)
+    named = [(one.effect, one.indistinguishable_from) for one in said.causes]
+    channels = [one.channel for one in said.accuracy]
     magnet_table = table_of_model(model.actuator, None) or table_for(model.actuator, table)
     extended = ModelHypothesis(model.actuator, magnet_table, model.effects)
-    sampling, usual = said_usual_run(content, model.actuator)
+    sampling, usual = said_usual_run(said, model.actuator)
     question = open_question(
         extended, named, channels, tolerance=Tolerance(), rate=rate or sampling or RATE, usual=usual
     )
@@ -107,12 +130,24 @@ def _after(folder: Path, table: Path | None, rate: float | None) -> OpenQuestion
     return question
 
 
-def said_usual_run(content: dict[str, Any], actuator: Actuator) -> tuple[float | None, Excitation | None]:
+def said_by(file: Path) -> Said:
+    """What a plan needs of a diagnosis.
+
+    Raises
+    ------
+    InputError : an entry of the file is no such thing
+    """
+    try:
+        return Said.model_validate_json(small_text(file))
+    except ValidationError as err:
+        raise InputError(f"{file}: {first_complaint(err)}; diagnose the record again") from err
+
+
+def said_usual_run(said: Said, actuator: Actuator) -> tuple[float | None, Excitation | None]:
     """The rate and the usual run of the record, where its diagnosis says them."""
-    said = content.get("usual_run")
-    if not isinstance(said, dict) or actuator.drive is None:
+    if said.usual_run is None or actuator.drive is None:
         return None, None
-    return float(said["rate"]), parse_excitation(str(said["excitation"]), unit=DRIVE_UNIT[actuator.drive.kind])
+    return said.usual_run.rate, parse_excitation(said.usual_run.excitation, unit=DRIVE_UNIT[actuator.drive.kind])
 
 
 def print_plan(plan: ExperimentPlan, name: str) -> None:

@@ -9,7 +9,7 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.cli.experiments import print_plan, said_usual_run
+from msl_fem.cli.experiments import Said, print_plan, said_by, said_usual_run
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.next_experiment import DECIDES, Entry
 from msl_fem.diagnosis.planning import experiments as planned
@@ -372,6 +372,24 @@ def test_a_run_is_borne_over_its_planned_length() -> None:
 
 
 def test_the_command_takes_the_usual_run_of_the_diagnosis() -> None:
-    said = {"usual_run": {"excitation": NOISE.spec, "rate": 2e3}}
+    said = Said.model_validate({"usual_run": {"excitation": NOISE.spec, "rate": 2e3}})
     assert said_usual_run(said, SERVO) == (2e3, NOISE)
-    assert said_usual_run({}, SERVO) == (None, None)
+    assert said_usual_run(Said(), SERVO) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        ('{"usual_run": {"excitation": "sine"}}', "usual_run.rate"),
+        ('{"usual_run": {"excitation": 3, "rate": 1e3}}', "usual_run.excitation"),
+        ('{"usual_run": {"excitation": "sine", "rate": -1}}', "usual_run.rate"),
+        ('{"usual_run": {"excitation": "sine", "rate": 1e999}}', "usual_run.rate"),
+        ('{"causes": [{"indistinguishable_from": []}]}', "causes.0.effect"),
+        ('{"causes": [3]}', "causes.0"),
+        ("[]", "diagnose the record again"),
+    ],
+)
+def test_a_diagnosis_that_says_odd_things_is_one_clear_error(tmp_path: Path, content: str, named: str) -> None:
+    (tmp_path / "diagnosis.json").write_text(content, encoding="utf-8")
+    with pytest.raises(InputError, match=named):
+        said_by(tmp_path / "diagnosis.json")
