@@ -78,7 +78,12 @@ def told_by(folder: Path) -> Told:
     except (OSError, ValueError, RecursionError) as err:
         raise InputError(f"--from {file}: cannot be read ({err}); diagnose the record again") from err
     extended = load_extended_model(model)
-    return Told(extended, posterior_of(content), believed_before(extended.actuator, content))
+    posterior = posterior_of(content)
+    try:
+        believed = believed_before(extended.actuator, content)
+    except (LookupError, TypeError, ValueError, AttributeError) as err:
+        raise InputError(f"--from {file}: its parameters say no believed values ({err}); diagnose it again") from err
+    return Told(extended, posterior, believed)
 
 
 def believed_before(fitted: Actuator, diagnosis: Mapping[str, Any]) -> ExtendedModel:

@@ -266,6 +266,12 @@ def test_what_is_no_diagnosis_is_said(msl_fem, diagnosis, tmp_path):
     assert "has no diagnosis.json and is no record" in msl_fem("control", "--from", str(tmp_path), *common).complaint
     both = msl_fem("control", SERVO, "--from", str(diagnosis), "--model", "m.json", *common).complaint
     assert "both tell the controller" in both
+    content = json.loads((diagnosis / "diagnosis.json").read_text())
+    first = next(iter(content["parameters"]))
+    for odd in (None, "x", []):
+        content["parameters"][first]["believed"] = odd
+        (diagnosis / "diagnosis.json").write_text(json.dumps(content))
+        assert "no believed values" in msl_fem("control", "--from", str(diagnosis), *common).complaint
     (diagnosis / "extended_model.toml").unlink()
     assert "nothing was fitted" in msl_fem("control", "--from", str(diagnosis), *common).complaint
     assert "ACTUATOR is missing" in msl_fem("control", *common).complaint
