@@ -146,11 +146,9 @@ class HiddenCause:
         more = [parse_excitation(run.excitation, unit=unit).model_copy(update={"role": "fit"}) for run in further]
         excitations = (*self.first, *more)
         locked = [False] * len(self.first) + [run.locked for run in further]
-        free, held = (
-            self._runs(excitations, locked=False),
-            self._runs(excitations, locked=True) if any(locked) else None,
-        )
-        runs = [held.runs[n] if it and held else free.runs[n] for n, it in enumerate(locked)]
+        free = self._runs(excitations, locked=False)
+        held = self._runs(excitations, locked=True) if any(locked) else free
+        runs = [(held if it else free).runs[n] for n, it in enumerate(locked)]
         return replace(free, runs=tuple(runs))
 
     def _runs(self, excitations: tuple[Excitation, ...], *, locked: bool) -> Record:

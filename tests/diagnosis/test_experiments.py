@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -271,12 +272,7 @@ def test_after_a_diagnosis_the_question_is_that_of_its_record() -> None:
     runs = [
         NamedRun("steps", "", "held-out", simulated("step:channel=1,frequency=5 Hz,bias=0.6 A,amplitude=40 mA")),
         NamedRun("noise", "", "fit", simulated(NOISE.spec)),
-        NamedRun(
-            "tones",
-            "",
-            "fit",
-            simulated(tones),
-        ),
+        NamedRun("tones", "", "fit", simulated(tones)),
     ]
     record = simulation_record(SERVO, runs)
     usual = as_excited(record)
@@ -287,6 +283,9 @@ def test_after_a_diagnosis_the_question_is_that_of_its_record() -> None:
     said = excited_json(record)["usual_run"]
     assert said["rate"] == pytest.approx(5e3)
     assert parse_excitation(said["excitation"], unit="A") == usual
+    slower = {name: values[::2] for name, values in record.runs[1].columns.items()}
+    locked = replace(record.runs[1], name="locked", mover="locked", columns=slower)
+    assert excited_json(replace(record, runs=(locked, *record.runs)))["usual_run"] == said
     effects = EffectValues({"time_delay": {"command": 3e-5}, "squeeze_film": {"damping": 0.5}})
     named = [
         ("squeeze_film", ["damping"]),
