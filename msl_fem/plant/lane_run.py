@@ -202,6 +202,8 @@ def run_lanes(
     begun = [_begun(surface, p, settings, lane, step, substeps) for lane, p in enumerate(plants)]
     different, place = _different(plants, settings, begun)
     n_lane = different.size
+    shape = surface.coefficients.shape
+    joined = surface._replace(coefficients=surface.coefficients.reshape(-1, *shape[-3:]))  # compiled once, one or many
 
     def block_of(begin: int) -> Array:
         if begin == n_lane - 1:  # a single one is faster by itself
@@ -218,7 +220,7 @@ def run_lanes(
                 restarted(block.state, kept, np.array([settings.start(lane, n) for lane in lanes]).T)
                 kept[:] = block.state
             rows = out[part].reshape(-1, LANES)
-            _run_block(surface, block, commands[part], push[part], step, substeps, rows, linear)
+            _run_block(joined, block, commands[part], push[part], step, substeps, rows, linear)
         return out
 
     begins = range(0, n_lane, LANES)
