@@ -17,7 +17,7 @@ from msl_fem.magnetics.reduced.reduction import Reducer, Reduction, ReductionSet
 from msl_fem.magnetics.sweep.reduced_rows import reduced_rows
 from msl_fem.magnetics.sweep.rows import RowSolver, SweepJob, SweepRow
 from msl_fem.magnetics.sweep.table_sweep import SweepSettings, sweep
-from msl_fem.materials.curves import curves_of, magnetise_at
+from msl_fem.materials.curves import Curves, curves_of, magnetise_all
 from msl_fem.materials.material import e1_iron, laminated, load_iron
 
 GAPS = np.geomspace(2e-4, 8e-4, 5)
@@ -245,13 +245,19 @@ def test_fewest_weights_keep_the_moments_of_a_line() -> None:
     assert columns @ weight == pytest.approx(columns.sum(axis=1) * 0.02, abs=1e-12)
 
 
+def magnetised(b: float, iron: int, curves: Curves) -> tuple[float, float]:
+    h, slope = np.empty(1), np.empty(1)
+    magnetise_all(np.array([b]), np.array([iron]), curves, h, slope)
+    return float(h[0]), float(slope[0])
+
+
 @pytest.mark.parametrize("iron", [load_iron("m19"), laminated(load_iron("steel_1010"), 0.96), e1_iron()])
 def test_compiled_curve_is_the_iron(iron) -> None:
     curves = curves_of([load_iron("linear:1000"), iron])
     for b in (0.0, 0.01, 0.7, 1.4321, 1.9, 2.6):
         h, slope = iron.magnetise(np.array([b]))
-        assert magnetise_at(b, 1, *curves) == pytest.approx((h[0], slope[0]), rel=1e-6)
-    assert magnetise_at(1.5, 0, *curves)[0] == pytest.approx(load_iron("linear:1000").magnetise(np.array([1.5]))[0][0])
+        assert magnetised(b, 1, curves) == pytest.approx((h[0], slope[0]), rel=1e-6)
+    assert magnetised(1.5, 0, curves)[0] == pytest.approx(load_iron("linear:1000").magnetise(np.array([1.5]))[0][0])
 
 
 @pytest.mark.parametrize("name", ["m19", "steel_1010", "linear:1000"])
@@ -261,4 +267,4 @@ def test_every_piece_of_a_compiled_curve_is_found(name: str) -> None:
     points = curves.b[curves.start[1] : curves.start[2]]
     for b in (*points, *(points[1:] + points[:-1]) / 2):
         h, slope = iron.magnetise(np.array([b]))
-        assert magnetise_at(b, 1, *curves) == pytest.approx((h[0], slope[0]), rel=1e-9)
+        assert magnetised(b, 1, curves) == pytest.approx((h[0], slope[0]), rel=1e-9)

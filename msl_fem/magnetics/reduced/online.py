@@ -9,7 +9,7 @@ from scipy.linalg.lapack import dposv, dpotrs
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.splines import hermite_cubic
-from msl_fem.materials.curves import NO_FIELD, Curves, Indices, magnetise_at
+from msl_fem.materials.curves import NO_FIELD, Curves, Indices, magnetise_all
 
 ACCEPTED = 1e-6  # relative energy norm of the last of Newton's steps, after which its square is left
 SAME_WAY = 1e-9  # of a step of the currents
@@ -39,17 +39,18 @@ def magnetise_fields(field: Array, iron: ReducedIron, curvature: Array) -> None:
 
     It holds w dH/dB: all its xx entries, then xy, then yy. With n = B/|B|: dH/dB = H/B + (dH/d|B| - H/B) n n^T.
     """
-    curves, n_point = iron.curves, iron.weight.size
+    n_point = iron.weight.size
+    size, h, slope = np.empty(n_point), np.empty(n_point), np.empty(n_point)
     for k in range(field.shape[0]):
         for q in range(n_point):
-            x, y = field[k, 2 * q], field[k, 2 * q + 1]
-            b = np.sqrt(x * x + y * y)
-            h, slope = magnetise_at(b, iron.iron[q], curves.start, curves.b, curves.h, curves.slope, curves.tail)
-            nu, excess = slope, 0.0
+            size[q] = np.sqrt(field[k, 2 * q] ** 2 + field[k, 2 * q + 1] ** 2)
+        magnetise_all(size, iron.iron, iron.curves, h, slope)
+        for q in range(n_point):
+            x, y, b, w = field[k, 2 * q], field[k, 2 * q + 1], size[q], iron.weight[q]
+            nu, excess = slope[q], 0.0
             if b > NO_FIELD:
-                nu = h / b
-                excess = (slope - nu) / (b * b)
-            w = iron.weight[q]
+                nu = h[q] / b
+                excess = (slope[q] - nu) / (b * b)
             field[k, 2 * q], field[k, 2 * q + 1] = w * nu * x, w * nu * y
             if curvature.size:
                 curvature[k, q] = w * (nu + excess * x * x)

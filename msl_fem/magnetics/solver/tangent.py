@@ -20,7 +20,7 @@ from scipy import sparse
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.errors import NotConverged
-from msl_fem.materials.curves import NO_FIELD, Curves, curves_of, magnetise_at
+from msl_fem.materials.curves import NO_FIELD, Curves, curves_of, magnetise_all
 from msl_fem.materials.material import AnalyticIron, Iron
 
 REFINEMENTS = 1
@@ -77,6 +77,10 @@ class IronElements:
     def _curves(self) -> Curves:
         return curves_of([self.iron])
 
+    @cached_property
+    def _first(self) -> Indices:
+        return np.zeros(self.weight.size, dtype=np.int64)
+
     def flux_density(self, potential: Array) -> tuple[Array, Array]:
         """Gradient of A (2, element, point), and its size |B| (element, point)."""
         gradient = np.empty((2, *self.weight.shape))
@@ -102,8 +106,7 @@ class IronElements:
         if isinstance(self.iron, AnalyticIron):
             return self.iron.magnetise(b)
         h, slope = np.empty_like(b), np.empty_like(b)
-        curves = self._curves
-        _magnetise_all(b.ravel(), curves.start, curves.b, curves.h, curves.slope, curves.tail, h.ravel(), slope.ravel())
+        magnetise_all(b.ravel(), self._first, self._curves, h.ravel(), slope.ravel())
         return h, slope
 
     def energies(self, potentials: Array) -> Array:
@@ -126,15 +129,6 @@ def _gradients_of(jet: Array, frame: Array, gradient: Array, size: Array) -> Non
                 y += frame[1, j, e, q] * jet[e, j * n_point + p]
             gradient[0, e, p], gradient[1, e, p] = x, y
             size[e, p] = np.sqrt(x * x + y * y)
-
-
-@compiled
-def _magnetise_all(
-    b: Array, start: Indices, points: Array, values: Array, slopes: Array, tail: Array, h: Array, slope: Array
-) -> None:
-    """H and dH/dB (n,) at |B| (n,), written; the curve's arrays are those of `Curves`."""
-    for n in range(b.size):
-        h[n], slope[n] = magnetise_at(b[n], 0, start, points, values, slopes, tail)
 
 
 @compiled
