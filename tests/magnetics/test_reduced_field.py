@@ -11,6 +11,7 @@ from msl_fem.actuator import load_actuator
 from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.reduced.cubature import fewest, null_space, sparse_weights
 from msl_fem.magnetics.reduced.full_field import FullField
+from msl_fem.magnetics.reduced.integrands import force_integrands, number_integrands
 from msl_fem.magnetics.reduced.online import IronTerms, line_search
 from msl_fem.magnetics.reduced.reduced_model import FieldPoints, ReducedModel
 from msl_fem.magnetics.reduced.reduction import Reducer, Reduction, ReductionSettings
@@ -115,13 +116,13 @@ def test_where_the_states_are_sought_from_changes_them_by_little_and_spares_step
     """Along the slopes from the nearest points; at the points themselves the states are those already found."""
     known = reduction.states
     others = FieldPoints(known.points.coordinate * 1.02, known.points.currents * 0.97)
-    start = known.near(others)
+    start = known.near(others).states
     along, near = reduction.model.solve(others), reduction.model.solve(others, start)
     assert near.energy_slope == pytest.approx(along.energy_slope, rel=1e-6, abs=1e-8)
     assert near.steps.sum() < 0.8 * along.steps.sum()
     missed, moved = (np.linalg.norm(states - along.states) for states in (start, known.states))
     assert missed < 0.1 * moved
-    assert np.array_equal(known.near(known.points), known.states)
+    assert np.array_equal(known.near(known.points).states, known.states)
 
 
 def test_tangent_is_the_slope_of_the_gradient_by_both_ways_of_making_it(reduction: Reduction) -> None:
@@ -160,7 +161,7 @@ def test_solutions_taken_are_states_with_their_slopes(full: FullField, points: F
     """Each solved roughly, so that its state is near the reduced one at its point."""
     reducer = Reducer(full, points, SETTINGS)
     reducer.draft()
-    basis = reducer.space.basis(SETTINGS.modes)
+    basis = reducer.space.basis(SETTINGS.modes * SETTINGS.tolerance)
     known = reducer.taken_in(basis)
     found = ReducedModel(basis, full.sources, basis.whole_iron()).solve(known.points)
     for name in ("states", "by_current", "by_coordinate"):
@@ -214,6 +215,33 @@ def test_sweep_falls_back_to_the_full_solver(monkeypatch: pytest.MonkeyPatch) ->
     assert report.certificate is None
     assert "certificate" not in table.provenance
     assert report.solutions == 7, "6 nodes, the column without current among them, and 1 between"
+
+
+def test_sums_for_numbers_are_the_irons_force_times_their_adjoints(reduction: Reduction, full: FullField) -> None:
+    """The reduced force of the irons is what the load leaves of the linear regions' at a state of the whole quadrature;
+    the sums for reduced forces are its own entries, over their size.
+    """
+    basis, (gap, current) = reduction.model.basis, (3e-4, 6.0)
+    at = FieldPoints(np.array([gap]), np.array([[current]]))
+    states = ReducedModel(basis, full.sources, basis.whole_iron()).solve(at)
+    linear, weight = reduction.model.linear.at(gap)[0], basis.quadrature.weight
+    force = current * reduction.model.sources[0] - linear @ states.states[0]
+    sums = number_integrands(basis, states, np.array([2.0, 5.0])) @ weight
+    expected = [states.by_coordinate[0] @ force / 2, states.by_current[0, 0] @ force / 5]
+    assert sums == pytest.approx(expected, rel=1e-5)
+    entries = force_integrands(basis, states.states) @ weight
+    assert entries == pytest.approx(force / np.linalg.norm(force), abs=1e-5)
+
+
+def test_cubature_that_keeps_the_numbers_sums_keeps_the_numbers(reduction: Reduction, full: FullField) -> None:
+    """Of states that it was not made for, with half the points that all reduced forces of a dozen states would take."""
+    basis, exact = reduction.model.basis, unseen(8)
+    whole = ReducedModel(basis, full.sources, basis.whole_iron()).solve(exact)
+    few = reduction.model.solve(exact)
+    assert reduction.model.iron.weight.size < 6 * basis.size
+    for name, limit in (("energy_slope", 3e-5), ("flux_linkage", 3e-5), ("coenergy", 1e-5), ("inductance", 1e-3)):
+        one, other = getattr(few, name), getattr(whole, name)
+        assert np.abs(one - other).max() <= limit * np.abs(other).max(), name
 
 
 def test_cubature_keeps_sums_with_positive_weights() -> None:

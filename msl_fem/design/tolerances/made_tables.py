@@ -195,7 +195,7 @@ class MadeTable:
 
     def _solve(self, gap: Array, current: Array) -> ReducedStates:
         points = FieldPoints(gap, current[:, None])
-        return self.child.model.solve(points, self.child.states.near(points))
+        return self.child.model.solve(points, self.child.states.near(points).states)
 
     def level_currents(self, most: float) -> Array | None:
         """(n_level, n_gap) A, the smallest that brings each level, nan where none up to `most` does.

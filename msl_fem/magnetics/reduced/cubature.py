@@ -9,8 +9,9 @@ the sums are nearly dependent. Positive weights keep the reduced energy convex.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
-from scipy.linalg.blas import dtrsm
+from scipy import sparse
+from scipy.linalg import cho_factor, cho_solve, eigh
+from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dgetrf
 
 from msl_fem.computing.arrays import Array
@@ -22,35 +23,39 @@ NO_PIVOT = 1e-14
 RIDGE = 1e-12
 
 
-def principal_sums(rows: Array, weight: Array, tolerance: float) -> Array:
-    """(m, n_point) orthonormal combinations of rows under the weights (n_point,), and the constant.
+def principal_directions(rows: Array, weight: Array, tolerance: float) -> Array:
+    """(m, n_row) combinations of rows (n_row, n_point) that are orthonormal under the weights (n_point,).
 
     Combinations below `tolerance` times the largest one are left out.
     """
     scaled = rows * np.sqrt(weight)
-    square, turn = np.linalg.eigh(scaled @ scaled.T)
+    square, turn = eigh(dsyrk(1.0, scaled.T, trans=1, lower=1), overwrite_a=True, driver="evd")
     kept = square > max(tolerance**2, 1e-13) * square[-1]
-    fewer = (turn[:, kept] / np.sqrt(square[kept])).T @ rows
-    return np.concatenate([fewer, np.full((1, weight.size), weight.sum() ** -0.5)])
+    return np.asarray((turn[:, kept] / np.sqrt(square[kept])).T)
 
 
 def sparse_weights(rows: Array, weight: Array, *, tolerance: float) -> tuple[Indices, Array]:
-    """Points and their positive weights, that keep the sums of the rows (n_row, n_point), the principal ones best."""
-    sums = principal_sums(rows, weight, tolerance)
-    m = sums.shape[0]
-    full = weight
+    """Points and their positive weights, that keep the sums of the rows (n_row, n_point), the principal ones best.
+
+    The sum of the weights is kept as well.
+    """
+    directions = principal_directions(rows, weight, tolerance)
+    m = len(directions) + 1
+    target, constant, columns = rows @ weight, weight.sum() ** -0.5, np.ascontiguousarray(rows.T)
     points, weight = np.arange(weight.size), weight.copy()
     while points.size > m:
         n_group = min(GROUPS * m, points.size)
         group = np.arange(points.size) * n_group // points.size
-        begin = np.searchsorted(group, np.arange(n_group))
-        size = np.add.reduceat(weight, begin)
-        mean = np.add.reduceat(sums[:, points] * weight, begin, axis=1)
-        factor = fewest(mean / size, size) / size
+        begin = np.searchsorted(group, np.arange(n_group + 1))
+        size = np.add.reduceat(weight, begin[:-1])
+        mean = (
+            directions @ (sparse.csr_matrix((weight / size[group], points, begin), (n_group, len(columns))) @ columns).T
+        )
+        factor = fewest(np.vstack([mean, np.full(n_group, constant)]), size) / size
         weight = weight * factor[group]
         kept = weight > 0
         points, weight = points[kept], weight[kept]
-    return _polished(rows, rows @ full, points, weight)
+    return _polished(rows, target, points, weight)
 
 
 def _polished(rows: Array, target: Array, points: Indices, weight: Array) -> tuple[Indices, Array]:

@@ -90,7 +90,7 @@ class Family:
         reduced = ReducedModel(own, member.full.sources, iron, self._sampled)
         at = self.points.only(chosen)
         points = FieldPoints(at.coordinate + member.off, at.currents)
-        states = reduced.solve(points, self.parent.states.only(chosen).near(points))
+        states = reduced.solve(points, self.parent.states.only(chosen).near(points).states)
         return Child(member, reduced, chosen, states, reduced.cubature_error(states, np.arange(len(points))))
 
 

@@ -64,15 +64,16 @@ class KnownStates:
     by_current: Array
     by_coordinate: Array
 
-    def near(self, points: FieldPoints) -> Array:
-        """(n, N) expected at other points: along the slopes from the nearest of these, each axis over its span."""
+    def near(self, points: FieldPoints) -> "KnownStates":
+        """Expected at other points: along the slopes from the nearest of these, each axis over its span."""
         axes = [(self.points.coordinate, points.coordinate)]
         axes += list(zip(self.points.currents.T, points.currents.T, strict=True))
         away = sum(((there[:, None] - here) / (np.ptp(here) or 1.0)) ** 2 for here, there in axes)
         nearest = np.argmin(away, axis=1)
         further = (points.coordinate - self.points.coordinate[nearest])[:, None] * self.by_coordinate[nearest]
         rise = points.currents - self.points.currents[nearest]
-        return np.asarray(self.states[nearest] + further + np.einsum("nk,nkj->nj", rise, self.by_current[nearest]))
+        states = self.states[nearest] + further + np.einsum("nk,nkj->nj", rise, self.by_current[nearest])
+        return KnownStates(points, states, self.by_current[nearest], self.by_coordinate[nearest])
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.reduced.cubature import sparse_weights
 from msl_fem.magnetics.reduced.full_field import ROUGH, FullField
+from msl_fem.magnetics.reduced.integrands import force_integrands, number_integrands
 from msl_fem.magnetics.reduced.reduced_model import FieldPoints, KnownStates, ReducedModel, ReducedStates
 from msl_fem.magnetics.reduced.space import Basis, SnapshotSpace
 from msl_fem.materials.curves import Indices
@@ -37,26 +38,28 @@ class ReductionSettings:
     tolerance : of force and flux linkage, of full scale, that every check must hold
     rounds : of checks at most, each of `checks` points
     drafts : rounds before, with a coarse quadrature, at most: one for every `DRAFTED_FOR` points
-    modes : below this share of a solution's size a mode is left out
-    fit : of the cubature's sums, relative to the largest, below which they are not kept
-    trained : solutions that the cubature is fitted to at first
+    modes : times the tolerance, below which share of a solution's size a mode is left out
+    fit : times the tolerance, below which share of the largest of the cubature's sums they are not kept
+    trained : solutions whose reduced forces the cubature keeps, beside what force and flux linkage of all points ask
     built_at : points that a model is built for, of many
     looked_at : points at which its error is looked at in the end, of many
     widened : times at most that those where it is too large there are built for as well
     fits : of the cubature at most
+    share : of a sum for a reduced force beside one for a number
     """
 
     tolerance: float = 2.5e-4
     rounds: int = 4
     checks: int = 9
     drafts: int = 5
-    modes: float = 5e-4
-    fit: float = 7e-6
-    trained: int = 12
+    modes: float = 3.2
+    fit: float = 0.14
+    trained: int = 5
     built_at: int = 72
     looked_at: int = 200
     widened: int = 3
     fits: int = 2
+    share: float = 0.01
 
 
 @dataclass(frozen=True)
@@ -88,11 +91,15 @@ class Reduction:
 
 @dataclass(frozen=True)
 class _Taken:
-    """A solution in the space: its point, the place of its potential there, after which come the slopes; the scales."""
+    """A solution in the space: its point, the place of its potential there, after which come the slopes; the scales.
+
+    And how large force and flux linkages are there.
+    """
 
     point: FieldPoints
     place: int
     scales: list[float]
+    sizes: Array
 
 
 class Reducer:
@@ -132,7 +139,9 @@ class Reducer:
         q = float(self.points.coordinate[n])
         vectors = potential, *(full or self.full).responses(q, potential)
         scales = [self.space.norm(vectors[0]), *(self.space.norm(vector) / SLOPE_SHARE for vector in vectors[1:])]
-        self._taken.append(_Taken(self.points.only([n]), len(self.space), scales))
+        numbers = (full or self.full).numbers(q, potential)
+        sizes = np.abs([numbers.energy_slope, *numbers.flux_linkage])
+        self._taken.append(_Taken(self.points.only([n]), len(self.space), scales, sizes))
         for vector, scale in zip(vectors, scales, strict=True):
             self.space.add(vector, scale)
         self.solutions += 1
@@ -153,7 +162,7 @@ class Reducer:
             self._solve_roughly(n, potential)
         for _ in range(self.settings.drafts):
             chosen = self.farthest(DRAFTED)
-            basis = self.space.basis(self.settings.modes)
+            basis = self.space.basis(self.settings.modes * self.settings.tolerance)
             states = ReducedModel(basis, self.full.sources, basis.coarse_iron()).solve(self.points.only(chosen)).states
             for n, state in zip(chosen, states, strict=True):
                 self._solve_roughly(n, basis.vectors @ state)
@@ -170,26 +179,25 @@ class Reducer:
 
         None where the states do not converge.
 
-        The points keep reduced forces and energies of the solutions taken, then of states where the cubature errs most.
+        The points keep what force and flux linkage ask at all points as they are expected, then as they were found.
         """
         settings = self.settings
-        basis = self.space.basis(settings.modes)
+        basis = self.space.basis(settings.modes * settings.tolerance)
         taken = self.taken_in(basis)
-        trained = taken.states[_spread(taken.states, settings.trained)]
-        start = (taken if self._last is None else self._last_in(basis, *self._last)).near(self.points)
+        full_scale = np.max([taken.sizes for taken in self._taken], axis=0)
+        forces = settings.share * force_integrands(basis, taken.states[_spread(taken.states, settings.trained)])
+        known = (taken if self._last is None else self._last_in(basis, *self._last)).near(self.points)
         for _ in range(settings.fits):
-            rows = iron_integrands(basis, trained)
-            points, weight = sparse_weights(rows, basis.quadrature.weight, tolerance=settings.fit)
+            rows = np.concatenate([number_integrands(basis, known, full_scale), forces])
+            points, weight = sparse_weights(rows, basis.quadrature.weight, tolerance=settings.fit * settings.tolerance)
             model = ReducedModel(basis, self.full.sources, basis.some_iron(points, weight), points)
-            states = model.solve(self.points, start)
+            states = model.solve(self.points, known.states)
             if not (states.steps > 0).all():
                 return None
-            self._last, start = (model, states), states.states
+            self._last, known = (model, states), states
             missed = model.cubature_error(states, np.arange(len(self.points)))
             if SAFETY * missed.max() <= settings.tolerance:
                 break
-            worst = _apart(np.argsort(-missed), self.places, settings.trained // 2)
-            trained = np.concatenate([trained, states.states[worst]])
         return model, states, missed
 
     def taken_in(self, basis: Basis) -> KnownStates:
@@ -301,25 +309,6 @@ def change_of_numbers(full: FullField, states: ReducedStates, n: int, potential:
     force = abs(numbers.energy_slope - states.energy_slope[n]) / np.abs(states.energy_slope).max()
     flux = np.abs(numbers.flux_linkage - states.flux_linkage[n]) / np.abs(states.flux_linkage).max(axis=0)
     return max(float(force), float(flux.max()))
-
-
-def iron_integrands(basis: Basis, states: Array) -> Array:
-    """(m, n_point) densities of the reduced force of each state (n, N), over its size, and of its energy."""
-    whole = basis.whole_iron()
-    rows = []
-    for c in states:
-        field = (whole.gradients @ c).reshape(-1, 2)
-        b = np.hypot(field[:, 0], field[:, 1])
-        nu, energy = np.zeros_like(b), np.zeros_like(b)
-        for k, part in enumerate(basis.model.irons.values()):
-            own = whole.iron == k
-            h = part.iron.magnetise(b[own])[0]
-            nu[own] = h / np.maximum(b[own], 1e-12)
-            energy[own] = part.iron.energy_density(b[own])
-        force = np.einsum("pk,pkj->jp", field * nu[:, None], whole.gradients.reshape(b.size, 2, -1))
-        size = np.linalg.norm(force @ whole.weight)
-        rows += [force / size, energy[None] / (energy @ whole.weight)]
-    return np.concatenate(rows)
 
 
 def _ranks(values: Array) -> Array:
