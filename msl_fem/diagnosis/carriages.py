@@ -24,7 +24,7 @@ from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.inverse_force import ZeroPhaseLowPass, missing_force, usual_low_pass
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, without_those_of
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
-from msl_fem.diagnosis.noise import NoiseBands, transformed
+from msl_fem.diagnosis.noise import NoiseBands, NoiseWeights, transformed, weights_of
 from msl_fem.diagnosis.problem import FitProblem, Points
 from msl_fem.diagnosis.robust_errors import robust_errors
 from msl_fem.diagnosis.unknowns import Unknowns, fixed_of
@@ -81,6 +81,10 @@ class InverseLikelihood(Likelihood):
         ratios = ratios_along(data.schedules, factors)
         force = missing_force(plant, data, effects, gain=gain, low_pass=self.low_pass, ratios=ratios)
         return transformed(force[self.low_pass.kept(force.size)] / self.sigmas[run], self.bands.lines[run])
+
+    def weights(self, residual: Array, unknowns: Unknowns) -> NoiseWeights:
+        """The most probable densities given a residual (n_number,); a wander is no noise of its form in a force."""
+        return weights_of(residual, self.labels, self.ceilings, self.spent)
 
     def standard_errors(self, found: Fit, along: Array | None = None) -> Array:
         """Of what inverse dynamics leave, which is no white noise: see `robust_errors`."""

@@ -5,7 +5,7 @@ when what coincides with a believed parameter has left that parameter's toleranc
 leave is the noise, or a small part of what was there without them; and when runs that no fit has seen become no worse.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from msl_fem.diagnosis.problem import FitProblem
 from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import EffectUnknown
+from msl_fem.plant.effects import CATALOGUE
 from msl_fem.prediction import RunData
 from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record import Record
@@ -51,9 +52,7 @@ TIE = 5.0
 """Nats within which two names cannot be told apart."""
 WORSE = 10.0
 """Nats that held-out data may become less probable before a name is refused."""
-WANDERED = 0.25
-"""`LEFT_OVER` where one of them wanders: a random walk may keep as much beside its best cubic."""
-OWN_OF_A_RUN = {"sensor_drift"}
+OWN_OF_A_RUN = {effect.name for effect in CATALOGUE.values() if effect.wanders}
 """Effects that begin anew in every run: held-out runs cannot speak against them."""
 BESIDE = 0.1
 """Share of the largest gain before that an effect has to bring to count where more than noise is left beside it."""
@@ -144,17 +143,12 @@ def share_left(excesses: Excesses, taken: int) -> float:
     return excess_power(excesses[taken]) / without if without > 0 else 0.0
 
 
-def may_leave(effects: Iterable[str]) -> float:
-    """Share of the excess power without effects that these may leave, where what they leave is not noise."""
-    return LEFT_OVER if OWN_OF_A_RUN.isdisjoint(effects) else WANDERED
-
-
 def too_much_left(effects: Sequence[str], excesses: Excesses) -> str:
     """Why effects that were taken, in their order, are not named: they leave neither noise nor a small part of what was
     there without them. Empty where they do."""
     taken = len(effects)
     left = share_left(excesses, taken)
-    if not taken or white(excesses[taken]) or left <= may_leave(effects):
+    if not taken or white(excesses[taken]) or left <= LEFT_OVER:
         return ""
     power = f"{100 * left:.3g} % of the excess power is left"
     return f"nearest in the catalogue: {', '.join(effects)}; not named, since {power}"

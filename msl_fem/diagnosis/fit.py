@@ -243,7 +243,7 @@ class _FitPosterior:
         return self._weighted(z, residual)
 
     def _weighted(self, z: Array, residual: Array) -> _FitPoint:
-        weights = self.likelihood.weights(residual)
+        weights = self.likelihood.weights(residual, self.unknowns)
         if self.heat != 1.0:
             weights = replace(weights, root=weights.root / np.sqrt(self.heat), nats=weights.nats / self.heat)
         objective = weights.nats + self.unknowns.prior(z)[0] if np.isfinite(residual).all() else np.inf

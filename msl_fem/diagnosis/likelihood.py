@@ -25,6 +25,7 @@ from msl_fem.diagnosis.noise import (
 from msl_fem.diagnosis.problem import FitProblem, Points, batches, residuals_in_parts, simulated_residuals
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
 from msl_fem.diagnosis.unknowns import Unknowns
+from msl_fem.diagnosis.wander import WanderLines, with_wander
 from msl_fem.record.columns import name_and_unit
 
 NO_NOISE = "which is an error of the model and no noise"
@@ -164,7 +165,7 @@ class Likelihood:
         residual = self.spectra(Points.of(unknowns, z[None]))[0]
         if not np.isfinite(residual).all():
             return np.inf
-        return self.weights(residual).nats + unknowns.prior(z)[0]
+        return self.weights(residual, unknowns).nats + unknowns.prior(z)[0]
 
     def excess(self, found: Fit) -> dict[str, float]:
         """Channel to RMS residual over the noise's sigma."""
@@ -174,12 +175,14 @@ class Likelihood:
         """Channel to RMS residual over the noise's sigma, all frequencies and all runs together, of the numbers of a
         fit; its residual may be that of other stretches.
 
-        Where the highest frequencies show an instrument louder than stated, over that (`noise.loudness`).
+        Where the highest frequencies show an instrument louder than stated, over that (`noise.loudness`). What a zero
+        that wanders accounts for is none of it.
         """
         over: dict[str, list[Array]] = {}
         reads: dict[str, list[NDArray[np.bool_]]] = {}
         points = Points.of(found.unknowns, found.z[None])
-        for run, channels in enumerate(simulated_residuals(self.problem, points, substeps=self.substeps)):
+        simulated = simulated_residuals(self.problem, points, substeps=self.substeps)
+        for run, channels in enumerate(simulated):
             counts, left_out = self.problem.counts(run), self.problem.runs[run].left_out
             for name, every in zip(self.problem.channels(run), self._over_noise(run, channels), strict=True):
                 read = np.ones(every.shape[1], dtype=bool)
@@ -187,7 +190,15 @@ class Likelihood:
                 over.setdefault(name, []).append(every[0, counts])
                 reads.setdefault(name, []).append(read[counts])
         power = {name: np.mean([np.mean(values**2) for values in runs]) for name, runs in over.items()}
+        if found.unknowns.wanders in power:
+            samples = sum(values.size for values in over[found.unknowns.wanders])
+            power[found.unknowns.wanders] -= self._wandered(found.unknowns, self.transformed(simulated)[0]) / samples
         return {name: float(np.sqrt(power[name])) / loudness(over[name], reads[name]) for name in over}
+
+    def _wandered(self, unknowns: Unknowns, residual: Array) -> float:
+        """Of the squares of the runs' numbers, together, what a zero that wanders accounts for."""
+        alone = Likelihood(self.problem, self.bands, self.substeps, strict=self.strict)
+        return float(np.sum((1 - alone.weights(residual, unknowns).of_noise) * residual**2))
 
     def standard_errors(self, found: Fit, along: Array | None = None) -> Array:
         """(unknowns.size,) of the unknowns at a fit, or (n,) of sums of them with weights `along` (n, unknowns.size): a
@@ -198,7 +209,7 @@ class Likelihood:
     def above_noise(self, found: Fit) -> list[str]:
         """In which octaves what is left is more than an instrument's noise can be, in words."""
         count = np.maximum(np.bincount(self.labels) - self.spent, 1.0)
-        density = np.bincount(self.labels, weights=found.residual**2) / count
+        density = np.bincount(self.labels, weights=found.residual**2 * found.weights.of_noise) / count
         names, n_band = self.channel_names, self.bands.n_band
         told = []
         for label in np.flatnonzero(density > ceilings(n_band, len(names), strict=True)):
@@ -256,9 +267,26 @@ class Likelihood:
         error."""
         return ceilings(self.bands.n_band, len(self.channel_names), strict=self.strict)
 
-    def weights(self, residual: Array) -> NoiseWeights:
+    def weights(self, residual: Array, unknowns: Unknowns) -> NoiseWeights:
         """The most probable densities given a residual (n_number,)."""
-        return weights_of(residual, self.labels, self.ceilings, self.spent)
+        plain = weights_of(residual, self.labels, self.ceilings, self.spent)
+        if unknowns.wanders not in self.channel_names:
+            return plain
+        lines = self.wander_lines(unknowns.wanders)
+        return with_wander(plain, residual, self.labels, self.ceilings, self.spent, lines)
+
+    def wander_lines(self, channel: str) -> WanderLines:
+        """Where a channel's zero shows."""
+        places, frequencies, at = [], [], 0
+        for piece, (run, part) in enumerate(self.problem.pieces):
+            lines = self.bands.lines[piece]
+            for name in self.problem.channels(run):
+                if name == channel:
+                    places.append(np.arange(at, at + 2 * lines))
+                    turn = np.pi * np.maximum(np.arange(lines), 0.5) / (part.stop - part.start)
+                    frequencies.append(np.tile(np.sin(turn) * self.problem.runs[run].rate / np.pi, 2))
+                at += 2 * lines
+        return WanderLines(np.concatenate(places), np.concatenate(frequencies))
 
     def noise_spectra(self, density: Array) -> dict[str, tuple[Array, Array]]:
         """By channel the edges of the bands (n_band + 1,) in Hz, and in each the power density of a fit's

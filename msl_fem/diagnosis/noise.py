@@ -168,11 +168,18 @@ class NoiseWeights:
     density : (n_label,)
     root : (n_number,) one over the square root of each number's density
     nats : the data's part of S
+    wander : (n_number,) of each density the share of a zero that wanders (`wander`); None: none does
     """
 
     density: Array
     root: Array
     nats: float
+    wander: Array | None = None
+
+    @property
+    def of_noise(self) -> Array | float:
+        """(n_number,) of each density the share of the noise, or 1 of all."""
+        return 1.0 if self.wander is None else 1 - self.wander
 
 
 def weights_of(residual: Array, labels: NDArray[np.intp], ceilings: Array, spent: Array | float = 0.0) -> NoiseWeights:

@@ -87,7 +87,7 @@ def objectives(likelihood: Likelihood, unknowns: Unknowns, points: Array) -> Arr
     costs = np.full(len(points), np.inf)
     for n, residual in enumerate(likelihood.spectra(Points.of(unknowns, points))):
         if np.isfinite(residual).all():
-            costs[n] = likelihood.weights(residual).nats + unknowns.prior(points[n])[0]
+            costs[n] = likelihood.weights(residual, unknowns).nats + unknowns.prior(points[n])[0]
     return costs
 
 

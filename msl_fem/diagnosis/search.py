@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.signal import find_peaks
 
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
@@ -21,6 +22,8 @@ MOST_TRIED = 7
 FEWEST_TRIED = 3
 SHARE = 0.03  # of the best score: effects below are not refitted
 VARIANTS = 2  # of an effect that are refitted
+STANDS_OUT = 5.0
+"""Nats of its neighbours on the grid of a shape, by which a score is a peak of its own."""
 FAR_ABOVE = 40.0
 HOPELESS = 1 / 3  # of the nats that an effect needs, below which linear scores beside noise are taken at their word
 COMPENSATED = ("gap_offset", "early_saturation", "fringing", "armature_tilt")
@@ -74,6 +77,7 @@ def search_stage(
         at_base = scored(base, tried)
         every = at_base.scores
     candidates = ranked(every)
+    candidates += peaks(every, candidates)
     if quiet and candidates and candidates[0].gain < HOPELESS * least:
         candidates = candidates[:1]
     if strained(base):
@@ -124,3 +128,23 @@ def ranked(every: Sequence[Score]) -> list[Score]:
         chosen.setdefault(score.variant.effect, []).append(score)
         found.append(score)
     return found
+
+
+def peaks(every: Sequence[Score], chosen: Sequence[Score]) -> list[Score]:
+    """Of each effect that is chosen the further peak over the grid of a shape that stands out most: next to a resonance
+    between two points of a grid the springs far below and above it score more, and lead nowhere."""
+    least = {score.variant.effect: 0.5 * score.gain for score in reversed(chosen)}
+    families: dict[tuple[object, ...], list[Score]] = {}
+    for score in every:
+        if score.variant.effect in least and score.variant.shapes:
+            names = (score.variant.effect, *(amount.name for amount in score.variant.amounts))
+            families.setdefault((*names, *score.variant.shapes[1:]), []).append(score)
+    found: dict[str, tuple[float, Score]] = {}
+    for (effect, *_), family in families.items():
+        along = sorted(family, key=lambda score: score.variant.shapes[0].centre)
+        places, told = find_peaks([score.gain for score in along], prominence=STANDS_OUT)
+        for place, height in zip(places, told["prominences"], strict=True):
+            score = along[place]
+            if score not in chosen and score.gain >= least[str(effect)] and height > found.get(str(effect), (0.0,))[0]:
+                found[str(effect)] = float(height), score
+    return [score for _, score in found.values()]

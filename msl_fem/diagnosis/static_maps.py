@@ -275,7 +275,9 @@ class JointLikelihood(Likelihood):
     def runs_part(self, found: Fit) -> tuple[Likelihood, Fit]:
         """The runs alone, and a fit as they see it."""
         n = self._of_runs
-        weights = NoiseWeights(found.weights.density, found.weights.root[:n], found.weights.nats)
+        whole = found.weights
+        share = None if whole.wander is None else whole.wander[:n]
+        weights = NoiseWeights(whole.density, whole.root[:n], whole.nats, share)
         alone = replace(found, residual=found.residual[:n], jacobian=found.jacobian[:n], weights=weights)
         return Likelihood(self.problem, self.bands, self.substeps), alone
 

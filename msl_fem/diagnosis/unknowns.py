@@ -151,6 +151,11 @@ class Unknowns:
         return vector
 
     @property
+    def wanders(self) -> str:
+        """The reading whose zero wanders by one of the effects; "": none."""
+        return next((CATALOGUE[one.effect].wanders for one in self.effects if CATALOGUE[one.effect].wanders), "")
+
+    @property
     def plain(self) -> bool:
         return not self.effects and not self.fixed
 

@@ -41,7 +41,7 @@ class LinearRecord:
     def ceilings(self) -> Array:
         return np.array([np.inf])
 
-    def weights(self, residual: Array) -> NoiseWeights:
+    def weights(self, residual: Array, unknowns: Unknowns) -> NoiseWeights:
         return weights_of(residual, self.labels, self.ceilings)
 
     def spectra(self, points: Points) -> Array:

@@ -49,7 +49,7 @@ class LinearRecord:
     def noise_spectra(self, density: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         return {"position_m": (np.array([0.0, 1.0]), density)}
 
-    def weights(self, residual: np.ndarray) -> NoiseWeights:
+    def weights(self, residual: np.ndarray, unknowns: Unknowns) -> NoiseWeights:
         return weights_of(residual, self.labels, self.ceilings)
 
     def gathering(self, runs: GatheredRuns | None) -> "LinearRecord":

@@ -42,7 +42,7 @@ class CutRecord:
         halves = np.stack([self.strong * z[:, 0], self.bent * z[:, 0] ** 2 + 0.5 * z[:, 1]], axis=1)
         return self.data - np.repeat(halves, 200, axis=1)
 
-    def weights(self, residual: np.ndarray):
+    def weights(self, residual: np.ndarray, unknowns: Unknowns):
         return weights_of(residual, np.zeros(400, dtype=np.intp), np.array([100.0]))
 
     def followed(self, unknowns: Unknowns, z: np.ndarray) -> "CutRecord":
@@ -51,7 +51,7 @@ class CutRecord:
 
     def objective(self, unknowns: Unknowns, z: np.ndarray) -> float:
         residual = self.spectra(Points.of(unknowns, z[None]))[0]
-        return self.weights(residual).nats + unknowns.prior(z)[0]
+        return self.weights(residual, unknowns).nats + unknowns.prior(z)[0]
 
 
 def far() -> CutRecord:
@@ -65,7 +65,7 @@ def test_a_fit_that_begins_far_away_goes_there_without_detours(monkeypatch: pyte
     record = far()
     found = fit(record, UNKNOWNS, np.zeros(2))  # type: ignore[arg-type]
     assert found.z == pytest.approx([10.0, 0.0], abs=0.2)
-    assert found.weights.nats == pytest.approx(record.weights(found.residual).nats), "the heat is gone"
+    assert found.weights.nats == pytest.approx(record.weights(found.residual, found.unknowns).nats), "the heat is gone"
     assert np.abs([z[1] for z in record.visited]).max() < 50
     assert found.sane is not None
     assert found.sane.z == pytest.approx(found.z)
@@ -187,7 +187,7 @@ class Amounts:
     def spectra(self, points: Points) -> np.ndarray:
         return (100 * (points.rows[:, -1:] + 0.1)).repeat(2, axis=1)
 
-    def weights(self, residual: np.ndarray) -> SimpleNamespace:
+    def weights(self, residual: np.ndarray, unknowns: Unknowns) -> SimpleNamespace:
         return SimpleNamespace(nats=float(residual @ residual))
 
 

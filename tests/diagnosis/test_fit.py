@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,8 +25,8 @@ from msl_fem.diagnosis.noise import (
     weights_of,
 )
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.scores import scores
-from msl_fem.diagnosis.search import converged_base, ranked, search_stage
+from msl_fem.diagnosis.scores import Score, scores
+from msl_fem.diagnosis.search import converged_base, peaks, ranked, search_stage
 from msl_fem.diagnosis.unknowns import CAUCHY, EffectUnknown, Unknowns, factor
 from msl_fem.diagnosis.variants import Variant
 from msl_fem.errors import ComputationError
@@ -213,7 +214,8 @@ def test_what_no_instrument_s_noise_can_be_is_told_octave_by_octave() -> None:
             labels, spent, channel_names = bands.band_of[0].repeat(2), 0.0, ["position_m"]  # type: ignore[assignment]
 
         lines = transformed(noise + size * sine, bands.lines[0]).reshape(2, -1).T.ravel()
-        return Channels(None, bands, 1).above_noise(SimpleNamespace(residual=lines))  # type: ignore[arg-type]
+        found: Any = SimpleNamespace(residual=lines, weights=SimpleNamespace(of_noise=1.0))
+        return Channels(None, bands, 1).above_noise(found)  # type: ignore[arg-type]
 
     octave = bands.band_of[0] == bands.band_of[0][320]  # that of 40 Hz
     power = np.sum(octave) * 2 / 8000  # share of its numbers
@@ -275,3 +277,21 @@ def test_a_start_that_cannot_be_simulated_is_said() -> None:
     it.data[3] = np.nan
     with pytest.raises(ComputationError, match="fails at the start"):
         fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
+
+
+def test_a_peak_between_springs_that_score_more_is_tried_too() -> None:
+    """The gains of a second resonance at 153 Hz over the grid: far above, its spring alone scores more."""
+    grid = [100.0, 119.0, 140.0, 165.0, 195.0, 230.0, 271.0, 320.0, 526.0, 864.0, 1203.0, 1419.0]
+    gains = [47.7, 155.5, 199.7, 294.3, 239.7, 280.0, 308.2, 359.3, 389.0, 365.6, 394.6, 387.4]
+    share = EffectUnknown("structural_mode", "mass_share")
+
+    def score(centre: float, gain: float) -> Score:
+        variant = Variant("structural_mode", (share,), (EffectUnknown("structural_mode", "frequency", centre, 0.15),))
+        return Score(variant, gain, np.ones(1), np.zeros(1), np.eye(1))
+
+    every = sorted(map(score, grid, gains), key=lambda one: -one.gain)
+    chosen = ranked(every)
+    assert [one.variant.shapes[0].centre for one in chosen] == [1203.0, 526.0]
+    assert [one.variant.shapes[0].centre for one in peaks(every, chosen)] == [165.0]
+    flat = [score(centre, 300.0 - n) for n, centre in enumerate(grid)]
+    assert not peaks(flat, ranked(flat))

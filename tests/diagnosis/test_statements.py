@@ -18,7 +18,7 @@ from msl_fem.prediction import ModelHypothesis, run_data
 def believed(kind: Runs) -> float:
     """Nats of the belief."""
     residual = kind.likelihood.spectra(Points.of(kind.unknowns, np.zeros((1, kind.unknowns.size))))[0]
-    return -kind.likelihood.weights(residual).nats
+    return -kind.likelihood.weights(residual, kind.unknowns).nats
 
 
 def test_the_hold_is_turned_round_in_all_runs_and_the_true_one_is_more_probable() -> None:

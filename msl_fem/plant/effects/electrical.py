@@ -119,7 +119,13 @@ ELECTRICAL = (
         source="Boglietti et al., IEEE Trans. Ind. Electron. 56(3), 2009, 871-882 (lumped capacities)",
         parameters=(
             Parameter(
-                "rise_per_joule", "J^-1", 0.0, (0.0, 1.0), 1e-4, "0.39 %/K over the heat capacity of a side's coils"
+                "rise_per_joule",
+                "J^-1",
+                0.0,
+                (0.0, 1.0),
+                1e-4,
+                "0.39 %/K over the heat capacity of a side's coils",
+                of=(("mass", -1),),
             ),
             Parameter(
                 "initial_rise",

@@ -166,6 +166,8 @@ class Effect:
     sets : amounts that a search tries together; (): one set, all of them
     separating : the static measurement that tells it from the other effects of a magnet at rest; "": it is not looked
         for there
+    wanders : the reading whose zero it moves by a path of each run's own, of which its parameters are the even course;
+        "": it acts alike in every run
     """
 
     name: str
@@ -184,6 +186,7 @@ class Effect:
     needs: tuple[Need, ...] = ()
     sets: tuple[tuple[str, ...], ...] = ()
     separating: str = ""
+    wanders: str = ""
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; KeyError where there is none."""

@@ -246,5 +246,6 @@ SENSING = (
             ("offset", "rate", "acceleration"),
             ("offset", "rate", "acceleration", "jerk"),
         ),
+        wanders="position_m",
     ),
 )
