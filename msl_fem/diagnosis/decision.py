@@ -93,8 +93,8 @@ class Rule:
     """
 
     threshold: float = 9.0
-    further: float = 12.0
-    share: float = 0.003
+    further: float = 24.0
+    share: float = 0.01
     finished: float = FINISHED
     several: float = ONE_OF_SEVERAL
     most: int = 4

@@ -99,4 +99,4 @@ def diagnosis_of(kind: Kind, how: DiagnosisSettings) -> Diagnosis:
     if "unexplained" not in found.verdict or not kind.takes_laws:
         return found
     starts = (result.fits[0], result.final) if found.causes else (result.fits[0],)
-    return with_formula(found, formula_of(kind, starts, how.rule, tell=how.progress))
+    return with_formula(found, formula_of(kind, starts, tell=how.progress))

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from msl_fem.computing.laws import LawExpression, expression
-from msl_fem.diagnosis.decision import WORSE, Rule, excess_power, white
+from msl_fem.diagnosis.decision import WORSE, excess_power, white
 from msl_fem.diagnosis.estimates import Estimate, effect_estimates
-from msl_fem.diagnosis.formula_search import EXPLAINED, ChosenTerms, chosen_terms
+from msl_fem.diagnosis.formula_search import EXPLAINED, LEAST, ChosenTerms, chosen_terms
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, held_out_gains, held_out_worse
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.refits import Refit
@@ -92,7 +92,7 @@ class Formula:
         return replace(self.beside, effects=EffectValues({**stated, law.effect: law.stated}))
 
 
-def formula_of(kind: Kind, starts: Sequence[Fit], rule: Rule, *, tell: Callable[[str], None]) -> Formula | None:
+def formula_of(kind: Kind, starts: Sequence[Fit], *, tell: Callable[[str], None]) -> Formula | None:
     """The formula that accounts for what fits leave; None where none is worth it.
 
     Parameters
@@ -100,10 +100,10 @@ def formula_of(kind: Kind, starts: Sequence[Fit], rule: Rule, *, tell: Callable[
     starts : the fit without effects, and where effects were taken, that with them. A formula takes their place where
         one term alone leaves noise, and is more probable than they are with one beside them
     """
-    beside = chosen_terms(starts[-1], rule, tell=tell)
-    alone = chosen_terms(starts[0], rule, tell=tell, most=1) if len(starts) > 1 else None
+    beside = chosen_terms(starts[-1], tell=tell)
+    alone = chosen_terms(starts[0], tell=tell, most=1) if len(starts) > 1 else None
     named = starts[-1] if beside is None else beside.fit
-    if alone is not None and white(alone.fit.excess) and alone.fit.log_evidence > named.log_evidence + rule.further:
+    if alone is not None and white(alone.fit.excess) and alone.fit.log_evidence > named.log_evidence + LEAST:
         return _told(kind, alone, alone=True)
     return None if beside is None else _told(kind, beside, alone=False)
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from msl_fem.computing.laws import LawExpression
-from msl_fem.diagnosis.decision import BY_CHANCE, Rule, completes, excess_power, white
+from msl_fem.diagnosis.decision import BY_CHANCE, completes, excess_power, white
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.formula_terms import law_sizes, library
 from msl_fem.diagnosis.likelihood import Fit
@@ -25,6 +25,7 @@ from msl_fem.diagnosis.variants import record_features, variants
 from msl_fem.plant.effects import declared
 from msl_fem.plant.effects.expressions import DECLARED, MOST_PARAMETERS
 
+LEAST = 12.0  # nats that a term brings at least
 EXPLAINED = 0.3  # share of the excess power that a formula takes at least
 MOST_TERMS = 3
 
@@ -41,7 +42,7 @@ class ChosenTerms:
     first: tuple[tuple[LawExpression, Refit], ...]
 
 
-def chosen_terms(start: Fit, rule: Rule, *, tell: Callable[[str], None], most: int = MOST_TERMS) -> ChosenTerms | None:
+def chosen_terms(start: Fit, *, tell: Callable[[str], None], most: int = MOST_TERMS) -> ChosenTerms | None:
     """Terms taken one after the other beside a fit; None where the first is not worth it."""
     problem = start.likelihood.problem
     laws = library(problem.plant.parameters, law_sizes(problem.plant.parameters, problem.runs))
@@ -51,8 +52,8 @@ def chosen_terms(start: Fit, rule: Rule, *, tell: Callable[[str], None], most: i
         taken = () if found is None else found.laws
         before = base if found is None else found.fit
         with declared(*taken):
-            further = _best_term(before, [law for law in laws if _goes_with(law, taken)], rule, tell)
-        if further is None or not _worth(before, further, taken, rule):
+            further = _best_term(before, [law for law in laws if _goes_with(law, taken)], tell)
+        if further is None or not _worth(before, further, taken):
             break
         found = _with_term(base, found, further)
         if white(found.fit.excess):
@@ -72,11 +73,11 @@ def _goes_with(law: LawExpression, taken: Sequence[LawExpression]) -> bool:
     return all(law.equation == one.equation and law.name != one.name for one in taken)
 
 
-def _best_term(base: Fit, laws: Sequence[LawExpression], rule: Rule, tell: Callable[[str], None]) -> _Step | None:
+def _best_term(base: Fit, laws: Sequence[LawExpression], tell: Callable[[str], None]) -> _Step | None:
     """Every term scored, the best ones fitted anew with everything else."""
     tell(f"{len(laws)} terms of a formula")
     scores, null = _scored(base, laws)
-    if not scores or scores[0].gain < rule.further:
+    if not scores or scores[0].gain < LEAST:
         return None
     best = _first_of_each(ranked(scores))
     by_name = {law.effect: law for law in laws}
@@ -140,10 +141,10 @@ def _first_of_each(scores: Sequence[Score]) -> dict[str, Score]:
     return found
 
 
-def _worth(before: Fit, step: _Step, taken: Sequence[LawExpression], rule: Rule) -> bool:
+def _worth(before: Fit, step: _Step, taken: Sequence[LawExpression]) -> bool:
     """Whether the best term brings enough, and takes enough of what is in excess of the noise."""
     best = step.refits[0][1]
-    if best.gain < max(rule.further, step.null.quantile(BY_CHANCE)):
+    if best.gain < max(LEAST, step.null.quantile(BY_CHANCE)):
         return False
     if taken:
         return completes(before.excess, best.fit.excess)

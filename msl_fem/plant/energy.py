@@ -161,7 +161,9 @@ def _field(surface: Surface, p: PlantParameters, effects: Array | None, state: A
         if effects is not None:
             y, width = abs(e[magnetic.IRON_SCALE] * flux), e[magnetic.IRON_WIDTH]
             iron = e[magnetic.IRON_LOW] * (y - width * np.log(1.0 + y / width)) + e[magnetic.IRON_KNEE] * y**4 / 4
-            energy += iron / e[magnetic.IRON_SCALE] - e[stray_flux.REMANENT_1 + j] * flux
+            bend = np.sqrt(e[stray_flux.REMANENCE_FADES])
+            bent = np.arctan(bend * flux) / bend if bend > 0.0 else flux
+            energy += iron / e[magnetic.IRON_SCALE] - e[stray_flux.REMANENT_1 + j] * bent
         if effects is not None and not settled:
             for k in range(N_EDDY):
                 energy += 0.5 * e[magnetic.EDDY_MODE + k] * (flux - rows[EDDY_FLUX_1 + j * N_EDDY + k]) ** 2

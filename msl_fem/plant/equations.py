@@ -319,7 +319,7 @@ def rates_with_effects(
             inductance = shared(cells, work, circuit + SHARED_INDUCTANCE, inductance)
             motion = shared(cells, work, circuit + SHARED_SLOPE, motion)
         emf = motion * gap_speed
-        memory = hysteresis(e, state, j, flux, settle) + series_iron(e, flux) - e[stray_flux.REMANENT_1 + j]
+        memory = hysteresis(e, state, j, flux, settle) + series_iron(e, flux) - remanence(e, j, flux)
         work[circuit + INDUCTANCE] = inductance
         work[circuit + EMF] = emf
         work[circuit + PULL_POWER] = toward * pull * gap_speed
@@ -368,6 +368,12 @@ def series_iron(e: Rows, flux: Value) -> Value:
         return flux - flux
     y = e[magnetic.IRON_SCALE] * flux
     return y * (e[magnetic.IRON_LOW] / (e[magnetic.IRON_WIDTH] + size(y)) + e[magnetic.IRON_KNEE] * y * y)
+
+
+@compiled
+def remanence(e: Rows, j: int, flux: Value) -> Value:
+    """The current (A) that a side's remanence stands for at its flux, see remanent_flux."""
+    return e[stray_flux.REMANENT_1 + j] / (1.0 + e[stray_flux.REMANENCE_FADES] * flux * flux)
 
 
 @compiled

@@ -19,7 +19,7 @@ from msl_fem.plant.effects import (
 )
 from msl_fem.plant.effects.expressions import LAWS
 from msl_fem.plant.effects.mechanisms import N_STOP
-from msl_fem.plant.equations import series_iron
+from msl_fem.plant.equations import remanence, series_iron
 from msl_fem.plant.layout import COIL_1, COIL_READING, CORE_1, HEAT_1, I1, SENSOR, workspace
 from msl_fem.plant.plant import PlantParameters, Surface, drive_lags
 from msl_fem.plant.side import Cells, cells_of, side_gap, side_with_effects
@@ -83,7 +83,8 @@ def start_effects(surface: Surface, plant: PlantParameters, coefficients: Array,
 
 def _depends_on_flux(e: Array) -> bool:
     """Whether what the iron takes of a current at the start is another at another flux."""
-    return bool(e[magnetic.IRON_LOW] or e[magnetic.IRON_KNEE] or e[magnetic.HYSTERESIS_STRETCH])
+    fading = e[stray_flux.REMANENCE_FADES] * (abs(e[stray_flux.REMANENT_1]) + abs(e[stray_flux.REMANENT_2]))
+    return bool(e[magnetic.IRON_LOW] or e[magnetic.IRON_KNEE] or e[magnetic.HYSTERESIS_STRETCH] or fading)
 
 
 def begin_effects(e: Array, state: Array) -> None:
@@ -119,17 +120,19 @@ def _share(surface: Surface, p: PlantParameters, coefficients: Array, state: Arr
 
 @compiled
 def share_with_iron(cells: Cells, p: PlantParameters, e: Rows, rows: Rows, work: Rows) -> None:
-    """Takes from the magnetising currents of a state what iron in series needs, and its memory at that flux beyond the
-    coercive current, by bisection: both grow with them."""
+    """Takes from the magnetising currents of a state what iron in series needs, its memory at that flux beyond the
+    coercive current, and what is gone of its remanence, by bisection: all grow with them."""
     look_at(e, rows, work)
     widening = 3.0 * e[magnetic.HYSTERESIS_STRETCH] * coercive_current(e)
     for j in range(p.sides):
         whole, gap = rows[I1 + j], side_gap(p, e, work, j)
-        low, high = min(whole, 0.0), max(whole, 0.0)
+        kept = e[stray_flux.REMANENT_1 + j]
+        low, high = min(whole, 0.0) - size(kept), max(whole, 0.0) + size(kept)
         for _ in range(80):
             u = 0.5 * (low + high)
             inside, _, _, _, flux, _ = side_with_effects(cells, p, e, work, j, u, gap)
-            if not inside or u + series_iron(e, flux) + widening * flux * size(flux) > whole:
+            needed = series_iron(e, flux) + widening * flux * size(flux) + (kept - remanence(e, j, flux))
+            if not inside or u + needed > whole:
                 high = u
             else:
                 low = u

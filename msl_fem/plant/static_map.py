@@ -9,7 +9,7 @@ from msl_fem.computing.lanes import Rows, keep, rows_of
 from msl_fem.errors import InputError, OutOfTable
 from msl_fem.plant.effects import EffectValues, kernel_coefficients, magnetic, stray_flux
 from msl_fem.plant.effects.mechanisms import N_STOP
-from msl_fem.plant.equations import hysteresis, series_iron
+from msl_fem.plant.equations import hysteresis, remanence, series_iron
 from msl_fem.plant.layout import STOPS_1, workspace
 from msl_fem.plant.plant import PlantParameters, Surface
 from msl_fem.plant.preparation import coercive_current, small_signal_inductance
@@ -70,7 +70,7 @@ def _follow(
     while k < gap.size:
         if k == 0 or sequence[k] != sequence[k - 1]:
             memory[:] = 0.0
-        u = _magnetising(cells, p, e, state, work, gap[k], current[k] + e[stray_flux.REMANENT_1])
+        u = _magnetising(cells, p, e, state, work, gap[k], current[k])
         inside, pull, _, _, linked, _ = side_with_effects(cells, p, e, work, 0, u, gap[k])
         if not inside:
             break
@@ -89,9 +89,10 @@ def _magnetising(
     """The u with u + h + iron = i, by bisection between brackets that grow until they hold it: memory takes at most the
     coercive current at small flux and more at large, iron in series a part of the current's sign."""
     iron = e[magnetic.IRON_LOW] > 0.0 or e[magnetic.IRON_KNEE] > 0.0
-    if e[magnetic.HYSTERESIS_SLOPE] == 0.0 and not iron:
-        return current
-    reach = coercive_current(e)
+    kept = e[stray_flux.REMANENT_1]
+    if e[magnetic.HYSTERESIS_SLOPE] == 0.0 and not iron and kept * e[stray_flux.REMANENCE_FADES] == 0.0:
+        return current + kept
+    reach = coercive_current(e) + abs(kept)
     low, high = current - reach, current + reach
     if iron:
         low, high = min(low, 0.0 - reach), max(high, reach)
@@ -112,4 +113,4 @@ def _magnetising(
 def _taken(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, u: float, gap: float) -> float:
     """The current (A) at which u magnetises."""
     _, _, _, _, linked, _ = side_with_effects(cells, p, e, work, 0, u, gap)
-    return u + hysteresis(e, state, 0, linked, False) + series_iron(e, linked)
+    return u + hysteresis(e, state, 0, linked, False) + series_iron(e, linked) - remanence(e, 0, linked)

@@ -56,10 +56,10 @@ def test_effects_are_taken_as_long_as_they_bring_enough() -> None:
     loud = NullDistribution(np.linspace(0.0, 10.0, 101))
     assert n_accepted(stages(9.5, by_chance=loud), [QUIET], rule) == 0, "surrogates bring 9.9 in one of a hundred"
     assert n_accepted(stages(10.5, 3.0, by_chance=loud), [QUIET, QUIET], rule) == 1
-    assert n_accepted(stages(400.0, 13.0, None), [LOUD, QUIET, QUIET], rule) == 2
-    assert n_accepted(stages(400.0, 11.0), [LOUD, QUIET], rule) == 1
-    assert n_accepted(stages(9000.0, 20.0), [LOUD, QUIET], rule) == 1, "a fraction of what the first one brought"
-    gap = stages(9000.0, 20.0, first="gap_offset", amount="offset")
+    assert n_accepted(stages(400.0, 25.0, None), [LOUD, QUIET, QUIET], rule) == 2
+    assert n_accepted(stages(400.0, 23.0), [LOUD, QUIET], rule) == 1
+    assert n_accepted(stages(9000.0, 80.0), [LOUD, QUIET], rule) == 1, "a fraction of what the first one brought"
+    gap = stages(9000.0, 80.0, first="gap_offset", amount="offset")
     assert n_accepted(gap, [LOUD, QUIET, QUIET], rule) == 2, "the gap's tolerance bounds what an offset can bring"
 
 

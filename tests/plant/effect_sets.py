@@ -16,7 +16,7 @@ ALL_EFFECTS = EffectValues({
     "armature_tilt": {"gap_variance": 4e-10},
     "leakage_inductance": {"share_1": 0.01, "share_2": 0.02},
     "mutual_inductance": {"share": -0.02},
-    "remanent_flux": {"current_1": 0.001, "current_2": -5e-4},
+    "remanent_flux": {"current_1": 0.001, "current_2": -5e-4, "halving_current": 5.0},
     "coil_heating": {"rise_per_joule": 1e-3, "initial_rise": 0.01, "cooling_rate": 0.1},
     "thermal_history": {"rise_1": 0.01, "rise_2": 0.02, "core_rise": 0.005},
     "amplifier_bandwidth": {"lag": 1.3e-5, "delay_share": 0.2, "slew_time": 1e-5, "bandwidth_error": 0.05},

@@ -22,7 +22,7 @@ SMOOTH = EffectValues({
     "cross_coupling": {"share": 0.04},
     "leakage_inductance": {"share_1": 0.05, "share_2": 0.08},
     "mutual_inductance": {"share": -0.03},
-    "remanent_flux": {"current_1": 0.04, "current_2": -0.03},
+    "remanent_flux": {"current_1": 0.04, "current_2": -0.03, "halving_current": 0.5},
     "coil_heating": {"rise_per_joule": 0.05, "initial_rise": 0.02, "cooling_rate": 3.0},
     "thermal_history": {"rise_1": 0.03, "rise_2": -0.01, "settling_rate": 3.0},
     "amplifier_bandwidth": {"bandwidth_error": -0.2},
@@ -67,11 +67,12 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
             n * scale * (-depth * float(at["force_current_slope"]) + growth * float(at["flux_linkage"])),
         )
 
-    def iron(flux: np.ndarray) -> np.ndarray:
-        """What iron in series takes of a side's current."""
+    def iron(flux: np.ndarray, kept: np.ndarray = remanent) -> np.ndarray:
+        """What iron in series takes of a side's current, less what its remanence stands for."""
         at = flux / inductance_0
         low, knee = get("early_saturation", "low_field_current"), get("early_saturation", "knee_excess")
-        return low * at / (get("early_saturation", "low_field_width") + np.abs(at)) + knee * at**3
+        series = low * at / (get("early_saturation", "low_field_width") + np.abs(at)) + knee * at**3
+        return series - kept / (1 + (at / get("remanent_flux", "halving_current")) ** 2)
 
     def sides(y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(four values a side, gaps, their rates)."""
@@ -83,7 +84,7 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
 
     def own_iron(u: float, j: int) -> float:
         gap = sides(np.zeros(14))[1][j]
-        return float(iron(np.array(magnet(u, gap)[0] + leak[j] * u)))
+        return float(iron(np.array(magnet(u, gap)[0] + leak[j] * u), remanent[j]))
 
     def circuits(y: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(coil currents, voltages, rates of the circuits' fluxes): six equations, six unknowns."""
@@ -100,7 +101,7 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
                 [-np.diag(resistance) + np.diag(ind * w), one, none],
             ]
         )
-        found = np.linalg.solve(matrix, np.r_[y[:2] + iron(linked) - remanent, np.zeros(2), emf + ind * w * command])
+        found = np.linalg.solve(matrix, np.r_[y[:2] + iron(linked), np.zeros(2), emf + ind * w * command])
         return found[:2], found[2:4], found[4:]
 
     def rate(t: float, y: np.ndarray, command: np.ndarray, push: float) -> np.ndarray:
@@ -127,8 +128,8 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
         ]  # fmt: skip
 
     y, rows, period, before = np.zeros(14), [], 1 / inputs.rate, np.zeros(2)
-    for j in range(2):  # u + iron(u) = what remanence stands for, with the side's own flux
-        y[j] = brentq(lambda u, j=j: u + own_iron(u, j) - remanent[j], -1.0, 1.0, xtol=1e-15)
+    for j in range(2):  # without a current of the coil, with the side's own flux
+        y[j] = brentq(lambda u, j=j: u + own_iron(u, j), -1.0, 1.0, xtol=1e-15)
     y[10:12] = [get("coil_heating", "initial_rise") + get("thermal_history", f"rise_{j}") for j in (1, 2)]
     for k, (command, push) in enumerate(zip(inputs.commands, np.asarray(inputs.disturbance), strict=True)):
         current, flux = circuits(y, before)[0], mix @ (sides(y)[0][:, 0] + stray @ y[:2])

@@ -57,11 +57,29 @@ def test_remanent_flux_stays_without_current(servo: Actuator) -> None:
     assert driven[:, OUT_FLUX_1] == pytest.approx(L_0 * (exact + 0.3), rel=1e-7)
 
 
+@pytest.mark.parametrize("current", [0.0, 0.4, -0.4])
+def test_remanent_flux_fades_with_the_flux(servo: Actuator, current: float) -> None:
+    """At rest: u = i + 0.3/(1 + (u/0.5)^2) in a run under R i volts and in a static map; flux L u, the larger root of
+    a cubic."""
+    values = effects("remanent_flux", current_1=0.3, current_2=-0.1, halving_current=0.5)
+    roots = np.roots([4.0, -4.0 * current, 1.0, -current - 0.3])
+    (u,) = roots[np.abs(roots.imag) < 1e-9].real
+    inputs = Inputs(np.tile([2.0 * current, 0.0], (4000, 1)), 1e3)
+    driven = run(changed(locked(servo), drive=VOLTAGE), linear_table(), inputs, values)[0]
+    assert driven[-1, OUT_FLUX_1] == pytest.approx(L_0 * u, rel=1e-6)
+    plant, surface = plant_parameters(changed(locked(servo), drive=VOLTAGE)), surface_of(linear_table())
+    _, flux = static_map(surface, plant, values, gap=np.array([plant.nominal_gap]), current=np.array([current]))
+    assert flux[0] == pytest.approx(L_0 * u / 2, rel=1e-9), "of one of a side's two magnets"
+
+
 @pytest.mark.parametrize("drive", [{"bandwidth": 1e3}, VOLTAGE], ids=["current", "voltage"])
 def test_remanent_flux_creates_no_energy(servo: Actuator, table: MagneticTable, drive: dict[str, object]) -> None:
-    values = EffectValues({
-        "remanent_flux": {"current_1": 0.1, "current_2": -0.2}, "mutual_inductance": {"share": 0.03},
-    })  # fmt: skip
+    values = EffectValues(
+        {
+            "remanent_flux": {"current_1": 0.1, "current_2": -0.2, "halving_current": 1.0},
+            "mutual_inductance": {"share": 0.03},
+        }
+    )
     assert abs(run(changed(servo, drive=drive), table, rough(300), values)[1]) < 1e-6
 
 

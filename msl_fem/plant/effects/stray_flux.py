@@ -9,6 +9,8 @@ LAYOUT = RowLayout(after=magnetic.LAYOUT)
 LEAKAGE_1, LEAKAGE_2 = LAYOUT.rows(2)  # leakage inductance of the sides, H
 MUTUAL_INDUCTANCE = LAYOUT.row()  # of both sides, H
 REMANENT_1, REMANENT_2 = LAYOUT.rows(2)  # current that would make the sides' remanent flux, A
+REMANENCE_FADES = LAYOUT.row()  # with the square of the flux linkage, Wb^-2
+NEVER = 1e9  # A, of a current at whose flux remanence is halved: it is not
 
 
 def _leakage(e: Array, v: Values, setting: KernelSetting) -> None:
@@ -22,6 +24,8 @@ def _mutual(e: Array, v: Values, setting: KernelSetting) -> None:
 
 def _remanence(e: Array, v: Values, setting: KernelSetting) -> None:
     e[REMANENT_1], e[REMANENT_2] = v["remanent_flux", "current_1"], v["remanent_flux", "current_2"]
+    halving = v["remanent_flux", "halving_current"]
+    e[REMANENCE_FADES] = (setting.inductance * halving) ** -2 if halving < NEVER else 0.0
 
 
 STRAY_FLUX = (
@@ -62,11 +66,25 @@ STRAY_FLUX = (
         name="remanent_flux",
         group="magnetic",
         sentence="the iron keeps flux when the current has gone",
-        equation="u_j = i_j + current_j: the coercive force of the iron's recoil line times its length, in amperes",
+        equation=(
+            "u_j = i_j + current_j/(1 + (lambda_j/lambda_h)^2), lambda_h = L_0 halving_current: the coercive force of "
+            "the iron's recoil line, which bends, times its length, in amperes"
+        ),
         source="Bozorth, Ferromagnetism, 1951, ch. 9; Furlani, Permanent Magnet and Electromechanical Devices, 2001",
         parameters=(
             Parameter("current_1", "A", 0.0, (-5.0, 5.0), 0.02, "that would make side 1's", of=(("current", 1),)),
             Parameter("current_2", "A", 0.0, (-5.0, 5.0), 0.02, "that would make side 2's", of=(("current", 1),)),
+            Parameter(
+                "halving_current",
+                "A",
+                NEVER,
+                (1e-3, 2 * NEVER),
+                10.0,
+                "at whose flux, at the nominal gap, half of it is left",
+                shape=True,
+                tried=(10.0,),
+                over="current",
+            ),
         ),
         needs=("magnets", "drive lag"),
         coefficients=_remanence,
