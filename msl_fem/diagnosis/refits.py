@@ -297,9 +297,11 @@ def strained(found: Fit) -> bool:
 
 
 def _may_lead(before: Refit, after: Refit, leader: float) -> bool:
-    """Whether a candidate that went on gains, and may still come near the one that leads."""
+    """Whether a candidate that went on gains, and may still come near the one that leads: by what it has gained, or by
+    what its next step promises."""
     gained = after.gain - before.gain
-    return gained >= after.enough and after.gain + CATCHING_UP * gained > leader - NEAR
+    to_come = max(CATCHING_UP * gained, after.fit.predicted)
+    return gained >= after.enough and after.gain + to_come > leader - NEAR
 
 
 def _effects(refits: Sequence[Refit]) -> list[str]:

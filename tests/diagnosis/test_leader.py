@@ -9,7 +9,7 @@ import pytest
 
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.likelihood import Fit
-from msl_fem.diagnosis.refits import MORE_LEGS, Refinement, Refit
+from msl_fem.diagnosis.refits import MORE_LEGS, Refinement, Refit, _may_lead
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
 
@@ -76,3 +76,12 @@ def test_beside_a_lost_model_the_leader_s_other_forms_are_led_to_their_ends_too(
     )
     refinement = Refinement(base, lambda text: None, FitMemory())
     assert refinement._other_forms(force, [mode, slip]) == ([slip] if lost else [])  # type: ignore[arg-type, list-item]
+
+
+def test_a_candidate_whose_next_step_promises_the_lead_goes_on() -> None:
+    """Remanence beside early saturation: 849 nats, 927 after a round that promises 413 more, the leader 1189."""
+    before, after = refit([0.1, 0.1, 0.1], 848.9), refit([0.1, 0.1, 0.1], 926.8)
+    promises = [replace(after, fit=replace(after.fit, predicted=nats)) for nats in (413.0, 100.0)]
+    assert [_may_lead(before, one, 1189.1) for one in promises] == [True, False]
+    idle = replace(promises[0], gain=before.gain + 1.0)
+    assert not _may_lead(before, idle, 1189.1), "a promise alone is none"
