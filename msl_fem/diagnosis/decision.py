@@ -18,6 +18,7 @@ from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.plant.effects import CATALOGUE
+from msl_fem.plant.plant import VOLTAGE_DRIVE
 from msl_fem.prediction import RunData
 from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record import Record
@@ -58,6 +59,8 @@ BESIDE = 0.1
 """Share of the largest gain before that an effect has to bring to count where more than noise is left beside it."""
 FAR_WITHIN = 0.5
 """Share of all that, up to which a refit that is not converged will not get there."""
+PROMISING = 0.25
+"""Share of its gain that the next step of such a refit promises, with which it is followed nevertheless."""
 STRONG = 25.0  # the square of a number of standard errors at which the rest of an effect counts by itself
 COINCIDING = {
     ("gap_offset", "offset"): "nominal_gap",
@@ -159,7 +162,10 @@ def white(excess: Mapping[str, float]) -> bool:
 
 
 def stays_within(problem: FitProblem, refit: Refit) -> bool:
-    """Whether a refit that is not converged is far from being more than a believed parameter within tolerances."""
+    """Whether a refit that is not converged is far from being more than a believed parameter within tolerances, and its
+    next step promises no large part of what it has gained: with that it may go far."""
+    if refit.fit.predicted > PROMISING * refit.gain:
+        return False
     return not leaves_tolerance(problem, refit.fit, refit.variant.effect, share=FAR_WITHIN)
 
 
@@ -227,8 +233,12 @@ def in_sight(problem: FitProblem, stage: SearchStage) -> SearchStage:
 
 
 def _relative(problem: FitProblem, unknown: EffectUnknown, value: float) -> float:
-    """An effect's parameter over the believed value of what it coincides with."""
-    return value / problem.plant.parameters.nominal_gap if unknown.name == "offset" else value
+    """An effect's parameter over the believed value of what it coincides with, or in units of a zero's: a current in
+    volts where voltages are commanded."""
+    plant = problem.plant.parameters
+    if unknown.effect == "remanent_flux" and plant.drive == VOLTAGE_DRIVE:
+        return value * plant.resistance
+    return value / plant.nominal_gap if unknown.name == "offset" else value
 
 
 def strong(stages: Sequence[SearchStage], n: int) -> bool:

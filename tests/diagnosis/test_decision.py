@@ -12,6 +12,7 @@ from msl_fem.diagnosis.conclusion import EffectSearch, _compensating, _named, ma
 from msl_fem.diagnosis.decision import (
     RELAXED,
     Rule,
+    _relative,
     _relaxed_gain,
     completes,
     disagrees,
@@ -19,6 +20,7 @@ from msl_fem.diagnosis.decision import (
     gauges,
     in_sight,
     n_accepted,
+    stays_within,
     white,
 )
 from msl_fem.diagnosis.fit import FitPlan
@@ -26,6 +28,8 @@ from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, held_out_agains
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.search import SearchStage
+from msl_fem.diagnosis.unknowns import EffectUnknown
+from msl_fem.plant.plant import CURRENT_DRIVE, VOLTAGE_DRIVE
 
 
 def stages(
@@ -293,3 +297,22 @@ def test_a_limit_beyond_which_next_to_nothing_is_lost_is_none(
     stage = SearchStage(None, (), (refit, other))  # type: ignore[arg-type]
     problem: Any = SimpleNamespace()
     assert in_sight(problem, stage).best is (refit if kept else other)
+
+
+def test_a_refit_whose_next_step_promises_much_is_not_given_up_for_a_tolerance(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(decision, "leaves_tolerance", lambda *_, share: False)
+    for promised, given_up in ((413.0, False), (20.0, True)):
+        refit: Any = SimpleNamespace(
+            fit=SimpleNamespace(predicted=promised), gain=926.8, variant=SimpleNamespace(effect="x")
+        )
+        problem: Any = None
+        assert stays_within(problem, refit) is given_up
+
+
+@pytest.mark.parametrize(("drive", "told"), [("voltage", 0.06), ("current", 0.03)])
+def test_remanence_is_compared_with_a_zero_in_the_units_of_the_commands(drive: str, told: float) -> None:
+    """30 mA in a coil of 2 ohm are 60 mV of a voltage's zero."""
+    code = {"voltage": VOLTAGE_DRIVE, "current": CURRENT_DRIVE}[drive]
+    plant = SimpleNamespace(drive=code, resistance=2.0, nominal_gap=1e-3)
+    problem: Any = SimpleNamespace(plant=SimpleNamespace(parameters=plant))
+    assert _relative(problem, EffectUnknown("remanent_flux", "current_1"), 0.03) == pytest.approx(told)
