@@ -25,7 +25,8 @@ def _mutual(e: Array, v: Values, setting: KernelSetting) -> None:
 def _remanence(e: Array, v: Values, setting: KernelSetting) -> None:
     e[REMANENT_1], e[REMANENT_2] = v["remanent_flux", "current_1"], v["remanent_flux", "current_2"]
     halving = v["remanent_flux", "halving_current"]
-    e[REMANENCE_FADES] = (setting.inductance * halving) ** -2 if halving < NEVER else 0.0
+    flux = setting.inductance * halving
+    e[REMANENCE_FADES] = 1.0 / (flux * flux) if halving < NEVER else 0.0
 
 
 STRAY_FLUX = (
