@@ -9,9 +9,9 @@ counts then, need not be kept as well.
 import numpy as np
 
 from msl_fem.computing.arrays import Array
+from msl_fem.magnetics.reduced.online import magnetise_fields
 from msl_fem.magnetics.reduced.reduced_model import KnownStates
 from msl_fem.magnetics.reduced.space import Basis
-from msl_fem.materials.curves import NO_FIELD, magnetise_all
 
 
 def number_integrands(basis: Basis, known: KnownStates, full_scale: Array) -> Array:
@@ -21,36 +21,28 @@ def number_integrands(basis: Basis, known: KnownStates, full_scale: Array) -> Ar
     ----------
     full_scale : (1 + coil,) of force and flux linkages, which the densities are divided by
     """
-    h_x, h_y = _field_strengths(basis, known.states)
+    h = _field_strengths(basis, known.states)
     rows = []
     slopes = [known.by_coordinate, *known.by_current.transpose(1, 0, 2)]
     for slope, scale in zip(slopes, full_scale, strict=True):
-        b_x, b_y = _flux_densities(basis, slope / scale)
-        rows.append(h_x * b_x + h_y * b_y)
+        density = h * ((slope / scale) @ basis.gradients.T)
+        rows.append(density[:, ::2] + density[:, 1::2])
     return np.concatenate(rows)
 
 
 def force_integrands(basis: Basis, states: Array) -> Array:
     """(m, n_point) densities of the reduced force of each state (n, N), over its size."""
-    gradients = basis.gradients[::2].T, basis.gradients[1::2].T
+    x, y = basis.gradients[::2].T, basis.gradients[1::2].T
     rows = []
-    for h_x, h_y in zip(*_field_strengths(basis, states), strict=True):
-        force = h_x * gradients[0] + h_y * gradients[1]
+    for h in _field_strengths(basis, states):
+        force = h[::2] * x + h[1::2] * y
         rows.append(force / np.linalg.norm(force @ basis.quadrature.weight))
     return np.concatenate(rows)
 
 
-def _flux_densities(basis: Basis, states: Array) -> tuple[Array, Array]:
-    """Both derivatives (n, n_point) at all points of the irons."""
-    return states @ basis.gradients[::2].T, states @ basis.gradients[1::2].T
-
-
-def _field_strengths(basis: Basis, states: Array) -> tuple[Array, Array]:
-    """H (n, n_point) along both."""
-    every = basis.quadrature
-    x, y = _flux_densities(basis, states)
-    b = np.maximum(np.hypot(x, y), NO_FIELD)
-    h, slope = np.empty_like(b), np.empty_like(b)
-    magnetise_all(b.ravel(), np.tile(every.iron, len(b)), every.curves, h.ravel(), slope.ravel())
-    reluctivity = h / b
-    return reluctivity * x, reluctivity * y
+def _field_strengths(basis: Basis, states: Array) -> Array:
+    """(n, 2 n_point) of H at all points of the irons, point after point."""
+    field = states @ basis.gradients.T
+    one = np.ones(basis.quadrature.weight.size)
+    magnetise_fields(field, basis.whole_iron()._replace(weight=one), np.empty((0, 0)))
+    return np.asarray(field)

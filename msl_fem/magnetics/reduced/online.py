@@ -11,7 +11,7 @@ from msl_fem.computing.compiled import compiled
 from msl_fem.computing.splines import hermite_cubic
 from msl_fem.materials.curves import NO_FIELD, Curves, Indices, magnetise_all
 
-ACCEPTED = 1e-6  # relative energy norm of the last of Newton's steps, after which its square is left
+ACCEPTED = 1e-5  # relative energy norm of the last of Newton's steps: its square is left, slopes 5e-6 of the largest
 SAME_WAY = 1e-9  # of a step of the currents
 MOST_STEPS, MOST_TRIALS = 60, 30
 MANY = 16  # points from which on products of the gradients are worth their making

@@ -163,7 +163,9 @@ class Reducer:
         for _ in range(self.settings.drafts):
             chosen = self.farthest(DRAFTED)
             basis = self.space.basis(self.settings.modes * self.settings.tolerance)
-            states = ReducedModel(basis, self.full.sources, basis.coarse_iron()).solve(self.points.only(chosen)).states
+            expected = self.taken_in(basis).near(self.points.only(chosen))
+            model = ReducedModel(basis, self.full.sources, basis.coarse_iron())
+            states = model.solve(expected.points, expected.states).states
             for n, state in zip(chosen, states, strict=True):
                 self._solve_roughly(n, basis.vectors @ state)
 
