@@ -52,8 +52,8 @@ class ReductionSettings:
     rounds: int = 4
     checks: int = 9
     drafts: int = 5
-    modes: float = 3.2
-    fit: float = 0.14
+    modes: float = 1.7
+    fit: float = 0.18
     trained: int = 5
     built_at: int = 72
     looked_at: int = 200
