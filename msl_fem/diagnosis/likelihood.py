@@ -192,13 +192,13 @@ class Likelihood:
         power = {name: np.mean([np.mean(values**2) for values in runs]) for name, runs in over.items()}
         if found.unknowns.wanders in power:
             samples = sum(values.size for values in over[found.unknowns.wanders])
-            power[found.unknowns.wanders] -= self._wandered(found.unknowns, self.transformed(simulated)[0]) / samples
+            power[found.unknowns.wanders] -= self._wandered(found, self.transformed(simulated)[0]) / samples
         return {name: float(np.sqrt(power[name])) / loudness(over[name], reads[name]) for name in over}
 
-    def _wandered(self, unknowns: Unknowns, residual: Array) -> float:
+    def _wandered(self, found: Fit, residual: Array) -> float:
         """Of the squares of the runs' numbers, together, what a zero that wanders accounts for."""
-        alone = Likelihood(self.problem, self.bands, self.substeps, strict=self.strict)
-        return float(np.sum((1 - alone.weights(residual, unknowns).of_noise) * residual**2))
+        weights = self.runs_part(found)[0].weights(residual, found.unknowns)
+        return float(np.sum((1 - weights.of_noise) * residual**2))
 
     def standard_errors(self, found: Fit, along: Array | None = None) -> Array:
         """(unknowns.size,) of the unknowns at a fit, or (n,) of sums of them with weights `along` (n, unknowns.size): a
@@ -277,16 +277,13 @@ class Likelihood:
 
     def wander_lines(self, channel: str) -> WanderLines:
         """Where a channel's zero shows."""
-        places, frequencies, at = [], [], 0
-        for piece, (run, part) in enumerate(self.problem.pieces):
-            lines = self.bands.lines[piece]
-            for name in self.problem.channels(run):
-                if name == channel:
-                    places.append(np.arange(at, at + 2 * lines))
-                    turn = np.pi * np.maximum(np.arange(lines), 0.5) / (part.stop - part.start)
-                    frequencies.append(np.tile(np.sin(turn) * self.problem.runs[run].rate / np.pi, 2))
-                at += 2 * lines
-        return WanderLines(np.concatenate(places), np.concatenate(frequencies))
+        places = np.flatnonzero(self._labels_of_runs // self.bands.n_band == self.channel_names.index(channel))
+        frequencies = []
+        for lines, (run, part) in zip(self.bands.lines, self.problem.pieces, strict=True):
+            if channel in self.problem.channels(run):
+                turn = np.pi * np.maximum(np.arange(lines), 0.5) / (part.stop - part.start)
+                frequencies.append(np.tile(np.sin(turn) * self.problem.runs[run].rate / np.pi, 2))
+        return WanderLines(places, np.concatenate(frequencies))
 
     def noise_spectra(self, density: Array) -> dict[str, tuple[Array, Array]]:
         """By channel the edges of the bands (n_band + 1,) in Hz, and in each the power density of a fit's
