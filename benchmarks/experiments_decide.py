@@ -30,7 +30,6 @@ from msl_fem.diagnosis import Diagnosis, DiagnosisSettings, diagnose
 from msl_fem.diagnosis.planning.absorbed import BelievedRefit
 from msl_fem.diagnosis.planning.after import OpenQuestion, effects_of, open_question
 from msl_fem.diagnosis.planning.experiments import ExperimentPlan, RunOption
-from msl_fem.diagnosis.usual_run import as_excited
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.plant.excitation_kinds import Excitation
@@ -169,7 +168,7 @@ def question_of(found: Diagnosis, record: Record) -> OpenQuestion | None:
         return None
     named = [(cause.effect, cause.rivals) for cause in found.causes]
     channels = [entry.nominal.channel for entry in found.accuracy]
-    usual = as_excited(record)
+    usual = None if found.usual_run is None else found.usual_run.excitation
     return open_question(found.extended, named, channels, tolerance=record.tolerance, rate=RATE, usual=usual)
 
 

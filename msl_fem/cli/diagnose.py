@@ -22,7 +22,6 @@ from msl_fem.cli.sweeping import table_for
 from msl_fem.diagnosis import Diagnosis, DiagnosisSettings, diagnose
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.impedances import diagnose_impedance
-from msl_fem.diagnosis.usual_run import excited_json
 from msl_fem.errors import InputError
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target, whole_file
@@ -96,7 +95,7 @@ def _diagnose(record: Record, output: Path | None, *, table: Path | None, resume
         say(f"note: {warning}")
     magnet_table = table_for(record.actuator, table)
     found = diagnosis_into(output, record, magnet_table, belief_about(record, magnet_table), resume=resume)
-    fields = found.to_json() | excited_json(record)
+    fields = found.to_json()
     if output is not None:
         fields |= {"files": [str(output / name) for name in FILES if (output / name).is_file()]}
     if json:

@@ -23,6 +23,7 @@ from msl_fem.diagnosis.runs import dynamic_runs
 from msl_fem.diagnosis.settings import DiagnosisSettings
 from msl_fem.diagnosis.statements import restated
 from msl_fem.diagnosis.static_maps import map_alone, why_no_map
+from msl_fem.diagnosis.usual_run import usual_run
 from msl_fem.diagnosis.without_mover import without_absent
 from msl_fem.errors import InputError
 from msl_fem.plant import plant_parameters
@@ -51,7 +52,8 @@ def diagnose(record: Record, settings: DiagnosisSettings | None = None) -> Diagn
         return replace(agreed(turns), belief=how.belief)
     kind = kind_of(record, how)
     found = Diagnosis("undecidable", kind) if isinstance(kind, str) else diagnosis_of(kind, how)
-    return replace(found, belief=how.belief, notes=(*of_coil, *of_motion, *found.notes))
+    notes = (*of_coil, *of_motion, *found.notes)
+    return replace(found, belief=how.belief, notes=notes, usual_run=usual_run(record))
 
 
 def _of_turn(record: Record, how: DiagnosisSettings) -> Diagnosis:

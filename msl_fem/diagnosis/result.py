@@ -18,6 +18,7 @@ from msl_fem.diagnosis.scheduled import ScheduledEstimate
 from msl_fem.diagnosis.scores import Score
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import WIDE
+from msl_fem.diagnosis.usual_run import UsualRun
 from msl_fem.files.numbers import json_value
 from msl_fem.files.quantity import format_quantity
 from msl_fem.files.shown import Shown
@@ -219,6 +220,7 @@ class Diagnosis(Shown):
     belief : what the plain model was believed to have beside
     correlation : of the fitted numbers' errors; None where nothing was fitted
     formula : the law that accounts for what no effect does; None where nothing is left or none was found
+    usual_run : how the record was excited, for the experiments after it; None where no drive moved the mover
     """
 
     verdict: Verdict
@@ -241,6 +243,7 @@ class Diagnosis(Shown):
     belief: Belief = PLAIN_BELIEF
     correlation: Correlation | None = None
     formula: Formula | None = None
+    usual_run: UsualRun | None = None
 
     def facts(self) -> dict[str, str]:
         """The verdict, each cause with its leading amount, rivals and interval, and what stays unexplained."""
@@ -293,6 +296,7 @@ class Diagnosis(Shown):
             "formula": None if self.formula is None else self.formula.to_json(),
             "notes": list(self.notes),
             "left_out": [one.to_json() for one in self.left_out],
+            **({} if self.usual_run is None else {"usual_run": self.usual_run.to_json()}),
         }
 
     def _null(self) -> dict[str, Any] | None:

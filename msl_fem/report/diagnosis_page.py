@@ -18,7 +18,6 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.kind import Size
 from msl_fem.diagnosis.outside import Dependence
 from msl_fem.diagnosis.result import ChannelResiduals, Diagnosis, Evidence, TriedVariant
-from msl_fem.diagnosis.usual_run import excited_json
 from msl_fem.errors import InputError
 from msl_fem.files.numbers import json_value
 from msl_fem.files.quantity import format_quantity
@@ -97,7 +96,7 @@ def _write_all(record: Record, found: Diagnosis, folder: Path, *, table: Magneti
             save_table(extended.table, folder / TABLE)
         write_extended_model(model, folder / MODEL)
     write_page(diagnosis_page(record, found), folder / REPORT)
-    text = json.dumps(json_value(found.to_json() | excited_json(record)), indent=1, allow_nan=False)
+    text = json.dumps(json_value(found.to_json()), indent=1, allow_nan=False)
     (folder / DIAGNOSIS).write_text(f"{text}\n", encoding="utf-8")
 
 

@@ -21,7 +21,7 @@ from msl_fem.diagnosis.planning.experiments import ExperimentPlan, RigToPlan, Ru
 from msl_fem.diagnosis.planning.forms import forms_of
 from msl_fem.diagnosis.planning.planned_runs import PlannedRuns
 from msl_fem.diagnosis.planning.separations import INSTRUMENTS, ROUNDS, CauseInRun, Separations, groups
-from msl_fem.diagnosis.usual_run import as_excited, excited_json
+from msl_fem.diagnosis.usual_run import usual_run
 from msl_fem.diagnosis.variants import RecordFeatures
 from msl_fem.errors import InputError
 from msl_fem.plant import NamedRun, Simulation, plant_parameters, simulate, simulation_record
@@ -275,17 +275,19 @@ def test_after_a_diagnosis_the_question_is_that_of_its_record() -> None:
         NamedRun("tones", "", "fit", simulated(tones)),
     ]
     record = simulation_record(SERVO, runs)
-    usual = as_excited(record)
+    excited = usual_run(record)
+    assert excited is not None
+    usual = excited.excitation
     assert isinstance(usual, BandLimitedNoise)
     assert usual.bias == pytest.approx(0.6, rel=0.02)
     assert usual.amplitude == pytest.approx(0.05, rel=0.1)
     assert usual.band == pytest.approx(300.0, rel=0.05)
-    said = excited_json(record)["usual_run"]
-    assert said["rate"] == pytest.approx(5e3)
-    assert parse_excitation(said["excitation"], unit="A") == usual
+    assert excited.rate == pytest.approx(5e3)
+    said = str(excited.to_json()["excitation"])
+    assert parse_excitation(said, unit="A") == usual
     slower = {name: values[::2] for name, values in record.runs[1].columns.items()}
     locked = replace(record.runs[1], name="locked", mover="locked", columns=slower)
-    assert excited_json(replace(record, runs=(locked, *record.runs)))["usual_run"] == said
+    assert usual_run(replace(record, runs=(locked, *record.runs))) == excited
     effects = EffectValues({"time_delay": {"command": 3e-5}, "squeeze_film": {"damping": 0.5}})
     named = [
         ("squeeze_film", ["damping"]),
