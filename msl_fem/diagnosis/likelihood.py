@@ -178,10 +178,24 @@ class Likelihood:
         Where the highest frequencies show an instrument louder than stated, over that (`noise.loudness`). What a zero
         that wanders accounts for is none of it.
         """
-        over: dict[str, list[Array]] = {}
-        reads: dict[str, list[NDArray[np.bool_]]] = {}
         points = Points.of(found.unknowns, found.z[None])
         simulated = simulated_residuals(self.problem, points, substeps=self.substeps)
+        over, loud = self._over_and_loudness(simulated)
+        power = {name: np.mean([np.mean(values**2) for values in runs]) for name, runs in over.items()}
+        if found.unknowns.wanders in power:
+            samples = sum(values.size for values in over[found.unknowns.wanders])
+            power[found.unknowns.wanders] -= self._wandered(found, self.transformed(simulated)[0]) / samples
+        return {name: float(np.sqrt(power[name])) / loud[name] for name in over}
+
+    def loudness(self, found: Fit) -> dict[str, float]:
+        """Channel to how many times as loud as stated its instrument is, as far as a fit's residuals show it."""
+        points = Points.of(found.unknowns, found.z[None])
+        return self._over_and_loudness(simulated_residuals(self.problem, points, substeps=self.substeps))[1]
+
+    def _over_and_loudness(self, simulated: list[list[Array]]) -> tuple[dict[str, list[Array]], dict[str, float]]:
+        """By channel residuals over the noise's sigma of each run where they count (n_sample,), and the loudness."""
+        over: dict[str, list[Array]] = {}
+        reads: dict[str, list[NDArray[np.bool_]]] = {}
         for run, channels in enumerate(simulated):
             counts, left_out = self.problem.counts(run), self.problem.runs[run].left_out
             for name, every in zip(self.problem.channels(run), self._over_noise(run, channels), strict=True):
@@ -189,11 +203,7 @@ class Likelihood:
                 read[left_out.get(name, [])] = False
                 over.setdefault(name, []).append(every[0, counts])
                 reads.setdefault(name, []).append(read[counts])
-        power = {name: np.mean([np.mean(values**2) for values in runs]) for name, runs in over.items()}
-        if found.unknowns.wanders in power:
-            samples = sum(values.size for values in over[found.unknowns.wanders])
-            power[found.unknowns.wanders] -= self._wandered(found, self.transformed(simulated)[0]) / samples
-        return {name: float(np.sqrt(power[name])) / loudness(over[name], reads[name]) for name in over}
+        return over, {name: loudness(over[name], reads[name]) for name in over}
 
     def _wandered(self, found: Fit, residual: Array) -> float:
         """Of the squares of the runs' numbers, together, what a zero that wanders accounts for."""
@@ -207,12 +217,16 @@ class Likelihood:
         return np.asarray(np.sqrt(np.sum(along @ np.linalg.inv(found.precision) * along, axis=1)))
 
     def above_noise(self, found: Fit) -> list[str]:
-        """In which octaves what is left is more than an instrument's noise can be, in words."""
+        """In which octaves what is left is more than an instrument's noise can be, also of a louder one, in words."""
+        loud = self.loudness(found)
         count = np.maximum(np.bincount(self.labels) - self.spent, 1.0)
         density = np.bincount(self.labels, weights=found.residual**2 * found.weights.of_noise) / count
         names, n_band = self.channel_names, self.bands.n_band
         told = []
-        for label in np.flatnonzero(density > ceilings(n_band, len(names), strict=True)):
+        most = ceilings(n_band, len(names), strict=True) * np.repeat(
+            [max(loud[name], 1.0) ** 2 for name in names], n_band
+        )
+        for label in np.flatnonzero(density > most):
             low, high = self.bands.edges[label % n_band : label % n_band + 2]
             channel = name_and_unit(names[label // n_band])[0].replace("_", " ")
             times = f"{np.sqrt(density[label]):.3g} times the noise is left"

@@ -204,14 +204,18 @@ def test_the_best_refit_alone_is_led_to_its_end_and_no_further_later() -> None:
 
 
 def test_what_no_instrument_s_noise_can_be_is_told_octave_by_octave() -> None:
-    """White noise of unit sigma, and in one octave a sine of ten times the least ceiling; what is below it is none."""
+    """White noise of unit sigma, and in one octave a sine of ten times the least ceiling; what is below it is none. Of
+    an instrument that is twice as loud as stated the ceiling is four times as high."""
     bands = make_bands([8000], 1000.0, highest=500.0)
     sine = np.sin(2 * np.pi * 40.0 * np.arange(8000) / 1000.0)
     noise = np.random.default_rng(5).standard_normal(8000)
 
-    def told(size: float) -> list[str]:
+    def told(size: float, loud: float = 1.0) -> list[str]:
         class Channels(Likelihood):
             labels, spent, channel_names = bands.band_of[0].repeat(2), 0.0, ["position_m"]  # type: ignore[assignment]
+
+            def loudness(self, found: Any) -> dict[str, float]:
+                return {"position_m": loud}
 
         lines = transformed(noise + size * sine, bands.lines[0]).reshape(2, -1).T.ravel()
         found: Any = SimpleNamespace(residual=lines, weights=SimpleNamespace(of_noise=1.0))
@@ -222,6 +226,9 @@ def test_what_no_instrument_s_noise_can_be_is_told_octave_by_octave() -> None:
     assert told(np.sqrt(2 * power * 5)) == []
     (said,) = told(np.sqrt(2 * power * 100))
     assert said.startswith("position: from 31.2 to 62.5 Hz 10 times the noise is left")
+    assert told(np.sqrt(2 * power * 30), 0.5) == told(np.sqrt(2 * power * 30))
+    assert told(np.sqrt(2 * power * 30), 2.0) == []
+    assert len(told(np.sqrt(2 * power * 50), 2.0)) == 1
 
 
 def test_an_interrupted_search_goes_on_where_its_fits_ended(monkeypatch: pytest.MonkeyPatch) -> None:
