@@ -29,9 +29,10 @@ from skfem import Basis, ElementTriP2, ElementTriP3, ElementTriP4, MeshTri
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.section import Symmetry
+from msl_fem.magnetics.solver.iron_elements import ElementGeometry, IronElements
 from msl_fem.magnetics.solver.moving_air import MovingAir, moving_triangles
 from msl_fem.magnetics.solver.strip import AirDepth, Strip, StripStiffness
-from msl_fem.magnetics.solver.tangent import ElementGeometry, IronElements, SparseTangent
+from msl_fem.magnetics.solver.tangent import SparseTangent
 from msl_fem.magnetics.triangles import TriangleMesh, hat_gradients
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron
@@ -178,9 +179,12 @@ class FieldModel:
         if moving is not None:
             deforming = self._part(moving.elements, self._linear_degree)
             pieces.append(_pairs(deforming))
-        self._n_linear = len(pieces)
+        n_linear = len(pieces)
         pieces += [(np.minimum(*part.pairs), np.maximum(*part.pairs)) for part in self.irons.values()]
         self.tangent = SparseTangent(self.free, self.n_dof, pieces)
+        self._iron_places = [
+            self.tangent.places(k, part.pairs[0].shape) for k, part in enumerate(self.irons.values(), start=n_linear)
+        ]
         self._take(linear)
         if moving is not None:
             gradients, weight = _gradients(deforming, axisymmetric)
@@ -363,10 +367,8 @@ class FieldModel:
         """Gradient of W (n_dof,), and its second derivative's values on the pattern (nnz,)."""
         gradient = self.linear_product(potential, gap)
         data = self._linear_at(gap).copy()
-        for k, part in enumerate(self.irons.values(), start=self._n_linear):
-            vector, matrix = part.residual_and_tangent(potential)
-            gradient += np.bincount(part.dofs.ravel(), vector.ravel(), minlength=self.n_dof)
-            data += self.tangent.gather(k, matrix)
+        for part, places in zip(self.irons.values(), self._iron_places, strict=True):
+            part.add_terms(potential, places, gradient, data)
         return gradient, data
 
     def energy(self, potential: Array, gap: float) -> float:

@@ -68,24 +68,20 @@ class StripStiffness:
     def product(self, potential: Array, coordinate: float, depth: AirDepth) -> Array:
         """S A, (n_dof,)."""
         height = self.strip.height(coordinate)
-        return self._product(potential, height) / depth.strip(height)[0]
-
-    def _product(self, potential: Array, height: float) -> Array:
-        """k S A: were the strip as deep as the iron."""
         s = height / self.mesh_height
-        return s * (self.x @ potential) + (self.y @ potential) / s
+        return (s * (self.x @ potential) + (self.y @ potential) / s) / depth.strip(height)[0]
 
     def slopes(self, potential: Array, coordinate: float, depth: AirDepth) -> tuple[Array, Array]:
         """First and second derivative of S A with respect to the coordinate, (n_dof,) each."""
         height = self.strip.height(coordinate)
         s = height / self.mesh_height
-        y_product = self.y @ potential
-        first = (self.x @ potential - y_product / s**2) / self.mesh_height
+        x_product, y_product = self.x @ potential, self.y @ potential
+        first = (x_product - y_product / s**2) / self.mesh_height
         second = 2 * y_product / s**3 / self.mesh_height**2
         k, slope, bend = depth.strip(height)
         if slope or bend:  # (S/k)' and (S/k)''
-            product = self._product(potential, height)
-            second = second - 2 * first * slope / k + product * (2 * slope**2 / k - bend) / k
-            first = first - product * slope / k
+            product = s * x_product + y_product / s
+            second = second - first * (2 * slope / k) + product * ((2 * slope**2 / k - bend) / k)
+            first = first - product * (slope / k)
         rate = self.strip.rate
         return first * rate / k, second * rate**2 / k
