@@ -4,10 +4,11 @@ import json as json_text
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 from scipy.stats import beta
 
 from msl_fem.bench.likeness import REFERENCE, alike
@@ -18,7 +19,9 @@ from msl_fem.cli.output import print_result, say, write_json
 from msl_fem.cli.simulate import usual_loop
 from msl_fem.cli.sweeping import table_for
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
+from msl_fem.diagnosis.result import Verdict
 from msl_fem.errors import ComputationError, InputError
+from msl_fem.files.schema import first_complaint, reason, small_text
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import check_target
 from msl_fem.record import Record, load_record
@@ -28,6 +31,18 @@ ROWS, SUMMARY = "calibration.jsonl", "calibration.json"
 MOST = 10_000
 LEVEL = 0.95
 Row = dict[str, Any]
+
+
+class CalibrationLine(BaseModel):
+    """A line of calibration.jsonl: a record by its fingerprint, one like it by its seed, and what was diagnosed."""
+
+    model_config = ConfigDict(strict=True)
+    record: str
+    seed: Annotated[int, Field(ge=0, lt=MOST)]
+    verdict: Verdict | Literal["failed"]
+    names: list[str]
+    nats: FiniteFloat | None
+    reason: str = ""
 
 
 def command(
@@ -67,7 +82,8 @@ def _calibrated(record: Record, output: Path | None, count: int, *, resume: bool
             check_target(output / name)
         output.mkdir(parents=True, exist_ok=True)
         if resume:
-            known = {row["seed"]: row for row in finished(output / ROWS) if row["record"] == mark}
+            known = known_rows(output / ROWS, mark)
+            _end_line(output / ROWS)
         else:
             (output / ROWS).write_text("", encoding="utf-8")
     rows = [known[seed] for seed in range(count) if seed in known]
@@ -118,13 +134,40 @@ def summary(rows: list[Row]) -> Row:
     }
 
 
+def known_rows(path: Path, mark: str) -> dict[int, Row]:
+    """By seed the rows of this record that an interrupted run has left. Raises as `finished`."""
+    return {row["seed"]: row for row in finished(path) if row["record"] == mark}
+
+
 def finished(path: Path) -> Iterator[Row]:
-    """The whole lines of an interrupted run."""
-    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
+    """The whole lines of an interrupted run.
+
+    Raises
+    ------
+    InputError : the file cannot be read, or a whole line is of another form; names the line and the key
+    """
+    if not path.is_file():
+        return
+    try:
+        lines = small_text(path).splitlines()
+    except (OSError, ValueError) as err:
+        raise InputError(f"{path}: cannot be read ({reason(err)}); leave --resume out to begin anew") from err
+    for n, line in enumerate(lines, start=1):
         try:
-            yield json_text.loads(line)
-        except json_text.JSONDecodeError:
-            continue
+            yield CalibrationLine.model_validate_json(line).model_dump()
+        except ValidationError as err:
+            if err.errors()[0]["type"] == "json_invalid":  # cut off
+                continue
+            raise InputError(
+                f"{path}: line {n}: {first_complaint(err)}; remove the line, or leave --resume out to begin anew"
+            ) from err
+
+
+def _end_line(path: Path) -> None:
+    """Ends a line that was cut off: the next row has one of its own."""
+    if path.is_file() and path.read_bytes()[-1:] not in (b"", b"\n"):
+        with path.open("a", encoding="utf-8") as out:
+            out.write("\n")
 
 
 def _controller(record: Record, table: MagneticTable | None) -> BenchController | None:

@@ -27,6 +27,7 @@ from msl_fem.record import Tolerance
 SHOWN = 5  # runs of the menu
 RATE = 10e3  # Hz, where nothing states one
 FASTEST = 1e8  # Hz, of a record
+LONGEST = 1_000_000  # samples of a usual run: a diagnosis states one of 0.4 s
 
 
 class _Cause(BaseModel):
@@ -81,7 +82,9 @@ def command(
         raise InputError(f'--rate {rate} is not allowed; it must be above 0 Hz, like "10 kHz"')
     known = stated_belief(belief) == AS_DESIGNED
     of_folder = source.is_dir() or source.name == DIAGNOSIS
-    question = _after(source, table, sampling) if of_folder else _before(source, table, sampling or RATE, known=known)
+    question = (
+        question_after(source, table, sampling) if of_folder else _before(source, table, sampling or RATE, known=known)
+    )
     names = question.asked if suspects is None else tuple(name.strip() for name in suspects.split(","))
     if wrong := [name for name in names if name not in question.possible]:
         raise InputError(f"--suspects: '{wrong[0]}' is no cause here; there are {', '.join(question.possible)}")
@@ -107,7 +110,7 @@ def _before(source: Path, table: Path | None, rate: float, *, known: bool) -> Op
     return OpenQuestion(RigToPlan(model, rate), asked, {one.effect: one for one in every}, USUAL_INSTRUMENTS)
 
 
-def _after(folder: Path, table: Path | None, rate: float | None) -> OpenQuestion:
+def question_after(folder: Path, table: Path | None, rate: float | None) -> OpenQuestion:
     """The question that a diagnosis leaves open: its first cause with rivals, about the model without it.
 
     Raises
@@ -144,10 +147,22 @@ def said_by(file: Path) -> Said:
 
 
 def said_usual_run(said: Said, actuator: Actuator) -> tuple[float | None, Excitation | None]:
-    """The rate and the usual run of the record, where its diagnosis says them."""
-    if said.usual_run is None or actuator.drive is None:
+    """The rate and the usual run of the record, where its diagnosis says them.
+
+    Raises
+    ------
+    InputError : it is no excitation, or one that takes too long to plan by
+    """
+    stated = said.usual_run
+    if stated is None or actuator.drive is None:
         return None, None
-    return said.usual_run.rate, parse_excitation(said.usual_run.excitation, unit=DRIVE_UNIT[actuator.drive.kind])
+    usual = parse_excitation(stated.excitation, unit=DRIVE_UNIT[actuator.drive.kind])
+    if usual.duration * stated.rate > LONGEST:
+        raise InputError(
+            f"usual_run: {usual.duration * stated.rate:.0f} samples are too many to plan by; at most {LONGEST} are "
+            "taken, diagnose the record again"
+        )
+    return stated.rate, usual
 
 
 def print_plan(plan: ExperimentPlan, name: str) -> None:

@@ -1,18 +1,22 @@
 """What `--from` tells a controller: a diagnosis in its folder, or a record that is diagnosed first."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from json import loads as parse_json
 from pathlib import Path
 from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from msl_fem.actuator import Actuator
 from msl_fem.cli.currents_commanded import currents_commanded
 from msl_fem.cli.output import say
 from msl_fem.cli.sweeping import table_for
 from msl_fem.control.posterior_plants import Posterior, posterior_of
+from msl_fem.control.stated_posterior import Number
 from msl_fem.errors import InputError
-from msl_fem.files.schema import small_text
+from msl_fem.files.schema import first_complaint, small_text
 from msl_fem.files.sole_run import sole_run
 from msl_fem.files.whole_file import whole_file
 from msl_fem.plant.effects import EffectValues
@@ -24,6 +28,32 @@ DIAGNOSIS, MODEL = "diagnosis.json", "extended_model.toml"
 MARK = "diagnosed_record.txt"
 """In the folder of a diagnosis that `--from RECORD` made: which record and table it is of."""
 _OF_MOTION = ("moving_mass", "stiffness", "damping", "nominal_gap")
+
+
+class _Stated(BaseModel):
+    model_config = ConfigDict(strict=True)  # a text is no number
+
+
+class _Parameter(_Stated):
+    believed: Number
+    fitted: Number = 0.0
+
+
+class _BelievedValue(_Stated):
+    effect: str
+    parameter: str
+    value: Number
+
+
+class _Believed(_Stated):
+    values: list[_BelievedValue] = []
+
+
+class _StatedBelief(_Stated):
+    """The entries of diagnosis.json that say what was believed."""
+
+    parameters: dict[str, _Parameter]
+    belief: _Believed = _Believed()
 
 
 @dataclass(frozen=True)
@@ -81,26 +111,44 @@ def told_by(folder: Path) -> Told:
     posterior = posterior_of(content)
     try:
         believed = believed_before(extended.actuator, content)
-    except (LookupError, TypeError, ValueError, AttributeError) as err:
-        raise InputError(f"--from {file}: its parameters say no believed values ({err}); diagnose it again") from err
+    except ValidationError as err:
+        raise _not_believed(file, first_complaint(err)) from err
+    except ValueError as err:
+        raise _not_believed(file, str(err)) from err
     return Told(extended, posterior, believed)
 
 
+def _not_believed(file: Path, why: str) -> InputError:
+    return InputError(f"--from {file}: its parameters say no believed values ({why}); diagnose it again")
+
+
 def believed_before(fitted: Actuator, diagnosis: Mapping[str, Any]) -> ExtendedModel:
-    """The plant as it was believed before a diagnosis, from its content and the actuator with what was fitted."""
-    told = diagnosis["parameters"]
-    believed = {name: float(entry["believed"]) for name, entry in told.items()}
+    """The plant as it was believed before a diagnosis, from its content and the actuator with what was fitted.
+
+    Raises
+    ------
+    ValueError : it says no believed values, or some that no plant has
+    """
+    stated = _StatedBelief.model_validate(diagnosis)
+    told = stated.parameters
     changed: dict[str, Any] = {}
     if fitted.motion is not None:
-        of_motion = {name: believed[name] for name in _OF_MOTION if name in believed}
-        changed["motion"] = fitted.motion.model_copy(update=of_motion)
-    if fitted.drive is not None and "coil_resistance" in believed:
-        ratio = believed["coil_resistance"] / float(told["coil_resistance"]["fitted"])
-        changed["drive"] = fitted.drive.model_copy(update={"coil_resistance": fitted.coil_resistance() * ratio})
+        of_motion = {name: told[name].believed for name in _OF_MOTION if name in told}
+        changed["motion"] = type(fitted.motion).model_validate(_content_of(fitted.motion) | of_motion)
+    if fitted.drive is not None and "coil_resistance" in told:
+        resistance = told["coil_resistance"]
+        if not resistance.fitted > 0:
+            raise ValueError(f"parameters.coil_resistance.fitted: {resistance.fitted:g} is not above 0")
+        believed = fitted.coil_resistance() * (resistance.believed / resistance.fitted)
+        changed["drive"] = type(fitted.drive).model_validate(_content_of(fitted.drive) | {"coil_resistance": believed})
     effects: dict[str, dict[str, float]] = {}
-    for one in diagnosis.get("belief", {}).get("values", []):
-        effects.setdefault(one["effect"], {})[one["parameter"]] = float(one["value"])
+    for one in stated.belief.values:
+        effects.setdefault(one.effect, {})[one.parameter] = one.value
     return ExtendedModel(fitted.model_copy(update=changed), EffectValues(effects))
+
+
+def _content_of(section: BaseModel) -> dict[str, Any]:
+    return section.model_dump(by_alias=True, exclude_none=True)
 
 
 def _diagnosed(record_folder: Path, table: Path | None) -> Path:
@@ -114,7 +162,7 @@ def _diagnosed(record_folder: Path, table: Path | None) -> Path:
     magnet_table = table_for(record.actuator, table)
     mark = fingerprint(record, magnet_table)
     with sole_run(folder):
-        if _mark_of(folder) == mark and (folder / DIAGNOSIS).is_file():
+        if mark_of(folder) == mark and (folder / DIAGNOSIS).is_file():
             say(f"{record_folder} has been diagnosed: {folder}")
             return folder
         belief = belief_about(record, magnet_table)
@@ -125,6 +173,8 @@ def _diagnosed(record_folder: Path, table: Path | None) -> Path:
     return folder
 
 
-def _mark_of(folder: Path) -> str:
-    file = folder / MARK
-    return small_text(file).strip() if file.is_file() else ""
+def mark_of(folder: Path) -> str:
+    """The mark in a folder; "", which is that of no record, where none can be read."""
+    with suppress(OSError, ValueError):
+        return small_text(folder / MARK).strip()
+    return ""

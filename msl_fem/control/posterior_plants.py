@@ -11,14 +11,18 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from msl_fem.computing.arrays import Array
 from msl_fem.control.closed_loop import PlantUnderTest
+from msl_fem.control.stated_posterior import Correlated, Ends, StatedPosterior
 from msl_fem.control.unseen_plants import with_more
 from msl_fem.errors import InputError
+from msl_fem.files.schema import LARGEST, first_complaint
 from msl_fem.plant.effects import EffectValues, find_parameter
 
 _OF_MOTION = ("moving_mass", "stiffness", "damping", "nominal_gap")
+_ABOVE_ZERO = ("moving_mass", "nominal_gap", "coil_resistance", "position_gain", "magnetic_scale")
 _NORMAL_95 = 1.959964
 _CUT = 3.0  # sigma
 
@@ -47,7 +51,7 @@ class Posterior:
         drawn = self._drawn(generator)
         factors = {name: 1 + sigma * drawn[name] for name, sigma in self.parameters.items()}
         moved = {
-            name: getattr(actuator.motion, name) * factors[name]
+            name: max(getattr(actuator.motion, name) * factors[name], 0.0)
             for name in _OF_MOTION
             if name in factors and getattr(actuator.motion, name) is not None
         }
@@ -94,25 +98,40 @@ def posterior_of(diagnosis: Mapping[str, Any]) -> Posterior:
     InputError : the file has not the form of a diagnosis
     """
     try:
-        parameters = {
-            name: _sigma(entry["ci95"]) / abs(entry["fitted"])
-            for name, entry in diagnosis["parameters"].items()
-            if entry["fitted"]
-        }
+        stated = StatedPosterior.model_validate(diagnosis)
+        parameters = {name: _sigma(one.ci95) / abs(one.fitted) for name, one in stated.parameters.items() if one.fitted}
+        _check_spread(parameters)
         effects = {
-            cause["effect"]: {name: _sigma(entry["ci95"]) for name, entry in cause["parameters"].items()}
-            for cause in diagnosis["causes"]
+            cause.effect: {name: _sigma(one.ci95) for name, one in cause.parameters.items()} for cause in stated.causes
         }
-        names, root = _together(diagnosis.get("correlation"))
-    except (KeyError, TypeError, AttributeError, ValueError, np.linalg.LinAlgError) as err:
-        raise InputError(
-            f"no diagnosis: its parameters or causes are missing or of another form ({err!r}); give what "
-            "'msl-fem diagnose -o' wrote"
-        ) from err
+        names, root = _together(stated.correlation)
+    except ValidationError as err:
+        raise _none(first_complaint(err)) from err
+    except ValueError as err:
+        raise _none(str(err)) from err
     return Posterior(parameters, effects, names, root)
 
 
-def _together(correlation: Mapping[str, Any] | None) -> tuple[tuple[str, ...], Array]:
+def _none(why: str) -> InputError:
+    return InputError(
+        f"no diagnosis: its parameters or causes are missing or of another form ({why}); give what "
+        "'msl-fem diagnose -o' wrote"
+    )
+
+
+def _check_spread(sigmas: Mapping[str, float]) -> None:
+    """ValueError where a plant drawn with these relative sigmas may be none."""
+    for name, sigma in sigmas.items():
+        if name in _ABOVE_ZERO and not _CUT * sigma < 1:
+            raise ValueError(
+                f"parameters.{name}.ci95: one sigma is {sigma:.3g} times the fitted value, so that plants without "
+                "any would be drawn; it must be below a third"
+            )
+        if not sigma <= LARGEST:
+            raise ValueError(f"parameters.{name}.ci95: is out of proportion to the fitted value")
+
+
+def _together(correlation: Correlated | None) -> tuple[tuple[str, ...], Array]:
     """(names, a root of the correlation matrix) of a file's entry; none of an older file.
 
     Raises
@@ -121,17 +140,14 @@ def _together(correlation: Mapping[str, Any] | None) -> tuple[tuple[str, ...], A
     """
     if correlation is None:
         return (), np.zeros((0, 0))
-    names, matrix = tuple(correlation["names"]), np.array(correlation["matrix"], dtype=float)
-    if matrix.shape != (len(names), len(names)) or not np.isfinite(matrix).all():
-        raise ValueError(f"correlation of {len(names)} names has the shape {matrix.shape}")
-    values, vectors = np.linalg.eigh(matrix)
-    return names, vectors * np.sqrt(np.maximum(values, 0.0))
+    values, vectors = np.linalg.eigh(correlation.checked())
+    return tuple(correlation.names), vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def _sigma(interval: list[float | None]) -> float:
+def _sigma(interval: Ends) -> float:
     """One sigma of a 95 % interval; 0 where an end is open."""
     low, high = interval
-    return 0.0 if low is None or high is None else abs(float(high) - float(low)) / (2 * _NORMAL_95)
+    return 0.0 if low is None or high is None else abs(high - low) / (2 * _NORMAL_95)
 
 
 def _normal(generator: np.random.Generator) -> float:

@@ -101,6 +101,7 @@ def believed_estimates(belief: ModelHypothesis, found: Fit) -> dict[str, Estimat
         z, value = float(found.z[n]), believed_value(belief, name)
         at = [z + k * INTERVAL * error[n] for k in (-1, 0, 1)]
         low, middle, high = (value + sigma * a if name in ADDITIVE else value * factor(sigma, a) for a in at)
+        low, high = sorted((low, high))  # a value below zero falls as its factor grows
         made[name] = Estimate(middle, low, high, believed=value, tolerances=z)
     return made
 

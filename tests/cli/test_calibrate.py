@@ -97,6 +97,42 @@ def test_an_interrupted_calibration_goes_on_and_tells_the_rate(desk: Path, monke
     low, high = fields["interval"]
     assert low == pytest.approx(0.0992, abs=1e-3)
     assert high == pytest.approx(0.6511, abs=1e-3)
+    kept = [row["seed"] for row in calibrate.finished(rows)]
+    assert sorted(kept) == list(range(12)), "the row after the cut one has a line of its own"
+
+
+LINE = {"record": "a", "seed": 1, "verdict": "named", "names": ["time_delay"], "nats": 12.5, "reason": ""}
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"seed": "1"}, "line 2: seed"),
+        ({"seed": -1}, "line 2: seed"),
+        ({"seed": None}, "line 2: seed"),
+        ({"record": ["a"]}, "line 2: record"),
+        ({"verdict": []}, "line 2: verdict"),
+        ({"verdict": "perhaps"}, "line 2: verdict"),
+        ({"names": "time_delay"}, "line 2: names"),
+        ({"nats": "12"}, "line 2: nats"),
+        ({"nats": float("inf")}, "line 2: nats"),
+    ],
+)
+def test_a_line_of_another_form_is_refused(tmp_path: Path, change: dict[str, object], told: str) -> None:
+    lines = tmp_path / calibrate.ROWS
+    lines.write_text("".join(json.dumps(row) + "\n" for row in (LINE, LINE | change)))
+    with pytest.raises(InputError, match=told):
+        calibrate.known_rows(lines, "a")
+
+
+def test_lines_that_are_no_text_are_refused_and_cut_ones_left_out(tmp_path: Path) -> None:
+    lines = tmp_path / calibrate.ROWS
+    lines.write_text(json.dumps(LINE) + "\n" + "9" * 20_000 + '\n{"seed": 2\n')
+    assert calibrate.known_rows(lines, "a") == {1: LINE}
+    assert calibrate.known_rows(lines, "b") == {}
+    lines.write_bytes(b"\xc3\x28")
+    with pytest.raises(InputError, match="leave --resume out"):
+        calibrate.known_rows(lines, "a")
 
 
 def _called(arguments: list[str]) -> None:

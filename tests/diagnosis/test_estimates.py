@@ -1,0 +1,25 @@
+"""What a fit tells of the believed parameters."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from msl_fem.actuator import Actuator
+from msl_fem.diagnosis.estimates import believed_estimates
+from msl_fem.plant.effects import EffectValues
+from msl_fem.prediction import ModelHypothesis
+from msl_fem.table.magnetic_table import MagneticTable
+
+
+def test_the_lower_end_of_an_interval_stands_first_of_values_below_zero_too(
+    servo: Actuator, table: MagneticTable
+) -> None:
+    """A mutual inductance is negative where the fluxes of both sides meet."""
+    effects = EffectValues({"mutual_inductance": {"share": -0.056}})
+    believed = (("mutual_inductance.share", 0.05), ("moving_mass", 0.005), ("position_zero", 1e-6))
+    errors = SimpleNamespace(standard_errors=lambda found: np.ones(3))
+    found = SimpleNamespace(unknowns=SimpleNamespace(believed=believed), z=np.full(3, 0.3), likelihood=errors)
+    told = believed_estimates(ModelHypothesis(servo, table, effects), found)
+    for one in told.values():
+        assert one.low < one.value < one.high
+    assert told["mutual_inductance.share"].high < 0
