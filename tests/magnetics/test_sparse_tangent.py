@@ -66,3 +66,35 @@ def test_a_singular_matrix_is_said_and_the_next_one_is_solved():
         tangent.factor(0 * data)
     tangent.factor(data)
     assert np.isfinite(tangent.substitute(np.ones(N))).all()
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 60, 400])
+def test_factors_of_many_patterns_are_those_of_the_dense_matrix(n):
+    """Grids, trees and single unknowns: fronts of every size, several roots, children taken in or not; many rights."""
+    rng = np.random.default_rng(n)
+    for far in (0, 1, 5, n // 3):
+        rows = np.repeat(np.arange(n), 3)
+        columns = rows + rng.integers(0, far + 1, rows.size)
+        rows, columns = rows[columns < n], columns[columns < n]
+        places = [(np.arange(n), np.arange(n)), (rows, columns)]
+        values = [rng.uniform(12, 13, n), rng.uniform(-1, 1, rows.size)]
+        tangent = SparseTangent(np.arange(n), n, places)
+        dense = np.diag(values[0])
+        np.add.at(dense, (rows, columns), values[1])
+        dense = dense + np.triu(dense, 1).T
+        tangent.factor(tangent.gather(0, values[0]) + tangent.gather(1, values[1]))
+        rights = rng.standard_normal((3, n))
+        found = tangent.substitute(rights)
+        assert found == pytest.approx(np.linalg.solve(dense, rights.T).T, rel=1e-10, abs=1e-12)
+        assert tangent.substitute(rights[1]) == pytest.approx(found[1], rel=1e-14)
+
+
+def test_a_matrix_that_is_not_definite_has_factors_too():
+    """L D L^T without exchanges: pivots may be below 0."""
+    tangent, data, dense = assembled()
+    shifted = dense[np.ix_(FREE, FREE)] - 25 * np.eye(FREE.size)
+    assert np.linalg.eigvalsh(shifted)[0] < 0 < np.linalg.eigvalsh(shifted)[-1]
+    identity = tangent.gather(0, np.ones(N))
+    tangent.factor(data - 25 * identity)
+    right = np.ones(N)
+    assert tangent.substitute(right)[FREE] == pytest.approx(np.linalg.solve(shifted, right[FREE]), rel=1e-9)

@@ -205,7 +205,7 @@ class PairField:
         """
         pull, _ = self.model.strip_products(solution.potential, solution.gap)
         rights = np.stack([-pull, *self.sources])
-        found = np.stack([self.model.tangent.substitute(right) for right in rights])
+        found = self.model.tangent.substitute(rights)
         images = np.stack([self.model.tangent.product(solution.tangent, one) for one in found])
         both = rights @ found.T
         return found, both + both.T - found @ images.T

@@ -50,15 +50,14 @@ class FullField:
     def responses(self, coordinate: float, potential: Array) -> tuple[Array, ...]:
         """dA/dq and dA/di of each coil, by substitution with the factors at hand."""
         first, _ = self.model.strip_products(potential, coordinate)
-        substitute = self.model.tangent.substitute
-        return -substitute(first), *(substitute(source) for source in self.sources)
+        return tuple(self.model.tangent.substitute(np.stack([-first, *self.sources])))
 
     def without_field(self, coordinate: float) -> tuple[Array, tuple[Array, ...]]:
         """The values of the tangent without current; there dA/di of each coil, and its derivative along q."""
         nothing = np.zeros(self.model.n_dof)
         _, data = self.model.assemble(nothing, coordinate)
         self.model.tangent.factor(data)
-        slopes = [self.model.tangent.substitute(source) for source in self.sources]
+        slopes = self.model.tangent.substitute(np.stack(self.sources))
         turns = [self.responses(coordinate, slope)[0] for slope in slopes]
         return data, (*slopes, *turns)
 

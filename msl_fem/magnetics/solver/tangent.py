@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from copy import copy
 
 import numpy as np
-import qdldl
 from numpy.typing import NDArray
-from scipy import sparse
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.errors import NotConverged
+from msl_fem.magnetics.solver.factors import SymmetricFactors
 
 REFINEMENTS = 1
 Indices = NDArray[np.int64]
@@ -51,7 +50,7 @@ class SparseTangent:
     """
 
     def __init__(self, free: Indices, n: int, pieces: Sequence[tuple[Indices, Indices]]) -> None:
-        self._free, self._n = free, n
+        self._free = free
         number = np.full(n, -1)
         number[free] = np.arange(free.size)
         used, keys = [], []
@@ -67,13 +66,14 @@ class SparseTangent:
         columns, rows = np.divmod(unique, free.size)
         starts = np.searchsorted(columns, np.arange(free.size + 1))
         self._pattern = rows.astype(np.int32), starts.astype(np.int32)
-        self._upper = sparse.csc_matrix((np.zeros(self.nnz), *self._pattern), shape=(free.size,) * 2)
-        self._solver: qdldl.Solver | None = None
+        self._factors: SymmetricFactors | None = None  # ordered once for all values
+        self._factored = False
 
     def unfactored(self) -> "SparseTangent":
         """The same pattern for a matrix of its own."""
         other = copy(self)
-        other._upper, other._solver = self._upper.copy(), None
+        other._factors = None if self._factors is None else self._factors.with_room_of_its_own()
+        other._factored = False
         return other
 
     def gather(self, piece: int, values: Array) -> Array:
@@ -90,22 +90,18 @@ class SparseTangent:
 
     def factor(self, data: Array) -> None:
         """Factor the matrix whose values (nnz,) are given; NotConverged where it is singular."""
-        self._upper.data = data
-        try:
-            if self._solver is None:
-                self._solver = qdldl.Solver(self._upper, upper=True)  # orders the unknowns, once for all values
-            else:
-                self._solver.update(self._upper, upper=True)
-        except RuntimeError as err:
-            self._solver = None
-            raise NotConverged(f"the tangent is singular ({err}); check the iron's B-H curve") from err
+        if self._factors is None:
+            self._factors = SymmetricFactors(*self._pattern)
+        self._factored = self._factors.factor(data)
+        if not self._factored:
+            raise NotConverged("the tangent is singular; check the iron's B-H curve")
 
     def substitute(self, right: Array) -> Array:
-        """The inverse of the matrix last factored times `right`, both (n,); fixed entries are zero."""
-        assert self._solver is not None, "a matrix has been factored"
-        out = np.zeros(self._n)
-        out[self._free] = self._solver.solve(right[self._free])
-        return out
+        """The inverse of the matrix last factored times `right`, both (n,) or (k, n); fixed entries are zero."""
+        assert self._factors is not None, "a matrix has been factored"
+        assert self._factored, "a matrix has been factored"
+        found = self._factors.substitute(np.atleast_2d(right), self._free)
+        return found.reshape(right.shape)
 
     def product(self, data: Array, vector: Array) -> Array:
         """The matrix of these values times a vector (n,) that is zero at fixed entries, as is the answer."""
