@@ -10,12 +10,14 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.export.plane_graph import Indices
-from msl_fem.files.schema import reason, small_text
+from msl_fem.files.schema import LARGEST_OF_UNIT, reason, small_text
 
 LENGTHS = {
     "inches": 0.0254, "millimeters": 1e-3, "centimeters": 1e-2, "meters": 1.0, "mils": 2.54e-5, "microns": 1e-6,
 }  # fmt: skip
 """m of [LengthUnits] of the format."""
+FULL_TURN = 360.0  # degrees
+MOST_CHORDS = 10_000  # of an arc
 PRESCRIBED, MIXED, PERIODIC = 0, 2, (4, 5, 6, 7)
 """<BdryType>: A as stated; an asymptotic condition; halves that repeat each other."""
 
@@ -103,8 +105,8 @@ def read_femm(path: str | Path) -> FemmProblem:
     except (OSError, ValueError) as err:
         raise InputError(f"{path}: cannot be read ({reason(err)}); give a .fem file of FEMM") from err
     try:
-        return _problem(text.splitlines())
-    except (KeyError, ValueError, IndexError, StopIteration) as err:
+        return _checked(_problem(text.splitlines()))
+    except (KeyError, ValueError, IndexError, OverflowError, StopIteration) as err:
         why = reason(err) or "it ends early"
         raise InputError(f"{path}: is no magnetics problem of FEMM 4 ({why}); save it in FEMM as .fem") from err
 
@@ -139,6 +141,33 @@ def _problem(lines: list[str]) -> FemmProblem:
     )  # fmt: skip
 
 
+def _checked(problem: FemmProblem) -> FemmProblem:
+    """The problem; ValueError where it names what it has not, or numbers no section has."""
+    sizes = [problem.points.ravel(), [problem.depth], *(label.point for label in problem.labels)]
+    stated = [*problem.boundaries, *(one.numbers for one in problem.materials)]
+    if not all(np.isfinite(np.asarray(one)).all() for one in (*sizes, *(list(known.values()) for known in stated))):
+        raise ValueError("a number is not finite")
+    if not 0 < problem.depth <= LARGEST_OF_UNIT["m"]:
+        raise ValueError(f"the depth {problem.depth:g} m is not above 0, or beyond any machine")
+    if problem.points.size and np.abs(problem.points).max() > LARGEST_OF_UNIT["m"]:
+        raise ValueError(f"a point lies {np.abs(problem.points).max():g} m away, beyond any machine")
+    float(problem.head.get("frequency", "0"))
+    if any("BdryType" not in one for one in problem.boundaries):
+        raise ValueError("a boundary has no <BdryType>")
+    named = [
+        ("point", problem.edges.ravel().tolist(), len(problem.points)),
+        ("boundary", problem.edge_boundary.tolist(), len(problem.boundaries)),
+        ("material", [label.material for label in problem.labels], len(problem.materials)),
+        ("circuit", [label.circuit for label in problem.labels], len(problem.circuits)),
+    ]
+    for what, places, count in named:
+        least = -1 if what == "boundary" else 0
+        beyond = [place for place in places if place is not None and not least <= place < count]
+        if beyond:
+            raise ValueError(f"there is no {what} {beyond[0] + 1}, but {count}")
+    return problem
+
+
 def _numbers(line: str) -> list[float]:
     return [float(word) for word in line.split()[:9]]
 
@@ -170,6 +199,8 @@ def _geometry(rows: dict[str, Array], unit: float) -> tuple[Array, Indices, Indi
         boundary.append(int(row[3]) - 1)
     for row in rows["numarcsegments"]:
         start, end, angle, largest = int(row[0]), int(row[1]), row[2], row[3]
+        if not (0 < angle < FULL_TURN and angle / MOST_CHORDS < largest < FULL_TURN):
+            raise ValueError(f"an arc of {angle:g} degrees has chords of {largest:g} degrees")
         n = max(1, math.ceil(angle / largest - 1e-9))
         chain = [start, *range(len(points), len(points) + n - 1), end]
         points += _arc(np.array(points[start]), np.array(points[end]), math.radians(angle), n)

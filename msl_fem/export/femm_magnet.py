@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from msl_fem.errors import InputError
 from msl_fem.export.femm_file import MIXED, PERIODIC, PRESCRIBED, FemmMaterial, FemmProblem, read_femm
 from msl_fem.export.outlined_magnet import DrawnMagnet, Pull, magnet_of_outlines
 from msl_fem.export.plane_graph import encloses, face_at, outlines_of_faces, signed_area
-from msl_fem.files.whole_file import whole_file
 from msl_fem.magnetics.section import Region
 
 IN_PLANE, ALONG = (0,), (1, 2)
@@ -57,15 +57,15 @@ def magnet_from_femm(
     stated = read_femm(problem)
     _refuse_what_no_mesh_describes(stated, problem)
     parts, box = _parts(stated, armature, circuits, problem)
-    core, core_fill = _iron(parts, "core", Path(target), problem)
-    moved, armature_fill = _iron(parts, "armature", Path(target), problem)
+    core, moved = (_iron(parts, kind, Path(target), problem) for kind in ("core", "armature"))
     drawn = DrawnMagnet(
-        turns=_turns(parts, problem), stack_depth=stated.depth, core=core, armature=moved, stacking_factor=core_fill,
-        armature_stacking_factor=armature_fill, pull=pull,
+        turns=_turns(parts, problem), stack_depth=stated.depth, core=core.name, armature=moved.name,
+        stacking_factor=core.fill, armature_stacking_factor=moved.fill, pull=pull,
     )  # fmt: skip
     outlines = [Region(part.name, tuple(map(tuple, part.outline.tolist()))) for part in parts]
-    gap = _clearance(parts, pull, problem)
-    return magnet_of_outlines(outlines, target, drawn, gap=gap, source=f"FEMM, {Path(problem).name}", box=box)
+    gap, source = _clearance(parts, pull, problem), f"FEMM, {Path(problem).name}"
+    curves = {one.name: one.curve for one in (core, moved) if one.curve}
+    return magnet_of_outlines(outlines, target, drawn, gap=gap, source=source, box=box, beside=curves)
 
 
 def _refuse_what_no_mesh_describes(problem: FemmProblem, path: str | Path) -> None:
@@ -176,8 +176,16 @@ def _has_no_potential(problem: FemmProblem, outline: Array) -> bool:
     return all(bool((np.hypot(*(middles - side).T) < 1e-9 * size).any()) for side in sides)
 
 
-def _iron(parts: list[_Part], kind: str, target: Path, path: str | Path) -> tuple[str, float]:
-    """The name of a part's iron in an actuator file, and its stacking factor; a curve is written beside the target."""
+class _Iron(NamedTuple):
+    """The name of a part's iron in an actuator file, its stacking factor, the text of its curve's file, "" of none."""
+
+    name: str
+    fill: float
+    curve: str = ""
+
+
+def _iron(parts: list[_Part], kind: str, target: Path, path: str | Path) -> _Iron:
+    """The iron of the parts of a kind, its curve in a file beside the target."""
     materials = {id(part.material): part.material for part in parts if part.name == kind}
     if len(materials) > 1:
         names = ", ".join(sorted(m.name for m in materials.values()))
@@ -185,12 +193,9 @@ def _iron(parts: list[_Part], kind: str, target: Path, path: str | Path) -> tupl
     material = next(iter(materials.values()))
     fill = material.number("LamFill", 1.0) if int(material.number("LamType")) in IN_PLANE else 1.0
     if not material.bh.size:
-        return f"linear:{material.number('Mu_x', 1.0):g}", fill
-    curve = target.with_name(f"{target.stem}_{kind}.csv")
-    with whole_file(curve) as partial:
-        rows = [f"{h!r},{b!r}" for b, h in material.bh.tolist()]
-        partial.write_text("\n".join(["H_A_per_m,B_T", *rows]) + "\n", encoding="ascii", newline="\n")
-    return curve.name, fill
+        return _Iron(f"linear:{material.number('Mu_x', 1.0):g}", fill)
+    rows = [f"{h!r},{b!r}" for b, h in material.bh.tolist()]
+    return _Iron(f"{target.stem}_{kind}.csv", fill, "\n".join(["H_A_per_m,B_T", *rows]) + "\n")
 
 
 def _turns(parts: list[_Part], path: str | Path) -> int:

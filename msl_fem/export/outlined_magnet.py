@@ -59,6 +59,7 @@ def magnet_of_outlines(
     gap: float,
     source: str,
     box: Region | None = None,
+    beside: Mapping[str, str] | None = None,
 ) -> Path:
     """Writes an actuator file of the kind "mesh" to `target` (.toml) and its mesh beside it (.msh); gives `target`.
 
@@ -68,9 +69,13 @@ def magnet_of_outlines(
     gap : m, the clearance between armature and core along the pull
     source : what the magnet was made from, for the file
     box : the outline on which A = 0; without, air of `AIR_AROUND` times the drawing's larger side is put around
+    beside : texts of files in the target's folder that the irons are named after
     """
     mesh = triangulate(_section(outlines, gap, magnet, box), MeshSize(corner=0.1, gap=1.0, iron=0.4, growth=0.5))
     target = Path(target)
+    for name, text in (beside or {}).items():
+        with whole_file(target.with_name(name)) as partial:
+            partial.write_text(text, encoding="ascii", newline="\n")
     with whole_file(target.with_suffix(".msh")) as partial:
         meshio.write(partial, _named(mesh), file_format="gmsh22", binary=False, float_fmt=".12g")
     content = {

@@ -66,7 +66,8 @@ def read_curve(path: Path) -> CalibrationCurve:
         at = int(order[double[0] + 1])
         raise RecordError(f"{place(path, at)}, column reading: {readings[double[0]]:.6g} is there twice; keep one")
     if not ((step > 0).all() or (step < 0).all()):
-        turn = int(order[np.flatnonzero(np.sign(step) != np.sign(values[-1] - values[0]))[0] + 1])
+        way = np.sign(values[-1] - values[0]) or 1.0  # of a curve that comes back to where it began, or is level
+        turn = int(order[np.flatnonzero(np.sign(step) != way)[0] + 1])
         raise RecordError(
             f"{place(path, turn)}, column value: the curve turns back there, so that a reading has no one value; "
             "look at the point, or use a part of the curve"

@@ -22,6 +22,8 @@ ROUGH = 0.01
 LIVE = 0.2
 """Correlation of successive samples, without the mean, below which the motion between them is lost."""
 FEW_LEVELS = 64
+NOTHING = 1e-100
+"""What no sensor shows but as 0: its square is none."""
 
 
 def affine_copies(columns: Columns) -> list[str]:
@@ -36,7 +38,8 @@ def affine_copies(columns: Columns) -> list[str]:
 def _copies(columns: Columns) -> dict[tuple[str, str], tuple[float, float]]:
     """Slope and offset of the pairs whose line leaves no more than the rounding of either column, or of both."""
     lines = {}
-    names = [name for name, v in columns.items() if v.size >= FEWEST and np.unique(v).size >= 4]
+    shown = {name: v for name, v in columns.items() if v.size >= FEWEST and np.abs(v).max() > NOTHING}
+    names = [name for name, v in shown.items() if np.unique(v).size >= 4]
     for first, second in combinations(names, 2):
         x, y = columns[first], columns[second]
         slope, offset = np.polyfit(x, y, 1)

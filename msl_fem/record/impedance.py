@@ -13,6 +13,7 @@ from msl_fem.record.rig_file import STATIC_FILE, read_rig
 
 IMPEDANCE_FILE = "impedance.csv"
 PLACES = ("stroke_m", "gap_m")
+LEAST, MOST = 1e-12, 1e12  # of a frequency, an inductance and a resistance: no meter reads beyond
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,8 @@ def read_impedance(path: Path) -> ImpedanceMap:
 
     Raises
     ------
-    RecordError : no such file, a column is missing, a value not finite, a frequency or inductance that is not above 0
+    RecordError : no such file, no rows, a column is missing, a value not finite, a frequency, an inductance or a
+        resistance that is not above 0
     """
     table = read_columns(path)
     along = next((name for name in PLACES if name in table), None)
@@ -49,12 +51,15 @@ def read_impedance(path: Path) -> ImpedanceMap:
             raise RecordError(f"{path}: row 1: column {name} is missing; the file has {', '.join(table)}")
     known = (along, "frequency_hz", "inductance_H", "resistance_ohm")
     values = {name: read_only(numbers(table[name], name, path)) for name in known if name in table}
-    for name in ("frequency_hz", "inductance_H"):
-        low = np.flatnonzero(~(values[name] > 0))
-        if low.size:
-            at = int(low[0])
+    if not values[along].size:
+        raise RecordError(f"{path}: row 2: there are no rows; write what was measured")
+    for name in (one for one in known[1:] if one in values):
+        odd = np.flatnonzero(~((values[name] >= LEAST) & (values[name] <= MOST)))
+        if odd.size:
+            at = int(odd[0])
             raise RecordError(
-                f"{place(path, at)}, column {name}: {values[name][at]:g} is not above 0; correct the cell"
+                f"{place(path, at)}, column {name}: {values[name][at]:g} is not above 0, or no reading "
+                f"({LEAST:g} ... {MOST:g}); correct the cell"
             )
     resistance = values.get("resistance_ohm")
     return ImpedanceMap(values[along], values["frequency_hz"], values["inductance_H"], resistance)

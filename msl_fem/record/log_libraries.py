@@ -1,7 +1,11 @@
 """Logs whose formats are read by libraries that are not installed with the package: xlsx, TDMS, MDF 4."""
 
+import gc
 import importlib
-from collections.abc import Callable, Collection
+import logging
+import sys
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +13,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
+from msl_fem.files.schema import reason
 from msl_fem.record.log_layout import text_layout
 from msl_fem.record.log_limits import not_read, refuse_many_values
 
@@ -20,6 +25,38 @@ def _library(module: str, package: str, path: Path) -> Any:
         return importlib.import_module(module)
     except ImportError as err:
         raise RecordError(f"{path}: reading {path.suffix} needs {package}; pip install {package}") from err
+
+
+@contextmanager
+def _heard(library: str, path: Path) -> Iterator[None]:
+    """What a library logs and what its finalisers complain of stays here; RecordError where it has warned, for what it
+    reads then may be other numbers than meant."""
+    said, hook = _Said(), sys.unraisablehook
+    known = [name for name in logging.root.manager.loggerDict if f"{name}.".startswith(f"{library}.")]
+    before = [(logger, logger.handlers, logger.propagate) for logger in map(logging.getLogger, known)]
+    for logger, _, _ in before:
+        logger.handlers, logger.propagate = [said], False
+    sys.unraisablehook = lambda told: None
+    try:
+        yield
+    finally:
+        sys.unraisablehook = hook
+        for logger, handlers, passed_on in before:
+            logger.handlers, logger.propagate = handlers, passed_on
+    if said.lines:
+        raise RecordError(f"{path}: cannot be read ({said.lines[0]}); save it anew as .mat or CSV")
+
+
+class _Said(logging.Handler):
+    """Keeps warnings."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.lines: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keeps the line."""
+        self.lines.append(record.getMessage())
 
 
 def _wanted(name: str, only: Collection[str] | None) -> bool:
@@ -34,11 +71,12 @@ def read_workbook(path: Path, only: Collection[str] | None) -> SignalsAndUnits:
     RecordError : openpyxl is not there, a row that does not fit
     """
     openpyxl = _library("openpyxl", "openpyxl", path)
-    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
-    try:
-        rows = [list(row) for row in book.worksheets[0].iter_rows(values_only=True)]
-    finally:
-        book.close()
+    with path.open("rb") as stream:  # openpyxl leaves a damaged file open
+        book = openpyxl.load_workbook(stream, read_only=True, data_only=True)
+        try:
+            rows = [list(row) for row in book.worksheets[0].iter_rows(values_only=True)]
+        finally:
+            book.close()
     width = max((k + 1 for row in rows for k, cell in enumerate(row) if cell is not None), default=0)
     refuse_many_values(len(rows) * width, path)
     texts = []
@@ -80,7 +118,8 @@ def read_tdms(path: Path, only: Collection[str] | None) -> SignalsAndUnits:
     tdms = _library("nptdms", "npTDMS", path)
     signals: dict[str, Array] = {}
     units: dict[str, str] = {}
-    with tdms.TdmsFile.open(path) as file:
+    # npTDMS leaves a damaged file open
+    with _heard("nptdms", path), path.open("rb") as stream, tdms.TdmsFile.open(stream) as file:
         channels = [channel for group in file.groups() for channel in group.channels()]
         names = [channel.name for channel in channels]
         for channel in channels:
@@ -108,7 +147,7 @@ def read_mdf(path: Path, only: Collection[str] | None) -> SignalsAndUnits:
     asammdf = _library("asammdf", "asammdf", path)
     signals: dict[str, Array] = {}
     units: dict[str, str] = {}
-    with asammdf.MDF(path) as file:
+    with _heard("asammdf", path), _opened(asammdf, path) as file:
         for channel in file.iter_channels(skip_master=True):
             values = np.asarray(channel.samples)
             if values.dtype.kind not in "iuf" or values.size < 2 or values.ndim != 1:
@@ -121,6 +160,17 @@ def read_mdf(path: Path, only: Collection[str] | None) -> SignalsAndUnits:
             signals[f"{channel.name}.time"] = np.asarray(channel.timestamps, dtype=np.float64)
             units[channel.name] = str(channel.unit or "")
     return signals, {name: unit for name, unit in units.items() if unit}
+
+
+def _opened(asammdf: Any, path: Path) -> Any:
+    """The file; RecordError in place of what asammdf raises, whose half-made file would live as long as the error and
+    complain in its finaliser."""
+    try:
+        return asammdf.MDF(path)
+    except Exception as err:
+        why = reason(err)
+    gc.collect()
+    raise RecordError(f"{path}: cannot be read ({why}); save it anew as .mat or CSV")
 
 
 READERS: dict[str, Callable[[Path, Collection[str] | None], SignalsAndUnits]] = {

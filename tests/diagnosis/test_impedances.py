@@ -74,6 +74,13 @@ def test_a_file_is_read_and_refused(tmp_path) -> None:
     path.write_text("stroke_m,frequency_hz,inductance_H\n0,100,0.1\n0,0,0.05\n")
     with pytest.raises(RecordError, match="column frequency_hz: 0 is not above 0"):
         read_impedance(path)
+    for text in ("0,100,0.1,0", "0,100,0.1,-2", "0,100,0.1,1e-320", "0,1e15,0.1,2", "0,100,1e-300,2"):
+        path.write_text(f"stroke_m,frequency_hz,inductance_H,resistance_ohm\n0,200,0.1,3\n{text}\n")
+        with pytest.raises(RecordError, match=r"row 3 .*, column .* is not above 0, or no reading"):
+            read_impedance(path)
+    path.write_text("stroke_m,frequency_hz,inductance_H\n")
+    with pytest.raises(RecordError, match="there are no rows"):
+        read_impedance(path)
     path.write_text("stroke_m,frequency_hz\n0,100\n")
     with pytest.raises(RecordError, match="column inductance_H is missing"):
         read_impedance(path)

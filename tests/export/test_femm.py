@@ -117,6 +117,22 @@ def test_arcs_become_chords_as_femm_meshes_them(servo_text: str, tmp_path: Path)
         (r"\n9\.2\t[^\t]*\t2", "\n0\t-3.6\t2", "has no block label"),
         (r"\[NumHoles[^$]*", "[NumBlockLabels] = 1\n", "it ends early"),
         (r"\[LengthUnits\] =  millimeters", "[LengthUnits] =  cubits", "is no magnetics problem of FEMM 4"),
+        (r" *<BdryType> = 0\n", "", "a boundary has no <BdryType>"),
+        (r"(\n0\t1\t-1\t)1", r"\g<1>7", "there is no boundary 7, but 1"),
+        (r"(\n0\t)1(\t-1)", r"\g<1>99\2", "there is no point 100, but 28"),
+        (r"(\n0\t-3.6\t)4", r"\g<1>40", "there is no material 40, but 4"),
+        (r"(\n9.2\t[^\t]*\t2\t-1\t)1", r"\g<1>3", "there is no circuit 3, but 1"),
+        (r"(Frequency\]\s+=\s+)0", r"\g<1>fast", "is no magnetics problem of FEMM 4"),
+        (r"(Depth\]\s+=\s+)20.0", r"\g<1>-20.0", "the depth -0.02 m is not above 0"),
+        (r"(Depth\]\s+=\s+)20.0", r"\g<1>inf", "a number is not finite"),
+        (r"\n5\t20.6", "\n1099511627776\t20.6", "a point lies 1.09951e.09 m away"),
+        (r"(\n5\t20.6\t0\t)1", "\n5\tnan\t0\t1", "a number is not finite"),
+        (
+            r"NumArcSegments\] = 0",
+            "NumArcSegments] = 1\n0\t1\t90\t1e-9\t1\t0\t0",
+            "an arc of 90 degrees has chords of 1e-09",
+        ),
+        (r"NumArcSegments\] = 0", "NumArcSegments] = 1\n0\t1\t1e999\t1\t1\t0\t0", "an arc of inf degrees"),
     ],
 )
 def test_what_no_mesh_describes_is_refused(servo_text: str, tmp_path: Path, pattern: str, new: str, told: str) -> None:
@@ -124,7 +140,7 @@ def test_what_no_mesh_describes_is_refused(servo_text: str, tmp_path: Path, patt
     (tmp_path / "bad.fem").write_text(re.sub(pattern, new, servo_text, count=1))
     with pytest.raises(InputError, match=told):
         magnet_from_femm(tmp_path / "bad.fem", tmp_path / "out.toml", armature=2, pull="+y")
-    assert not list(tmp_path.glob("out*.toml"))
+    assert not list(tmp_path.glob("out*"))
 
 
 def test_a_wrong_group_and_a_wrong_pull_are_told(servo_text: str, tmp_path: Path) -> None:

@@ -62,6 +62,9 @@ def test_what_was_not_calibrated_is_refused(tmp_path) -> None:
         ({"reading": [1, 2], "value": [1, 2]}, "2 points are no curve"),
         ({"reading": [1, 2, 2, 3], "value": [1, 2, 3, 4]}, r"row 4 .*, column reading: 2 is there twice"),
         ({"reading": [4, 3, 2, 1], "value": [1, 2, 1.5, 3]}, r"row 3 .*, column value: the curve turns back"),
+        ({"reading": [1, 2, 3, 4], "value": [2, 2, 2, 2]}, r"row 3 .*, column value: the curve turns back"),
+        ({"reading": [1, 2, 3, 4], "value": [1, 2, 3, 1]}, r"row 5 .*, column value: the curve turns back"),
+        ({"reading": [1, 2, 3, 4], "value": [1, 1, 2, 3]}, r"row 3 .*, column value: the curve turns back"),
     ],
 )
 def test_a_curve_that_is_none_is_refused(tmp_path, table, told) -> None:

@@ -35,6 +35,13 @@ def test_a_copy_in_another_unit_is_told(rng, digits) -> None:
     assert affine_copies(columns) == []
 
 
+def test_a_column_of_next_to_nothing_is_no_copy(rng) -> None:
+    """No line can be laid through numbers whose squares are 0; a damaged file has them."""
+    columns = signals(rng)
+    columns = {"u": columns["i"] * 1e-310, **columns}
+    assert affine_copies(columns) == []
+
+
 def test_few_levels_on_both_sides_are_no_copy(rng) -> None:
     """Two sensors of the same motion that round to a few steps: nothing is proved."""
     motion = 3 * np.sin(0.1 * np.arange(400))

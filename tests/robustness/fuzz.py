@@ -12,6 +12,7 @@ import argparse
 import contextlib
 import io
 import json
+import logging
 import os
 import re
 import resource
@@ -31,13 +32,14 @@ from typing import Any
 import numpy as np
 from hostile_values import CANARY
 from later_targets import LATER_TARGETS
+from record_targets import RECORD_TARGETS
 from targets import TARGETS as FIRST_TARGETS
 from targets import Target
 
 from msl_fem.cli import output
 from msl_fem.cli.output import run_guarded
 
-TARGETS = (*FIRST_TARGETS, *LATER_TARGETS)
+TARGETS = (*FIRST_TARGETS, *LATER_TARGETS, *RECORD_TARGETS)
 LONGEST = 30.0  # seconds of CPU time that an input may take
 SILENT = 900.0  # seconds after which a process that says nothing is taken for hung, on a busy machine too
 MEMORY = 4 * 2**30  # bytes of address space: a file that asks for more must be refused
@@ -95,6 +97,9 @@ def _run(target: Target, inside: Path, out: Path, here: Path) -> tuple[int | str
     """(exit status, or the last lines of a traceback; what was said on stderr), in a working folder of its own."""
     errors, printed = io.StringIO(), io.StringIO()
     output.ERRORS.file = errors
+    logged = logging.StreamHandler(errors)
+    logged.setFormatter(logging.Formatter("warning: LoggedWarning: %(name)s: %(message)s"))
+    logging.getLogger().addHandler(logged)
     came_from = Path.cwd()
     try:
         os.chdir(here)
@@ -107,6 +112,7 @@ def _run(target: Target, inside: Path, out: Path, here: Path) -> tuple[int | str
         status = f"{type(err).__name__}: {str(err)[:120]!r} at {where}"
     finally:
         os.chdir(came_from)
+        logging.getLogger().removeHandler(logged)
         output.ERRORS.file = None  # type: ignore[assignment]
     return status, errors.getvalue()
 

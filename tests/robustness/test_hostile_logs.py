@@ -1,14 +1,19 @@
 """Logs of other programs that are damaged, lead elsewhere, or would fill the memory: one line, little room."""
 
+import gc
 import resource
 import struct
 import subprocess
 import sys
+import warnings
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+import raw_logs
 from scipy.io import savemat
 
 from msl_fem.errors import RecordError
@@ -31,6 +36,51 @@ def test_a_flipped_bit_in_a_compressed_log_is_one_line(tmp_path: Path) -> None:
         except RecordError:
             refused += 1
     assert refused > 30
+
+
+@pytest.mark.parametrize(
+    ("ending", "write"), [(".tdms", raw_logs.tdms), (".mf4", raw_logs.mdf), (".xlsx", raw_logs.workbook)]
+)
+def test_what_a_library_says_of_a_damaged_log_is_in_the_one_line(
+    ending: str,
+    write: Callable[[Path], object],
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """npTDMS takes a cut log and logs a warning, a finaliser of asammdf ends in a traceback, files stay open."""
+    log, said = tmp_path / f"log{ending}", []
+    write(log)
+    read_log(log)
+    good = log.read_bytes()
+    capfd.readouterr()
+    monkeypatch.setattr(sys, "unraisablehook", said.append)
+    for content in (good[: len(good) // 2], good[:64], b"", b"\x00" * len(good)):
+        log.write_bytes(content)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", ResourceWarning)
+            with pytest.raises(RecordError, match=r"cannot be read .*save it anew"):
+                read_log(log)
+            gc.collect()
+    assert said == []
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("part", ["xl/workbook.xml", "xl/worksheets/sheet1.xml", "xl/styles.xml"])
+def test_a_workbook_with_a_damaged_part_is_closed(part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, log, said = tmp_path / "whole.xlsx", tmp_path / "log.xlsx", []
+    raw_logs.workbook(whole)
+    with zipfile.ZipFile(whole) as good, zipfile.ZipFile(log, "w") as damaged:
+        for name in good.namelist():
+            content = good.read(name)
+            damaged.writestr(name, content[:60] + b"\x00" + content[61:] if name == part else content)
+    monkeypatch.setattr(sys, "unraisablehook", said.append)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ResourceWarning)
+        with pytest.raises(RecordError, match="cannot be read"):
+            read_log(log)
+        gc.collect()
+    assert said == []
 
 
 @pytest.mark.parametrize("kind", ["external", "virtual", "soft link", "external link"])
