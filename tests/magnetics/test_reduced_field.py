@@ -12,7 +12,9 @@ from msl_fem.magnetics.field.magnet_field import MagnetField, magnet_mesh
 from msl_fem.magnetics.reduced.cubature import fewest, null_space, sparse_weights
 from msl_fem.magnetics.reduced.full_field import FullField
 from msl_fem.magnetics.reduced.integrands import force_integrands, number_integrands
-from msl_fem.magnetics.reduced.online import IronTerms, line_search
+from msl_fem.magnetics.reduced.linear_systems import SystemsAt
+from msl_fem.magnetics.reduced.newton import line_search
+from msl_fem.magnetics.reduced.reduced_iron import IronTerms
 from msl_fem.magnetics.reduced.reduced_model import FieldPoints, ReducedModel
 from msl_fem.magnetics.reduced.reduction import Reducer, Reduction, ReductionSettings
 from msl_fem.magnetics.sweep.reduced_rows import reduced_rows
@@ -130,9 +132,12 @@ def test_tangent_is_the_slope_of_the_gradient_by_both_ways_of_making_it(reductio
     model, (state, step) = reduction.model, reduction.states.states[[-1, -9]]
     direct, shared = (IronTerms(model.iron, many=many) for many in (False, True))
     curvature = direct.at(state[None])[1]
-    upper = [np.triu(terms.tangents(curvature)[0]) for terms in (direct, shared)]
+    upper = np.zeros((2, state.size, state.size))
+    upper[:, *np.triu_indices(state.size)] = [terms.tangents(curvature)[0] for terms in (direct, shared)]
     assert upper[0] == pytest.approx(upper[1], rel=1e-9, abs=1e-12 * np.abs(upper[0]).max())
     tangent = upper[0] + np.triu(upper[0], 1).T
+    along = direct.along(curvature, np.stack([step, state])[None])[0]
+    assert along == pytest.approx(np.stack([step, state]) @ tangent, rel=1e-9, abs=1e-12 * np.abs(along).max())
     left = []
     for size in (1e-2, 1e-3):
         change = direct.at((state + size * step)[None])[0] - direct.at(state[None])[0]
@@ -149,7 +154,8 @@ def test_line_search_ends_where_the_slope_is_small_and_says_what_is_there(reduct
     terms = IronTerms(model.iron, many=False)
     step = 10 * states.states[n][None]
     descent = step @ load
-    found, force, curvature = line_search(0 * step, step, descent, stiffness, load[None], terms)
+    systems, on = SystemsAt(stiffness, np.array([0])), np.array([0])
+    found, force, curvature = line_search(0 * step, step, descent, systems, on, load[None], terms)
     assert np.linalg.norm(found) < 0.3 * np.linalg.norm(step)
     there = terms.at(found)
     assert (force, curvature) == (pytest.approx(there[0]), pytest.approx(there[1]))

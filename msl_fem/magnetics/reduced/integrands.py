@@ -9,7 +9,7 @@ counts then, need not be kept as well.
 import numpy as np
 
 from msl_fem.computing.arrays import Array
-from msl_fem.magnetics.reduced.online import magnetise_fields
+from msl_fem.magnetics.reduced.reduced_iron import magnetise_fields
 from msl_fem.magnetics.reduced.reduced_model import KnownStates
 from msl_fem.magnetics.reduced.space import Basis
 

@@ -14,7 +14,9 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.magnetics.reduced.online import ReducedIron, ReducedProblem, StatesAt, magnetise_fields
+from msl_fem.magnetics.reduced.linear_systems import linear_products
+from msl_fem.magnetics.reduced.online import ReducedProblem, StatesAt
+from msl_fem.magnetics.reduced.reduced_iron import ReducedIron, magnetise_fields
 from msl_fem.magnetics.reduced.space import Basis
 from msl_fem.materials.curves import Indices
 
@@ -143,10 +145,9 @@ class ReducedModel:
         else:
             found.seek(np.arange(len(points)), start)
         states, by_current, by_coordinate = found.states, found.by_current, found.by_coordinate
-        first = np.einsum("nij,nj->ni", slope[place], states)
-        second = np.einsum("ni,nij,nj->n", states, bend[place], states)
+        held, first, second = (linear_products(part, place, states[:, None])[:, 0] for part in (stiffness, slope, bend))
         flux = states @ self.sources.T
-        energy = 0.5 * np.einsum("ni,nij,nj->n", states, stiffness[place], states) + self._iron_energy(states)
+        energy = 0.5 * (held * states).sum(axis=1) + self._iron_energy(states)
         return ReducedStates(
             points,
             states,
@@ -157,7 +158,7 @@ class ReducedModel:
             0.5 * (first * states).sum(axis=1),
             np.einsum("nkj,lj->nkl", by_current, self.sources),
             np.einsum("nj,nkj->nk", first, by_current),
-            second / 2 + (first * by_coordinate).sum(axis=1),
+            (second * states).sum(axis=1) / 2 + (first * by_coordinate).sum(axis=1),
             found.steps,
         )
 

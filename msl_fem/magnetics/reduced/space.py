@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from msl_fem.computing.arrays import Array
-from msl_fem.magnetics.reduced.online import ReducedIron
+from msl_fem.magnetics.reduced.reduced_iron import ReducedIron
 from msl_fem.magnetics.solver.magnetostatics import FieldModel
 from msl_fem.magnetics.solver.moving_air import MovingAir
 from msl_fem.magnetics.solver.strip import StripStiffness
