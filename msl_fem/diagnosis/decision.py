@@ -97,7 +97,7 @@ class Rule:
 
     threshold: float = 9.0
     further: float = 24.0
-    share: float = 0.01
+    share: float = 0.003
     finished: float = FINISHED
     several: float = ONE_OF_SEVERAL
     most: int = 4
@@ -123,16 +123,18 @@ class Rule:
 
     def goes_on(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
         """Whether the best effect of stage n is no spurious addition to those before: it completes them (`completes`),
-        or with a large gain leaves little more than noise, and of all that was there without effects no more than named
-        ones may. What is of a run's own, a wandering sensor, leaves a rest that no other effect completes: beside it a
-        large gain counts.
+        or of all that was there without effects no more is left than named ones may leave, and either it brings a
+        channel down to noise, or with a large gain leaves little more than noise in all. What is of a run's own, a
+        wandering sensor, leaves a rest that no other effect completes: beside it a large gain counts.
         """
         first = stages[0].best
         if n == 0 or completes(excesses[n], excesses[n + 1], self.finished) or first is None:
             return True
-        wanders = first.variant.effect in OWN_OF_A_RUN
-        little = max(excesses[n + 1].values()) <= LITTLE_MORE and share_left(excesses, n + 1) <= LEFT_OVER
-        return strong(stages, n) and (wanders or little)
+        if strong(stages, n) and first.variant.effect in OWN_OF_A_RUN:
+            return True
+        little = strong(stages, n) and max(excesses[n + 1].values()) <= LITTLE_MORE
+        settles = quietens(excesses[n], excesses[n + 1])
+        return (little or settles) and share_left(excesses, n + 1) <= LEFT_OVER
 
 
 def excess_power(excess: Mapping[str, float]) -> float:
@@ -252,6 +254,11 @@ def completes(before: Mapping[str, float], after: Mapping[str, float], share: fl
     """Whether one effect more is no spurious addition to those before: they were enough, or it leaves little of what
     they left."""
     return white(before) or white(after) or excess_power(after) <= share * excess_power(before)
+
+
+def quietens(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
+    """Whether one effect more leaves noise alone in a channel in which more than `LITTLE_MORE` was left."""
+    return any(value > LITTLE_MORE and after[name] <= QUIET for name, value in before.items())
 
 
 def n_accepted(stages: Sequence[SearchStage], excesses: Excesses, rule: Rule) -> int:

@@ -8,7 +8,6 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.conclusion import EffectSearch
 from msl_fem.diagnosis.decision import (
-    TIE,
     Rule,
     beyond_tolerances,
     disagrees,
@@ -30,6 +29,8 @@ WORSE_THAN = 1.02
 """How many times the belief's largest residual a fit within the tolerances may leave."""
 EXCHANGED = 2
 """How often a set of effects is put right and then added to."""
+CLOSER = 1.0
+"""Nats by which a set has to be more probable with another effect in one's place: more than fits are off their ends."""
 
 
 @dataclass(frozen=True)
@@ -84,12 +85,14 @@ def _gone_through(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
     """A chain continued forward, put right and continued again, until nothing changes."""
     rule = kind.rule(how.rule)
     chain = _forward(kind, how, chain)
-    exchange = Exchange(rule.further, TIE, how.progress, how.memory)
+    exchange = Exchange(rule.further, CLOSER, how.progress, how.memory)
     for _ in range(EXCHANGED):
-        other = exchange.chain(chain.fits, chain.stages) if len(chain.fits) > 2 and not chain.fits[0].sane else None
-        if other is None:
+        if len(chain.fits) <= 2 or chain.fits[0].sane:
             break
-        chain = _forward(kind, how, _Chain(tuple(other[0]), tuple(other[1])))
+        fits, stages = exchange.chain(chain.fits, chain.stages)
+        if fits[-1] is chain.fits[-1]:
+            return replace(chain, stages=tuple(stages))
+        chain = _forward(kind, how, _Chain(tuple(fits), tuple(stages)))
     return chain
 
 

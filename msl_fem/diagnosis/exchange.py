@@ -1,7 +1,7 @@
 """A set of effects put right: each is dropped, or another tried in its place, beside all the others.
 
 A search forward takes first what alone makes up for most, and of several causes that may be none: once the others are
-there it is superfluous, or another explains the same better, or one of them does in a fuller form. Steps back until
+there it is superfluous, or another explains the same better, or one of them does in another form. Steps back until
 nothing changes mend that (Pudil, Novovicova and Kittler, Pattern Recognition Letters 15, 1994, 1119-1125).
 """
 
@@ -23,7 +23,7 @@ from msl_fem.errors import ComputationError
 WORTH = 0.25
 """Of the best gain at a stage of the search, from which an effect is tried in another's place."""
 MOST = 3
-"""Effects that are tried in the place of one."""
+"""Effects that are tried in the place of one, and other forms of its own."""
 ROUNDS = 3
 FULLER = 0.1
 """Of the nats that a set loses without an effect, that the rest of another's form makes up for at once, to be tried."""
@@ -91,9 +91,9 @@ class Exchange:
     def __init__(self, least: float, better: float, tell: Callable[[str], None], memory: FitMemory) -> None:
         self.least, self.better, self.tell, self.memory = least, better, tell, memory
 
-    def chain(self, fits: Sequence[Fit], stages: Sequence[SearchStage]) -> tuple[list[Fit], list[SearchStage]] | None:
-        """Fits and stages of the set that the steps lead to, what it needs most first; None where it is the one that
-        the search came to.
+    def chain(self, fits: Sequence[Fit], stages: Sequence[SearchStage]) -> tuple[list[Fit], list[SearchStage]]:
+        """Fits and stages of the set that the steps lead to, what it needs most first. Where that is the one to which
+        the search came, the fits are the same, and at a stage others stand as they are beside the whole set.
 
         Parameters
         ----------
@@ -109,7 +109,10 @@ class Exchange:
             found, places, settled = self._round(found, known, forms)
             if settled:
                 break
-        return None if found is began else self._rebuilt(found, places, fits[0], stages[0])
+        if found is not began:
+            return self._rebuilt(found, places, fits[0], stages[0])
+        beside = [_beside_the_others(stage, place, found) for stage, place in zip(stages, places, strict=False)]
+        return list(fits), [*beside, *stages[len(beside) :]]
 
     def _round(
         self, found: EffectSet, known: Sequence[Sequence[Refit]], forms: Sequence[Variant]
@@ -211,23 +214,28 @@ class Exchange:
             base, whole = fits[-2], fits[-1]
             gain = whole.log_evidence - base.log_evidence
             best = Refit(chosen[-1], whole, gain)
-            lost = found.fit.log_evidence
-            others = places[order[count - 1]].others if places else ()
-            rivals = [replace(one, gain=gain - (lost - one.fit.log_evidence)) for one in others]
-            refits = (best, *sorted(rivals, key=lambda one: -one.gain))
-            stages.append(
-                SearchStage(base, stage.scores, refits, stage.null) if count == 1 else SearchStage(base, (), refits)
-            )
+            own = SearchStage(base, stage.scores, (best,), stage.null) if count == 1 else SearchStage(base, (), (best,))
+            stages.append(_beside_the_others(own, places[order[count - 1]], found) if places else own)
         return fits, stages
 
 
+def _beside_the_others(stage: SearchStage, place: _Place, found: EffectSet) -> SearchStage:
+    """A stage with what was tried in the place of its effect: as far behind it as the whole set is with it."""
+    best, *refits = stage.refits
+    ahead = best.gain - found.fit.log_evidence
+    tried = {one.variant.effect: replace(one, gain=ahead + one.fit.log_evidence) for one in place.others}
+    kept = [one for one in refits if one.variant.effect not in tried]
+    return replace(stage, refits=(best, *sorted([*tried.values(), *kept], key=lambda one: -one.gain)))
+
+
 def _tried(stage: SearchStage) -> list[Refit]:
-    """The effects that came to a good part of what the best did, the variant of each that came farthest."""
-    found: dict[str, Refit] = {}
-    for one in stage.refits:
-        if one.gain > 0 and one.gain >= WORTH * stage.refits[0].gain:
-            found.setdefault(one.variant.effect, one)
-    return list(found.values())
+    """What came to a good part of what the best did, the best first."""
+    return [one for one in stage.refits if one.gain > 0 and one.gain >= WORTH * stage.refits[0].gain]
+
+
+def _form(variant: Variant) -> tuple[str, ...]:
+    """The names of what is unknown of an effect."""
+    return tuple(one.name for one in variant.unknowns)
 
 
 def _rests(have: Variant, forms: Sequence[Variant]) -> Iterator[Variant]:
@@ -251,9 +259,15 @@ def _sizes(rest: Variant) -> list[Array]:
 
 
 def _worth(found: EffectSet, variant: Variant, known: Sequence[Sequence[Refit]]) -> list[Refit]:
-    """What is tried in the place of an effect: rivals of the stage that chose it, then others, none of the set."""
+    """What is tried in the place of an effect: rivals of the stage that chose it, then others, none of the set; and the
+    effect in other forms."""
     stages = sorted(known, key=lambda tried: [one.variant.effect for one in tried[:1]] != [variant.effect])
     by_effect: dict[str, Refit] = {}
+    forms: dict[tuple[str, ...], Refit] = {}
     for one in (one for tried in stages for one in tried):
         by_effect.setdefault(one.variant.effect, one)
-    return [one for one in by_effect.values() if one.variant.effect not in found.effects][:MOST]
+        if one.variant.effect == variant.effect:
+            forms.setdefault(_form(one.variant), one)
+    forms.pop(_form(variant), None)
+    others = [one for one in by_effect.values() if one.variant.effect not in found.effects]
+    return [*others[:MOST], *list(forms.values())[:MOST]]

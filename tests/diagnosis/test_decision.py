@@ -62,8 +62,8 @@ def test_effects_are_taken_as_long_as_they_bring_enough() -> None:
     assert n_accepted(stages(10.5, 3.0, by_chance=loud), [QUIET, QUIET], rule) == 1
     assert n_accepted(stages(400.0, 25.0, None), [LOUD, QUIET, QUIET], rule) == 2
     assert n_accepted(stages(400.0, 23.0), [LOUD, QUIET], rule) == 1
-    assert n_accepted(stages(9000.0, 80.0), [LOUD, QUIET], rule) == 1, "a fraction of what the first one brought"
-    gap = stages(9000.0, 80.0, first="gap_offset", amount="offset")
+    assert n_accepted(stages(9000.0, 26.0), [LOUD, QUIET], rule) == 1, "a fraction of what the first one brought"
+    gap = stages(9000.0, 26.0, first="gap_offset", amount="offset")
     assert n_accepted(gap, [LOUD, QUIET, QUIET], rule) == 2, "the gap's tolerance bounds what an offset can bring"
 
 
@@ -90,6 +90,15 @@ def test_a_strong_effect_counts_though_more_than_noise_is_left(second: float, le
     a structure of 70 times the noise, beside which much would bring as many nats."""
     powers = [LOUDER, {"x": 1.8, "i": 1.0}, {"x": left, "i": 1.0}]
     assert n_accepted(stages(1000.0, second), powers, Rule()) == taken
+
+
+@pytest.mark.parametrize(("position", "current", "taken"), [(1.05, 2.1, 2), (1.3, 2.1, 1), (1.05, 20.0, 1)])
+def test_an_effect_that_brings_a_channel_to_its_noise_counts_though_another_channel_keeps_more(
+    position: float, current: float, taken: int
+) -> None:
+    """A sensor's curvature beside coils whose voltages keep a little of their heat: 2 % of the first gain."""
+    powers = [{"x": 3.7, "i": 80.0}, {"x": 3.3, "i": current}, {"x": position, "i": current}]
+    assert n_accepted(stages(50e3, 900.0), powers, Rule()) == taken
 
 
 @pytest.mark.parametrize(("gain", "named"), [(5.0, 2), (0.0, 1), (-3.0, 1)])

@@ -9,6 +9,7 @@ from linear_record import BOW, CUBIC, OFFSET, LinearRecord, with_effect
 from msl_fem.diagnosis.exchange import Exchange
 from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.fit_memory import FitMemory
+from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.scores import Score
@@ -49,7 +50,9 @@ def searched(record: LinearRecord, *chosen: EffectUnknown, rivals: tuple[EffectU
 
 
 def put_right(fits, stages):
-    return Exchange(12.0, 5.0, lambda text: None, FitMemory()).chain(fits, stages)
+    """None where the set stays."""
+    chain, made = Exchange(12.0, 1.0, lambda text: None, FitMemory()).chain(fits, stages)
+    return None if chain[-1] is fits[-1] else (chain, made)
 
 
 def test_what_made_up_for_two_others_goes_once_both_are_there() -> None:
@@ -84,6 +87,26 @@ def test_a_set_that_is_right_stays_as_the_search_left_it() -> None:
     assert put_right(fits, stages) is None
 
 
+def test_what_is_nearly_as_probable_beside_the_others_is_told_with_an_effect() -> None:
+    """An offset, and a bow that is it but for a cubic: alone they are far apart, beside the cubic they are not."""
+    chance = np.random.default_rng(8)
+    nuisance, offset, own, cubic = chance.standard_normal((4, COUNT))
+    data = 0.5 * offset + 1.2 * cubic + chance.standard_normal(COUNT)
+    bow = offset + 0.08 * own + 0.3 * cubic
+    columns = {"force_offset": offset, "stiffness_nonlinearity": cubic, "position_sensor_nonlinearity": bow}
+    record = LinearRecord(data, nuisance[:, None], columns)
+    for first, other in ((OFFSET, BOW), (BOW, OFFSET)):
+        fits, stages = searched(record, first, CUBIC, rivals=(other,))
+        assert abs(stages[0].refits[0].gain - stages[0].refits[1].gain) > 100.0
+        chain, made = Exchange(12.0, 1.0, lambda text: None, FitMemory()).chain(fits, stages)
+        (stage,) = (one for one in made if one.best.variant.effect == OFFSET.effect)
+        (rival,) = stage.rivals(5.0)
+        assert rival.variant.effect == BOW.effect
+        ahead = chain[-1].log_evidence - rival.fit.log_evidence
+        assert 1.0 < ahead < 5.0
+        assert stage.best.gain - rival.gain == pytest.approx(ahead)
+
+
 def test_an_effect_in_its_fuller_form_takes_the_place_of_two() -> None:
     """Curvature and cubic part of a reading are one cause; an offset that makes up for most of the one is none."""
     chance = np.random.default_rng(5)
@@ -102,6 +125,32 @@ def test_an_effect_in_its_fuller_form_takes_the_place_of_two() -> None:
     assert chain[-1].log_evidence > fits[-1].log_evidence
     amounts = [whole.amounts[n].z_of(value) for n, value in enumerate((BOW.value(0.6), whole.amounts[1].value(0.4)))]
     assert chain[-1].z[-2:] == pytest.approx(amounts, abs=0.06)
+
+
+def test_an_effect_takes_the_form_that_is_left_to_it_beside_the_others() -> None:
+    """Alone a reading needs its cubic part for what an offset does; beside the offset its curvature is enough."""
+    chance = np.random.default_rng(2)
+    nuisance, quadratic, cubic, own = chance.standard_normal((4, COUNT))
+    offset = cubic + own
+    data = 0.6 * quadratic + 0.4 * offset + chance.standard_normal(COUNT)
+    parts = {"quadratic": quadratic, "cubic": cubic}
+    record = ReadingInTwo(data, nuisance[:, None], {"force_offset": offset}, parts)
+    whole = Variant(BOW.effect, (BOW, EffectUnknown(BOW.effect, "cubic")))
+    base = fit(record, UNKNOWNS, np.zeros(1))
+
+    def refit(before: Fit, *variants: Variant) -> Refit:
+        unknowns = with_effect(UNKNOWNS, *(one for variant in variants for one in variant.unknowns))
+        found = fit(record, unknowns, np.zeros(unknowns.size))
+        return Refit(variants[-1], found, found.log_evidence - before.log_evidence)
+
+    first = [refit(base, whole), refit(base, Variant(BOW.effect, (BOW,)))]
+    last = refit(first[0].fit, whole, Variant(OFFSET.effect, (OFFSET,)))
+    assert first[0].gain > first[1].gain + 50.0
+    stages = [SearchStage(base, (), tuple(first)), SearchStage(first[0].fit, (), (last,))]
+    better = put_right([base, first[0].fit, last.fit], stages)
+    assert better is not None
+    assert {stage.best.variant.name for stage in better[1]} == {"force_offset (force)", first[1].variant.name}
+    assert better[0][-1].log_evidence > last.fit.log_evidence + 1.0
 
 
 @dataclass(frozen=True, eq=False)
