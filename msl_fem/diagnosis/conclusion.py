@@ -18,6 +18,7 @@ from msl_fem.diagnosis.decision import (
 )
 from msl_fem.diagnosis.estimates import believed_estimates, effect_estimates
 from msl_fem.diagnosis.kind import (
+    ErrorSignal,
     Kind,
     PredictionError,
     held_out_against,
@@ -89,11 +90,12 @@ def conclude(
     of_models = [kind.errors(model, fit) for model, fit in zip(models, result.fits, strict=False)]
     nominal, *signals = on_common_ground([kind.errors(kind.belief, None), *of_models])
     errors = [[signal.summary for signal in of_model] for of_model in signals]
-    gains = held_out_gains(errors)
+    repeat = [repeatable(of_model, result.final) for of_model in signals]
+    gains = held_out_gains([[signal.summary for signal in of_model] for of_model in repeat])
     compensating = _compensating(kind, result, models[result.taken], threads=threads)
     if compensating:
         result = replace(result, taken=1)
-    worse = held_out_against(signals)
+    worse = held_out_against(repeat)
     main = main_cause(result, worse)
     result, notes = _named(result, [gain if bad else max(gain, 0.0) for gain, bad in zip(gains, worse, strict=True)])
     if compensating:
@@ -104,7 +106,7 @@ def conclude(
     n = result.taken
     believed = [signal.summary for signal in nominal]
     accuracy = tuple(Accuracy(*three, kind.prediction) for three in zip(believed, errors[0], errors[n], strict=True))
-    extended = None if worse_than_belief(nominal, signals[n]) else models[n]
+    extended = None if worse_than_belief(repeatable(nominal, result.final), repeat[n]) else models[n]
     if extended is None:
         notes.append(NO_EXTENDED_MODEL)
     unfaithful = _unfaithful(errors[n], kind) if n else ""
@@ -148,6 +150,12 @@ def conclude(
         correlation=correlation_of(result.final),
     )
     return _undecided(found, result, unfaithful, kind) if unfaithful else found
+
+
+def repeatable(signals: Sequence[ErrorSignal], found: Fit) -> list[ErrorSignal]:
+    """The signals of channels that held-out runs can confirm: one whose zero wanders, as a fit has it, does so anew in
+    every run, and any small change may meet its path by chance."""
+    return [signal for signal in signals if signal.channel != found.unknowns.wanders]
 
 
 def main_cause(result: EffectSearch, worse: Sequence[bool]) -> MainCause | None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from msl_fem.diagnosis import decision, effect_search
-from msl_fem.diagnosis.conclusion import EffectSearch, _compensating, _named, main_cause
+from msl_fem.diagnosis.conclusion import EffectSearch, _compensating, _named, main_cause, repeatable
 from msl_fem.diagnosis.decision import (
     RELAXED,
     Rule,
@@ -266,6 +266,18 @@ def test_a_further_name_has_to_be_confirmed_where_a_first_one_need_only_not_be_r
     assert held_out_against([[error_signal(noise)], worse]) == [False]
     assert held_out_against([[error_signal(1.2 * noise)], [error_signal(noise)], worse]) == [False, True]
     assert held_out_against([[error_signal(1.2 * noise)], [error_signal(noise)], better]) == [False, False]
+
+
+def test_where_a_zero_wanders_the_other_channels_confirm() -> None:
+    """A drift of 30 times the noise: a change of the size of the noise that meets its path makes the reading worse."""
+    chance = np.random.default_rng(3)
+    current = replace(error_signal(chance.standard_normal(4000)), channel="current_1_A")
+    drift = 30.0 * np.sin(np.linspace(0.0, 3.0, 4000))
+    worse = [error_signal(drift + 1.0), replace(current, values=0.99 * current.values)]
+    models = [[error_signal(drift), current], [error_signal(drift), current], worse]
+    for channel, against in (("", True), ("position_m", False)):
+        found: Any = SimpleNamespace(unknowns=SimpleNamespace(wanders=channel))
+        assert held_out_against([repeatable(of_model, found) for of_model in models]) == [False, against]
 
 
 def test_the_main_cause_takes_most_of_the_excess_whatever_else_is_left() -> None:
