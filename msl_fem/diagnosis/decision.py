@@ -57,6 +57,8 @@ OWN_OF_A_RUN = {effect.name for effect in CATALOGUE.values() if effect.wanders}
 """Effects that begin anew in every run: held-out runs cannot speak against them."""
 BESIDE = 0.1
 """Share of the largest gain before that an effect has to bring to count where more than noise is left beside it."""
+DEVIATION = 0.1
+"""Share of an effect's gain, up to which what deviates from its form is no cause of its own beside it."""
 FAR_WITHIN = 0.5
 """Share of all that, up to which a refit that is not converged will not get there."""
 PROMISING = 0.25
@@ -230,6 +232,17 @@ def in_sight(problem: FitProblem, stage: SearchStage) -> SearchStage:
             heavy = "mass_share" in mode and mode["mass_share"].value >= LEAST_SHARE
             return heavy and mode["frequency"].value <= HIGHEST_MODE * problem.plant.rate / 2
         return effect != "drive_limit" or effect_estimates(refit.fit)[effect]["lost_share"].value >= LEAST_LOST
+
+    return replace(stage, refits=tuple(filter(counts, stage.refits)))
+
+
+def of_its_own(stage: SearchStage, before: Sequence[SearchStage]) -> SearchStage:
+    """A stage without refits that are the small deviation of an effect before from its simplest form: mutual flux over
+    the position beside mutual flux."""
+    gains = {one.best.variant.effect: one.best.gain for one in before if one.best is not None}
+
+    def counts(refit: Refit) -> bool:
+        return refit.gain >= DEVIATION * gains.get(CATALOGUE[refit.variant.effect].deviation_of, 0.0)
 
     return replace(stage, refits=tuple(filter(counts, stage.refits)))
 

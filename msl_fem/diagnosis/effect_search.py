@@ -13,6 +13,7 @@ from msl_fem.diagnosis.decision import (
     disagrees,
     in_sight,
     n_accepted,
+    of_its_own,
     stays_within,
     white,
 )
@@ -108,6 +109,7 @@ def _forward(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
             least=rule.least(stages),
             hopeless=partial(stays_within, kind.likelihood.problem),
         )
+        stage = of_its_own(stage, stages)
         stage = in_sight(kind.likelihood.problem, beyond_tolerances(kind.likelihood.problem, stage))
         fits[n] = stage.base
         stages.append(stage)

@@ -20,6 +20,7 @@ from msl_fem.diagnosis.decision import (
     gauges,
     in_sight,
     n_accepted,
+    of_its_own,
     stays_within,
     white,
 )
@@ -266,6 +267,22 @@ def test_a_further_name_has_to_be_confirmed_where_a_first_one_need_only_not_be_r
     assert held_out_against([[error_signal(noise)], worse]) == [False]
     assert held_out_against([[error_signal(1.2 * noise)], [error_signal(noise)], worse]) == [False, True]
     assert held_out_against([[error_signal(1.2 * noise)], [error_signal(noise)], better]) == [False, False]
+
+
+@pytest.mark.parametrize(("gain", "own"), [(390.0, False), (410.0, True)])
+def test_what_deviates_from_the_form_of_an_effect_is_no_cause_beside_it_unless_it_is_large(
+    gain: float, own: bool
+) -> None:
+    """Mutual flux that goes with the position a little; beside another effect the same is a cause."""
+
+    def stage(*refits: tuple[str, float]) -> SearchStage:
+        found = [SimpleNamespace(gain=g, variant=SimpleNamespace(effect=e)) for e, g in refits]
+        return SearchStage(None, (), tuple(found))  # type: ignore[arg-type]
+
+    later = stage(("cross_coupling", gain), ("squeeze_film", 30.0))
+    for first, names in (("mutual_inductance", own), ("time_delay", True)):
+        left = of_its_own(later, [stage((first, 4000.0))]).refits
+        assert [one.variant.effect for one in left] == (["cross_coupling"] if names else []) + ["squeeze_film"]
 
 
 def test_where_a_zero_wanders_the_other_channels_confirm() -> None:

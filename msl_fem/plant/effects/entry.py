@@ -168,6 +168,7 @@ class Effect:
         for there
     wanders : the reading whose zero it moves by a path of each run's own, of which its parameters are the even course;
         "": it acts alike in every run
+    deviation_of : the effect whose simplest form it deviates from; "": of none
     """
 
     name: str
@@ -187,6 +188,7 @@ class Effect:
     sets: tuple[tuple[str, ...], ...] = ()
     separating: str = ""
     wanders: str = ""
+    deviation_of: str = ""
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; KeyError where there is none."""

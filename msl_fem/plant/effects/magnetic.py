@@ -355,6 +355,7 @@ MAGNETIC = (
         inverse=NO_MAGNETS,
         static=Part(declined="it takes two sides, a static map is of one magnet"),
         advice="separate the sides' flux: a thicker armature, other polarity; or keep it in the model",
+        deviation_of="mutual_inductance",
     ),
     Effect(
         name="armature_tilt",
