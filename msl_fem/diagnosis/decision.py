@@ -237,12 +237,13 @@ def in_sight(problem: FitProblem, stage: SearchStage) -> SearchStage:
 
 
 def of_its_own(stage: SearchStage, before: Sequence[SearchStage]) -> SearchStage:
-    """A stage without refits that are the small deviation of an effect before from its simplest form: mutual flux over
-    the position beside mutual flux."""
+    """A stage without refits that are the small deviation of an effect before from its form: mutual flux over the
+    position beside mutual flux, a little of another lag beside one whose order is not quite its own."""
     gains = {one.best.variant.effect: one.best.gain for one in before if one.best is not None}
 
     def counts(refit: Refit) -> bool:
-        return refit.gain >= DEVIATION * gains.get(CATALOGUE[refit.variant.effect].deviation_of, 0.0)
+        of = CATALOGUE[refit.variant.effect].deviation_of
+        return refit.gain >= DEVIATION * max((gains.get(name, 0.0) for name in of), default=0.0)
 
     return replace(stage, refits=tuple(filter(counts, stage.refits)))
 

@@ -273,16 +273,18 @@ def test_a_further_name_has_to_be_confirmed_where_a_first_one_need_only_not_be_r
 def test_what_deviates_from_the_form_of_an_effect_is_no_cause_beside_it_unless_it_is_large(
     gain: float, own: bool
 ) -> None:
-    """Mutual flux that goes with the position a little; beside another effect the same is a cause."""
+    """Mutual flux that goes with the position a little, a delay beside a drive's pole; beside another effect the same
+    is a cause."""
 
     def stage(*refits: tuple[str, float]) -> SearchStage:
         found = [SimpleNamespace(gain=g, variant=SimpleNamespace(effect=e)) for e, g in refits]
         return SearchStage(None, (), tuple(found))  # type: ignore[arg-type]
 
-    later = stage(("cross_coupling", gain), ("squeeze_film", 30.0))
-    for first, names in (("mutual_inductance", own), ("time_delay", True)):
-        left = of_its_own(later, [stage((first, 4000.0))]).refits
-        assert [one.variant.effect for one in left] == (["cross_coupling"] if names else []) + ["squeeze_film"]
+    for first, other in (("mutual_inductance", "cross_coupling"), ("amplifier_bandwidth", "time_delay")):
+        later = stage((other, gain), ("squeeze_film", 30.0))
+        for before, counts in ((first, own), ("armature_tilt", True)):
+            left = of_its_own(later, [stage((before, 4000.0))]).refits
+            assert [one.variant.effect for one in left] == ([other] if counts else []) + ["squeeze_film"]
 
 
 def test_where_a_zero_wanders_the_other_channels_confirm() -> None:

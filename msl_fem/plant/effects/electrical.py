@@ -214,6 +214,7 @@ ELECTRICAL = (
         static=NOT_AT_REST,
         advice="measure the step response of the drive with the mover locked; check its voltage limit",
         sets=(("lag",), ("slew_time",), ("bandwidth_error",), ("lag", "slew_time")),
+        deviation_of=("time_delay", "eddy_currents"),
     ),
     Effect(
         name="drive_limit",

@@ -168,7 +168,7 @@ class Effect:
         for there
     wanders : the reading whose zero it moves by a path of each run's own, of which its parameters are the even course;
         "": it acts alike in every run
-    deviation_of : the effect whose simplest form it deviates from; "": of none
+    deviation_of : effects from whose form a real one deviates as if a little of this one were there
     """
 
     name: str
@@ -188,7 +188,7 @@ class Effect:
     sets: tuple[tuple[str, ...], ...] = ()
     separating: str = ""
     wanders: str = ""
-    deviation_of: str = ""
+    deviation_of: tuple[str, ...] = ()
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; KeyError where there is none."""

@@ -339,6 +339,7 @@ MAGNETIC = (
         inverse=NO_MAGNETS,
         static=NOT_AT_REST,
         advice="look for solid iron and shorted sheets in the flux path, a closed metal ring around it",
+        deviation_of=("time_delay", "amplifier_bandwidth"),
     ),
     Effect(
         name="cross_coupling",
@@ -355,7 +356,7 @@ MAGNETIC = (
         inverse=NO_MAGNETS,
         static=Part(declined="it takes two sides, a static map is of one magnet"),
         advice="separate the sides' flux: a thicker armature, other polarity; or keep it in the model",
-        deviation_of="mutual_inductance",
+        deviation_of=("mutual_inductance",),
     ),
     Effect(
         name="armature_tilt",

@@ -193,6 +193,7 @@ SENSING = (
         static=NOT_AT_REST,
         advice="check the time stamps of the channels and the cycles between computing and acting",
         sets=(("command",), ("position",), ("current",), ("position", "current")),
+        deviation_of=("amplifier_bandwidth", "eddy_currents", "position_sensor_lag"),
     ),
     Effect(
         name="periodic_disturbance",
