@@ -108,7 +108,10 @@ def told_by(folder: Path) -> Told:
     except (OSError, ValueError, RecursionError) as err:
         raise InputError(f"--from {file}: cannot be read ({err}); diagnose the record again") from err
     extended = load_extended_model(model)
-    posterior = posterior_of(content)
+    try:
+        posterior = posterior_of(content)
+    except InputError as err:
+        raise InputError(f"--from {file}: {err}") from err
     try:
         believed = believed_before(extended.actuator, content)
     except ValidationError as err:

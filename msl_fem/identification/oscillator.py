@@ -264,8 +264,12 @@ def _unit(model: ArmaxEstimate, name: str) -> str:
 
 
 def _delta_method(values: Callable[[Array], Array], point: Array, covariance: Array) -> Array:
-    """Standard errors of `values`, by central differences along the principal axes of the covariance."""
-    scale = np.sqrt(np.diag(covariance))
+    """Standard errors of `values`, by central differences along the principal axes of the covariance; nan where that is
+    none."""
+    variances = np.diag(covariance)
+    if np.any(variances < 0.0):  # of a fit that leaves nothing, where rounding made them
+        return np.full(values(point).size, np.nan)
+    scale = np.sqrt(variances)
     used = scale > 0.0
     correlation = covariance[np.ix_(used, used)] / np.outer(scale[used], scale[used])
     sizes, axes = np.linalg.eigh(correlation)

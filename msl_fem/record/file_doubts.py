@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from msl_fem.errors import InputError
+from msl_fem.files.schema import LARGEST
 from msl_fem.record.columns import read_columns
 from msl_fem.record.doubts import doubtful_signals, too_slow
 from msl_fem.record.label_doubts import doubtful_table
@@ -25,8 +26,10 @@ def doubts_of_file(path: Path, labels: Sequence[str] = (), *, ordered: bool = Fa
     missing = [name for name in labels if name not in columns]
     if missing:
         raise InputError(f"{path}: no column '{missing[0]}'; there are {', '.join(columns)}")
-    measured = {name: v for name, v in columns.items() if name not in labels and v.dtype.kind == "f"}
-    doubts = [*doubtful_signals(measured), *(too_slow(measured) if ordered else [])]
+    sizes = {name: float(np.abs(v).max(initial=0.0)) for name, v in columns.items() if v.dtype.kind == "f"}
+    measured = {name: columns[name] for name, size in sizes.items() if name not in labels and size <= LARGEST}
+    beyond = [f"{name} reaches {size:g}, more than any sensor shows" for name, size in sizes.items() if size > LARGEST]
+    doubts = [*beyond, *doubtful_signals(measured), *(too_slow(measured) if ordered else [])]
     if labels:
         doubts += doubtful_table({name: columns[name] for name in labels}, measured)
     return doubts

@@ -16,12 +16,12 @@ from msl_fem.errors import RecordError
 from msl_fem.files.netcdf_file import look_through, refuse_endless_heap
 from msl_fem.record import log_limits
 from msl_fem.record.log_limits import ELEMENT, keep_numeric, not_read, refuse_many_values
+from msl_fem.record.mat_elements import COMPRESSED, ByteOrder, check_types
 
 MOST_OBJECTS = 100_000
 """Of a .mat file of version 7.3, whose cells are an object each."""
 NOT_NUMERIC = ("cell", "char", "struct", "object", "function", "opaque", "unknown")
 """Classes of variables of which no number is read unless they are asked for."""
-_COMPRESSED = 15  # miCOMPRESSED of the MAT-File Format, version 5, table 1-1
 
 
 def read_mat(path: Path, only: Collection[str] | None) -> dict[str, Array]:
@@ -46,7 +46,7 @@ def _read_version_5(path: Path, only: Collection[str] | None) -> tuple[dict[str,
     names = None if only is None else {re.split(r"[.\[]", source)[0] for source in only}
     there = whosmat(path)
     tables = [name for name, _, kind in there if kind in ("opaque", "object")]
-    _check_unpacked_size(path, [name for name, _, _ in there], names)
+    _look_through(path, [name for name, _, _ in there], names)
     signals: dict[str, Array] = {}
     for name, shape, kind in there:
         if names is not None and name not in names and kind not in NOT_NUMERIC:
@@ -57,8 +57,9 @@ def _read_version_5(path: Path, only: Collection[str] | None) -> tuple[dict[str,
     return signals, tables
 
 
-def _check_unpacked_size(path: Path, order: list[str], names: set[str] | None) -> None:
-    """RecordError where a variable that is asked for would unpack to more than is read of a log.
+def _look_through(path: Path, order: list[str], names: set[str] | None) -> None:
+    """RecordError where a variable that is asked for would unpack to more than is read of a log, ValueError where scipy
+    would end the process (`check_types`).
 
     A compressed element of a few kB may hold gigabytes, and what it says of its own size need not be true; so it is
     unpacked once piece by piece, and counted.
@@ -67,14 +68,16 @@ def _check_unpacked_size(path: Path, order: list[str], names: set[str] | None) -
         if stream.read(128)[124:128] not in (b"\x00\x01IM", b"\x01\x00MI"):
             return  # version 4: nothing is compressed, so nothing is larger than the file
         stream.seek(126)
-        order_of_bytes = "little" if stream.read(2) == b"IM" else "big"
+        order_of_bytes: ByteOrder = "little" if stream.read(2) == b"IM" else "big"
         for name in order:
             tag = stream.read(8)
-            kind, size = (int.from_bytes(part, order_of_bytes) for part in (tag[:4], tag[4:]))  # type: ignore[arg-type]
-            behind = stream.tell() + size
+            kind, size = (int.from_bytes(part, order_of_bytes) for part in (tag[:4], tag[4:]))
+            begin = stream.tell()
             if names is None or name in names:
-                refuse_many_values((_unpacked(stream, size) if kind == _COMPRESSED else size) / 8, path)
-            stream.seek(behind)
+                refuse_many_values((_unpacked(stream, size) if kind == COMPRESSED else size) / 8, path)
+                stream.seek(begin)
+                check_types(stream, kind, size, order_of_bytes)
+            stream.seek(begin + size)
 
 
 def _unpacked(stream: BinaryIO, size: int) -> int:

@@ -12,6 +12,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import QuantityError, RecordError
 from msl_fem.files.quantity import parse_quantity
+from msl_fem.files.schema import LARGEST
 from msl_fem.files.toml_text import toml_text
 from msl_fem.record.columns import CHANNELS, Channel, Quantity
 from msl_fem.record.log_signals import signals_and_units
@@ -162,8 +163,8 @@ def _unit_by_size(name: str, column: str, values: Array, actuator: Actuator | No
     """A position's unit as the one in which its travel fits the gap; others are taken in SI units, which is said."""
     gap = actuator.motion.nominal_gap if actuator is not None and actuator.motion is not None else None
     quantity = CHANNELS[column].quantity
-    if quantity in ("position", "reference") and gap:
-        travel = float(np.ptp(values[np.isfinite(values)]))
+    if quantity in ("position", "reference") and gap and _readings(values).size:
+        travel = float(np.ptp(_readings(values)))
         for unit, factor in (("m", 1.0), ("mm", 1e-3), ("um", 1e-6)):
             if travel * factor <= 2 * gap:
                 remark = f"no unit in the log: the travel of {travel:.4g} fits the gap in {unit}"
@@ -179,13 +180,23 @@ def _with_signs(columns: dict[str, ProposedColumn], signals: Mapping[str, Array]
         pairs.append((f"command_{side}_A", f"current_{side}_A", "a current follows its command"))
     for first, second, why in pairs:
         if first in columns and second in columns:
-            product = signals[columns[first].source] * signals[columns[second].source]
-            columns[second] = _turned(columns[second], product, why)
+            one, other = (_as_read(signals[columns[name].source]) for name in (first, second))
+            columns[second] = _turned(columns[second], one * other, why)
     if "force_N" in columns and "position_m" in columns and "current_1_A" not in columns:
-        force, position = (signals[columns[name].source] for name in ("force_N", "position_m"))
+        force, position = (_as_read(signals[columns[name].source]) for name in ("force_N", "position_m"))
         work = 0.5 * (force[1:] + force[:-1]) * np.diff(position)
         columns["position_m"] = _turned(columns["position_m"], work, "a force does work on a damped mover")
     return columns
+
+
+def _as_read(values: Array) -> Array:
+    """The values, nan where no sensor shows them."""
+    return np.where(np.abs(values) <= LARGEST, values, np.nan)
+
+
+def _readings(values: Array) -> Array:
+    """The values that a sensor can show."""
+    return values[np.abs(values) <= LARGEST]
 
 
 def _turned(column: ProposedColumn, product: Array, why: str) -> ProposedColumn:

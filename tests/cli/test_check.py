@@ -21,3 +21,13 @@ def test_a_table_with_a_copied_block(msl_fem, tmp_path) -> None:
 
 def test_an_actuator_file_is_no_data(msl_fem) -> None:
     assert "'msl-fem draw" in msl_fem("check", str(SERVO), "--json").complaint
+
+
+def test_a_number_that_no_sensor_shows_is_told(msl_fem, tmp_path) -> None:
+    rng = np.random.default_rng(1)
+    rows = rng.normal(size=(60, 2))
+    rows[7, 1] = 1e300
+    table = tmp_path / "table.csv"
+    table.write_text("x,v\n" + "".join(f"{x:.9g},{v:.9g}\n" for x, v in rows))
+    outcome = msl_fem("check", str(table), "--json")
+    assert outcome.json["doubts"] == ["v reaches 1e+300, more than any sensor shows"]

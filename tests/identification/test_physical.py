@@ -69,6 +69,14 @@ def test_a_believed_mass_brings_its_tolerance():
     assert loose.standard_error**2 == pytest.approx(exact.standard_error**2 + (0.01 * exact.value) ** 2, rel=1e-3)
 
 
+def test_a_variance_below_zero_tells_no_error():
+    """As rounding makes it of readings without noise: no parameter is then known exactly."""
+    model = fit_armax([driven(OscillatorPrior(2.0, 30.0, 8e3), 2_000, 1)], ORDERS)
+    covariance = model.covariance.copy()
+    covariance[0, 0] = -covariance[0, 0]
+    assert replace(model, covariance=covariance).physical_parameters(mass=KnownMass(2.0)) == {}
+
+
 def test_the_held_gap_does_not_count_as_damping():
     """Rational inputs hold the position over a sample: without its correction damping is 12 % too small."""
     run = magnet_run(20_000, np.random.default_rng(11))

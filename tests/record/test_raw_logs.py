@@ -210,6 +210,21 @@ def test_noise_is_written_with_a_remark(tmp_path) -> None:
     assert "estimated from run log" in (tmp_path / "rec" / "rig.toml").read_text()
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("odd", ["inf", "1e300", "nan"])
+def test_what_no_sensor_shows_tells_no_sign_and_no_unit(tmp_path, servo, odd) -> None:
+    log = tmp_path / "log.csv"
+    rows = [f"{k / 1e3},{odd if k % 2 else -odd_free(k)},{odd_free(k)},{odd}" for k in range(60)]
+    log.write_text("\n".join(["t,u1,i1,x", *rows]) + "\n")
+    columns = proposed_columns(log, servo)
+    assert columns["current_1_A"].scale == -1.0
+    assert columns["position_m"].unit == ""
+
+
+def odd_free(k: int) -> float:
+    return 1.0 + 0.01 * k
+
+
 def test_columns_are_proposed_with_units_and_signs(tmp_path) -> None:
     """Names, units in brackets, a position without a unit by its travel, and a current that was wired the other way."""
     servo = parse_actuator(

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 from hostile_files import spoilt_netcdf
 from later_targets import _bytes, _made_once
+from scipy.io import savemat
 from targets import (
+    LOG,
     RIG,
     ROOT,
     RUN,
@@ -16,6 +18,8 @@ from targets import (
     STATIC,
     Target,
     _csv,
+    _logged_arrays,
+    _mat,
     _mesh,
     _one_file,
     _record,
@@ -182,6 +186,10 @@ def _log(ending: str, write: str) -> Callable[[Path], Path]:
     return _made_once(f"a{ending}", make)
 
 
+def _plain_mat_file(path: Path) -> None:
+    savemat(path, _logged_arrays() | {"run": {"x": np.arange(50.0), "name": "one"}})
+
+
 def _femm_file(path: Path) -> None:
     path.write_text(femm_text(load_actuator(GEOMETRIES / "u_core_ui60.toml"), 1e-3, current=1.0))
 
@@ -222,9 +230,16 @@ RECORD_TARGETS = (
     Target("whole record: position's curve", _whole_record("probe.csv"), _csv, _use_whole),
     Target("whole record: static's curve", _whole_record("scales.csv"), _csv, _use_whole),
     Target("record: run, NetCDF", _netcdf_run, spoilt_netcdf, _use_record),
+    Target("check RECORD", _record("run.csv"), _csv, _typed("check", "IN", "--json")),
+    Target("identify RECORD", _record("run.csv"), _csv, _typed("identify", "IN", "-o", "OUT/m.json", "--json")),
+    Target("check LOG", _one_file("a.csv", LOG), _csv, _typed("check", "IN/a.csv", "--json")),
+    Target("import LOG, proposed", _one_file("a.csv", LOG), _csv,
+           _typed("import", "IN/a.csv", "--actuator", str(SERVO), "-o", "OUT/rec", "--propose", "OUT/c.toml")),
     Target("impedance", _one_file("impedance.csv", IMPEDANCE), _csv, _use_impedance),
     Target("causes", _one_file("a.toml", CAUSES), _toml, lambda folder, out: causes_of(str(folder / "a.toml"))),
     Target("cause in words", _one_file("a.txt", CAUSE), _text, _use_cause),
+    Target("log, MATLAB 5, not packed", _made_once("a.mat", _plain_mat_file), _mat,
+           lambda folder, out: read_log(folder / "a.mat")),
     Target("log, workbook", _log(".xlsx", "workbook"), _bytes, lambda folder, out: read_log(folder / "a.xlsx")),
     Target("log, TDMS", _log(".tdms", "tdms"), _bytes, lambda folder, out: read_log(folder / "a.tdms")),
     Target("log, MDF 4", _log(".mf4", "mdf"), _bytes, lambda folder, out: read_log(folder / "a.mf4")),

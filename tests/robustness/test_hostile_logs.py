@@ -7,6 +7,7 @@ import subprocess
 import sys
 import warnings
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -81,6 +82,36 @@ def test_a_workbook_with_a_damaged_part_is_closed(part: str, tmp_path: Path, mon
             read_log(log)
         gc.collect()
     assert said == []
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("kind", [0, 8, 10, 14, 19, 142, 60_000, 2**32 - 1])
+def test_data_of_a_type_that_has_none_are_refused(kind: int, packed: bool, tmp_path: Path) -> None:
+    """scipy would look the type up beyond the end of its table, and end the process."""
+    log = tmp_path / "log.mat"
+    content = {"t": SIGNALS["t"], "run": {"x": SIGNALS["motor"], "cells": np.array([SIGNALS["t"], "a"], dtype=object)}}
+    savemat(log, content)
+    good = log.read_bytes()
+    whole = read_log(log)
+    places = [at for at in range(128, len(good), 8) if good[at : at + 8] == struct.pack("<II", 9, 8 * N)]
+    assert len(places) == 3
+    for at in places:
+        bad = good[:at] + struct.pack("<I", kind) + good[at + 4 :]
+        log.write_bytes(_as_packed(bad) if packed else bad)
+        with pytest.raises(RecordError, match=r"cannot be read .*(which has none|ends early|small element)"):
+            read_log(log)
+    log.write_bytes(_as_packed(good))
+    assert read_log(log).keys() == whole.keys()
+
+
+def _as_packed(plain: bytes) -> bytes:
+    """The elements of a file of version 5, each compressed."""
+    made, at = plain[:128], 128
+    while at < len(plain):
+        size = struct.unpack("<I", plain[at + 4 : at + 8])[0]
+        element = zlib.compress(plain[at : at + 8 + size])
+        made, at = made + struct.pack("<II", 15, len(element)) + element, at + 8 + size
+    return made
 
 
 @pytest.mark.parametrize("kind", ["external", "virtual", "soft link", "external link"])

@@ -64,7 +64,7 @@ NAMES = STATED["correlation"]["names"]
     ],
 )
 def test_a_diagnosis_of_no_plant_is_refused(tmp_path: Path, change: Change, told: str) -> None:
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=rf"--from .*{DIAGNOSIS}: .*{told}"):
         told_by(spoilt(tmp_path, change))
 
 
