@@ -165,6 +165,9 @@ def _checked(problem: FemmProblem) -> FemmProblem:
         beyond = [place for place in places if place is not None and not least <= place < count]
         if beyond:
             raise ValueError(f"there is no {what} {beyond[0] + 1}, but {count}")
+    ends = problem.points[problem.edges]
+    if not (ends[:, 0] != ends[:, 1]).any(axis=1).all():
+        raise ValueError("a segment has no length")
     return problem
 
 

@@ -75,8 +75,10 @@ class ArmaxEstimate:
 
     @property
     def standard_errors(self) -> Array:
-        """One standard deviation of each coefficient, in the order of `parameter_names`."""
-        return np.sqrt(np.diag(self.covariance))
+        """One standard deviation of each coefficient, in the order of `parameter_names`; nan where rounding has made
+        its variance less than nothing."""
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(np.diag(self.covariance))
 
     @property
     def delta_standard_error(self) -> float | None:

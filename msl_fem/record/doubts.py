@@ -38,16 +38,18 @@ def affine_copies(columns: Columns) -> list[str]:
 def _copies(columns: Columns) -> dict[tuple[str, str], tuple[float, float]]:
     """Slope and offset of the pairs whose line leaves no more than the rounding of either column, or of both."""
     lines = {}
-    shown = {name: v for name, v in columns.items() if v.size >= FEWEST and np.abs(v).max() > NOTHING}
+    shown = {name: v for name, v in columns.items() if v.size >= FEWEST and np.ptp(v) > NOTHING}
     names = [name for name, v in shown.items() if np.unique(v).size >= 4]
     for first, second in combinations(names, 2):
         x, y = columns[first], columns[second]
-        slope, offset = np.polyfit(x, y, 1)
+        along = x - np.mean(x)
+        slope = float(along @ y) / float(along @ along)
+        offset = float(np.mean(y) - slope * np.mean(x))
         left, spread = float(np.max(np.abs(y - slope * x - offset))), float(np.std(y))
         own, other = 0.51 * _last_digit(y), abs(slope) * 0.51 * _last_digit(x)
         allowed = [a for a in (EXACT * spread, own, other, own + other) if a < ROUGH * spread]
         if allowed and left <= max(allowed):
-            lines[first, second] = float(slope), float(offset)
+            lines[first, second] = slope, offset
     return lines
 
 

@@ -1,9 +1,7 @@
 """Logs whose formats are read by libraries that are not installed with the package: xlsx, TDMS, MDF 4."""
 
-import gc
 import importlib
 import logging
-import sys
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,11 +11,9 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import RecordError
-from msl_fem.files.schema import reason
+from msl_fem.record.log_apart import SignalsAndUnits, read_apart
 from msl_fem.record.log_layout import text_layout
 from msl_fem.record.log_limits import not_read, refuse_many_values
-
-SignalsAndUnits = tuple[dict[str, Array], dict[str, str]]
 
 
 def _library(module: str, package: str, path: Path) -> Any:
@@ -29,18 +25,16 @@ def _library(module: str, package: str, path: Path) -> Any:
 
 @contextmanager
 def _heard(library: str, path: Path) -> Iterator[None]:
-    """What a library logs and what its finalisers complain of stays here; RecordError where it has warned, for what it
-    reads then may be other numbers than meant."""
-    said, hook = _Said(), sys.unraisablehook
+    """What a library logs stays here; RecordError where it has warned, for what it reads then may be other numbers than
+    meant."""
+    said = _Said()
     known = [name for name in logging.root.manager.loggerDict if f"{name}.".startswith(f"{library}.")]
     before = [(logger, logger.handlers, logger.propagate) for logger in map(logging.getLogger, known)]
     for logger, _, _ in before:
         logger.handlers, logger.propagate = [said], False
-    sys.unraisablehook = lambda told: None
     try:
         yield
     finally:
-        sys.unraisablehook = hook
         for logger, handlers, passed_on in before:
             logger.handlers, logger.propagate = handlers, passed_on
     if said.lines:
@@ -138,6 +132,12 @@ def read_tdms(path: Path, only: Collection[str] | None) -> SignalsAndUnits:
 
 
 def read_mdf(path: Path, only: Collection[str] | None) -> SignalsAndUnits:
+    """`channels_of_mdf` in a process of its own, which native code of asammdf ends where a damaged file says so."""
+    _library("asammdf", "asammdf", path)
+    return read_apart(channels_of_mdf, path, only)
+
+
+def channels_of_mdf(path: Path, only: Collection[str] | None) -> SignalsAndUnits:
     """The channels of an MDF 4 file, and the time of each as `channel.time`.
 
     Raises
@@ -147,7 +147,7 @@ def read_mdf(path: Path, only: Collection[str] | None) -> SignalsAndUnits:
     asammdf = _library("asammdf", "asammdf", path)
     signals: dict[str, Array] = {}
     units: dict[str, str] = {}
-    with _heard("asammdf", path), _opened(asammdf, path) as file:
+    with _heard("asammdf", path), asammdf.MDF(path) as file:
         for channel in file.iter_channels(skip_master=True):
             values = np.asarray(channel.samples)
             if values.dtype.kind not in "iuf" or values.size < 2 or values.ndim != 1:
@@ -160,17 +160,6 @@ def read_mdf(path: Path, only: Collection[str] | None) -> SignalsAndUnits:
             signals[f"{channel.name}.time"] = np.asarray(channel.timestamps, dtype=np.float64)
             units[channel.name] = str(channel.unit or "")
     return signals, {name: unit for name, unit in units.items() if unit}
-
-
-def _opened(asammdf: Any, path: Path) -> Any:
-    """The file; RecordError in place of what asammdf raises, whose half-made file would live as long as the error and
-    complain in its finaliser."""
-    try:
-        return asammdf.MDF(path)
-    except Exception as err:
-        why = reason(err)
-    gc.collect()
-    raise RecordError(f"{path}: cannot be read ({why}); save it anew as .mat or CSV")
 
 
 READERS: dict[str, Callable[[Path, Collection[str] | None], SignalsAndUnits]] = {

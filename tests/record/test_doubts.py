@@ -42,6 +42,13 @@ def test_a_column_of_next_to_nothing_is_no_copy(rng) -> None:
     assert affine_copies(columns) == []
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_column_that_hardly_moves_from_a_large_value_is_compared_without_a_word(rng) -> None:
+    columns = signals(rng)
+    steps = np.arange(N) % 5 * 2.0**-20
+    assert affine_copies({"far": 1e9 + steps, **columns}) == []
+
+
 def test_few_levels_on_both_sides_are_no_copy(rng) -> None:
     """Two sensors of the same motion that round to a few steps: nothing is proved."""
     motion = 3 * np.sin(0.1 * np.arange(400))

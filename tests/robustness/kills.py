@@ -42,7 +42,7 @@ STATIC_RIG = (
     'schema = 1\norigin = "measured"\nactuator = "actuator.toml"\n[noise]\nforce = "0.2 N"\n[static]\nrole = "fit"\n'
 )
 SHORT_RUNS = (
-    "band-limited-noise:bias=0.5 A,amplitude=50 mA,band=200 Hz,duration=0.4 s,seed=4,role=fit",
+    "band-limited-noise:bias=0.5 A,amplitude=50 mA,band=200 Hz,duration=0.65 s,seed=4,role=fit",
     "swept-sine:bias=0.5 A,amplitude=30 mA,start=10 Hz,stop=150 Hz,duration=0.3 s,role=held-out",
 )
 COMMANDS: dict[str, tuple[str, ...]] = {

@@ -1,14 +1,16 @@
 """Logs of other programs that are damaged, lead elsewhere, or would fill the memory: one line, little room."""
 
 import gc
+import os
 import resource
+import signal as signals_of_systems
 import struct
 import subprocess
 import sys
 import warnings
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import h5py
@@ -19,6 +21,7 @@ from scipy.io import savemat
 
 from msl_fem.errors import RecordError
 from msl_fem.record import log_limits, log_text
+from msl_fem.record.log_apart import SignalsAndUnits, read_apart
 from msl_fem.record.log_signals import read_log, signal
 
 N = 2000
@@ -65,6 +68,32 @@ def test_what_a_library_says_of_a_damaged_log_is_in_the_one_line(
             gc.collect()
     assert said == []
     assert capfd.readouterr().err == ""
+
+
+def test_a_reader_that_ends_its_process_ends_no_other(tmp_path: Path) -> None:
+    """As asammdf does where a channel lies beyond its record: its native code reads past the end."""
+    log = tmp_path / "log.mf4"
+    raw_logs.mdf(log)
+    whole = read_log(log)
+    for reader in (_ends_by_a_signal, _ends_early):
+        with pytest.raises(
+            RecordError, match=r"log\.mf4: cannot be read \(its reader ended by (a signal 11|status 3)\)"
+        ):
+            read_apart(reader, log, None)
+    only = read_log(log, only={"x"})
+    np.testing.assert_array_equal(only["x"], whole["x"])
+    assert only.keys() <= whole.keys()
+    assert np.isnan(only["F"]).all()
+
+
+def _ends_by_a_signal(path: Path, only: Collection[str] | None) -> SignalsAndUnits:
+    os.kill(os.getpid(), signals_of_systems.SIGSEGV)
+    raise AssertionError
+
+
+def _ends_early(path: Path, only: Collection[str] | None) -> SignalsAndUnits:
+    print("not an answer", flush=True)
+    os._exit(3)
 
 
 @pytest.mark.parametrize("part", ["xl/workbook.xml", "xl/worksheets/sheet1.xml", "xl/styles.xml"])
