@@ -250,6 +250,20 @@ def test_cubature_that_keeps_the_numbers_sums_keeps_the_numbers(reduction: Reduc
         assert np.abs(one - other).max() <= limit * np.abs(other).max(), name
 
 
+def test_a_cubature_that_misses_too_much_keeps_more_sums(full: FullField, points: FieldPoints) -> None:
+    """From one fit that keeps far too few to several: points are added, and the one that misses least is taken."""
+    missed, sizes = [], []
+    for fits in (1, 4):
+        reducer = Reducer(full, points, dataclasses.replace(SETTINGS, fit=60 * SETTINGS.fit, fits=fits))
+        reducer.draft()
+        made = reducer.model()
+        assert made is not None
+        missed.append(made[2].max())
+        sizes.append(made[0].iron.weight.size)
+    assert missed[1] < 0.3 * missed[0]
+    assert sizes[1] > sizes[0]
+
+
 def test_cubature_keeps_sums_with_positive_weights() -> None:
     rng = np.random.default_rng(3)
     rows, weight = rng.normal(size=(12, 500)) ** 3, rng.uniform(0.5, 2, 500)

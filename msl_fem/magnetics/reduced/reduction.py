@@ -26,6 +26,7 @@ DRAFTED = 3  # points at once
 DRAFTED_FOR = 20  # points of a table
 SAFETY = 3.2  # for points that are not checked
 LEAST_ESTIMATE = 0.25  # of the tolerance: a dozen small checks say no more of the others
+FINER, FINEST = 2.0, 0.1  # how a cubature that misses too much keeps more of the sums, and down to which share of `fit`
 SLOPE_SHARE = 0.3  # of a derivative beside a solution in the space
 
 
@@ -114,6 +115,7 @@ class Reducer:
         self.solutions = 0
         self._taken: list[_Taken] = []
         self._last: tuple[ReducedModel, ReducedStates] | None = None
+        self._fit = settings.fit
         self._without_field(slopes)
         for q in {float(ends[0]), float(ends[-1])}:
             self._without_field(full.without_field(q)[1])
@@ -181,7 +183,8 @@ class Reducer:
 
         None where the states do not converge.
 
-        The points keep what force and flux linkage ask at all points as they are expected, then as they were found.
+        The points keep what force and flux linkage ask at all points as they are expected, then as they were found;
+        and more of it from then on, where they miss too much.
         """
         settings = self.settings
         basis = self.space.basis(settings.modes * settings.tolerance)
@@ -189,18 +192,21 @@ class Reducer:
         full_scale = np.max([taken.sizes for taken in self._taken], axis=0)
         forces = settings.share * force_integrands(basis, taken.states[_spread(taken.states, settings.trained)])
         known = (taken if self._last is None else self._last_in(basis, *self._last)).near(self.points)
+        found: list[tuple[ReducedModel, ReducedStates, Array]] = []
         for _ in range(settings.fits):
             rows = np.concatenate([number_integrands(basis, known, full_scale), forces])
-            points, weight = sparse_weights(rows, basis.quadrature.weight, tolerance=settings.fit * settings.tolerance)
+            points, weight = sparse_weights(rows, basis.quadrature.weight, tolerance=self._fit * settings.tolerance)
             model = ReducedModel(basis, self.full.sources, basis.some_iron(points, weight), points)
-            states = model.solve(self.points, known.states)
+            known = states = model.solve(self.points, known.states)
             if not (states.steps > 0).all():
                 return None
-            self._last, known = (model, states), states
-            missed = model.cubature_error(states, np.arange(len(self.points)))
-            if SAFETY * missed.max() <= settings.tolerance:
+            found.append((model, states, model.cubature_error(states, np.arange(len(self.points)))))
+            if SAFETY * found[-1][2].max() <= settings.tolerance:
                 break
-        return model, states, missed
+            self._fit = max(self._fit / FINER, settings.fit * FINEST)
+        best = min(found, key=lambda one: float(one[2].max()))
+        self._last = best[:2]
+        return best
 
     def taken_in(self, basis: Basis) -> KnownStates:
         """The solutions taken, and their slopes, in a basis of the space."""

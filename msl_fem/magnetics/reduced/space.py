@@ -74,12 +74,12 @@ class SnapshotSpace:
 
     def basis(self, tolerance: float) -> "Basis":
         """Proper orthogonal decomposition (Sirovich 1987), modes below `tolerance` times the vectors' size left out."""
-        vectors = np.stack(self._vectors, axis=1)
-        gram = vectors.T @ np.stack(self._images, axis=1)
+        vectors = np.array(self._vectors).T
+        gram = vectors.T @ np.array(self._images).T
         value, turn = np.linalg.eigh((gram + gram.T) / 2)
         kept = np.flatnonzero(value > max(tolerance**2, 1e-13 * value[-1]))[::-1]
         turn = turn[:, kept] / np.sqrt(value[kept])
-        gradients = np.stack(self._gradients, axis=1) @ turn
+        gradients = np.array(self._gradients).T @ turn
         return Basis(self.model, self.quadrature, np.ascontiguousarray(vectors @ turn), np.ascontiguousarray(gradients))
 
     def within(self, basis: "Basis", added: Sequence[int], scales: Sequence[float]) -> Array:

@@ -163,6 +163,6 @@ def on_tail(model: ReducedModel, states: ReducedStates) -> Array:
         if not np.isfinite(part.iron.tail_from):
             continue
         x, y = (coarse.gradients[m::2][own] @ states.states.T for m in (0, 1))
-        share = coarse.weight[own] @ (np.hypot(x, y) > part.iron.tail_from) / coarse.weight[own].sum()
+        share = coarse.weight[own] @ (x * x + y * y > part.iron.tail_from**2) / coarse.weight[own].sum()
         found |= share > TAIL_SHARE
     return found
