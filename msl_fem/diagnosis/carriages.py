@@ -23,7 +23,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.inverse_force import ZeroPhaseLowPass, missing_force, usual_low_pass
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, without_those_of
-from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.likelihood import Fit, Likelihood, over_chance
 from msl_fem.diagnosis.noise import NoiseBands, NoiseWeights, transformed, weights_of
 from msl_fem.diagnosis.problem import FitProblem, Points
 from msl_fem.diagnosis.robust_errors import robust_errors
@@ -91,8 +91,9 @@ class InverseLikelihood(Likelihood):
         return robust_errors(found, self.bands.lines, np.eye(found.z.size) if along is None else along)
 
     def excess(self, found: Fit) -> dict[str, float]:
-        """RMS missing force in the equation's band over what the instruments' noise makes there."""
-        return {FORCE: float(np.sqrt(np.mean(found.residual**2)))}
+        """RMS missing force in the equation's band over what the instruments' noise makes there, and chance of so few
+        lines."""
+        return {FORCE: over_chance(found.residual)}
 
 
 def is_carriage(plant: PlantParameters, runs: Sequence[RunData]) -> bool:

@@ -90,12 +90,10 @@ def conclude(
     of_models = [kind.errors(model, fit) for model, fit in zip(models, result.fits, strict=False)]
     nominal, *signals = on_common_ground([kind.errors(kind.belief, None), *of_models])
     errors = [[signal.summary for signal in of_model] for of_model in signals]
-    repeat = [repeatable(of_model, result.final) for of_model in signals]
-    gains = held_out_gains([[signal.summary for signal in of_model] for of_model in repeat])
+    gains, worse = _held_out(signals, result)
     compensating = _compensating(kind, result, models[result.taken], threads=threads)
     if compensating:
         result = replace(result, taken=1)
-    worse = held_out_against(repeat)
     main = main_cause(result, worse)
     result, notes = _named(result, [gain if bad else max(gain, 0.0) for gain, bad in zip(gains, worse, strict=True)])
     if compensating:
@@ -106,7 +104,7 @@ def conclude(
     n = result.taken
     believed = [signal.summary for signal in nominal]
     accuracy = tuple(Accuracy(*three, kind.prediction) for three in zip(believed, errors[0], errors[n], strict=True))
-    extended = None if worse_than_belief(repeatable(nominal, result.final), repeat[n]) else models[n]
+    extended = None if worse_than_belief(nominal, signals[n]) else models[n]
     if extended is None:
         notes.append(NO_EXTENDED_MODEL)
     unfaithful = _unfaithful(errors[n], kind) if n else ""
@@ -152,10 +150,17 @@ def conclude(
     return _undecided(found, result, unfaithful, kind) if unfaithful else found
 
 
-def repeatable(signals: Sequence[ErrorSignal], found: Fit) -> list[ErrorSignal]:
-    """The signals of channels that held-out runs can confirm: one whose zero wanders, as a fit has it, does so anew in
-    every run, and any small change may meet its path by chance."""
-    return [signal for signal in signals if signal.channel != found.unknowns.wanders]
+def _held_out(models: Sequence[Sequence[ErrorSignal]], result: EffectSearch) -> tuple[list[float], list[bool]]:
+    """Of each effect the nats that it brings on held-out data, and whether these speak against its name.
+
+    A channel whose zero wanders does so anew in every run, and any small change may meet its path by chance: it speaks
+    of the wander alone, and of no other effect.
+    """
+    repeat = [[signal for signal in one if signal.channel != result.final.unknowns.wanders] for one in models]
+    judged = [models if effect in OWN_OF_A_RUN else repeat for effect in result.effects]
+    gains = [held_out_gains([[signal.summary for signal in one] for one in signals]) for signals in judged]
+    against = [held_out_against(signals) for signals in judged]
+    return [of[n] for n, of in enumerate(gains)], [of[n] for n, of in enumerate(against)]
 
 
 def main_cause(result: EffectSearch, worse: Sequence[bool]) -> MainCause | None:

@@ -98,12 +98,13 @@ def formula_of(kind: Kind, starts: Sequence[Fit], *, tell: Callable[[str], None]
     Parameters
     ----------
     starts : the fit without effects, and where effects were taken, that with them. A formula takes their place where
-        one term alone leaves noise, and is more probable than they are with one beside them
+        one term alone leaves noise, and is more probable than they are with one beside them, or by `LEAST` than they
+        are where none stands beside them
     """
     beside = chosen_terms(starts[-1], tell=tell)
     alone = chosen_terms(starts[0], tell=tell, most=1) if len(starts) > 1 else None
-    named = starts[-1] if beside is None else beside.fit
-    if alone is not None and white(alone.fit.excess) and alone.fit.log_evidence > named.log_evidence + LEAST:
+    told = starts[-1].log_evidence + LEAST if beside is None else beside.fit.log_evidence
+    if alone is not None and white(alone.fit.excess) and alone.fit.log_evidence > told:
         return _told(kind, alone, alone=True)
     return None if beside is None else _told(kind, beside, alone=False)
 

@@ -37,6 +37,12 @@ QUIET = 1.1
 """RMS residual over the noise's sigma, up to which a residual is noise."""
 
 
+def over_chance(residual: Array) -> float:
+    """RMS of a few numbers of unit sigma over what chance makes of so many: 1 and two standard errors of an RMS of n
+    numbers, 1/sqrt(2 n) each."""
+    return float(np.sqrt(np.mean(residual**2)) / (1.0 + 2.0 / np.sqrt(2.0 * residual.size)))
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Where a fit ended.

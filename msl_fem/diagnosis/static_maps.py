@@ -17,7 +17,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.estimates import effects_present
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, without_those_of
-from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.likelihood import Fit, Likelihood, over_chance
 from msl_fem.diagnosis.measured_map import DENSITY, FLUX, FORCE, MeasuredMap, is_stated, measured_map, path_of
 from msl_fem.diagnosis.noise import NoiseBands, NoiseWeights
 from msl_fem.diagnosis.problem import FitProblem, Points
@@ -105,14 +105,9 @@ class StaticLikelihood(Likelihood):
         return list(self.measured.sigmas)
 
     def excess(self, found: Fit) -> dict[str, float]:
-        """Channel to RMS residual of the counted rows over the noise, over what chance makes of so few: 1 and two
-        standard errors of an RMS of n numbers, 1/sqrt(2 n) each."""
-        excess = {}
-        for n, name in enumerate(self.measured.sigmas):
-            own = found.residual[self.labels == n]
-            by_chance = 1.0 + 2.0 / np.sqrt(2.0 * own.size)
-            excess[name] = float(np.sqrt(np.mean(own**2)) / by_chance)
-        return excess
+        """Channel to RMS residual of the counted rows over the noise and what chance makes of so few."""
+        names = enumerate(self.measured.sigmas)
+        return {name: over_chance(found.residual[self.labels == n]) for n, name in names}
 
 
 def why_no_map(static: StaticMap) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from msl_fem.diagnosis import decision, effect_search
-from msl_fem.diagnosis.conclusion import EffectSearch, _compensating, _named, main_cause, repeatable
+from msl_fem.diagnosis.conclusion import EffectSearch, _compensating, _held_out, _named, main_cause
 from msl_fem.diagnosis.decision import (
     RELAXED,
     Rule,
@@ -294,9 +294,15 @@ def test_where_a_zero_wanders_the_other_channels_confirm() -> None:
     drift = 30.0 * np.sin(np.linspace(0.0, 3.0, 4000))
     worse = [error_signal(drift + 1.0), replace(current, values=0.99 * current.values)]
     models = [[error_signal(drift), current], [error_signal(drift), current], worse]
-    for channel, against in (("", True), ("position_m", False)):
-        found: Any = SimpleNamespace(unknowns=SimpleNamespace(wanders=channel))
-        assert held_out_against([repeatable(of_model, found) for of_model in models]) == [False, against]
+    for first, channel, against in (("squeeze_film", "", True), ("sensor_drift", "position_m", False)):
+        two = searched((first, 900.0), ("armature_tilt", 60.0))
+        final: Any = SimpleNamespace(unknowns=SimpleNamespace(wanders=channel))
+        gains, told = _held_out(models, replace(two, fits=(*two.fits[:-1], final)))
+        assert told == [False, against]
+        assert (gains[1] < 0) == against
+    wandering = searched(("armature_tilt", 900.0), ("sensor_drift", 60.0))
+    final = SimpleNamespace(unknowns=SimpleNamespace(wanders="position_m"))
+    assert _held_out(models, replace(wandering, fits=(*wandering.fits[:-1], final)))[1] == [False, True]
 
 
 def test_the_main_cause_takes_most_of_the_excess_whatever_else_is_left() -> None:

@@ -1,10 +1,14 @@
 """The library of a formula's terms: units that come out, ranges that suit a record, and a record's laws joined."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from diagnosed import SERVO, VOLTAGE_SERVO
 
 from msl_fem.computing.laws import UNIT_OF, expression
+from msl_fem.diagnosis import formula
 from msl_fem.diagnosis.formula_terms import LARGEST, LawSizes, amount_unit, library
 from msl_fem.plant import plant_parameters
 
@@ -43,3 +47,30 @@ def test_a_constant_of_a_law_reads_back():
     again = expression("root", "force", law.text, {p.name: p.text for p in law.bare.parameters})
     assert again.bare == law.bare
     assert again.parameters[1].low == again.parameters[1].high == 0.5
+
+
+@pytest.mark.parametrize(
+    ("alone", "left", "beside", "taken"),
+    [
+        (103.0, 1.0, 100.0, "alone"),
+        (97.0, 1.0, 100.0, "beside"),
+        (103.0, 1.2, 100.0, "beside"),
+        (103.0, 1.0, None, None),
+        (113.0, 1.0, None, "alone"),
+    ],
+)
+def test_one_term_takes_the_place_of_a_named_effect_that_is_superfluous_beside_it(
+    monkeypatch: pytest.MonkeyPatch, alone: float, left: float, beside: float | None, taken: str | None
+) -> None:
+    """The evidence of a term alone and its residuals, of the effect with one beside it (None: none stands there; the
+    effect has 100 then), and what is told."""
+
+    def chosen(start: Any, *, tell: Any, most: int = 3) -> Any:
+        if start.of == "nothing":
+            return SimpleNamespace(of="alone", fit=SimpleNamespace(log_evidence=alone, excess={"force_N": left}))
+        return None if beside is None else SimpleNamespace(of="beside", fit=SimpleNamespace(log_evidence=beside))
+
+    monkeypatch.setattr(formula, "chosen_terms", chosen)
+    monkeypatch.setattr(formula, "_told", lambda kind, found, alone: found.of)
+    starts: Any = [SimpleNamespace(of="nothing"), SimpleNamespace(of="effect", log_evidence=100.0)]
+    assert formula.formula_of(None, starts, tell=str) == taken  # type: ignore[arg-type]
