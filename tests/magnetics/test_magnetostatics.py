@@ -19,6 +19,7 @@ from msl_fem.magnetics.solver.magnetostatics import (
     solve_field,
 )
 from msl_fem.magnetics.solver.postprocess import Probes, evaluate_field
+from msl_fem.magnetics.solver.tangent import SparseTangent
 from msl_fem.magnetics.triangles import TriangleMesh
 from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, linear_iron, load_iron
@@ -328,6 +329,32 @@ def test_newton_converges_on_measured_curves(iron, servo):
         solution = field.solve(current, 2e-4)
         # the stopping rule foresees the next step from the last two; a curve with kinks in dH/dB can beat it a little
         assert distance_left(field, solution) < 10 * NewtonSettings().tolerance
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-7])
+def test_kept_factors_lead_to_the_same_field_with_fewer_of_them(e1_field, servo, tolerance, monkeypatch):
+    """From starts near and far, with a smooth curve and one of points: no further away than the tolerance says."""
+    measured = MagnetField(servo.magnet, magnet_mesh(servo.magnet, 5e-4, "fast"), folder=ROOT, order=2)
+    factored: list[int] = []
+    factor = SparseTangent.factor
+
+    def counted(tangent: SparseTangent, data: np.ndarray) -> None:
+        factored.append(1)
+        factor(tangent, data)
+
+    monkeypatch.setattr(SparseTangent, "factor", counted)
+    for field in (e1_field, measured):
+        known = field.solve(8.0, 5e-4).potential
+        for start in (1.01 * known, 0.7 * known, -3 * known, None):
+            counts = []
+            for kept in (0, 4):
+                factored.clear()
+                settings = NewtonSettings(tolerance, kept=kept)
+                solution = solve_field(field.model, 8.0, 5e-4, start=start, settings=settings)
+                counts.append(len(factored))
+                assert distance_left(field, solution) < 10 * tolerance
+            assert counts[1] <= counts[0]
+    assert counts[1] < counts[0]
 
 
 def test_too_few_iterations_are_said_with_the_trail(e1_field):

@@ -10,6 +10,8 @@ from msl_fem.magnetics.reduced.reduced_model import FieldPoints
 from msl_fem.magnetics.solver.magnetostatics import FieldModel, FieldSolution, NewtonSettings, solve_field
 
 ROUGH = NewtonSettings(tolerance=3e-2)
+ALONE = NewtonSettings(kept=4)
+"""Of a field whose slopes nobody asks."""
 
 
 @dataclass(frozen=True, eq=False)

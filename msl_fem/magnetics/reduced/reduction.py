@@ -15,7 +15,7 @@ from scipy.linalg import qr
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import NotConverged
 from msl_fem.magnetics.reduced.cubature import sparse_weights
-from msl_fem.magnetics.reduced.full_field import ROUGH, FullField
+from msl_fem.magnetics.reduced.full_field import ALONE, ROUGH, FullField
 from msl_fem.magnetics.reduced.integrands import force_integrands, number_integrands
 from msl_fem.magnetics.reduced.reduced_model import FieldPoints, KnownStates, ReducedModel, ReducedStates
 from msl_fem.magnetics.reduced.space import Basis, SnapshotSpace
@@ -240,7 +240,7 @@ class Reducer:
 
     def effectivity(self, model: ReducedModel, states: ReducedStates, n: int, estimate: float) -> float:
         """An estimate over the true error of force or flux linkage, of full scale."""
-        exact = self.full.solve(self.points, n, model.basis.vectors @ states.states[n])
+        exact = self.full.solve(self.points, n, model.basis.vectors @ states.states[n], ALONE)
         error = change_of_numbers(self.full, states, n, exact.potential)
         return estimate / error if error > 0 else 1.0
 

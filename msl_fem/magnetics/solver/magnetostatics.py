@@ -41,6 +41,7 @@ ELEMENTS = {2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
 FALLING = 0.3  # from one of Newton's steps to the next, where they fall fast
 FALLS_FAST = 1e-2  # a relative step below which Newton's steps are a constant times the square of the one before
 NEAR = FALLS_FAST / FALLING  # a first step that falls fast from here began beside the solution
+KEPT_FALLS = 0.2  # from one of Newton's steps to the next with the same factors, which else are made anew
 ON_PLANE = 1e-9  # of the mesh's width: a point nearer to x = 0 lies on the plane of symmetry
 
 
@@ -52,10 +53,13 @@ class NewtonSettings:
     ----------
     tolerance : on the energy norm of the error over that of the field, as `expected_error` tells it
     iterations : most steps before NotConverged
+    kept : steps at most with the factors of the one before, where these fall fast enough; not where slopes are asked
+        afterwards, as the factors at hand are then of a field further away
     """
 
     tolerance: float = 1e-7
     iterations: int = 60
+    kept: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -415,6 +419,17 @@ def solve_field(
         trail.append((descent / scale) ** 0.5 if scale > 0 and descent > 0 else 0.0)
         if expected_error(trail) <= settings.tolerance:
             return FieldSolution(potential, current, gap, tuple(trail), data)
+        for _ in range(settings.kept):
+            residual = gradient - load
+            step = -model.tangent.substitute(residual)
+            before, descent = descent, -float(step @ residual)
+            if not 0 <= descent <= KEPT_FALLS**2 * before:
+                break
+            potential = potential + step
+            gradient, data = model.assemble(potential, gap)
+            trail.append((descent / scale) ** 0.5)
+            if trail[-1] * (descent / before) ** 0.5 <= settings.tolerance:  # steps go on to shrink alike
+                return FieldSolution(potential, current, gap, tuple(trail), data)
     raise NotConverged(
         f"the field at {current:g} A and gap {gap * 1e3:g} mm did not converge in {len(trail)} Newton steps; "
         f"relative steps {', '.join(f'{t:.1e}' for t in trail[-6:])}; check the iron's B-H curve or start nearer"

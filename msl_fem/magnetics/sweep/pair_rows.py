@@ -29,7 +29,7 @@ Found = dict[int, tuple[FieldSolution, Array]]
 """Solutions by the place of their current in the row, with the products of their responses."""
 STEPS = NewtonSettings(tolerance=1e-5)
 """Forces come within 2e-6 of the largest, slopes within 2e-5: far below what meshes and interpolation leave."""
-CHECK_STEPS = NewtonSettings(tolerance=1e-4)
+CHECK_STEPS = NewtonSettings(tolerance=1e-4, kept=4)
 """Of fields whose slopes nobody asks: forces and flux linkages within 2e-6, too (265 points of a default table)."""
 
 
