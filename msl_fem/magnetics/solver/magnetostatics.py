@@ -42,6 +42,7 @@ FALLING = 0.3  # from one of Newton's steps to the next, where they fall fast
 FALLS_FAST = 1e-2  # a relative step below which Newton's steps are a constant times the square of the one before
 NEAR = FALLS_FAST / FALLING  # a first step that falls fast from here began beside the solution
 KEPT_FALLS = 0.2  # from one of Newton's steps to the next with the same factors, which else are made anew
+KEPT_SAFETY = 5  # on the step that would come next, were it to shrink like the last one
 ON_PLANE = 1e-9  # of the mesh's width: a point nearer to x = 0 lies on the plane of symmetry
 
 
@@ -428,7 +429,7 @@ def solve_field(
             potential = potential + step
             gradient, data = model.assemble(potential, gap)
             trail.append((descent / scale) ** 0.5)
-            if trail[-1] * (descent / before) ** 0.5 <= settings.tolerance:  # steps go on to shrink alike
+            if KEPT_SAFETY * trail[-1] * (descent / before) ** 0.5 <= settings.tolerance:
                 return FieldSolution(potential, current, gap, tuple(trail), data)
     raise NotConverged(
         f"the field at {current:g} A and gap {gap * 1e3:g} mm did not converge in {len(trail)} Newton steps; "
