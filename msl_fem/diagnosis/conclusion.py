@@ -143,7 +143,7 @@ def conclude(
             kind.variables(),
             tuple(kind.sizes(models[n], result.effects)),
             tuple(ranked),
-            kind.likelihood.noise_spectra(result.final.weights.density),
+            result.final.likelihood.noise_spectra(result.final.weights),
         ),
         correlation=correlation_of(result.final),
     )

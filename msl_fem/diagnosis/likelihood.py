@@ -305,10 +305,13 @@ class Likelihood:
                 frequencies.append(np.tile(np.sin(turn) * self.problem.runs[run].rate / np.pi, 2))
         return WanderLines(places, np.concatenate(frequencies))
 
-    def noise_spectra(self, density: Array) -> dict[str, tuple[Array, Array]]:
-        """By channel the edges of the bands (n_band + 1,) in Hz, and in each the power density of a fit's
-        noise over the stated white one (n_band,); `density` is that of the labels, as `NoiseWeights` has it."""
-        n = self.bands.n_band
+    def noise_spectra(self, weights: NoiseWeights) -> dict[str, tuple[Array, Array]]:
+        """By channel the edges of the bands (n_band + 1,) in Hz, and in each the power density of a fit's noise, with
+        a wander of the zero, over the stated white one (n_band,), its geometric mean."""
+        n, density = self.bands.n_band, weights.density
+        if weights.wander is not None:
+            levels = np.bincount(self.labels, weights=-2.0 * np.log(weights.root)) / np.bincount(self.labels)
+            density = np.exp(levels)
         rows = {name: density[k * n : (k + 1) * n] for k, name in enumerate(self.channel_names)}
         return {name: (self.bands.edges, row) for name, row in rows.items() if row.size == n}
 

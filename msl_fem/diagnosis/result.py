@@ -187,8 +187,8 @@ class Evidence:
     variables : run to name (with unit) to (n_sample,): what a residual may depend on
     sizes : of the named effects
     dependences : of what is left on each variable in each equation, the most probable first
-    noise : of channels the spectrum that the last fit takes for noise: edges of bands in Hz (n_band + 1,), and the
-        power density in each over that of white noise of the stated sigma (n_band,)
+    noise : of channels the spectrum that the last fit takes for noise and for the wander of a zero: edges of bands in
+        Hz (n_band + 1,), and the power density in each over that of white noise of the stated sigma (n_band,)
     """
 
     tried: tuple[TriedVariant, ...]

@@ -318,8 +318,8 @@ def _over_frequency(left: ChannelResiduals, noise: tuple[Array, Array] | None, *
         f"Spectrum of the residual of the {channel_name(left.channel)} of run {left.run} ({left.role}). Dashed: the "
         "instrument's stated noise, were it white."
         + (
-            " Dotted: the noise as fitted, in octaves, from the runs with the role fit; a residual on "
-            "the dotted line is no evidence of an effect, one that is above it is."
+            " Dotted: the noise as fitted, in octaves, from the runs with the role fit, and of a zero that wanders its "
+            "wander; a residual on the dotted line is no evidence of an effect, one that is above it is."
             if noise is not None
             else ""
         )

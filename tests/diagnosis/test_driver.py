@@ -46,8 +46,8 @@ class LinearRecord:
             rows.append(self.data - self.nuisances @ z[:2] - self.column * size)
         return np.array(rows)
 
-    def noise_spectra(self, density: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        return {"position_m": (np.array([0.0, 1.0]), density)}
+    def noise_spectra(self, weights: NoiseWeights) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        return {"position_m": (np.array([0.0, 1.0]), weights.density)}
 
     def weights(self, residual: np.ndarray, unknowns: Unknowns) -> NoiseWeights:
         return weights_of(residual, self.labels, self.ceilings)

@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 from scipy.signal import lfilter
 
 from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.likelihood import Likelihood
 from msl_fem.diagnosis.noise import PRIOR, make_bands, transformed, weights_of
 from msl_fem.diagnosis.runs import dynamic_runs
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
@@ -54,6 +55,23 @@ def test_beside_a_wander_the_noise_is_what_it_is(rms: float) -> None:
     assert np.sqrt(np.sum(values**2) / N) > 1.15
     assert np.all(found.density < 3), "the path is no noise"
     assert np.mean((values * found.root) ** 2) == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_noise_that_a_report_draws_has_the_wander_in_its_lowest_octaves() -> None:
+    class Channels(Likelihood):
+        labels, channel_names = labels(), ["position_m"]  # type: ignore[assignment]
+
+    values = residual(rms=100.0, seed=4)
+    plain = weights_of(values, labels(), CEILINGS)
+    found = with_wander(plain, values, labels(), CEILINGS, NOTHING, LINES)
+    likelihood = Channels(None, BANDS, 1)  # type: ignore[arg-type]
+    (edges, drawn), (_, noise) = (likelihood.noise_spectra(of)["position_m"] for of in (found, plain))
+    assert edges is BANDS.edges
+    lines = values[(labels() == 0) & (values != 0)][1:]  # without the mean
+    lowest = np.log(lines**2)
+    assert np.log(drawn[0]) == pytest.approx(lowest.mean() + 1.27, abs=1.0)  # of chi^2 with one degree of freedom
+    assert drawn[-1] == pytest.approx(1.0, abs=0.2)
+    assert noise == pytest.approx(plain.density)
 
 
 def test_noise_alone_pays_for_a_wander_that_is_not_there() -> None:
