@@ -242,8 +242,8 @@ def of_its_own(stage: SearchStage, before: Sequence[SearchStage]) -> SearchStage
     gains = {one.best.variant.effect: one.best.gain for one in before if one.best is not None}
 
     def counts(refit: Refit) -> bool:
-        of = CATALOGUE[refit.variant.effect].deviation_of
-        return refit.gain >= DEVIATION * max((gains.get(name, 0.0) for name in of), default=0.0)
+        of = [gains[name] for name in CATALOGUE[refit.variant.effect].deviation_of if name in gains]
+        return not of or refit.gain >= DEVIATION * max(of)
 
     return replace(stage, refits=tuple(filter(counts, stage.refits)))
 

@@ -283,6 +283,8 @@ def test_what_deviates_from_the_form_of_an_effect_is_no_cause_beside_it_unless_i
     for first, other in (("mutual_inductance", "cross_coupling"), ("amplifier_bandwidth", "time_delay")):
         later = stage((other, gain), ("squeeze_film", 30.0))
         for before, counts in ((first, own), ("armature_tilt", True)):
+            worse = stage((other, -2.0))
+            assert of_its_own(worse, [stage(("armature_tilt", 4000.0))]).refits == worse.refits
             left = of_its_own(later, [stage((before, 4000.0))]).refits
             assert [one.variant.effect for one in left] == ([other] if counts else []) + ["squeeze_film"]
 
