@@ -19,6 +19,7 @@ from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant
 from msl_fem.errors import ComputationError
+from msl_fem.plant.effects import CATALOGUE
 
 WORTH = 0.25
 """Of the best gain at a stage of the search, from which an effect is tried in another's place."""
@@ -259,8 +260,8 @@ def _sizes(rest: Variant) -> list[Array]:
 
 
 def _worth(found: EffectSet, variant: Variant, known: Sequence[Sequence[Refit]]) -> list[Refit]:
-    """What is tried in the place of an effect: rivals of the stage that chose it, then others, none of the set; and the
-    effect in other forms."""
+    """What is tried in the place of an effect: rivals of the stage that chose it, then others, none of the set nor what
+    one of it deviates by from its form; and the effect in other forms."""
     stages = sorted(known, key=lambda tried: [one.variant.effect for one in tried[:1]] != [variant.effect])
     by_effect: dict[str, Refit] = {}
     forms: dict[tuple[str, ...], Refit] = {}
@@ -269,5 +270,7 @@ def _worth(found: EffectSet, variant: Variant, known: Sequence[Sequence[Refit]])
         if one.variant.effect == variant.effect:
             forms.setdefault(_form(one.variant), one)
     forms.pop(_form(variant), None)
-    others = [one for one in by_effect.values() if one.variant.effect not in found.effects]
+    stay = found.effects - {variant.effect}
+    outside = [one for one in by_effect.values() if one.variant.effect not in found.effects]
+    others = [one for one in outside if stay.isdisjoint(CATALOGUE[one.variant.effect].deviation_of)]
     return [*others[:MOST], *list(forms.values())[:MOST]]

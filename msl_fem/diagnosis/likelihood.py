@@ -189,8 +189,10 @@ class Likelihood:
         over, loud = self._over_and_loudness(simulated)
         power = {name: np.mean([np.mean(values**2) for values in runs]) for name, runs in over.items()}
         if found.unknowns.wanders in power:
-            samples = sum(values.size for values in over[found.unknowns.wanders])
-            power[found.unknowns.wanders] -= self._wandered(found, self.transformed(simulated)[0]) / samples
+            name = found.unknowns.wanders
+            samples = sum(values.size for values in over[name])
+            wander, noise = self._shares(found, self.transformed(simulated)[0])
+            power[name] = max(power[name] - wander / samples, noise / samples)
         return {name: float(np.sqrt(power[name])) / loud[name] for name in over}
 
     def loudness(self, found: Fit) -> dict[str, float]:
@@ -211,10 +213,14 @@ class Likelihood:
                 reads.setdefault(name, []).append(read[counts])
         return over, {name: loudness(over[name], reads[name]) for name in over}
 
-    def _wandered(self, found: Fit, residual: Array) -> float:
-        """Of the squares of the runs' numbers, together, what a zero that wanders accounts for."""
-        weights = self.runs_part(found)[0].weights(residual, found.unknowns)
-        return float(np.sum((1 - weights.of_noise) * residual**2))
+    def _shares(self, found: Fit, residual: Array) -> tuple[float, float]:
+        """Of the squares of the numbers of a channel whose zero wanders, together, what the wander accounts for, and
+        what is left."""
+        runs = self.runs_part(found)[0]
+        weights = runs.weights(residual, found.unknowns)
+        own = runs.labels // self.bands.n_band == runs.channel_names.index(found.unknowns.wanders)
+        wander = (1 - weights.of_noise) * residual**2
+        return float(np.sum(wander)), float(np.sum((residual**2 - wander)[own]))
 
     def standard_errors(self, found: Fit, along: Array | None = None) -> Array:
         """(unknowns.size,) of the unknowns at a fit, or (n,) of sums of them with weights `along` (n, unknowns.size): a
