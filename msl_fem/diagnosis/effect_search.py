@@ -37,7 +37,7 @@ CLOSER = 1.0
 @dataclass(frozen=True)
 class _Doubt:
     """The first stage whose most probable effect another surpasses by far in what it takes, and that other. Where all
-    effects together leave noise it says nothing."""
+    effects together leave noise, or that other is one of them, it says nothing."""
 
     stage: int
     effect: str
@@ -58,7 +58,8 @@ class _Chain:
     def told(self, rule: Rule) -> EffectSearch:
         """As many effects as the rule takes; with a doubt that remains those before it."""
         fits, stages, unclear = self.fits, self.stages, ""
-        if self.doubt is not None and not self.quiet:
+        together = {stage.best.variant.effect for stage in stages[: len(fits) - 1] if stage.best is not None}
+        if self.doubt is not None and not self.quiet and self.doubt.effect not in together:
             n, unclear = self.doubt.stage, self.doubt.effect
             fits, stages = fits[: n + 1], stages[: n + 1]
         excesses = tuple(found.excess for found in fits)
