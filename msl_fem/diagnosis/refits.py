@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import TypeVar
 
 import numpy as np
@@ -36,6 +37,8 @@ MORE_LEGS = 6  # of `LAST_STEPS`, for the leader alone, as long as they bring wh
 RACED_STEPS = 5  # of a candidate that is kept, until it is looked at again
 CATCHING_UP = 3.0
 """Times what the last of these rounds brought, by which a candidate that goes on may still grow."""
+MADE_UP = ("remanent_flux",)
+"""Effects that gains make up for as far as that: their refits begin once more where all else is as believed."""
 STRAINED = 4.0  # tolerances by which a believed parameter of a fit has moved, where something else bends it
 NEAR = 15.0  # nats behind the best within which refits are converged
 FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the best
@@ -203,7 +206,9 @@ class Refinement:
         try:
             if begin is None:  # at the same time, all their runs would be in the memory together
                 begin = started(self.near, score, self.near.likelihood.gathering(self.gathered))
-            return self._refit(self.near, score.variant, begin, plan, self.nuisance_columns)
+            refit = self._refit(self.near, score.variant, begin, plan, self.nuisance_columns)
+            made_up = strained(self.base) and not self.base.unknowns.effects
+            return self.from_small_amounts(refit) if made_up and score.variant.effect in MADE_UP else refit
         except ComputationError:
             return None
 
@@ -258,13 +263,15 @@ class Refinement:
 
     def from_small_amounts(self, refit: Refit) -> Refit:
         """The better of a candidate and of one begun at the belief: beside numbers that nothing can have, the amounts
-        that suit them are none that lead back. Both signs and several sizes are tried, the likeliest is taken."""
-        rows, n = [], self.base.unknowns.n_nuisance
-        for size in (sign * small for small in SMALL for sign in (1.0, -1.0)):
-            row = as_believed(refit.fit)
-            shapes = np.array([one.width > 0 for one in refit.variant.unknowns])
-            own = np.where(shapes, 0.0, row[n:])
-            row[n:] = np.where(shapes, row[n:], size * own / max(float(np.abs(own).max()), TINY))
+        that suit them are none that lead back. Both signs, of two amounts each, and several sizes are tried, the
+        likeliest is taken."""
+        rows, n, amounts = [], self.base.unknowns.n_nuisance, len(refit.variant.amounts)
+        begin = as_believed(refit.fit)
+        own = begin[n : n + amounts] / max(float(np.abs(begin[n : n + amounts]).max()), TINY)
+        ways = [own, -own, *(map(np.array, product((1.0, -1.0), repeat=amounts)) if amounts == 2 else ())]
+        for small, way in product(SMALL, ways):
+            row = begin.copy()
+            row[n : n + amounts] = small * way
             rows.append(refit.fit.unknowns.allowed(row))
         unknowns, likelihood = refit.fit.unknowns, refit.fit.likelihood.gathering(self.gathered)
         if likelihood.is_cut:

@@ -14,7 +14,7 @@ from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.null import NullDistribution
-from msl_fem.diagnosis.refits import LAST_STEPS, Refinement, Refit, strained
+from msl_fem.diagnosis.refits import LAST_STEPS, MADE_UP, Refinement, Refit, strained
 from msl_fem.diagnosis.scores import Score, scored
 from msl_fem.diagnosis.variants import Variant
 
@@ -26,8 +26,8 @@ STANDS_OUT = 5.0
 """Nats of its neighbours on the grid of a shape, by which a score is a peak of its own."""
 FAR_ABOVE = 40.0
 HOPELESS = 1 / 3  # of the nats that an effect needs, below which linear scores beside noise are taken at their word
-COMPENSATED = ("gap_offset", "early_saturation", "fringing", "armature_tilt")
-"""Effects that gap, scale and table make up for nearly, so that at a strained fit a linear score misses them."""
+COMPENSATED = ("gap_offset", "early_saturation", "fringing", "armature_tilt", *MADE_UP)
+"""Effects that gap, scale, table and gains make up for nearly, so that at a strained fit a linear score misses them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ def search_stage(
         candidates = candidates[:1]
     if strained(base):
         missing = set(COMPENSATED) - {score.variant.effect for score in candidates}
-        candidates += [score for score in _best_of(every).values() if score.variant.effect in missing]
+        candidates += [score for score in _best_of(every) if score.variant.effect in missing]
     kept = memory or FitMemory()
     kept.ended(fit_name(base.unknowns), base.z)
     refits = Refinement(base, tell, kept, hopeless).best_first(candidates)
@@ -98,13 +98,19 @@ def converged_base(start: Fit) -> Fit:
     return fit(start.likelihood, start.unknowns, start.z, plan=plan, nuisance_columns=columns)
 
 
-def _best_of(every: Sequence[Score]) -> dict[str, Score]:
-    """The best score of each effect, of scores in their order, with a guess that is not nothing."""
+def _best_of(every: Sequence[Score]) -> list[Score]:
+    """Of scores in their order, whose guess is not nothing, the best of each effect; of one that much makes up for
+    (`MADE_UP`) with all its amounts: one side's alone is as far from two of either sign as nothing is."""
+    guessed = [one for one in every if np.any(one.guess != 0)]
+    most: dict[str, int] = {}
+    for one in guessed:
+        most[one.variant.effect] = max(most.get(one.variant.effect, 0), len(one.variant.amounts))
     found: dict[str, Score] = {}
-    for one in every:
-        if np.any(one.guess != 0):
-            found.setdefault(one.variant.effect, one)
-    return found
+    for one in guessed:
+        effect = one.variant.effect
+        if effect not in MADE_UP or len(one.variant.amounts) == most[effect]:
+            found.setdefault(effect, one)
+    return list(found.values())
 
 
 def statistics_of(stages: Sequence[SearchStage]) -> tuple[tuple[tuple[str, float], ...], ...]:
