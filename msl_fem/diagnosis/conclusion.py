@@ -157,10 +157,12 @@ def _held_out(models: Sequence[Sequence[ErrorSignal]], result: EffectSearch) -> 
     of the wander alone, and of no other effect.
     """
     repeat = [[signal for signal in one if signal.channel != result.final.unknowns.wanders] for one in models]
-    judged = [models if effect in OWN_OF_A_RUN else repeat for effect in result.effects]
-    gains = [held_out_gains([[signal.summary for signal in one] for one in signals]) for signals in judged]
-    against = [held_out_against(signals) for signals in judged]
-    return [of[n] for n, of in enumerate(gains)], [of[n] for n, of in enumerate(against)]
+    gains, of_others = (held_out_gains([[one.summary for one in of] for of in judged]) for judged in (models, repeat))
+    against, against_others = held_out_against(models), held_out_against(repeat)
+    for n, effect in enumerate(result.effects):
+        if effect not in OWN_OF_A_RUN:
+            gains[n], against[n] = of_others[n], against_others[n]
+    return gains, against
 
 
 def main_cause(result: EffectSearch, worse: Sequence[bool]) -> MainCause | None:
