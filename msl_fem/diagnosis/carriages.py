@@ -24,7 +24,7 @@ from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.inverse_force import ZeroPhaseLowPass, missing_force, usual_low_pass
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, without_those_of
 from msl_fem.diagnosis.likelihood import Fit, Likelihood, over_chance
-from msl_fem.diagnosis.noise import NoiseBands, NoiseWeights, transformed, weights_of
+from msl_fem.diagnosis.noise import NoiseBands, NoiseWeights, transformed
 from msl_fem.diagnosis.problem import FitProblem, Points
 from msl_fem.diagnosis.robust_errors import robust_errors
 from msl_fem.diagnosis.unknowns import Unknowns, fixed_of
@@ -84,7 +84,7 @@ class InverseLikelihood(Likelihood):
 
     def weights(self, residual: Array, unknowns: Unknowns) -> NoiseWeights:
         """The most probable densities given a residual (n_number,); a wander is no noise of its form in a force."""
-        return weights_of(residual, self.labels, self.ceilings, self.spent)
+        return self.plain_weights(residual)
 
     def standard_errors(self, found: Fit, along: Array | None = None) -> Array:
         """Of what inverse dynamics leave, which is no white noise: see `robust_errors`."""

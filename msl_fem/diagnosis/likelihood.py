@@ -295,11 +295,15 @@ class Likelihood:
 
     def weights(self, residual: Array, unknowns: Unknowns) -> NoiseWeights:
         """The most probable densities given a residual (n_number,)."""
-        plain = weights_of(residual, self.labels, self.ceilings, self.spent)
+        plain = self.plain_weights(residual)
         if unknowns.wanders not in self.channel_names:
             return plain
         lines = self.wander_lines(unknowns.wanders)
         return with_wander(plain, residual, self.labels, self.ceilings, self.spent, lines)
+
+    def plain_weights(self, residual: Array) -> NoiseWeights:
+        """The same where no zero wanders."""
+        return weights_of(residual, self.labels, self.ceilings, self.spent)
 
     def wander_lines(self, channel: str) -> WanderLines:
         """Where a channel's zero shows."""
