@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from typing import Generic, Literal, Protocol, TypeVar
 
 import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.optimize import lsq_linear
 
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import ComputationError
@@ -77,8 +79,11 @@ class Damping:
     most: float = 1e12
     factor: float = 10.0
 
-    def after_success(self, mu: float) -> float:
-        return mu / self.factor if mu > self.least else 0.0
+    def after_success(self, mu: float, *, raised: bool) -> float:
+        """Less of it, but where it has just been raised, since with less the step before it failed."""
+        if mu <= self.least:
+            return 0.0
+        return mu if raised else mu / self.factor
 
     def after_failure(self, mu: float) -> float:
         return max(self.factor * mu, self.rise)
@@ -94,6 +99,9 @@ VAIN = 0.1
 """Share of its promise below which the step of a new model was in vain."""
 MOST_VAIN = 2
 """Such steps in a row, after which models are renewed no more."""
+DAMPED_FIRST = 1
+"""Trials with more damping of a stale model that failed, before it is computed anew: of both a trial is the cheaper by
+far, and as often as not the step was too long and no column too old."""
 MOST_IDLE = 2
 """Trials in a row after that, which bring less than is enough to go on, with which a descent ends."""
 
@@ -147,7 +155,7 @@ def descend(
     how, point, steps = settings, start, 0
     model = first or objective.model(start, None)
     mu = settings.damping.first
-    renewal, vain, idle = how.renewal, 0, 0
+    renewal, vain, idle, failed = how.renewal, 0, 0, 0
     for _ in range(how.most_trials):
         if model.promised < max(how.enough, how.enough_share * point.objective):
             if how.renewal is None or not model.stale or not how.fresh_end:
@@ -169,14 +177,14 @@ def descend(
             fruitful = renewal is None or gain >= renewal * promised
             model = objective.model(trial, model if fruitful else None)
             point = trial
-            mu = how.damping.after_success(mu)
-            steps = steps + 1
-        elif renewal is not None and model.stale:
+            mu = how.damping.after_success(mu, raised=failed > 0)
+            steps, failed = steps + 1, 0
+        elif renewal is not None and model.stale and failed >= DAMPED_FIRST:
             model = objective.model(point, None)
         elif mu > how.damping.most:
             return Descent(point, model, "no descent", steps, mu)
         else:
-            mu = how.damping.after_failure(mu)
+            mu, failed = how.damping.after_failure(mu), failed + 1
     return Descent(point, model, "no more steps", steps, mu)
 
 
@@ -200,6 +208,23 @@ def with_outer(jacobian: Array, column: Array, row: Array) -> Array:
         rows = slice(begin, begin + ROWS_AT_ONCE)
         found[rows] += column[rows, None] * row
     return found
+
+
+def bounded_step(matrix: Array, slope: Array, bounds: Array) -> Array:
+    """(n,) the least of slope . d + d . matrix . d/2 over moves d within bounds (2, n): where the least of all lies
+    beyond some of them, the others make up for what these may not do (Stark and Parker, Computational Statistics 10,
+    1995, 129-141). A move that is merely cut off there may lead uphill.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError : the matrix (n, n) is not positive definite
+    """
+    move = np.linalg.solve(matrix, -slope)
+    if np.all((bounds[0] <= move) & (move <= bounds[1])):
+        return np.asarray(move)
+    root = np.linalg.cholesky(matrix)
+    target = solve_triangular(root, -slope, lower=True)
+    return np.asarray(lsq_linear(root.T, target, bounds, method="bvls").x)
 
 
 def log_evidence(objective: float, precision: Array) -> float:

@@ -14,7 +14,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.estimates import effect_estimates
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.problem import FitProblem
-from msl_fem.diagnosis.refits import Refit
+from msl_fem.diagnosis.refits import CATCHING_UP, Refit
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.plant.effects import CATALOGUE
@@ -115,9 +115,19 @@ class Rule:
             return False
         if n == 0:
             return best.gain >= max(self.threshold, stages[n].null.quantile(BY_CHANCE))
-        bounded = all((amount.effect, amount.name) in COINCIDING for amount in best.variant.amounts)
-        least = 0.0 if bounded else self.share * first.gain
-        return best.gain >= max(self.further, least)
+        return best.gain >= self._further(stages, best)
+
+    def _further(self, stages: Sequence[SearchStage], refit: Refit) -> float:
+        """Nats that a further effect needs behind the first of these stages."""
+        bounded = all((amount.effect, amount.name) in COINCIDING for amount in refit.variant.amounts)
+        first = stages[0].best
+        return self.further if bounded or first is None else max(self.further, self.share * first.gain)
+
+    def out_of_reach(self, stages: Sequence[SearchStage], refit: Refit) -> bool:
+        """Whether a refit that is not converged will not come to what the stage after these has to bring, its next
+        steps bringing `CATCHING_UP` times what the first of them promises."""
+        needs = self._further(stages, refit) if stages else self.threshold
+        return refit.gain + CATCHING_UP * max(refit.fit.predicted, 0.0) < needs
 
     def searches_on(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
         """Whether more is looked for beside the best effect of stage n: it may be one of several."""

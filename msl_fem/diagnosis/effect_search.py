@@ -1,5 +1,6 @@
 """The search for a set of effects: forward one after the other, back, and forward again."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -22,7 +23,8 @@ from msl_fem.diagnosis.fit import STEPS_A_ROUND, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import fit_name
 from msl_fem.diagnosis.kind import Kind, about_belief
 from msl_fem.diagnosis.likelihood import QUIET, Fit
-from msl_fem.diagnosis.refits import ROUGH
+from msl_fem.diagnosis.problem import FitProblem
+from msl_fem.diagnosis.refits import ROUGH, Refit
 from msl_fem.diagnosis.search import SearchStage, search_stage
 from msl_fem.diagnosis.settings import DiagnosisSettings
 
@@ -108,7 +110,7 @@ def _forward(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
             tell=how.progress,
             memory=how.memory,
             least=rule.least(stages),
-            hopeless=partial(stays_within, kind.likelihood.problem),
+            hopeless=partial(_hopeless, rule, tuple(stages), kind.likelihood.problem),
         )
         stage = of_its_own(stage, stages)
         stage = in_sight(kind.likelihood.problem, beyond_tolerances(kind.likelihood.problem, stage))
@@ -123,6 +125,11 @@ def _forward(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
         if not rule.searches_on(stages, n, [found.excess for found in fits]):
             break
     return _Chain(tuple(fits), tuple(stages), doubt)
+
+
+def _hopeless(rule: Rule, stages: Sequence[SearchStage], problem: FitProblem, refit: Refit) -> bool:
+    """Whether a refit behind these stages is not worth its end."""
+    return rule.out_of_reach(stages, refit) or stays_within(problem, refit)
 
 
 def about_tolerances(how: DiagnosisSettings, text: str) -> None:

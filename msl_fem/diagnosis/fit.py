@@ -20,7 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
-from msl_fem.computing.gauss_newton import Damping, DescentSettings, descend, log_evidence, normal_equations, with_outer
+from msl_fem.computing.gauss_newton import (
+    Damping,
+    DescentSettings,
+    bounded_step,
+    descend,
+    log_evidence,
+    normal_equations,
+    with_outer,
+)
 from msl_fem.diagnosis.likelihood import CONVERGED, Fit, Likelihood
 from msl_fem.diagnosis.noise import NoiseWeights
 from msl_fem.diagnosis.problem import Points
@@ -156,7 +164,7 @@ def fit(
             break
         likelihood, z = nearer, point.z
         damping = replace(damping, first=float(np.clip(end.damping, *CARRIED)) if sane else CARRIED[0])
-    return replace(found, sane=sane)
+    return replace(found, sane=sane, damping=end.damping)
 
 
 def beyond_sanity(unknowns: Unknowns, z: Array) -> bool:
@@ -208,18 +216,15 @@ class _FitModel:
         _, prior_slope, self.curvature = unknowns.prior(point.z)
         self.gram, slope = normal_equations(jacobian, point.weights.root, point.residual)
         self.slope = slope + prior_slope
-        self.free = _free(unknowns, point.z, self.slope)
+        self.bounds = _bounds(unknowns) - point.z
         self.promised = self.step(-1.0)[1]
 
     def step(self, damping: float) -> tuple[Array, float]:
-        """(the step, nats that it promises); -1 for the step without any damping."""
-        matrix = (self.gram + np.diag(self.curvature))[np.ix_(self.free, self.free)]
-        slope = self.slope[self.free]
-        damped = matrix + (1 + damping) * np.diag(self.curvature[self.free])
-        part = np.linalg.solve(matrix if damping < 0 else damped, -slope)
-        move = np.zeros(self.slope.size)
-        move[self.free] = part
-        return move, float(-slope @ part - part @ matrix @ part / 2)
+        """(the step within the bounds, nats that it promises); -1 for the step without any damping."""
+        matrix = self.gram + np.diag(self.curvature)
+        damped = matrix + (1 + damping) * np.diag(self.curvature)
+        move = bounded_step(matrix if damping < 0 else damped, self.slope, self.bounds)
+        return move, float(-self.slope @ move - move @ matrix @ move / 2)
 
     def nuisance_columns(self, point: _FitPoint) -> Array:
         """Those at a point nearby, by the secant from here (Broyden, Math. Comp. 19, 1965, 577-593)."""
@@ -290,11 +295,8 @@ class _FitPosterior:
         return model
 
 
-def _free(unknowns: Unknowns, z: Array, slope: Array) -> NDArray[np.intp]:
-    """The unknowns that no bound holds against their slope."""
-    held = []
-    for n, one in enumerate(unknowns.effects, unknowns.n_nuisance):
-        lowest, highest = one.bounds
-        if (z[n] <= lowest and slope[n] >= 0) or (z[n] >= highest and slope[n] <= 0):
-            held.append(n)
-    return np.setdiff1d(np.arange(z.size), held)
+def _bounds(unknowns: Unknowns) -> Array:
+    """(2, unknowns.size) least and most of each."""
+    bounds = np.tile([[-np.inf], [np.inf]], unknowns.size)
+    bounds[:, unknowns.n_nuisance :] = np.reshape([one.bounds for one in unknowns.effects], (-1, 2)).T
+    return bounds

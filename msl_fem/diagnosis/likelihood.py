@@ -56,6 +56,7 @@ class Fit:
     predicted : nats that a further step would gain
     likelihood : that of the fit, the starts of its stretches those that suit it
     finished : whether it was led to its end, so that more steps are not worth trying, whatever they promise
+    damping : with which further steps go on
     sane : of a fit that began so far from the record that it was heated, where it was last at numbers that a plant can
         have
     """
@@ -71,6 +72,7 @@ class Fit:
     simulations: int
     likelihood: "Likelihood"
     finished: bool = False
+    damping: float = 1.0
     sane: "Fit | None" = None
 
     @property

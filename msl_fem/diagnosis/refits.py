@@ -229,14 +229,14 @@ class Refinement:
 
     def refined(self, refit: Refit) -> Refit:
         """A candidate a few steps on; the nuisances' columns are those of a point nearby."""
-        plan = FitPlan(most_steps=RACED_STEPS, enough=refit.enough, fresh_end=False)
+        plan = FitPlan(RACED_STEPS, refit.fit.damping, enough=refit.enough, fresh_end=False)
         columns = refit.fit.jacobian[:, : self.base.unknowns.n_nuisance]
         return self._refit(refit.fit, refit.variant, refit.fit.z, plan, columns)
 
     def converged(self, refit: Refit, *, leads: bool) -> Refit:
         """A candidate in front, with all columns of its own, of which a further step would gain next to nothing."""
         enough = CONVERGED if leads else max(ROUGHLY_CONVERGED, FRACTION * refit.gain)
-        plan = FitPlan(most_steps=LAST_STEPS, enough=enough)
+        plan = FitPlan(LAST_STEPS, refit.fit.damping, enough=enough)
         led = None
         if leads and not self.base.unknowns.effects and strained(refit.fit):
             self.tell(f"{refit.variant.name}, which leads, once more with all else as believed")
