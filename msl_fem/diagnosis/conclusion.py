@@ -91,13 +91,14 @@ def conclude(
     nominal, *signals = on_common_ground([kind.errors(kind.belief, None), *of_models])
     errors = [[signal.summary for signal in of_model] for of_model in signals]
     gains, worse = _held_out(signals, result)
-    compensating = _compensating(kind, result, models[result.taken], threads=threads)
+    confirmed = [gain if bad else max(gain, 0.0) for gain, bad in zip(gains, worse, strict=True)]
+    main, (named, notes) = main_cause(result, worse), _named(result, confirmed)
+    compensating = named.taken > 1 and _compensating(kind, result, models[result.taken], threads=threads)
     if compensating:
-        result = replace(result, taken=1)
-    main = main_cause(result, worse)
-    result, notes = _named(result, [gain if bad else max(gain, 0.0) for gain, bad in zip(gains, worse, strict=True)])
-    if compensating:
+        first = replace(result, taken=1)
+        main, (named, notes) = main_cause(first, worse), _named(first, confirmed)
         notes.append("several effects together leave what a function of one variable explains; only the first is kept")
+    result = named
     if result.unclear and result.stages[-1].best is not None:
         probable = result.stages[-1].best.variant.effect
         notes.append(f"unclear: {probable} is most probable, {result.unclear} takes most of what is in excess of noise")
