@@ -93,7 +93,8 @@ class Rule:
 
     A further effect also has to bring `share` of what the first one brought: so much may come from what the first one's
     equation leaves out. Not so of what coincides with a believed parameter: its tolerance bounds what it can bring,
-    however far it has left that. `finished` is the share of the excess power that it may leave, where the fit before
+    however far it has left that; and not of what brings a channel down to noise in which much was left (`quietens`),
+    which no rest of a form does. `finished` is the share of the excess power that it may leave, where the fit before
     was not quiet; `several` that of one of several, which have to leave noise alone in the end.
     """
 
@@ -115,18 +116,14 @@ class Rule:
             return False
         if n == 0:
             return best.gain >= max(self.threshold, stages[n].null.quantile(BY_CHANCE))
-        return best.gain >= self._further(stages, best)
-
-    def _further(self, stages: Sequence[SearchStage], refit: Refit) -> float:
-        """Nats that a further effect needs behind the first of these stages."""
-        bounded = all((amount.effect, amount.name) in COINCIDING for amount in refit.variant.amounts)
-        first = stages[0].best
-        return self.further if bounded or first is None else max(self.further, self.share * first.gain)
+        bounded = all((amount.effect, amount.name) in COINCIDING for amount in best.variant.amounts)
+        by_itself = bounded or quietens(stages[n].base.excess, best.fit.excess)
+        return best.gain >= (self.further if by_itself else max(self.further, self.share * first.gain))
 
     def out_of_reach(self, stages: Sequence[SearchStage], refit: Refit) -> bool:
         """Whether a refit that is not converged will not come to what the stage after these has to bring, its next
         steps bringing `CATCHING_UP` times what the first of them promises."""
-        needs = self._further(stages, refit) if stages else self.threshold
+        needs = self.least(stages)
         return refit.gain + CATCHING_UP * max(refit.fit.predicted, 0.0) < needs
 
     def searches_on(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:

@@ -28,7 +28,7 @@ from msl_fem.errors import ComputationError
 
 ELIMINATED = 0.25  # of the gain that the best refit has made: a refit below it after screening goes no further
 SMALL = (0.03, 0.1, 0.3)  # of z: the largest amount with which a candidate may begin
-FIRST_STEPS = 12  # of a candidate that begins there
+FIRST_STEPS = 20  # of a candidate that begins there
 SCREENING_STEPS = 6
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to the linear model's best at which a refit may begin
 REFINEMENT_STEPS = 25
@@ -263,23 +263,27 @@ class Refinement:
 
     def from_small_amounts(self, refit: Refit) -> Refit:
         """The better of a candidate and of one begun at the belief: beside numbers that nothing can have, the amounts
-        that suit them are none that lead back. Both signs, of two amounts each, and several sizes are tried, the
-        likeliest is taken."""
-        rows, n, amounts = [], self.base.unknowns.n_nuisance, len(refit.variant.amounts)
-        begin = as_believed(refit.fit)
-        own = begin[n : n + amounts] / max(float(np.abs(begin[n : n + amounts]).max()), TINY)
-        ways = [own, -own, *(map(np.array, product((1.0, -1.0), repeat=amounts)) if amounts == 2 else ())]
-        for small, way in product(SMALL, ways):
-            row = begin.copy()
-            row[n : n + amounts] = small * way
-            rows.append(refit.fit.unknowns.allowed(row))
+        that suit them are none that lead back. Each sign of each amount is tried, in the likeliest of several sizes,
+        and what has come furthest after a few steps goes on: where two amounts nearly balance each other, the likeliest
+        beginning is the one whose unbalance suits."""
         unknowns, likelihood = refit.fit.unknowns, refit.fit.likelihood.gathering(self.gathered)
+        n, amounts, begin = self.base.unknowns.n_nuisance, len(refit.variant.amounts), as_believed(refit.fit)
         if likelihood.is_cut:
-            likelihood = likelihood.followed(unknowns, rows[0])
-        costs = objectives(likelihood, unknowns, np.array(rows))
+            likelihood = likelihood.followed(unknowns, begin)
         near = replace(refit, fit=replace(refit.fit, likelihood=likelihood))
-        again = self._begun_anew(near, rows[int(np.argmin(costs))], FitPlan(most_steps=FIRST_STEPS))
-        return refit if again is None else max(refit, again, key=lambda one: one.gain)
+        found = []
+        for way in product((1.0, -1.0), repeat=amounts):
+            rows = np.tile(begin, (len(SMALL), 1))
+            rows[:, n : n + amounts] = np.outer(SMALL, way)
+            rows = np.array([unknowns.allowed(row) for row in rows])
+            row = rows[int(np.argmin(objectives(likelihood, unknowns, rows)))]
+            found.append(self._begun_anew(near, row, FitPlan(most_steps=SCREENING_STEPS, enough=ROUGH)))
+        begun = [one for one in found if one is not None]
+        if not begun:
+            return refit
+        first = max(begun, key=lambda one: one.gain)
+        plan = FitPlan(FIRST_STEPS, first.fit.damping, enough=ROUGH)
+        return max(refit, self._refit(first.fit, refit.variant, first.fit.z, plan, None), key=lambda one: one.gain)
 
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
         unknowns = extended(self.base.unknowns, variant)
