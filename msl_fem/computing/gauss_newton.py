@@ -224,7 +224,7 @@ def bounded_step(matrix: Array, slope: Array, bounds: Array) -> Array:
         return np.asarray(move)
     root = np.linalg.cholesky(matrix)
     target = solve_triangular(root, -slope, lower=True)
-    return np.asarray(lsq_linear(root.T, target, bounds, method="bvls").x)
+    return np.clip(lsq_linear(root.T, target, bounds, method="bvls").x, *bounds)
 
 
 def log_evidence(objective: float, precision: Array) -> float:

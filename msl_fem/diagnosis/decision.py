@@ -109,15 +109,15 @@ class Rule:
         """Nats that the best effect of the stage after these has to bring at least."""
         return self.further if stages else self.threshold
 
-    def enough(self, stages: Sequence[SearchStage], n: int) -> bool:
-        """Whether the best effect of stage n brings enough."""
+    def enough(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
+        """Whether the best effect of stage n brings enough; without what it leaves it brings nothing down to noise."""
         best, first = stages[n].best, stages[0].best
         if best is None or first is None:
             return False
         if n == 0:
             return best.gain >= max(self.threshold, stages[n].null.quantile(BY_CHANCE))
         bounded = all((amount.effect, amount.name) in COINCIDING for amount in best.variant.amounts)
-        by_itself = bounded or quietens(stages[n].base.excess, best.fit.excess)
+        by_itself = bounded or (n + 1 < len(excesses) and quietens(*excesses[n : n + 2]))
         return best.gain >= (self.further if by_itself else max(self.further, self.share * first.gain))
 
     def out_of_reach(self, stages: Sequence[SearchStage], refit: Refit) -> bool:
@@ -291,7 +291,7 @@ def n_accepted(stages: Sequence[SearchStage], excesses: Excesses, rule: Rule) ->
     """
     taken, each_completes = 0, True
     for n in range(len(stages)):
-        if not rule.enough(stages, n):
+        if not rule.enough(stages, n, excesses):
             break
         if not rule.searches_on(stages, n, excesses):
             break

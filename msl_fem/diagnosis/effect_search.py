@@ -116,13 +116,16 @@ def _forward(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
         stage = in_sight(kind.likelihood.problem, beyond_tolerances(kind.likelihood.problem, stage))
         fits[n] = stage.base
         stages.append(stage)
-        if stage.best is None or not rule.enough(stages, n):
+        if stage.best is None:
+            break
+        excesses = [found.excess for found in (*fits, stage.best.fit)]
+        if not rule.enough(stages, n, excesses):
             break
         surpassed_by = disagrees(stage, stage.base.excess)
         if surpassed_by and doubt is None:
             doubt = _Doubt(n, surpassed_by)
         fits.append(stage.best.fit)
-        if not rule.searches_on(stages, n, [found.excess for found in fits]):
+        if not rule.searches_on(stages, n, excesses):
             break
     return _Chain(tuple(fits), tuple(stages), doubt)
 

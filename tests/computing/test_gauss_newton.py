@@ -4,12 +4,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
+from msl_fem.computing import gauss_newton
 from msl_fem.computing.gauss_newton import (
     HALVING,
     ROWS_AT_ONCE,
+    Damping,
     DescentSettings,
     FitSettings,
+    bounded_step,
     descend,
     fit_map,
     halved,
@@ -224,3 +228,57 @@ def test_products_made_of_some_rows_at_a_time_are_those_of_the_whole() -> None:
     before = jacobian.copy()
     assert with_outer(jacobian, residual, row) == pytest.approx(jacobian + np.outer(residual, row), rel=1e-12)
     assert np.array_equal(jacobian, before)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_step_within_bounds_is_the_least_there_and_one_cut_off_is_not(seed: int) -> None:
+    """Against a general minimiser; and a move that is merely cut off may even lead uphill."""
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((5, 5))
+    matrix, slope = root @ root.T + 0.01 * np.eye(5), rng.standard_normal(5)
+    bounds = np.array([[-np.inf, -np.inf, 0.0, -0.1, -1.0], [np.inf, np.inf, np.inf, 0.1, 0.0]])
+
+    def cost(move: np.ndarray) -> float:
+        return float(slope @ move + move @ matrix @ move / 2)
+
+    found = bounded_step(matrix, slope, bounds)
+    other = minimize(
+        cost, np.clip(found, *bounds), jac=lambda d: slope + matrix @ d, bounds=bounds.T, method="L-BFGS-B",
+        options={"ftol": 1e-15, "gtol": 1e-10, "maxiter": 10_000},
+    )  # fmt: skip
+    assert np.all((bounds[0] <= found) & (found <= bounds[1]))
+    assert cost(found) == pytest.approx(other.fun, rel=1e-6)
+    free = np.full((2, 5), [[-np.inf], [np.inf]])
+    assert bounded_step(matrix, slope, free) == pytest.approx(np.linalg.solve(matrix, -slope))
+
+
+def test_a_step_cut_off_at_a_bound_leads_uphill_where_the_one_within_leads_down() -> None:
+    """Two amounts that make up for each other, of which one is at nothing and may not go below."""
+    matrix, slope = np.array([[1.0, 0.99], [0.99, 1.0]]), np.array([-0.1, -0.2])
+    bounds = np.array([[0.0, -np.inf], [np.inf, np.inf]])
+    whole = np.linalg.solve(matrix, -slope)
+    cut, within = np.clip(whole, *bounds), bounded_step(matrix, slope, bounds)
+    assert whole[0] < 0
+    assert slope @ cut + cut @ matrix @ cut / 2 > 0
+    assert within == pytest.approx([0.0, 0.2])
+
+
+def test_damping_is_kept_behind_a_failure_and_lowered_behind_two_successes() -> None:
+    """With less of it than has just been found the step before failed."""
+    damping = Damping(first=1.0, least=1e-4, rise=1e-2, most=1e8)
+    assert damping.after_success(100.0, raised=True) == 100.0
+    assert damping.after_success(100.0, raised=False) == 10.0
+    assert damping.after_success(1e-5, raised=True) == 0.0
+
+
+def test_a_stale_model_whose_step_was_too_long_is_damped_before_it_is_made_anew(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    settings = DescentSettings(HALVING, enough=1e-12, renewal=0.0)
+    fresh = []
+    for first in (0, 1):
+        monkeypatch.setattr(gauss_newton, "DAMPED_FIRST", first)
+        valley = Valley(skew=3.0)
+        assert descend(valley, Height(1.0), settings).point.x == pytest.approx(0.0, abs=1e-5)
+        fresh.append(valley.models.count(False))
+    assert fresh[1] < fresh[0]

@@ -14,6 +14,7 @@ from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 Array = NDArray[np.float64]
 OFFSET = EffectUnknown("force_offset", "force")
 CUBIC = EffectUnknown("stiffness_nonlinearity", "cubic")
+FRICTION = EffectUnknown("coulomb_friction", "force")
 BOW = EffectUnknown("position_sensor_nonlinearity", "quadratic")
 
 
@@ -48,7 +49,7 @@ class LinearRecord:
         rows = []
         for n, z in enumerate(points.rows):
             model = self.nuisances @ z[: self.nuisances.shape[1]]
-            for one in (OFFSET, CUBIC, BOW):
+            for one in (OFFSET, CUBIC, FRICTION, BOW):
                 if points.effects is not None and one.effect in self.of_effect:
                     model = model + self.of_effect[one.effect] * one.z_of(float(points.effects[n, one.place]))
             rows.append(self.data - model)

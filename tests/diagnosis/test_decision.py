@@ -64,6 +64,8 @@ def test_effects_are_taken_as_long_as_they_bring_enough() -> None:
     assert n_accepted(stages(400.0, 25.0, None), [LOUD, QUIET, QUIET], rule) == 2
     assert n_accepted(stages(400.0, 23.0), [LOUD, QUIET], rule) == 1
     assert n_accepted(stages(9000.0, 26.0), [LOUD, QUIET], rule) == 1, "a fraction of what the first one brought"
+    assert n_accepted(stages(1e6, 2000.0), [LOUDER, LOUD, QUIET], rule) == 2, "a loud channel is brought down"
+    assert n_accepted(stages(1e6, 2000.0), [LOUDER, {"x": 1.4, "i": 1.0}, QUIET], rule) == 1
     gap = stages(9000.0, 26.0, first="gap_offset", amount="offset")
     assert n_accepted(gap, [LOUD, QUIET, QUIET], rule) == 2, "the gap's tolerance bounds what an offset can bring"
 
@@ -110,6 +112,15 @@ def test_where_more_than_noise_is_left_held_out_runs_have_to_become_better(gain:
     assert loud.taken == named
     assert any("held-out" in note for note in notes) == (named < 2)
     assert _named(found, [50.0, gain])[0].taken == 2, "to the noise chance is enough"
+
+
+@pytest.mark.parametrize(("gain", "predicted", "hopeless"), [(20.0, 1.0, True), (20.0, 2.0, False), (30.0, 0.0, False)])
+def test_a_refit_that_cannot_come_to_what_a_further_effect_needs_is_not_led_on(
+    gain: float, predicted: float, hopeless: bool
+) -> None:
+    refit: Any = SimpleNamespace(gain=gain, fit=SimpleNamespace(predicted=predicted))
+    assert Rule().out_of_reach(stages(1000.0), refit) is hopeless
+    assert not Rule().out_of_reach([], refit), "a first effect needs less"
 
 
 def candidate(effect: str, gain: float, loud: float) -> Any:

@@ -165,12 +165,12 @@ def candidate(z: list[float], gain: float, likelihood: object) -> Refit:
 
 @pytest.fixture
 def begun(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
-    """Where candidates began anew; each comes to 5000 nats."""
+    """Where candidates began anew; each comes to 5000 nats, to 4000 from an amount above nothing."""
     found: list[np.ndarray] = []
 
     def fitted(self: Refinement, near, variant: Variant, z: np.ndarray, *rest: object) -> Refit:
         found.append(z)
-        return candidate(list(z), 5000.0, near.likelihood)
+        return candidate(list(z), 4000.0 if z[-1] > 0 else 5000.0, near.likelihood)
 
     monkeypatch.setattr(Refinement, "_refit", fitted)
     return found
@@ -203,12 +203,13 @@ def refinement(base_z: list[float], *, sane: fitting.Fit | None = None) -> Refin
 def test_a_candidate_begins_at_the_belief_with_the_small_amount_that_suits_it(begun) -> None:
     anew = refinement([2 * SANE, 0.0]).from_small_amounts(candidate([2 * SANE, 9.0, 5.0], 100.0, Amounts()))
     assert anew.gain == 5000.0
-    assert begun[0].tolist() == [0.0, 0.0, -SMALL[1]]
+    above, below = [0.0, 0.0, SMALL[0]], [0.0, 0.0, -SMALL[1]]
+    assert [z.tolist() for z in begun] == [above, below, below], "each sign, and what came furthest goes on"
     better = candidate([2 * SANE, 9.0, 5.0], 6000.0, Amounts())
     assert refinement([2 * SANE, 0.0]).from_small_amounts(better) is better
 
 
-@pytest.mark.parametrize(("sane", "times"), [(base_at([1.0, 0.0]), 1), (None, 0)])
+@pytest.mark.parametrize(("sane", "times"), [(base_at([1.0, 0.0]), 3), (None, 0)])
 def test_candidates_begin_anew_beside_a_base_beyond_sanity_alone(begun, monkeypatch, sane, times: int) -> None:
     screened = candidate([0.0, 0.0, 5.0], 100.0, Amounts())
     race = refinement([2 * SANE, 0.0], sane=sane)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from linear_record import CUBIC, OFFSET, LinearRecord, record, with_effect
+from linear_record import CUBIC, FRICTION, OFFSET, LinearRecord, record, with_effect
 from scipy.signal import butter, lfilter
 
-from msl_fem.diagnosis.fit import fit
+from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.likelihood import Likelihood
@@ -265,6 +265,17 @@ def test_an_effect_that_cannot_be_negative_stays_at_nothing() -> None:
     assert cost == pytest.approx(np.log(10.0) - 2 * CAUCHY)
     assert slope == pytest.approx([0.6, 0.0])
     assert curvature == pytest.approx([0.2, 2.0])
+
+
+def test_beside_the_bound_of_an_amount_the_others_come_to_their_best() -> None:
+    """An amount that would have to be below nothing acts nearly as a nuisance does, which has to do without it."""
+    it, unknowns = record(seed=7)
+    it.of_effect["coulomb_friction"] = it.nuisances[:, 0] + 0.1 * it.of_effect["stiffness_nonlinearity"]
+    below = replace(it, data=it.data - it.of_effect["coulomb_friction"])
+    found = fit(below, with_effect(unknowns, FRICTION), np.zeros(4), plan=FitPlan(most_steps=8))  # type: ignore[arg-type]
+    without = fit(below, unknowns, np.zeros(3))  # type: ignore[arg-type]
+    assert found.converged
+    assert found.z == pytest.approx([*without.z, 0.0], abs=2e-3)
 
 
 def test_a_shape_stays_within_three_widths_of_its_centre() -> None:
