@@ -14,7 +14,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.likelihood import Fit
-from msl_fem.diagnosis.refits import LAST_STEPS, SCREENING_STEPS, Refit, extended, objectives
+from msl_fem.diagnosis.refits import LAST_STEPS, SCREENING_STEPS, SHARES, Refit, extended, objectives
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant
@@ -211,13 +211,25 @@ class Exchange:
             chosen, unknowns, z = found.part(order[:count])
             last = count == len(order)
             plan = FitPlan(most_steps=1 if last else LAST_STEPS)
-            fits.append(fit(found.fit.likelihood, unknowns, z, plan=plan))
+            try:
+                fits.append(fit(found.fit.likelihood, unknowns, z, plan=plan))
+            except ComputationError:  # the numbers of the whole set cannot be followed without the others
+                z = _behind(fits[-1], found.fit, unknowns, z[fits[-1].z.size :])
+                fits.append(fit(found.fit.likelihood, unknowns, z, plan=plan))
             base, whole = fits[-2], fits[-1]
             gain = whole.log_evidence - base.log_evidence
             best = Refit(chosen[-1], whole, gain)
             own = SearchStage(base, stage.scores, (best,), stage.null) if count == 1 else SearchStage(base, (), (best,))
             stages.append(_beside_the_others(own, places[order[count - 1]], found) if places else own)
         return fits, stages
+
+
+def _behind(before: Fit, found: Fit, unknowns: Unknowns, own: Array) -> Array:
+    """Where a fit of one effect more may begin: where the fit without it ended, and of its own numbers as much as suits
+    best there, nothing at the least."""
+    amounts = np.array([unknown.width == 0.0 for unknown in unknowns.effects[-own.size :]])
+    rows = [np.concatenate([before.z, np.where(amounts, share * own, own)]) for share in (*SHARES, 0.0)]
+    return rows[int(np.argmin(objectives(found.likelihood, unknowns, np.array(rows))))]
 
 
 def _beside_the_others(stage: SearchStage, place: _Place, found: EffectSet) -> SearchStage:

@@ -264,7 +264,7 @@ class Refinement:
     def from_small_amounts(self, refit: Refit) -> Refit:
         """The better of a candidate and of one begun at the belief: beside numbers that nothing can have, the amounts
         that suit them are none that lead back. Each sign of each amount is tried, in the likeliest of several sizes,
-        and what has come furthest after a few steps goes on: where two amounts nearly balance each other, the likeliest
+        and what may still lead after a few steps goes on: where two amounts nearly balance each other, the likeliest
         beginning is the one whose unbalance suits."""
         unknowns, likelihood = refit.fit.unknowns, refit.fit.likelihood.gathering(self.gathered)
         n, amounts, begin = self.base.unknowns.n_nuisance, len(refit.variant.amounts), as_believed(refit.fit)
@@ -279,11 +279,13 @@ class Refinement:
             row = rows[int(np.argmin(objectives(likelihood, unknowns, rows)))]
             found.append(self._begun_anew(near, row, FitPlan(most_steps=SCREENING_STEPS, enough=ROUGH)))
         begun = [one for one in found if one is not None]
-        if not begun:
-            return refit
-        first = max(begun, key=lambda one: one.gain)
-        plan = FitPlan(FIRST_STEPS, first.fit.damping, enough=ROUGH)
-        return max(refit, self._refit(first.fit, refit.variant, first.fit.z, plan, None), key=lambda one: one.gain)
+        best = max((one.gain for one in begun), default=0.0)
+        going = [one for one in begun if one.gain + CATCHING_UP * max(one.fit.predicted, 0.0) >= best]
+        plans = [FitPlan(FIRST_STEPS, one.fit.damping, enough=ROUGH) for one in going]
+        ended = [
+            self._refit(one.fit, refit.variant, one.fit.z, plan, None) for one, plan in zip(going, plans, strict=True)
+        ]
+        return max([refit, *ended], key=lambda one: one.gain)
 
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
         unknowns = extended(self.base.unknowns, variant)

@@ -185,3 +185,28 @@ def test_an_effect_without_which_nothing_can_be_followed_stays() -> None:
     better = put_right([*fits[:-1], replace(fits[-1], likelihood=lost)], stages)
     assert better is not None
     assert {stage.best.variant.effect for stage in better[1]} == {"stiffness_nonlinearity", "force_offset"}
+
+
+@dataclass(frozen=True, eq=False)
+class LostAlone(LinearRecord):
+    """A simulation fails where one of two is large without the other."""
+
+    def spectra(self, points: Points) -> np.ndarray:
+        assert points.effects is not None
+        offset, cubic = (
+            np.abs([one.z_of(float(value)) for value in points.effects[:, one.place]]) for one in (OFFSET, CUBIC)
+        )
+        alone = (np.maximum(offset, cubic) > 0.25) & (np.minimum(offset, cubic) < 0.05)
+        return np.where(alone[:, None], np.nan, super().spectra(points))
+
+
+def test_a_set_whose_parts_cannot_be_followed_at_its_numbers_is_told_from_smaller_ones() -> None:
+    record = linear(truth=(0.4, 0.6), mixed=(0.5, 0.5))
+    fits, stages = searched(record, BOW, CUBIC, OFFSET)
+    lost = LostAlone(record.data, record.nuisances, record.of_effect)
+    better = put_right([*fits[:-1], replace(fits[-1], likelihood=lost)], stages)
+    assert better is not None
+    chain, made = better
+    assert {stage.best.variant.effect for stage in made} == {"stiffness_nonlinearity", "force_offset"}
+    assert chain[-1].z[-2:] == pytest.approx([CUBIC.z_of(CUBIC.value(0.6)), 0.4], abs=0.06)
+    assert abs(chain[1].z[-1]) <= 0.25
