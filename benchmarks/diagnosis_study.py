@@ -293,6 +293,11 @@ def main_right(row: Row) -> bool:
     return row["main"] is None or row["main"] in row["truth"]
 
 
+def first_or_main(row: Row) -> bool:
+    """Whether the truth is the first name, or the main cause of an error of which more is left than names may leave."""
+    return right_first(row) or row["main"] in row["truth"]
+
+
 def only_true(row: Row) -> bool:
     return set(row["names"]) <= set(row["truth"])
 
@@ -312,6 +317,7 @@ FIGURES: tuple[tuple[str, str, Judge, str], ...] = (
     ("single", "one effect of 3 %: named first", right_first, ""),
     ("single", "... of what the record can show", right_first, "95 %"),
     ("single", "... first, or in the set told with it", told, ""),
+    ("single", "... of what the record can show, first or the main cause", first_or_main, ""),
     ("single", "... no wrong main cause", main_right, ""),
     ("single", "... no false name", only_true, ""),
     ("small", "one effect of 0.3 %: named first", right_first, ""),
@@ -367,6 +373,18 @@ def rigs_table(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
+def causes_table(rows: Sequence[Row]) -> str:
+    """Single effects of 3 % by cause, of the seeds that judge: how many their records can show, and of these."""
+    lines = ["| cause, 3 % | records | can be shown | named first | first or the main cause |", "| --- " * 5 + "|"]
+    judged = [row for row in rows if row["kind"] == "single" and "verdict" in row and judges(row)]
+    for cause in sorted({row["truth"][0] for row in judged}):
+        own = [row for row in judged if row["truth"] == [cause]]
+        shown = list(filter(can_be_shown, own))
+        counts = (len(own), len(shown), sum(map(right_first, shown)), sum(map(first_or_main, shown)))
+        lines.append("| " + " | ".join(map(str, (cause, *counts))) + " |")
+    return "\n".join(lines)
+
+
 def wrong_names(rows: Sequence[Row]) -> str:
     """What was said in place of the truth, all seeds, most often first."""
     counts: Counter[tuple[str, str]] = Counter()
@@ -411,7 +429,7 @@ def main() -> None:
         run(options.results, Portion(options.seed, kinds, rigs, fastest, options.limit, hiding))
         return
     rows = done(options.results)
-    text = "\n\n".join([extent(rows), totals_table(rows), rigs_table(rows), wrong_names(rows)])
+    text = "\n\n".join([extent(rows), totals_table(rows), rigs_table(rows), causes_table(rows), wrong_names(rows)])
     print(text)
     if options.docs:
         rewrite(ROOT / "docs" / "diagnosis.md", {"study": text})
