@@ -114,7 +114,8 @@ def _triangulate(section: Section, size: MeshSize) -> TriangleMesh:
     for k, name in enumerate(names):
         geometry.SetMaterial(k + 1, name)
         geometry.SetDomainMaxH(k + 1, largest_in.get(name, 0.15 * box) / scale)
-    limits = MeshingParameters(maxh=0.2, grading=size.growth)
+    # Triangles in a plane do not overlap as those of folded surfaces may: the check is a tenth of the mesher's time.
+    limits = MeshingParameters(maxh=0.2, grading=size.growth, checkoverlap=False)
     if size.across is not None and section.moving is None:
         for x, y in _across_gap(section):
             limits.RestrictH(x / scale, y / scale, 0.0, size.across * section.size_gap / scale)
