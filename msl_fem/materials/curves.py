@@ -14,7 +14,7 @@ from msl_fem.materials.material import AnalyticIron, Iron
 
 NO_FIELD = 1e-12  # T: below it H is taken as linear in B
 HIGHEST, SPACING, BEYOND = 6.0, 2.5e-3, 1e4  # T: points of an analytic curve, and how far its last slope is held
-BUCKETS = 2400
+BUCKETS = round(HIGHEST / SPACING)  # of an analytic curve each is one piece
 Indices = NDArray[np.int64]
 
 
