@@ -53,11 +53,19 @@ def _eliminate_panel(panel: Array, inverse: Array, begin: int, end: int, left: A
         return
     first, second, third, fourth = panel[begin], panel[begin + 1], panel[begin + 2], panel[begin + 3]
     over = inverse[begin], inverse[begin + 1], inverse[begin + 2], inverse[begin + 3]
-    for i in range(end, size):
+    for i in range(end, size, 2):  # two rows at once, which share what is read of the pivots
         a, b, c, d = first[i] * over[0], second[i] * over[1], third[i] * over[2], fourth[i] * over[3]
         row = panel[i] if i < pivots else left[i - pivots]
-        for j in range(np.uint64(i), np.uint64(size)):
-            row[j] -= a * first[j] + b * second[j] + (c * third[j] + d * fourth[j])
+        row[i] -= a * first[i] + b * second[i] + (c * third[i] + d * fourth[i])
+        k = i + 1
+        if k == size:
+            break
+        e, f, g, h = first[k] * over[0], second[k] * over[1], third[k] * over[2], fourth[k] * over[3]
+        next_row = panel[k] if k < pivots else left[k - pivots]
+        for j in range(np.uint64(k), np.uint64(size)):
+            w, x, y, z = first[j], second[j], third[j], fourth[j]
+            row[j] -= a * w + b * x + (c * y + d * z)
+            next_row[j] -= e * w + f * x + (g * y + h * z)
 
 
 @compiled
