@@ -130,7 +130,7 @@ class Reducer:
 
     def _without_field(self, vectors: Sequence[Array]) -> None:
         for vector in vectors:
-            self.space.add(vector, self.space.norm(vector))
+            self.space.add(vector)
         self.solutions += 1
 
     def take(self, n: int, potential: Array, full: FullField | None = None) -> None:
@@ -139,13 +139,12 @@ class Reducer:
         `full` : the field it is of, where that is another magnet's on this mesh moved
         """
         q = float(self.points.coordinate[n])
-        vectors = potential, *(full or self.full).responses(q, potential)
-        scales = [self.space.norm(vectors[0]), *(self.space.norm(vector) / SLOPE_SHARE for vector in vectors[1:])]
+        slopes = (full or self.full).responses(q, potential)
         numbers = (full or self.full).numbers(q, potential)
         sizes = np.abs([numbers.energy_slope, *numbers.flux_linkage])
-        self._taken.append(_Taken(self.points.only([n]), len(self.space), scales, sizes))
-        for vector, scale in zip(vectors, scales, strict=True):
-            self.space.add(vector, scale)
+        place = len(self.space)
+        scales = [self.space.add(potential), *(self.space.add(slope, SLOPE_SHARE) for slope in slopes)]
+        self._taken.append(_Taken(self.points.only([n]), place, scales, sizes))
         self.solutions += 1
 
     def farthest(self, count: int) -> list[int]:
@@ -159,15 +158,12 @@ class Reducer:
 
     def draft(self) -> None:
         """The space from a few points apart, each field from what a model with a coarse quadrature predicts."""
-        potential = np.zeros(self.full.model.n_dof)
-        for n in self.farthest(1 + self.points.currents.shape[1]):
-            self._solve_roughly(n, potential)
-        for _ in range(self.settings.drafts):
-            chosen = self.farthest(DRAFTED)
+        for count in [1] * (1 + self.points.currents.shape[1]) + [DRAFTED] * self.settings.drafts:
+            chosen = self.farthest(count)
             basis = self.space.basis(self.settings.modes * self.settings.tolerance)
-            expected = self.taken_in(basis).near(self.points.only(chosen))
+            points = self.points.only(chosen)
             model = ReducedModel(basis, self.full.sources, basis.coarse_iron())
-            states = model.solve(expected.points, expected.states).states
+            states = model.solve(points, self.taken_in(basis).near(points).states if self._taken else None).states
             for n, state in zip(chosen, states, strict=True):
                 self._solve_roughly(n, basis.vectors @ state)
 
@@ -227,20 +223,27 @@ class Reducer:
         third = self.settings.checks // 3
         chosen = _apart(np.argsort(-missed), self.places, third)
         chosen += _apart(np.argsort(-_sensitivity(model, states)), self.places, third)
-        return [*dict.fromkeys(chosen), *self.farthest(self.settings.checks - 2 * third)]
+        chosen += self.farthest(self.settings.checks - 2 * third)
+        return list(dict.fromkeys(chosen))
 
-    def check(self, model: ReducedModel, states: ReducedStates, chosen: Sequence[int], *, enrich: bool) -> Array:
-        """(len(chosen),) estimated errors at points, of full scale; where they are too large the space may grow."""
-        errors = np.zeros(len(chosen))
+    def check(
+        self, model: ReducedModel, states: ReducedStates, chosen: Sequence[int], *, enrich: bool
+    ) -> tuple[Array, list[Array]]:
+        """(len(chosen),) estimated errors at points, of full scale; where they are too large the space may grow.
+
+        And the potentials that Newton's steps lead to.
+        """
+        errors, potentials = np.zeros(len(chosen)), []
         for k, n in enumerate(chosen):
             errors[k], potential = _corrected(self.full, model, states, n)
             if enrich and not SAFETY * errors[k] <= self.settings.tolerance:
                 self.take(n, potential)
-        return errors
+            potentials.append(potential)
+        return errors, potentials
 
-    def effectivity(self, model: ReducedModel, states: ReducedStates, n: int, estimate: float) -> float:
-        """An estimate over the true error of force or flux linkage, of full scale."""
-        exact = self.full.solve(self.points, n, model.basis.vectors @ states.states[n], ALONE)
+    def effectivity(self, states: ReducedStates, n: int, near: Array, estimate: float) -> float:
+        """An estimate over the true error of force or flux linkage, of full scale; a potential nearby is the start."""
+        exact = self.full.solve(self.points, n, near, ALONE)
         error = change_of_numbers(self.full, states, n, exact.potential)
         return estimate / error if error > 0 else 1.0
 
@@ -253,11 +256,11 @@ class Reducer:
                 return None
             model, states, missed = built
             chosen = self.doubtful(model, states, missed)
-            errors = self.check(model, states, chosen, enrich=attempt + 1 < settings.rounds)
+            errors, potentials = self.check(model, states, chosen, enrich=attempt + 1 < settings.rounds)
             if (SAFETY * errors <= settings.tolerance).all():
                 worst = int(np.argmax(errors))
                 estimate = max(SAFETY * float(errors[worst]), LEAST_ESTIMATE * settings.tolerance)
-                ratio = self.effectivity(model, states, chosen[worst], estimate)
+                ratio = self.effectivity(states, chosen[worst], potentials[worst], estimate)
                 certificate = Certificate(estimate, len(chosen), ratio)
                 return Reduction(model, states, certificate, self.solutions)
         return None
@@ -286,7 +289,7 @@ def reduce_at_all(full: FullField, points: FieldPoints, settings: ReductionSetti
         some = np.union1d(some, worst)
         reducer.look_at(points.only(some))
         among = np.searchsorted(some, worst).tolist()
-        errors = reducer.check(model, states.only(some), among, enrich=True)
+        errors, _ = reducer.check(model, states.only(some), among, enrich=True)
         before = reduction.certificate
         largest = max(before.error_estimate, SAFETY * float(errors.max()))
         if largest <= settings.tolerance:

@@ -59,18 +59,15 @@ class SnapshotSpace:
     def __len__(self) -> int:
         return len(self._vectors)
 
-    def norm(self, vector: Array) -> float:
-        """The energy norm."""
-        return float(vector @ self.model.tangent.product(self._energy, vector)) ** 0.5
-
-    def add(self, vector: Array, scale: float) -> None:
-        """Add a vector (n_dof,) as large as `scale` says."""
-        if scale <= 0.0 or not np.isfinite(vector).all():
-            return
-        vector = vector / scale
-        self._vectors.append(vector)
-        self._images.append(self.model.tangent.product(self._energy, vector))
-        self._gradients.append(iron_gradients(self.model, vector[:, None])[:, 0])
+    def add(self, vector: Array, share: float = 1.0) -> float:
+        """Add a vector (n_dof,), made as large as its share of 1 in the energy norm; what it was divided by."""
+        image = self.model.tangent.product(self._energy, vector)
+        scale = max(float(vector @ image), 0.0) ** 0.5 / share
+        if scale > 0.0 and np.isfinite(vector).all():
+            self._vectors.append(vector / scale)
+            self._images.append(image / scale)
+            self._gradients.append(iron_gradients(self.model, vector[:, None])[:, 0] / scale)
+        return scale
 
     def basis(self, tolerance: float) -> "Basis":
         """Proper orthogonal decomposition (Sirovich 1987), modes below `tolerance` times the vectors' size left out."""
