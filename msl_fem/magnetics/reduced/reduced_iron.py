@@ -79,7 +79,8 @@ class IronTerms:
     def __init__(self, iron: ReducedIron, *, many: bool) -> None:
         self.iron = iron
         self.products = products_of(iron.gradients) if many else None
-        self._upper = np.triu_indices(iron.gradients.shape[1])
+        self._rows = np.ascontiguousarray(iron.gradients.T)
+        self._upper = np.triu_indices(len(self._rows))
 
     def at(self, states: Array) -> tuple[Array, Array]:
         """(n, N) the gradient and (n, 3 n_point) the curvature at states (n, N)."""
@@ -92,12 +93,9 @@ class IronTerms:
         """(n, N (N + 1)/2) of the tangents' upper triangles, row after row."""
         if self.products is not None:
             return np.asarray(curvature @ self.products)
-        g_x, g_y = self.iron.gradients[::2], self.iron.gradients[1::2]
-        packed = np.empty((len(curvature), self._upper[0].size))
-        for own, entries in zip(packed, curvature, strict=True):
-            xx, xy, yy = entries.reshape(3, -1, 1)
-            own[:] = (g_x.T @ (xx * g_x + xy * g_y) + g_y.T @ (xy * g_x + yy * g_y))[self._upper]
-        return packed
+        field = np.repeat(self._rows[None], len(curvature), axis=0)
+        _bend_fields(field, curvature)
+        return np.asarray((field @ self.iron.gradients)[:, *self._upper])
 
     def along(self, curvature: Array, vectors: Array) -> Array:
         """(n, r, N) the tangents times r vectors each (n, r, N)."""

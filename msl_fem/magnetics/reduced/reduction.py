@@ -186,7 +186,8 @@ class Reducer:
         basis = self.space.basis(settings.modes * settings.tolerance)
         taken = self.taken_in(basis)
         full_scale = np.max([taken.sizes for taken in self._taken], axis=0)
-        forces = settings.share * force_integrands(basis, taken.states[_spread(taken.states, settings.trained)])
+        forces = force_integrands(basis, taken.states[_spread(taken.states, settings.trained)])
+        forces *= settings.share
         known = (taken if self._last is None else self._last_in(basis, *self._last)).near(self.points)
         found: list[tuple[ReducedModel, ReducedStates, Array]] = []
         for _ in range(settings.fits):
