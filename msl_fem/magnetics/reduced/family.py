@@ -21,7 +21,7 @@ from msl_fem.magnetics.reduced.reduction import (
     ReductionSettings,
     change_of_numbers,
 )
-from msl_fem.magnetics.reduced.space import Basis, iron_gradients, quadrature_of
+from msl_fem.magnetics.reduced.space import Basis, quadrature_of
 from msl_fem.materials.curves import Indices
 
 ROUNDS = 3
@@ -85,7 +85,7 @@ class Family:
     def child(self, member: Member, chosen: Indices) -> Child:
         """A member in the parent's space, at some of the family's points."""
         vectors, model = self.parent.model.basis.vectors, member.full.model
-        own = Basis(model, quadrature_of(model), vectors, iron_gradients(model, vectors))
+        own = Basis(model, quadrature_of(model), vectors)
         iron = own.some_iron(self._sampled, self._share * own.quadrature.weight[self._sampled])
         reduced = ReducedModel(own, member.full.sources, iron, self._sampled)
         at = self.points.only(chosen)

@@ -126,7 +126,7 @@ class ReducedModel:
     def without_last(self, count: int) -> "ReducedModel":
         """The model in the space without its last functions."""
         basis, kept = self.basis, self.basis.size - count
-        fewer = Basis(basis.model, basis.quadrature, basis.vectors[:, :kept], basis.gradients)
+        fewer = Basis(basis.model, basis.quadrature, basis.vectors[:, :kept])
         other = copy(self)
         other.basis, other.sources = fewer, np.ascontiguousarray(self.sources[:, :kept])
         other.iron = self.iron._replace(gradients=np.ascontiguousarray(self.iron.gradients[:, :kept]))

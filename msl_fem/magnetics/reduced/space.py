@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy import sparse
 
 from msl_fem.computing.arrays import Array
 from msl_fem.magnetics.reduced.reduced_iron import ReducedIron
@@ -15,29 +17,41 @@ from msl_fem.materials.curves import Curves, Indices, curves_of
 
 @dataclass(frozen=True, eq=False)
 class Quadrature:
-    """The irons' points: weights (n_point,), which iron, and the points of each element together."""
+    """The irons' points, element after element.
+
+    Attributes
+    ----------
+    weight, iron : (n_point,) and which iron it is
+    per_element : points
+    gradient : (2 n_point, n_dof) both derivatives of a potential, point after point
+    mean_gradient : (2 n_element, n_dof) their means over elements
+    """
 
     weight: Array
     iron: Indices
     per_element: int
+    gradient: sparse.csr_matrix
+    mean_gradient: sparse.csr_matrix
     curves: Curves
 
 
 def quadrature_of(model: FieldModel) -> Quadrature:
-    """All points of a model's irons, element after element."""
+    """All points of a model's irons."""
     parts = list(model.irons.values())
-    weight = np.concatenate([part.weight.ravel() for part in parts])
+    weight, dofs = (np.concatenate(each) for each in zip(*((part.weight, part.dofs) for part in parts), strict=True))
     iron = np.concatenate([np.full(part.weight.size, k) for k, part in enumerate(parts)])
-    return Quadrature(weight, iron, parts[0].weight.shape[1], curves_of([part.iron for part in parts]))
+    entries = np.concatenate([part.gradient_entries() for part in parts])
+    share = weight / weight.sum(axis=1, keepdims=True)
+    mean = np.einsum("ep,epda->eda", share, entries)[:, None]
+    each, means = (_from_elements(values, dofs, model.n_dof) for values in (entries, mean))
+    return Quadrature(weight.ravel(), iron, weight.shape[1], each, means, curves_of([part.iron for part in parts]))
 
 
-def iron_gradients(model: FieldModel, vectors: Array) -> Array:
-    """(2 n_point, n) both derivatives at all points of a model's irons, of n vectors (n_dof, n)."""
-    columns = []
-    for vector in np.ascontiguousarray(vectors.T):
-        pairs = [part.flux_density(vector)[0].reshape(2, -1) for part in model.irons.values()]
-        columns.append(np.concatenate(pairs, axis=1).T.ravel())
-    return np.ascontiguousarray(np.stack(columns, axis=1))
+def _from_elements(entries: Array, dofs: Indices, n_dof: int) -> sparse.csr_matrix:
+    """Rows from entries (element, point, 2, local) at the elements' degrees of freedom (element, local)."""
+    columns = np.broadcast_to(dofs[:, None, None], entries.shape).ravel()
+    starts = np.arange(0, entries.size + 1, dofs.shape[1])
+    return sparse.csr_matrix((entries.ravel(), columns, starts), (starts.size - 1, n_dof))
 
 
 class SnapshotSpace:
@@ -54,7 +68,6 @@ class SnapshotSpace:
         self.quadrature = quadrature_of(model)
         self._vectors: list[Array] = []
         self._images: list[Array] = []
-        self._gradients: list[Array] = []
 
     def __len__(self) -> int:
         return len(self._vectors)
@@ -66,7 +79,6 @@ class SnapshotSpace:
         if scale > 0.0 and np.isfinite(vector).all():
             self._vectors.append(vector / scale)
             self._images.append(image / scale)
-            self._gradients.append(iron_gradients(self.model, vector[:, None])[:, 0] / scale)
         return scale
 
     def basis(self, tolerance: float) -> "Basis":
@@ -76,23 +88,26 @@ class SnapshotSpace:
         value, turn = np.linalg.eigh((gram + gram.T) / 2)
         kept = np.flatnonzero(value > max(tolerance**2, 1e-13 * value[-1]))[::-1]
         turn = turn[:, kept] / np.sqrt(value[kept])
-        gradients = np.array(self._gradients).T @ turn
-        return Basis(self.model, self.quadrature, np.ascontiguousarray(vectors @ turn), np.ascontiguousarray(gradients))
+        return Basis(self.model, self.quadrature, np.ascontiguousarray(vectors @ turn))
 
     def within(self, basis: "Basis", added: Sequence[int], scales: Sequence[float]) -> Array:
         """(n, N) in a basis of this space: the vectors added at these places, each times its scale."""
-        images = np.stack([self._images[k] for k in added], axis=1) * np.array(scales)
-        return np.asarray((basis.vectors.T @ images).T)
+        images = np.stack([scale * self._images[k] for k, scale in zip(added, scales, strict=True)])
+        return np.asarray(images @ basis.vectors)
 
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """N functions, orthonormal without field; `vectors` (n_dof, N), `gradients` (2 n_point, N) at all iron points."""
+    """N functions, orthonormal without field: `vectors` (n_dof, N)."""
 
     model: FieldModel
     quadrature: Quadrature
     vectors: Array
-    gradients: Array
+
+    @cached_property
+    def gradients(self) -> Array:
+        """(2 n_point, N) at all points of the irons."""
+        return np.asarray(self.quadrature.gradient @ self.vectors)
 
     @property
     def size(self) -> int:
@@ -106,12 +121,9 @@ class Basis:
     def coarse_iron(self) -> ReducedIron:
         """One point an element, with the mean of the gradient."""
         every = self.quadrature
-        weight = every.weight.reshape(-1, every.per_element)
-        share = weight / weight.sum(axis=1, keepdims=True)
-        gradients = self.gradients.reshape(-1, every.per_element, 2, self.size)
-        mean = np.einsum("ep,epjk->ejk", share, gradients, optimize=True).reshape(-1, self.size)
-        iron = every.iron[:: every.per_element]
-        return ReducedIron(np.ascontiguousarray(mean), weight.sum(axis=1), iron, every.curves)
+        weight = every.weight.reshape(-1, every.per_element).sum(axis=1)
+        mean = np.asarray(every.mean_gradient @ self.vectors)
+        return ReducedIron(mean, weight, every.iron[:: every.per_element], every.curves)
 
     def some_iron(self, points: Indices, weight: Array) -> ReducedIron:
         """Points of the quadrature with weights of their own."""

@@ -104,6 +104,12 @@ class IronElements:
         _flux_density_of(potential, self._tables, gradient, size)
         return gradient, size
 
+    def gradient_entries(self) -> Array:
+        """(element, point, 2, local) what the potential at `dofs` is multiplied by in its gradient."""
+        frame, jets = self._tables.frame, self._tables.jets
+        every = np.broadcast_to(frame, (*frame.shape[:3], self.weight.shape[1]))
+        return np.einsum("djep,ajp->epda", every, jets.reshape(len(jets), frame.shape[1], -1))
+
     def add_terms(self, potential: Array, places: Places, gradient: Array, data: Array) -> None:
         """Adds the energy's gradient to one of all unknowns (n_dof,), and its second derivative to values on a pattern.
 
