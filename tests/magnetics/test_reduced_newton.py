@@ -1,12 +1,14 @@
 """Newton's iteration of made-up reduced problems: balance of forces, slopes by dense tangents, systems by numpy."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from msl_fem.computing.arrays import Array
 from msl_fem.magnetics.reduced import online
 from msl_fem.magnetics.reduced.linear_systems import SystemsAt, linear_products
-from msl_fem.magnetics.reduced.newton import FoundStates, newton
+from msl_fem.magnetics.reduced.newton import FoundStates, line_search, newton
 from msl_fem.magnetics.reduced.online import ReducedProblem, StatesAt
 from msl_fem.magnetics.reduced.reduced_iron import IronTerms, ReducedIron
 from msl_fem.materials.curves import curves_of
@@ -93,6 +95,33 @@ def _check(found: FoundStates, problem: ReducedProblem, load: Array, terms: Iron
         assert size.max() <= (1e-5 if found.kept[k] else 1e-4) ** 2
         crossed = answer[k] @ rights[k].T
         assert abs(crossed[0, 1] - crossed[1, 0]) <= 1e-12 * np.abs(crossed).max()
+
+
+class SlopeAlong(IronTerms):
+    """The slope of the energy along a step of 1, in place of an iron's; how often it was asked for."""
+
+    def __init__(self, slope: Callable[[Array], Array]) -> None:
+        self.slope, self.asked = slope, 0
+
+    def at(self, states: Array) -> tuple[Array, Array]:
+        self.asked += 1
+        return self.slope(states), np.zeros((len(states), 3))
+
+
+@pytest.mark.parametrize(
+    ("slope", "most"),
+    [
+        (lambda t: 1e4 * t**9 - 1, 20),  # the step ends deep in saturation: each chord's root lies before the slope's
+        (lambda t: 1.7 * np.tanh(1e4 * t) - 1, 8),  # it begins there: each lies behind
+    ],
+)
+def test_a_line_search_halves_the_weight_of_the_end_that_stays(slope: Callable[[Array], Array], most: int) -> None:
+    """Where the slope is far from a straight line, one end of the bracket stays: chords take 3000 steps, or twice 8."""
+    terms, one = SlopeAlong(slope), np.ones((1, 1))
+    nothing = SystemsAt(np.zeros((1, 1, 1)), np.array([0]))
+    found, _, _ = line_search(0 * one, one, np.array([1.0]), nothing, np.array([0]), 0 * one, terms)
+    assert abs(slope(found)[0, 0]) <= 0.5
+    assert terms.asked <= most
 
 
 def test_factors_are_kept_where_the_start_is_near(problem: ReducedProblem) -> None:
