@@ -54,7 +54,7 @@ class ReductionSettings:
     checks: int = 9
     drafts: int = 5
     modes: float = 1.7
-    fit: float = 0.12
+    fit: float = 0.1
     trained: int = 5
     built_at: int = 72
     looked_at: int = 200
