@@ -24,7 +24,7 @@ from msl_fem.materials.curves import Indices
 CLOSE = 0.15  # in ranks of coordinate and currents, each 0 to 1
 DRAFTED = 3  # points at once
 DRAFTED_FOR = 20  # points of a table
-SAFETY = 3.2  # for points that are not checked
+SAFETY = 3.5  # for points that are not checked
 LEAST_ESTIMATE = 0.25  # of the tolerance: a dozen small checks say no more of the others
 FINER, FINEST = 2.0, 0.1  # how a cubature that misses too much keeps more of the sums, and down to which share of `fit`
 SLOPE_SHARE = 0.3  # of a derivative beside a solution in the space
