@@ -183,8 +183,21 @@ def test_typed_values_and_the_address_go_there_and_stay_inside(explorer: Browser
     assert state(explorer) == (2.0, pytest.approx(0.4e-3))
 
 
+AT_REST = """new Promise(done => {
+    let y = NaN, same = 0;
+    const look = () => {
+        same = scrollY === y ? same + 1 : 0;
+        y = scrollY;
+        if (same > 20) done(); else requestAnimationFrame(look);
+    };
+    look();
+})"""
+
+
 def test_a_click_into_the_map_goes_there(explorer: Browser) -> None:
+    """Once the page is at rest: keys of the tests before may still scroll it."""
     explorer.run("document.getElementById('explorer-map').scrollIntoView({block: 'center', behavior: 'instant'})")
+    explorer.run(AT_REST)
     place = explorer.run(
         "(() => { const d = document.getElementById('explorer-map'), f = d._fullLayout, b = d.getBoundingClientRect();"
         "return [b.left + f._size.l + f.xaxis.c2p(0.4), b.top + f._size.t + f.yaxis.c2p(7)]; })()"
