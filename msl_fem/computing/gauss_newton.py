@@ -93,6 +93,7 @@ HALVING = Damping(first=0.0, least=np.inf, rise=1.0, most=3.0, factor=2.0)
 """For steps shortened by `halved`: the whole step first at every point, then its half, quarter and eighth."""
 
 
+ROUNDING = 1e-12  # of a diagonal: what acts alike
 ROWS_AT_ONCE = 4096
 """Of a Jacobian, that are weighted and multiplied at a time."""
 VAIN = 0.1
@@ -215,14 +216,12 @@ def bounded_step(matrix: Array, slope: Array, bounds: Array) -> Array:
     beyond some of them, the others make up for what these may not do (Stark and Parker, Computational Statistics 10,
     1995, 129-141). A move that is merely cut off there may lead uphill.
 
-    Raises
-    ------
-    numpy.linalg.LinAlgError : the matrix (n, n) is not positive definite
+    A matrix (n, n) that is positive definite but for rounding will do.
     """
     move = np.linalg.solve(matrix, -slope)
     if np.all((bounds[0] <= move) & (move <= bounds[1])):
         return np.asarray(move)
-    root = np.linalg.cholesky(matrix)
+    root = np.linalg.cholesky(matrix + ROUNDING * np.diag(np.diag(matrix)))
     target = solve_triangular(root, -slope, lower=True)
     return np.clip(lsq_linear(root.T, target, bounds, method="bvls").x, *bounds)
 

@@ -263,6 +263,16 @@ def test_a_step_cut_off_at_a_bound_leads_uphill_where_the_one_within_leads_down(
     assert within == pytest.approx([0.0, 0.2])
 
 
+def test_a_step_within_bounds_bears_a_matrix_that_rounding_made_indefinite() -> None:
+    turn = np.linalg.qr(np.random.default_rng(2).standard_normal((4, 4)))[0]
+    matrix = turn @ np.diag([1e11, 1e6, 1.0, -1e-6]) @ turn.T
+    bounds = np.array([[0.0, -np.inf, -0.5, 0.0], [np.inf, 0.0, 0.5, 1.0]])
+    slope = matrix @ np.array([1.0, 1.0, 3.0, -1.0])
+    move = bounded_step((matrix + matrix.T) / 2, slope, bounds)
+    assert np.all((bounds[0] <= move) & (move <= bounds[1]))
+    assert slope @ move + move @ matrix @ move / 2 < 0
+
+
 def test_damping_is_kept_behind_a_failure_and_lowered_behind_two_successes() -> None:
     """With less of it than has just been found the step before failed."""
     damping = Damping(first=1.0, least=1e-4, rise=1e-2, most=1e8)
