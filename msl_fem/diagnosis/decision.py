@@ -14,7 +14,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.estimates import effect_estimates
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.problem import FitProblem
-from msl_fem.diagnosis.refits import CATCHING_UP, Refit
+from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.plant.effects import CATALOGUE
@@ -121,10 +121,8 @@ class Rule:
         return best.gain >= (self.further if by_itself else max(self.further, self.share * first.gain))
 
     def out_of_reach(self, stages: Sequence[SearchStage], refit: Refit) -> bool:
-        """Whether a refit that is not converged will not come to what the stage after these has to bring, its next
-        steps bringing `CATCHING_UP` times what the first of them promises."""
-        needs = self.least(stages)
-        return refit.gain + CATCHING_UP * max(refit.fit.predicted, 0.0) < needs
+        """Whether a refit that is not converged will not come to what the stage after these has to bring."""
+        return refit.reach < self.least(stages)
 
     def searches_on(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
         """Whether more is looked for beside the best effect of stage n: it may be one of several."""

@@ -65,6 +65,11 @@ class Refit:
     def promising(self) -> bool:
         return self.fit.predicted >= self.enough
 
+    @property
+    def reach(self) -> float:
+        """Nats that it may come to: further steps bring `CATCHING_UP` times what the next one promises."""
+        return self.gain + CATCHING_UP * max(self.fit.predicted, 0.0)
+
 
 def extended(base: Unknowns, variant: Variant) -> Unknowns:
     """The unknowns with those of a variant behind them."""
@@ -280,11 +285,10 @@ class Refinement:
             found.append(self._begun_anew(near, row, FitPlan(most_steps=SCREENING_STEPS, enough=ROUGH)))
         begun = [one for one in found if one is not None]
         best = max((one.gain for one in begun), default=0.0)
-        going = [one for one in begun if one.gain + CATCHING_UP * max(one.fit.predicted, 0.0) >= best]
-        plans = [FitPlan(FIRST_STEPS, one.fit.damping, enough=ROUGH) for one in going]
-        ended = [
-            self._refit(one.fit, refit.variant, one.fit.z, plan, None) for one, plan in zip(going, plans, strict=True)
-        ]
+        ended = []
+        for one in (one for one in begun if one.reach >= best):
+            plan = FitPlan(FIRST_STEPS, one.fit.damping, enough=ROUGH)
+            ended.append(self._refit(one.fit, one.variant, one.fit.z, plan, None))
         return max([refit, *ended], key=lambda one: one.gain)
 
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:

@@ -30,6 +30,7 @@ from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import EffectUnknown
+from msl_fem.diagnosis.variants import Variant
 from msl_fem.plant.plant import CURRENT_DRIVE, VOLTAGE_DRIVE
 
 
@@ -118,7 +119,8 @@ def test_where_more_than_noise_is_left_held_out_runs_have_to_become_better(gain:
 def test_a_refit_that_cannot_come_to_what_a_further_effect_needs_is_not_led_on(
     gain: float, predicted: float, hopeless: bool
 ) -> None:
-    refit: Any = SimpleNamespace(gain=gain, fit=SimpleNamespace(predicted=predicted))
+    fit: Any = SimpleNamespace(predicted=predicted)
+    refit = Refit(Variant("time_delay", ()), fit, gain)
     assert Rule().out_of_reach(stages(1000.0), refit) is hopeless
     assert not Rule().out_of_reach([], refit), "a first effect needs less"
 
