@@ -55,6 +55,8 @@ WORSE = 10.0
 """Nats that held-out data may become less probable before a name is refused."""
 OWN_OF_A_RUN = {effect.name for effect in CATALOGUE.values() if effect.wanders}
 """Effects that begin anew in every run: held-out runs cannot speak against them."""
+EQUAL = 0.5
+"""Share of the largest gain before, from which an effect is no rest of that one's form."""
 BESIDE = 0.1
 """Share of the largest gain before that an effect has to bring to count where more than noise is left beside it."""
 DEVIATION = 0.1
@@ -130,9 +132,10 @@ class Rule:
 
     def goes_on(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
         """Whether the best effect of stage n is no spurious addition to those before: it completes them (`completes`),
-        or of all that was there without effects no more is left than named ones may leave, and either it brings a
-        channel down to noise, or with a large gain leaves little more than noise in all. What is of a run's own, a
-        wandering sensor, leaves a rest that no other effect completes: beside it a large gain counts.
+        or of all that was there without effects no more is left than named ones may leave, and it brings a channel down
+        to noise, or with a large gain leaves little more than noise in all, or is as large as any of them and takes a
+        good part. What is of a run's own, a wandering sensor, leaves a rest that no other effect completes: beside it a
+        large gain counts.
         """
         first = stages[0].best
         if n == 0 or completes(excesses[n], excesses[n + 1], self.finished) or first is None:
@@ -141,7 +144,8 @@ class Rule:
             return True
         little = strong(stages, n) and max(excesses[n + 1].values()) <= LITTLE_MORE
         settles = quietens(excesses[n], excesses[n + 1])
-        return (little or settles) and share_left(excesses, n + 1) <= LEFT_OVER
+        equal = strong(stages, n, EQUAL) and completes(excesses[n], excesses[n + 1], self.several)
+        return (little or settles or equal) and share_left(excesses, n + 1) <= LEFT_OVER
 
 
 def excess_power(excess: Mapping[str, float]) -> float:
@@ -262,11 +266,11 @@ def _relative(problem: FitProblem, unknown: EffectUnknown, value: float) -> floa
     return value / plant.nominal_gap if unknown.name == "offset" else value
 
 
-def strong(stages: Sequence[SearchStage], n: int) -> bool:
-    """Whether the best effect of stage n brings `BESIDE` of what any before it did: what is left of a cause that has
+def strong(stages: Sequence[SearchStage], n: int, share: float = BESIDE) -> bool:
+    """Whether the best effect of stage n brings a share of what any before it did: what is left of a cause that has
     another form than the catalogue's seldom does."""
     gains = [0.0 if stage.best is None else stage.best.gain for stage in stages[: n + 1]]
-    return gains[n] >= BESIDE * max(gains)
+    return gains[n] >= share * max(gains)
 
 
 def completes(before: Mapping[str, float], after: Mapping[str, float], share: float = FINISHED) -> bool:
@@ -281,7 +285,8 @@ def quietens(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
 
 
 def n_accepted(stages: Sequence[SearchStage], excesses: Excesses, rule: Rule) -> int:
-    """How many of the stages' best effects are taken.
+    """How many of the stages' best effects are taken: as many as complete those before, or leave noise alone together
+    in whatever order.
 
     Parameters
     ----------
@@ -290,8 +295,6 @@ def n_accepted(stages: Sequence[SearchStage], excesses: Excesses, rule: Rule) ->
     taken, each_completes = 0, True
     for n in range(len(stages)):
         if not rule.enough(stages, n, excesses):
-            break
-        if not rule.searches_on(stages, n, excesses):
             break
         each_completes &= rule.goes_on(stages, n, excesses)
         if each_completes or white(excesses[n + 1]):

@@ -1,4 +1,9 @@
-"""The search for a set of effects: forward one after the other, back, and forward again."""
+"""The search for a set of effects: forward one after the other, back, and forward again.
+
+What is taken first decides what is found: one effect may stand for two others. Where a search leaves more than noise,
+it is begun once more with what came near (a beam search: Lowerre, The HARPY speech recognition system, 1976, ch. 3),
+and the most probable set counts.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +29,7 @@ from msl_fem.diagnosis.fit_memory import fit_name
 from msl_fem.diagnosis.kind import Kind, about_belief
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.problem import FitProblem
-from msl_fem.diagnosis.refits import ROUGH, Refit
+from msl_fem.diagnosis.refits import ROUGH, Refinement, Refit
 from msl_fem.diagnosis.search import SearchStage, search_stage
 from msl_fem.diagnosis.settings import DiagnosisSettings
 
@@ -32,6 +37,10 @@ WORSE_THAN = 1.02
 """How many times the belief's largest residual a fit within the tolerances may leave."""
 EXCHANGED = 2
 """How often a set of effects is put right and then added to."""
+BEGINNINGS = 2
+"""How often a search that leaves more than noise is begun once more, with another effect."""
+NEARLY = 0.5
+"""Of the best first gain, from which another effect is such a beginning."""
 CLOSER = 1.0
 """Nats by which a set has to be more probable with another effect in one's place: more than fits are off their ends."""
 
@@ -70,8 +79,43 @@ class _Chain:
 
 
 def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
-    """Effects added one after the other as long as each brings more than the rule asks."""
-    return _gone_through(kind, how, _Chain((without_effects(kind, how),))).told(kind.rule(how.rule))
+    """Effects added one after the other as long as each brings more than the rule asks; of several beginnings, where
+    the first leaves more than noise, those of the most probable set."""
+    forward = _forward(kind, how, _Chain((without_effects(kind, how),)))
+    best = _put_right(kind, how, forward)
+    for stage, other in _beginnings(forward):
+        if best.quiet:
+            break
+        how.progress(f"once more with {other.variant.effect}, since more than noise is left")
+        begun = _begun_with(other, forward, stage, how)
+        found = _put_right(kind, how, _forward(kind, how, begun))
+        if found.fits[-1].log_evidence > best.fits[-1].log_evidence + CLOSER:
+            best = found
+    return best.told(kind.rule(how.rule))
+
+
+def _beginnings(chain: _Chain) -> list[tuple[int, Refit]]:
+    """Stages of a search and the effects with which it may be begun once more: what takes most of what is left where
+    another is most probable, and what brings nearly as much as the first effect, but none that came behind it."""
+    found: dict[str, tuple[int, Refit]] = {}
+    if len(chain.fits) < 2 or chain.fits[0].sane:
+        return []
+    if chain.doubt is not None:
+        tried = chain.stages[chain.doubt.stage].refits
+        found[chain.doubt.effect] = chain.doubt.stage, next(r for r in tried if r.variant.effect == chain.doubt.effect)
+    first, *others = chain.stages[0].refits
+    taken = {one.effect for one in chain.fits[-1].unknowns.effects}
+    for other in (one for one in others if one.gain >= NEARLY * first.gain and one.variant.effect not in taken):
+        found.setdefault(other.variant.effect, (0, other))
+    return list(found.values())[:BEGINNINGS]
+
+
+def _begun_with(other: Refit, chain: _Chain, n: int, how: DiagnosisSettings) -> _Chain:
+    """A search up to stage n, its effect another one, which is led to its end."""
+    stage = chain.stages[n]
+    led = Refinement(stage.base, how.progress, how.memory).converged(other, leads=True)
+    begun = replace(stage, refits=(led, *(one for one in stage.refits if one is not other)))
+    return _Chain((*chain.fits[: n + 1], led.fit), (*chain.stages[:n], begun))
 
 
 def without_effects(kind: Kind, how: DiagnosisSettings) -> Fit:
@@ -85,10 +129,9 @@ def without_effects(kind: Kind, how: DiagnosisSettings) -> Fit:
     return replace(first, finished=kind.sane is not None, sane=kind.sane)
 
 
-def _gone_through(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
-    """A chain continued forward, put right and continued again, until nothing changes."""
+def _put_right(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
+    """A chain put right and continued forward, until nothing changes."""
     rule = kind.rule(how.rule)
-    chain = _forward(kind, how, chain)
     exchange = Exchange(rule.further, CLOSER, how.progress, how.memory)
     for _ in range(EXCHANGED):
         if len(chain.fits) <= 2 or chain.fits[0].sane:

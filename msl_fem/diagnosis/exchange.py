@@ -130,10 +130,12 @@ class Exchange:
             loss = found.fit.log_evidence - without.fit.log_evidence
             if loss < self.least:
                 return without, [], False
-            for fuller in self._fuller(found, n, without, loss, forms):
+            _, _, z = found.without(n)  # fitted without it, the others would be bent
+            rests = dict.fromkeys((m, rest) for m, have in enumerate(without.variants) for rest in _rests(have, forms))
+            for fuller in self._fuller(found, without, z, list(rests), loss):
                 if fuller.fit.log_evidence > found.fit.log_evidence - self.least:
                     return fuller, [], False
-            others = tuple(self._in_place(found, n, without, _worth(found, variant, known)))
+            others = tuple(self._in_place(found, n, without, _worth(found, variant, known), forms))
             best = max(others, key=lambda one: one.fit.log_evidence, default=None)
             if best is not None and best.fit.log_evidence > found.fit.log_evidence + self.better:
                 return EffectSet((*without.variants, best.variant), best.fit), [], False
@@ -149,22 +151,22 @@ class Exchange:
         return EffectSet(variants, again)
 
     def _fuller(
-        self, found: EffectSet, n: int, without: EffectSet, loss: float, forms: Sequence[Variant]
+        self, found: EffectSet, others: EffectSet, z: Array, rests: Sequence[tuple[int, Variant]], missing: float
     ) -> Iterator[EffectSet]:
-        """The set without effect n, another of its effects in a fuller form, the most promising first: a drive's lag
-        and slew limit are one cause, and the limit beside a delay are two."""
-        _, _, z = found.without(n)  # fitted without it, the others would be bent
+        """Others in the place of a set found, at z, one of them in a fuller form, the most promising first, where what
+        its form lacks makes up for a good part of the nats that are missing: a drive's lag and slew limit are one
+        cause, and the limit beside a delay are two."""
         promised = []
-        rests = dict.fromkeys((m, rest) for m, have in enumerate(without.variants) for rest in _rests(have, forms))
+        now = float(objectives(found.fit.likelihood, others.fit.unknowns, z[None])[0]) if rests else 0.0
         for m, rest in rests:
-            unknowns = extended(without.fit.unknowns, rest)
+            unknowns = extended(others.fit.unknowns, rest)
             begins = np.array([np.concatenate([z, row]) for row in _sizes(rest)])
             costs = objectives(found.fit.likelihood, unknowns, begins)
             best = int(np.argmin(costs))
-            promised.append((float(costs[0] - costs[best]), m, rest, begins[best]))
-        likely = [one for one in promised if one[0] > FULLER * loss]
+            promised.append((now - float(costs[best]), m, rest, begins[best]))
+        likely = [one for one in promised if one[0] > FULLER * missing]
         for _, m, rest, begin in sorted(likely, key=lambda one: -one[0])[:MOST]:
-            variants, unknowns, begin = without.fuller(m, rest, begin)
+            variants, unknowns, begin = others.fuller(m, rest, begin)
             name = fit_name(unknowns, f"{rest.name} more of it")
             try:
                 tried = self._followed(found, unknowns, name, begin)
@@ -172,9 +174,13 @@ class Exchange:
                 continue
             yield EffectSet(variants, tried)
 
-    def _in_place(self, found: EffectSet, n: int, without: EffectSet, worth: Sequence[Refit]) -> Iterator[Refit]:
-        """Others in the place of effect n, each followed as long as it may come near the set."""
+    def _in_place(
+        self, found: EffectSet, n: int, without: EffectSet, worth: Sequence[Refit], forms: Sequence[Variant]
+    ) -> Iterator[Refit]:
+        """Others in the place of effect n, each followed as long as it may come near the set, and where it does not
+        come up to it in fuller forms as well."""
         _, _, z = found.without(n)
+        nats = without.fit.log_evidence
         for other in worth:
             unknowns = extended(without.fit.unknowns, other.variant)
             begin = np.concatenate([z, other.fit.z[-len(other.variant.unknowns) :]])
@@ -183,7 +189,13 @@ class Exchange:
                 tried = self._followed(found, unknowns, name, begin)
             except ComputationError:
                 continue
-            yield Refit(other.variant, tried, tried.log_evidence - without.fit.log_evidence)
+            yield Refit(other.variant, tried, tried.log_evidence - nats)
+            missing = found.fit.log_evidence - tried.log_evidence
+            if missing > 0 and other.variant.effect != found.variants[n].effect:
+                whole = EffectSet((*without.variants, other.variant), tried)
+                rests = [(len(without.variants), rest) for rest in dict.fromkeys(_rests(other.variant, forms))]
+                for fuller in self._fuller(found, whole, tried.z, rests, missing):
+                    yield Refit(fuller.variants[-1], fuller.fit, fuller.fit.log_evidence - nats)
 
     def _followed(self, found: EffectSet, unknowns: Unknowns, name: str, begin: Array) -> Fit:
         """A trial, as long as it may come near the set."""
@@ -252,13 +264,12 @@ def _form(variant: Variant) -> tuple[str, ...]:
 
 
 def _rests(have: Variant, forms: Sequence[Variant]) -> Iterator[Variant]:
-    """What fuller forms of an effect have beyond one of its forms, where that is an amount at least."""
+    """What fuller forms of an effect have beyond one of its forms."""
     names = {one.name for one in have.unknowns}
     for form in forms:
         if form.effect == have.effect and names < {one.name for one in form.unknowns}:
-            amounts = tuple(one for one in form.amounts if one.name not in names)
-            if amounts:
-                yield Variant(have.effect, amounts, tuple(one for one in form.shapes if one.name not in names))
+            amounts, shapes = (tuple(one for one in of if one.name not in names) for of in (form.amounts, form.shapes))
+            yield Variant(have.effect, amounts, shapes)
 
 
 def _sizes(rest: Variant) -> list[Array]:

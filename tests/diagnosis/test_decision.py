@@ -85,7 +85,9 @@ def test_several_effects_that_leave_noise_alone_are_taken_though_none_completes_
     powers = [{"x": 10.0}, {"x": 8.0}, {"x": 5.0}, QUIET, QUIET]
     assert n_accepted(stages(9000.0, 8000.0, 7000.0, None), powers, Rule()) == 3
     assert n_accepted(stages(9000.0, 8000.0, None), powers, Rule()) == 1
-    assert n_accepted(stages(9000.0, 8000.0, 7000.0), [*powers[:2], {"x": 7.5}, QUIET], Rule()) == 1
+    assert n_accepted(stages(9000.0, 8000.0, 7000.0), [*powers[:2], {"x": 7.5}, {"x": 2.0}], Rule()) == 1
+    in_another_order = [*powers[:2], {"x": 7.9}, QUIET]
+    assert n_accepted(stages(9000.0, 8000.0, 7000.0), in_another_order, Rule()) == 3, "the set leaves noise"
 
 
 @pytest.mark.parametrize(("second", "left", "taken"), [(130.0, 1.4, 2), (90.0, 1.4, 1), (130.0, 1.6, 1)])
@@ -93,6 +95,14 @@ def test_a_strong_effect_counts_though_more_than_noise_is_left(second: float, le
     """It brings a tenth of the largest gain, and leaves half more than the noise at most: a real drive's friction keeps
     a structure of 70 times the noise, beside which much would bring as many nats."""
     powers = [LOUDER, {"x": 1.8, "i": 1.0}, {"x": left, "i": 1.0}]
+    assert n_accepted(stages(1000.0, second), powers, Rule()) == taken
+
+
+@pytest.mark.parametrize(("second", "left", "taken"), [(600.0, 3.0, 2), (400.0, 3.0, 1), (600.0, 3.8, 1)])
+def test_an_effect_as_large_as_the_first_is_no_rest_of_its_form(second: float, left: float, taken: int) -> None:
+    """A drive's limit beside eddy currents, both in other forms: the second brings half of the first one's nats and
+    takes a quarter of what is left at least, and less than a twentieth of all is left."""
+    powers = [{"x": 30.0, "i": 1.0}, {"x": 4.0, "i": 1.0}, {"x": left, "i": 1.0}]
     assert n_accepted(stages(1000.0, second), powers, Rule()) == taken
 
 

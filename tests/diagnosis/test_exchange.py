@@ -153,6 +153,25 @@ def test_an_effect_takes_the_form_that_is_left_to_it_beside_the_others() -> None
     assert better[0][-1].log_evidence > last.fit.log_evidence + 1.0
 
 
+def test_another_effect_takes_the_place_of_one_in_its_fuller_form() -> None:
+    """Curvature and cubic part of a reading, of which an offset makes up for more than the curvature alone does."""
+    chance = np.random.default_rng(6)
+    nuisance, quadratic, cubic, own, spring = chance.standard_normal((5, COUNT))
+    data = 0.5 * quadratic + 0.5 * cubic + 0.5 * spring + chance.standard_normal(COUNT)
+    columns = {"force_offset": quadratic + cubic + own, "stiffness_nonlinearity": spring}
+    record = ReadingInTwo(data, nuisance[:, None], columns, {"quadratic": quadratic, "cubic": cubic})
+    fits, stages = searched(record, OFFSET, CUBIC, rivals=(BOW,))
+    assert stages[0].best.gain > stages[0].refits[1].gain + 50.0
+    whole = Variant(BOW.effect, (BOW, EffectUnknown(BOW.effect, "cubic")))
+    score = Score(whole, 1.0, np.zeros(2), np.zeros(1), np.eye(2))
+    assert put_right(fits, stages) is None
+    better = put_right(fits, [replace(stages[0], scores=(score,)), stages[1]])
+    assert better is not None
+    chain, made = better
+    assert {stage.best.variant.name for stage in made} == {whole.name, "stiffness_nonlinearity (cubic)"}
+    assert chain[-1].log_evidence > fits[-1].log_evidence + 50.0
+
+
 @dataclass(frozen=True, eq=False)
 class ReadingInTwo(LinearRecord):
     """The reading's curvature and its cubic part have columns of their own."""

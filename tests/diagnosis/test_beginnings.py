@@ -1,0 +1,86 @@
+"""A search begun once more with what came near, where the first one leaves more than noise."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from msl_fem.diagnosis import effect_search
+from msl_fem.diagnosis.effect_search import BEGINNINGS, NEARLY, _beginnings, _begun_with, _Chain, _Doubt, search_effects
+from msl_fem.diagnosis.refits import Refinement, Refit
+from msl_fem.diagnosis.search import SearchStage
+from msl_fem.diagnosis.settings import DiagnosisSettings
+from msl_fem.diagnosis.variants import Variant
+
+
+def fit_of(*effects: str, nats: float = 0.0, loud: float = 3.0) -> Any:
+    unknowns = SimpleNamespace(effects=tuple(SimpleNamespace(effect=name) for name in effects))
+    return SimpleNamespace(unknowns=unknowns, log_evidence=nats, excess={"x": loud}, sane=None)
+
+
+def stage(base: Any, **gains: float) -> SearchStage:
+    refits = [Refit(Variant(name, ()), fit_of(name, nats=gain), gain) for name, gain in gains.items()]
+    return SearchStage(base, (), tuple(refits))
+
+
+def searched() -> _Chain:
+    """A delay stands for two lags; a film beside it is most probable, an offset takes most of what is left."""
+    first = stage(fit_of(), time_delay=8000.0, position_sensor_lag=4600.0, amplifier_bandwidth=3900.0, fringing=10.0)
+    last = fit_of("time_delay", "squeeze_film", nats=8200.0)
+    second = stage(first.refits[0].fit, squeeze_film=200.0, force_offset=150.0)
+    return _Chain((first.base, first.refits[0].fit, last), (first, second))
+
+
+def test_what_brought_nearly_as_much_is_a_beginning_unless_it_came_behind() -> None:
+    assert 4600.0 / 8000.0 > NEARLY > 3900.0 / 8000.0
+    assert [(n, one.variant.effect) for n, one in _beginnings(searched())] == [(0, "position_sensor_lag")]
+    chain = searched()
+    behind = replace(chain, fits=(*chain.fits[:2], fit_of("time_delay", "position_sensor_lag")))
+    assert _beginnings(behind) == []
+    assert _beginnings(replace(chain, fits=chain.fits[:1], stages=chain.stages[:1])) == [], "nothing was found"
+    lost = fit_of()
+    lost.sane = lost
+    assert _beginnings(replace(chain, fits=(lost, *chain.fits[1:]))) == [], "beside it no gain means anything"
+
+
+def test_what_takes_most_where_another_is_most_probable_is_the_first_beginning() -> None:
+    chain = replace(searched(), doubt=_Doubt(1, "force_offset"))
+    assert [(n, one.variant.effect) for n, one in _beginnings(chain)] == [
+        (1, "force_offset"),
+        (0, "position_sensor_lag"),
+    ]
+    assert BEGINNINGS == 2
+
+
+def test_a_beginning_is_led_to_its_end_and_stands_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    chain = searched()
+    led = Refit(Variant("force_offset", ()), fit_of("time_delay", "force_offset", nats=8190.0), 190.0)
+    monkeypatch.setattr(Refinement, "__init__", lambda self, *one: None)
+    monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: led if leads else one)
+    begun = _begun_with(chain.stages[1].refits[1], chain, 1, DiagnosisSettings())
+    assert begun.fits == (*chain.fits[:2], led.fit)
+    assert begun.stages[0] is chain.stages[0]
+    assert [one.variant.effect for one in begun.stages[1].refits] == ["force_offset", "squeeze_film"]
+
+
+@pytest.mark.parametrize(
+    ("first_left", "again", "named"),
+    [(3.0, 8400.0, "position_sensor_lag"), (3.0, 8200.5, "time_delay"), (1.05, 8400.0, "time_delay")],
+    ids=["more probable", "as probable", "the first leaves noise alone"],
+)
+def test_the_most_probable_set_counts(
+    monkeypatch: pytest.MonkeyPatch, first_left: float, again: float, named: str
+) -> None:
+    chain = searched()
+    chain.fits[-1].excess["x"] = first_left
+    other = stage(fit_of(), position_sensor_lag=4600.0)
+    second = _Chain((chain.fits[0], fit_of("position_sensor_lag", nats=again)), (other,))
+    forward = iter([chain, second])
+    monkeypatch.setattr(effect_search, "without_effects", lambda kind, how: chain.fits[0])
+    monkeypatch.setattr(effect_search, "_forward", lambda kind, how, begun: next(forward))
+    monkeypatch.setattr(effect_search, "_put_right", lambda kind, how, begun: begun)
+    monkeypatch.setattr(effect_search, "_begun_with", lambda *one: second)
+    monkeypatch.setattr(_Chain, "told", lambda self, rule: self.stages[0].best.variant.effect)
+    kind: Any = SimpleNamespace(rule=lambda rule: rule)
+    assert search_effects(kind, DiagnosisSettings()) == named
