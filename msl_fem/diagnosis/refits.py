@@ -19,7 +19,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import TINY, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import GatheredRuns
-from msl_fem.diagnosis.likelihood import CONVERGED, Fit, Likelihood
+from msl_fem.diagnosis.likelihood import CONVERGED, QUIET, Fit, Likelihood
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.scores import Score
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -38,7 +38,8 @@ RACED_STEPS = 5  # of a candidate that is kept, until it is looked at again
 CATCHING_UP = 3.0
 """Times what the last of these rounds brought, by which a candidate that goes on may still grow."""
 MADE_UP = ("remanent_flux",)
-"""Effects that gains make up for as far as that: their refits begin once more where all else is as believed."""
+"""Effects that gains make up for as far as that: where more than noise is left their refits begin once more with all
+else as believed."""
 STRAINED = 4.0  # tolerances by which a believed parameter of a fit has moved, where something else bends it
 NEAR = 15.0  # nats behind the best within which refits are converged
 FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the best
@@ -166,14 +167,29 @@ class Refinement:
         leader = self.converged(refined[0], leads=True) if refined and refined[0].gain > 0 else None
         if leader is None:
             return sorted([*refined, *eliminated], key=_by_gain)
+        anew = self._made_up_for([leader, *refined[1:], *eliminated])
+        again = {refit.variant for refit in anew}
         near: list[Refit] = []
-        far = list(eliminated)
-        forms = self._other_forms(leader, refined[1:])
-        for refit in (one for one in refined[1:] if one not in forms):
+        far = [refit for refit in eliminated if refit.variant not in again]
+        others = [refit for refit in refined[1:] if refit.variant not in again]
+        forms = self._other_forms(leader, others)
+        for refit in [*anew, *(one for one in others if one not in forms)]:
             is_near = refit.gain > 0 and refit.gain + refit.fit.predicted > leader.gain - NEAR
             (near if is_near else far).append(refit)
         converged = self._together(lambda refit: self.converged(refit, leads=False), near)
         return self._led([leader, *(self.converged(form, leads=True) for form in forms), *converged], far)
+
+    def _made_up_for(self, refits: Sequence[Refit]) -> list[Refit]:
+        """Of all, the leader first, those of effects that gains make up for which come further from small amounts. They
+        are begun there where a believed parameter is strained and the leader leaves more than noise."""
+        bent = [refit for refit in refits if refit.variant.effect in MADE_UP]
+        if not bent or self.lost or self.base.unknowns.effects or not strained(self.base):
+            return []
+        if max(refits[0].fit.excess.values()) <= QUIET:
+            return []
+        self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(bent))}")
+        begun = self._together(self.from_small_amounts, bent)
+        return [after for before, after in zip(bent, begun, strict=True) if after is not before]
 
     def _other_forms(self, leader: Refit, refits: Sequence[Refit]) -> list[Refit]:
         """Of the leader's effect, beside a model that is lost: which of them leads on the way there is chance."""
@@ -211,9 +227,7 @@ class Refinement:
         try:
             if begin is None:  # at the same time, all their runs would be in the memory together
                 begin = started(self.near, score, self.near.likelihood.gathering(self.gathered))
-            refit = self._refit(self.near, score.variant, begin, plan, self.nuisance_columns)
-            made_up = strained(self.base) and not self.base.unknowns.effects
-            return self.from_small_amounts(refit) if made_up and score.variant.effect in MADE_UP else refit
+            return self._refit(self.near, score.variant, begin, plan, self.nuisance_columns)
         except ComputationError:
             return None
 

@@ -234,3 +234,24 @@ def test_what_lags_behind_after_it_began_anew_goes_no_further(begun, monkeypatch
     found = race.best_first(scored)  # type: ignore[arg-type]
     assert raced == [9000.0]
     assert [one.gain for one in found] == [9000.0, 100.0]
+
+
+@pytest.mark.parametrize(
+    ("left", "moved", "begins"), [(2.0, 2 * SANE, True), (1.05, 2 * SANE, False), (2.0, 1.0, False)]
+)
+def test_what_gains_make_up_for_begins_anew_where_the_leader_leaves_more_than_noise(
+    monkeypatch, left: float, moved: float, begins: bool
+) -> None:
+    """And a believed parameter is strained. It had been eliminated, and leads in the end."""
+    leader = candidate([moved, 9.0, 5.0], 1000.0, SimpleNamespace(excess=lambda fit: {"x": left}))
+    kept = Variant("remanent_flux", CUBIC.amounts)
+    screened = iter([leader, replace(candidate([moved, 9.0, 5.0], 10.0, Amounts()), variant=kept)])
+    monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(one) for one in items])
+    monkeypatch.setattr(Refinement, "screened", lambda self, score: next(screened))
+    monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
+    monkeypatch.setattr(Refinement, "from_small_amounts", lambda self, one: replace(one, gain=5000.0))
+    scored = [SimpleNamespace(variant=one, gain=100.0) for one in (CUBIC, kept)]
+    found = refinement([moved, 0.0]).best_first(scored)  # type: ignore[arg-type]
+    gains = [(one.variant.effect, one.gain) for one in found]
+    first, last = ("remanent_flux", 5000.0 if begins else 10.0), ("stiffness_nonlinearity", 1000.0)
+    assert gains == ([first, last] if begins else [last, first])
