@@ -11,7 +11,8 @@ line of `diagnosis_study.jsonl`, and a run goes on where the last one stopped. A
 belongs: thresholds may be settled on even ones, rates count on odd ones. Cases come in an order in which any beginning
 is a fair share. `--seed` draws other cases: those of a seed that nobody has looked at set nothing, odd or even.
 `--missed` asks of the cases in which a hidden effect was not named what their records can show: the nats that each of
-the hidden effects brings beside the others in a search that tries nothing else.
+the hidden effects brings beside the others in a search that tries nothing else, and those that a record brings for a
+single one over what was told in its place.
 """
 
 import argparse
@@ -34,6 +35,7 @@ from msl_fem.bench import BenchOptions, ClosedLoop, parse_nuisances, parse_reque
 from msl_fem.bench.sealed import SealedRecord
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
+from msl_fem.diagnosis.conclusion import APART
 from msl_fem.diagnosis.driver import kind_of
 from msl_fem.diagnosis.effect_search import without_effects
 from msl_fem.diagnosis.kind import about_belief
@@ -180,6 +182,27 @@ def nats_shown(case: Case) -> dict[str, float]:
     return found
 
 
+@one_blas_thread
+def nats_apart(case: Case, told: str) -> float:
+    """Nats that the record brings on average for its one hidden effect over the one that was told in its place: below
+    `APART` the best judge of the record alone takes one for the other once in six times at least."""
+    sealed = sealed_of(case)
+    how = DiagnosisSettings(table=rig_of(case.rig).table)
+    kind = kind_of(sealed.record, how)
+    if isinstance(kind, str):
+        return np.inf
+    kind = kind.settled(how.progress)
+    base = without_effects(kind, how)
+    fits = []
+    for effect in (sealed.answer["effects"][0]["effect"], told):
+        tried = [variant for variant in about_belief(kind, base) if variant.effect == effect]
+        best = search_stage(base, tried, tell=how.progress, memory=how.memory).best
+        if best is None:
+            return np.inf
+        fits.append(best.fit)
+    return round(fits[0].nats_apart(fits[1]), 2)
+
+
 def outcome(found: Diagnosis) -> Row:
     """What a diagnosis says, as a row holds it."""
     hidden = {name: limit.value for name, limit in found.hidden.items()}
@@ -245,7 +268,8 @@ def run(path: Path, portion: Portion) -> None:
 
 
 def ask_of_missed(path: Path) -> None:
-    """Adds to the cases in which a hidden effect was not named the nats that it brings."""
+    """Adds to the cases in which a hidden effect was not named the nats that it brings, and where another was told in
+    the place of a single one how far they are apart."""
     left = [
         row
         for row in done(path)
@@ -253,10 +277,13 @@ def ask_of_missed(path: Path) -> None:
     ]
     with path.open("a", encoding="utf-8") as out:
         for row in left:
-            row["shown"] = nats_shown(case_of(row["seed"], row["study"]))
+            case = case_of(row["seed"], row["study"])
+            row["shown"] = nats_shown(case)
+            if EFFECTS_OF[row["kind"]] == 1 and row["names"]:
+                row["apart"] = nats_apart(case, row["names"][0])
             out.write(json.dumps(row) + "\n")
             out.flush()
-            print(f"{row['key']}: {row['names']}, shown {row['shown']}", file=sys.stderr)
+            print(f"{row['key']}: {row['names']}, shown {row['shown']}, apart {row.get('apart')}", file=sys.stderr)
 
 
 def rate(hits: int, total: int) -> str:
@@ -304,7 +331,9 @@ def only_true(row: Row) -> bool:
 
 def can_be_shown(row: Row) -> bool:
     """Whether a record can show what it holds: each hidden effect was named, or brings enough beside the others where
-    nothing else is tried."""
+    nothing else is tried, and differs from what was told in its place."""
+    if row.get("apart", APART) < APART:
+        return False
     rule = DiagnosisSettings().rule
     nats = sorted((row.get("shown", {}).get(name, 0.0) for name in row["truth"]), reverse=True)
     return whole(row) or (nats[0] >= rule.threshold and all(value >= rule.further for value in nats[1:]))

@@ -28,6 +28,7 @@ from msl_fem.diagnosis.kind import (
 )
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.outside import WORTH_NAMING, Dependence, named_dependence
+from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.result import (
     Accuracy,
     Cause,
@@ -44,6 +45,11 @@ from msl_fem.diagnosis.scheduled import about_schedules, scheduled_estimates
 from msl_fem.diagnosis.search import SearchStage, statistics_of
 from msl_fem.prediction import ModelHypothesis
 
+NEARLY_AS_PROBABLE = 2 * TIE
+"""Nats behind a name within which another is told with it, where both leave the same of the record."""
+APART = 2.0
+"""Nats that the record itself would bring one of two on average, below which they leave the same: whoever asks the
+record alone takes one for the other once in six times (the normal distribution at sqrt(2 APART)/2)."""
 NO_EXTENDED_MODEL = "held-out runs are followed worse than by the believed model, so there is no extended model"
 
 
@@ -268,12 +274,32 @@ def _cause(kind: Kind, result: EffectSearch, n: int, gain: float) -> Cause:
     best = stage.best
     assert best is not None
     effect = best.variant.effect
-    rivals = tuple(refit.variant.effect for refit in stage.rivals(TIE))
+    rivals = _told_with(result, n)
     p_value = stage.null.p_value(best.gain) if stage.null.gains.size else None
     parameters = effect_estimates(result.final)[effect]
     experiment = kind.separating(stage, rivals)
     partners = tuple(name for name in (*rivals, *gauges(stage.base, best.gain)) if name != effect)
     return Cause(effect, parameters, best.gain, p_value, gain, partners, experiment, _explained(result, n))
+
+
+def _told_with(result: EffectSearch, n: int) -> tuple[str, ...]:
+    """What the record cannot tell from effect n: what is as probable, and what is nearly as probable and leaves the
+    same, so that priors alone say which it is."""
+    stage = result.stages[n]
+    assert stage.best is not None
+    as_probable = [refit.variant.effect for refit in stage.rivals(TIE)]
+    near = [refit for refit in stage.rivals(NEARLY_AS_PROBABLE) if refit.variant.effect not in as_probable]
+    alike = [one.variant.effect for one in near if _leave_the_same(one, stage.best, (stage.best.fit, result.final))]
+    return (*as_probable, *alike)
+
+
+def _leave_the_same(other: Refit, best: Refit, fits: Sequence[Fit]) -> bool:
+    """Whether the simulations with one effect in another's place differ by next to nothing over the noise."""
+    for fit in fits:
+        exchanged = {one.effect for one in fit.unknowns.effects} - {best.variant.effect} | {other.variant.effect}
+        if {one.effect for one in other.fit.unknowns.effects} == exchanged:
+            return fit.nats_apart(other.fit) < APART
+    return False
 
 
 def _reason(result: EffectSearch, explained: bool) -> str:

@@ -84,6 +84,12 @@ class Fit:
         """Channel to RMS residual over the noise's sigma; simulated once, since search and verdict ask often."""
         return self.likelihood.excess(self)
 
+    def nats_apart(self, other: "Fit") -> float:
+        """Nats that the record brings on average for this fit over another one, if this is true: half the square of how
+        far their simulations lie from each other, over the noise."""
+        apart = (other.residual - self.residual) * self.weights.root
+        return float(apart @ apart) / 2
+
     @property
     def precision(self) -> Array:
         """J'J and the prior's curvature."""
