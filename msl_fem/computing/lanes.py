@@ -119,3 +119,29 @@ def hyperbolic_tangent(value: Value) -> Value:
         1.0 - square * (1.0 / 3.0 - square * (2.0 / 15.0 - square * (17.0 / 315.0 - square * 62.0 / 2835.0)))
     )
     return choose(size(value) < 0.03, near, far)
+
+
+@compiled
+def hyperbolic_sine(value: Value) -> Value:
+    """sinh by exponentials, near 0 by its series, whose next term is below 1e-17 of it."""
+    square = value * value
+    rise = exponential(value)
+    near = value * (1.0 + square / 6.0 * (1.0 + square / 20.0 * (1.0 + square / 42.0)))
+    return choose(size(value) < 0.03, near, 0.5 * (rise - 1.0 / rise))
+
+
+@compiled
+def hyperbolic_cosine(value: Value) -> Value:
+    rise = exponential(value)
+    return 0.5 * (rise + 1.0 / rise)
+
+
+@compiled
+def inverse_hyperbolic_sine(value: Value) -> Value:
+    """asinh by a logarithm, near 0 by its series, whose next term is below 2e-17 of it."""
+    square = value * value
+    far = sign_of(value) * logarithm(size(value) + square_root(1.0 + square))
+    near = value * (
+        1.0 - square * (1.0 / 6.0 - square * (3.0 / 40.0 - square * (5.0 / 112.0 - square * 35.0 / 1152.0)))
+    )
+    return choose(size(value) < 0.03, near, far)

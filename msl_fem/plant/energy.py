@@ -11,6 +11,8 @@ from msl_fem.plant.effects import magnetic, mechanical, stray_flux
 from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.effects.mechanisms import N_STOP
 from msl_fem.plant.layout import (
+    ANCHOR_1,
+    ANCHOR_2,
     ANCHORED,
     BASE,
     BASE_RATE,
@@ -126,8 +128,8 @@ def _stored(surface: Surface, p: PlantParameters, e: Array | None, state: Array)
     x, v = float(state[X]), float(state[V])
     if e is None:
         return field, 0.5 * p.mass * v**2 + 0.5 * p.stiffness * x**2
-    for start in (STOPS_1, STOPS_2):
-        field += _in_stops(e, state, magnetic.HYSTERESIS_SLOPE, start)
+    for anchor, start in ((ANCHOR_1, STOPS_1), (ANCHOR_2, STOPS_2)):
+        field += _in_iron(e, state, anchor, start)
     moving = 0.5 * e[mechanical.MODE_KEPT] * p.mass * v**2 + 0.5 * e[mechanical.MODE_MASS] * (v + state[MODE_RATE]) ** 2
     spring = 0.5 * p.stiffness * x**2 + e[mechanical.QUADRATIC] * x**3 / 3 + e[mechanical.CUBIC] * x**4 / 4
     spring += 0.5 * e[mechanical.CREEP_STIFFNESS] * (x - state[CREEP]) ** 2
@@ -140,6 +142,17 @@ def _stored(surface: Surface, p: PlantParameters, e: Array | None, state: Array)
 def _in_stops(e: Array, state: Array, slopes: int, start: int) -> float:
     """What stops store that stand in the state from row `start` on, in J."""
     return 0.5 * float(np.sum(e[slopes : slopes + N_STOP] * state[start : start + N_STOP] ** 2))
+
+
+def _in_iron(e: Array, state: Array, anchor: int, start: int) -> float:
+    """What the stops of a side's iron store, in J: s_k times the integral of e dy, y = sinh(gamma z)/gamma, from e = 0
+    to where they stand."""
+    gamma, z, stop = e[magnetic.HYSTERESIS_BROADENING], state[anchor], state[start : start + N_STOP]
+    if gamma == 0.0:
+        return _in_stops(e, state, magnetic.HYSTERESIS_SLOPE, start)
+    slopes = e[magnetic.HYSTERESIS_SLOPE : magnetic.HYSTERESIS_SLOPE + N_STOP]
+    middle, half = np.sinh(gamma * (z - 0.5 * stop)) / gamma, np.sinh(0.5 * gamma * stop) / gamma
+    return float(np.sum(slopes * (stop * np.sinh(gamma * z) / gamma - 2.0 * middle * half)))
 
 
 @compiled

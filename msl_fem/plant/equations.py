@@ -40,7 +40,21 @@ where the loop applies v_j = R_j i_j + e_j + L_j w (target_j - i_j), as in the p
 import numpy as np
 
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, hyperbolic_tangent, size, some, within
+from msl_fem.computing.lanes import (
+    Flag,
+    Rows,
+    Value,
+    choose,
+    first,
+    hyperbolic_cosine,
+    hyperbolic_sine,
+    hyperbolic_tangent,
+    inverse_hyperbolic_sine,
+    sign_of,
+    size,
+    some,
+    within,
+)
 from msl_fem.plant.drive import terminal_voltage
 from msl_fem.plant.effects import electrical, magnetic, mechanical, stray_flux
 from msl_fem.plant.effects.expressions import LAW_VOLTAGE_1, LAW_VOLTAGE_2
@@ -351,10 +365,16 @@ def hysteresis(e: Rows, state: Rows, j: int, flux: Value, settle: bool) -> Value
         return flux - flux
     stretch = e[magnetic.HYSTERESIS_STRETCH] * flux * flux
     followed = flux * (1.0 + stretch)
+    gamma = e[magnetic.HYSTERESIS_BROADENING]
+    if some(gamma > 0.0):
+        followed = choose(gamma > 0.0, inverse_hyperbolic_sine(gamma * followed) / gamma, followed)
     slopes, widths, first = magnetic.HYSTERESIS_SLOPE, magnetic.HYSTERESIS_WIDTH, STOPS_1 + j * N_STOP
     change = followed - state[ANCHOR_1 + j]
     if settle:
-        lost = settle_stops(e, state, slopes, widths, first, change)
+        if some(gamma > 0.0):
+            lost = settle_broadened_stops(e, state, gamma, first, change, followed)
+        else:
+            lost = settle_stops(e, state, slopes, widths, first, change)
         state[ENERGY_HYSTERESIS] = state[ENERGY_HYSTERESIS] + lost
         state[ANCHOR_1 + j] = followed
         change = flux - flux
@@ -499,5 +519,29 @@ def settle_stops(e: Rows, state: Rows, slopes: int, widths: int, start: int, cha
         moved = state[start + k] + change
         kept = within(moved, e[widths + k])
         lost = lost + e[slopes + k] * e[widths + k] * size(moved - kept)
+        state[start + k] = kept
+    return lost
+
+
+@compiled
+def settle_broadened_stops(e: Rows, state: Rows, gamma: Value, start: int, change: Value, followed: Value) -> Value:
+    """Moves a side's stops, that have `followed` z = asinh(gamma y)/gamma, by the last `change` of it; the loss in J.
+
+    They take s_k e_k dy. Of that s_k |y(z) - y(z - e_k)| |dz| is lost where a stop slips, the rest is stored.
+    """
+    slopes, widths = magnetic.HYSTERESIS_SLOPE, magnetic.HYSTERESIS_WIDTH
+    lost = change - change
+    for k in range(N_STOP):
+        moved = state[start + k] + change
+        kept = within(moved, e[widths + k])
+        slip = moved - kept
+        plain = e[slopes + k] * e[widths + k] * size(slip)
+        if some(size(slip) > 0.0):
+            half = 0.5 * gamma
+            middle = followed - 0.5 * (slip + kept)
+            broad = hyperbolic_sine(half * size(slip)) * hyperbolic_sine(half * e[widths + k])
+            broad = e[slopes + k] * broad * hyperbolic_cosine(gamma * middle) / (half * half)
+            plain = choose(gamma > 0.0, broad, plain)
+        lost = lost + plain
         state[start + k] = kept
     return lost

@@ -31,7 +31,8 @@ SHARE, UNMIX = LAYOUT.rows(2)  # share of the other side's current; 1/(1 - share
 EDDY = LAYOUT.row()  # conductance of the eddy loop, 1/ohm
 EDDY_MODE, EDDY_RATE = LAYOUT.rows(2, N_EDDY)  # modes of the eddy currents: current over flux, A/Wb; rates, 1/s
 HYSTERESIS_SLOPE, HYSTERESIS_WIDTH = LAYOUT.rows(2, N_STOP)  # of the stops, A/Wb; their widths, Wb
-HYSTERESIS_STRETCH = LAYOUT.row()  # of what the stops follow, lambda + stretch lambda^3, Wb^-2
+HYSTERESIS_STRETCH = LAYOUT.row()  # of what the stops follow: y = lambda + stretch lambda^3, Wb^-2
+HYSTERESIS_BROADENING = LAYOUT.row()  # and of y: z = asinh(gamma y)/gamma, 1/Wb
 IRON_SCALE, IRON_LOW = LAYOUT.rows(2)  # iron in series: one over L_0, 1/H; current at low fields, A
 IRON_WIDTH, IRON_KNEE = LAYOUT.rows(2)  # its width, A; current over the cube, 1/A^2
 
@@ -70,15 +71,21 @@ def _coenergy(e: Array, v: Values, setting: KernelSetting) -> None:
 def _hysteresis(e: Array, v: Values, setting: KernelSetting) -> None:
     """Stops k = 1 ... N of widths R_k = p(lambda_r (k/N)^a) and slopes s_k that go with R_k^-b, sum s_k R_k = i_c.
 
-    They follow p(l) = l + w l (l/lambda_r)^2, lambda_r = L_0 i_r.
+    They follow p(l) = l + w l (l/lambda_r)^2, lambda_r = L_0 i_r; with a broadening g, b(p(l)) instead, as their widths
+    do, b(y) = (lambda_r/g) asinh(g y/lambda_r).
     """
     widest = setting.inductance * v["magnetic_hysteresis", "reversal_current"]
-    widening = v["magnetic_hysteresis", "widening"]
+    widening, broadening = v["magnetic_hysteresis", "widening"], v["magnetic_hysteresis", "broadening"]
     e[HYSTERESIS_STRETCH] = widening / (widest * widest)
+    e[HYSTERESIS_BROADENING] = broadening / widest
     reach = 0.0
     for k in range(N_STOP):
         place = math.exp(v["magnetic_hysteresis", "spacing"] * math.log((k + 1.0) / N_STOP))
         e[HYSTERESIS_WIDTH + k] = widest * place * (1.0 + widening * place * place)
+        if broadening > 0.0:
+            e[HYSTERESIS_WIDTH + k] = math.asinh(e[HYSTERESIS_BROADENING] * e[HYSTERESIS_WIDTH + k]) / (
+                e[HYSTERESIS_BROADENING]
+            )
         wider = e[HYSTERESIS_WIDTH + k] / widest
         e[HYSTERESIS_SLOPE + k] = math.exp(0.0 - v["magnetic_hysteresis", "fall"] * math.log(wider))
         reach = reach + e[HYSTERESIS_SLOPE + k] * e[HYSTERESIS_WIDTH + k]
@@ -230,9 +237,10 @@ MAGNETIC = (
         group="magnetic",
         sentence="force and flux depend on the current's history, rate independent; remanence",
         equation=(
-            "i = u + h, h = p'(lambda) sum_k s_k e_k, e_k a stop of width R_k of p(lambda) = lambda (1 + widening "
-            "(lambda/lambda_r)^2), lambda_r = L_0 reversal_current: a stretched Prandtl-Ishlinskii operator; flux and "
-            "force are those of the table at u; loss s_k R_k |slip_k|, stored s_k e_k^2 / 2"
+            "i = u + h, h = p'(lambda) sum_k s_k e_k, e_k a stop of width R_k of z = (lambda_r/g) asinh(g y/lambda_r), "
+            "y = p(lambda) = lambda (1 + widening (lambda/lambda_r)^2), lambda_r = L_0 reversal_current, g = broadening: "
+            "a stretched Prandtl-Ishlinskii operator; flux and force are those of the table at u; a stop that slips "
+            "loses s_k |y(z) - y(z - e_k)| |dz|; at g = 0: z = y, loss s_k R_k |slip_k|, stored s_k e_k^2 / 2"
         ),
         source="Bergqvist, Physica B 233, 1997, 342-347; Brokate, Sprekels, Hysteresis and Phase Transitions, 1996",
         parameters=(
@@ -276,8 +284,7 @@ MAGNETIC = (
                 0.5,
                 "b: slopes of the stops go with their widths to the power -b: how early minor loops lose energy",
                 shape=True,
-                tried=(0.3,),
-                over="loops",
+                tried=(0.9,),
                 width=1.5,
             ),
             Parameter(
@@ -290,6 +297,17 @@ MAGNETIC = (
                 shape=True,
                 tried=(0.09,),
                 over="loops",
+                width=1.0,
+            ),
+            Parameter(
+                "broadening",
+                "",
+                0.0,
+                (0.0, 10.0),
+                0.1,
+                "g: a branch reverses over a change of flux that grows with the flux, sqrt(1 + (g lambda/lambda_r)^2)",
+                shape=True,
+                tried=(0.7,),
                 width=1.0,
             ),
         ),
