@@ -284,7 +284,7 @@ MAGNETIC = (
                 0.5,
                 "b: slopes of the stops go with their widths to the power -b: how early minor loops lose energy",
                 shape=True,
-                tried=(0.9,),
+                tried=(0.3,),
                 width=1.5,
             ),
             Parameter(
@@ -307,7 +307,7 @@ MAGNETIC = (
                 0.1,
                 "g: a branch reverses over a change of flux that grows with the flux, sqrt(1 + (g lambda/lambda_r)^2)",
                 shape=True,
-                tried=(0.7,),
+                tried=(0.2,),
                 width=1.0,
             ),
         ),
