@@ -125,14 +125,14 @@ def hyperbolic_tangent(value: Value) -> Value:
 def hyperbolic_sine(value: Value) -> Value:
     """sinh by exponentials, near 0 by its series, whose next term is below 1e-17 of it."""
     square = value * value
-    rise = exponential(value)
+    rise = exponential(size(value))
     near = value * (1.0 + square / 6.0 * (1.0 + square / 20.0 * (1.0 + square / 42.0)))
-    return choose(size(value) < 0.03, near, 0.5 * (rise - 1.0 / rise))
+    return choose(size(value) < 0.03, near, sign_of(value) * 0.5 * (rise - 1.0 / rise))
 
 
 @compiled
 def hyperbolic_cosine(value: Value) -> Value:
-    rise = exponential(value)
+    rise = exponential(size(value))
     return 0.5 * (rise + 1.0 / rise)
 
 

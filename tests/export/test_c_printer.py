@@ -164,6 +164,9 @@ def _divides_by_zero(function, arguments):
 KERNEL = {
     lanes.within: "rr",
     _between: "rrrrr",
+    lanes.hyperbolic_sine: "r",
+    lanes.hyperbolic_cosine: "r",
+    lanes.inverse_hyperbolic_sine: "r",
     poles.fall_rows: "rrRnn",
     poles.lag_weights: "rrRnn",
     poles.fall_moments: "rrr",
@@ -180,6 +183,7 @@ KERNEL = {
     equations.series_iron: "Rr",
     equations.stop_sum: "RRnnnr",
     equations.settle_stops: "RRnnnr",
+    equations.settle_broadened_stops: "RRrnrr",
 }
 """Functions that take numbers and rows alone; those above them are compared in whole runs."""
 

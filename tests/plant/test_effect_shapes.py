@@ -1,10 +1,10 @@
 """What the shapes of effects do: spread eddy currents, a core that warms, friction that falls over velocity, iron that
-was magnetised before the run."""
+was magnetised before the run, branches that reverse over more flux where there is more."""
 
 import numpy as np
 import pytest
 from coupled_twin import changed, linear_table, locked
-from effect_sets import effects, rig
+from effect_sets import effects, rig, rough
 from scipy.linalg import expm
 
 from msl_fem.actuator import Actuator
@@ -12,7 +12,10 @@ from msl_fem.errors import InputError
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.effects.magnetic import EDDY_POLES, EDDY_WEIGHTS
 from msl_fem.plant.excitation import Inputs
+from msl_fem.plant.lane_run import LaneSettings, run_lanes
+from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.plant.simulate import Options, simulate
+from msl_fem.plant.static_map import static_map
 
 INDUCTANCE = 2 * 1.08e-5 / 6.3e-4  # of a side of two magnets of `linear_table`, H
 
@@ -160,3 +163,97 @@ def test_iron_was_demagnetised_before_the_currents_rose(servo: Actuator) -> None
     u = wider.flux_linkage[:, 0] / INDUCTANCE
     assert u + 0.05 * (1 + 3 * 0.02 * (u / 0.2) ** 2) == pytest.approx(1.0, rel=1e-9)
     assert np.ptp(u) < 1e-9
+
+
+COERCIVE, REVERSAL = 0.05, 0.2  # A
+OF_ONE = INDUCTANCE / 2  # of one magnet, H
+
+
+def broad(broadening: float, **shapes: float) -> EffectValues:
+    stated = {"coercive_current": COERCIVE, "reversal_current": REVERSAL, "broadening": broadening, **shapes}
+    return EffectValues({"magnetic_hysteresis": stated})
+
+
+def flux_of(servo: Actuator, current: np.ndarray, values: EffectValues) -> np.ndarray:
+    """Flux linkage of one magnet of demagnetised iron along a path of the current."""
+    gap = np.full(current.size, 6e-4)
+    return static_map(surface_of(linear_table()), plant_parameters(servo), values, gap=gap, current=current)[1]
+
+
+@pytest.mark.parametrize("widening", [0.0, 0.01])
+def test_a_rise_of_demagnetised_iron_and_the_fall_behind_it_have_a_closed_form(servo: Actuator, widening: float) -> None:
+    """i = lambda/L + p'(lambda) sum_k s_k e_k: e_k = min(z, R_k) on the rise; from its end at z_t on, what the stop had
+    there less z_t - z, down to -R_k."""
+    broadening, spacing, fall, n = 0.8, 1.5, 0.4, 60
+    values = broad(broadening, spacing=spacing, fall=fall, widening=widening)
+    current = np.r_[np.linspace(0.0, 2.0, n), np.linspace(2.0, -0.5, n)]
+    flux = flux_of(servo, current, values)
+    y, place = flux / (OF_ONE * REVERSAL), (np.arange(1, 7) / 6) ** spacing
+    followed, widths = (np.arcsinh(broadening * (q + widening * q**3)) / broadening for q in (y, place))
+    slopes = widths**-fall
+    slopes *= COERCIVE / (slopes @ widths)
+    top = followed[n - 1]
+    rise = np.minimum(followed[:n, None], widths)
+    back = np.maximum(np.minimum(top, widths) - (top - followed[n:, None]), -widths)
+    memory = (1 + 3 * widening * y**2) * (np.vstack([rise, back]) @ slopes)
+    assert flux / OF_ONE + memory == pytest.approx(current, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("broadening", [0.0, 0.5, 1.5])
+def test_a_branch_reverses_over_more_flux_where_there_is_more(servo: Actuator, broadening: float) -> None:
+    """All stops have turned over after 2 lambda_r sqrt(1 + (g lambda/lambda_r)^2), lambda in the middle of the branch,
+    which has the width of the major loop at any flux."""
+    reversal, changes = OF_ONE * REVERSAL, []
+    for top in (1.0, 2.0, 4.0):
+        current = np.r_[0.0, np.linspace(top, -top, 8001)]
+        flux = flux_of(servo, current, broad(broadening))
+        memory = current - flux / OF_ONE
+        assert memory[1] == pytest.approx(COERCIVE, rel=1e-9)
+        turned = int(np.argmax(memory < -COERCIVE * (1 - 1e-9)))
+        change = flux[1] - flux[turned]
+        middle = (flux[1] + flux[turned]) / 2
+        if broadening:
+            ends = np.arcsinh(broadening * flux[[1, turned]] / reversal)
+            middle = reversal / broadening * np.sinh(ends.mean())
+        assert change == pytest.approx(2 * reversal * np.hypot(1, broadening * middle / reversal), rel=4e-3)
+        changes.append(change)
+    assert (changes[2] > 2 * changes[0]) == (broadening > 0)
+
+
+def test_a_small_broadening_is_of_second_order(servo: Actuator) -> None:
+    """Taylor: its first term goes with its square, so that at 0 it leaves what there was."""
+    current = np.r_[np.linspace(0, 2, 50), np.linspace(2, -1, 70), np.linspace(-1, 1.5, 60)]
+    shapes = {"spacing": 1.5, "fall": 0.3, "widening": 0.01}
+    without = flux_of(servo, current, broad(0.0, **shapes))
+    change = [np.abs(flux_of(servo, current, broad(g, **shapes)) - without).max() for g in (0.01, 0.005, 0.0025)]
+    assert np.log2(change[0] / change[1]) == pytest.approx(2.0, abs=0.02)
+    assert np.log2(change[1] / change[2]) == pytest.approx(2.0, abs=0.01)
+    assert change[2] > 1e-6 * without.max()
+
+
+@pytest.mark.parametrize("widening", [0.0, 0.01])
+def test_broad_loops_keep_the_ledger_on_any_path(servo: Actuator, widening: float) -> None:
+    """Small loops within large ones that shrink, about no flux and beside it, of both signs."""
+    values, turns = broad(1.5, spacing=1.5, fall=0.4, widening=widening), np.linspace(0.0, 6 * np.pi, 900)
+    command = 0.2 + 1.2 * np.sin(turns) * (1 - turns / 30) + 0.3 * np.sin(7 * turns)
+    run = simulate(
+        locked(servo), linear_table(), Inputs(np.column_stack([command, -command]), 1e4), effects=values,
+        options=Options(substeps=40),
+    )  # fmt: skip
+    assert run.current.max() > 1.2
+    assert run.flux_linkage[:, 1] == pytest.approx(-run.flux_linkage[:, 0], rel=1e-12)
+    assert abs(run.audit.imbalance) < 2e-8
+    assert run.audit.hysteresis > 0.01 * run.audit.electrical
+
+
+def test_lanes_of_broad_and_even_loops_are_single_runs_to_the_last_bit(servo: Actuator) -> None:
+    """Beside broad ones, loops without broadening are what they are alone."""
+    plant, surface, inputs = plant_parameters(servo), surface_of(linear_table()), rough(100)
+    sets = [broad(g, widening=0.01) for g in (0.0, 1e-3, 0.5, 4.0)]
+    vectors = np.array([values.vector() for values in sets])
+    run = run_lanes(surface, [plant] * 4, inputs, substeps=10, settings=LaneSettings(effects=vectors))
+    for lane, values in enumerate(sets):
+        alone = simulate(servo, linear_table(), inputs, effects=values, options=Options(substeps=10))
+        assert np.array_equal(run.flux_linkage[lane], alone.flux_linkage)
+        assert np.array_equal(run.true_position[lane], alone.position)
+    assert not np.array_equal(run.flux_linkage[0], run.flux_linkage[1])

@@ -165,7 +165,15 @@ def test_the_hysteresis_loop_closes_and_does_not_depend_on_time(servo: Actuator)
     assert slower.flux_linkage[:, 0] == pytest.approx(flux, rel=1e-6), "a quarter of the speed, the same loop"
 
 
-@pytest.mark.parametrize("shapes", [{}, {"spacing": 2.0, "fall": 0.6, "widening": 0.01}])
+@pytest.mark.parametrize(
+    "shapes",
+    [
+        {},
+        {"spacing": 2.0, "fall": 0.6, "widening": 0.01},
+        {"spacing": 2.0, "fall": 0.6, "broadening": 0.7},
+        {"spacing": 2.0, "fall": 0.6, "widening": 0.01, "broadening": 2.0},
+    ],
+)
 def test_the_loop_s_area_is_what_the_ledger_lost(servo: Actuator, shapes: dict[str, float]) -> None:
     one, two = loop(servo, rate=10.0, periods=2, **shapes), loop(servo, rate=10.0, periods=3, **shapes)
     flux, current = two.flux_linkage[4000:, 0], two.current[4000:, 0]
