@@ -28,8 +28,8 @@ from msl_fem.export.c_types import (
 
 _FUNCTIONS = {
     np.exp: "exp", np.cos: "cos", np.sin: "sin", np.sqrt: "sqrt", np.sign: "printed_sign", np.round: "rint",
-    np.nextafter: "nextafter", math.exp: "exp", math.log: "log", math.expm1: "expm1", math.asinh: "asinh", math.cos: "cos",
-    math.sin: "sin", math.sqrt: "sqrt", math.floor: "floor", np.floor: "floor", np.ceil: "ceil",
+    np.nextafter: "nextafter", math.exp: "exp", math.log: "log", math.expm1: "expm1", math.asinh: "asinh",
+    math.cos: "cos", math.sin: "sin", math.sqrt: "sqrt", math.floor: "floor", np.floor: "floor", np.ceil: "ceil",
 }  # fmt: skip
 _GENERATED = {"size": "fabs", "exponential": "exp", "logarithm": "log", "square_root": "sqrt",
               "sine_of": "sin", "cosine_of": "cos"}  # fmt: skip

@@ -12,7 +12,8 @@ equals that of `rates` to the last bit. Pieces with many numbers are passed by w
 Stops are the elements of rate-independent memory: a stop of width r follows its input until it leaves [-r, r] and then
 slides, e <- cut(e + change, r). Six of them, of widths r, 2 r ... 6 r and one slope s, give the force s sum_k e_k, a
 Prandtl-Ishlinskii operator; s e_k^2/2 is stored, s r_k |slip_k| is lost (Brokate and Sprekels, Hysteresis and Phase
-Transitions, 1996, ch. 2). It depends on the order of the input's extremes alone, never on time.
+Transitions, 1996, ch. 2). It depends on the order of the input's extremes alone, never on time. Those of iron
+may follow z = asinh(gamma y)/gamma and still take s_k e_k dy: `settle_broadened_stops` says what is lost then.
 
 The coils' circuits with hysteresis, eddy currents and coupled sides.
 
@@ -50,7 +51,6 @@ from msl_fem.computing.lanes import (
     hyperbolic_sine,
     hyperbolic_tangent,
     inverse_hyperbolic_sine,
-    sign_of,
     size,
     some,
     within,

@@ -181,7 +181,7 @@ def flux_of(servo: Actuator, current: np.ndarray, values: EffectValues) -> np.nd
 
 
 @pytest.mark.parametrize("widening", [0.0, 0.01])
-def test_a_rise_of_demagnetised_iron_and_the_fall_behind_it_have_a_closed_form(servo: Actuator, widening: float) -> None:
+def test_a_rise_of_demagnetised_iron_and_the_fall_after_it_have_a_closed_form(servo: Actuator, widening: float) -> None:
     """i = lambda/L + p'(lambda) sum_k s_k e_k: e_k = min(z, R_k) on the rise; from its end at z_t on, what the stop had
     there less z_t - z, down to -R_k."""
     broadening, spacing, fall, n = 0.8, 1.5, 0.4, 60

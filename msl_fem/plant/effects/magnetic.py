@@ -75,17 +75,15 @@ def _hysteresis(e: Array, v: Values, setting: KernelSetting) -> None:
     do, b(y) = (lambda_r/g) asinh(g y/lambda_r).
     """
     widest = setting.inductance * v["magnetic_hysteresis", "reversal_current"]
-    widening, broadening = v["magnetic_hysteresis", "widening"], v["magnetic_hysteresis", "broadening"]
+    widening, gamma = v["magnetic_hysteresis", "widening"], v["magnetic_hysteresis", "broadening"] / widest
     e[HYSTERESIS_STRETCH] = widening / (widest * widest)
-    e[HYSTERESIS_BROADENING] = broadening / widest
+    e[HYSTERESIS_BROADENING] = gamma
     reach = 0.0
     for k in range(N_STOP):
         place = math.exp(v["magnetic_hysteresis", "spacing"] * math.log((k + 1.0) / N_STOP))
         e[HYSTERESIS_WIDTH + k] = widest * place * (1.0 + widening * place * place)
-        if broadening > 0.0:
-            e[HYSTERESIS_WIDTH + k] = math.asinh(e[HYSTERESIS_BROADENING] * e[HYSTERESIS_WIDTH + k]) / (
-                e[HYSTERESIS_BROADENING]
-            )
+        if gamma > 0.0:
+            e[HYSTERESIS_WIDTH + k] = math.asinh(gamma * e[HYSTERESIS_WIDTH + k]) / gamma
         wider = e[HYSTERESIS_WIDTH + k] / widest
         e[HYSTERESIS_SLOPE + k] = math.exp(0.0 - v["magnetic_hysteresis", "fall"] * math.log(wider))
         reach = reach + e[HYSTERESIS_SLOPE + k] * e[HYSTERESIS_WIDTH + k]
@@ -238,9 +236,9 @@ MAGNETIC = (
         sentence="force and flux depend on the current's history, rate independent; remanence",
         equation=(
             "i = u + h, h = p'(lambda) sum_k s_k e_k, e_k a stop of width R_k of z = (lambda_r/g) asinh(g y/lambda_r), "
-            "y = p(lambda) = lambda (1 + widening (lambda/lambda_r)^2), lambda_r = L_0 reversal_current, g = broadening: "
-            "a stretched Prandtl-Ishlinskii operator; flux and force are those of the table at u; a stop that slips "
-            "loses s_k |y(z) - y(z - e_k)| |dz|; at g = 0: z = y, loss s_k R_k |slip_k|, stored s_k e_k^2 / 2"
+            "y = p(lambda) = lambda (1 + widening (lambda/lambda_r)^2), lambda_r = L_0 reversal_current, "
+            "g = broadening: a stretched Prandtl-Ishlinskii operator; flux and force are those of the table at u; a stop "
+            "that slips loses s_k |y(z) - y(z - e_k)| |dz|; at g = 0: z = y, loss s_k R_k |slip_k|, stored s_k e_k^2 / 2"
         ),
         source="Bergqvist, Physica B 233, 1997, 342-347; Brokate, Sprekels, Hysteresis and Phase Transitions, 1996",
         parameters=(
@@ -305,7 +303,7 @@ MAGNETIC = (
                 0.0,
                 (0.0, 10.0),
                 0.1,
-                "g: a branch reverses over a change of flux that grows with the flux, sqrt(1 + (g lambda/lambda_r)^2)",
+                "g: the change of flux over which a branch reverses grows as sqrt(1 + (g lambda/lambda_r)^2)",
                 shape=True,
                 tried=(0.2,),
                 width=1.0,
