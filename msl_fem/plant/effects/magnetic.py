@@ -237,8 +237,9 @@ MAGNETIC = (
         equation=(
             "i = u + h, h = p'(lambda) sum_k s_k e_k, e_k a stop of width R_k of z = (lambda_r/g) asinh(g y/lambda_r), "
             "y = p(lambda) = lambda (1 + widening (lambda/lambda_r)^2), lambda_r = L_0 reversal_current, "
-            "g = broadening: a stretched Prandtl-Ishlinskii operator; flux and force are those of the table at u; a stop "
-            "that slips loses s_k |y(z) - y(z - e_k)| |dz|; at g = 0: z = y, loss s_k R_k |slip_k|, stored s_k e_k^2 / 2"
+            "g = broadening: a stretched Prandtl-Ishlinskii operator; flux and force are those of the table at u; a "
+            "stop that slips loses s_k |y(z) - y(z - e_k)| |dz|; at g = 0: z = y, loss s_k R_k |slip_k|, stored "
+            "s_k e_k^2 / 2"
         ),
         source="Bergqvist, Physica B 233, 1997, 342-347; Brokate, Sprekels, Hysteresis and Phase Transitions, 1996",
         parameters=(
