@@ -285,8 +285,8 @@ def quietens(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
 
 
 def n_accepted(stages: Sequence[SearchStage], excesses: Excesses, rule: Rule) -> int:
-    """How many of the stages' best effects are taken: as many as complete those before, or leave noise alone together
-    in whatever order.
+    """How many of the stages' best effects are taken: as many as complete those before, or together, in whatever order,
+    leave noise alone, or little more where all are strong.
 
     Parameters
     ----------
@@ -297,9 +297,15 @@ def n_accepted(stages: Sequence[SearchStage], excesses: Excesses, rule: Rule) ->
         if not rule.enough(stages, n, excesses):
             break
         each_completes &= rule.goes_on(stages, n, excesses)
-        if each_completes or white(excesses[n + 1]):
+        if each_completes or white(excesses[n + 1]) or _strong_together(stages, n, excesses):
             taken = n + 1
     return taken
+
+
+def _strong_together(stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
+    """Whether the best effects of the stages up to n are strong, every one, and leave little more than noise."""
+    little = max(excesses[n + 1].values()) <= LITTLE_MORE and share_left(excesses, n + 1) <= LEFT_OVER
+    return little and all(strong(stages, m) for m in range(1, n + 1))
 
 
 def disagrees(stage: SearchStage, before: Mapping[str, float]) -> str:

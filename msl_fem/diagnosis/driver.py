@@ -10,7 +10,7 @@ from functools import partial
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.diagnosis.carriages import carriage, is_carriage
 from msl_fem.diagnosis.conclusion import conclude
-from msl_fem.diagnosis.decision import too_few_because, undecidable_because
+from msl_fem.diagnosis.decision import TIE, too_few_because, undecidable_because
 from msl_fem.diagnosis.effect_search import about_tolerances, search_effects
 from msl_fem.diagnosis.equilibria import told_by_equilibria
 from msl_fem.diagnosis.fit_memory import FitMemory
@@ -95,7 +95,9 @@ def diagnosis_of(kind: Kind, how: DiagnosisSettings) -> Diagnosis:
     other = restated(kind, result.fits)
     if other is not None:
         how.progress("a statement of rig.toml turned round")
-        kind, result = other, search_effects(other, replace(how, memory=FitMemory()))
+        turned = search_effects(other, replace(how, memory=FitMemory()))
+        if turned.fits[-1].log_evidence > result.fits[-1].log_evidence + TIE:
+            kind, result = other, turned
     how.progress("held-out runs")
     found = conclude(kind, result, threshold=how.rule.threshold, threads=how.threads, tell=how.progress)
     if "unexplained" not in found.verdict or not kind.takes_laws:

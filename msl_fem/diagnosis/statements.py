@@ -16,13 +16,16 @@ from msl_fem.diagnosis.kind import Kind
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.errors import ComputationError
 
+NEARLY = 0.05
+"""Share of the nats of the last effect that may be lost where a statement turned round stands in its place."""
 STEPS = 8  # of a fit: beside what a wrong statement costs, what further ones would bring is little
 
 
 def restated(kind: Kind, fits: Sequence[Fit]) -> Kind | None:
-    """The record with the statement turned round that explains it better than as it is stated, by more than a tie:
-    without any effect, and then more than the last of these fits, with its effects or without one or all of them, since
-    an effect may make up for the statement. None where none does, or nothing but noise is to be explained.
+    """The record with the statement turned round that may explain it better than the last of these fits: by more than a
+    tie without one of its effects, which may make up for the statement, or, where it explains it better without any
+    effect too, with all of them or none; or that loses next to nothing of the last effect's nats without it. None where
+    none does, or nothing but noise is to be explained.
 
     Parameters
     ----------
@@ -32,12 +35,13 @@ def restated(kind: Kind, fits: Sequence[Fit]) -> Kind | None:
     if max(bare.excess.values(), default=0.0) <= QUIET:
         return None
     for other in kind.restatements():
-        turned = _evidence(other, bare)
-        if turned <= bare.log_evidence + TIE:
-            continue
-        if max(turned, *(_evidence(other, last, without=name) for name in ("", *_effects(last)))) > (
-            last.log_evidence + TIE
-        ):
+        turned = [_evidence(other, last, without=name) for name in _effects(last)]
+        if turned and turned[-1] > last.log_evidence - NEARLY * (last.log_evidence - fits[-2].log_evidence):
+            return other
+        alone = _evidence(other, bare)
+        if alone > bare.log_evidence + TIE:
+            turned += [alone, _evidence(other, last)]
+        if max(turned, default=-np.inf) > last.log_evidence + TIE:
             return other
     return None
 

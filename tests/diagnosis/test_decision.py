@@ -98,6 +98,15 @@ def test_a_strong_effect_counts_though_more_than_noise_is_left(second: float, le
     assert n_accepted(stages(1000.0, second), powers, Rule()) == taken
 
 
+@pytest.mark.parametrize(("second", "left", "taken"), [(700.0, 1.4, 3), (500.0, 1.4, 1), (700.0, 1.6, 1)])
+def test_strong_effects_count_together_though_a_little_more_than_noise_is_left(
+    second: float, left: float, taken: int
+) -> None:
+    """Hysteresis, remanence that leaves half of the rest, and friction that leaves a third more than the noise."""
+    powers = [{"x": 13.7, "i": 14.8}, {"x": 8.5, "i": 1.5}, {"x": 6.1, "i": 1.3}, {"x": left, "i": 1.2}]
+    assert n_accepted(stages(6000.0, second, 800.0), powers, Rule()) == taken
+
+
 @pytest.mark.parametrize(("second", "left", "taken"), [(600.0, 3.0, 2), (400.0, 3.0, 1), (600.0, 3.8, 1)])
 def test_an_effect_as_large_as_the_first_is_no_rest_of_its_form(second: float, left: float, taken: int) -> None:
     """A drive's limit beside eddy currents, both in other forms: the second brings half of the first one's nats and

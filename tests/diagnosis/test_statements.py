@@ -50,3 +50,9 @@ def test_an_effect_that_makes_up_for_a_statement_gives_way_to_it_and_one_that_is
     rest = np.random.default_rng(5).standard_normal(cubic.size)
     assert turned_of(wrong, true)
     assert not turned_of(wrong, replace(true, data=true.data + 2 * cubic + 0.3 * rest))
+    against = -0.8 * true.of_effect["force_offset"] + 0.3 * rest
+    hidden = replace(true, of_effect=true.of_effect | {"stiffness_nonlinearity": against})
+    bent = replace(hidden, data=hidden.data + 5 * against)
+    assert np.var(bent.data) < 0.5 * np.var(hidden.data), "without effects the record as stated explains more"
+    assert turned_of(bent, hidden)
+    assert not turned_of(bent, replace(hidden, data=hidden.data + 2 * rest))
