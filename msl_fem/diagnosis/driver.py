@@ -9,9 +9,9 @@ from functools import partial
 
 from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.diagnosis.carriages import carriage, is_carriage
-from msl_fem.diagnosis.conclusion import conclude
+from msl_fem.diagnosis.conclusion import EffectSearch, conclude
 from msl_fem.diagnosis.decision import TIE, too_few_because, undecidable_because
-from msl_fem.diagnosis.effect_search import about_tolerances, search_effects
+from msl_fem.diagnosis.effect_search import about_tolerances, first_effect, search_effects
 from msl_fem.diagnosis.equilibria import told_by_equilibria
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.formula import formula_of
@@ -21,7 +21,7 @@ from msl_fem.diagnosis.kind import Kind
 from msl_fem.diagnosis.result import Diagnosis, with_formula
 from msl_fem.diagnosis.runs import dynamic_runs
 from msl_fem.diagnosis.settings import DiagnosisSettings
-from msl_fem.diagnosis.statements import restated
+from msl_fem.diagnosis.statements import in_doubt, restated
 from msl_fem.diagnosis.static_maps import map_alone, why_no_map
 from msl_fem.diagnosis.usual_run import usual_run
 from msl_fem.diagnosis.without_mover import without_absent
@@ -91,16 +91,31 @@ def diagnosis_of(kind: Kind, how: DiagnosisSettings) -> Diagnosis:
     tell = partial(about_tolerances, how)
     tell("to be fitted")
     kind = kind.settled(tell)
-    result = search_effects(kind, how)
-    other = restated(kind, result.fits)
-    if other is not None:
-        how.progress("a statement of rig.toml turned round")
-        turned = search_effects(other, replace(how, memory=FitMemory()))
-        if turned.fits[-1].log_evidence > result.fits[-1].log_evidence + TIE:
-            kind, result = other, turned
+    kind, result = _searched(kind, how)
     how.progress("held-out runs")
     found = conclude(kind, result, threshold=how.rule.threshold, threads=how.threads, tell=how.progress)
     if "unexplained" not in found.verdict or not kind.takes_laws:
         return found
     starts = (result.fits[0], result.final) if found.causes else (result.fits[0],)
     return with_formula(found, formula_of(kind, starts, tell=how.progress))
+
+
+def _searched(kind: Kind, how: DiagnosisSettings) -> tuple[Kind, EffectSearch]:
+    """What a search finds, and the record as stated or with a statement turned round, whichever explains more: with one
+    effect where the statement is in doubt without any, with all of them where an effect has hidden that it is wrong."""
+    turned_how = replace(how, memory=how.memory.part("a statement turned round"))
+    begun = first_effect(kind, how)
+    doubted = in_doubt(kind, begun.fits[0])
+    if doubted is not None:
+        how.progress("a statement of rig.toml turned round")
+        other = first_effect(doubted, turned_how)
+        if other.nats > begun.nats + TIE:
+            return doubted, search_effects(doubted, turned_how, other)
+    result = search_effects(kind, how, begun)
+    hidden = restated(kind, result.fits)
+    if hidden is not None:
+        how.progress("a statement of rig.toml turned round")
+        turned = search_effects(hidden, turned_how)
+        if turned.fits[-1].log_evidence > result.fits[-1].log_evidence + TIE:
+            return hidden, turned
+    return kind, result

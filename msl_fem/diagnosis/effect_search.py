@@ -55,7 +55,7 @@ class _Doubt:
 
 
 @dataclass(frozen=True, eq=False)
-class _Chain:
+class Chain:
     """Fits without effects, with the first, and so on; the stages at each of them; the first doubt."""
 
     fits: tuple[Fit, ...]
@@ -65,6 +65,16 @@ class _Chain:
     @property
     def quiet(self) -> bool:
         return white(self.fits[-1].excess)
+
+    @property
+    def nats(self) -> float:
+        """Log evidence of the set."""
+        return self.fits[-1].log_evidence
+
+    @property
+    def ended(self) -> bool:
+        """Whether the last stage brought nothing that counts."""
+        return len(self.stages) == len(self.fits)
 
     def told(self, rule: Rule) -> EffectSearch:
         """As many effects as the rule takes; with a doubt that remains those before it."""
@@ -78,10 +88,15 @@ class _Chain:
         return EffectSearch(fits, stages, excesses, n_accepted(judged, excesses, rule), unclear)
 
 
-def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
-    """Effects added one after the other as long as each brings more than the rule asks; of several beginnings, where
-    the first leaves more than noise, those of the most probable set."""
-    forward = _forward(kind, how, _Chain((without_effects(kind, how),)))
+def first_effect(kind: Kind, how: DiagnosisSettings) -> Chain:
+    """The beginning of a search: the fit without effects, and what comes first beside it."""
+    return _forward(kind, replace(how, rule=replace(how.rule, most=1)), Chain((without_effects(kind, how),)))
+
+
+def search_effects(kind: Kind, how: DiagnosisSettings, begun: Chain | None = None) -> EffectSearch:
+    """Effects added one after the other, behind what a search has begun with, as long as each brings more than the rule
+    asks; of several beginnings, where the first leaves more than noise, those of the most probable set."""
+    forward = _forward(kind, how, begun or first_effect(kind, how))
     best = _put_right(kind, how, forward)
     for stage, other in _beginnings(forward):
         if best.quiet:
@@ -89,12 +104,12 @@ def search_effects(kind: Kind, how: DiagnosisSettings) -> EffectSearch:
         how.progress(f"once more with {other.variant.effect}, since more than noise is left")
         begun = _begun_with(other, forward, stage, how)
         found = _put_right(kind, how, _forward(kind, how, begun))
-        if found.fits[-1].log_evidence > best.fits[-1].log_evidence + CLOSER:
+        if found.nats > best.nats + CLOSER:
             best = found
     return best.told(kind.rule(how.rule))
 
 
-def _beginnings(chain: _Chain) -> list[tuple[int, Refit]]:
+def _beginnings(chain: Chain) -> list[tuple[int, Refit]]:
     """Stages of a search and the effects with which it may be begun once more: what takes most of what is left where
     another is most probable, and what brings nearly as much as the first effect, but none that came behind it."""
     found: dict[str, tuple[int, Refit]] = {}
@@ -110,12 +125,12 @@ def _beginnings(chain: _Chain) -> list[tuple[int, Refit]]:
     return list(found.values())[:BEGINNINGS]
 
 
-def _begun_with(other: Refit, chain: _Chain, n: int, how: DiagnosisSettings) -> _Chain:
+def _begun_with(other: Refit, chain: Chain, n: int, how: DiagnosisSettings) -> Chain:
     """A search up to stage n, its effect another one, which is led to its end."""
     stage = chain.stages[n]
     led = Refinement(stage.base, how.progress, how.memory).converged(other, leads=True)
     begun = replace(stage, refits=(led, *(one for one in stage.refits if one is not other)))
-    return _Chain((*chain.fits[: n + 1], led.fit), (*chain.stages[:n], begun))
+    return Chain((*chain.fits[: n + 1], led.fit), (*chain.stages[:n], begun))
 
 
 def without_effects(kind: Kind, how: DiagnosisSettings) -> Fit:
@@ -129,7 +144,7 @@ def without_effects(kind: Kind, how: DiagnosisSettings) -> Fit:
     return replace(first, finished=kind.sane is not None, sane=kind.sane)
 
 
-def _put_right(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
+def _put_right(kind: Kind, how: DiagnosisSettings, chain: Chain) -> Chain:
     """A chain put right and continued forward, until nothing changes."""
     rule = kind.rule(how.rule)
     exchange = Exchange(rule.further, CLOSER, how.progress, how.memory)
@@ -139,13 +154,15 @@ def _put_right(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
         fits, stages = exchange.chain(chain.fits, chain.stages)
         if fits[-1] is chain.fits[-1]:
             return replace(chain, stages=tuple(stages))
-        chain = _forward(kind, how, _Chain(tuple(fits), tuple(stages)))
+        chain = _forward(kind, how, Chain(tuple(fits), tuple(stages)))
     return chain
 
 
-def _forward(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
+def _forward(kind: Kind, how: DiagnosisSettings, chain: Chain) -> Chain:
     """Effects added to the last fit, one after the other, as long as the rule asks for more."""
-    rule, doubt, fits, stages = kind.rule(how.rule), None, list(chain.fits), list(chain.stages)
+    rule, doubt, fits, stages = kind.rule(how.rule), chain.doubt, list(chain.fits), list(chain.stages)
+    if chain.ended:
+        return chain
     for n in range(len(stages), rule.most):
         stage = search_stage(
             fits[n],
@@ -170,7 +187,7 @@ def _forward(kind: Kind, how: DiagnosisSettings, chain: _Chain) -> _Chain:
         fits.append(stage.best.fit)
         if not rule.searches_on(stages, n, excesses):
             break
-    return _Chain(tuple(fits), tuple(stages), doubt)
+    return Chain(tuple(fits), tuple(stages), doubt)
 
 
 def _hopeless(rule: Rule, stages: Sequence[SearchStage], problem: FitProblem, refit: Refit) -> bool:

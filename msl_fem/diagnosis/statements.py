@@ -21,6 +21,15 @@ NEARLY = 0.05
 STEPS = 8  # of a fit: beside what a wrong statement costs, what further ones would bring is little
 
 
+def in_doubt(kind: Kind, bare: Fit) -> Kind | None:
+    """The record with the statement turned round that explains it better without effects, by more than a tie; None
+    where none does, or nothing but noise is to be explained."""
+    if max(bare.excess.values(), default=0.0) <= QUIET:
+        return None
+    better = (one for one in kind.restatements() if _evidence(one, bare) > bare.log_evidence + TIE)
+    return next(better, None)
+
+
 def restated(kind: Kind, fits: Sequence[Fit]) -> Kind | None:
     """The record with the statement turned round that may explain it better than the last of these fits: by more than a
     tie without one of its effects, which may make up for the statement, or, where it explains it better without any

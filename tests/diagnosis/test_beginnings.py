@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from msl_fem.diagnosis import effect_search
-from msl_fem.diagnosis.effect_search import BEGINNINGS, NEARLY, _beginnings, _begun_with, _Chain, _Doubt, search_effects
+from msl_fem.diagnosis.effect_search import BEGINNINGS, NEARLY, Chain, _beginnings, _begun_with, _Doubt, search_effects
 from msl_fem.diagnosis.refits import Refinement, Refit
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.settings import DiagnosisSettings
@@ -24,12 +24,12 @@ def stage(base: Any, **gains: float) -> SearchStage:
     return SearchStage(base, (), tuple(refits))
 
 
-def searched() -> _Chain:
+def searched() -> Chain:
     """A delay stands for two lags; a film beside it is most probable, an offset takes most of what is left."""
     first = stage(fit_of(), time_delay=8000.0, position_sensor_lag=4600.0, amplifier_bandwidth=3900.0, fringing=10.0)
     last = fit_of("time_delay", "squeeze_film", nats=8200.0)
     second = stage(first.refits[0].fit, squeeze_film=200.0, force_offset=150.0)
-    return _Chain((first.base, first.refits[0].fit, last), (first, second))
+    return Chain((first.base, first.refits[0].fit, last), (first, second))
 
 
 def test_what_brought_nearly_as_much_is_a_beginning_unless_it_came_behind() -> None:
@@ -75,12 +75,22 @@ def test_the_most_probable_set_counts(
     chain = searched()
     chain.fits[-1].excess["x"] = first_left
     other = stage(fit_of(), position_sensor_lag=4600.0)
-    second = _Chain((chain.fits[0], fit_of("position_sensor_lag", nats=again)), (other,))
+    second = Chain((chain.fits[0], fit_of("position_sensor_lag", nats=again)), (other,))
     forward = iter([chain, second])
-    monkeypatch.setattr(effect_search, "without_effects", lambda kind, how: chain.fits[0])
     monkeypatch.setattr(effect_search, "_forward", lambda kind, how, begun: next(forward))
     monkeypatch.setattr(effect_search, "_put_right", lambda kind, how, begun: begun)
     monkeypatch.setattr(effect_search, "_begun_with", lambda *one: second)
-    monkeypatch.setattr(_Chain, "told", lambda self, rule: self.stages[0].best.variant.effect)
+    monkeypatch.setattr(Chain, "told", lambda self, rule: self.stages[0].best.variant.effect)
     kind: Any = SimpleNamespace(rule=lambda rule: rule)
-    assert search_effects(kind, DiagnosisSettings()) == named
+    assert search_effects(kind, DiagnosisSettings(), chain) == named
+
+
+def test_a_search_goes_on_behind_its_first_effect_and_not_behind_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A first stage that brought nothing that counts is the end."""
+    chain = searched()
+    none = Chain(chain.fits[:1], chain.stages[:1])
+    monkeypatch.setattr(effect_search, "search_stage", lambda *one, **more: pytest.fail("nothing is looked for"))
+    kind: Any = SimpleNamespace(rule=lambda rule: rule)
+    assert effect_search._forward(kind, DiagnosisSettings(), none) is none
+    assert none.ended
+    assert not Chain(chain.fits[:2], chain.stages[:1]).ended

@@ -8,13 +8,13 @@ import pytest
 
 from msl_fem.diagnosis.conclusion import EffectSearch, _told_with
 from msl_fem.diagnosis.decision import TIE, Rule
-from msl_fem.diagnosis.effect_search import _Chain, _Doubt
+from msl_fem.diagnosis.effect_search import Chain, _Doubt
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.search import SearchStage
 
 
-def chain(*bests: tuple[str, float], loud: float, other: str) -> _Chain:
+def chain(*bests: tuple[str, float], loud: float, other: str) -> Chain:
     """A drift that leaves nearly all of what is loud, a hum that leaves a fifth more than the noise."""
     excesses = [{"x": 8.8, "u": 13.8}, {"x": 4.6, "u": 13.6}, {"x": 1.0, "u": loud}]
     fits: list[Any] = [SimpleNamespace(excess=excess) for excess in excesses[: len(bests) + 1]]
@@ -22,7 +22,7 @@ def chain(*bests: tuple[str, float], loud: float, other: str) -> _Chain:
     for effect, gain in bests:
         variant = SimpleNamespace(effect=effect, amounts=(SimpleNamespace(effect=effect, name="rms"),))
         found.append(SimpleNamespace(best=SimpleNamespace(gain=gain, variant=variant), null=NullDistribution()))
-    return _Chain(tuple(fits), tuple(found), _Doubt(0, other))
+    return Chain(tuple(fits), tuple(found), _Doubt(0, other))
 
 
 @pytest.mark.parametrize(
