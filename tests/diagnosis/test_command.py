@@ -72,6 +72,11 @@ def test_the_state_of_an_interrupted_diagnosis_is_kept_for_its_own_record(tmp_pa
     end = memory_in(tmp_path, "mark", resume=True).end_of("none: ", unknowns)
     assert end is not None
     assert end.tolist() == [0.25, -1.5]
+    assert memory_in(tmp_path, "mark", resume=True).part("turned round").end_of("none: ", unknowns) is None
+    memory_in(tmp_path, "mark", resume=True).part("turned round").ended("none: ", np.array([4.0, 5.0]))
+    kept = memory_in(tmp_path, "mark", resume=True)
+    ends = [memory.end_of("none: ", unknowns) for memory in (kept, kept.part("turned round"))]
+    assert [None if one is None else one.tolist() for one in ends] == [[0.25, -1.5], [4.0, 5.0]]
     assert memory_in(tmp_path, "mark", resume=False).end_of("none: ", unknowns) is None
     assert memory_in(tmp_path, "another", resume=True).end_of("none: ", unknowns) is None
     for text in ('{"record": "ma', '{"record": "mark", "fits": {"none: ": [1' + 400 * "0" + "]}}"):

@@ -5,13 +5,17 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 from diagnosed import TABLE, bench_record
 from linear_record import CUBIC, OFFSET, LinearRecord, record, with_effect
 
+from msl_fem.diagnosis import driver
+from msl_fem.diagnosis.decision import TIE
+from msl_fem.diagnosis.driver import DiagnosisSettings
 from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.runs import Runs, dynamic_runs
-from msl_fem.diagnosis.statements import restated
+from msl_fem.diagnosis.statements import in_doubt, restated
 from msl_fem.prediction import ModelHypothesis, run_data
 
 
@@ -56,3 +60,48 @@ def test_an_effect_that_makes_up_for_a_statement_gives_way_to_it_and_one_that_is
     assert np.var(bent.data) < 0.5 * np.var(hidden.data), "without effects the record as stated explains more"
     assert turned_of(bent, hidden)
     assert not turned_of(bent, replace(hidden, data=hidden.data + 2 * rest))
+
+
+@pytest.mark.parametrize(
+    ("doubted", "with_one", "suspected", "in_the_end", "turned"),
+    [
+        (True, TIE + 1, False, 0.0, True),
+        (True, TIE - 1, False, 0.0, False),
+        (True, -50.0, True, TIE + 1, True),
+        (False, 0.0, True, TIE + 1, True),
+        (False, 0.0, True, TIE - 1, False),
+        (False, 0.0, False, 0.0, False),
+    ],
+)
+def test_a_statement_in_doubt_is_judged_with_one_effect_and_one_that_an_effect_hides_with_all(
+    monkeypatch: pytest.MonkeyPatch, doubted: bool, with_one: float, suspected: bool, in_the_end: float, turned: bool
+) -> None:
+    """Nats by which the record turned round is ahead, with what either search found."""
+    searched: list[str] = []
+
+    def chain(kind: Any, how: DiagnosisSettings, begun: Any = None) -> Any:
+        searched.append(kind)
+        nats = {"as stated": 0.0, "turned": in_the_end if begun is None and len(searched) > 1 else with_one}[kind]
+        return SimpleNamespace(nats=nats, fits=[SimpleNamespace(log_evidence=nats)])
+
+    def first(kind: Any, how: DiagnosisSettings) -> Any:
+        nats = {"as stated": 0.0, "turned": with_one}[kind]
+        return SimpleNamespace(nats=nats, fits=[SimpleNamespace(log_evidence=nats)])
+
+    monkeypatch.setattr(driver, "first_effect", first)
+    monkeypatch.setattr(driver, "search_effects", chain)
+    monkeypatch.setattr(driver, "in_doubt", lambda kind, bare: "turned" if doubted else None)
+    monkeypatch.setattr(driver, "restated", lambda kind, fits: "turned" if suspected else None)
+    kind, _ = driver._searched("as stated", DiagnosisSettings())  # type: ignore[arg-type]
+    assert kind == ("turned" if turned else "as stated")
+    judged_at_once = doubted and with_one > TIE
+    assert searched == (["turned"] if judged_at_once else ["as stated", *(["turned"] if suspected else [])])
+
+
+def test_a_statement_is_in_doubt_where_turned_round_it_explains_more_without_effects() -> None:
+    true, unknowns = record(size=5.0)
+    wrong = replace(true, data=true.data + 5 * true.of_effect["stiffness_nonlinearity"])
+    for stated, turned, doubted in ((wrong, true, True), (true, wrong, False), (wrong, wrong, False)):
+        other: Any = SimpleNamespace(likelihood=turned)
+        kind: Any = SimpleNamespace(restatements=lambda other=other: (other,))
+        assert (in_doubt(kind, fit(stated, unknowns, np.zeros(3))) is other) == doubted
