@@ -3,6 +3,8 @@
 As designed nothing is to be named of a pair that has all that the drawing tells, each drawn within its sigma; with the
 plain belief `mutual_inductance` alone, of a pair that has its field and nothing else. True parameters and noise are
 drawn by a seed: python benchmarks/belief_of_a_pair.py [SEED]
+
+The simulated pair is as deep as its plane field says, so the believed mutual inductance is that of the plane field too.
 """
 
 import sys
@@ -12,11 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.actuator import Actuator, ECore, load_actuator
 from msl_fem.comparison.as_designed import as_designed
+from msl_fem.comparison.as_designed.stray_field import MUTUAL_OF_SOLIDS
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.plant import NamedRun, refused_unless_borne, simulation_record
-from msl_fem.plant.believed import PLAIN_BELIEF
+from msl_fem.plant.believed import PLAIN_BELIEF, Belief
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.record import Record, Tolerance
@@ -43,6 +46,16 @@ def drawn(actuator: Actuator, generator: np.random.Generator) -> Actuator:
     return actuator.model_copy(update=parts)
 
 
+def in_plane(belief: Belief) -> Belief:
+    """The belief of a pair without what the stack's ends add to its mutual flux."""
+    more, _ = MUTUAL_OF_SOLIDS[ECore]
+    values = [
+        replace(one, value=one.value / more, sigma=one.sigma / more) if one.effect == "mutual_inductance" else one
+        for one in belief.values
+    ]
+    return replace(belief, values=tuple(values))
+
+
 def record_of(true: Actuator, table: MagneticTable, effects: EffectValues | None, seed: int) -> Record:
     """Two runs of the true pair, as its instruments read them."""
     generator, runs = np.random.default_rng([seed, 18]), []
@@ -60,7 +73,7 @@ def main(seed: int) -> None:
     pair = load_table(ROOT / "lookup_tables" / "fast_tool_servo_pair.nc")
     single = replace(pair, shared=None)
     generator = np.random.default_rng([seed, 17])
-    true, belief = drawn(servo, generator), as_designed(servo, single)
+    true, belief = drawn(servo, generator), in_plane(as_designed(servo, single))
     print(belief.left_out)
     for value in belief.values:
         print(value.name, value.value, value.sigma)
@@ -76,7 +89,10 @@ def main(seed: int) -> None:
         print(f"{name}: {found.verdict} {found.names} ({time.process_time() - began:.0f} CPU s); {found.reason}")
         for cause in found.causes:
             for parameter, estimate in cause.parameters.items():
-                print(f"  {parameter} {estimate.value:.5f} ({estimate.low:.5f} ... {estimate.high:.5f})")
+                own = next(one for one in belief.values if one.effect == cause.effect and one.parameter == parameter)
+                off = 100 * (estimate.value / own.value - 1)
+                interval = f"{estimate.low:.5f} ... {estimate.high:.5f}"
+                print(f"  {parameter} {estimate.value:.5f} ({interval}); plane field {own.value:.5f}, {off:+.1f} %")
         for parameter, estimate in found.parameters.items():
             print(f"    {parameter} {estimate.value:.5g} {estimate.tolerances:+.2f}")
         print("  notes:", found.notes, flush=True)
