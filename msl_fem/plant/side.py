@@ -26,6 +26,7 @@ from msl_fem.computing.lanes import (
     set_lane,
     size,
     some,
+    square_root,
     width,
 )
 from msl_fem.plant.effects import magnetic, mechanical, stray_flux
@@ -250,13 +251,20 @@ def side_with_effects(
     depth, growth = e[magnetic.DEPTH] + e[magnetic.GROWTH] * gap, e[magnetic.GROWTH]
     pull = p.magnets * (depth * (0.0 - w_g) - growth * w)
     leak = leakage(p, j) + e[stray_flux.LEAKAGE_1 + j]
+    leak_flux, stored = leak * current, 0.5 * leak * current * current
+    if some(e[stray_flux.LEAKAGE_BENDS] > 0.0):
+        own = e[stray_flux.LEAKAGE_1 + j]
+        bent = square_root(1.0 + e[stray_flux.LEAKAGE_BENDS] * current * current)
+        leak = leak + (own / (bent * bent * bent) - own)
+        leak_flux = leak_flux + (own * current / bent - own * current)
+        stored = stored + own * current * current * (1.0 / (1.0 + bent) - 0.5)
     inductance = linkages * per_magnet * (depth * w_ii) + leak
     flux_slope = depth * w_ig + growth * w_i
     flux = depth * w_i
     negative = i < 0.0
     flux_slope, flux = choose(negative, 0.0 - flux_slope, flux_slope), choose(negative, 0.0 - flux, flux)
-    coenergy = p.magnets * (depth * w) + 0.5 * leak * current * current
-    return inside, pull, inductance, linkages * flux_slope, linkages * flux + leak * current, coenergy
+    coenergy = p.magnets * (depth * w) + stored
+    return inside, pull, inductance, linkages * flux_slope, linkages * flux + leak_flux, coenergy
 
 
 @compiled

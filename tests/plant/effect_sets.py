@@ -14,7 +14,7 @@ ALL_EFFECTS = EffectValues({
     "eddy_currents": {"time_constant": 1e-4},
     "cross_coupling": {"share": 0.01},
     "armature_tilt": {"gap_variance": 4e-10},
-    "leakage_inductance": {"share_1": 0.01, "share_2": 0.02},
+    "leakage_inductance": {"share_1": 0.01, "share_2": 0.02, "halving_current": 3.0},
     "mutual_inductance": {"share": -0.02},
     "remanent_flux": {"current_1": 0.001, "current_2": -5e-4, "halving_current": 5.0},
     "coil_heating": {"rise_per_joule": 1e-3, "initial_rise": 0.01, "cooling_rate": 0.1},

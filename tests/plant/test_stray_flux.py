@@ -42,6 +42,45 @@ def test_effects_of_stray_flux_are_the_plants_own_inductances(
     assert np.abs(by_effects - plain)[:, OUT_FLUX_1].max() > 1e-3 * np.abs(plain[:, OUT_FLUX_1]).max()
 
 
+@pytest.mark.parametrize("current", [0.3, -1.2])
+def test_leakage_through_iron_that_saturates_is_halved_at_its_current(servo: Actuator, current: float) -> None:
+    """A locked magnet of a linear table carries L_0 u + share L_0 u/sqrt(1 + c (u/u_h)^2): flux linkage by a static map
+    and at the end of a run, its slope half of share L_0 at u_h by differences."""
+    c, share, halving = 2 ** (2 / 3) - 1, 0.2, 0.4
+    values = effects("leakage_inductance", share_1=share, halving_current=halving)
+
+    def expected(u: np.ndarray) -> np.ndarray:
+        return L_0 * (u + share * u / np.sqrt(1 + c * (u / halving) ** 2))
+
+    bench = changed(locked(servo), drive=VOLTAGE)
+    plant, surface = plant_parameters(bench), surface_of(linear_table())
+    at = np.array([current, halving - 1e-5, halving + 1e-5])
+    _, flux = static_map(surface, plant, values, gap=np.full(3, plant.nominal_gap), current=at)
+    assert 2 * flux == pytest.approx(expected(at), rel=1e-9), "of one of a side's two magnets"
+    assert (flux[2] - flux[1]) / 1e-5 == pytest.approx(L_0 * (1 + share / 2), rel=1e-6)
+    inputs = Inputs(np.tile([2.0 * current, 0.0], (4000, 1)), 1e3)
+    driven, imbalance, _ = run(bench, linear_table(), inputs, values)
+    assert driven[-1, OUT_FLUX_1] == pytest.approx(expected(np.array([current]))[0], rel=1e-6)
+    assert abs(imbalance) < 1e-7
+
+
+@pytest.mark.parametrize("drive", [{"bandwidth": 1e3}, VOLTAGE], ids=["current", "voltage"])
+def test_leakage_that_saturates_creates_no_energy_and_goes_over_into_that_which_does_not(
+    servo: Actuator, table: MagneticTable, drive: dict[str, object]
+) -> None:
+    """What it changes falls with the square of the current at which it is halved."""
+    bench, inputs, shares = changed(servo, drive=drive), rough(300), {"share_1": 0.05, "share_2": 0.08}
+    straight, bent, less = (
+        run(bench, table, inputs, EffectValues({"leakage_inductance": {**shares, **shape}}))
+        for shape in ({}, {"halving_current": 20.0}, {"halving_current": 40.0})
+    )
+    assert abs(bent[1]) < 1e-6
+    columns = (OUT_FLUX_1, OUT_FLUX_1 + 1) if drive.get("bandwidth") else (OUT_I1, OUT_I1 + 1)
+    change = [np.abs(one[0] - straight[0])[:, columns].max() for one in (bent, less)]
+    assert change[0] > 1e-7
+    assert change[0] / change[1] == pytest.approx(4.0, rel=0.05)
+
+
 def test_remanent_flux_stays_without_current(servo: Actuator) -> None:
     """Locked, no voltage: no current, the flux of current_1 in side 1; under 2 V the current of a circuit R, L."""
     bench = changed(locked(servo), drive=VOLTAGE)

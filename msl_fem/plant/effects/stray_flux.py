@@ -7,15 +7,19 @@ from msl_fem.plant.effects.entry import NO_MAGNETS, Effect, KernelSetting, Param
 
 LAYOUT = RowLayout(after=magnetic.LAYOUT)
 LEAKAGE_1, LEAKAGE_2 = LAYOUT.rows(2)  # leakage inductance of the sides, H
+LEAKAGE_BENDS = LAYOUT.row()  # with the square of the current, A^-2
 MUTUAL_INDUCTANCE = LAYOUT.row()  # of both sides, H
 REMANENT_1, REMANENT_2 = LAYOUT.rows(2)  # current that would make the sides' remanent flux, A
 REMANENCE_FADES = LAYOUT.row()  # with the square of the flux linkage, Wb^-2
-NEVER = 1e9  # A, of a current at whose flux remanence is halved: it is not
+NEVER = 1e9  # A, of a current at which remanence or leakage is halved: it is not
+HALVED = 2.0 ** (2.0 / 3.0) - 1.0  # of (1 + z)^(-3/2) = 1/2
 
 
 def _leakage(e: Array, v: Values, setting: KernelSetting) -> None:
     e[LEAKAGE_1] = setting.inductance * v["leakage_inductance", "share_1"]
     e[LEAKAGE_2] = setting.inductance * v["leakage_inductance", "share_2"]
+    halving = v["leakage_inductance", "halving_current"]
+    e[LEAKAGE_BENDS] = HALVED / (halving * halving) if halving < NEVER else 0.0
 
 
 def _mutual(e: Array, v: Values, setting: KernelSetting) -> None:
@@ -34,11 +38,25 @@ STRAY_FLUX = (
         name="leakage_inductance",
         group="magnetic",
         sentence="flux that links a coil and pulls nothing: end turns, stray iron, the air around",
-        equation="lambda_j = Lambda_j + share_j L_0 u_j, L_0 the inductance of a side at the nominal gap; no force",
+        equation=(
+            "lambda_j = Lambda_j + share_j L_0 u_j/sqrt(1 + 0.587 (u_j/halving_current)^2), L_0 the inductance of a "
+            "side at the nominal gap; no force: a path through air, or through iron that saturates"
+        ),
         source="Roters, Electromagnetic Devices, 1941, ch. 5 (leakage permeances)",
         parameters=(
             Parameter("share_1", "", 0.0, (-0.5, 2.0), 0.01, "side 1's leakage inductance over L_0"),
             Parameter("share_2", "", 0.0, (-0.5, 2.0), 0.01, "side 2's leakage inductance over L_0"),
+            Parameter(
+                "halving_current",
+                "A",
+                NEVER,
+                (1e-3, 2 * NEVER),
+                10.0,
+                "at which the iron on its path leaves half of its inductance",
+                shape=True,
+                tried=(10.0,),
+                over="current",
+            ),
         ),
         needs=("magnets",),
         coefficients=_leakage,
