@@ -184,7 +184,8 @@ class MapAlone(Kind):
         plant = self.likelihood.problem.plant.parameters
         spread = float(np.std(self.rows.measured.rows.current))
         at_one_gap = bool(np.ptp(self.rows.measured.rows.gap) == 0)
-        features = RecordFeatures(position=1.0, current=spread, velocity=1.0, own_frequency=1.0, loops=at_one_gap)
+        peak = float(np.abs(self.rows.measured.rows.current).max())
+        features = RecordFeatures(1.0, spread, 1.0, own_frequency=1.0, peak=peak, loops=at_one_gap)
         effects = [name for name, effect in CATALOGUE.items() if effect.separating]
         if at_one_gap:
             effects = [name for name in effects if name in OF_THE_CURRENT]

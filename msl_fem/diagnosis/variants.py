@@ -66,6 +66,7 @@ class RecordFeatures:
     lines : Hz, the highest lines of the residual
     rate : samples a second, Hz; None without runs
     command : RMS of what drives the runs, its mean in it, A, V or N
+    peak : highest current, A
     loops : whether it is of loops of a magnet at rest, which show more of an iron's memory than runs do
     """
 
@@ -76,6 +77,7 @@ class RecordFeatures:
     lines: tuple[float, ...] = ()
     rate: float | None = None
     command: float = 1.0
+    peak: float = 1.0
     loops: bool = False
 
 
@@ -157,6 +159,7 @@ def features_of_runs(problem: FitProblem) -> RecordFeatures:
         own_frequency=float(own) or 20.0,
         rate=problem.runs[0].rate if problem.runs else None,
         command=_command(problem.runs),
+        peak=max(float(np.abs(i).max()) for i in currents) if p.sides else 1.0,
     )
 
 

@@ -1,5 +1,6 @@
 """The energy ledger of a run: what came in is what was lost and what is stored."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -156,6 +157,18 @@ def _in_iron(e: Array, state: Array, anchor: int, start: int) -> float:
 
 
 @compiled
+def _under_knee(bends: float, square: float) -> float:
+    """The integral of y (exp(7 b y^2) - 1)/(b (exp(7) - 1)) over y up to a y^2, or y^4/4 where there is no b."""
+    if bends == 0.0:
+        return 0.25 * square * square
+    steep = magnetic.STEEPNESS * bends * square
+    rest = math.expm1(steep) - steep
+    if steep < 1e-3:
+        rest = steep * steep * (0.5 + steep * (1.0 / 6.0 + steep / 24.0))
+    return 0.5 * rest / (magnetic.STEEPNESS * bends * bends * math.expm1(magnetic.STEEPNESS))
+
+
+@compiled
 def _field(surface: Surface, p: PlantParameters, effects: Array | None, state: Array) -> float:
     """Field energy of all magnets in J, with that of their eddy currents."""
     memory = workspace()
@@ -173,7 +186,8 @@ def _field(surface: Surface, p: PlantParameters, effects: Array | None, state: A
             flux += work[CIRCUIT_1 + j * N_CIRCUIT + SHARED_FLUX]
         if effects is not None:
             y, width = abs(e[magnetic.IRON_SCALE] * flux), e[magnetic.IRON_WIDTH]
-            iron = e[magnetic.IRON_LOW] * (y - width * np.log(1.0 + y / width)) + e[magnetic.IRON_KNEE] * y**4 / 4
+            iron = e[magnetic.IRON_LOW] * (y - width * np.log(1.0 + y / width))
+            iron += e[magnetic.IRON_KNEE] * _under_knee(e[magnetic.IRON_BENDS], y * y)
             bend = np.sqrt(e[stray_flux.REMANENCE_FADES])
             bent = np.arctan(bend * flux) / bend if bend > 0.0 else flux
             energy += iron / e[magnetic.IRON_SCALE] - e[stray_flux.REMANENT_1 + j] * bent

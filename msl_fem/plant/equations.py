@@ -46,6 +46,7 @@ from msl_fem.computing.lanes import (
     Rows,
     Value,
     choose,
+    exponential,
     first,
     hyperbolic_cosine,
     hyperbolic_sine,
@@ -387,7 +388,19 @@ def series_iron(e: Rows, flux: Value) -> Value:
     if not (some(e[magnetic.IRON_LOW] > 0.0) or some(e[magnetic.IRON_KNEE] > 0.0)):
         return flux - flux
     y = e[magnetic.IRON_SCALE] * flux
-    return y * (e[magnetic.IRON_LOW] / (e[magnetic.IRON_WIDTH] + size(y)) + e[magnetic.IRON_KNEE] * y * y)
+    return y * (e[magnetic.IRON_LOW] / (e[magnetic.IRON_WIDTH] + size(y)) + e[magnetic.IRON_KNEE] * knee(e, y * y))
+
+
+@compiled
+def knee(e: Rows, square: Value) -> Value:
+    """(exp(7 b y^2) - 1)/(b (exp(7) - 1)) of y^2, or y^2 where there is no b, see early_saturation."""
+    if not some(e[magnetic.IRON_BENDS] > 0.0):
+        return square
+    bends, whole = e[magnetic.IRON_BENDS], np.exp(magnetic.STEEPNESS) - 1.0
+    steep = magnetic.STEEPNESS * bends * square
+    near = magnetic.STEEPNESS * square * (1.0 + steep * (0.5 + steep * (1.0 / 6.0 + steep / 24.0)))
+    above = choose(steep < 1e-3, near, (exponential(steep) - 1.0) / bends)
+    return choose(bends > 0.0, above / whole, square)
 
 
 @compiled

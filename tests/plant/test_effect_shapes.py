@@ -54,21 +54,45 @@ def test_the_modes_of_the_sheets_are_the_closed_form_s() -> None:
     assert abs(exact[-1]) < 0.05, "far beyond where one mode would do"
 
 
-def test_iron_in_series_takes_its_current_and_gives_its_energy_back(servo: Actuator) -> None:
-    """i = u + a y/(w + y) + k y^3 with y = lambda/L_0 = u on a linear table, at rest and in a closed ledger."""
+@pytest.mark.parametrize("at", [None, 1.2], ids=["cube", "exponential"])
+def test_iron_in_series_takes_its_current_and_gives_its_energy_back(servo: Actuator, at: float | None) -> None:
+    """i = u + a y/(w + y) + k y^3 with y = lambda/L_0 = u on a linear table, at rest and in a closed ledger; with a
+    knee at 1.2 A the cube's square is another one below it and beyond, as Brauer's law has it."""
     a, width, k = 0.02, 0.1, 0.01
     values = effects("early_saturation", low_field_current=a, low_field_width=width, knee_excess=k)
+    if at is not None:
+        shape = {"low_field_current": a, "low_field_width": width, "knee_excess": k, "knee_current": at}
+        values = effects("early_saturation", **shape)
     command = 1.0 + 0.5 * np.sin(2 * np.pi * 20 * np.arange(2000) / 1e4)
     run = simulate(
         locked(servo), linear_table(), Inputs(np.column_stack([command, -command]), 1e4), effects=values,
         options=Options(currents=(1.0, -1.0)),
     )  # fmt: skip
     y = run.flux_linkage / INDUCTANCE
-    assert run.current == pytest.approx(y + a * y / (width + np.abs(y)) + k * y**3, rel=1e-9)
-    assert y[:, 0].max() < 1.46
+    square = y**2 if at is None else at**2 * np.expm1(7 * (y / at) ** 2) / np.expm1(7)
+    assert run.current == pytest.approx(y + a * y / (width + np.abs(y)) + k * y * square, rel=1e-9)
+    assert 1.2 < y[:, 0].max() < 1.46
     assert run.flux_linkage[0, 0] == pytest.approx(-run.flux_linkage[0, 1], rel=1e-12)
     assert abs(run.audit.imbalance) < 1e-7
     assert run.audit.hysteresis == 0.0
+
+
+def test_a_knee_far_beyond_a_run_leaves_next_to_nothing_of_the_excess_and_one_within_its_cube(servo: Actuator) -> None:
+    """7/(e^7 - 1) of the cube far below; at the knee's current the cube itself; where 7 y^2/y_k^2 is small by a series
+    that goes over into the closed form."""
+    plant, surface = plant_parameters(servo), surface_of(linear_table())
+    gap, currents = np.full(4, plant.nominal_gap), np.array([0.1, 0.119, 0.121, 1.0])
+
+    def excess(**shape: float) -> np.ndarray:
+        values = effects("early_saturation", knee_excess=0.01, **shape)
+        y = 2 * static_map(surface, plant, values, gap=gap, current=currents)[1] / INDUCTANCE
+        return (currents - y) / y**3
+
+    assert excess() == pytest.approx(0.01, rel=1e-6)
+    far = 0.01 * 7 / np.expm1(7)
+    assert excess(knee_current=50.0)[3] == pytest.approx(far, rel=2e-3)
+    assert excess(knee_current=10.0)[:3] == pytest.approx(far * (1 + 3.5 * (currents[:3] / 10) ** 2), rel=1e-5)
+    assert excess(knee_current=0.99)[3] == pytest.approx(0.01, rel=0.05)
 
 
 @pytest.mark.parametrize("name", ["low_field_current", "knee_excess"])

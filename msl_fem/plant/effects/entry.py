@@ -9,7 +9,7 @@ from msl_fem.plant.plant import PlantParameters
 
 Group = Literal["magnetic", "electrical", "mechanical", "sensing and timing"]
 Need = Literal["magnets", "two sides", "drive lag"]
-Scale = Literal["", "own_frequency", "position", "velocity", "current", "command", "lines", "loops"]
+Scale = Literal["", "own_frequency", "position", "velocity", "current", "peak", "command", "lines", "loops"]
 Quantity = Literal["gap", "travel", "mass", "force", "current", "period"]
 OF_ANY_PLANT = 100.0
 """How much larger than the reference servo's a quantity of another plant may be."""
@@ -92,8 +92,9 @@ class Parameter:
     meaning : in a few words
     shape : it says how, not how much: at the other parameters' neutral values it changes nothing
     tried : of a shape, the values at which a search starts, in units of what `over` names in a record (its RMS
-        position, velocity, current or command, the mover's own frequency, the lines of the residual's spectrum), in SI
-        over ""; over "loops" it is searched for in measured loops alone and elsewhere has its neutral value
+        position, velocity, current or command, the highest current, the mover's own frequency, the
+        lines of the residual's spectrum), in SI over ""; over "loops" it is searched for in measured loops alone and
+        elsewhere has its neutral value
     width : of a shape, one sigma of its logarithm about a value that is tried
     instead : of a shape, those in whose place it is tried: two forms of one effect
     belongs_to : of a shape, the one amount that it is about; "": all of them

@@ -33,8 +33,11 @@ EDDY_MODE, EDDY_RATE = LAYOUT.rows(2, N_EDDY)  # modes of the eddy currents: cur
 HYSTERESIS_SLOPE, HYSTERESIS_WIDTH = LAYOUT.rows(2, N_STOP)  # of the stops, A/Wb; their widths, Wb
 HYSTERESIS_STRETCH = LAYOUT.row()  # of what the stops follow: y = lambda + stretch lambda^3, Wb^-2
 HYSTERESIS_BROADENING = LAYOUT.row()  # and of y: z = asinh(gamma y)/gamma, 1/Wb
+CUBIC_ALONE = 1e9  # A, of a knee that is a cube to its end
+STEEPNESS = 7.0  # of the exponential, at the knee's current
 IRON_SCALE, IRON_LOW = LAYOUT.rows(2)  # iron in series: one over L_0, 1/H; current at low fields, A
 IRON_WIDTH, IRON_KNEE = LAYOUT.rows(2)  # its width, A; current over the cube, 1/A^2
+IRON_BENDS = LAYOUT.row()  # in place of the cube an exponential of y^2, 1/A^2
 
 
 def _gaps(e: Array, v: Values, setting: KernelSetting) -> None:
@@ -66,6 +69,8 @@ def _coenergy(e: Array, v: Values, setting: KernelSetting) -> None:
     e[IRON_LOW] = v["early_saturation", "low_field_current"]
     e[IRON_WIDTH] = v["early_saturation", "low_field_width"]
     e[IRON_KNEE] = v["early_saturation", "knee_excess"]
+    bends = v["early_saturation", "knee_current"]
+    e[IRON_BENDS] = 1.0 / (bends * bends) if bends < CUBIC_ALONE else 0.0
 
 
 def _hysteresis(e: Array, v: Values, setting: KernelSetting) -> None:
@@ -154,9 +159,13 @@ MAGNETIC = (
         sentence="the iron saturates sooner than its B-H curve says (stacking factor, cutting stress)",
         equation=(
             "W'(i, g) -> W'((1 + s) i, g) / (1 + s)^2: B and H of the iron scaled by 1/(1 + s), the gap unchanged; "
-            "i = u + low_field_current y/(low_field_width + |y|) + knee_excess y^3, y = lambda/L_0: iron in series"
+            "i = u + low_field_current y/(low_field_width + |y|) + knee_excess y^3, y = lambda/L_0: iron in series; "
+            "with a knee_current y_k, y_k^2 (exp(7 y^2/y_k^2) - 1)/(exp(7) - 1) in place of y^2 in the cube"
         ),
-        source="Schoppa, Schneider, Wuppermann, J. Magn. Magn. Mater. 215-216, 2000, 74-78 (cutting)",
+        source=(
+            "Schoppa, Schneider, Wuppermann, J. Magn. Magn. Mater. 215-216, 2000, 74-78 (cutting); Brauer, IEEE Trans. "
+            "Magn. 11(1), 1975, 81 (the knee)"
+        ),
         parameters=(
             Parameter("knee_shift", "", 0.0, (-0.3, 5.0), 0.02, "s: the flux at the knee is 1/(1 + s)"),
             Parameter(
@@ -189,6 +198,18 @@ MAGNETIC = (
                 shape=True,
                 tried=(0.1,),
                 belongs_to="low_field_current",
+            ),
+            Parameter(
+                "knee_current",
+                "A",
+                CUBIC_ALONE,
+                (1e-3, 2 * CUBIC_ALONE),
+                10.0,
+                "y_k: the lambda/L_0 at which the excess is that cube; below it is less, and beyond more",
+                shape=True,
+                tried=(1.0,),
+                over="peak",
+                belongs_to="knee_excess",
             ),
         ),
         needs=("magnets",),
