@@ -8,7 +8,7 @@ from msl_fem.plant.excitation import Inputs
 
 ALL_EFFECTS = EffectValues({
     "gap_offset": {"offset": 3e-6, "centring": 1e-6},
-    "early_saturation": {"knee_shift": 0.02, "low_field_current": 0.01, "knee_excess": 0.01, "knee_current": 2.0},
+    "early_saturation": {"knee_shift": 0.02, "low_field_current": 0.01, "knee_excess": 0.01, "knee_current": 12.0},
     "fringing": {"growth": 20.0, "depth_error": 0.002, "turns_error": 0.001},
     "magnetic_hysteresis": {"coercive_current": 0.02, "spacing": 1.5, "fall": 0.3, "widening": 0.01, "broadening": 0.5},
     "eddy_currents": {"time_constant": 1e-4},
