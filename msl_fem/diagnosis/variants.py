@@ -115,9 +115,10 @@ def variants(effect: str, features: RecordFeatures, plant: PlantParameters) -> l
 
 
 def _forms(shapes: Sequence[Parameter]) -> list[list[Parameter]]:
-    """The shapes that are tried together: those that stand in no other's place, then one of those that do."""
-    first = [shape for shape in shapes if not shape.instead]
-    others = [shape for shape in shapes if shape.instead]
+    """The shapes that are tried together: those that stand in no other's place and are not optional, then one of the
+    others beside them."""
+    others = [shape for shape in shapes if shape.instead or shape.optional]
+    first = [shape for shape in shapes if shape not in others]
     return [first, *([*(shape for shape in first if shape.name not in one.instead), one] for one in others)]
 
 

@@ -174,6 +174,24 @@ def test_friction_is_named_on_an_unstable_levitator(base, table, monkeypatch) ->
     assert found.causes[0].parameters["force"].value == pytest.approx(hidden.friction, rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("effect", "amounts", "shape", "centre"),
+    [
+        ("leakage_inductance", ("share_1", "share_2"), "halving_current", 15.0),
+        ("early_saturation", ("knee_excess",), "knee_current", 3.0),
+    ],
+)
+def test_iron_that_may_saturate_is_tried_with_and_without(
+    effect: str, amounts: tuple[str, ...], shape: str, centre: float
+) -> None:
+    features = RecordFeatures(1e-3, 1.0, 5e-3, 20.0, peak=3.0)
+    plant = plant_parameters(load_actuator(ROOT / "geometries" / "fast_tool_servo.toml"))
+    tried = variants(effect, features, plant)
+    own = [one.shapes for one in tried if tuple(amount.name for amount in one.amounts) == amounts]
+    assert [tuple(one.name for one in shapes) for shapes in own] == [(), (shape,)]
+    assert own[1][0].centre == pytest.approx(centre)
+
+
 def test_friction_is_tried_in_each_of_its_forms(base) -> None:
     """Elastic before it slides and falling beyond, or passing zero with the velocity: never both in one."""
     features = RecordFeatures(1e-3, 1.0, 5e-3, 20.0)

@@ -97,6 +97,7 @@ class Parameter:
         elsewhere has its neutral value
     width : of a shape, one sigma of its logarithm about a value that is tried
     instead : of a shape, those in whose place it is tried: two forms of one effect
+    optional : of a shape, whether it is tried and left at its neutral value: two forms as well
     belongs_to : of a shape, the one amount that it is about; "": all of them
     alone : an amount that is tried without its effect's shapes too
     lagging : it needs a drive whose current cannot jump, though its effect does not
@@ -115,6 +116,7 @@ class Parameter:
     over: Scale = ""
     width: float = 1.0
     instead: tuple[str, ...] = ()
+    optional: bool = False
     belongs_to: str = ""
     alone: bool = False
     lagging: bool = False

@@ -209,6 +209,7 @@ MAGNETIC = (
                 shape=True,
                 tried=(1.0,),
                 over="peak",
+                optional=True,
                 belongs_to="knee_excess",
             ),
         ),
