@@ -162,6 +162,11 @@ class Likelihood:
         return replace(self, gathered=runs)
 
     @property
+    def highest_at_rest(self) -> float:
+        """The highest current (A) of the rows of a map beside the runs; 0 without one."""
+        return 0.0
+
+    @property
     def is_cut(self) -> bool:
         """Whether a run is followed over stretches."""
         return any(cut is not None for cut in self.problem.stretches)

@@ -119,21 +119,31 @@ def statistics_of(stages: Sequence[SearchStage]) -> tuple[tuple[tuple[str, float
 
 
 def ranked(every: Sequence[Score]) -> list[Score]:
-    """The variants worth a refit, at most `VARIANTS` of an effect, best first."""
+    """The variants worth a refit, best first: at most `VARIANTS` of an effect, and one more with a shape that these
+    lack, of which a linear score may tell little, since it bends far out."""
     found: list[Score] = []
     chosen: dict[str, list[Score]] = {}
     best = every[0].gain if every else 0.0
     for score in every:
         of_effect = chosen.get(score.variant.effect, [])
-        if len(of_effect) >= VARIANTS or (not of_effect and len(chosen) >= MOST_TRIED):
+        bent = len(of_effect) <= VARIANTS and _bent(score, of_effect)
+        if (len(of_effect) >= VARIANTS and not bent) or (not of_effect and len(chosen) >= MOST_TRIED):
             continue
         if score.gain < SHARE * best and len(chosen) >= FEWEST_TRIED:
             continue
-        if of_effect and score.gain < 0.5 * of_effect[0].gain:
+        if of_effect and score.gain < 0.5 * of_effect[0].gain and not bent:
             continue
         chosen.setdefault(score.variant.effect, []).append(score)
         found.append(score)
     return found
+
+
+def _bent(score: Score, chosen: Sequence[Score]) -> bool:
+    """Whether a variant has the amounts of one that is chosen, more shapes than any such, and a guess."""
+    shapes = {shape.name for shape in score.variant.shapes}
+    alike = [one.variant for one in chosen if one.variant.amounts == score.variant.amounts]
+    more = all({shape.name for shape in one.shapes} < shapes for one in alike)
+    return bool(alike) and more and bool(np.any(score.guess != 0))
 
 
 def peaks(every: Sequence[Score], chosen: Sequence[Score]) -> list[Score]:

@@ -244,6 +244,10 @@ class JointLikelihood(Likelihood):
 
     static: StaticLikelihood
 
+    @property
+    def highest_at_rest(self) -> float:
+        return float(np.abs(self.static.measured.rows.current).max())
+
     def of_runs(self, points: Points) -> Array:
         """`spectra` of the runs alone."""
         return super().spectra(points)

@@ -66,7 +66,7 @@ class RecordFeatures:
     lines : Hz, the highest lines of the residual
     rate : samples a second, Hz; None without runs
     command : RMS of what drives the runs, its mean in it, A, V or N
-    peak : highest current, A
+    peak : highest current, that of a map beside the runs included, A
     loops : whether it is of loops of a magnet at rest, which show more of an iron's memory than runs do
     """
 
@@ -145,7 +145,9 @@ def _centres(shape: Parameter, features: RecordFeatures) -> tuple[float, ...]:
 
 def record_features(likelihood: Likelihood, found: Fit) -> RecordFeatures:
     """The features of a record at a fit without what is looked for."""
-    return replace(features_of_runs(likelihood.problem), lines=loud_lines(likelihood, found))
+    runs = features_of_runs(likelihood.problem)
+    peak = max(runs.peak, likelihood.highest_at_rest)
+    return replace(runs, lines=loud_lines(likelihood, found), peak=peak)
 
 
 def features_of_runs(problem: FitProblem) -> RecordFeatures:

@@ -297,6 +297,22 @@ def test_a_start_that_cannot_be_simulated_is_said() -> None:
         fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
 
 
+def test_a_form_with_a_shape_that_the_best_ones_lack_is_tried_too() -> None:
+    """A knee scores a sixth of a cube by a linear model, and brings more: once, and where there is a guess."""
+    knee, low = (EffectUnknown("early_saturation", name) for name in ("knee_excess", "low_field_current"))
+
+    def score(gain: float, *amounts: EffectUnknown, at: float | None = None, guess: float = 1.0) -> Score:
+        shapes = () if at is None else (EffectUnknown("early_saturation", "knee_current", at, 1.0),)
+        n = len(amounts)
+        return Score(Variant("early_saturation", amounts, shapes), gain, np.full(n, guess), np.zeros(1), np.eye(n))
+
+    straight = [score(676.0, low, knee), score(672.0, knee)]
+    bent = [score(119.0, knee, at=6.0), score(114.0, low, knee, at=6.0)]
+    assert ranked([*straight, *bent]) == [*straight, bent[0]]
+    assert ranked([*straight, score(119.0, knee, at=6.0, guess=0.0)]) == straight
+    assert ranked([*straight, score(300.0, EffectUnknown("early_saturation", "knee_shift"))]) == straight
+
+
 def test_a_peak_between_springs_that_score_more_is_tried_too() -> None:
     """The gains of a second resonance at 153 Hz over the grid: far above, its spring alone scores more."""
     grid = [100.0, 119.0, 140.0, 165.0, 195.0, 230.0, 271.0, 320.0, 526.0, 864.0, 1203.0, 1419.0]

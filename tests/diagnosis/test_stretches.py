@@ -177,7 +177,7 @@ def test_friction_is_named_on_an_unstable_levitator(base, table, monkeypatch) ->
 @pytest.mark.parametrize(
     ("effect", "amounts", "shape", "centre"),
     [
-        ("leakage_inductance", ("share_1", "share_2"), "halving_current", 15.0),
+        ("leakage_inductance", ("share_1", "share_2"), "halving_current", 30.0),
         ("early_saturation", ("knee_excess",), "knee_current", 3.0),
     ],
 )
