@@ -20,7 +20,7 @@ import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -39,6 +39,8 @@ from msl_fem.diagnosis.conclusion import APART
 from msl_fem.diagnosis.driver import kind_of
 from msl_fem.diagnosis.effect_search import without_effects
 from msl_fem.diagnosis.kind import about_belief
+from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.result import Diagnosis
 from msl_fem.diagnosis.search import search_stage
 from msl_fem.errors import ComputationError, InputError
@@ -160,21 +162,40 @@ def tried(case: Case) -> Row:
     return row | {"cpu_seconds": round(time.process_time() - begin, 1), "truth": truth} | outcome(found)
 
 
+class OnlyThese:
+    """A case's record at the model without effects, from which a search goes that tries stated effects alone.
+
+    Raises
+    ------
+    InputError : the record cannot decide anything
+    """
+
+    def __init__(self, case: Case) -> None:
+        sealed = sealed_of(case)
+        self.truth = [effect["effect"] for effect in sealed.answer["effects"]]
+        self.how = DiagnosisSettings(table=rig_of(case.rig).table)
+        kind = kind_of(sealed.record, self.how)
+        if isinstance(kind, str):
+            raise InputError(kind)
+        self.kind = kind.settled(self.how.progress)
+        self.base = without_effects(self.kind, self.how)
+
+    def best(self, base: Fit, effects: Collection[str]) -> Refit | None:
+        """What brings most beside a fit."""
+        tried = [variant for variant in about_belief(self.kind, base) if variant.effect in effects]
+        return search_stage(base, tried, tell=self.how.progress, memory=self.how.memory).best
+
+
 @one_blas_thread
 def nats_shown(case: Case) -> dict[str, float]:
     """Of each hidden effect the nats that it brings beside the others, where nothing else is tried."""
-    sealed = sealed_of(case)
-    truth = {effect["effect"] for effect in sealed.answer["effects"]}
-    how = DiagnosisSettings(table=rig_of(case.rig).table)
-    kind = kind_of(sealed.record, how)
-    if isinstance(kind, str):
+    try:
+        search = OnlyThese(case)
+    except InputError:
         return {}
-    kind = kind.settled(how.progress)
-    base = without_effects(kind, how)
-    found: dict[str, float] = {}
-    while truth - set(found):
-        tried = [variant for variant in about_belief(kind, base) if variant.effect in truth]
-        best = search_stage(base, tried, tell=how.progress, memory=how.memory).best
+    base, found = search.base, dict[str, float]()
+    while set(search.truth) - set(found):
+        best = search.best(base, search.truth)
         if best is None:
             break
         base = best.fit
@@ -186,21 +207,12 @@ def nats_shown(case: Case) -> dict[str, float]:
 def nats_apart(case: Case, told: str) -> float:
     """Nats that the record brings on average for its one hidden effect over the one that was told in its place: below
     `APART` the best judge of the record alone takes one for the other once in six times at least."""
-    sealed = sealed_of(case)
-    how = DiagnosisSettings(table=rig_of(case.rig).table)
-    kind = kind_of(sealed.record, how)
-    if isinstance(kind, str):
+    try:
+        search = OnlyThese(case)
+    except InputError:
         return np.inf
-    kind = kind.settled(how.progress)
-    base = without_effects(kind, how)
-    fits = []
-    for effect in (sealed.answer["effects"][0]["effect"], told):
-        tried = [variant for variant in about_belief(kind, base) if variant.effect == effect]
-        best = search_stage(base, tried, tell=how.progress, memory=how.memory).best
-        if best is None:
-            return np.inf
-        fits.append(best.fit)
-    return round(fits[0].nats_apart(fits[1]), 2)
+    true, other = (search.best(search.base, [effect]) for effect in (search.truth[0], told))
+    return np.inf if true is None or other is None else round(true.fit.nats_apart(other.fit), 2)
 
 
 def outcome(found: Diagnosis) -> Row:

@@ -165,7 +165,7 @@ def _under_knee(bends: float, square: float) -> float:
     rest = math.expm1(steep) - steep
     if steep < 1e-3:
         rest = steep * steep * (0.5 + steep * (1.0 / 6.0 + steep / 24.0))
-    return 0.5 * rest / (magnetic.STEEPNESS * bends * bends * math.expm1(magnetic.STEEPNESS))
+    return 0.5 * rest / (magnetic.STEEPNESS * bends * bends * magnetic.RISE)
 
 
 @compiled

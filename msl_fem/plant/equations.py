@@ -396,11 +396,11 @@ def knee(e: Rows, square: Value) -> Value:
     """(exp(7 b y^2) - 1)/(b (exp(7) - 1)) of y^2, or y^2 where there is no b, see early_saturation."""
     if not some(e[magnetic.IRON_BENDS] > 0.0):
         return square
-    bends, whole = e[magnetic.IRON_BENDS], np.exp(magnetic.STEEPNESS) - 1.0
+    bends = e[magnetic.IRON_BENDS]
     steep = magnetic.STEEPNESS * bends * square
     near = magnetic.STEEPNESS * square * (1.0 + steep * (0.5 + steep * (1.0 / 6.0 + steep / 24.0)))
     above = choose(steep < 1e-3, near, (exponential(steep) - 1.0) / bends)
-    return choose(bends > 0.0, above / whole, square)
+    return choose(bends > 0.0, above / magnetic.RISE, square)
 
 
 @compiled

@@ -14,7 +14,7 @@ from msl_fem.plant.effects.entry import (
     Part,
     Values,
 )
-from msl_fem.plant.effects.mechanisms import N_STOP
+from msl_fem.plant.effects.mechanisms import N_STOP, NEVER
 
 EDDY_POLES = (9.961828, 46.97476, 177.0982, 678.4545, 2655.095, 12635.84)
 EDDY_WEIGHTS = (6.148609, 8.745795, 16.96271, 33.58058, 68.57505, 209.0614)
@@ -33,8 +33,8 @@ EDDY_MODE, EDDY_RATE = LAYOUT.rows(2, N_EDDY)  # modes of the eddy currents: cur
 HYSTERESIS_SLOPE, HYSTERESIS_WIDTH = LAYOUT.rows(2, N_STOP)  # of the stops, A/Wb; their widths, Wb
 HYSTERESIS_STRETCH = LAYOUT.row()  # of what the stops follow: y = lambda + stretch lambda^3, Wb^-2
 HYSTERESIS_BROADENING = LAYOUT.row()  # and of y: z = asinh(gamma y)/gamma, 1/Wb
-CUBIC_ALONE = 1e9  # A, of a knee that is a cube to its end
 STEEPNESS = 7.0  # of the exponential, at the knee's current
+RISE = math.exp(STEEPNESS) - 1.0  # of it up to there
 IRON_SCALE, IRON_LOW = LAYOUT.rows(2)  # iron in series: one over L_0, 1/H; current at low fields, A
 IRON_WIDTH, IRON_KNEE = LAYOUT.rows(2)  # its width, A; current over the cube, 1/A^2
 IRON_BENDS = LAYOUT.row()  # in place of the cube an exponential of y^2, 1/A^2
@@ -70,7 +70,7 @@ def _coenergy(e: Array, v: Values, setting: KernelSetting) -> None:
     e[IRON_WIDTH] = v["early_saturation", "low_field_width"]
     e[IRON_KNEE] = v["early_saturation", "knee_excess"]
     bends = v["early_saturation", "knee_current"]
-    e[IRON_BENDS] = 1.0 / (bends * bends) if bends < CUBIC_ALONE else 0.0
+    e[IRON_BENDS] = 1.0 / (bends * bends) if bends < NEVER else 0.0
 
 
 def _hysteresis(e: Array, v: Values, setting: KernelSetting) -> None:
@@ -202,8 +202,8 @@ MAGNETIC = (
             Parameter(
                 "knee_current",
                 "A",
-                CUBIC_ALONE,
-                (1e-3, 2 * CUBIC_ALONE),
+                NEVER,
+                (1e-3, 2 * NEVER),
                 10.0,
                 "y_k: the lambda/L_0 at which the excess is that cube; below it is less, and beyond more",
                 shape=True,

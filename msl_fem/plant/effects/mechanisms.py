@@ -6,6 +6,8 @@ from typing import Any
 
 N_STOP = 6
 """Stops of a Prandtl-Ishlinskii operator; their widths are 1, 2 ... 6 times the first."""
+NEVER = 1e9
+"""Of a current at which a shape has its effect, A: it is never reached."""
 SUM_OF_WIDTHS = N_STOP * (N_STOP + 1) // 2
 """Of the stops, in units of the first."""
 

@@ -4,6 +4,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.lanes import RowLayout
 from msl_fem.plant.effects import magnetic
 from msl_fem.plant.effects.entry import NO_MAGNETS, Effect, KernelSetting, Parameter, Part, Values
+from msl_fem.plant.effects.mechanisms import NEVER
 
 LAYOUT = RowLayout(after=magnetic.LAYOUT)
 LEAKAGE_1, LEAKAGE_2 = LAYOUT.rows(2)  # leakage inductance of the sides, H
@@ -11,7 +12,6 @@ LEAKAGE_BENDS = LAYOUT.row()  # with the square of the current, A^-2
 MUTUAL_INDUCTANCE = LAYOUT.row()  # of both sides, H
 REMANENT_1, REMANENT_2 = LAYOUT.rows(2)  # current that would make the sides' remanent flux, A
 REMANENCE_FADES = LAYOUT.row()  # with the square of the flux linkage, Wb^-2
-NEVER = 1e9  # A, of a current at which remanence or leakage is halved: it is not
 HALVED = 2.0 ** (2.0 / 3.0) - 1.0  # of (1 + z)^(-3/2) = 1/2
 
 
