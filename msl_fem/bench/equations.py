@@ -196,6 +196,15 @@ def leakage_slope(stray: Stray, j: int, current: float) -> float:
 
 
 @compiled
+def leakage_flux(stray: Stray, j: int, current: float) -> float:
+    """Leakage flux linkage of side j in Wb, the integral of `leakage_slope`."""
+    leak = stray.leakage_1 if j == 0 else stray.leakage_2
+    if np.isinf(stray.leakage_bend):
+        return leak * current
+    return leak * stray.leakage_bend * np.arctan(current / stray.leakage_bend)
+
+
+@compiled
 def remanent_current(stray: Stray, j: int, flux: float) -> float:
     """A, that the remanence of side j stands for: less of it at a large flux, along a recoil line that bends."""
     whole = stray.remanent_1 if j == 0 else stray.remanent_2

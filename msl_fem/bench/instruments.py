@@ -7,8 +7,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from msl_fem.actuator import Actuator
+from msl_fem.bench.equations import leakage_flux, remanent_current
 from msl_fem.bench.iron import pinned_current, series_current, settle_memory, side_magnet, virgin_memory
-from msl_fem.bench.plant import CURRENT_DRIVE, FORCE_DRIVE, Array, Bench, BenchPlant, as_record
+from msl_fem.bench.plant import CURRENT_DRIVE, FORCE_DRIVE, Array, Bench, BenchPlant, Stray, as_record
 from msl_fem.bench.rig import InstrumentErrors, Rig, magnet_surface
 from msl_fem.computing.compiled import compiled
 from msl_fem.errors import InputError
@@ -239,16 +240,22 @@ def bench_static_map(
 
 
 def _one_magnet(rig: Rig) -> BenchPlant:
-    """The plant of a rig with one magnet on one side, whose effects are those of a side's share."""
+    """The plant of a rig with one magnet on one side, whose effects are those of side 1's share."""
     plant, m = rig.plant, rig.plant.magnets
     per_flux = m.per_side * m.share  # side's flux over a magnet's
     per_current = m.share  # magnet's current over the side's
-    h, iron = plant.hysteresis, plant.series_iron
+    h, iron, stray = plant.hysteresis, plant.series_iron, plant.stray
     slope = iron.slope * per_current * per_flux
     return plant._replace(
         magnets=m._replace(sides=1, per_side=1, share=1.0),
         hysteresis=h._replace(amplitude=h.amplitude * per_current, flux_scale=h.flux_scale / per_flux),
         series_iron=iron._replace(step=iron.step / per_flux, value=iron.value * per_current, slope=slope),
+        stray=Stray(
+            leakage_1=stray.leakage_1 / (per_flux * per_current),
+            leakage_bend=stray.leakage_bend * per_current,
+            remanent_1=stray.remanent_1 * per_current,
+            remanent_flux=stray.remanent_flux / per_flux,
+        ),
     )
 
 
@@ -259,7 +266,7 @@ def _ramp(bench: Bench, memory: Array, currents: Array, gap: float, force_and_fl
     for n in range(currents.size):
         # bisection for i_m: the coil's current grows with it
         low = min(magnetising, currents[n]) - 0.5 * (abs(currents[n]) + 1.0)
-        high = currents[n] + 1.0
+        high = currents[n] + 1.0 + abs(bench.plant.stray.remanent_1)
         for _ in range(60):
             middle = 0.5 * (low + high)
             inside, _, current = _coil_current(bench, memory, middle, gap, force_and_flux[n])
@@ -272,6 +279,7 @@ def _ramp(bench: Bench, memory: Array, currents: Array, gap: float, force_and_fl
         magnetising = 0.5 * (low + high)
         _coil_current(bench, memory, magnetising, gap, force_and_flux[n])
         settle_memory(bench.plant.hysteresis, memory, force_and_flux[n, 1])
+        force_and_flux[n, 1] += leakage_flux(bench.plant.stray, 0, currents[n])
     return True
 
 
@@ -282,7 +290,7 @@ def _coil_current(bench: Bench, memory: Array, magnetising: float, gap: float, r
     if not inside:
         return False, flux, 0.0
     row[0], row[1] = force, flux
-    current = magnetising
+    current = magnetising - remanent_current(bench.plant.stray, 0, flux)
     if bench.plant.series_iron.step > 0.0:
         current += series_current(bench.plant.series_iron, flux)
     if bench.plant.hysteresis.amplitude > 0.0:

@@ -113,19 +113,16 @@ def spoilt_columns(columns: dict[str, Array], nuisances: Nuisances) -> dict[str,
     return spoilt
 
 
-def spoilt_map(static: StaticMap, nuisances: Nuisances, rig: Rig, *, gauge_shift: float) -> StaticMap:
+def spoilt_map(static: StaticMap, nuisances: Nuisances, *, gauge_shift: float) -> StaticMap:
     """A map as the instruments write it. With a zero of its own its gaps are those of gauges: `gauge_shift` in m is by
     how much the true gaps of the given map are wider than they read."""
-    n, magnets = nuisances, rig.plant.magnets
-    leak = rig.plant.stray.leakage_1 / (magnets.per_side * magnets.share**2)
-    force, flux = static.force, static.flux_linkage
+    n, force = nuisances, static.force
     own = "static_gap_zero" in n.values
     return replace(
         static,
         gap=static.gap + gauge_shift + n.zero("static_gap_zero") if own else static.gap,
         current=n.gain("current_gain_1") * static.current + n.zero("current_zero_1"),
         force=None if force is None else n.gain("force_gain") * force + n.zero("force_zero"),
-        flux_linkage=None if flux is None else flux + leak * static.current,
         gap_zero="gauge" if own else static.gap_zero,
     )
 

@@ -342,7 +342,7 @@ def recorded(
         noise = noise.model_copy(update={"force": FORCE_NOISE, "flux_linkage": FLUX_NOISE})
         nominal = actuator.motion.nominal_gap if actuator.motion is not None else None
         shift = float(nominal or 0.0) * (setting.truth.nominal_gap - 1.0)
-        static = spoilt_map(static, _nuisances(options), rig, gauge_shift=shift)
+        static = spoilt_map(static, _nuisances(options), gauge_shift=shift)
     return Record(
         "simulated",
         _stated(actuator, options),
