@@ -33,7 +33,7 @@ SCREENING_STEPS = 6
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to the linear model's best at which a refit may begin
 REFINEMENT_STEPS = 25
 LAST_STEPS = 20
-MORE_LEGS = 6  # of `LAST_STEPS`, for the leader alone, as long as they bring what counts
+MORE_LEGS = 6  # of as many steps, for the leader and what begins far off alone, as long as they bring what counts
 RACED_STEPS = 5  # of a candidate that is kept, until it is looked at again
 CATCHING_UP = 3.0
 """Times what the last of these rounds brought, by which a candidate that goes on may still grow."""
@@ -283,8 +283,8 @@ class Refinement:
     def from_small_amounts(self, refit: Refit) -> Refit:
         """The better of a candidate and of one begun at the belief: beside numbers that nothing can have, the amounts
         that suit them are none that lead back. Each sign of each amount is tried, in the likeliest of several sizes,
-        and what may still lead after a few steps goes on: where two amounts nearly balance each other, the likeliest
-        beginning is the one whose unbalance suits."""
+        and what may still lead after a few steps goes on, the most promising as long as it may still: where two amounts
+        nearly balance each other, the likeliest beginning is the one whose unbalance suits, and the way is long."""
         unknowns, likelihood = refit.fit.unknowns, refit.fit.likelihood.gathering(self.gathered)
         n, amounts, begin = self.base.unknowns.n_nuisance, len(refit.variant.amounts), as_believed(refit.fit)
         if likelihood.is_cut:
@@ -299,11 +299,21 @@ class Refinement:
             found.append(self._begun_anew(near, row, FitPlan(most_steps=SCREENING_STEPS, enough=ROUGH)))
         begun = [one for one in found if one is not None]
         best = max((one.gain for one in begun), default=0.0)
-        ended = []
-        for one in (one for one in begun if one.reach >= best):
-            plan = FitPlan(FIRST_STEPS, one.fit.damping, enough=ROUGH)
-            ended.append(self._refit(one.fit, one.variant, one.fit.z, plan, None))
+        ended = [self._on(one) for one in begun if one.reach >= best]
+        for _ in range(MORE_LEGS if ended else 0):
+            far = max(ended, key=lambda one: one.reach)
+            if not far.promising or far.reach <= max(refit.gain, *(one.gain for one in ended)):
+                break
+            ended.append(self._on(far))
+            ended.remove(far)
+            if ended[-1].gain - far.gain < far.enough:
+                break
         return max([refit, *ended], key=lambda one: one.gain)
+
+    def _on(self, begun: Refit) -> Refit:
+        """What began at small amounts, some steps on."""
+        plan = FitPlan(FIRST_STEPS, begun.fit.damping, enough=ROUGH)
+        return self._refit(begun.fit, begun.variant, begun.fit.z, plan, None)
 
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
         unknowns = extended(self.base.unknowns, variant)

@@ -209,6 +209,32 @@ def test_a_candidate_begins_at_the_belief_with_the_small_amount_that_suits_it(be
     assert refinement([2 * SANE, 0.0]).from_small_amounts(better) is better
 
 
+@pytest.mark.parametrize(
+    ("legs", "ends"),
+    [
+        (((-9e4, 2e4), (-3e4, 2e4), (3e3, 2e3), (4e3, 0.0)), 4e3),
+        (((-9e4, 2e4), (-3e4, 1e3)), 100.0),
+        (((-9e4, 2e4), (-3e4, 2e4), (-3e4, 2e4)), 100.0),
+    ],
+    ids=["as long as it may", "until it promises too little", "until a leg brings nothing"],
+)
+def test_what_begins_far_off_goes_on_as_long_as_it_may_lead(monkeypatch, legs, ends: float) -> None:
+    """Steps from a long way back: below nothing after the first legs, it leads in the end."""
+    below, above = iter(legs), candidate([0.0, 0.0, 1.0], -1e6, Amounts())
+
+    def fitted(self: Refinement, near, variant: Variant, z: np.ndarray, *rest: object) -> Refit:
+        if z[-1] > 0:
+            return above
+        gain, promised = next(below)
+        found = candidate(list(z), gain, near.likelihood)
+        return replace(found, fit=replace(found.fit, predicted=promised))
+
+    monkeypatch.setattr(Refinement, "_refit", fitted)
+    anew = refinement([2 * SANE, 0.0]).from_small_amounts(candidate([2 * SANE, 9.0, 5.0], 100.0, Amounts()))
+    assert anew.gain == ends
+    assert next(below, None) is None
+
+
 @pytest.mark.parametrize(("sane", "times"), [(base_at([1.0, 0.0]), 3), (None, 0)])
 def test_candidates_begin_anew_beside_a_base_beyond_sanity_alone(begun, monkeypatch, sane, times: int) -> None:
     screened = candidate([0.0, 0.0, 5.0], 100.0, Amounts())
