@@ -169,16 +169,17 @@ def test_a_static_map_of_large_currents_is_the_same_up_and_down() -> None:
 def test_stray_flux_is_in_the_static_map_as_in_the_runs(effect: str) -> None:
     """The map of a sealed record less that of one without, against the model's of side 1's magnet: remanence fades
     with the flux a little otherwise there, and leakage bends."""
-    plain, hidden = (made(one, static=True).record.static for one in ("none", f"{effect}=3%"))
+    sealed = made(f"{effect}=3%", static=True)
+    plain, hidden = made("none", static=True).record.static, sealed.record.static
     assert plain is not None
     assert hidden is not None
-    truth = made(f"{effect}=3%").answer["effects"][0]["parameters"]
+    truth = sealed.answer["effects"][0]["parameters"]
     plant, surface = plant_parameters(SERVO), surface_of(SERVO_TABLE)
     known = {name: value for name, value in truth.items() if name in ("current_1", "share_1")}
     assert known
-    values = [EffectValues({effect: one} if one else {}) for one in ({}, known)]
     rows = {"gap": plain.gap, "current": plain.current}
-    without, expected = (static_map(surface, plant, one, **rows)[1] for one in values)
+    nothing, stray = EffectValues(), EffectValues({effect: known})
+    without, expected = (static_map(surface, plant, one, **rows)[1] for one in (nothing, stray))
     low = np.abs(plain.current) <= 0.1 * plain.current.max()
     change = (hidden.flux_linkage - plain.flux_linkage)[low]
     assert change == pytest.approx((expected - without)[low], rel=0.15, abs=0.02 * np.abs(change).max())

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from msl_fem.computing.arrays import Array
+from msl_fem.plant.effects.mechanisms import NEVER
 from msl_fem.plant.plant import PlantParameters
 
 Group = Literal["magnetic", "electrical", "mechanical", "sensing and timing"]
@@ -129,6 +130,25 @@ class Parameter:
         of_size = self.of and ("period", 1) not in self.of
         wide = OF_ANY_PLANT ** max(1.0, *(abs(power) for _, power in self.of)) if of_size else 1.0
         return low * wide, high * wide
+
+
+def bending_current(
+    name: str, meaning: str, tried: float, *, over: Scale = "current", optional: bool = False, belongs_to: str = ""
+) -> Parameter:
+    """The shape of a form that bends: a current (A), where none is stated one that is never reached."""
+    return Parameter(
+        name,
+        "A",
+        NEVER,
+        (1e-3, 2 * NEVER),
+        10.0,
+        meaning,
+        shape=True,
+        tried=(tried,),
+        over=over,
+        optional=optional,
+        belongs_to=belongs_to,
+    )
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from msl_fem.plant.effects.entry import (
     Parameter,
     Part,
     Values,
+    bending_current,
 )
 from msl_fem.plant.effects.mechanisms import N_STOP, NEVER
 
@@ -199,15 +200,10 @@ MAGNETIC = (
                 tried=(0.1,),
                 belongs_to="low_field_current",
             ),
-            Parameter(
+            bending_current(
                 "knee_current",
-                "A",
-                NEVER,
-                (1e-3, 2 * NEVER),
-                10.0,
                 "y_k: the lambda/L_0 at which the excess is that cube; below it is less, and beyond more",
-                shape=True,
-                tried=(1.0,),
+                1.0,
                 over="peak",
                 optional=True,
                 belongs_to="knee_excess",

@@ -3,7 +3,7 @@
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.lanes import RowLayout
 from msl_fem.plant.effects import magnetic
-from msl_fem.plant.effects.entry import NO_MAGNETS, Effect, KernelSetting, Parameter, Part, Values
+from msl_fem.plant.effects.entry import NO_MAGNETS, Effect, KernelSetting, Parameter, Part, Values, bending_current
 from msl_fem.plant.effects.mechanisms import NEVER
 
 LAYOUT = RowLayout(after=magnetic.LAYOUT)
@@ -46,17 +46,8 @@ STRAY_FLUX = (
         parameters=(
             Parameter("share_1", "", 0.0, (-0.5, 2.0), 0.01, "side 1's leakage inductance over L_0"),
             Parameter("share_2", "", 0.0, (-0.5, 2.0), 0.01, "side 2's leakage inductance over L_0"),
-            Parameter(
-                "halving_current",
-                "A",
-                NEVER,
-                (1e-3, 2 * NEVER),
-                10.0,
-                "at which the iron on its path leaves half of its inductance",
-                shape=True,
-                tried=(30.0,),
-                over="current",
-                optional=True,
+            bending_current(
+                "halving_current", "at which the iron on its path leaves half of its inductance", 30.0, optional=True
             ),
         ),
         needs=("magnets",),
@@ -94,17 +85,7 @@ STRAY_FLUX = (
         parameters=(
             Parameter("current_1", "A", 0.0, (-5.0, 5.0), 0.02, "that would make side 1's", of=(("current", 1),)),
             Parameter("current_2", "A", 0.0, (-5.0, 5.0), 0.02, "that would make side 2's", of=(("current", 1),)),
-            Parameter(
-                "halving_current",
-                "A",
-                NEVER,
-                (1e-3, 2 * NEVER),
-                10.0,
-                "at whose flux, at the nominal gap, half of it is left",
-                shape=True,
-                tried=(10.0,),
-                over="current",
-            ),
+            bending_current("halving_current", "at whose flux, at the nominal gap, half of it is left", 10.0),
         ),
         needs=("magnets", "drive lag"),
         coefficients=_remanence,
