@@ -59,8 +59,6 @@ EQUAL = 0.5
 """Share of the largest gain before, from which an effect is no rest of that one's form."""
 BESIDE = 0.1
 """Share of the largest gain before that an effect has to bring to count where more than noise is left beside it."""
-DEVIATION = 0.1
-"""Share of an effect's gain, up to which what deviates from its form is no cause of its own beside it."""
 FAR_WITHIN = 0.5
 """Share of all that, up to which a refit that is not converged will not get there."""
 PROMISING = 0.25
@@ -124,7 +122,7 @@ class Rule:
 
     def out_of_reach(self, stages: Sequence[SearchStage], refit: Refit) -> bool:
         """Whether a refit that is not converged will not come to what the stage after these has to bring."""
-        return refit.reach < self.least(stages)
+        return refit.reach < max(self.least(stages), of_a_form(refit, stages))
 
     def searches_on(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
         """Whether more is looked for beside the best effect of stage n: it may be one of several."""
@@ -246,15 +244,17 @@ def in_sight(problem: FitProblem, stage: SearchStage) -> SearchStage:
 
 
 def of_its_own(stage: SearchStage, before: Sequence[SearchStage]) -> SearchStage:
-    """A stage without refits that are the small deviation of an effect before from its form: mutual flux over the
-    position beside mutual flux, a little of another lag beside one whose order is not quite its own."""
+    """A stage without refits that are the small deviation of an effect before from its form."""
+    return replace(stage, refits=tuple(one for one in stage.refits if one.gain >= of_a_form(one, before)))
+
+
+def of_a_form(refit: Refit, before: Sequence[SearchStage]) -> float:
+    """Nats below which a refit may be no more than the deviation of an effect of the stages before from its form:
+    mutual flux over the position beside mutual flux, a little of another lag beside one whose order is not quite its
+    own, remanence beside loops that no model follows to the end; minus infinity where it deviates from none."""
     gains = {one.best.variant.effect: one.best.gain for one in before if one.best is not None}
-
-    def counts(refit: Refit) -> bool:
-        of = [gains[name] for name in CATALOGUE[refit.variant.effect].deviation_of if name in gains]
-        return not of or refit.gain >= DEVIATION * max(of)
-
-    return replace(stage, refits=tuple(filter(counts, stage.refits)))
+    shares = CATALOGUE[refit.variant.effect].deviation_of
+    return max((share * gains[name] for name, share in shares.items() if name in gains), default=-np.inf)
 
 
 def _relative(problem: FitProblem, unknown: EffectUnknown, value: float) -> float:

@@ -110,7 +110,7 @@ class Exchange:
             found, places, settled = self._round(found, known, forms)
             if settled:
                 break
-        if found is not began:
+        if found is not began or _led_by_another(variants, stages[0]):
             return self._rebuilt(found, places, fits[0], stages[0])
         beside = [_beside_the_others(stage, place, found) for stage, place in zip(stages, places, strict=False)]
         return list(fits), [*beside, *stages[len(beside) :]]
@@ -251,6 +251,12 @@ def _beside_the_others(stage: SearchStage, place: _Place, found: EffectSet) -> S
     tried = {one.variant.effect: replace(one, gain=ahead + one.fit.log_evidence) for one in place.others}
     kept = [one for one in refits if one.variant.effect not in tried]
     return replace(stage, refits=(best, *sorted([*tried.values(), *kept], key=lambda one: -one.gain)))
+
+
+def _led_by_another(variants: Sequence[Variant], first: SearchStage) -> bool:
+    """Whether a set was begun with an effect that alone brings less than another one of it."""
+    others = {variant.effect for variant in variants[1:]}
+    return any(one.gain > first.refits[0].gain for one in first.refits if one.variant.effect in others)
 
 
 def _tried(stage: SearchStage) -> list[Refit]:

@@ -7,6 +7,7 @@ of its own, so its evidence is that of the fit.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.errors import ComputationError
 
 NEARLY = 0.05
-"""Share of the nats of the last effect that may be lost where a statement turned round stands in its place."""
+"""Share of an effect's nats that may be lost where a statement turned round stands in its place."""
 STEPS = 8  # of a fit: beside what a wrong statement costs, what further ones would bring is little
 
 
@@ -33,8 +34,8 @@ def in_doubt(kind: Kind, bare: Fit) -> Kind | None:
 def restated(kind: Kind, fits: Sequence[Fit]) -> Kind | None:
     """The record with the statement turned round that may explain it better than the last of these fits: by more than a
     tie without one of its effects, which may make up for the statement, or, where it explains it better without any
-    effect too, with all of them or none; or that loses next to nothing of the last effect's nats without it. None where
-    none does, or nothing but noise is to be explained.
+    effect too, with all of them or none; or that loses next to nothing of an effect's nats without it. None where none
+    does, or nothing but noise is to be explained.
 
     Parameters
     ----------
@@ -43,9 +44,10 @@ def restated(kind: Kind, fits: Sequence[Fit]) -> Kind | None:
     bare, last = fits[0], fits[-1]
     if max(bare.excess.values(), default=0.0) <= QUIET:
         return None
+    gains = [after.log_evidence - before.log_evidence for before, after in pairwise(fits)]
     for other in kind.restatements():
         turned = [_evidence(other, last, without=name) for name in _effects(last)]
-        if turned and turned[-1] > last.log_evidence - NEARLY * (last.log_evidence - fits[-2].log_evidence):
+        if any(nats > last.log_evidence - NEARLY * gain for nats, gain in zip(turned, gains, strict=True)):
             return other
         alone = _evidence(other, bare)
         if alone > bare.log_evidence + TIE:

@@ -321,6 +321,27 @@ def test_what_deviates_from_the_form_of_an_effect_is_no_cause_beside_it_unless_i
             assert [one.variant.effect for one in left] == ([other] if counts else []) + ["squeeze_film"]
 
 
+def test_a_refit_that_will_be_the_deviation_of_a_form_at_most_is_not_led_to_its_end() -> None:
+    """Remanence beside hysteresis, whose loops no model follows to the end, has to bring more than a delay beside a
+    pole."""
+
+    def found(effect: str, gain: float, reach: float) -> Any:
+        return SimpleNamespace(gain=gain, reach=reach, variant=SimpleNamespace(effect=effect))
+
+    for first, effect, least in (
+        ("amplifier_bandwidth", "time_delay", 400.0),
+        ("magnetic_hysteresis", "remanent_flux", 560.0),
+        ("magnetic_hysteresis", "sensor_drift", 560.0),
+        ("magnetic_hysteresis", "squeeze_film", Rule().further),
+    ):
+        before = [SearchStage(None, (), (found(first, 4000.0, 4000.0),))]  # type: ignore[arg-type]
+        for reach, hopeless in ((least - 1.0, True), (least + 1.0, False)):
+            refit = found(effect, reach - 5.0, reach)
+            assert Rule().out_of_reach(before, refit) is hopeless
+            reached = SearchStage(None, (), (found(effect, reach, reach),))  # type: ignore[arg-type]
+            assert (not of_its_own(reached, before).refits) == (hopeless and effect != "squeeze_film")
+
+
 def test_where_a_zero_wanders_the_other_channels_confirm() -> None:
     """A drift of 30 times the noise: a change of the size of the noise that meets its path makes the reading worse."""
     chance = np.random.default_rng(3)

@@ -87,6 +87,20 @@ def test_a_set_that_is_right_stays_as_the_search_left_it() -> None:
     assert put_right(fits, stages) is None
 
 
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_set_begun_with_less_than_another_of_it_brings_alone_is_told_the_most_needed_first(alone: bool) -> None:
+    """Where more than noise is left a search is begun once more with what came second."""
+    record = linear(truth=(0.2, 0.6), mixed=(0.5, 0.5))
+    fits, stages = searched(record, OFFSET, CUBIC, rivals=(CUBIC,) if alone else ())
+    better = put_right(fits, stages)
+    assert (better is not None) == alone
+    if better is not None:
+        chain, made = better
+        assert [stage.best.variant.effect for stage in made] == ["stiffness_nonlinearity", "force_offset"]
+        assert made[0].best.gain > stages[0].best.gain
+        assert chain[-1].log_evidence == pytest.approx(fits[-1].log_evidence, abs=0.1), "the same set"
+
+
 def test_what_is_nearly_as_probable_beside_the_others_is_told_with_an_effect() -> None:
     """An offset, and a bow that is it but for a cubic: alone they are far apart, beside the cubic they are not."""
     chance = np.random.default_rng(8)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from diagnosed import TABLE, bench_record
 from linear_record import CUBIC, OFFSET, LinearRecord, record, with_effect
+from scipy.optimize import brentq
 
 from msl_fem.diagnosis import driver
 from msl_fem.diagnosis.decision import TIE
@@ -60,6 +61,32 @@ def test_an_effect_that_makes_up_for_a_statement_gives_way_to_it_and_one_that_is
     assert np.var(bent.data) < 0.5 * np.var(hidden.data), "without effects the record as stated explains more"
     assert turned_of(bent, hidden)
     assert not turned_of(bent, replace(hidden, data=hidden.data + 2 * rest))
+
+
+@pytest.mark.parametrize(("share", "given_way"), [(0.03, True), (0.08, False)])
+def test_a_statement_may_stand_in_the_place_of_any_effect_whose_nats_it_nearly_brings(
+    share: float, given_way: bool
+) -> None:
+    """A delay that makes up for a wrong hold, beside a little of what the wrong delay leaves to a third effect."""
+    true, unknowns = record(size=5.0)
+    cubic = true.of_effect["stiffness_nonlinearity"]
+    wrong = replace(true, data=true.data + 5 * cubic)
+    sets = ((), (CUBIC,), (CUBIC, OFFSET))
+    fits = [fit(wrong, with_effect(unknowns, *every), np.zeros(3 + len(every))) for every in sets]
+    gain, last = fits[1].log_evidence - fits[0].log_evidence, fits[-1].log_evidence
+    rest = np.random.default_rng(5).standard_normal(cubic.size)
+
+    def turned_round(size: float) -> LinearRecord:
+        return replace(true, data=true.data + size * rest)
+
+    def lost(size: float) -> float:
+        without = with_effect(unknowns, OFFSET)
+        return last - fit(turned_round(size), without, np.zeros(4)).log_evidence
+
+    size = brentq(lambda size: lost(size) - share * gain, 0.0, 5.0)
+    other: Any = SimpleNamespace(likelihood=turned_round(size))
+    kind: Any = SimpleNamespace(restatements=lambda: (other,))
+    assert (restated(kind, fits) is other) == given_way
 
 
 @pytest.mark.parametrize(

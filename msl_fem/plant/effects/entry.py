@@ -1,7 +1,7 @@
 """What an entry of the catalogue holds: all that the rooms of the program have to know of an effect."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 from msl_fem.computing.arrays import Array
@@ -191,7 +191,8 @@ class Effect:
         for there
     wanders : the reading whose zero it moves by a path of each run's own, of which its parameters are the even course;
         "": it acts alike in every run
-    deviation_of : effects from whose form a real one deviates as if a little of this one were there
+    deviation_of : effects from whose form a real one deviates as if a little of this one were there, and the share of
+        what they bring up to which it is no cause of its own
     """
 
     name: str
@@ -211,7 +212,7 @@ class Effect:
     sets: tuple[tuple[str, ...], ...] = ()
     separating: str = ""
     wanders: str = ""
-    deviation_of: tuple[str, ...] = ()
+    deviation_of: Mapping[str, float] = field(default_factory=dict)
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; KeyError where there is none."""

@@ -218,6 +218,7 @@ MAGNETIC = (
         advice="check the stacking factor and the sheets' cut edges; measure the B-H curve of a stacked ring",
         sets=(("knee_shift",), ("low_field_current", "knee_excess"), ("knee_excess",)),
         separating="a map up to twice the largest current, where the iron saturates",
+        deviation_of={"magnetic_hysteresis": 0.14},
     ),
     Effect(
         name="fringing",
@@ -374,7 +375,7 @@ MAGNETIC = (
         inverse=NO_MAGNETS,
         static=NOT_AT_REST,
         advice="look for solid iron and shorted sheets in the flux path, a closed metal ring around it",
-        deviation_of=("time_delay", "amplifier_bandwidth"),
+        deviation_of={"time_delay": 0.1, "amplifier_bandwidth": 0.1, "magnetic_hysteresis": 0.14},
     ),
     Effect(
         name="cross_coupling",
@@ -391,7 +392,7 @@ MAGNETIC = (
         inverse=NO_MAGNETS,
         static=Part(declined="it takes two sides, a static map is of one magnet"),
         advice="separate the sides' flux: a thicker armature, other polarity; or keep it in the model",
-        deviation_of=("mutual_inductance",),
+        deviation_of={"mutual_inductance": 0.1},
     ),
     Effect(
         name="armature_tilt",

@@ -309,6 +309,7 @@ MECHANICAL = (
         static=NOT_AT_REST,
         advice="tap the mover with the coils open; stiffen what resonates, keep the loop's bandwidth below it",
         sets=(("mass_share",), ("mass_share", "load_reading")),
+        deviation_of={"position_sensor_crosstalk": 0.02},
     ),
     Effect(
         name="flexure_relaxation",
@@ -350,6 +351,7 @@ MECHANICAL = (
         inverse=Part(("force",)),
         static=Part(("force",)),
         advice="check gravity along the axis, cables, the rest position",
+        deviation_of={"early_saturation": 0.05},
     ),
     Effect(
         name="support_compliance",
@@ -393,5 +395,6 @@ MECHANICAL = (
         inverse=NO_MAGNETS,
         static=NOT_AT_REST,
         advice="stiffen the bench or read the gap against the magnet",
+        deviation_of={"magnetic_hysteresis": 0.14},
     ),
 )

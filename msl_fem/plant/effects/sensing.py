@@ -163,6 +163,7 @@ SENSING = (
         static=Part(declined="a static map has its own gap, by gauges or at rest"),
         advice="lock the mover and drive the coils: what the position then reads is this; screen or move the sensor",
         sets=(("per_current_1", "per_current_2"), ("per_current_1",), ("per_current_2",)),
+        deviation_of={"eddy_currents": 0.02},
     ),
     Effect(
         name="time_delay",
@@ -193,7 +194,7 @@ SENSING = (
         static=NOT_AT_REST,
         advice="check the time stamps of the channels and the cycles between computing and acting",
         sets=(("command",), ("position",), ("current",), ("position", "current")),
-        deviation_of=("amplifier_bandwidth", "eddy_currents", "position_sensor_lag"),
+        deviation_of={"amplifier_bandwidth": 0.1, "eddy_currents": 0.1, "position_sensor_lag": 0.1},
     ),
     Effect(
         name="periodic_disturbance",
@@ -248,5 +249,6 @@ SENSING = (
             ("offset", "rate", "acceleration", "jerk"),
         ),
         wanders="position_m",
+        deviation_of={"magnetic_hysteresis": 0.14},
     ),
 )
