@@ -41,6 +41,7 @@ MADE_UP = ("remanent_flux",)
 """Effects that gains make up for as far as that: where more than noise is left their refits begin once more with all
 else as believed."""
 STRAINED = 4.0  # tolerances by which a believed parameter of a fit has moved, where something else bends it
+BENT = 2.5  # tolerances, from which what is made up for as far as `MADE_UP` may be what bends it
 NEAR = 15.0  # nats behind the best within which refits are converged
 FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the best
 ROUGHLY_CONVERGED = 0.5  # nats that a candidate which does not lead may still gain
@@ -181,9 +182,9 @@ class Refinement:
 
     def _made_up_for(self, refits: Sequence[Refit]) -> list[Refit]:
         """Of all, the leader first, those of effects that gains make up for which come further from small amounts. They
-        are begun there where a believed parameter is strained and the leader leaves more than noise."""
+        are begun there where a believed parameter is bent and the leader leaves more than noise."""
         bent = [refit for refit in refits if refit.variant.effect in MADE_UP]
-        if not bent or self.lost or self.base.unknowns.effects or not strained(self.base):
+        if not bent or self.lost or self.base.unknowns.effects or not strained(self.base, BENT):
             return []
         if max(refits[0].fit.excess.values()) <= QUIET:
             return []
@@ -332,9 +333,9 @@ def _in_front(refits: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:
     return [refit for refit in refits if refit not in behind], behind
 
 
-def strained(found: Fit) -> bool:
+def strained(found: Fit, tolerances: float = STRAINED) -> bool:
     """Whether a believed parameter is so far off that something else must be wrong."""
-    return bool(np.any(np.abs(found.z[: len(found.unknowns.believed)]) > STRAINED))
+    return bool(np.any(np.abs(found.z[: len(found.unknowns.believed)]) > tolerances))
 
 
 def _may_lead(before: Refit, after: Refit, leader: float) -> bool:

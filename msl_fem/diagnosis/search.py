@@ -14,7 +14,7 @@ from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.null import NullDistribution
-from msl_fem.diagnosis.refits import LAST_STEPS, MADE_UP, Refinement, Refit, strained
+from msl_fem.diagnosis.refits import BENT, LAST_STEPS, MADE_UP, Refinement, Refit, strained
 from msl_fem.diagnosis.scores import Score, scored
 from msl_fem.diagnosis.variants import Variant
 
@@ -80,8 +80,9 @@ def search_stage(
     candidates += peaks(every, candidates)
     if quiet and candidates and candidates[0].gain < HOPELESS * least:
         candidates = candidates[:1]
-    if strained(base):
-        missing = set(COMPENSATED) - {score.variant.effect for score in candidates}
+    if strained(base, BENT):
+        made_up_for = COMPENSATED if strained(base) else MADE_UP
+        missing = set(made_up_for) - {score.variant.effect for score in candidates}
         candidates += [score for score in _best_of(every) if score.variant.effect in missing]
     kept = memory or FitMemory()
     kept.ended(fit_name(base.unknowns), base.z)

@@ -263,12 +263,12 @@ def test_what_lags_behind_after_it_began_anew_goes_no_further(begun, monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("left", "moved", "begins"), [(2.0, 2 * SANE, True), (1.05, 2 * SANE, False), (2.0, 1.0, False)]
+    ("left", "moved", "begins"), [(2.0, 2 * SANE, True), (2.0, 3.4, True), (1.05, 2 * SANE, False), (2.0, 2.0, False)]
 )
 def test_what_gains_make_up_for_begins_anew_where_the_leader_leaves_more_than_noise(
     monkeypatch, left: float, moved: float, begins: bool
 ) -> None:
-    """And a believed parameter is strained. It had been eliminated, and leads in the end."""
+    """And a believed parameter has moved by 2.5 tolerances. It had been eliminated, and leads in the end."""
     leader = candidate([moved, 9.0, 5.0], 1000.0, SimpleNamespace(excess=lambda fit: {"x": left}))
     kept = Variant("remanent_flux", CUBIC.amounts)
     screened = iter([leader, replace(candidate([moved, 9.0, 5.0], 10.0, Amounts()), variant=kept)])
