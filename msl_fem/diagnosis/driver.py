@@ -102,10 +102,10 @@ def diagnosis_of(kind: Kind, how: DiagnosisSettings) -> Diagnosis:
 
 def _searched(kind: Kind, how: DiagnosisSettings) -> tuple[Kind, EffectSearch]:
     """What a search finds, and the record as stated or with a statement turned round, whichever explains more: with one
-    effect where the statement is in doubt without any, with all of them where an effect has hidden that it is wrong."""
+    effect where the statement is in doubt with it, with all of them where an effect has hidden that it is wrong."""
     turned_how = replace(how, memory=how.memory.part("a statement turned round"))
     begun = first_effect(kind, how)
-    doubted = in_doubt(kind, begun.fits[0])
+    doubted = in_doubt(kind, begun.fits)
     if doubted is not None:
         how.progress("a statement of rig.toml turned round")
         other = first_effect(doubted, turned_how)

@@ -22,13 +22,24 @@ NEARLY = 0.05
 STEPS = 8  # of a fit: beside what a wrong statement costs, what further ones would bring is little
 
 
-def in_doubt(kind: Kind, bare: Fit) -> Kind | None:
-    """The record with the statement turned round that explains it better without effects, by more than a tie; None
-    where none does, or nothing but noise is to be explained."""
+def in_doubt(kind: Kind, fits: Sequence[Fit]) -> Kind | None:
+    """The record with the statement turned round that explains it better without effects, by more than a tie, and comes
+    near what the first effect brings, with that effect or without: where the statement is wrong, what was found to make
+    up for it is no worse beside the true one. None where none does, or nothing but noise is to be explained.
+
+    Parameters
+    ----------
+    fits : of the record as it is stated: without effects, and with the first, if there is one
+    """
+    bare, last = fits[0], fits[-1]
     if max(bare.excess.values(), default=0.0) <= QUIET:
         return None
-    better = (one for one in kind.restatements() if _evidence(one, bare) > bare.log_evidence + TIE)
-    return next(better, None)
+    least = last.log_evidence - NEARLY * (last.log_evidence - bare.log_evidence)
+    for other in kind.restatements():
+        alone = _evidence(other, bare)
+        if alone > bare.log_evidence + TIE and (alone > least or _evidence(other, last) > least):
+            return other
+    return None
 
 
 def restated(kind: Kind, fits: Sequence[Fit]) -> Kind | None:

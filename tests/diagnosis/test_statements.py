@@ -117,7 +117,7 @@ def test_a_statement_in_doubt_is_judged_with_one_effect_and_one_that_an_effect_h
 
     monkeypatch.setattr(driver, "first_effect", first)
     monkeypatch.setattr(driver, "search_effects", chain)
-    monkeypatch.setattr(driver, "in_doubt", lambda kind, bare: "turned" if doubted else None)
+    monkeypatch.setattr(driver, "in_doubt", lambda kind, fits: "turned" if doubted else None)
     monkeypatch.setattr(driver, "restated", lambda kind, fits: "turned" if suspected else None)
     kind, _ = driver._searched("as stated", DiagnosisSettings())  # type: ignore[arg-type]
     assert kind == ("turned" if turned else "as stated")
@@ -131,4 +131,22 @@ def test_a_statement_is_in_doubt_where_turned_round_it_explains_more_without_eff
     for stated, turned, doubted in ((wrong, true, True), (true, wrong, False), (wrong, wrong, False)):
         other: Any = SimpleNamespace(likelihood=turned)
         kind: Any = SimpleNamespace(restatements=lambda other=other: (other,))
-        assert (in_doubt(kind, fit(stated, unknowns, np.zeros(3))) is other) == doubted
+        assert (in_doubt(kind, [fit(stated, unknowns, np.zeros(3))]) is other) == doubted
+
+
+@pytest.mark.parametrize("makes_up", [True, False])
+def test_a_statement_that_is_better_without_effects_alone_is_not_in_doubt(makes_up: bool) -> None:
+    """Turned round the record explains a part of the first effect. Where that one has made up for a wrong statement, it
+    is no worse with the right one; where it is true, the statement is better only as long as it is not there."""
+    true, unknowns = record(size=5.0)
+    cubic = true.of_effect["stiffness_nonlinearity"]
+    half = np.arange(cubic.size) % 2 * cubic
+    stated, turned = (true.data + 5 * half, true.data) if makes_up else (true.data + 5 * cubic, true.data + 3 * half)
+    fits = [
+        fit(replace(true, data=stated), with_effect(unknowns, *every), np.zeros(3 + len(every)))
+        for every in ((), (CUBIC,))
+    ]
+    other: Any = SimpleNamespace(likelihood=replace(true, data=turned))
+    kind: Any = SimpleNamespace(restatements=lambda: (other,))
+    assert in_doubt(kind, fits[:1]) is other, "better without effects"
+    assert (in_doubt(kind, fits) is other) == makes_up
