@@ -134,19 +134,24 @@ def test_a_statement_is_in_doubt_where_turned_round_it_explains_more_without_eff
         assert (in_doubt(kind, [fit(stated, unknowns, np.zeros(3))]) is other) == doubted
 
 
-@pytest.mark.parametrize("makes_up", [True, False])
-def test_a_statement_that_is_better_without_effects_alone_is_not_in_doubt(makes_up: bool) -> None:
-    """Turned round the record explains a part of the first effect. Where that one has made up for a wrong statement, it
-    is no worse with the right one; where it is true, the statement is better only as long as it is not there."""
+@pytest.mark.parametrize(("case", "doubted"), [("made up for", True), ("beside an effect", True), ("true", False)])
+def test_a_statement_that_is_better_without_effects_alone_is_not_in_doubt(case: str, doubted: bool) -> None:
+    """Turned round the record explains a part of what is left. Where the first effect has made up for a wrong
+    statement, or stands beside it, turned round it leaves less without that effect or with it; where the statement is
+    true, it is the worse one only as long as the effect is not there."""
     true, unknowns = record(size=5.0)
     cubic = true.of_effect["stiffness_nonlinearity"]
-    half = np.arange(cubic.size) % 2 * cubic
-    stated, turned = (true.data + 5 * half, true.data) if makes_up else (true.data + 5 * cubic, true.data + 3 * half)
+    half, rest = np.arange(cubic.size) % 2 * cubic, np.random.default_rng(5).standard_normal(cubic.size)
+    stated, turned = {
+        "made up for": (5 * half, 0 * cubic),
+        "beside an effect": (5 * cubic + 4 * rest, 5 * cubic),
+        "true": (5 * cubic, 3 * half),
+    }[case]
     fits = [
-        fit(replace(true, data=stated), with_effect(unknowns, *every), np.zeros(3 + len(every)))
+        fit(replace(true, data=true.data + stated), with_effect(unknowns, *every), np.zeros(3 + len(every)))
         for every in ((), (CUBIC,))
     ]
-    other: Any = SimpleNamespace(likelihood=replace(true, data=turned))
+    other: Any = SimpleNamespace(likelihood=replace(true, data=true.data + turned))
     kind: Any = SimpleNamespace(restatements=lambda: (other,))
     assert in_doubt(kind, fits[:1]) is other, "better without effects"
-    assert (in_doubt(kind, fits) is other) == makes_up
+    assert (in_doubt(kind, fits) is other) == doubted
