@@ -202,13 +202,11 @@ def normal_equations(jacobian: Array, root: Array, residual: Array | None = None
     return gram, slope
 
 
-def with_outer(jacobian: Array, column: Array, row: Array) -> Array:
-    """A Jacobian (n_number, n) with column (n_number,) times row (n,) added, in an array of its own."""
-    found = jacobian.copy()
-    for begin in range(0, len(found), ROWS_AT_ONCE):
+def add_outer(jacobian: Array, column: Array, row: Array) -> None:
+    """Adds column (n_number,) times row (n,) to a Jacobian (n_number, n) in place."""
+    for begin in range(0, len(jacobian), ROWS_AT_ONCE):
         rows = slice(begin, begin + ROWS_AT_ONCE)
-        found[rows] += column[rows, None] * row
-    return found
+        jacobian[rows] += column[rows, None] * row
 
 
 def bounded_step(matrix: Array, slope: Array, bounds: Array) -> Array:

@@ -139,6 +139,8 @@ class Exchange:
             best = max(others, key=lambda one: one.fit.log_evidence, default=None)
             if best is not None and best.fit.log_evidence > found.fit.log_evidence + self.better:
                 return EffectSet((*without.variants, best.variant), best.fit), [], False
+            for other in others:
+                other.fit.lets_go()
             places.append(_Place(loss, others))
         return found, places, True
 

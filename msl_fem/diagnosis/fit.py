@@ -17,19 +17,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.gauss_newton import (
     Damping,
     DescentSettings,
+    add_outer,
     bounded_step,
     descend,
     log_evidence,
     normal_equations,
-    with_outer,
 )
-from msl_fem.diagnosis.likelihood import CONVERGED, Fit, Likelihood
+from msl_fem.diagnosis.likelihood import CONVERGED, Columns, Fit, Likelihood, jacobian_columns
 from msl_fem.diagnosis.noise import NoiseWeights
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -82,25 +81,6 @@ class FitPlan:
     tell: Callable[[str], None] | None = None
 
 
-def jacobian_columns(
-    likelihood: Likelihood, unknowns: Unknowns, z: Array, which: NDArray[np.intp], residual: Array
-) -> Array:
-    """Columns (n_number, n_which) of the residual's Jacobian by one-sided differences, backwards where a run fails."""
-    step = unknowns.steps[which]
-    rows = np.tile(z, (which.size, 1))
-    rows[np.arange(which.size), which] += step
-    moved = likelihood.spectra(Points.of(unknowns, rows))
-    failed = ~np.isfinite(moved).all(axis=1)
-    if failed.any():
-        step[failed] *= -1
-        rows[failed, which[failed]] = z[which[failed]] + step[failed]
-        moved[failed] = likelihood.spectra(Points.of(unknowns, rows[failed]))
-        moved[~np.isfinite(moved).all(axis=1)] = residual  # no slope to be had: the unknown stays where it is
-    moved -= residual
-    moved /= step[:, None]
-    return np.asarray(moved.T)
-
-
 def fit(
     likelihood: Likelihood,
     unknowns: Unknowns,
@@ -134,6 +114,7 @@ def fit(
         model = posterior.linearised(first, nuisance_columns)
         if sane is None and posterior.heat > 1.0:
             sane = _fit_at(likelihood, *posterior.cooled(first, model), simulations)
+            sane = replace(sane, columns=Columns(sane.jacobian.copy(), sane.columns.gram))  # the model goes on
         renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
         settings = DescentSettings(damping, how.enough, most_trials=trials, renewal=renewal, fresh_end=how.fresh_end)
         end = descend(posterior, first, settings, first=model)
@@ -180,7 +161,7 @@ def _fit_at(likelihood: Likelihood, point: "_FitPoint", model: "_FitModel", simu
         model.unknowns,
         point.z,
         point.residual,
-        model.jacobian,
+        Columns(model.jacobian, model.gram),
         point.weights,
         point.objective,
         log_evidence(point.objective, precision),
@@ -226,26 +207,29 @@ class _FitModel:
         move = bounded_step(matrix if damping < 0 else damped, self.slope, self.bounds)
         return move, float(-self.slope @ move - move @ matrix @ move / 2)
 
-    def nuisance_columns(self, point: _FitPoint) -> Array:
-        """Those at a point nearby, by the secant from here (Broyden, Math. Comp. 19, 1965, 577-593)."""
+    def move_to(self, point: _FitPoint) -> None:
+        """Makes the nuisances' columns those at a point nearby, by the secant from here (Broyden, Math. Comp. 19, 1965,
+        577-593), in place."""
         move = point.z - self.point.z
         missed = point.residual - self.point.residual - self.jacobian @ move
         n = self.unknowns.n_nuisance
-        return with_outer(self.jacobian[:, :n], missed, move[:n] / max(float(move @ move), TINY))
+        add_outer(self.jacobian[:, :n], missed, move[:n] / max(float(move @ move), TINY))
 
 
 class _FitPosterior:
-    """S of a likelihood, its data's part over a heat; counts its simulations."""
+    """S of a likelihood, its data's part over a heat; counts its simulations. Its models have one Jacobian, that of the
+    last of them: it is by far the largest of what a fit holds."""
 
     def __init__(self, likelihood: Likelihood, unknowns: Unknowns, plan: FitPlan) -> None:
         self.likelihood, self.unknowns, self.plan = likelihood, unknowns, plan
         self.simulations, self.heat = 0, 1.0
+        self._jacobian = np.empty((0, unknowns.size))
 
     def at(self, z: Array) -> _FitPoint:
         """A point that holds the bounds; its S is inf where the simulation fails."""
-        residual = self.likelihood.spectra(Points.of(self.unknowns, z[None]))[0]
+        every = self.likelihood.spectra(Points.of(self.unknowns, z[None]))
         self.simulations += 1
-        return self._weighted(z, residual)
+        return self._weighted(z, every[0].copy())  # alone: others' are beside it where they meet
 
     def _weighted(self, z: Array, residual: Array) -> _FitPoint:
         weights = self.likelihood.weights(residual, self.unknowns)
@@ -276,19 +260,25 @@ class _FitPosterior:
         return self.at(self.unknowns.allowed(point.z + move))
 
     def model(self, point: _FitPoint, neighbour: _FitModel | None) -> _FitModel:
-        return self.linearised(point, None if neighbour is None else neighbour.nuisance_columns(point))
+        if neighbour is not None:
+            neighbour.move_to(point)
+        return self._model(point, stale=neighbour is not None)
 
     def linearised(self, point: _FitPoint, nuisance_columns: Array | None) -> _FitModel:
-        """The model at a point; the nuisances' columns are computed where they are not given."""
-        n = self.unknowns.n_nuisance
-        which = np.arange(0 if nuisance_columns is None else n, self.unknowns.size)
-        jacobian = np.empty((point.residual.size, point.z.size))
+        """The first model, at a point; the nuisances' columns are computed where they are not given."""
+        self._jacobian = np.empty((point.residual.size, point.z.size))
         if nuisance_columns is not None:
-            jacobian[:, :n] = nuisance_columns
+            self._jacobian[:, : self.unknowns.n_nuisance] = nuisance_columns
+        return self._model(point, stale=nuisance_columns is not None)
+
+    def _model(self, point: _FitPoint, *, stale: bool) -> _FitModel:
+        """The model at a point, the nuisances' columns as they are where they may be `stale`."""
+        which = np.arange(self.unknowns.n_nuisance if stale else 0, self.unknowns.size)
         if which.size:
-            jacobian[:, which] = jacobian_columns(self.likelihood, self.unknowns, point.z, which, point.residual)
+            columns = jacobian_columns(self.likelihood, self.unknowns, point.z, which, point.residual)
+            self._jacobian[:, which] = columns
         self.simulations += which.size
-        model = _FitModel(self.unknowns, point, jacobian, stale=nuisance_columns is not None)
+        model = _FitModel(self.unknowns, point, self._jacobian, stale=stale)
         if self.plan.tell is not None:
             promise = f"{max(model.promised, 0.0):.3g} nats"
             self.plan.tell(f"a further step promises {promise}, below {self.plan.enough:.3g} it is the last")

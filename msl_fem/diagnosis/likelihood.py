@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
-from msl_fem.computing.gauss_newton import normal_equations
 from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.noise import (
     NoiseBands,
@@ -43,6 +42,33 @@ def over_chance(residual: Array) -> float:
     return float(np.sqrt(np.mean(residual**2)) / (1.0 + 2.0 / np.sqrt(2.0 * residual.size)))
 
 
+def jacobian_columns(
+    likelihood: "Likelihood", unknowns: Unknowns, z: Array, which: NDArray[np.intp], residual: Array
+) -> Array:
+    """Columns (n_number, n_which) of the residual's Jacobian by one-sided differences, backwards where a run fails."""
+    step = unknowns.steps[which]
+    rows = np.tile(z, (which.size, 1))
+    rows[np.arange(which.size), which] += step
+    moved = likelihood.spectra(Points.of(unknowns, rows))
+    failed = ~np.isfinite(moved).all(axis=1)
+    if failed.any():
+        step[failed] *= -1
+        rows[failed, which[failed]] = z[which[failed]] + step[failed]
+        moved[failed] = likelihood.spectra(Points.of(unknowns, rows[failed]))
+        moved[~np.isfinite(moved).all(axis=1)] = residual  # no slope to be had: the unknown stays where it is
+    moved -= residual
+    moved /= step[:, None]
+    return np.asarray(moved.T)
+
+
+@dataclass(eq=False)
+class Columns:
+    """A fit's Jacobian, by far the largest of what it holds, None once it was let go; and J'J, weighted."""
+
+    values: Array | None
+    gram: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Where a fit ended.
@@ -51,7 +77,7 @@ class Fit:
     ----------
     unknowns, z : what was fitted, (unknowns.size,)
     residual : (n_number,) over the white sigma; `weights` belong to it
-    jacobian : (n_number, unknowns.size) of the residual, not weighted
+    columns : of the Jacobian; shared by all copies
     objective, log_evidence : nats
     predicted : nats that a further step would gain
     likelihood : that of the fit, the starts of its stretches those that suit it
@@ -64,7 +90,7 @@ class Fit:
     unknowns: Unknowns
     z: Array
     residual: Array
-    jacobian: Array
+    columns: Columns
     weights: NoiseWeights
     objective: float
     log_evidence: float
@@ -78,6 +104,18 @@ class Fit:
     @property
     def converged(self) -> bool:
         return self.predicted < CONVERGED
+
+    @property
+    def jacobian(self) -> Array:
+        """(n_number, unknowns.size) of the residual, not weighted; computed once more where it was let go."""
+        if self.columns.values is None:
+            every = np.arange(self.unknowns.size)
+            self.columns.values = jacobian_columns(self.likelihood, self.unknowns, self.z, every, self.residual)
+        return self.columns.values
+
+    def lets_go(self) -> None:
+        """Its Jacobian, which is not likely to be asked for any more."""
+        self.columns.values = None
 
     @cached_property
     def excess(self) -> dict[str, float]:
@@ -93,8 +131,7 @@ class Fit:
     @property
     def precision(self) -> Array:
         """J'J and the prior's curvature."""
-        gram, _ = normal_equations(self.jacobian, self.weights.root)
-        return gram + np.diag(self.unknowns.prior(self.z)[2])
+        return self.columns.gram + np.diag(self.unknowns.prior(self.z)[2])
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,23 +158,21 @@ class Likelihood:
         return self._simulated_spectra(points)
 
     def _simulated_spectra(self, points: Points) -> Array:
-        return np.hstack([self._spectra_of_run(run, points) for run in range(len(self.problem.runs))])
+        found = np.empty((len(points.rows), self._labels_of_runs.size))
+        for run, own in enumerate(self._places_of_runs):
+            self._fill(found[:, own], run, points)
+        return found
 
-    def _spectra_of_run(self, run: int, points: Points) -> Array:
-        """A run's part of the numbers; simulated, transformed and forgotten group by group."""
+    def _fill(self, found: Array, run: int, points: Points) -> None:
+        """Writes a run's part of the numbers (n_row, n_own); simulated, transformed and forgotten group by group."""
         problem, substeps = replace(self.problem, threads=1), self.substeps
-        groups = batches(problem, points, run, substeps=substeps)
 
-        def numbers(rows: NDArray[np.intp]) -> Array:
+        def fill(rows: NDArray[np.intp]) -> None:
             parts = residuals_in_parts(problem, points.only(rows), run, substeps=substeps)
-            return np.concatenate([self._numbers_of_run(run, channels) for channels in parts])
+            found[rows] = np.concatenate([self._numbers_of_run(run, channels) for channels in parts])
 
         with ThreadPoolExecutor(self.problem.threads) as pool:
-            parts = list(pool.map(numbers, groups))
-        found = np.empty((len(points.rows), parts[0].shape[1]))
-        for rows, part in zip(groups, parts, strict=True):
-            found[rows] = part
-        return found
+            list(pool.map(fill, batches(problem, points, run, substeps=substeps)))
 
     def transformed(self, found: list[list[Array]]) -> Array:
         """Arrays (n_row, n_sample) of every run's channels as `spectra` orders and scales them."""
@@ -276,6 +311,15 @@ class Likelihood:
             band[self.bands.lines[piece]] = band[0]
             parts += [band + self.bands.n_band * names.index(name) for name in self.problem.channels(run)]
         return np.concatenate(parts)
+
+    @property
+    def _places_of_runs(self) -> list[slice]:
+        """Where the numbers of each run stand."""
+        sizes = np.zeros(len(self.problem.runs), dtype=int)
+        for lines, (run, _) in zip(self.bands.lines, self.problem.pieces, strict=True):
+            sizes[run] += 2 * lines * len(self.problem.channels(run))
+        ends = np.cumsum(sizes)
+        return [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)]
 
     @cached_property
     def spent(self) -> Array:

@@ -158,11 +158,13 @@ class Refinement:
         told = _Screening(self.tell, len(candidates))
         first = self._together(lambda score: told.ends(score, self.screened(score)), candidates)
         kept, eliminated = _in_front([refit for refit in first if refit is not None])
+        _let_go(eliminated)
         if self.lost:
             self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(kept))}")
             kept, behind = _in_front(self._together(self.from_small_amounts, kept))
             eliminated += behind
         raced = self.raced(kept)
+        _let_go(raced)
         eliminated += [refit for refit in raced if refit.gain > 0 and self.hopeless(refit)]
         refined = sorted((refit for refit in raced if refit not in eliminated), key=_by_gain)
         leader = self.converged(refined[0], leads=True) if refined and refined[0].gain > 0 else None
@@ -203,7 +205,9 @@ class Refinement:
         best = min(converged, key=_by_gain)
         if best is not converged[0] and not best.fit.finished:
             converged[converged.index(best)] = self.converged(best, leads=True)
-        return sorted([*converged, *far], key=_by_gain)
+        every = sorted([*converged, *far], key=_by_gain)
+        _let_go(every[1:])
+        return every
 
     def _together(self, step: Callable[[Item], Stepped], items: Sequence[Item]) -> list[Stepped]:
         """A step of each, all at the same time; the outcome is that of one after the other."""
@@ -237,6 +241,7 @@ class Refinement:
         count if it did."""
         running, ended = [refit for refit in kept if refit.promising], [r for r in kept if not r.promising]
         for _ in range(REFINEMENT_STEPS // RACED_STEPS):
+            _let_go(ended)
             if running:
                 self.tell(f"{len(running)} of them go on, {', '.join(_effects(running))}")
             moved = self._together(self.refined, running)
@@ -251,7 +256,9 @@ class Refinement:
         """A candidate a few steps on; the nuisances' columns are those of a point nearby."""
         plan = FitPlan(RACED_STEPS, refit.fit.damping, enough=refit.enough, fresh_end=False)
         columns = refit.fit.jacobian[:, : self.base.unknowns.n_nuisance]
-        return self._refit(refit.fit, refit.variant, refit.fit.z, plan, columns)
+        on = self._refit(refit.fit, refit.variant, refit.fit.z, plan, columns)
+        _let_go([refit])
+        return on
 
     def converged(self, refit: Refit, *, leads: bool) -> Refit:
         """A candidate in front, with all columns of its own, of which a further step would gain next to nothing."""
@@ -267,6 +274,7 @@ class Refinement:
             if led.gain - refit.gain < led.enough:
                 break
             self.tell(f"{led.variant.name}, which leads, goes on; {led.gain:.3g} nats")
+            _let_go([led])
             refit, led = led, self._refit(led.fit, led.variant, led.fit.z, plan, None)
         return replace(led, fit=replace(led.fit, finished=leads))
 
@@ -299,6 +307,7 @@ class Refinement:
             row = rows[int(np.argmin(objectives(likelihood, unknowns, rows)))]
             found.append(self._begun_anew(near, row, FitPlan(most_steps=SCREENING_STEPS, enough=ROUGH)))
         begun = [one for one in found if one is not None]
+        _let_go(begun)
         best = max((one.gain for one in begun), default=0.0)
         ended = [self._on(one) for one in begun if one.reach >= best]
         for _ in range(MORE_LEGS if ended else 0):
@@ -314,7 +323,9 @@ class Refinement:
     def _on(self, begun: Refit) -> Refit:
         """What began at small amounts, some steps on."""
         plan = FitPlan(FIRST_STEPS, begun.fit.damping, enough=ROUGH)
-        return self._refit(begun.fit, begun.variant, begun.fit.z, plan, None)
+        on = self._refit(begun.fit, begun.variant, begun.fit.z, plan, None)
+        _let_go([on])
+        return on
 
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
         unknowns = extended(self.base.unknowns, variant)
@@ -324,6 +335,12 @@ class Refinement:
         found = replace(found, likelihood=own)
         self.memory.ended(fit_name(self.base.unknowns, variant.name), found.z)
         return Refit(variant, found, found.log_evidence - self.base.log_evidence)
+
+
+def _let_go(refits: Sequence[Refit]) -> None:
+    """The Jacobians of refits that go no further, or do so with one of their own."""
+    for refit in refits:
+        refit.fit.lets_go()
 
 
 def _in_front(refits: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:

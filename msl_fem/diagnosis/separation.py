@@ -16,8 +16,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.gauss_newton import HALVING, DescentSettings, descend, halved
-from msl_fem.diagnosis.fit import jacobian_columns
-from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.likelihood import Fit, Likelihood, jacobian_columns
 from msl_fem.diagnosis.problem import FitProblem, Points
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.plant import static_map

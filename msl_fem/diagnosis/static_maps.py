@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
+from msl_fem.computing.gauss_newton import normal_equations
 from msl_fem.diagnosis.estimates import effects_present
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, without_those_of
-from msl_fem.diagnosis.likelihood import Fit, Likelihood, over_chance
+from msl_fem.diagnosis.likelihood import Columns, Fit, Likelihood, over_chance
 from msl_fem.diagnosis.measured_map import DENSITY, FLUX, FORCE, MeasuredMap, is_stated, measured_map, path_of
 from msl_fem.diagnosis.noise import NoiseBands, NoiseWeights
 from msl_fem.diagnosis.problem import FitProblem, Points
@@ -278,7 +279,8 @@ class JointLikelihood(Likelihood):
         whole = found.weights
         share = None if whole.wander is None else whole.wander[:n]
         weights = NoiseWeights(whole.density, whole.root[:n], whole.nats, share)
-        alone = replace(found, residual=found.residual[:n], jacobian=found.jacobian[:n], weights=weights)
+        columns = Columns(found.jacobian[:n], normal_equations(found.jacobian[:n], weights.root)[0])
+        alone = replace(found, residual=found.residual[:n], columns=columns, weights=weights)
         return Likelihood(self.problem, self.bands, self.substeps), alone
 
     @property

@@ -11,6 +11,7 @@ from msl_fem.diagnosis import fit as fitting
 from msl_fem.diagnosis import runs, scores, search
 from msl_fem.diagnosis.fit import SANE, FitPlan, beyond_sanity, fit
 from msl_fem.diagnosis.fit_memory import FitMemory
+from msl_fem.diagnosis.likelihood import Columns
 from msl_fem.diagnosis.noise import weights_of
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.refits import SMALL, Refinement, Refit
@@ -159,7 +160,7 @@ def test_no_stretches_are_chosen_at_a_model_beyond_sanity(monkeypatch: pytest.Mo
 
 def candidate(z: list[float], gain: float, likelihood: object) -> Refit:
     unknowns = replace(UNKNOWNS, effects=CUBIC.unknowns)
-    numbers = (np.array(z), np.zeros(1), np.zeros((1, 3)), None, -gain, gain, 0.0, 1)
+    numbers = (np.array(z), np.zeros(1), Columns(np.zeros((1, 3)), np.zeros((3, 3))), None, -gain, gain, 0.0, 1)
     return Refit(CUBIC, fitting.Fit(unknowns, *numbers, likelihood), gain)
 
 
@@ -192,7 +193,7 @@ class Amounts:
 
 
 def base_at(z: list[float], sane: fitting.Fit | None = None) -> fitting.Fit:
-    numbers = (np.array(z), np.zeros(1), np.zeros((1, 2)), None, 0.0, 0.0, 0.0, 1)
+    numbers = (np.array(z), np.zeros(1), Columns(np.zeros((1, 2)), np.zeros((2, 2))), None, 0.0, 0.0, 0.0, 1)
     return fitting.Fit(UNKNOWNS, *numbers, Amounts(), finished=True, sane=sane)
 
 

@@ -8,21 +8,32 @@ import numpy as np
 import pytest
 
 from msl_fem.diagnosis.fit_memory import FitMemory
-from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.likelihood import Columns, Fit
 from msl_fem.diagnosis.refits import MORE_LEGS, Refinement, Refit, _may_lead
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
 
 FRICTION = Variant("coulomb_friction", (EffectUnknown("coulomb_friction", "force"),))
 UNKNOWNS = Unknowns((("moving_mass", 0.01), ("damping", 0.2)), 0, ())
-BASE = Fit(UNKNOWNS, np.zeros(2), np.zeros(1), np.zeros((1, 2)), None, 0.0, 0.0, 0.0, 1, SimpleNamespace(is_cut=False))
+BASE = Fit(
+    UNKNOWNS,
+    np.zeros(2),
+    np.zeros(1),
+    Columns(np.zeros((1, 2)), np.zeros((2, 2))),
+    None,
+    0.0,
+    0.0,
+    0.0,
+    1,
+    SimpleNamespace(is_cut=False),
+)
 
 
 def refit(z: list[float], gain: float) -> Refit:
     """A candidate at numbers of mass, damping and friction."""
     likelihood = SimpleNamespace(is_cut=False)
     unknowns = replace(UNKNOWNS, effects=FRICTION.unknowns)
-    numbers = (np.array(z), np.zeros(1), np.zeros((1, 3)), None, -gain, gain, 0.0, 1)
+    numbers = (np.array(z), np.zeros(1), Columns(np.zeros((1, 3)), np.zeros((3, 3))), None, -gain, gain, 0.0, 1)
     return Refit(FRICTION, Fit(unknowns, *numbers, likelihood), gain)
 
 

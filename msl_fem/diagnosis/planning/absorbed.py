@@ -7,8 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from msl_fem.computing.arrays import Array
-from msl_fem.diagnosis.fit import jacobian_columns
-from msl_fem.diagnosis.likelihood import Likelihood
+from msl_fem.diagnosis.likelihood import Likelihood, jacobian_columns
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.runs import prepared_runs
 from msl_fem.diagnosis.separation import Measure, beside_a_run
