@@ -78,6 +78,7 @@ from msl_fem.plant.side import Cells, side_flux, side_gap
 Three = tuple[Value, Value, Value]
 _STEEP = 20.0  # above it asinh(e^w/2) is w
 _FEW = 0.01  # below it series of a few terms are exact
+_NO_CORNER = 1e-30  # A, V or N: a limit that sets in at once
 
 
 @compiled
@@ -236,12 +237,21 @@ def queue_command(e: Rows, state: Rows, work: Rows, linear: bool) -> None:
 @compiled
 def _limit_command(e: Rows, work: Rows, j: int) -> None:
     """Takes from the call's command of side j, and from the next one, what the drive does not give beyond its limit."""
-    limits, limit = e[electrical.LOST_SHARE] > 0.0, e[electrical.LIMIT]
+    limits = e[electrical.LOST_SHARE] > 0.0
     asked, later = work[COMMAND_1 + j], work[COMMAND_1 + j] + work[RISE_1 + j]
-    given = asked - e[electrical.LOST_SHARE] * (asked - within(asked, limit))
-    later = later - e[electrical.LOST_SHARE] * (later - within(later, limit))
+    given, later = _given(e, asked), _given(e, later)
     work[COMMAND_1 + j] = choose(limits, given, asked)
     work[RISE_1 + j] = choose(limits, later - given, work[RISE_1 + j])
+
+
+@compiled
+def _given(e: Rows, asked: Value) -> Value:
+    """What a drive gives of a command beyond its limit, into which it runs over a corner: see drive_limit."""
+    corner = larger(e[electrical.CORNER], _NO_CORNER)
+    above = size(asked) - e[electrical.LIMIT]
+    sets_in = within(above, corner) + corner
+    beyond = sets_in * sets_in / (4.0 * corner) + (above - smaller(above, corner))
+    return asked - e[electrical.LOST_SHARE] * choose(asked < 0.0, 0.0 - beyond, beyond)
 
 
 @compiled

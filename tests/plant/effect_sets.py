@@ -20,7 +20,7 @@ ALL_EFFECTS = EffectValues({
     "coil_heating": {"rise_per_joule": 1e-3, "initial_rise": 0.01, "cooling_rate": 0.1},
     "thermal_history": {"rise_1": 0.01, "rise_2": 0.02, "core_rise": 0.005},
     "amplifier_bandwidth": {"lag": 1.3e-5, "delay_share": 0.2, "slew_time": 1e-5, "bandwidth_error": 0.05},
-    "drive_limit": {"lost_share": 0.03},
+    "drive_limit": {"lost_share": 0.03, "limit": 0.4, "corner": 0.2},
     "current_sensor_error": {"gain_1": 0.01, "gain_2": -0.005, "offset_1": 0.01, "offset_2": 0.002},
     "stiffness_nonlinearity": {"cubic": 5e9, "quadratic": 3e6},
     "coulomb_friction": {"force": 0.1, "presliding": 5e-6},

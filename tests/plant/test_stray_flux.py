@@ -154,3 +154,21 @@ def test_a_limited_drive_is_one_with_clipped_commands(servo: Actuator, table: Ma
     for lost, other in ((1.0, clipped), (0.5, half)):
         limited = simulate(servo, table, inputs, effects=effects("drive_limit", lost_share=lost, limit=0.4))
         assert limited.current == pytest.approx(simulate(servo, table, other).current, rel=1e-9, abs=1e-12)
+
+
+def test_a_limit_may_set_in_over_a_corner(servo: Actuator, table: MagneticTable) -> None:
+    """A parabola between the two straight lines, which it meets with their slopes."""
+
+    def given(asked: np.ndarray) -> np.ndarray:
+        beyond = np.abs(asked) - 0.35
+        inside = (beyond + 0.1) ** 2 / 0.4
+        return asked - 0.7 * np.sign(asked) * np.where(beyond < -0.1, 0.0, np.where(beyond > 0.1, beyond, inside))
+
+    inputs = rough(200)
+    assert np.abs(inputs.commands).max() > 0.45
+    values = effects("drive_limit", lost_share=0.7, limit=0.35, corner=0.1)
+    limited = simulate(servo, table, inputs, effects=values)
+    other = simulate(servo, table, Inputs(given(inputs.commands), inputs.rate, inputs.disturbance))
+    assert limited.current == pytest.approx(other.current, rel=1e-9, abs=1e-12)
+    sharp = simulate(servo, table, inputs, effects=effects("drive_limit", lost_share=0.7, limit=0.35))
+    assert np.abs(sharp.current - limited.current).max() > 1e-3

@@ -35,7 +35,8 @@ LAG_RAMP = LAYOUT.row(4)  # the lag's answers to a command that rises by 1 in a 
 # Slew limit of the lag: one over what it moves by in a time constant at most (1/A, 1/V, 1/N); a step over the time
 # constant; of the step with the jump, time before it until middle and end, over the time constant
 SOFT, DECAY, PAST_MIDDLE, PAST_END = LAYOUT.rows(4)
-LOST_SHARE, LIMIT = LAYOUT.rows(2)  # of a command beyond the drive's own limit; that limit, A, V or N
+# What is lost of a command beyond the drive's own limit; that limit; how far about it it sets in, A, V or N
+LOST_SHARE, LIMIT, CORNER = LAYOUT.rows(3)
 
 
 def _heating(e: Array, v: Values, setting: KernelSetting) -> None:
@@ -78,6 +79,7 @@ def command_path(e: Array, v: Values, setting: KernelSetting) -> None:
 
 def _limit(e: Array, v: Values, setting: KernelSetting) -> None:
     e[LOST_SHARE], e[LIMIT] = v["drive_limit", "lost_share"], v["drive_limit", "limit"]
+    e[CORNER] = v["drive_limit", "corner"]
 
 
 def check_delay(e: Array, setting: KernelSetting) -> None:
@@ -220,7 +222,10 @@ ELECTRICAL = (
         name="drive_limit",
         group="electrical",
         sentence="the drive gives less than it is asked for beyond a limit that is not stated",
-        equation="s -> s - lost_share (s - cut(s, limit)) of a command s, before lag and delay; 1: nothing beyond it",
+        equation=(
+            "s -> s - lost_share sgn(s) beyond(|s| - limit) of a command s, before lag and delay; 1: nothing is given "
+            "beyond it. beyond(d) = max(d, 0), between -corner and corner (d + corner)^2/(4 corner)"
+        ),
         source="Schweitzer, Maslen (ed.), Magnetic Bearings, 2009, ch. 3 (saturation of power amplifiers)",
         parameters=(
             Parameter("lost_share", "", 0.0, (0.0, 1.0), 0.03, "of what a command has beyond the limit"),
@@ -235,6 +240,18 @@ ELECTRICAL = (
                 tried=(0.7, 1.1, 1.6, 2.2),
                 over="command",
                 width=0.3,
+            ),
+            Parameter(
+                "corner",
+                "",
+                0.0,
+                (0.0, 1e6),
+                0.1,
+                "A, V or N to both sides of the limit, over which it sets in; 0: at once",
+                shape=True,
+                tried=(0.2,),
+                over="command",
+                optional=True,
             ),
         ),
         coefficients=_limit,
