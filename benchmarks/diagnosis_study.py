@@ -49,7 +49,7 @@ from msl_fem.plant.effects import CATALOGUE
 from msl_fem.plant.excitation import parse_excitation
 
 RESULTS = Path(__file__).parent / "diagnosis_study.jsonl"
-VERSION = 33
+VERSION = 34
 """Of search and rule: lines of another one are left out and made anew."""
 COUNT, SEED = 4000, 20261121
 SECONDS = 4.0

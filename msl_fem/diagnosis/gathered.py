@@ -71,8 +71,9 @@ def _answer(waiting: list[_Asked]) -> None:
     unknowns = replace(waiting[0].points.unknowns, effects=(), fixed=())
     rows = np.concatenate([asked.points.rows[:, : unknowns.size] for asked in waiting])
     effects = np.concatenate([_effects(asked.points) for asked in waiting])
+    fine = np.concatenate([asked.points.wants_fine for asked in waiting])
     try:
-        found = waiting[0].simulated(Points(unknowns, rows, effects))
+        found = waiting[0].simulated(Points(unknowns, rows, effects, fine))
     except BaseException as err:
         for asked in waiting:
             asked.error = err

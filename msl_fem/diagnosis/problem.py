@@ -91,17 +91,25 @@ class FitProblem:
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Values of the unknowns, (n_row, unknowns.size), and the effects that go with them, (n_row, N_PARAMETER)."""
+    """Values of the unknowns, (n_row, unknowns.size), and the effects that go with them, (n_row, N_PARAMETER); `fine`
+    says which rows want fine steps, (n_row,), None: all."""
 
     unknowns: Unknowns
     rows: Array
     effects: Array | None
+    fine: NDArray[np.bool_] | None = None
 
     @classmethod
     def of(cls, unknowns: Unknowns, rows: Array) -> "Points":
-        """With the effects that the rows say."""
+        """With the effects that the rows say. What wants fine steps does so at nothing too, or differences would be of
+        different steps."""
         effects = None if unknowns.plain else np.array([unknowns.effect_vector(z) for z in rows])
-        return cls(unknowns, rows, effects)
+        return cls(unknowns, rows, effects, np.full(len(rows), unknowns.fine_steps))
+
+    @property
+    def wants_fine(self) -> NDArray[np.bool_]:
+        """(n_row,) which rows want fine steps."""
+        return np.ones(len(self.rows), dtype=bool) if self.fine is None else self.fine
 
     def each(self) -> Iterator[tuple[Array, Array]]:
         """Row by row, the unknowns and the effects."""
@@ -110,7 +118,8 @@ class Points:
             yield z, neutral if self.effects is None else self.effects[n]
 
     def only(self, rows: slice | NDArray[np.intp]) -> "Points":
-        return Points(self.unknowns, self.rows[rows], None if self.effects is None else self.effects[rows])
+        effects = None if self.effects is None else self.effects[rows]
+        return Points(self.unknowns, self.rows[rows], effects, self.wants_fine[rows])
 
 
 def simulated_residuals(problem: FitProblem, points: Points, *, substeps: int) -> list[list[Array]]:
@@ -119,14 +128,26 @@ def simulated_residuals(problem: FitProblem, points: Points, *, substeps: int) -
 
 
 def batches(problem: FitProblem, points: Points, run: int, *, substeps: int) -> list[NDArray[np.intp]]:
-    """The rows in groups, each of as many runs as the kernel advances at a time: what bounds the memory. Rows that it
-    sees as alike, since what instruments read alone differs, are in one group."""
-    try:
-        surface, plants, settings = _lane_settings(problem, points, run)
-        place = told_apart(surface, plants, rate=problem.runs[run].rate, substeps=substeps, settings=settings)
-    except InputError:  # see `residuals_of_run`
-        place = np.arange(len(points.rows))
-    return [np.flatnonzero(place // LANES == group) for group in range(int(place.max()) // LANES + 1)]
+    """The rows in groups of equal steps, each of as many runs as the kernel advances at a time: what bounds the memory.
+    Rows that it sees as alike, since what instruments read alone differs, are in one group."""
+    fine = points.wants_fine | (problem.plant.coarse is None)
+    found = []
+    for rows in filter(len, (np.flatnonzero(~fine), np.flatnonzero(fine))):
+        own = points.only(rows)
+        try:
+            surface, plants, settings = _lane_settings(problem, own, run)
+            steps = _steps(problem, own, substeps)
+            place = told_apart(surface, plants, rate=problem.runs[run].rate, substeps=steps, settings=settings)
+        except InputError:  # see `residuals_of_run`
+            place = np.arange(len(rows))
+        found += [rows[place // LANES == group] for group in range(int(place.max()) // LANES + 1)]
+    return found
+
+
+def _steps(problem: FitProblem, points: Points, substeps: int) -> int:
+    """Steps a sample with which rows are simulated: the coarse ones where none wants others."""
+    coarse = problem.plant.coarse
+    return substeps if coarse is None or points.wants_fine.any() else min(coarse, substeps)
 
 
 def residuals_of_run(problem: FitProblem, points: Points, run: int, *, substeps: int) -> list[Array]:
@@ -172,7 +193,7 @@ def lanes(
     """The runs of all rows under some inputs, from the starts that the rows say, or of stretches; `own` are stretches
     in place of the problem's, with starts (n_row, n_stretch, 4)."""
     surface, plants, settings = _lane_settings(problem, points, run, own)
-    return run_lanes(surface, plants, inputs, substeps=substeps, settings=settings)
+    return run_lanes(surface, plants, inputs, substeps=_steps(problem, points, substeps), settings=settings)
 
 
 def _lane_settings(

@@ -40,6 +40,8 @@ FAR, LOSES = 10.0, 2.0
 """Times the noise that a fitted model may leave over longer stretches, or what it leaves over those before. Beyond
 both a cause is missing, and what of it piles up over a stretch is no more a small change of the model."""
 OTHER_HOLD: Mapping[Hold, Hold] = {"zero-order": "linear", "linear": "zero-order"}
+ALIKE, FINER = 0.05, 3
+"""Nats by which the runs as believed may differ between coarse steps and others, so many times finer than fine ones."""
 Cuts = tuple[Stretches | None, ...]
 
 
@@ -289,7 +291,18 @@ def _likelihood(
     lengths = [part.stop - part.start for _, part in problem.pieces]
     bands = make_bands(lengths, problem.plant.rate, highest=highest)
     likelihood = Likelihood(problem, bands, problem.plant.substeps)
+    if not _alike_in_coarse_steps(likelihood, unknowns):
+        likelihood = replace(likelihood, problem=replace(problem, plant=replace(problem.plant, coarse=None)))
     return likelihood if static is None else joined(static, likelihood), unknowns
+
+
+def _alike_in_coarse_steps(likelihood: Likelihood, unknowns: Unknowns) -> bool:
+    """Whether the runs as believed are the same in coarse steps as in far finer ones."""
+    if likelihood.problem.plant.coarse is None:
+        return True
+    points = Points.of(unknowns, np.zeros((1, unknowns.size)))
+    finer = replace(likelihood, substeps=FINER * likelihood.substeps).spectra(replace(points, fine=None))
+    return bool(np.sum((likelihood.spectra(points) - finer) ** 2) / 2 <= ALIKE)
 
 
 def _simulated_missed(

@@ -25,6 +25,7 @@ from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribu
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.unknowns import CAUCHY, STEP_OF_AMOUNTS, EffectUnknown
 from msl_fem.diagnosis.variants import Variant
+from msl_fem.plant.effects import CATALOGUE
 
 Shapes = tuple[EffectUnknown, ...]
 ROUNDING = 1e-12  # of a diagonal: amounts that act alike
@@ -150,14 +151,17 @@ def seen_columns(raw: Array) -> NDArray[np.bool_]:
 
 def signatures(found: Fit, amounts: Sequence[tuple[EffectUnknown, Shapes]]) -> Array:
     """(n_number, n_amount) slopes of the residual over each amount at nothing, around its shapes; nan where there is
-    none. With all amounts at nothing shapes change nothing."""
-    effects = np.tile(found.unknowns.effect_vector(found.z), (len(amounts), 1))
-    for row, (one, shapes) in zip(effects, amounts, strict=True):
+    none. With all amounts at nothing shapes change nothing. Differences are of equal steps."""
+    effects = np.tile(found.unknowns.effect_vector(found.z), (len(amounts) + 1, 1))
+    fine = np.full(len(effects), True)
+    for n, (one, shapes) in enumerate(amounts):
         for shape in shapes:
-            row[shape.place] = shape.centre
-        row[one.place] = one.value(np.array(STEP_OF_AMOUNTS))
-    rows = np.tile(found.z, (len(amounts), 1))
-    moved = found.likelihood.spectra(Points(found.unknowns, rows, effects))
-    moved -= found.residual
+            effects[n, shape.place] = shape.centre
+        effects[n, one.place] = one.value(np.array(STEP_OF_AMOUNTS))
+        fine[n] = found.unknowns.fine_steps or CATALOGUE[one.effect].fine_steps
+    rows = np.tile(found.z, (len(effects), 1))
+    moved = found.likelihood.spectra(Points(found.unknowns, rows, effects, fine))
+    for n in range(len(amounts)):
+        moved[n] -= moved[-1] if fine[n] else found.residual
     moved /= STEP_OF_AMOUNTS
-    return np.asarray(moved.T)
+    return np.asarray(moved[:-1].T)

@@ -160,6 +160,13 @@ class Unknowns:
         return not self.effects and not self.fixed
 
     @property
+    def fine_steps(self) -> bool:
+        """Whether an effect that is searched for or believed wants fine steps."""
+        fixed = {place for place, _ in self.fixed}
+        believed = {effect for (effect, _), place in PARAMETER_INDEX.items() if place in fixed}
+        return any(CATALOGUE[name].fine_steps for name in believed | {one.effect for one in self.effects})
+
+    @property
     def amounts(self) -> NDArray[np.intp]:
         """Places of the effects' amounts."""
         places = [n for n, unknown in enumerate(self.effects, self.n_nuisance) if not unknown.width]

@@ -2,8 +2,9 @@
 
 Within its voltage limit the loop makes di/dt = w (target - i), whatever circuit and motion do. With effects the same
 holds of what the loop sees: the magnetising currents u go to where the coils' currents are their targets, at the rate
-w/(1 + w L G) that eddy currents leave of w. The voltage limit acts in a straight line first, at the slope that it
-allows when the step begins: an error of the step's second order, once for each such event.
+w/(1 + w L G) that eddy currents leave of w. The voltage limit acts in a straight line first, at the mean of the slopes
+that it allows when the step begins and where it will cease to act: an error of the step's third order, once for each
+such event.
 
 Volt-seconds and electrical energy of a step are those of resistance and motion, and the changes of flux linkage and
 field energy, as in an ideal drive whose current jumps.
@@ -12,7 +13,7 @@ field energy, as in an ideal drive whose current jumps.
 import numpy as np
 
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, fma, some
+from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, fma, size, some
 from msl_fem.plant.effects import electrical, magnetic
 from msl_fem.plant.equations import hysteresis, series_iron
 from msl_fem.plant.layout import (
@@ -25,6 +26,7 @@ from msl_fem.plant.layout import (
     INPUTS_END,
     INPUTS_MIDDLE,
     KNOWN_1,
+    KNOWN_CORNER,
     KNOWN_FIELD,
     KNOWN_FLUX,
     KNOWN_LAST,
@@ -41,6 +43,7 @@ from msl_fem.plant.layout import (
     SHARED_ENERGY,
     SHARED_FLUX,
     SLOPES,
+    SLOPES_4,
     TARGET_1,
     VOLT_SECONDS_1,
     Y,
@@ -71,6 +74,35 @@ def set_aside_limits(work: Rows) -> None:
     for j in range(2):
         work[KNOWN_1 + j * N_KNOWN + KNOWN_LIMITED] = work[LIMITED_1 + j]
         work[LIMITED_1 + j] = 0.0
+
+
+@compiled
+def keep_first_slopes(p: PlantParameters, work: Rows) -> None:
+    """The slopes of the step's begin as those where voltage limits cease to act, to begin with."""
+    for j in range(p.sides):
+        work[KNOWN_1 + j * N_KNOWN + KNOWN_CORNER] = work[SLOPES + I1 + j]
+
+
+@compiled
+def put_corner_currents(p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float) -> None:
+    """Puts the currents at which voltage limits will cease to act within the step into Y, where they act at its begin:
+    what is missing to the target is the slope there over the loop's rate."""
+    for j in range(p.sides):
+        later = work[KNOWN_1 + j * N_KNOWN + KNOWN_CORNER]
+        moved = 0.0 - _missing(p, e, work, j) - later / _rate(p, e, work, j)
+        whole = step * work[SLOPES + I1 + j]
+        within_step = (moved * whole > 0.0) & (size(moved) < size(whole)) & (work[LIMITED_1 + j] > 0.0)
+        work[KNOWN_1 + j * N_KNOWN + KNOWN_VALUE] = choose(within_step, state[I1 + j] + moved, state[I1 + j])
+    for j in range(p.sides):
+        work[Y + I1 + j] = work[KNOWN_1 + j * N_KNOWN + KNOWN_VALUE]
+
+
+@compiled
+def keep_corner_slopes(p: PlantParameters, work: Rows) -> None:
+    """The slopes of the fourth stage's rows as those where voltage limits cease to act, where they act."""
+    for j in range(p.sides):
+        row = KNOWN_1 + j * N_KNOWN + KNOWN_CORNER
+        work[row] = choose(work[LIMITED_1 + j] > 0.0, work[SLOPES_4 + I1 + j], work[row])
 
 
 @compiled
@@ -151,7 +183,8 @@ def _set_side(p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, abov
     z, rise, slope = rate * step, _target(work, j)[1], work[SLOPES + I1 + j]
     away = above + rise * (0.5 + 1.0 / z)
     limited = work[LIMITED_1 + j] > 0.0
-    line, corner = limited_line(away, slope * step, z)
+    later = work[row + KNOWN_CORNER]
+    line, corner = limited_line(away, 0.5 * (slope + later) * step, later * step, z)
     line, corner = choose(limited, line, 0.0), choose(limited, corner, 1.0)
     known = (z > FAST) & (line < 1.0)
     work[LIMITED_1 + j] = work[row + KNOWN_LIMITED]

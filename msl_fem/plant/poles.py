@@ -104,11 +104,12 @@ def slopes_of_fall(m_0: Value, m_s: Value, last: Value) -> tuple[Value, Value, V
 
 
 @compiled
-def limited_line(way: Value, moved: Value, z: Value) -> tuple[Value, Value]:
+def limited_line(way: Value, moved: Value, at_end: Value, z: Value) -> tuple[Value, Value]:
     """(share of the step in which the limit acts, what is left of `way` at its end) where a limited slope moves by
-    `moved` in a whole step; 2 where the limit acts all along, or drives the other way."""
+    `moved` in a whole step, and where it ceases to act by `at_end`; 2 where the limit acts all along, or drives the
+    other way."""
     toward = 0.0 - moved / way  # share of the way in a whole step
-    corner = toward / z
+    corner = 0.0 - at_end / (way * z)
     line = (1.0 - corner) / toward
     ends = (toward > 0.0) & (line < 1.0)
     return choose(ends, larger(line, 0.0), 2.0), choose(ends & (corner < 1.0), corner, 1.0)

@@ -21,6 +21,9 @@ from msl_fem.plant.equations import rates, rates_with_effects
 from msl_fem.plant.fast_loop import (
     end_known_currents,
     is_fast,
+    keep_corner_slopes,
+    keep_first_slopes,
+    put_corner_currents,
     put_known_currents,
     set_aside_limits,
     set_known_currents,
@@ -34,6 +37,7 @@ from msl_fem.plant.layout import (
     HELD,
     I1,
     INPUTS_BEGIN,
+    LIMITED_1,
     MODE,
     MODE_RATE,
     N_INPUT,
@@ -60,6 +64,7 @@ from msl_fem.plant.poles import lag_weights
 from msl_fem.plant.side import Cells
 
 MOST_IMPACTS = 50  # in one step; the last one ends at rest
+_CORNERS = 3  # iterations, each of which leaves R/(w L) of the error before
 
 
 @compiled
@@ -99,6 +104,20 @@ def integrated(e: Rows) -> int:
 
 
 @compiled
+def _find_corners(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float) -> Flag:
+    """The slopes where voltage limits will cease to act, by fixed-point iteration; Y and its circuits are those of the
+    step's begin, before and behind."""
+    inside = state[X] == state[X]
+    for _ in range(_CORNERS):
+        put_corner_currents(p, e, state, work, step)
+        inside = inside & slopes(cells, p, e, state, work, 3, 0, False)
+        keep_corner_slopes(p, work)
+        look_at(e, state, work)
+        inside = inside & slopes(cells, p, e, state, work, 0, 0, False)
+    return inside
+
+
+@compiled
 def try_step(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float) -> Flag:
     """The integrated states after one step into Y; False where a stage left the table."""
     n_integrated = integrated(e)
@@ -108,6 +127,9 @@ def try_step(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows,
     if fast:
         set_aside_limits(work)
         inside = inside & slopes(cells, p, e, state, work, 0, 0, True)
+        keep_first_slopes(p, work)
+        if some(work[LIMITED_1] + work[LIMITED_1 + 1] > 0.0):
+            inside = inside & _find_corners(cells, p, e, state, work, step)
         set_known_currents(cells, p, e, state, work, step)
     for stage in range(4):
         if stage > 0:

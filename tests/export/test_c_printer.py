@@ -172,7 +172,7 @@ KERNEL = {
     poles.fall_moments: "rrr",
     poles.fall_for_squares: "rrr",
     poles.slopes_of_fall: "rrr",
-    poles.limited_line: "rrr",
+    poles.limited_line: "rrrr",
     drive._slew: "rrrr",
     drive._left: "rrr",
     drive._limited: "Rrrrrr",

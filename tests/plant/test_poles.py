@@ -70,6 +70,16 @@ def test_a_fast_current_loop_meets_its_voltage_limit(servo: Actuator, table: Mag
     assert largest_error(run, reference, "voltage") < 1e-5
 
 
+@pytest.mark.parametrize(("resistance", "error"), [(2.0, 3e-7), (60.0, 1e-3)])
+def test_a_limit_that_ceases_to_act_within_a_step(servo: Actuator, resistance: float, error: float) -> None:
+    """One step against four hundred, of a locked coil in which the resistance takes 0.3 or 10 % of the voltage until
+    the limit ceases to act: with the slope of the step's begin alone 0.1 and 2 % of the way would be lost."""
+    drive = {"bandwidth": 2e3, "voltage_limit": 80.0, "coil_resistance": resistance}
+    bench, inputs = changed(locked(servo), drive=drive), Inputs(np.full((3, 2), [0.3, 0.0]), 5e3)
+    one, many = (simulate(bench, linear_table(), inputs, options=Options(substeps=n)).current[:, 0] for n in (1, 400))
+    assert np.abs(one - many).max() < error * 0.3
+
+
 def test_ten_megahertz_are_as_none(servo: Actuator, table: MagneticTable) -> None:
     """In steps and in result: what the pole itself does, a sixtieth of a microsecond late."""
     inputs = wandering(300)

@@ -217,6 +217,7 @@ ELECTRICAL = (
         advice="measure the step response of the drive with the mover locked; check its voltage limit",
         sets=(("lag",), ("slew_time",), ("bandwidth_error",), ("lag", "slew_time")),
         deviation_of={"time_delay": 0.1, "eddy_currents": 0.1, "magnetic_hysteresis": 0.14, "early_saturation": 0.05},
+        fine_steps=True,
     ),
     Effect(
         name="drive_limit",

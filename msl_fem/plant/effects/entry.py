@@ -193,6 +193,8 @@ class Effect:
         "": it acts alike in every run
     deviation_of : effects from whose form a real one deviates as if a little of this one were there, and the share of
         what they bring up to which it is no cause of its own
+    fine_steps : whether it wants the steps by which a current loop is integrated, where without it the loop is known in
+        closed form: it changes how the loop settles or when its target comes, or moves as fast
     """
 
     name: str
@@ -213,6 +215,7 @@ class Effect:
     separating: str = ""
     wanders: str = ""
     deviation_of: Mapping[str, float] = field(default_factory=dict)
+    fine_steps: bool = False
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; KeyError where there is none."""

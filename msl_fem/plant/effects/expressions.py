@@ -75,6 +75,7 @@ def effect_of(expression: LawExpression) -> Effect:
         believe=_believe(expression) if believed else None,
         needed_force=_needed_force(expression) if of_force and undone else None,
         needs=_needs(expression),
+        fine_steps=True,
     )
 
 

@@ -219,6 +219,7 @@ MAGNETIC = (
         sets=(("knee_shift",), ("low_field_current", "knee_excess"), ("knee_excess",)),
         separating="a map up to twice the largest current, where the iron saturates",
         deviation_of={"magnetic_hysteresis": 0.14},
+        fine_steps=True,
     ),
     Effect(
         name="fringing",
@@ -336,6 +337,7 @@ MAGNETIC = (
         static=Part(("coercive_current",)),
         advice="anneal the sheets or take a better grade; demagnetise before each run",
         separating="loops of the current up and down at one gap, in an ascending series of amplitudes",
+        fine_steps=True,
     ),
     Effect(
         name="eddy_currents",
@@ -376,6 +378,7 @@ MAGNETIC = (
         static=NOT_AT_REST,
         advice="look for solid iron and shorted sheets in the flux path, a closed metal ring around it",
         deviation_of={"time_delay": 0.1, "amplifier_bandwidth": 0.1, "magnetic_hysteresis": 0.14},
+        fine_steps=True,
     ),
     Effect(
         name="cross_coupling",
@@ -393,6 +396,7 @@ MAGNETIC = (
         static=Part(declined="it takes two sides, a static map is of one magnet"),
         advice="separate the sides' flux: a thicker armature, other polarity; or keep it in the model",
         deviation_of={"mutual_inductance": 0.1},
+        fine_steps=True,
     ),
     Effect(
         name="armature_tilt",

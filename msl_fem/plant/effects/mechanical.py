@@ -310,6 +310,7 @@ MECHANICAL = (
         advice="tap the mover with the coils open; stiffen what resonates, keep the loop's bandwidth below it",
         sets=(("mass_share",), ("mass_share", "load_reading")),
         deviation_of={"position_sensor_crosstalk": 0.02},
+        fine_steps=True,
     ),
     Effect(
         name="flexure_relaxation",
@@ -396,5 +397,6 @@ MECHANICAL = (
         static=NOT_AT_REST,
         advice="stiffen the bench or read the gap against the magnet",
         deviation_of={"magnetic_hysteresis": 0.14},
+        fine_steps=True,
     ),
 )

@@ -195,6 +195,7 @@ SENSING = (
         advice="check the time stamps of the channels and the cycles between computing and acting",
         sets=(("command",), ("position",), ("current",), ("position", "current")),
         deviation_of={"amplifier_bandwidth": 0.1, "eddy_currents": 0.1, "position_sensor_lag": 0.1},
+        fine_steps=True,
     ),
     Effect(
         name="periodic_disturbance",

@@ -72,6 +72,7 @@ STRAY_FLUX = (
         inverse=NO_MAGNETS,
         static=Part(declined="it takes two sides, a static map is of one magnet"),
         advice="solve both sides together (solve --current-2) and hold what follows against this; --polarity aiding",
+        fine_steps=True,
     ),
     Effect(
         name="remanent_flux",
@@ -96,5 +97,6 @@ STRAY_FLUX = (
         sets=(("current_1", "current_2"), ("current_1",), ("current_2",)),
         separating="force or flux without current, and one row with the current reversed",
         deviation_of={"magnetic_hysteresis": 0.14},
+        fine_steps=True,
     ),
 )

@@ -1,0 +1,92 @@
+"""Current loops of one side in closed form: fewer steps, but where an effect wants fine ones, and nowhere mixed."""
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import levitator
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.diagnosis.problem import FitProblem, Points, batches
+from msl_fem.diagnosis.runs import _alike_in_coarse_steps
+from msl_fem.diagnosis.scores import signatures
+from msl_fem.diagnosis.unknowns import STEP_OF_AMOUNTS, EffectUnknown, Unknowns
+from msl_fem.plant.effects import CATALOGUE
+from msl_fem.prediction import ModelHypothesis, kernel_plant
+
+RATE = 5e3
+DELAY, FRICTION = EffectUnknown("time_delay", "command"), EffectUnknown("coulomb_friction", "force")
+
+
+@pytest.fixture(scope="module")
+def one_sided() -> Actuator:
+    base = levitator.actuator(load_actuator(ROOT / "measurements" / "levitation_rig" / "actuator.toml"))
+    drive = base.drive.model_copy(update={"kind": "current", "bandwidth": 2e3})
+    return base.model_copy(update={"drive": drive})
+
+
+def test_a_loop_of_one_side_takes_few_steps_and_one_of_two_sides_does_not(one_sided: Actuator) -> None:
+    belief = ModelHypothesis(one_sided, levitator.table())
+    plant = kernel_plant(belief, rate=RATE)
+    assert (plant.coarse, plant.substeps) == (2, 11)
+    assert kernel_plant(belief, rate=RATE, ideal_current=True).coarse is None
+    servo = load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")
+    assert kernel_plant(ModelHypothesis(servo, levitator.table()), rate=RATE).coarse is None
+
+
+def test_what_changes_a_loop_or_its_target_wants_fine_steps_at_nothing_too() -> None:
+    wants = {name for name, effect in CATALOGUE.items() if effect.fine_steps}
+    assert {"mutual_inductance", "eddy_currents", "magnetic_hysteresis", "time_delay"} <= wants
+    assert wants.isdisjoint({"coulomb_friction", "position_sensor_lag", "leakage_inductance", "coil_heating"})
+    for one, fine in ((DELAY, True), (FRICTION, False)):
+        points = Points.of(Unknowns((), 0, (), (one,)), np.zeros((2, 1)))
+        assert points.wants_fine.tolist() == [fine, fine]
+    believed = Unknowns((), 0, (), fixed=((DELAY.place, 1e-5),))
+    assert Points.of(believed, np.zeros((1, 0))).wants_fine.all()
+
+
+def test_rows_of_different_steps_are_in_groups_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("msl_fem.diagnosis.problem._lane_settings", lambda *_: (None, None, None))
+    monkeypatch.setattr("msl_fem.diagnosis.problem.told_apart", lambda *_, **more: np.arange(3))
+    plant: Any = SimpleNamespace(coarse=2)
+    problem = FitProblem(plant, (SimpleNamespace(rate=RATE),), (), (), None)  # type: ignore[arg-type]
+    fine = np.array([True, False, True, False, False, True])
+    points = Points(Unknowns((), 0, ()), np.zeros((6, 0)), None, fine)
+    groups = batches(problem, points, 0, substeps=11)
+    assert [group.tolist() for group in groups] == [[1, 3, 4], [0, 2, 5]]
+
+
+def test_differences_are_of_equal_steps() -> None:
+    """Of a likelihood whose numbers are by 1000 larger in fine steps."""
+
+    def spectra(points: Points) -> np.ndarray:
+        assert points.effects is not None
+        amounts = [STEP_OF_AMOUNTS * (row[one.place] != 0) for row in points.effects for one in (DELAY, FRICTION)]
+        return np.array(amounts).reshape(-1, 2) + 1000.0 * points.wants_fine[:, None]
+
+    unknowns = Unknowns((), 0, ())
+    found: Any = SimpleNamespace(
+        unknowns=unknowns, z=np.zeros(0), residual=np.zeros(2), likelihood=SimpleNamespace(spectra=spectra)
+    )
+    columns = signatures(found, [(DELAY, ()), (FRICTION, ())])
+    assert columns == pytest.approx(np.eye(2), abs=1e-5)
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """A likelihood of one number, which coarse steps miss by `error`."""
+
+    error: float
+    substeps: int = 11
+    problem: Any = field(default_factory=lambda: SimpleNamespace(plant=SimpleNamespace(coarse=2)))
+
+    def spectra(self, points: Points) -> np.ndarray:
+        return np.array([[0.0 if self.substeps == 33 and points.fine is None else self.error]])
+
+
+@pytest.mark.parametrize(("error", "alike"), [(0.1, True), (1.0, False), (np.nan, False)])
+def test_coarse_steps_are_taken_where_the_belief_is_the_same_in_far_finer_ones(error: float, alike: bool) -> None:
+    assert _alike_in_coarse_steps(Stepped(error), Unknowns((), 0, ())) == alike  # type: ignore[arg-type]
