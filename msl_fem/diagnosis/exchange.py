@@ -14,7 +14,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.likelihood import Fit
-from msl_fem.diagnosis.refits import LAST_STEPS, SCREENING_STEPS, SHARES, Refit, extended, objectives
+from msl_fem.diagnosis.refits import LAST_STEPS, SCREENING_STEPS, SHARES, Refit, extended, let_go, objectives
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant
@@ -139,8 +139,7 @@ class Exchange:
             best = max(others, key=lambda one: one.fit.log_evidence, default=None)
             if best is not None and best.fit.log_evidence > found.fit.log_evidence + self.better:
                 return EffectSet((*without.variants, best.variant), best.fit), [], False
-            for other in others:
-                other.fit.lets_go()
+            let_go(others)
             places.append(_Place(loss, others))
         return found, places, True
 

@@ -43,6 +43,8 @@ class FitProblem:
     threads : for the simulations of many rows
     stretches : of each run; None of a run that is followed from its start to its end. Empty: all are
     tolerance : of the instruments' zeros, by which starts may be off beside the noise
+    coarse : steps a sample of rows that do not want fine ones, the current loop in closed form (`plant.fast_loop`);
+        None: all have the same
     """
 
     plant: KernelPlant
@@ -53,6 +55,7 @@ class FitProblem:
     threads: int = 1
     stretches: tuple[Stretches | None, ...] = ()
     tolerance: Tolerance | None = None
+    coarse: int | None = None
 
     @property
     def schedules(self) -> tuple[Schedule, ...]:
@@ -130,7 +133,7 @@ def simulated_residuals(problem: FitProblem, points: Points, *, substeps: int) -
 def batches(problem: FitProblem, points: Points, run: int, *, substeps: int) -> list[NDArray[np.intp]]:
     """The rows in groups of equal steps, each of as many runs as the kernel advances at a time: what bounds the memory.
     Rows that it sees as alike, since what instruments read alone differs, are in one group."""
-    fine = points.wants_fine | (problem.plant.coarse is None)
+    fine = points.wants_fine | (problem.coarse is None)
     found = []
     for rows in filter(len, (np.flatnonzero(~fine), np.flatnonzero(fine))):
         own = points.only(rows)
@@ -146,7 +149,7 @@ def batches(problem: FitProblem, points: Points, run: int, *, substeps: int) -> 
 
 def _steps(problem: FitProblem, points: Points, substeps: int) -> int:
     """Steps a sample with which rows are simulated: the coarse ones where none wants others."""
-    coarse = problem.plant.coarse
+    coarse = problem.coarse
     return substeps if coarse is None or points.wants_fine.any() else min(coarse, substeps)
 
 

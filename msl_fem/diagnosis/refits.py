@@ -158,13 +158,13 @@ class Refinement:
         told = _Screening(self.tell, len(candidates))
         first = self._together(lambda score: told.ends(score, self.screened(score)), candidates)
         kept, eliminated = _in_front([refit for refit in first if refit is not None])
-        _let_go(eliminated)
+        let_go(eliminated)
         if self.lost:
             self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(kept))}")
             kept, behind = _in_front(self._together(self.from_small_amounts, kept))
             eliminated += behind
         raced = self.raced(kept)
-        _let_go(raced)
+        let_go(raced)
         eliminated += [refit for refit in raced if refit.gain > 0 and self.hopeless(refit)]
         refined = sorted((refit for refit in raced if refit not in eliminated), key=_by_gain)
         leader = self.converged(refined[0], leads=True) if refined and refined[0].gain > 0 else None
@@ -206,7 +206,7 @@ class Refinement:
         if best is not converged[0] and not best.fit.finished:
             converged[converged.index(best)] = self.converged(best, leads=True)
         every = sorted([*converged, *far], key=_by_gain)
-        _let_go(every[1:])
+        let_go(every[1:])
         return every
 
     def _together(self, step: Callable[[Item], Stepped], items: Sequence[Item]) -> list[Stepped]:
@@ -241,7 +241,7 @@ class Refinement:
         count if it did."""
         running, ended = [refit for refit in kept if refit.promising], [r for r in kept if not r.promising]
         for _ in range(REFINEMENT_STEPS // RACED_STEPS):
-            _let_go(ended)
+            let_go(ended)
             if running:
                 self.tell(f"{len(running)} of them go on, {', '.join(_effects(running))}")
             moved = self._together(self.refined, running)
@@ -257,7 +257,7 @@ class Refinement:
         plan = FitPlan(RACED_STEPS, refit.fit.damping, enough=refit.enough, fresh_end=False)
         columns = refit.fit.jacobian[:, : self.base.unknowns.n_nuisance]
         on = self._refit(refit.fit, refit.variant, refit.fit.z, plan, columns)
-        _let_go([refit])
+        refit.fit.lets_go()
         return on
 
     def converged(self, refit: Refit, *, leads: bool) -> Refit:
@@ -274,7 +274,7 @@ class Refinement:
             if led.gain - refit.gain < led.enough:
                 break
             self.tell(f"{led.variant.name}, which leads, goes on; {led.gain:.3g} nats")
-            _let_go([led])
+            led.fit.lets_go()
             refit, led = led, self._refit(led.fit, led.variant, led.fit.z, plan, None)
         return replace(led, fit=replace(led.fit, finished=leads))
 
@@ -307,7 +307,7 @@ class Refinement:
             row = rows[int(np.argmin(objectives(likelihood, unknowns, rows)))]
             found.append(self._begun_anew(near, row, FitPlan(most_steps=SCREENING_STEPS, enough=ROUGH)))
         begun = [one for one in found if one is not None]
-        _let_go(begun)
+        let_go(begun)
         best = max((one.gain for one in begun), default=0.0)
         ended = [self._on(one) for one in begun if one.reach >= best]
         for _ in range(MORE_LEGS if ended else 0):
@@ -324,7 +324,7 @@ class Refinement:
         """What began at small amounts, some steps on."""
         plan = FitPlan(FIRST_STEPS, begun.fit.damping, enough=ROUGH)
         on = self._refit(begun.fit, begun.variant, begun.fit.z, plan, None)
-        _let_go([on])
+        on.fit.lets_go()
         return on
 
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
@@ -337,7 +337,7 @@ class Refinement:
         return Refit(variant, found, found.log_evidence - self.base.log_evidence)
 
 
-def _let_go(refits: Sequence[Refit]) -> None:
+def let_go(refits: Sequence[Refit]) -> None:
     """The Jacobians of refits that go no further, or do so with one of their own."""
     for refit in refits:
         refit.fit.lets_go()

@@ -29,7 +29,7 @@ from msl_fem.diagnosis.variants import variables_of
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import ModelHypothesis, RunData, Start, free_parameters, free_run, kernel_plant, measured_start
 from msl_fem.prediction.free_run import counted, start_sigmas
-from msl_fem.prediction.hypothesis import plant_of_run
+from msl_fem.prediction.hypothesis import closed_form_steps, plant_of_run
 from msl_fem.prediction.run_data import Hold
 from msl_fem.record import Record, Tolerance
 from msl_fem.record.validity import bridged
@@ -254,7 +254,8 @@ def _problem(
         if static is not None:
             visited = visited.joined(static.measured.visited)
         error = table_error(belief.table, visited, tolerance=tolerance.table)
-    problem = FitProblem(plant, tuple(runs), (), (), error, threads, tolerance=tolerance)
+    coarse = closed_form_steps(plant, belief)
+    problem = FitProblem(plant, tuple(runs), (), (), error, threads, tolerance=tolerance, coarse=coarse)
     believed = free_parameters(belief, tolerance, runs=runs)
     if static is not None:
         believed |= own_of_map(static.measured, tolerance)
@@ -292,13 +293,13 @@ def _likelihood(
     bands = make_bands(lengths, problem.plant.rate, highest=highest)
     likelihood = Likelihood(problem, bands, problem.plant.substeps)
     if not _alike_in_coarse_steps(likelihood, unknowns):
-        likelihood = replace(likelihood, problem=replace(problem, plant=replace(problem.plant, coarse=None)))
+        likelihood = replace(likelihood, problem=replace(problem, coarse=None))
     return likelihood if static is None else joined(static, likelihood), unknowns
 
 
 def _alike_in_coarse_steps(likelihood: Likelihood, unknowns: Unknowns) -> bool:
     """Whether the runs as believed are the same in coarse steps as in far finer ones."""
-    if likelihood.problem.plant.coarse is None:
+    if likelihood.problem.coarse is None:
         return True
     points = Points.of(unknowns, np.zeros((1, unknowns.size)))
     finer = replace(likelihood, substeps=FINER * likelihood.substeps).spectra(replace(points, fine=None))

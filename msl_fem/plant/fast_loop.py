@@ -77,24 +77,26 @@ def set_aside_limits(work: Rows) -> None:
 
 
 @compiled
-def keep_first_slopes(p: PlantParameters, work: Rows) -> None:
-    """The slopes of the step's begin as those where voltage limits cease to act, to begin with."""
+def begin_corners(p: PlantParameters, e: Rows, work: Rows) -> None:
+    """Into the rows of each side where its current goes and at what rate, from Y = the step's begin, and the slope of
+    the begin as that where its voltage limit ceases to act, to begin with."""
     for j in range(p.sides):
-        work[KNOWN_1 + j * N_KNOWN + KNOWN_CORNER] = work[SLOPES + I1 + j]
+        row = KNOWN_1 + j * N_KNOWN
+        work[row + KNOWN_VALUE] = work[Y + I1 + j] - _missing(p, e, work, j)
+        work[row + KNOWN_VALUE + 1] = _rate(p, e, work, j)
+        work[row + KNOWN_CORNER] = work[SLOPES + I1 + j]
 
 
 @compiled
-def put_corner_currents(p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float) -> None:
+def put_corner_currents(p: PlantParameters, state: Rows, work: Rows, step: float) -> None:
     """Puts the currents at which voltage limits will cease to act within the step into Y, where they act at its begin:
     what is missing to the target is the slope there over the loop's rate."""
     for j in range(p.sides):
-        later = work[KNOWN_1 + j * N_KNOWN + KNOWN_CORNER]
-        moved = 0.0 - _missing(p, e, work, j) - later / _rate(p, e, work, j)
-        whole = step * work[SLOPES + I1 + j]
+        row = KNOWN_1 + j * N_KNOWN
+        at_corner = work[row + KNOWN_VALUE] - work[row + KNOWN_CORNER] / work[row + KNOWN_VALUE + 1]
+        moved, whole = at_corner - state[I1 + j], step * work[SLOPES + I1 + j]
         within_step = (moved * whole > 0.0) & (size(moved) < size(whole)) & (work[LIMITED_1 + j] > 0.0)
-        work[KNOWN_1 + j * N_KNOWN + KNOWN_VALUE] = choose(within_step, state[I1 + j] + moved, state[I1 + j])
-    for j in range(p.sides):
-        work[Y + I1 + j] = work[KNOWN_1 + j * N_KNOWN + KNOWN_VALUE]
+        work[Y + I1 + j] = choose(within_step, at_corner, state[I1 + j])
 
 
 @compiled

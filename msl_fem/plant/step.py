@@ -19,10 +19,10 @@ from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, fma, lane_
 from msl_fem.plant.effects import magnetic, mechanical, sensing
 from msl_fem.plant.equations import rates, rates_with_effects
 from msl_fem.plant.fast_loop import (
+    begin_corners,
     end_known_currents,
     is_fast,
     keep_corner_slopes,
-    keep_first_slopes,
     put_corner_currents,
     put_known_currents,
     set_aside_limits,
@@ -108,13 +108,13 @@ def _find_corners(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: 
     """The slopes where voltage limits will cease to act, by fixed-point iteration; Y and its circuits are those of the
     step's begin, before and behind."""
     inside = state[X] == state[X]
+    begin_corners(p, e, work)
     for _ in range(_CORNERS):
-        put_corner_currents(p, e, state, work, step)
+        put_corner_currents(p, state, work, step)
         inside = inside & slopes(cells, p, e, state, work, 3, 0, False)
         keep_corner_slopes(p, work)
-        look_at(e, state, work)
-        inside = inside & slopes(cells, p, e, state, work, 0, 0, False)
-    return inside
+    look_at(e, state, work)
+    return inside & slopes(cells, p, e, state, work, 0, 0, False)
 
 
 @compiled
@@ -127,7 +127,6 @@ def try_step(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows,
     if fast:
         set_aside_limits(work)
         inside = inside & slopes(cells, p, e, state, work, 0, 0, True)
-        keep_first_slopes(p, work)
         if some(work[LIMITED_1] + work[LIMITED_1 + 1] > 0.0):
             inside = inside & _find_corners(cells, p, e, state, work, step)
         set_known_currents(cells, p, e, state, work, step)

@@ -84,8 +84,6 @@ class KernelPlant:
     gain : position reading over position
     instruments : factors of gains and zeros of the other readings
     substeps, step : Runge-Kutta steps a sample, and their size in s
-    coarse : steps a sample with which the current loops are taken in closed form (`plant.fast_loop`), which is as good
-        beside effects that do not want fine steps; None: the same
     """
 
     surface: Surface
@@ -96,7 +94,6 @@ class KernelPlant:
     rate: float
     substeps: int
     instruments: Mapping[str, float] = field(default_factory=dict)
-    coarse: int | None = None
 
     @property
     def step(self) -> float:
@@ -197,9 +194,10 @@ def coupled_loop_steps(p: PlantParameters, *, rate: float) -> int:
     return steps if steps <= MANY_STEPS else 1
 
 
-def closed_form_steps(p: PlantParameters, belief: ModelHypothesis, *, rate: float) -> int | None:
+def closed_form_steps(plant: KernelPlant, belief: ModelHypothesis) -> int | None:
     """Steps a sample that resolve all but the current loop of one side; None where it is not taken in closed form. Two
     sides have a mutual flux, within its tolerance at least, that the closed form leaves out."""
+    p, rate = plant.parameters, plant.rate
     if p.drive != CURRENT_DRIVE or p.sides != 1 or not np.isfinite(p.bandwidth):
         return None
     ideal = p._replace(bandwidth=np.inf)
@@ -255,7 +253,6 @@ def kernel_plant(
         p, belief.table, rate=rate, effects=belief.effects, commands=commands, largest_step=STEP_OF_FASTEST
     )
     substeps = max(substeps, coupled_loop_steps(p, rate=rate))
-    coarse = closed_form_steps(p, belief, rate=rate)
     surface = surface_of(belief.table if p.sides else None)
     p = p._replace(inductance=small_signal_inductance(p, surface))
     p = with_factors(p, f, ideal_current=ideal_current)
@@ -271,4 +268,4 @@ def kernel_plant(
         step = 1.0 / (rate * substeps)
         effects = kernel_coefficients(p, vector, inductance=inductance, step=step, n_step=substeps)
     instruments = {name: value for name, value in f.items() if name in NUISANCES}
-    return KernelPlant(surface, p, effects, vector, f["position_gain"], rate, substeps, instruments, coarse)
+    return KernelPlant(surface, p, effects, vector, f["position_gain"], rate, substeps, instruments)

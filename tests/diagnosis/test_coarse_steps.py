@@ -1,6 +1,6 @@
 """Current loops of one side in closed form: fewer steps, but where an effect wants fine ones, and nowhere mixed."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,11 +11,14 @@ from conftest import ROOT
 
 from msl_fem.actuator import Actuator, load_actuator
 from msl_fem.diagnosis.problem import FitProblem, Points, batches
-from msl_fem.diagnosis.runs import _alike_in_coarse_steps
+from msl_fem.diagnosis.runs import _alike_in_coarse_steps, _simulated_missed
 from msl_fem.diagnosis.scores import signatures
+from msl_fem.diagnosis.shooting import Shooting
+from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.unknowns import STEP_OF_AMOUNTS, EffectUnknown, Unknowns
-from msl_fem.plant.effects import CATALOGUE
-from msl_fem.prediction import ModelHypothesis, kernel_plant
+from msl_fem.plant.effects import CATALOGUE, EffectValues
+from msl_fem.prediction import ModelHypothesis, kernel_plant, run_data
+from msl_fem.prediction.hypothesis import closed_form_steps
 
 RATE = 5e3
 DELAY, FRICTION = EffectUnknown("time_delay", "command"), EffectUnknown("coulomb_friction", "force")
@@ -31,10 +34,10 @@ def one_sided() -> Actuator:
 def test_a_loop_of_one_side_takes_few_steps_and_one_of_two_sides_does_not(one_sided: Actuator) -> None:
     belief = ModelHypothesis(one_sided, levitator.table())
     plant = kernel_plant(belief, rate=RATE)
-    assert (plant.coarse, plant.substeps) == (2, 11)
-    assert kernel_plant(belief, rate=RATE, ideal_current=True).coarse is None
-    servo = load_actuator(ROOT / "geometries" / "fast_tool_servo.toml")
-    assert kernel_plant(ModelHypothesis(servo, levitator.table()), rate=RATE).coarse is None
+    assert (closed_form_steps(plant, belief), plant.substeps) == (2, 11)
+    assert closed_form_steps(kernel_plant(belief, rate=RATE, ideal_current=True), belief) is None
+    servo = ModelHypothesis(load_actuator(ROOT / "geometries" / "fast_tool_servo.toml"), levitator.table())
+    assert closed_form_steps(kernel_plant(servo, rate=RATE), servo) is None
 
 
 def test_what_changes_a_loop_or_its_target_wants_fine_steps_at_nothing_too() -> None:
@@ -51,8 +54,7 @@ def test_what_changes_a_loop_or_its_target_wants_fine_steps_at_nothing_too() -> 
 def test_rows_of_different_steps_are_in_groups_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("msl_fem.diagnosis.problem._lane_settings", lambda *_: (None, None, None))
     monkeypatch.setattr("msl_fem.diagnosis.problem.told_apart", lambda *_, **more: np.arange(3))
-    plant: Any = SimpleNamespace(coarse=2)
-    problem = FitProblem(plant, (SimpleNamespace(rate=RATE),), (), (), None)  # type: ignore[arg-type]
+    problem = FitProblem(None, (SimpleNamespace(rate=RATE),), (), (), None, coarse=2)  # type: ignore[arg-type]
     fine = np.array([True, False, True, False, False, True])
     points = Points(Unknowns((), 0, ()), np.zeros((6, 0)), None, fine)
     groups = batches(problem, points, 0, substeps=11)
@@ -81,7 +83,7 @@ class Stepped:
 
     error: float
     substeps: int = 11
-    problem: Any = field(default_factory=lambda: SimpleNamespace(plant=SimpleNamespace(coarse=2)))
+    problem: Any = field(default_factory=lambda: SimpleNamespace(coarse=2))
 
     def spectra(self, points: Points) -> np.ndarray:
         return np.array([[0.0 if self.substeps == 33 and points.fine is None else self.error]])
@@ -90,3 +92,20 @@ class Stepped:
 @pytest.mark.parametrize(("error", "alike"), [(0.1, True), (1.0, False), (np.nan, False)])
 def test_coarse_steps_are_taken_where_the_belief_is_the_same_in_far_finer_ones(error: float, alike: bool) -> None:
     assert _alike_in_coarse_steps(Stepped(error), Unknowns((), 0, ())) == alike  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("effects", [None, EffectValues({"time_delay": {"command": 1e-4}})])
+def test_what_a_model_misses_on_a_run_is_told_in_fine_steps(
+    one_sided: Actuator, effects: EffectValues | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An extended model has its effects in the plant, and nothing is unknown of it."""
+    base = load_actuator(ROOT / "measurements" / "levitation_rig" / "actuator.toml")
+    record = levitator.record(base, levitator.Truth(), seconds=0.5)
+    voltages = run_data(record, record.runs[0])
+    currents = np.column_stack([voltages.measured["current_1_A"], np.zeros(len(voltages.commands))])
+    belief = ModelHypothesis(one_sided, levitator.table(), effects)
+    cut = Stretches(np.arange(0, 960, 32), np.tile([[0.0, 0.0, 0.0, 0.0]], (30, 1)), ())
+    asked = []
+    monkeypatch.setattr(Shooting, "followed", lambda shot, cut: asked.append(shot.problem.coarse) or {})
+    _simulated_missed(belief, replace(voltages, commands=currents), cut, record.tolerance)
+    assert asked == [None]
