@@ -121,6 +121,20 @@ def test_flags_that_change_the_arithmetic_are_refused(example, tmp_path, flag):
     assert REFUSED[flag] in done.stderr
 
 
+def test_arithmetic_of_16_bits_beside_that_of_doubles_is_let_pass(example, tmp_path):
+    """What gcc says of a processor that has it where -march=native is given."""
+    (tmp_path / "exported.h").write_text(guard_header(example, name="m"))
+    (tmp_path / "program.c").write_text(
+        "#include <float.h>\n#if FLT_EVAL_METHOD == 16\n#warning of 16\n#endif\n" + SOURCE
+    )
+    command = [compiler("gcc"), "-std=gnu17", "-O2", "-mavx512fp16", "-o", tmp_path / "program", tmp_path / "program.c"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if "unrecognized" in done.stderr:
+        pytest.skip("this gcc knows no such processor")
+    assert done.returncode == 0, done.stderr[:3000]
+    assert "of 16" in done.stderr
+
+
 HOSTILE = (
     "*/ int evil; /*", "*\\\n/ int evil;", "*??/\n/ int evil;", "x\n#define evil", '"); evil("', "é\u2028evil", "int",
     "9", "${evil} {{ evil }} {% raw %}", "*" + "/" * 5000 + " int evil;",
