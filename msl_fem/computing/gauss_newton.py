@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
-from msl_fem.computing.arrays import Array
+from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.errors import ComputationError
 
 
@@ -189,7 +189,7 @@ def descend(
     return Descent(point, model, "no more steps", steps, mu)
 
 
-def normal_equations(jacobian: Array, root: Array, residual: Array | None = None) -> tuple[Array, Array]:
+def normal_equations(jacobian: Array | Slopes, root: Array, residual: Array | None = None) -> tuple[Array, Array]:
     """(J'J (n, n), J'r (n,)) of a Jacobian (n_number, n) and a residual (n_number,) times `root` (n_number,), some rows
     at a time: as large as the Jacobian nothing is made beside it. Without a residual J'r is zero."""
     gram, slope = np.zeros((jacobian.shape[1],) * 2), np.zeros(jacobian.shape[1])
@@ -202,7 +202,16 @@ def normal_equations(jacobian: Array, root: Array, residual: Array | None = None
     return gram, slope
 
 
-def add_outer(jacobian: Array, column: Array, row: Array) -> None:
+def linear_change(jacobian: Array | Slopes, move: Array) -> Array:
+    """(n_number,) a Jacobian (n_number, n) times a move (n,), in double precision."""
+    made = np.empty(len(jacobian))
+    for begin in range(0, len(jacobian), ROWS_AT_ONCE):
+        rows = slice(begin, begin + ROWS_AT_ONCE)
+        made[rows] = jacobian[rows] @ move
+    return made
+
+
+def add_outer(jacobian: Array | Slopes, column: Array, row: Array) -> None:
     """Adds column (n_number,) times row (n,) to a Jacobian (n_number, n) in place."""
     for begin in range(0, len(jacobian), ROWS_AT_ONCE):
         rows = slice(begin, begin + ROWS_AT_ONCE)

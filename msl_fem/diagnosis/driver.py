@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 
 from msl_fem.computing.blas_threads import one_blas_thread
+from msl_fem.computing.malloc_arenas import few_arenas
 from msl_fem.diagnosis.carriages import carriage, is_carriage
 from msl_fem.diagnosis.conclusion import EffectSearch, conclude
 from msl_fem.diagnosis.decision import TIE, too_few_because, undecidable_because
@@ -41,6 +42,7 @@ def diagnose(record: Record, settings: DiagnosisSettings | None = None) -> Diagn
     InputError : the record lacks what the coupled model needs, or its magnets' table is missing
     ComputationError : the model cannot follow the data at all
     """
+    few_arenas()
     how = settings or DiagnosisSettings()
     declare(*record.causes)
     record, of_coil = without_absent(record)

@@ -18,13 +18,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from msl_fem.computing.arrays import Array
+from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.computing.gauss_newton import (
     Damping,
     DescentSettings,
     add_outer,
     bounded_step,
     descend,
+    linear_change,
     log_evidence,
     normal_equations,
 )
@@ -87,7 +88,7 @@ def fit(
     start: Array,
     *,
     plan: FitPlan | None = None,
-    nuisance_columns: Array | None = None,
+    nuisance_columns: Slopes | None = None,
 ) -> Fit:
     """The most probable unknowns next to a start.
 
@@ -191,7 +192,7 @@ class _FitPoint:
 class _FitModel:
     """S near a point: the densities of the noise as they are there, the residual linear."""
 
-    def __init__(self, unknowns: Unknowns, point: _FitPoint, jacobian: Array, *, stale: bool) -> None:
+    def __init__(self, unknowns: Unknowns, point: _FitPoint, jacobian: Slopes, *, stale: bool) -> None:
         self.unknowns, self.point = unknowns, point
         self.jacobian, self.stale = jacobian, stale
         _, prior_slope, self.curvature = unknowns.prior(point.z)
@@ -211,7 +212,7 @@ class _FitModel:
         """Makes the nuisances' columns those at a point nearby, by the secant from here (Broyden, Math. Comp. 19, 1965,
         577-593), in place."""
         move = point.z - self.point.z
-        missed = point.residual - self.point.residual - self.jacobian @ move
+        missed = point.residual - self.point.residual - linear_change(self.jacobian, move)
         n = self.unknowns.n_nuisance
         add_outer(self.jacobian[:, :n], missed, move[:n] / max(float(move @ move), TINY))
 
@@ -223,7 +224,7 @@ class _FitPosterior:
     def __init__(self, likelihood: Likelihood, unknowns: Unknowns, plan: FitPlan) -> None:
         self.likelihood, self.unknowns, self.plan = likelihood, unknowns, plan
         self.simulations, self.heat = 0, 1.0
-        self._jacobian = np.empty((0, unknowns.size))
+        self._jacobian = np.empty((0, unknowns.size), dtype=np.float32)
 
     def at(self, z: Array) -> _FitPoint:
         """A point that holds the bounds; its S is inf where the simulation fails."""
@@ -264,9 +265,9 @@ class _FitPosterior:
             neighbour.move_to(point)
         return self._model(point, stale=neighbour is not None)
 
-    def linearised(self, point: _FitPoint, nuisance_columns: Array | None) -> _FitModel:
+    def linearised(self, point: _FitPoint, nuisance_columns: Slopes | None) -> _FitModel:
         """The first model, at a point; the nuisances' columns are computed where they are not given."""
-        self._jacobian = np.empty((point.residual.size, point.z.size))
+        self._jacobian = np.empty((point.residual.size, point.z.size), dtype=np.float32)
         if nuisance_columns is not None:
             self._jacobian[:, : self.unknowns.n_nuisance] = nuisance_columns
         return self._model(point, stale=nuisance_columns is not None)

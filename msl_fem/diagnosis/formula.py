@@ -102,8 +102,10 @@ def formula_of(kind: Kind, starts: Sequence[Fit], *, tell: Callable[[str], None]
         are where none stands beside them
     """
     beside = chosen_terms(starts[-1], tell=tell)
-    alone = chosen_terms(starts[0], tell=tell, most=1) if len(starts) > 1 else None
     told = starts[-1].log_evidence + LEAST if beside is None else beside.fit.log_evidence
+    alone = None
+    if len(starts) > 1:
+        alone = chosen_terms(starts[0], tell=tell, most=1, least=told - starts[0].log_evidence)
     if alone is not None and white(alone.fit.excess) and alone.fit.log_evidence > told:
         return _told(kind, alone, alone=True)
     return None if beside is None else _told(kind, beside, alone=False)

@@ -9,6 +9,7 @@ it as long as each leaves little of what was left: forward selection by evidence
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from msl_fem.plant.effects import declared
 from msl_fem.plant.effects.expressions import DECLARED, MOST_PARAMETERS
 
 LEAST = 12.0  # nats that a term brings at least
+OUT_OF_SIGHT = 0.1  # of the nats that a term has to bring, below which no score has a prospect of them
 EXPLAINED = 0.3  # share of the excess power that a formula takes at least
 MOST_TERMS = 3
 
@@ -42,8 +44,11 @@ class ChosenTerms:
     first: tuple[tuple[LawExpression, Refit], ...]
 
 
-def chosen_terms(start: Fit, *, tell: Callable[[str], None], most: int = MOST_TERMS) -> ChosenTerms | None:
-    """Terms taken one after the other beside a fit; None where the first is not worth it."""
+def chosen_terms(
+    start: Fit, *, tell: Callable[[str], None], most: int = MOST_TERMS, least: float = LEAST
+) -> ChosenTerms | None:
+    """Terms taken one after the other beside a fit; None where the first is not worth it: it has to bring `least` nats.
+    Terms that will not be worth it are not led to their ends."""
     problem = start.likelihood.problem
     laws = library(problem.plant.parameters, law_sizes(problem.plant.parameters, problem.runs))
     base = converged_base(start)
@@ -52,7 +57,9 @@ def chosen_terms(start: Fit, *, tell: Callable[[str], None], most: int = MOST_TE
         taken = () if found is None else found.laws
         before = base if found is None else found.fit
         with declared(*taken):
-            further = _best_term(before, [law for law in laws if _goes_with(law, taken)], tell)
+            hopeless = partial(_hopeless, before, taken, LEAST if taken else least)
+            tried = [law for law in laws if _goes_with(law, taken)]
+            further = _best_term(before, tried, tell, hopeless, LEAST if taken else least)
         if further is None or not _worth(before, further, taken):
             break
         found = _with_term(base, found, further)
@@ -73,17 +80,23 @@ def _goes_with(law: LawExpression, taken: Sequence[LawExpression]) -> bool:
     return all(law.equation == one.equation and law.name != one.name for one in taken)
 
 
-def _best_term(base: Fit, laws: Sequence[LawExpression], tell: Callable[[str], None]) -> _Step | None:
+def _best_term(
+    base: Fit,
+    laws: Sequence[LawExpression],
+    tell: Callable[[str], None],
+    hopeless: Callable[[Refit], bool],
+    least: float,
+) -> _Step | None:
     """Every term scored, the best ones fitted anew with everything else."""
     tell(f"{len(laws)} terms of a formula")
     scores, null = _scored(base, laws)
-    if not scores or scores[0].gain < LEAST:
+    if not scores or scores[0].gain < max(LEAST, OUT_OF_SIGHT * least):
         return None
     best = _first_of_each(ranked(scores))
     by_name = {law.effect: law for law in laws}
     tried = {law.effect: law for law in _within_room([by_name[name] for name in best])}
     with declared(*tried.values()):
-        refits = Refinement(base, lambda text: tell(f"a formula: {text}"), FitMemory()).best_first(
+        refits = Refinement(base, lambda text: tell(f"a formula: {text}"), FitMemory(), hopeless).best_first(
             [best[name] for name in best if name in tried]
         )
         pairs = tuple((tried[refit.variant.effect], refit) for refit in refits)
@@ -149,6 +162,17 @@ def _worth(before: Fit, step: _Step, taken: Sequence[LawExpression]) -> bool:
     if taken:
         return completes(before.excess, best.fit.excess)
     return excess_power(best.fit.excess) <= (1 - EXPLAINED) * excess_power(before.excess)
+
+
+def _hopeless(before: Fit, taken: Sequence[LawExpression], least: float, refit: Refit) -> bool:
+    """Whether a term is not worth its end: it comes to fewer nats than it has to bring, or to a smaller share of what
+    is in excess of the noise than a first one has to take, also where that grows as its nats may."""
+    if refit.reach < least:
+        return True
+    if taken:
+        return False
+    share = 1 - excess_power(refit.fit.excess) / max(excess_power(before.excess), 1e-300)
+    return share * refit.reach / max(refit.gain, 1e-300) < EXPLAINED
 
 
 def _with_term(base: Fit, found: ChosenTerms | None, step: _Step) -> ChosenTerms:

@@ -2,7 +2,8 @@
 costs alone."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,30 +33,42 @@ class _Asked:
 
 class GatheredRuns:
     """Where `count` fits meet, each in a thread of its own: once all that have not ended wait for simulations, those of
-    one problem are run together."""
+    one problem are run together. Between them `at_once` fits at most do their own sums: for each thread that multiplies
+    matrices meanwhile BLAS holds some 30 MB."""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, *, at_once: int = 2) -> None:
         self._running = count
+        self._turns = threading.Semaphore(at_once)
         self._asked: list[_Asked] = []
         self._condition = threading.Condition()
+        self.by_itself = threading.Lock()
+        """For what a fit simulates on its own: of one fit at a time, for the memory's sake."""
 
     def spectra(self, problem: FitProblem, points: Points, simulated: Simulated) -> Array:
         """What `simulated` makes of these points, together with those of the other fits."""
         asked = _Asked(problem, points, simulated)
+        self._turns.release()
         with self._condition:
             self._asked.append(asked)
             self._meet()
             self._condition.wait_for(lambda: asked.answered)
+        self._turns.acquire()
         if asked.error is not None:
             raise asked.error
         assert asked.answer is not None
         return asked.answer
 
-    def ends(self) -> None:
-        """One fit asks for nothing more."""
-        with self._condition:
-            self._running -= 1
-            self._meet()
+    @contextmanager
+    def one_of_them(self) -> Iterator[None]:
+        """A fit, from its begin to where it asks for nothing more."""
+        self._turns.acquire()
+        try:
+            yield
+        finally:
+            self._turns.release()
+            with self._condition:
+                self._running -= 1
+                self._meet()
 
     def _meet(self) -> None:
         if not self._asked or len(self._asked) < self._running:

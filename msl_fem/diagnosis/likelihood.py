@@ -5,13 +5,14 @@ residual beside the starts is what counts. The colour of the noise is estimated 
 """
 
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.computing.arrays import Array
+from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.noise import (
     NoiseBands,
@@ -65,7 +66,7 @@ def jacobian_columns(
 class Columns:
     """A fit's Jacobian, by far the largest of what it holds, None once it was let go; and J'J, weighted."""
 
-    values: Array | None
+    values: Slopes | None
     gram: Array
 
 
@@ -106,11 +107,12 @@ class Fit:
         return self.predicted < CONVERGED
 
     @property
-    def jacobian(self) -> Array:
+    def jacobian(self) -> Slopes:
         """(n_number, unknowns.size) of the residual, not weighted; computed once more where it was let go."""
         if self.columns.values is None:
             every = np.arange(self.unknowns.size)
-            self.columns.values = jacobian_columns(self.likelihood, self.unknowns, self.z, every, self.residual)
+            found = jacobian_columns(self.likelihood, self.unknowns, self.z, every, self.residual)
+            self.columns.values = found.astype(np.float32)
         return self.columns.values
 
     def lets_go(self) -> None:
@@ -209,9 +211,10 @@ class Likelihood:
     def followed(self, unknowns: Unknowns, z: Array) -> "Likelihood":
         """With the starts of the stretches moved to where the model at z has them."""
         spread, cuts = ModelSpread(unknowns, z, np.zeros((0, z.size))), []
-        for n, cut in enumerate(self.problem.stretches):
-            shot = Shooting(self.problem, n, spread, substeps=self.substeps)
-            cuts.append(None if cut is None else shot.refined(cut))
+        with nullcontext() if self.gathered is None else self.gathered.by_itself:
+            for n, cut in enumerate(self.problem.stretches):
+                shot = Shooting(self.problem, n, spread, substeps=self.substeps)
+                cuts.append(None if cut is None else shot.refined(cut))
         return replace(self, problem=replace(self.problem, stretches=tuple(cuts)))
 
     def objective(self, unknowns: Unknowns, z: Array) -> float:

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from msl_fem.computing.arrays import Array
+from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.diagnosis.fit import TINY, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import GatheredRuns
@@ -173,11 +173,12 @@ class Refinement:
         anew = self._made_up_for([leader, *refined[1:], *eliminated])
         again = {refit.variant for refit in anew}
         near: list[Refit] = []
+        margin = 0.0 if self.hopeless(leader) else NEAR  # beside one that does not count only what may overtake it
         far = [refit for refit in eliminated if refit.variant not in again]
         others = [refit for refit in refined[1:] if refit.variant not in again]
         forms = self._other_forms(leader, others)
         for refit in [*anew, *(one for one in others if one not in forms)]:
-            is_near = refit.gain > 0 and refit.gain + refit.fit.predicted > leader.gain - NEAR
+            is_near = refit.gain > 0 and refit.gain + refit.fit.predicted > leader.gain - margin
             (near if is_near else far).append(refit)
         converged = self._together(lambda refit: self.converged(refit, leads=False), near)
         return self._led([leader, *(self.converged(form, leads=True) for form in forms), *converged], far)
@@ -216,10 +217,8 @@ class Refinement:
         self.gathered = GatheredRuns(len(items))
 
         def stepped(item: Item) -> Stepped:
-            try:
+            with self.gathered.one_of_them():
                 return step(item)
-            finally:
-                self.gathered.ends()
 
         with ThreadPoolExecutor(len(items)) as pool:
             return list(pool.map(stepped, items))
@@ -327,7 +326,7 @@ class Refinement:
         on.fit.lets_go()
         return on
 
-    def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Array | None) -> Refit:
+    def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Slopes | None) -> Refit:
         unknowns = extended(self.base.unknowns, variant)
         likelihood = near.likelihood.gathering(self.gathered)
         found = fit(likelihood, unknowns, z, plan=plan, nuisance_columns=columns)

@@ -1,6 +1,7 @@
 """Records whose runs the recorded inputs make: simulated from their starts, as a whole or over stretches."""
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar
@@ -41,7 +42,7 @@ FAR, LOSES = 10.0, 2.0
 both a cause is missing, and what of it piles up over a stretch is no more a small change of the model."""
 OTHER_HOLD: Mapping[Hold, Hold] = {"zero-order": "linear", "linear": "zero-order"}
 ALIKE, FINER = 0.05, 3
-"""Nats by which the runs as believed may differ between coarse steps and others, so many times finer than fine ones."""
+"""Nats by which runs may differ in coarse steps from others, so many times finer than fine ones."""
 Cuts = tuple[Stretches | None, ...]
 
 
@@ -155,7 +156,8 @@ class Runs(Kind):
     def _missed(self, model: ModelHypothesis, run: RunData, cut: Stretches | None) -> Mapping[str, Array]:
         """Measured less simulated by channel; a run is followed once by each model."""
         if (key := (model, run, cut)) not in self._followed:
-            self._followed[key] = _simulated_missed(model, run, cut, self.tolerance)
+            coarse = self.likelihood.problem.coarse
+            self._followed[key] = _simulated_missed(model, run, cut, self.tolerance, coarse=coarse)
         return self._followed[key]
 
     @property
@@ -205,13 +207,14 @@ def _made(
         spread = ModelSpread(unknowns, at, moves)
     substeps = problem.plant.substeps
     shots = [Shooting(problem, n, spread, substeps=substeps) for n in range(len(runs))]
-    every: Cuts = tuple(shot.chosen(with_moves=at is not None) for shot in shots)
+    with ThreadPoolExecutor(threads) as pool:  # a run at a time fills one block of lanes
+        every: Cuts = tuple(pool.map(lambda shot: shot.chosen(with_moves=at is not None), shots))
     left_out = left_outside(belief, runs, every)
     inside = runs_inside(belief, runs, every)
     recorded, runs, cuts = tuple(runs), tuple(run for run, _ in inside), tuple(cut for _, cut in inside)
     kept = [n for n, run in enumerate(runs) if run.role == "fit"]
     fitted = _cut_problem(replace(problem, runs=runs), cuts, kept)
-    likelihood, unknowns = _likelihood(fitted, unknowns, static)
+    likelihood, unknowns = _likelihood(fitted, unknowns, static, at)
     notes = [] if static is None else [MAP_BESIDE, *static.measured.notes]
     left_out += about_spikes(runs) + about_invalid(runs)
     notes += [*_told(runs, cuts), *(one.text for one in left_out)]
@@ -277,9 +280,10 @@ def _cut_problem(problem: FitProblem, cuts: Cuts, kept: Sequence[int]) -> FitPro
 
 
 def _likelihood(
-    problem: FitProblem, unknowns: Unknowns, static: StaticLikelihood | None
+    problem: FitProblem, unknowns: Unknowns, static: StaticLikelihood | None, at: Array | None = None
 ) -> tuple[Likelihood, Unknowns]:
-    """Of runs that are cut and of a map beside them, and its unknowns with the starts of runs that are not cut."""
+    """Of runs that are cut and of a map beside them, and its unknowns with the starts of runs that are not cut; the
+    steps are chosen at numbers `at` of believed parameters and table, at the belief without."""
     unknowns = replace(unknowns, starts=tuple(sigma.size for sigma in problem.start_sigmas))
     points = Points.of(unknowns, np.zeros((1, unknowns.size)))
     found = simulated_residuals(problem, points, substeps=problem.plant.substeps)
@@ -292,31 +296,39 @@ def _likelihood(
     lengths = [part.stop - part.start for _, part in problem.pieces]
     bands = make_bands(lengths, problem.plant.rate, highest=highest)
     likelihood = Likelihood(problem, bands, problem.plant.substeps)
-    if not _alike_in_coarse_steps(likelihood, unknowns):
+    z = np.zeros(unknowns.size)
+    if at is not None:
+        z[: at.size] = at
+    if not _alike_in_coarse_steps(likelihood, unknowns, z):
         likelihood = replace(likelihood, problem=replace(problem, coarse=None))
     return likelihood if static is None else joined(static, likelihood), unknowns
 
 
-def _alike_in_coarse_steps(likelihood: Likelihood, unknowns: Unknowns) -> bool:
-    """Whether the runs as believed are the same in coarse steps as in far finer ones."""
+def _alike_in_coarse_steps(likelihood: Likelihood, unknowns: Unknowns, z: Array) -> bool:
+    """Whether the runs at numbers (unknowns.size,) are, in coarse steps, those of far finer ones, or nearer to them
+    than in fine ones."""
     if likelihood.problem.coarse is None:
         return True
-    points = Points.of(unknowns, np.zeros((1, unknowns.size)))
-    finer = replace(likelihood, substeps=FINER * likelihood.substeps).spectra(replace(points, fine=None))
-    return bool(np.sum((likelihood.spectra(points) - finer) ** 2) / 2 <= ALIKE)
+    points = Points.of(unknowns, z[None])
+    every = replace(points, fine=None)
+    finer = replace(likelihood, substeps=FINER * likelihood.substeps).spectra(every)
+    off, fine_off = (np.sum((likelihood.spectra(one) - finer) ** 2) / 2 for one in (points, every))
+    return bool(off <= max(ALIKE, fine_off))
 
 
 def _simulated_missed(
-    model: ModelHypothesis, run: RunData, cut: Stretches | None, tolerance: Tolerance | None
+    model: ModelHypothesis, run: RunData, cut: Stretches | None, tolerance: Tolerance | None, *, coarse: int | None
 ) -> Mapping[str, Array]:
     """Channel to (n_sample,) measured less simulated: from a measured start, or over stretches with starts that suit
-    the model."""
+    the model, in coarse steps where there are such and no effect of it wants others."""
     plant = plant_of_run(model, run)
     if cut is None:
         readings = free_run(plant, run, measured_start(plant, run)).readings
         missed = {name: run.measured[name] - readings[name] for name in run.measured}
         return missed | {name: bridged(missed[name], at) for name, at in run.left_out.items()}
-    problem = FitProblem(plant, (run,), (), (), None, tolerance=tolerance)
+    if Unknowns((), 0, (), fixed=fixed_of(model)).fine_steps:
+        coarse = None
+    problem = FitProblem(plant, (run,), (), (), None, tolerance=tolerance, coarse=coarse)
     shot = Shooting(
         problem, 0, ModelSpread(Unknowns((), 0, ()), np.zeros(0), np.zeros((0, 0))), substeps=plant.substeps
     )

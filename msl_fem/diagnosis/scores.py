@@ -19,7 +19,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.computing.arrays import Array
+from msl_fem.computing.arrays import Array, Slopes
+from msl_fem.computing.gauss_newton import normal_equations
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.problem import Points
@@ -29,7 +30,8 @@ from msl_fem.plant.effects import CATALOGUE
 
 Shapes = tuple[EffectUnknown, ...]
 ROUNDING = 1e-12  # of a diagonal: amounts that act alike
-ROWS = 4096  # of the columns that are held twice
+ROWS = 4096  # of the columns that are taken at a time, in double precision
+AT_ONCE = 64  # amounts that are simulated together
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,25 +51,30 @@ class Score:
     guess: Array
     shift: Array
     own: Array
-    signature: Array | None = None
+    signature: Slopes | None = None
 
 
 class Background:
     """What is unknown at a fit, and the columns of many amounts, multiplied with one another once."""
 
-    def __init__(self, found: Fit, raw: Array) -> None:
+    def __init__(self, found: Fit, raw: Slopes) -> None:
         """`raw` are columns (n_number, n_amount) of the residual, not weighted; they are weighted in place."""
-        root = found.weights.root
+        root, jacobian = found.weights.root, found.jacobian
         raw *= root[:, None]
-        j, self.c = found.jacobian * root[:, None], raw
+        self.c = raw
         residual = found.residual * root
         _, prior_slope, curvature = found.unknowns.prior(found.z)
-        inverse = np.linalg.inv(j.T @ j + np.diag(curvature))
-        absorbed = inverse @ (j.T @ self.c)
-        self.still, self.moved = -inverse @ (j.T @ residual + prior_slope), -absorbed
+        gram, slope = normal_equations(jacobian, root, found.residual)
+        between = np.zeros((jacobian.shape[1], raw.shape[1]))
+        parts = [slice(n, n + ROWS) for n in range(0, len(raw), ROWS)]
+        for part in parts:
+            between += (jacobian[part] * root[part, None]).T @ raw[part].astype(np.float64)
+        inverse = np.linalg.inv(gram + np.diag(curvature))
+        absorbed = inverse @ between
+        self.still, self.moved = -inverse @ (slope + prior_slope), -absorbed
         self.own, self.slope = absorbed.T @ (curvature[:, None] * absorbed), absorbed.T @ prior_slope
-        for part in (slice(n, n + ROWS) for n in range(0, len(raw), ROWS)):
-            left = self.c[part] - j[part] @ absorbed
+        for part in parts:
+            left = raw[part] - (jacobian[part] * root[part, None]) @ absorbed
             self.own += left.T @ left
             self.slope -= left.T @ residual[part]
 
@@ -144,24 +151,28 @@ def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True, with_colu
     return ScoredVariants(tuple(sorted(made, key=lambda s: -s.gain)), by_chance, tuple(dropped))
 
 
-def seen_columns(raw: Array) -> NDArray[np.bool_]:
+def seen_columns(raw: Slopes) -> NDArray[np.bool_]:
     """(n_amount,) which columns (n_number, n_amount) could be simulated and show anything."""
     return np.array([np.isfinite(column).all() and bool(np.any(column)) for column in raw.T], dtype=bool)
 
 
-def signatures(found: Fit, amounts: Sequence[tuple[EffectUnknown, Shapes]]) -> Array:
+def signatures(found: Fit, amounts: Sequence[tuple[EffectUnknown, Shapes]]) -> Slopes:
     """(n_number, n_amount) slopes of the residual over each amount at nothing, around its shapes; nan where there is
     none. With all amounts at nothing shapes change nothing. Differences are of equal steps."""
     effects = np.tile(found.unknowns.effect_vector(found.z), (len(amounts) + 1, 1))
     fine = np.full(len(effects), True)
-    for n, (one, shapes) in enumerate(amounts):
+    for n, (one, shapes) in enumerate(amounts, 1):  # behind the fit as it is
         for shape in shapes:
             effects[n, shape.place] = shape.centre
         effects[n, one.place] = one.value(np.array(STEP_OF_AMOUNTS))
         fine[n] = found.unknowns.fine_steps or CATALOGUE[one.effect].fine_steps
-    rows = np.tile(found.z, (len(effects), 1))
-    moved = found.likelihood.spectra(Points(found.unknowns, rows, effects, fine))
-    for n in range(len(amounts)):
-        moved[n] -= moved[-1] if fine[n] else found.residual
-    moved /= STEP_OF_AMOUNTS
-    return np.asarray(moved[:-1].T)
+    points = Points(found.unknowns, np.tile(found.z, (len(effects), 1)), effects, fine)
+    columns = np.empty((len(amounts), found.residual.size), dtype=np.float32)
+    in_fine_steps = found.residual
+    for at in range(0, len(effects), AT_ONCE):
+        moved = found.likelihood.spectra(points.only(slice(at, at + AT_ONCE)))
+        if at == 0:
+            in_fine_steps = moved[0].copy()
+        for n in range(max(at, 1), at + len(moved)):
+            columns[n - 1] = (moved[n - at] - (in_fine_steps if fine[n] else found.residual)) / STEP_OF_AMOUNTS
+    return columns.T

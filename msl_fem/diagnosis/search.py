@@ -73,9 +73,10 @@ def search_stage(
         tell(f"all effects but those with which the runs cannot be simulated here: {', '.join(at_base.dropped)}")
     every = at_base.scores
     if not base.converged and not quiet and not (every and every[0].gain > FAR_ABOVE + 10 * base.predicted):
-        base = converged_base(base)
-        at_base = scored(base, tried)
-        every = at_base.scores
+        base = converged_base(start)
+        if base is not start:
+            at_base = scored(base, tried)
+            every = at_base.scores
     candidates = ranked(every)
     candidates += peaks(every, candidates)
     if quiet and candidates and candidates[0].gain < HOPELESS * least:

@@ -32,6 +32,7 @@ LONG = 15  # of them, where a model is judged that is not fitted
 MARGIN = 0.5  # of a start's position, in units of its prior, within which a stretch has to stay inside
 LOST = 1e6  # times the noise, that stand for a stretch that left table or range
 SETTLED = 1e-3  # moves of the starts, in units of their prior, that are none
+NEAR_BY = 0.3  # moves of the starts behind which slopes are those before
 LOOKED_AT = 9  # samples of the parabola that gives the first guess of a start
 
 
@@ -68,12 +69,13 @@ class _Refinement:
 
     def __init__(self, cut: Stretches, sigmas: Array) -> None:
         self.cut = self.best = cut
-        self.settled = False
+        self.settled = self.near_by = False
         self._sigmas, self._kept = sigmas, [np.zeros(0)]
         self._least, self._part = np.full(cut.begins.size, np.inf), np.ones(cut.begins.size)
 
-    def take(self, base: list[Array], slopes: Array) -> None:
-        """Residuals over the noise, and slopes of the starts, at `cut`: the better ones of each stretch are kept."""
+    def take(self, base: list[Array], slopes: Array | None) -> None:
+        """Residuals over the noise, and slopes of the starts, at `cut`: the better ones of each stretch are kept.
+        Without slopes those before are kept."""
         cut, first = self.cut, np.isinf(self._least).all()
         cost = np.add.reduceat(sum(np.nan_to_num(values, nan=LOST) ** 2 for values in base), cut.begins)
         better = cost < self._least
@@ -81,6 +83,8 @@ class _Refinement:
         self._least = np.where(better, cost, self._least)
         starts = np.where(better[:, None], cut.starts, self.best.starts)
         base = [np.nan_to_num(values) for values in base]
+        if slopes is None:
+            slopes = self.best.slopes
         if not first:
             now = np.repeat(better, np.diff([*cut.begins, base[0].size]))
             base = [np.where(now, new, old) for new, old in zip(base, self._kept, strict=True)]
@@ -90,7 +94,8 @@ class _Refinement:
     def move(self) -> None:
         """A Gauss-Newton step of the starts, or a part of it."""
         moves = self._part[:, None] * np.nan_to_num(self.best.moves([values[None] for values in self._kept])[0])
-        self.settled = bool(np.abs(moves).max() < SETTLED)
+        largest = float(np.abs(moves).max())
+        self.settled, self.near_by = largest < SETTLED, largest < NEAR_BY
         self.cut = replace(self.best, starts=moved(self.best.starts, moves * self._sigmas))
 
 
@@ -152,9 +157,13 @@ class Shooting:
             going = [one for one in every if not one.settled]
             if not going:
                 break
-            for one, (base, slopes) in zip(going, self._simulated([one.cut for one in going]), strict=True):
+            near_by, far = ([one for one in going if one.near_by is near] for near in (True, False))
+            for one, base in zip(near_by, self._bases([one.cut for one in near_by]), strict=True):
+                one.take(base, None)
+            for one, (base, slopes) in zip(far, self._simulated([one.cut for one in far]), strict=True):
                 one.take(base, slopes)
-                if n < steps:
+            if n < steps:
+                for one in going:
                     one.move()
         return [one.best for one in every]
 
@@ -172,8 +181,18 @@ class Shooting:
         over = [np.nan_to_num(left[n] / self.data.noise[n].sigma, nan=LOST) ** 2 for n in self.names]
         return np.asarray(np.add.reduceat(sum(over), cut.begins))
 
+    def _bases(self, cuts: Sequence[Stretches]) -> list[list[Array]]:
+        """Residuals over the noise of each, cut alike."""
+        if not cuts:
+            return []
+        starts = np.array([cut.starts for cut in cuts])
+        over = self._residuals(np.tile(self.spread.z, (len(cuts), 1)), replace(cuts[0], starts=starts))
+        return [[values[n] for values in over] for n in range(len(cuts))]
+
     def _simulated(self, cuts: Sequence[Stretches]) -> list[tuple[list[Array], Array]]:
         """(residuals over the noise, slopes of the starts, nothing where there are none) of each, cut alike."""
+        if not cuts:
+            return []
         n = self.sigmas.size
         moves = np.concatenate([np.zeros((1, n)), STEP * np.eye(n)])
         starts = np.array([moved(cut.starts, move * self.sigmas) for cut in cuts for move in moves])

@@ -138,7 +138,6 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
     v_1, v_2 = work[inputs + OUTPUT_OF_1], work[inputs + OUTPUT_OF_1 + 1]
     if p.drive != CURRENT_DRIVE:
         a_1, a_2 = _current_slopes(
-            p,
             e,
             work,
             l_1,
@@ -157,7 +156,7 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
     else:
         w = e[electrical.BANDWIDTH]
         b_1, b_2 = w * (t_1 - i_1) - share * e_2 / l_1, w * (t_2 - i_2) - share * e_1 / l_2
-        a_1, a_2 = _current_slopes(p, e, work, l_1, l_2, w * l_1, w * l_2, b_1, b_2)
+        a_1, a_2 = _current_slopes(e, work, l_1, l_2, w * l_1, w * l_2, b_1, b_2)
         d_1, d_2 = l_1 * a_1 + mutual * a_2, l_2 * a_2 + mutual * a_1
         c_1 = i_1 + unmix * (eddy * d_1 - share * eddy * d_2)
         c_2 = i_2 + unmix * (eddy * d_2 - share * eddy * d_1)
@@ -170,7 +169,7 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
             b_1 = choose(over_1, (v_1 - drop_1) / l_1 - share * e_2 / l_1, b_1)
             b_2 = choose(over_2, (v_2 - drop_2) / l_2 - share * e_1 / l_2, b_2)
             a_1, a_2 = _current_slopes(
-                p, e, work, l_1, l_2, choose(over_1, r_1, w * l_1), choose(over_2, r_2, w * l_2), b_1, b_2
+                e, work, l_1, l_2, choose(over_1, r_1, w * l_1), choose(over_2, r_2, w * l_2), b_1, b_2
             )
             work[LIMITED_1] = choose(over_1, 1.0, work[LIMITED_1])
             work[LIMITED_1 + 1] = choose(over_2, 1.0, work[LIMITED_1 + 1])
@@ -188,16 +187,28 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
 
 @compiled
 def _current_slopes(
-    p: PlantParameters, e: Rows, work: Rows, l_1: Value, l_2: Value, rho_1: Value, rho_2: Value, b_1: Value, b_2: Value
+    e: Rows, work: Rows, l_1: Value, l_2: Value, rho_1: Value, rho_2: Value, b_1: Value, b_2: Value
 ) -> tuple[Value, Value]:
     """(a_1, a_2) of the two rows, by Cramer's rule."""
-    share, loop = e[magnetic.SHARE], e[magnetic.UNMIX] * e[magnetic.EDDY]
+    row_1, row_2 = coupled_rows(e, work, l_1, l_2, rho_1, rho_2)
+    return _both_slopes(work, b_1, b_2, row_1, row_2)
+
+
+@compiled
+def coupled_rows(
+    e: Rows, work: Rows, l_1: Value, l_2: Value, rho_1: Value, rho_2: Value
+) -> tuple[tuple[Value, Value], tuple[Value, Value]]:  # fmt: skip
+    """The two rows (own, other) of the equations for a_1, a_2 (see above)."""
     m_1, m_2 = work[MUTUAL] / l_1, work[MUTUAL] / l_2
-    loop_1, loop_2 = rho_1 * loop, rho_2 * loop
-    own_1, own_2 = 1.0 + share * m_1 + loop_1 * (1.0 - share * m_1), 1.0 + share * m_2 + loop_2 * (1.0 - share * m_2)
-    from_2, from_1 = share * (l_2 / l_1), share * (l_1 / l_2)
-    other_1, other_2 = m_1 + from_2 + loop_1 * (m_1 - from_2), m_2 + from_1 + loop_2 * (m_2 - from_1)
-    return _both_slopes(work, b_1, b_2, (own_1, other_1), (own_2, other_2))
+    if e is None:
+        return (1.0 + 0.0 * m_1, m_1), (1.0 + 0.0 * m_2, m_2)
+    else:
+        share, loop = e[magnetic.SHARE], e[magnetic.UNMIX] * e[magnetic.EDDY]
+        loop_1, loop_2 = rho_1 * loop, rho_2 * loop
+        own_1 = 1.0 + share * m_1 + loop_1 * (1.0 - share * m_1)
+        own_2 = 1.0 + share * m_2 + loop_2 * (1.0 - share * m_2)
+        from_2, from_1 = share * (l_2 / l_1), share * (l_1 / l_2)
+        return (own_1, m_1 + from_2 + loop_1 * (m_1 - from_2)), (own_2, m_2 + from_1 + loop_2 * (m_2 - from_1))
 
 
 @compiled
@@ -284,8 +295,8 @@ def _mutual_rates(p: PlantParameters, work: Rows, inputs: int, dy: int) -> Value
         work[dy + VOLT_SECONDS_1] = work[dy + VOLT_SECONDS_1] + work[MUTUAL] * a_2
         work[dy + VOLT_SECONDS_1 + 1] = work[dy + VOLT_SECONDS_1 + 1] + work[MUTUAL] * a_1
         return work[MUTUAL] * (a_2 * work[Y + I1] + a_1 * work[Y + I1 + 1])
-    m_1, m_2 = work[MUTUAL] / l_1, work[MUTUAL] / l_2
-    a_1, a_2 = _both_slopes(work, a_1, a_2, (1.0 + 0.0 * m_1, m_1), (1.0 + 0.0 * m_2, m_2))
+    row_1, row_2 = coupled_rows(None, work, l_1, l_2, l_1, l_2)
+    a_1, a_2 = _both_slopes(work, a_1, a_2, row_1, row_2)
     work[dy + I1], work[dy + I1 + 1] = a_1, a_2
     return a_1 - a_1
 

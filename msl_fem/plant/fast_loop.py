@@ -2,9 +2,10 @@
 
 Within its voltage limit the loop makes di/dt = w (target - i), whatever circuit and motion do. With effects the same
 holds of what the loop sees: the magnetising currents u go to where the coils' currents are their targets, at the rate
-w/(1 + w L G) that eddy currents leave of w. The voltage limit acts in a straight line first, at the mean of the slopes
-that it allows when the step begins and where it will cease to act: an error of the step's third order, once for each
-such event.
+w/(1 + w L G) that eddy currents leave of w. What couples two sides couples their loops, D du/dt = w (target - i) with
+the matrix D of `coupled_rows`: two exponentials a side, in steps in which no voltage limit acts. The limit acts in a
+straight line first, at the mean of the slopes that it allows when the step begins and where it will cease to act: an
+error of the step's third order, once for each such event.
 
 Volt-seconds and electrical energy of a step are those of resistance and motion, and the changes of flux linkage and
 field energy, as in an ideal drive whose current jumps.
@@ -13,12 +14,13 @@ field energy, as in an ideal drive whose current jumps.
 import numpy as np
 
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, fma, size, some
+from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, size, some
 from msl_fem.plant.effects import electrical, magnetic
-from msl_fem.plant.equations import hysteresis, series_iron
+from msl_fem.plant.equations import coupled_rows, hysteresis, series_iron
 from msl_fem.plant.layout import (
     CIRCUIT_1,
     CIRCUIT_2,
+    EMF,
     ENERGY_ELECTRICAL,
     I1,
     INDUCTANCE,
@@ -26,6 +28,7 @@ from msl_fem.plant.layout import (
     INPUTS_END,
     INPUTS_MIDDLE,
     KNOWN_1,
+    KNOWN_ABOVE,
     KNOWN_CORNER,
     KNOWN_FIELD,
     KNOWN_FLUX,
@@ -50,7 +53,16 @@ from msl_fem.plant.layout import (
 )
 from msl_fem.plant.mutual_flux import set_mutual_flux
 from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
-from msl_fem.plant.poles import FAST, fall_for_squares, fall_moments, limited_line, slopes_of_fall
+from msl_fem.plant.poles import (
+    FAST,
+    Four,
+    fall_for_squares,
+    fall_moments,
+    falls_together,
+    limited_line,
+    moments_together,
+    slopes_of_fall,
+)
 from msl_fem.plant.side import Cells, side_flux, side_gap
 
 _ITERATIONS = 5
@@ -114,13 +126,12 @@ def set_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, w
     if p.sides == 2:
         set_mutual_flux(cells, p, e, work, state[I1], state[I1 + 1])
         work[SHARED_BEFORE] = work[SHARED_ENERGY]
+    free = (work[LIMITED_1] + work[LIMITED_1 + 1]) == 0.0
     for j in range(p.sides):
-        above = _missing(p, e, work, j)
-        if e is not None:
-            above = above + e[magnetic.SHARE] * _missing(p, e, work, 1 - j)
-            above = _with_memory(cells, p, e, state, work, j, above)
+        above = _above(cells, p, e, state, work, j)
         _set_side(p, e, state, work, j, above, step)
         row = KNOWN_1 + j * N_KNOWN
+        work[row + KNOWN_ABOVE] = above
         _, flux, stored = side_flux(cells, p, e, work, j, state[I1 + j], side_gap(p, e, work, j))
         if p.sides == 2:
             own = work[CIRCUIT_1 + j * N_CIRCUIT + SHARED_FLUX]
@@ -128,6 +139,18 @@ def set_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, w
             work[row + KNOWN_SHARED] = own
         work[row + KNOWN_FLUX] = flux
         work[row + KNOWN_FIELD] = stored
+    if p.sides == 2:
+        _couple_sides(p, e, state, work, free, step)
+
+
+@compiled
+def _above(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int) -> Value:
+    """What the magnetising current of side j is above where it goes, at the mean target of the step."""
+    above = _missing(p, e, work, j)
+    if e is not None:
+        above = above + e[magnetic.SHARE] * _missing(p, e, work, 1 - j)
+        above = _with_memory(cells, p, e, state, work, j, above)
+    return above
 
 
 @compiled
@@ -156,7 +179,8 @@ def _missing(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
     if e is not None:
         share = e[magnetic.SHARE]
         own, other = work[CIRCUIT_1 + j * N_CIRCUIT + MMF], work[CIRCUIT_2 - j * N_CIRCUIT + MMF]
-        current = e[magnetic.UNMIX] * (own - share * other)
+        inductance, of_other = work[CIRCUIT_1 + j * N_CIRCUIT + INDUCTANCE], work[CIRCUIT_2 - j * N_CIRCUIT + EMF]
+        current = e[magnetic.UNMIX] * (own - share * other) + share * of_other / (e[electrical.BANDWIDTH] * inductance)
     return current - _target(work, j)[0]
 
 
@@ -190,18 +214,67 @@ def _set_side(p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, abov
     line, corner = choose(limited, line, 0.0), choose(limited, corner, 1.0)
     known = (z > FAST) & (line < 1.0)
     work[LIMITED_1 + j] = work[row + KNOWN_LIMITED]
-    m_0, square, m_s, last = fall_moments(z, line, corner)
-    begin, middle, end = fall_for_squares(m_0, square, m_s)
-    b, m, n = slopes_of_fall(m_0, m_s, last)
-    goal = state[I1 + j] - away
     work[row] = choose(known, 1.0, 0.0)
-    work[row + KNOWN_VALUE] = fma(begin, away, goal)
-    work[row + KNOWN_VALUE + 1] = fma(middle, away, goal) + 0.5 * rise
-    work[row + KNOWN_VALUE + 2] = fma(end, away, goal) + rise
-    work[row + KNOWN_LAST] = fma(last, away, goal) + rise
-    work[row + KNOWN_SLOPES] = (rise - away * b) / step
-    work[row + KNOWN_SLOPES + 1] = (rise - away * m) / step
-    work[row + KNOWN_SLOPES + 2] = (rise - away * n) / step
+    m_0, square, m_s, last = fall_moments(z, line, corner)
+    fall = away * m_0, away * away * square, away * m_s, away * last
+    _put_fall(state, work, j, known, away, rise, fall, step)
+
+
+@compiled
+def _put_fall(
+    state: Rows, work: Rows, j: int, where: Flag, away: Value, rise: Value, fall: Four, step: float
+) -> None:  # fmt: skip
+    """The current of side j into its rows, in some lanes: a straight line that rises by `rise`, from which it begins
+    `away` and to which it falls with those moments."""
+    row, goal = KNOWN_1 + j * N_KNOWN, state[I1 + j] - away
+    m_0, square, m_s, last = fall
+    begin, middle, end = fall_for_squares(m_0, square, m_s, away + last)
+    b, m, n = slopes_of_fall(away, m_0, m_s, last)
+    value, slope = row + KNOWN_VALUE, row + KNOWN_SLOPES
+    work[value] = choose(where, goal + begin, work[value])
+    work[value + 1] = choose(where, goal + middle + 0.5 * rise, work[value + 1])
+    work[value + 2] = choose(where, goal + end + rise, work[value + 2])
+    work[slope] = choose(where, (rise - b) / step, work[slope])
+    work[slope + 1] = choose(where, (rise - m) / step, work[slope + 1])
+    work[slope + 2] = choose(where, (rise - n) / step, work[slope + 2])
+    work[row + KNOWN_LAST] = choose(where, goal + last + rise, work[row + KNOWN_LAST])
+
+
+@compiled
+def _couple_sides(p: PlantParameters, e: Rows, state: Rows, work: Rows, free: Flag, step: float) -> None:
+    """The rows of both sides where mutual flux couples them: both known, and no voltage limit in the way.
+
+    Their loops make D du/dt = w (targets - i), D the rows of `coupled_rows`.
+    """
+    second = KNOWN_1 + N_KNOWN
+    z_11, z_12, z_21, z_22 = _rates_together(p, e, work, step)
+    determinant = z_11 * z_22 - z_12 * z_21
+    rise_1, rise_2 = _target(work, 0)[1], _target(work, 1)[1]
+    away_1 = work[KNOWN_1 + KNOWN_ABOVE] + 0.5 * rise_1 + (z_22 * rise_1 - z_12 * rise_2) / determinant
+    away_2 = work[second + KNOWN_ABOVE] + 0.5 * rise_2 + (z_11 * rise_2 - z_21 * rise_1) / determinant
+    faster, slower, (p_1, q_1, p_2, q_2) = falls_together((z_11, z_12, z_21, z_22), away_1, away_2)
+    both = free & (work[KNOWN_1] > 0.0) & (work[second] > 0.0) & (slower > 0.0)
+    if not some(both):
+        return
+    none = slower - slower
+    fast, slow = fall_moments(faster, none, 1.0 + none), fall_moments(slower, none, 1.0 + none)
+    between = (1.0 - (fast[3] * slow[3])) / (faster + slower)
+    _put_fall(state, work, 0, both, away_1, rise_1, moments_together(fast, slow, between, p_1, q_1), step)
+    _put_fall(state, work, 1, both, away_2, rise_2, moments_together(fast, slow, between, p_2, q_2), step)
+
+
+@compiled
+def _rates_together(p: PlantParameters, e: Rows, work: Rows, step: float) -> Four:
+    """Z of both sides, d(u)/ds = -Z (u - where it goes) over a step, its rows one after the other."""
+    l_1, l_2 = work[CIRCUIT_1 + INDUCTANCE], work[CIRCUIT_2 + INDUCTANCE]
+    w, share, unmix = p.bandwidth + (l_1 - l_1), l_1 - l_1, 1.0 + (l_1 - l_1)
+    if e is not None:
+        w, share, unmix = e[electrical.BANDWIDTH], e[magnetic.SHARE], e[magnetic.UNMIX]
+    (own_1, other_1), (own_2, other_2) = coupled_rows(e, work, l_1, l_2, w * l_1, w * l_2)
+    scale = w * step * unmix / (own_1 * own_2 - other_1 * other_2)
+    z_11, z_12 = own_2 + share * other_1, 0.0 - (other_1 + share * own_2)
+    z_21, z_22 = 0.0 - (other_2 + share * own_1), own_1 + share * other_2
+    return scale * z_11, scale * z_12, scale * z_21, scale * z_22
 
 
 @compiled

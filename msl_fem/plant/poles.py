@@ -8,6 +8,8 @@ against the step (w h > `FAST`), the current is not integrated but known: u(s) =
 f(s) = exp(-z s), z = w h, or first a straight line where the limit acts, from which it goes over into the exponential.
 Forces are nearly quadratic in the current. So the three values (b, m, e) of f have its integral, the integral of its
 square, and that of (1 - s) f, which Runge-Kutta takes as (b + 4 m + e)/6, (b^2 + 4 m^2 + e^2)/6 and (b + 2 m)/6.
+
+The loops of two coupled sides fall together, f' = -Z f, as the sum of two exponentials a side.
 """
 
 import numpy as np
@@ -87,20 +89,44 @@ def fall_moments(z: Value, line: Value, corner: Value) -> Four:
 
 
 @compiled
-def fall_for_squares(m_0: Value, square: Value, m_s: Value) -> tuple[Value, Value, Value]:
-    """(b, m, e) with the integrals of f, f^2 and (1 - s) f: m solves 12 m^2 - 24 m_0 m + ... = 0."""
+def falls_together(z: Four, away_1: Value, away_2: Value) -> tuple[Value, Value, Four]:
+    """(faster, slower rate, (p_1, q_1, p_2, q_2)) of f' = -Z f from (away_1, away_2), Z's rows (z_11, z_12) and (z_21,
+    z_22): f_j = p_j exp(-faster s) + q_j exp(-slower s). Halves of the same where both rates are equal."""
+    z_11, z_12, z_21, z_22 = z
+    mean, half = 0.5 * (z_11 + z_22), 0.5 * (z_11 - z_22)
+    apart = square_root(larger(half * half + z_12 * z_21, 0.0))
+    over = choose(apart > 0.0, apart, 1.0)
+    turned_1, turned_2 = (half * away_1 + z_12 * away_2) / over, (z_21 * away_1 - half * away_2) / over
+    parts = 0.5 * (away_1 + turned_1), 0.5 * (away_1 - turned_1), 0.5 * (away_2 + turned_2), 0.5 * (away_2 - turned_2)
+    return mean + apart, mean - apart, parts
+
+
+@compiled
+def moments_together(fast: Four, slow: Four, between: Value, p: Value, q: Value) -> Four:
+    """Moments as of `fall_moments` of p times one fall and q times another, the integral of whose product is
+    `between`."""
+    square = p * p * fast[1] + q * q * slow[1] + 2.0 * p * q * between
+    return p * fast[0] + q * slow[0], square, p * fast[2] + q * slow[2], p * fast[3] + q * slow[3]
+
+
+@compiled
+def fall_for_squares(m_0: Value, square: Value, m_s: Value, ends: Value) -> tuple[Value, Value, Value]:
+    """(b, m, e) with the integrals of f, f^2 and (1 - s) f: m solves 12 m^2 - 24 m_0 m + ... = 0. `ends`, f(0) + f(1),
+    says to which side f bends."""
     early = m_0 - m_s
     spread = m_0 * m_0 - 3.0 * (early * early + m_s * m_s) + 0.5 * square
-    middle = m_0 - square_root(larger(spread, 0.0))
+    root = square_root(larger(spread, 0.0))
+    middle = m_0 - choose(ends < 2.0 * m_0, 0.0 - root, root)
     return 6.0 * early - 2.0 * middle, middle, 6.0 * m_s - 2.0 * middle
 
 
 @compiled
-def slopes_of_fall(m_0: Value, m_s: Value, last: Value) -> tuple[Value, Value, Value]:
-    """(b, m, e) that stand for -f' over a step: its integrals over 1, (1 - s) and (1 - s)^2, by parts."""
+def slopes_of_fall(start: Value, m_0: Value, m_s: Value, last: Value) -> tuple[Value, Value, Value]:
+    """(b, m, e) that stand for -f' over a step from f = `start`: its integrals over 1, (1 - s) and (1 - s)^2, by
+    parts."""
     early = m_0 - m_s
-    begin, middle = 6.0 + 6.0 * m_0 - 24.0 * early, 12.0 * early - 6.0 * m_0
-    return begin, middle, 6.0 * (1.0 - last) - begin - 4.0 * middle
+    begin, middle = 6.0 * start + 6.0 * m_0 - 24.0 * early, 12.0 * early - 6.0 * m_0
+    return begin, middle, 6.0 * (start - last) - begin - 4.0 * middle
 
 
 @compiled

@@ -13,7 +13,7 @@ from msl_fem.plant.effects import PARAMETER_INDEX, EffectValues, find_parameter,
 from msl_fem.plant.plant import CURRENT_DRIVE
 from msl_fem.plant.poles import FAST
 from msl_fem.plant.preparation import check_effects, small_signal_inductance
-from msl_fem.plant.step_count import MANY_STEPS, default_substeps
+from msl_fem.plant.step_count import default_substeps
 from msl_fem.prediction.nuisances import ADDITIVE, NUISANCES, nuisances_of, together, with_nuisances
 from msl_fem.prediction.run_data import RunData
 from msl_fem.prediction.scheduling import LEVEL, schedule_sigmas
@@ -180,25 +180,10 @@ def believed_value(belief: ModelHypothesis, name: str) -> float:
     return values.get(name, 1.0) * belief.factors.get(name, 1.0)
 
 
-def coupled_loop_steps(p: PlantParameters, *, rate: float) -> int:
-    """Steps a sample by which the current loops of two sides are integrated, where `MANY_STEPS` are enough; else 1.
-
-    A loop knows its own coil and not the other one, so mutual flux changes its rate w to w/(1 + M/L) where both
-    currents move alike, to w/(1 - M/L) where they move against each other. The closed form of a fast loop
-    (`plant.fast_loop`) leaves that out, which shows as a lag of M/(L w); of a loop that 50 steps do not resolve that is
-    next to nothing.
-    """
-    if p.drive != CURRENT_DRIVE or p.sides < 2 or not np.isfinite(p.bandwidth):
-        return 1
-    steps = int(np.ceil(p.bandwidth / (rate * FAST)))
-    return steps if steps <= MANY_STEPS else 1
-
-
 def closed_form_steps(plant: KernelPlant, belief: ModelHypothesis) -> int | None:
-    """Steps a sample that resolve all but the current loop of one side; None where it is not taken in closed form. Two
-    sides have a mutual flux, within its tolerance at least, that the closed form leaves out."""
+    """Steps a sample that resolve all but the current loops; None where they are not taken in closed form."""
     p, rate = plant.parameters, plant.rate
-    if p.drive != CURRENT_DRIVE or p.sides != 1 or not np.isfinite(p.bandwidth):
+    if p.drive != CURRENT_DRIVE or not p.sides or not np.isfinite(p.bandwidth):
         return None
     ideal = p._replace(bandwidth=np.inf)
     steps = default_substeps(ideal, belief.table, rate=rate, effects=belief.effects, largest_step=STEP_OF_FASTEST)
@@ -252,7 +237,6 @@ def kernel_plant(
     substeps = default_substeps(  # as believed: steps that changed with the factors would be jumps of a fit
         p, belief.table, rate=rate, effects=belief.effects, commands=commands, largest_step=STEP_OF_FASTEST
     )
-    substeps = max(substeps, coupled_loop_steps(p, rate=rate))
     surface = surface_of(belief.table if p.sides else None)
     p = p._replace(inductance=small_signal_inductance(p, surface))
     p = with_factors(p, f, ideal_current=ideal_current)

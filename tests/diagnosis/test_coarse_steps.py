@@ -1,4 +1,4 @@
-"""Current loops of one side in closed form: fewer steps, but where an effect wants fine ones, and nowhere mixed."""
+"""Current loops in closed form: fewer steps, but where an effect wants fine ones, and nowhere mixed."""
 
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
@@ -10,6 +10,8 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.actuator import Actuator, load_actuator
+from msl_fem.diagnosis import runs
+from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.problem import FitProblem, Points, batches
 from msl_fem.diagnosis.runs import _alike_in_coarse_steps, _simulated_missed
 from msl_fem.diagnosis.scores import signatures
@@ -31,19 +33,20 @@ def one_sided() -> Actuator:
     return base.model_copy(update={"drive": drive})
 
 
-def test_a_loop_of_one_side_takes_few_steps_and_one_of_two_sides_does_not(one_sided: Actuator) -> None:
+def test_a_current_loop_takes_few_steps(one_sided: Actuator) -> None:
     belief = ModelHypothesis(one_sided, levitator.table())
     plant = kernel_plant(belief, rate=RATE)
     assert (closed_form_steps(plant, belief), plant.substeps) == (2, 11)
     assert closed_form_steps(kernel_plant(belief, rate=RATE, ideal_current=True), belief) is None
     servo = ModelHypothesis(load_actuator(ROOT / "geometries" / "fast_tool_servo.toml"), levitator.table())
-    assert closed_form_steps(kernel_plant(servo, rate=RATE), servo) is None
+    plant = kernel_plant(servo, rate=RATE)
+    assert (closed_form_steps(plant, servo), plant.substeps) == (1, 6)
 
 
 def test_what_changes_a_loop_or_its_target_wants_fine_steps_at_nothing_too() -> None:
     wants = {name for name, effect in CATALOGUE.items() if effect.fine_steps}
-    assert {"mutual_inductance", "eddy_currents", "magnetic_hysteresis", "time_delay"} <= wants
-    assert wants.isdisjoint({"coulomb_friction", "position_sensor_lag", "leakage_inductance", "coil_heating"})
+    assert {"eddy_currents", "magnetic_hysteresis", "structural_mode", "time_delay"} <= wants
+    assert wants.isdisjoint({"coulomb_friction", "position_sensor_lag", "leakage_inductance", "mutual_inductance"})
     for one, fine in ((DELAY, True), (FRICTION, False)):
         points = Points.of(Unknowns((), 0, (), (one,)), np.zeros((2, 1)))
         assert points.wants_fine.tolist() == [fine, fine]
@@ -79,24 +82,56 @@ def test_differences_are_of_equal_steps() -> None:
 
 @dataclass(frozen=True)
 class Stepped:
-    """A likelihood of one number, which coarse steps miss by `error`."""
+    """A likelihood of one number, which coarse and fine steps miss by these."""
 
-    error: float
+    coarse: float
+    fine: float
     substeps: int = 11
     problem: Any = field(default_factory=lambda: SimpleNamespace(coarse=2))
 
     def spectra(self, points: Points) -> np.ndarray:
-        return np.array([[0.0 if self.substeps == 33 and points.fine is None else self.error]])
+        left = self.coarse if points.fine is not None else self.fine if self.substeps == 11 else 0.0
+        return np.array([[left]])
 
 
-@pytest.mark.parametrize(("error", "alike"), [(0.1, True), (1.0, False), (np.nan, False)])
-def test_coarse_steps_are_taken_where_the_belief_is_the_same_in_far_finer_ones(error: float, alike: bool) -> None:
-    assert _alike_in_coarse_steps(Stepped(error), Unknowns((), 0, ())) == alike  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("coarse", "fine", "alike"),
+    [(0.1, 0.0, True), (1.0, 0.1, False), (1.0, 2.0, True), (np.nan, 0.1, False), (1.0, np.nan, False)],
+)
+def test_coarse_steps_are_taken_where_the_belief_is_that_of_far_finer_ones(
+    coarse: float, fine: float, alike: bool
+) -> None:
+    stepped: Any = Stepped(coarse, fine)
+    assert _alike_in_coarse_steps(stepped, Unknowns((), 0, ()), np.zeros(0)) == alike
 
 
-@pytest.mark.parametrize("effects", [None, EffectValues({"time_delay": {"command": 1e-4}})])
-def test_what_a_model_misses_on_a_run_is_told_in_fine_steps(
-    one_sided: Actuator, effects: EffectValues | None, monkeypatch: pytest.MonkeyPatch
+def test_the_steps_of_stretches_chosen_anew_are_asked_for_where_the_fit_is(
+    one_sided: Actuator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The belief may leave the table where the fit does not."""
+    base = load_actuator(ROOT / "measurements" / "levitation_rig" / "actuator.toml")
+    record = levitator.record(base, levitator.Truth(mass=1.05), seconds=0.3)
+    belief = ModelHypothesis(levitator.actuator(base), levitator.table())
+    asked: list[np.ndarray] = []
+    monkeypatch.setattr(runs, "_alike_in_coarse_steps", lambda likelihood, unknowns, z: asked.append(z) or True)
+    kind = runs.dynamic_runs(record, belief, [run_data(record, record.runs[0])])
+    found = fit(kind.likelihood, kind.unknowns, np.zeros(kind.unknowns.size), plan=FitPlan(most_steps=4))
+    kind.renewed(found)
+    believed = len(kind.unknowns.believed)
+    assert np.any(found.z[:believed])
+    assert [z[:believed].tolist() for z in asked] == [[0.0] * believed, found.z[:believed].tolist()]
+
+
+@pytest.mark.parametrize(
+    ("effects", "steps"),
+    [
+        (None, 2),
+        (EffectValues({"time_delay": {"command": 1e-4}}), None),
+        (EffectValues({"force_offset": {"force": 1e-4}}), 2),
+    ],
+)
+def test_what_a_model_misses_on_a_run_is_told_in_the_steps_that_its_effects_want(
+    one_sided: Actuator, effects: EffectValues | None, steps: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An extended model has its effects in the plant, and nothing is unknown of it."""
     base = load_actuator(ROOT / "measurements" / "levitation_rig" / "actuator.toml")
@@ -107,5 +142,5 @@ def test_what_a_model_misses_on_a_run_is_told_in_fine_steps(
     cut = Stretches(np.arange(0, 960, 32), np.tile([[0.0, 0.0, 0.0, 0.0]], (30, 1)), ())
     asked = []
     monkeypatch.setattr(Shooting, "followed", lambda shot, cut: asked.append(shot.problem.coarse) or {})
-    _simulated_missed(belief, replace(voltages, commands=currents), cut, record.tolerance)
-    assert asked == [None]
+    _simulated_missed(belief, replace(voltages, commands=currents), cut, record.tolerance, coarse=2)
+    assert asked == [steps]

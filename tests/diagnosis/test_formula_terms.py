@@ -8,8 +8,10 @@ import pytest
 from diagnosed import SERVO, VOLTAGE_SERVO
 
 from msl_fem.computing.laws import UNIT_OF, expression
-from msl_fem.diagnosis import formula
+from msl_fem.diagnosis import formula, formula_search
 from msl_fem.diagnosis.formula_terms import LARGEST, LawSizes, amount_unit, library
+from msl_fem.diagnosis.refits import Refit
+from msl_fem.diagnosis.variants import Variant
 from msl_fem.plant import plant_parameters
 
 
@@ -63,14 +65,37 @@ def test_one_term_takes_the_place_of_a_named_effect_that_is_superfluous_beside_i
     monkeypatch: pytest.MonkeyPatch, alone: float, left: float, beside: float | None, taken: str | None
 ) -> None:
     """The evidence of a term alone and its residuals, of the effect with one beside it (None: none stands there; the
-    effect has 100 then), and what is told."""
+    effect has 100 then), and what is told. A term alone is asked for what it has to bring."""
 
-    def chosen(start: Any, *, tell: Any, most: int = 3) -> Any:
+    def chosen(start: Any, *, tell: Any, most: int = 3, least: float = 12.0) -> Any:
         if start.of == "nothing":
+            assert (most, least) == (1, (112.0 if beside is None else beside) - 40.0)
             return SimpleNamespace(of="alone", fit=SimpleNamespace(log_evidence=alone, excess={"force_N": left}))
         return None if beside is None else SimpleNamespace(of="beside", fit=SimpleNamespace(log_evidence=beside))
 
     monkeypatch.setattr(formula, "chosen_terms", chosen)
     monkeypatch.setattr(formula, "_told", lambda kind, found, alone: found.of)
-    starts: Any = [SimpleNamespace(of="nothing"), SimpleNamespace(of="effect", log_evidence=100.0)]
+    starts: Any = [SimpleNamespace(of="nothing", log_evidence=40.0), SimpleNamespace(of="effect", log_evidence=100.0)]
     assert formula.formula_of(None, starts, tell=str) == taken  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("gain", "predicted", "left", "first", "hopeless"),
+    [
+        (8.0, 0.0, 1.0, True, True),
+        (8.0, 5.0, 1.0, True, False),
+        (40.0, 0.0, 2.0, True, False),
+        (40.0, 0.0, 2.7, True, True),
+        (40.0, 20.0, 2.7, True, False),
+        (40.0, 0.0, 2.7, False, False),
+    ],
+)
+def test_a_term_is_led_to_its_end_where_it_may_be_worth_it(
+    gain: float, predicted: float, left: float, first: bool, hopeless: bool
+) -> None:
+    """Nats that the next step promises bring it to the nats or to the share of the excess that a first term takes."""
+    before: Any = SimpleNamespace(excess={"force_N": 3.0})
+    fit: Any = SimpleNamespace(excess={"force_N": left}, predicted=predicted)
+    law = expression("root", "force", "-a*v", {"a": "0..9 N s/m"})
+    refit = Refit(Variant("root", ()), fit, gain)
+    assert formula_search._hopeless(before, () if first else (law,), 12.0, refit) is hopeless

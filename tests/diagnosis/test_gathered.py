@@ -1,5 +1,7 @@
 """Simulations of several fits run together: who waits gets its own rows, and a failure reaches all that wait for it."""
 
+import threading
+import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import cast
@@ -19,15 +21,13 @@ def asked(gathered: GatheredRuns, rounds: Sequence[int], effect: str | None, sim
     """What a fit gets that asks for these numbers of rows one after the other, then ends; rows start at its rounds."""
     effects = (EffectUnknown(effect, "force"),) if effect else ()
     unknowns = Unknowns(BELIEVED, 0, (), effects)
-    try:
+    with gathered.one_of_them():
         found = []
         for n in rounds:
             rows = np.arange(n * unknowns.size, dtype=float).reshape(n, -1) + sum(rounds)
             found.append(gathered.spectra(PROBLEM, Points.of(unknowns, rows), simulated))  # type: ignore[arg-type]
             assert np.array_equal(found[-1][:, :2], rows[:, :2])
         return found
-    finally:
-        gathered.ends()
 
 
 def test_fits_that_ask_for_different_numbers_of_rounds_get_their_own_rows_from_common_runs() -> None:
@@ -59,3 +59,30 @@ def test_a_failure_reaches_every_fit_that_waits() -> None:
         for job in jobs:
             with pytest.raises(FloatingPointError, match="4 rows"):
                 job.result(timeout=30)
+
+
+@pytest.mark.parametrize("at_once", [1, 2])
+def test_so_many_fits_do_their_own_sums_at_once(at_once: int) -> None:
+    gathered = GatheredRuns(6, at_once=at_once)
+    unknowns = Unknowns(BELIEVED, 0, ())
+    busy, most, lock = 0, 0, threading.Lock()
+
+    def summing() -> None:
+        nonlocal busy, most
+        with lock:
+            busy += 1
+            most = max(most, busy)
+        time.sleep(0.01)
+        with lock:
+            busy -= 1
+
+    def fit() -> None:
+        with gathered.one_of_them():
+            for _ in range(3):
+                summing()
+                gathered.spectra(PROBLEM, Points.of(unknowns, np.zeros((1, 2))), lambda points: points.rows)
+
+    with ThreadPoolExecutor(6) as pool:
+        for job in [pool.submit(fit) for _ in range(6)]:
+            job.result(timeout=30)
+    assert most == at_once

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from coupled_twin import changed, linear_table, locked, mass_and_spring, reference_run
 from effect_sets import effects
+from scipy.linalg import expm
 
 from msl_fem.actuator import Actuator
 from msl_fem.errors import CostWarning, InputError
@@ -11,7 +12,7 @@ from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_run import LaneSettings, run_lanes
 from msl_fem.plant.plant import plant_parameters, surface_of
-from msl_fem.plant.poles import fall_for_squares, fall_moments
+from msl_fem.plant.poles import fall_for_squares, fall_moments, falls_together, moments_together
 from msl_fem.plant.simulate import Options, Simulation, simulate
 from msl_fem.plant.step_count import MANY_STEPS, default_substeps
 from msl_fem.table.magnetic_table import MagneticTable
@@ -42,9 +43,75 @@ def test_three_values_have_the_moments_of_a_fall(z: float, limit: float) -> None
     f = np.where(s < limit, 1 - slope * s, corner * np.exp(-z * np.maximum(s - limit, 0.0)))
     exact = [float(np.trapezoid(g, s)) for g in (f, f * f, (1 - s) * f)]
     m_0, square, m_s, last = fall_moments(z, limit, corner)
-    b, m, e = fall_for_squares(m_0, square, m_s)
+    b, m, e = fall_for_squares(m_0, square, m_s, 1.0 + last)
     assert [(b + 4 * m + e) / 6, (b * b + 4 * m * m + e * e) / 6, (b + 2 * m) / 6] == pytest.approx(exact, rel=1e-6)
     assert last == pytest.approx(f[-1], rel=1e-12)
+
+
+@pytest.mark.parametrize("away", [(1.0, 0.4), (-1.0, 0.3), (0.02, -1.0)])
+@pytest.mark.parametrize(
+    "z", [(2.0, -0.5, -0.7, 1.5), (8.0, 2.0, 0.5, 30.0), (3.0, 0.0, 0.0, 3.0), (4.0, 0.0, 0.0, 1.0)]
+)
+def test_three_values_have_the_moments_of_two_coupled_falls(
+    z: tuple[float, float, float, float], away: tuple[float, float]
+) -> None:
+    """By Simpson's rule on the matrix exponential, which changes its sign on the way in some of the cases."""
+    s = np.linspace(0.0, 1.0, 4001)
+    matrix = np.array(z).reshape(2, 2)
+    step = expm(-matrix * s[1])
+    f = np.empty((s.size, 2))
+    f[0] = away
+    for n in range(1, s.size):
+        f[n] = step @ f[n - 1]
+    weights = np.ones(s.size)
+    weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
+    weights /= 3 * (s.size - 1)
+    faster, slower, (p_1, q_1, p_2, q_2) = falls_together(z, *away)
+    assert np.sort([faster, slower]) == pytest.approx(np.sort(np.linalg.eigvals(matrix)), rel=1e-12)
+    fast, slow = fall_moments(faster, 0.0, 1.0), fall_moments(slower, 0.0, 1.0)
+    between = (1.0 - fast[3] * slow[3]) / (faster + slower)
+    for side, (p, q) in enumerate([(p_1, q_1), (p_2, q_2)]):
+        g = f[:, side]
+        m_0, square, m_s, last = moments_together(fast, slow, between, p, q)
+        b, m, e = fall_for_squares(m_0, square, m_s, g[0] + last)
+        exact = [float(weights @ h) for h in (g, g * g, (1 - s) * g)]
+        assert [(b + 4 * m + e) / 6, (b * b + 4 * m * m + e * e) / 6, (b + 2 * m) / 6] == pytest.approx(
+            exact, abs=1e-9, rel=1e-8
+        )
+        assert last == pytest.approx(g[-1], abs=1e-11)
+
+
+@pytest.mark.parametrize("amounts", [
+    {"mutual_inductance": {"share": 0.3}},
+    {"mutual_inductance": {"share": -0.1}, "cross_coupling": {"share": 0.05}},
+    {"mutual_inductance": {"share": 0.1}, "cross_coupling": {"share": -0.04}, "eddy_currents": {"time_constant": 2e-5}},
+])  # fmt: skip
+def test_coupled_loops_of_a_locked_magnet_have_a_closed_form(
+    servo: Actuator, amounts: dict[str, dict[str, float]]
+) -> None:
+    """One step a sample against the matrix exponential of the circuits as they stand: v = R i + d lambda/dt, lambda_1 =
+    Lambda_1 + share Lambda_2, Lambda_1 = L u_1 + M u_2, and u_1 + G dLambda_1/dt = i_1 + share i_2; the loop applies
+    v = R i + L w (target - i). The targets jump in opposite senses, at another ratio each."""
+    drive = {"bandwidth": 2e3, "voltage_limit": None}
+    bench, rate = changed(locked(servo), drive=drive), 1e4
+    values = EffectValues(amounts)
+    commands = np.array([[0.3, 0.1], [0.1, 0.3], [0.5, 0.5], [0.5, 0.1], [0.2, 0.4]])
+    run = simulate(bench, linear_table(), Inputs(commands, rate), effects=values, options=Options(substeps=1))
+    inductance, w = 2 * 1.08e-5 / 6.3e-4, 2 * np.pi * 2e3
+    mutual = values.get("mutual_inductance", "share") * inductance
+    share, shorted = values.get("cross_coupling", "share"), values.get("eddy_currents", "time_constant") / inductance
+    own, mixed = np.array([[inductance, mutual], [mutual, inductance]]), np.array([[1.0, share], [share, 1.0]])
+    # mixed own u' = w L (t - i), mixed i = u + G own u'
+    left = mixed @ own + w * inductance * shorted * np.linalg.inv(mixed) @ own
+    fall = w * inductance * np.linalg.solve(left, np.linalg.inv(mixed))
+    u, expected = np.zeros(2), [np.zeros(2)]
+    for target in commands:
+        goal = mixed @ target
+        u = goal + expm(-fall / rate) @ (u - goal)
+        change = own @ fall @ (goal - u)
+        expected.append(np.linalg.solve(mixed, u + shorted * change))
+    # a reading is of the instant in front of the jump
+    assert run.current[1:] == pytest.approx(np.array(expected[1:-1]), abs=2e-9)
 
 
 @pytest.mark.parametrize("bandwidth", [5e3, 2e4])

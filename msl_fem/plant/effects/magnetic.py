@@ -396,7 +396,6 @@ MAGNETIC = (
         static=Part(declined="it takes two sides, a static map is of one magnet"),
         advice="separate the sides' flux: a thicker armature, other polarity; or keep it in the model",
         deviation_of={"mutual_inductance": 0.1},
-        fine_steps=True,
     ),
     Effect(
         name="armature_tilt",

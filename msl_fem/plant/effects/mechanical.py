@@ -397,6 +397,5 @@ MECHANICAL = (
         static=NOT_AT_REST,
         advice="stiffen the bench or read the gap against the magnet",
         deviation_of={"magnetic_hysteresis": 0.14},
-        fine_steps=True,
     ),
 )

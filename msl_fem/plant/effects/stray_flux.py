@@ -72,7 +72,6 @@ STRAY_FLUX = (
         inverse=NO_MAGNETS,
         static=Part(declined="it takes two sides, a static map is of one magnet"),
         advice="solve both sides together (solve --current-2) and hold what follows against this; --polarity aiding",
-        fine_steps=True,
     ),
     Effect(
         name="remanent_flux",
@@ -97,6 +96,5 @@ STRAY_FLUX = (
         sets=(("current_1", "current_2"), ("current_1",), ("current_2",)),
         separating="force or flux without current, and one row with the current reversed",
         deviation_of={"magnetic_hysteresis": 0.14},
-        fine_steps=True,
     ),
 )
