@@ -77,7 +77,7 @@ class BoardLoop:
         assert self._c.check() == 0, f"{header}: this compiler gives other bits"
         self._command = np.zeros(2)
 
-    rate, delay_samples = LOOP_RATE, 1
+    rate, delay_samples, current_loop_rate = LOOP_RATE, 1, None
 
     def start(self) -> None:
         self._c.start()
@@ -88,6 +88,9 @@ class BoardLoop:
     def command(self, reference_: Array, measured: float) -> Array:
         self._c.step(np.ascontiguousarray(reference_).ctypes.data, measured, self._command.ctypes.data)
         return self._command.copy()
+
+    def voltage(self, wanted: Array, read: Array, measured: float) -> Array:
+        raise NotImplementedError("the board's controller drives currents")
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from msl_fem.actuator import Actuator, ECore, load_actuator
+from msl_fem.actuator.current_loop import CurrentLoop
 from msl_fem.bench import BenchOptions, ClosedLoop, parse_nuisances, parse_requests, sealed_record
 from msl_fem.control import design_controller
 from msl_fem.control.stepper import Stepper, stated
@@ -138,25 +139,28 @@ def _large() -> StudyRig:
 
 
 def _levitator() -> StudyRig:
-    """One side against gravity, no spring: 0.5 kg at 3 mm, in current drive, held by the controller of `control`."""
+    """One side against gravity, no spring: 0.5 kg at 3 mm, held by the controller of `control`, around a voltage drive
+    with a current loop as fast as the controller."""
     actuator = _changed(
         1.0, "levitator",
         motion={
             "moving_mass": 0.5, "stiffness": 0.0, "damping": 0.5, "nominal_gap": 3e-3, "range": 1.5e-3,
             "constant_force": -0.5 * 9.81,
         },
-        drive={"bandwidth": 2e3, "voltage_limit": 60.0, "current_limit": 6.0},
+        drive={
+            "bandwidth": 2e3, "voltage_limit": 60.0, "current_limit": 6.0, "current_loop": CurrentLoop(rate=5e3),
+        },
         controller={"rate": 5e3},
         sides={"count": 1, "magnets_per_side": 1},
         position_sensor={"noise": 0.5e-6},
     )  # fmt: skip
     closed = "loop=closed,duration=4 s"
-    return StudyRig(actuator, gap_table(actuator, gaps=(0.8e-3, 6e-3), current=7.5), {
-        "current": (
-            f"multisine:start=1 Hz,stop=40 Hz,amplitude=0.1 mm,seed=2,role=fit,{closed}",
-            f"swept-sine:start=1 Hz,stop=30 Hz,amplitude=0.1 mm,role=held-out,{closed}",
-        ),
-    })  # fmt: skip
+    runs = (
+        f"multisine:start=1 Hz,stop=40 Hz,amplitude=0.1 mm,seed=2,role=fit,{closed}",
+        f"swept-sine:start=1 Hz,stop=30 Hz,amplitude=0.1 mm,role=held-out,{closed}",
+    )
+    table = gap_table(actuator, gaps=(0.8e-3, 6e-3), current=7.5)
+    return StudyRig(actuator, table, {"current": runs, "voltage": runs})
 
 
 def excitations_of(rig: StudyRig, kind: str, *, seconds: float = 4.0) -> tuple[Excitation, ...]:

@@ -212,15 +212,19 @@ def _means(values: Array, window: int) -> Array:
 
 
 class BenchController(Protocol):
-    """What closes a loop: asked at its own rate, its command acts `delay_samples` of its periods later."""
+    """What closes a loop: asked at its own rate, its command acts `delay_samples` of its periods later. Around a
+    voltage drive a current loop at `current_loop_rate` makes voltages of it, each to act one of its periods later."""
 
     @property
     def rate(self) -> float: ...
     @property
     def delay_samples(self) -> int: ...
+    @property
+    def current_loop_rate(self) -> float | None: ...
     def start(self) -> None: ...
     def rows(self, samples: Array, *, period: float) -> Array: ...
     def command(self, reference: Array, measured: float) -> Array: ...
+    def voltage(self, wanted: Array, read: Array, measured: float) -> Array: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,12 +237,14 @@ class Following:
     controller : knows the belief, and what it reads
     noise : (n_sample,) m, of the position's reading in the loop; None: none
     resolution : m, of the reading; 0: none
+    current_noise : (n_sample, 2) A, of the sensors of the current loop, which are not the record's; None: none
     """
 
     reference: Array
     controller: BenchController
     noise: Array | None = None
     resolution: float = 0.0
+    current_noise: Array | None = None
 
 
 def follow(rig: Rig, asked: Following, *, rate: float, seed: int = 0) -> Response:
@@ -248,20 +254,24 @@ def follow(rig: Rig, asked: Following, *, rate: float, seed: int = 0) -> Respons
 
     Raises
     ------
-    InputError : no current drive, a rate that is no whole multiple of the controller's
+    InputError : a drive that the controller does not drive, a rate that is no whole multiple of the controller's
     ComputationError : the loop does not hold the rig
     """
     plant = arranged(rig.plant)
     controller = asked.controller
-    if plant.circuit.drive != CURRENT_DRIVE:
-        raise InputError(f'{rig.name}: the controller commands currents; use drive.kind = "current"')
-    every = round(rate / controller.rate)
-    if every < 1 or abs(every * controller.rate / rate - 1) > 1e-9:
-        raise InputError(f"{rig.name}: {rate:g} samples a second are no whole multiple of {controller.rate:g} Hz")
+    every = _samples_between(rig, "controller", controller.rate, rate)
+    inner = None
+    if plant.circuit.drive == VOLTAGE_DRIVE and controller.current_loop_rate is not None:
+        inner = _samples_between(rig, "current loop", controller.current_loop_rate, rate)
+    elif plant.circuit.drive != CURRENT_DRIVE or controller.current_loop_rate is not None:
+        raise InputError(
+            f"{rig.name}: the controller commands currents, and around a voltage drive it needs a current loop; use "
+            'drive.kind = "current", or design the controller for the drive that is there'
+        )
     n, sides = len(asked.reference), plant.magnets.sides
     late = every * controller.delay_samples
     due = np.zeros((n + late, 2))
-    commands = np.zeros((n, 2))
+    commands = due[:n] if inner is None else np.zeros((n + inner, 2))
     bench = compiled_bench(rig, plant)
     y = beginning(rig, plant)
     scratch = scratch_of(bench, y)
@@ -269,9 +279,10 @@ def follow(rig: Rig, asked: Following, *, rate: float, seed: int = 0) -> Respons
     out = np.zeros((n, N_OUT))
     clock = (0.0, 1.0 / rate, rig.delay, bench_substeps(plant, rig.table, rate=rate))
     noise = np.zeros(n) if asked.noise is None else asked.noise
+    current_noise = np.zeros((n, 2)) if asked.current_noise is None else asked.current_noise
     drift = drift_path(rig, n, rate=rate, run=seed)
     measured = np.zeros(n)
-    played = np.nan
+    played, at = np.nan, 0.0
     controller.start()
     for k in range(n):
         status = look(bench, y, scratch[0], out[k])
@@ -281,10 +292,24 @@ def follow(rig: Rig, asked: Following, *, rate: float, seed: int = 0) -> Respons
             if asked.resolution > 0:
                 measured[k] = np.round(measured[k] / asked.resolution) * asked.resolution
             if k % every == 0:
-                due[k + late :, :sides] = controller.command(asked.reference[k], float(measured[k]))
-            commands[k] = due[k]
+                at = float(measured[k])
+                due[k + late : k + late + every, :sides] = controller.command(asked.reference[k], at)
+            if inner is not None and k % inner == 0:
+                read = out[k, OUT_I1 : OUT_I1 + 2] + current_noise[k]
+                commands[k + inner : k + 2 * inner, :sides] = controller.voltage(due[k], read, at)
             status = sample(bench, y, scratch, k, commands, pushes, clock, out[k])
         if status != OK:
             way_out = "the loop does not hold it"
             raise ComputationError(complaint(rig, plant, status, time=k / rate, y=y, way_out=way_out))
-    return response_of(out, commands[:, :sides], rate=rate, sides=sides, end_state=y, measured=measured)
+    return response_of(out, commands[:n, :sides], rate=rate, sides=sides, end_state=y, measured=measured)
+
+
+def _samples_between(rig: Rig, what: str, own: float, rate: float) -> int:
+    """Samples of a record at `rate` from one step of a loop at its `own` rate to the next, Hz both."""
+    every = round(rate / own)
+    if every < 1 or abs(every * own / rate - 1) > 1e-9:
+        raise InputError(
+            f"{rig.name}: {format_quantity(rate, 'Hz')} are no whole multiple of the {what}'s "
+            f"{format_quantity(own, 'Hz')}; sample at a multiple of it"
+        )
+    return every

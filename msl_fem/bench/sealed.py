@@ -279,13 +279,15 @@ def _asked(actuator: Actuator, excitation: Excitation, options: BenchOptions) ->
 
 
 def _with_noise(asked: Array | Following, actuator: Actuator, options: BenchOptions, run: int) -> Array | Following:
-    """What a run is asked for; in closed loop the noise of the position's reading is in the loop."""
+    """What a run is asked for; in closed loop the noise of the position's reading is in the loop, and around a voltage
+    drive that of its current loop's sensors."""
     if not isinstance(asked, Following) or options.noise == "none":
         return asked
     how = noise_of_instruments(actuator, coloured=options.noise == "coloured")
     generator = np.random.default_rng([options.seed, 5, run])
     noise = instrument_noise(len(asked.reference), how, rate=options.rate, generator=generator)
-    return replace(asked, noise=how.sigma["position"] * noise)
+    of_currents = how.sigma["current"] * generator.standard_normal((len(asked.reference), 2))
+    return replace(asked, noise=how.sigma["position"] * noise, current_noise=of_currents)
 
 
 def _hidden(setting: BenchSetting, request: Request, others: Sequence[EffectAtSize], *, exact: bool) -> EffectAtSize:

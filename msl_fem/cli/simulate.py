@@ -75,14 +75,14 @@ def usual_loop(
 
     Raises
     ------
-    InputError : the actuator has no magnet, no controller or no current drive
+    InputError : the actuator has no magnet, no controller, or a drive that takes forces
     """
     if table is None or actuator.controller is None:
         raise InputError(
             f"{actuator.name} has no [magnet] or no [controller]; loop=closed needs both, leave it out for open loop"
         )
-    if actuator.drive is None or actuator.drive.kind != "current":
-        raise InputError(f'{actuator.name}: loop=closed commands currents; use drive.kind = "current"')
+    if actuator.drive is None or actuator.drive.kind == "force":
+        raise InputError(f'{actuator.name}: loop=closed commands currents; use drive.kind = "current" or "voltage"')
     made = regions if regions is not None else operating_map(table)
     design = lqr_design(design_model_as_believed(actuator, table, made, believed))
     section = stated(design)

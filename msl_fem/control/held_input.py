@@ -21,6 +21,12 @@ def late_hold(a: Array, b: Array, period: float, late: float) -> StateSpace:
     return StateSpace(moved, np.vstack([rest.B, [[1.0]]]), np.eye(1, n + 1), np.zeros((1, 1)), period)
 
 
+def delayed_hold(a: Array, b: Array, period: float, late: float, delay: int) -> StateSpace:
+    """`late_hold` of any `late` s, and `delay` samples more: whole periods are samples of the delay."""
+    whole = int(late // period)
+    return with_delay(late_hold(a, b, period, late - whole * period), delay + whole)
+
+
 def with_delay(moving: StateSpace, delay: int) -> StateSpace:
     """A sampled motion whose input acts `delay` samples later: further states are the queue, the next to act first."""
     n = moving.A.shape[0]

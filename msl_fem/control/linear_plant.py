@@ -10,7 +10,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.statespace import StateSpace
 from msl_fem.control.current_loop import CurrentLoopDesign
-from msl_fem.control.held_input import late_hold, with_delay
+from msl_fem.control.held_input import delayed_hold
 from msl_fem.errors import ActuatorError, InputError
 
 _LEAST_LAG = 1e-3  # of a period
@@ -74,7 +74,7 @@ class LinearPlant:
 @lru_cache(maxsize=256)
 def _driven(plant: LinearPlant, magnet_stiffness: float) -> StateSpace:
     a, b = replace(plant, lag=plant.prompt_lag()).motion(magnet_stiffness)
-    return with_delay(late_hold(a, b, plant.period, plant.dead_time), plant.delay)
+    return delayed_hold(a, b, plant.period, plant.dead_time, plant.delay)
 
 
 @lru_cache(maxsize=256)

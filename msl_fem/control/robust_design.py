@@ -27,7 +27,7 @@ from msl_fem.control.design import (
     completed,
 )
 from msl_fem.control.design_model import AtPosition, DesignModel
-from msl_fem.control.held_input import late_hold, with_delay
+from msl_fem.control.held_input import delayed_hold
 from msl_fem.control.linear_loop import LinearLaw
 from msl_fem.control.linear_plant import LinearPlant
 from msl_fem.control.lqg import FilterNoise, LqrGains, LqrWeights, filter_of_gain, lqr_gains
@@ -103,7 +103,7 @@ def deviating_plant(plant: LinearPlant, deviation: Deviation, magnet_stiffness: 
             b[4] = rate
     a[3], b[3] = -a[1], -b[1]
     a[3, 2:4] += -(w**2), -2 * d.damping_ratio * w
-    return with_delay(late_hold(a, b, plant.period, plant.dead_time), plant.delay)
+    return delayed_hold(a, b, plant.period, plant.dead_time, plant.delay)
 
 
 Complex = NDArray[np.complex128]

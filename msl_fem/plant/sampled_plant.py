@@ -54,7 +54,7 @@ from msl_fem.plant.layout import (
     X,
     initial_state,
 )
-from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters, Surface, plant_parameters, surface_of
+from msl_fem.plant.plant import PlantParameters, Surface, plant_parameters, surface_of
 from msl_fem.plant.preparation import effect_coefficients, start_effects
 from msl_fem.plant.simulate import STATUS, Simulation
 from msl_fem.plant.step_count import STEP_OF_FASTEST, default_substeps
@@ -171,7 +171,8 @@ def _sensor_slope(p: PlantParameters, effects: Array | None, state: Array) -> fl
 
 
 class LoopController(Protocol):
-    """What closes a loop: it is asked at its own rate, and its command acts `delay_samples` of its periods later."""
+    """What closes a loop: it is asked at its own rate, and its command acts `delay_samples` of its periods later: on a
+    current drive, or around a voltage drive on a current loop, which is asked at a rate of its own."""
 
     @property
     def rate(self) -> float:
@@ -180,6 +181,11 @@ class LoopController(Protocol):
 
     @property
     def delay_samples(self) -> int: ...
+
+    @property
+    def current_loop_rate(self) -> float | None:
+        """Voltages a second, Hz; None: the drive takes the commands."""
+        ...
 
     def start(self) -> None:
         """Forgets all runs before."""
@@ -193,6 +199,11 @@ class LoopController(Protocol):
         """(n_side,) A for a row of the reference and the measured position in m."""
         ...
 
+    def voltage(self, wanted: Array, read: Array, measured: float) -> Array:
+        """(n_side,) V, to act a period of the current loop later, for the currents (2,) A that are wanted now and those
+        that are read, and the position in m as `command` had it last."""
+        ...
+
 
 def clock_of(controller: LoopController, *, rate: float) -> tuple[int, int]:
     """Samples of a run between two commands of its controller, and from a command's computation until it acts.
@@ -201,13 +212,31 @@ def clock_of(controller: LoopController, *, rate: float) -> tuple[int, int]:
     ------
     InputError : the rate is no whole multiple of the controller's
     """
-    every = round(rate / controller.rate)
-    if every < 1 or abs(every * controller.rate / rate - 1) > 1e-9:
-        raise InputError(
-            f"a run at {format_quantity(rate, 'Hz')} cannot be controlled at {format_quantity(controller.rate, 'Hz')}: "
-            "its rate must be a whole multiple of the controller's"
-        )
+    every = _samples_between("controller", controller.rate, rate)
     return every, every * controller.delay_samples
+
+
+def _samples_between(what: str, own: float, rate: float) -> int:
+    every = round(rate / own)
+    if every < 1 or abs(every * own / rate - 1) > 1e-9:
+        raise InputError(
+            f"a run at {format_quantity(rate, 'Hz')} cannot be controlled at {format_quantity(own, 'Hz')}: "
+            f"its rate must be a whole multiple of the {what}'s"
+        )
+    return every
+
+
+def _samples_of_current_loop(actuator: Actuator, controller: LoopController, *, rate: float) -> int | None:
+    """Samples of a run between two voltages of the controller's current loop; None: its commands act on the drive."""
+    kind, own = actuator.drive and actuator.drive.kind, controller.current_loop_rate
+    if kind == "voltage" and own is not None:
+        return _samples_between("current loop", own, rate)
+    if kind != "current" or own is not None:
+        raise InputError(
+            f"{actuator.name}: the controller commands currents, and around a voltage drive it needs a current loop; "
+            'use drive.kind = "current", or design the controller for the drive that is there'
+        )
+    return None
 
 
 def simulate_closed(
@@ -222,14 +251,14 @@ def simulate_closed(
 
     Raises
     ------
-    InputError : no current drive, no table; rates that do not fit; the plant cannot have one of the effects
+    InputError : a drive that the controller does not drive, no table; rates that do not fit; the plant cannot have
+        one of the effects
     ComputationError : the loop does not hold the plant; names time, state and the way out
     """
     rate = 1.0 / (wanted.time[1] - wanted.time[0])
     every, delay = clock_of(controller, rate=rate)
     plant = sampled_plant(actuator, table, rate=rate, effects=effects)
-    if plant.parameters.drive == FORCE_DRIVE or actuator.drive is None or actuator.drive.kind != "current":
-        raise InputError(f'{actuator.name}: the controller commands currents; use drive.kind = "current"')
+    inner = _samples_of_current_loop(actuator, controller, rate=rate)
     state, history = plant_at_rest(plant)
     start = state.copy()
     n, sides = wanted.position.size, plant.parameters.sides
@@ -237,16 +266,22 @@ def simulate_closed(
     followed = controller.rows(samples, period=1.0 / rate)
     noise, kept = reading_noise(actuator, n, generator=generator), np.zeros((n, _N_KEPT))
     readings, voltage, waiting = np.zeros(N_READING), np.zeros(2), np.zeros((delay + 1, 2))
+    given, coming, at = np.zeros(2), np.zeros(2), 0.0
     controller.start()
     for k in range(n):
         read_instruments(plant, state, history, k, noise[k], readings)
         waiting[:-1] = waiting[1:]
         if k % every == 0:
-            waiting[delay, :sides] = controller.command(followed[k], readings[0])
+            at = float(readings[0])
+            waiting[delay, :sides] = controller.command(followed[k], at)
+        if inner is not None and k % inner == 0:
+            given[:] = coming
+            coming[:sides] = controller.voltage(waiting[0], readings[1:3], at)
+        acting = waiting[0] if inner is None else given
         row = kept[k]
-        row[_COMMAND], row[_READ] = waiting[0], readings
+        row[_COMMAND], row[_READ] = acting, readings
         row[_CURRENT], row[_POSITION], row[_VELOCITY] = state[COIL_1 : COIL_1 + 2], state[X], state[V]
-        status = advance_sample(plant, state, waiting[0], 0.0, voltage)
+        status = advance_sample(plant, state, acting, 0.0, voltage)
         if status != OK:
             raise ComputationError(_complaint(actuator, status, k / rate, state))
         row[_VOLTAGE] = voltage

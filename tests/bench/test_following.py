@@ -26,6 +26,7 @@ class Proportional:
     bias: float = 0.6
     gain: float = 300.0
     before: float = 0.0
+    current_loop_rate: float | None = None
 
     def start(self) -> None:
         self.before = 0.0
@@ -39,6 +40,9 @@ class Proportional:
         push = self.gain * error + 4.0 * (error - self.before)
         self.before = error
         return np.array([self.bias + push, self.bias - push])
+
+    def voltage(self, wanted: np.ndarray, read: np.ndarray, measured: float) -> np.ndarray:
+        return 2.0 * wanted + 20.0 * (wanted - read)
 
 
 def asked(**changes: object) -> Following:
@@ -56,6 +60,25 @@ def test_the_same_commands_in_open_loop_make_the_same_run(late: float) -> None:
     for name in ("position", "velocity", "current", "voltage", "reading"):
         assert (getattr(run, name) == getattr(again, name)).all(), name
     assert (run.measured == run.reading).all()
+
+
+def test_around_a_voltage_drive_a_current_loop_gives_voltages_a_period_later() -> None:
+    """Its own voltages in open loop make the same run; the currents are those wanted, but for R i/(R + 20 ohm)."""
+    rig = true_rig(VOLTAGE_SERVO, SERVO_TABLE)
+    run = follow(rig, asked(controller=Proportional(current_loop_rate=RATE / 2)), rate=RATE, seed=3)
+    again = run_rig(rig, run.command, rate=RATE, seed=3)
+    assert np.ptp(run.position) > 1e-6
+    for name in ("position", "current", "reading"):
+        whole = getattr(run, name)
+        assert np.ptp(whole - getattr(again, name)) < 1e-3 * np.ptp(whole), name
+    assert (np.ptp(run.command.reshape(-1, 2, 2), axis=1) == 0).all()
+    assert (run.command[:6] == 0).all(), "a period of the controller, then one of its current loop"
+    assert (run.command[6:8] != 0).all()
+    assert run.current[1000:].mean() == pytest.approx(0.6, rel=0.05)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((4000, 2))
+    noisy = follow(rig, asked(controller=Proportional(current_loop_rate=RATE), current_noise=noise), rate=RATE, seed=3)
+    plain = follow(rig, asked(controller=Proportional(current_loop_rate=RATE)), rate=RATE, seed=3)
+    assert np.std((noisy.command - plain.command)[1:] + 20.0 * noise[:-1]) < 0.5 * np.std(20.0 * noise)
 
 
 def test_errors_and_noise_of_the_reading_are_in_the_loop() -> None:
@@ -107,6 +130,10 @@ def test_what_cannot_be_looped_is_refused() -> None:
         follow(rig, asked(controller=Proportional(rate=3e3)), rate=RATE)
     with pytest.raises(InputError, match="the controller commands currents"):
         follow(true_rig(VOLTAGE_SERVO, SERVO_TABLE), asked(), rate=RATE)
+    with pytest.raises(InputError, match="the controller commands currents"):
+        follow(rig, asked(controller=Proportional(current_loop_rate=RATE)), rate=RATE)
+    with pytest.raises(InputError, match="whole multiple of the current loop's 20 kHz"):
+        follow(true_rig(VOLTAGE_SERVO, SERVO_TABLE), asked(controller=Proportional(current_loop_rate=2e4)), rate=RATE)
     with pytest.raises(ComputationError, match="the loop does not hold it"):
         follow(rig, asked(controller=Proportional(bias=3.0, gain=-300.0)), rate=RATE)
     with pytest.raises(InputError, match="loop=closed needs a controller"):

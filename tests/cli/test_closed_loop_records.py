@@ -40,6 +40,29 @@ def test_a_record_in_closed_loop_states_its_controller(msl_fem: MsL, tmp_path: P
     assert "loop=closed" in run.excitation
 
 
+@pytest.mark.parametrize("command", ["simulate", "bench"])
+def test_around_a_voltage_drive_the_record_has_the_voltages_of_its_current_loop(
+    msl_fem: MsL, tmp_path: Path, command: str
+) -> None:
+    """Sampled as its current loop is; more slowly it is refused."""
+    text = Path(SERVO).read_text(encoding="utf-8")
+    kind = 'kind = "current"'
+    assert text.count(kind) == 1
+    actuator, folder = tmp_path / "rig.toml", tmp_path / "record"
+    actuator.write_text(text.replace(kind, 'kind = "voltage"'), encoding="utf-8")
+    more = ("--seed", "3", "--hide", "none") if command == "bench" else ()
+    asked = (str(actuator), *TABLE, *more, "--excitation", SINE, "-o", str(folder))
+    assert "whole multiple of the current loop's" in msl_fem(command, *asked).complaint
+    msl_fem(command, *asked, "--rate", "20 kHz", "--json").json  # noqa: B018
+    run = load_record(folder).runs[0]
+    error = run["position_m"] - run["reference_m"]
+    assert error[1000:].std() < 0.02e-4 * (1 if command == "simulate" else 20), "it follows"
+    assert "command_1_A" not in run
+    before = np.abs(run["voltage_1_V"][:9]).max()
+    assert before < 0.2, "a period of the controller, then one of the current loop, whose readings are noisy"
+    assert np.abs(run["voltage_1_V"]).max() > 1.0
+
+
 @pytest.mark.parametrize(
     ("command", "spec", "more", "said"),
     [

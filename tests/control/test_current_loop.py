@@ -15,8 +15,11 @@ from msl_fem.control.current_step import ACTING, BEGUN, N_LIMITED, N_STATE, UNKN
 from msl_fem.control.design import ControllerDesign, completed
 from msl_fem.control.lqr_design import lqr_design
 from msl_fem.control.power_stage import PowerStage, bridge_voltage, converted
+from msl_fem.control.stepper import Stepper
 from msl_fem.errors import ActuatorError, InputError
 from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.excitation import Reference, parse_excitation, reference
+from msl_fem.plant.sampled_plant import simulate_closed
 
 IDEAL = PowerStage(0.0, 0.0, 0.0, 100.0, 8)
 Loop = dict[str, float | int]
@@ -205,6 +208,31 @@ def test_a_voltage_rig_tracks_as_its_linear_loop_says() -> None:
     assert np.abs(run.voltage).max() <= 80.0 + 1e-9
     swung = closed_loop_response(design, plant=plant, frequencies=[40.0, 120.0], amplitude=3e-5, position=2e-4)
     np.testing.assert_allclose(swung.response, swung.predicted, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    "loop", [{"periods": 4}, {"periods": 2, "bandwidth": 400.0}, {"periods": 1}, {"periods": 4, "flux_corner": 50.0}]
+)
+def test_step_by_step_the_loop_is_that_of_a_closed_loop_run(loop: Loop) -> None:
+    """Two routes: a `Stepper` in a run sampled as its current loop is, and the compiled run of controller samples."""
+    loop = dict(loop)
+    assert servo().controller is not None
+    rate = servo().controller.rate * loop.pop("periods")
+    ideal = {"rate": rate, "dead_time": 0.0, "converter_bits": None, "pulse_steps": None}
+    actuator = rig(drive={"bandwidth": None}, **ideal, **loop)
+    design = lqr_design(design_model_of(actuator, TABLE, servo_map()))
+    wanted = reference(parse_excitation("sine:frequency=20 Hz,amplitude=50 um,duration=0.2 s,loop=closed"), rate=rate)
+    ours = simulate_closed(actuator, TABLE, wanted, Stepper(design))
+    every = round(rate / servo().controller.rate)
+    at = slice(None, None, every)
+    of_controller = Reference(wanted.time[at], wanted.position[at], wanted.velocity[at], wanted.acceleration[at])
+    theirs = run_closed_loop(design, of_controller, plant=PlantUnderTest(actuator, TABLE))
+    ahead = slice(None, -5)  # the reference's last sample, which is known ahead, is a sample's length away
+    assert np.ptp(ours.position) > 8e-5
+    np.testing.assert_allclose(ours.position[at][ahead], theirs.position[ahead], atol=1e-9)
+    np.testing.assert_allclose(ours.current[at][ahead], theirs.current[ahead], atol=2e-4)
+    means = ours.voltage.reshape(-1, every, 2).mean(axis=1)
+    np.testing.assert_allclose(means[ahead], theirs.voltage[ahead], atol=0.05)
 
 
 def test_the_drive_of_plant_and_controller_must_be_one() -> None:

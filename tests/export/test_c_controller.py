@@ -211,7 +211,7 @@ def test_what_is_no_number_gives_no_current_in_both(tmp_path: Path) -> None:
 class Board:
     """The compiled controller at the other end of two pipes, asked like any controller of a loop."""
 
-    rate, delay_samples = 2500.0, 1
+    rate, delay_samples, current_loop_rate = 2500.0, 1, None
 
     def __init__(self, path: Path) -> None:
         self.path, self.process = path, None
@@ -228,6 +228,9 @@ class Board:
         self.process.stdin.write(np.append(reference, measured).tobytes())
         self.process.stdin.flush()
         return np.frombuffer(self.process.stdout.read(16))
+
+    def voltage(self, wanted: np.ndarray, read: np.ndarray, measured: float) -> np.ndarray:
+        raise NotImplementedError("this one drives currents")
 
     def stop(self) -> None:
         if self.process is not None:

@@ -29,6 +29,7 @@ class Proportional:
     bias: float = 0.6
     gain: float = 300.0
     before: float = 0.0
+    current_loop_rate: float | None = None
     asked: list[tuple[float, float]] = field(default_factory=list)
 
     def start(self) -> None:
@@ -44,6 +45,9 @@ class Proportional:
         push = self.gain * error + 4.0 * (error - self.before)
         self.before = error
         return np.array([self.bias + push, self.bias - push])
+
+    def voltage(self, wanted: np.ndarray, read: np.ndarray, measured: float) -> np.ndarray:
+        return 2.0 * wanted + 20.0 * (wanted - read)
 
 
 @pytest.mark.parametrize(
@@ -94,6 +98,8 @@ def test_what_cannot_be_looped_is_refused(servo: Actuator, table: MagneticTable)
         simulate_closed(servo, table, WANTED, Proportional(rate=3e3))
     with pytest.raises(InputError, match="the controller commands currents"):
         simulate_closed(changed(servo, drive={"kind": "voltage"}), table, WANTED, Proportional())
+    with pytest.raises(InputError, match="the controller commands currents"):
+        simulate_closed(servo, table, WANTED, Proportional(current_loop_rate=RATE))
 
 
 def test_amplitudes_of_a_closed_loop_are_lengths() -> None:
