@@ -20,7 +20,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.plant import PlantParameters
 from msl_fem.plant.effects import MoverMotion, needed_force, values_of
-from msl_fem.plant.effects.mechanisms import pole_and_delay, position_delay
+from msl_fem.plant.effects.mechanisms import drive_lag, pole_and_delay, position_delay
 from msl_fem.plant.instruments import instruments_of, reading_at
 from msl_fem.prediction import RunData
 from msl_fem.prediction.run_data import POSITION_COLUMN
@@ -131,10 +131,10 @@ def applied_force(data: RunData, v: dict[tuple[str, str], float]) -> Array:
     force = command.copy()
     if data.mover != "imposed":
         force[1:] = (command[1:] + command[:-1]) / 2
-    lag, delay = pole_and_delay(v, "amplifier_bandwidth")
+    lag, zero, delay = drive_lag(v)
     late = delay + v["time_delay", "command"]
     if late or lag:
-        force = _filtered(force, data.rate, lambda s: np.exp(-s * late) / (1 + s * lag))
+        force = _filtered(force, data.rate, lambda s: np.exp(-s * late) * (1 + s * zero) / (1 + s * lag))
     return force
 
 

@@ -10,9 +10,9 @@ import pytest
 from msl_fem.computing.laws import parse_expression
 from msl_fem.diagnosis import diagnose
 from msl_fem.diagnosis.carriages import attenuation, smoothed
-from msl_fem.diagnosis.inverse_force import ZeroPhaseLowPass, missing_force, usual_low_pass
+from msl_fem.diagnosis.inverse_force import ZeroPhaseLowPass, applied_force, missing_force, usual_low_pass
 from msl_fem.plant import plant_parameters
-from msl_fem.plant.effects import declared, neutral_vector
+from msl_fem.plant.effects import EffectValues, declared, neutral_vector, values_of
 from msl_fem.plant.effects.mechanical import stops_along
 from msl_fem.plant.extended_model import load_extended_model
 from msl_fem.prediction import run_data
@@ -156,6 +156,30 @@ def test_the_inverse_of_a_known_motion(emps):
         errors.append(np.abs(missing[low_pass.kept(time.size)]).max())
     assert errors[1] < 0.01
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.3)
+
+
+@pytest.mark.parametrize("damping", [0.6, 0.9])
+def test_the_force_of_a_drive_of_second_order(emps, damping):
+    """At a tenth of its natural frequency, against its transfer function."""
+    lag, rate, time = 2e-3, RATE, np.arange(8000) / RATE
+    natural = 2 * damping / lag
+    cycle = round(2 * np.pi * rate / (natural / 10))
+    turns = 2 * np.pi * np.arange(time.size) / cycle
+    run = Run("run", "", "fit", {"time_s": time, "force_N": 10 * np.sin(turns), "position_m": 0.01 * np.sin(turns)})
+    data = run_data(Record("simulated", emps.actuator, Sampling(rate=rate), Noise(position=1e-9), runs=(run,)), run)
+    spread = 1 - 1 / (2 * damping**2)
+    share = 1 - np.copysign(np.sqrt(abs(spread)), spread)
+
+    def amplitude(**stated: float) -> complex:
+        values = EffectValues({"amplifier_bandwidth": stated} if stated else {})
+        at = slice(2000, 2000 + 40 * cycle)
+        return complex(np.mean(applied_force(data, values_of(values.vector()))[at] * np.exp(-1j * turns[at])))
+
+    w = 2 * np.pi * rate / cycle
+    exact = natural**2 / (natural**2 - w**2 + 2j * damping * natural * w)
+    ratio = amplitude(lag=lag, delay_share=share) / amplitude()
+    assert abs(ratio) == pytest.approx(abs(exact), rel=5e-4)
+    assert np.angle(ratio) == pytest.approx(np.angle(exact), abs=1e-3)
 
 
 def test_stops_hold_what_sliding_left():

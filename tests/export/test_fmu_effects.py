@@ -78,8 +78,12 @@ def test_to_the_last_bit_where_the_compiler_fuses_as_the_kernel_does(servo, tabl
 
 @pytest.mark.parametrize(
     ("effect", "shape"),
-    [*((effect, {}) for effect in ALL_EFFECTS.stated), ("coulomb_friction", {"transition_velocity": 1e-3})],
-    ids=[*ALL_EFFECTS.stated, "coulomb_friction over the velocity"],
+    [
+        *((effect, {}) for effect in ALL_EFFECTS.stated),
+        ("coulomb_friction", {"transition_velocity": 1e-3}),
+        ("amplifier_bandwidth", {"lag": 5e-5, "delay_share": 1.4}),
+    ],
+    ids=[*ALL_EFFECTS.stated, "coulomb_friction over the velocity", "amplifier_bandwidth that overshoots"],
 )
 def test_each_effect_is_a_parameter(archive, quiet, table, effect, shape):
     """One archive: the others are set to their neutral values, as the plain model's."""

@@ -128,6 +128,30 @@ def test_a_lag_of_two_poles_is_one_pole_and_a_delay(name: str, frequency: float)
     assert abs(1 / (1 + w * (first + second)) - both) > abs(ratio - both), "one pole alone is farther away"
 
 
+@pytest.mark.parametrize("damping", [0.6, 0.66, 0.75, 0.9])
+@pytest.mark.parametrize("linear", [False, True])
+def test_a_drive_of_second_order_is_a_pole_a_delay_and_where_it_overshoots_a_zero(damping: float, linear: bool) -> None:
+    """At a tenth of the natural frequency, against its transfer function; without its share nothing comes as near."""
+    lag, rate, cycle = 9e-5, 1e4, 40
+    natural, loose = 2 * damping / lag, rig(stiffness="0 N/m", damping="200 N s/m")
+    turns = 2 * np.pi * np.arange(1000) / cycle
+    spread = 1 - 1 / (2 * damping**2)
+    share = 1 - np.copysign(np.sqrt(abs(spread)), spread)
+
+    def amplitude(share: float | None) -> complex:
+        values = None if share is None else effects("amplifier_bandwidth", lag=lag, delay_share=float(share))
+        inputs = Inputs(20 * np.sin(turns)[:, None], rate, hold="linear" if linear else "zero-order")
+        read = simulate(loose, None, inputs, effects=values).measured_position[600:]
+        return complex(np.mean((read - read.mean()) * np.exp(-1j * turns[600:])))
+
+    w = 2 * np.pi * rate / cycle
+    exact = natural**2 / (natural**2 - w**2 + 2j * damping * natural * w)
+    ratio, one_pole, delay = (amplitude(one) / amplitude(None) for one in (share, 0.0, 1.0))
+    assert abs(ratio) == pytest.approx(abs(exact), rel=5e-4 if linear else 3e-4)
+    assert np.angle(ratio) == pytest.approx(np.angle(exact), abs=5e-4)
+    assert abs(ratio - exact) < (0.8 if linear else 0.5) * min(abs(one_pole - exact), abs(delay - exact))
+
+
 def test_a_coil_warms_towards_its_core(servo: Actuator) -> None:
     """rho' = h P - c (rho - kappa), kappa' = r (rho - kappa) with P = R (1 + rho) i^2 at a held current."""
     h, c, r, current = 0.02, 1.5, 0.3, 2.0

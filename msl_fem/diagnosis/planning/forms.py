@@ -31,4 +31,5 @@ def _form(cause: ExpectedCause, variant: Variant) -> ExpectedCause:
 def _ends(form: ExpectedCause) -> Iterator[ExpectedCause]:
     for parameter in CATALOGUE[form.effect].parameters:
         if parameter.shape and parameter.belongs_to in form.values:
-            yield ExpectedCause(form.effect, {**form.values, parameter.name: parameter.bounds[1]}, form.source)
+            for end in parameter.ends or parameter.bounds[1:]:
+                yield ExpectedCause(form.effect, {**form.values, parameter.name: end}, form.source)

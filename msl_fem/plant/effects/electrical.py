@@ -16,7 +16,7 @@ from msl_fem.plant.effects.entry import (
     Part,
     Values,
 )
-from msl_fem.plant.effects.mechanisms import fall_stages, pole_and_delay
+from msl_fem.plant.effects.mechanisms import drive_lag, fall_stages
 
 AS_MUCH = 100.0  # J: usual amounts of heating for each joule and of a start are as large as one another
 N_QUEUE = 16  # samples by which a command can be late
@@ -57,7 +57,7 @@ def command_path(e: Array, v: Values, setting: KernelSetting) -> None:
     """The way of a command to the drive: delay, slew limit and lag, the drive's own bandwidth."""
     e[BANDWIDTH] = setting.plant.bandwidth * (1.0 + v["amplifier_bandwidth", "bandwidth_error"])
     step, n_step = setting.step, setting.n_step
-    lag, delay = pole_and_delay(v, "amplifier_bandwidth")
+    lag, zero, delay = drive_lag(v)
     delay += v["time_delay", "command"]
     late = delay / step
     whole = math.floor(late / n_step)
@@ -75,6 +75,17 @@ def command_path(e: Array, v: Values, setting: KernelSetting) -> None:
         e[SLEW_TIME] = v["amplifier_bandwidth", "slew_time"]
     for k, s in enumerate((0.0, 0.5, 1.0, 1.0)):
         e[LAG_RAMP + k] = s - 0.5 - 1.0 / decay + (0.5 + 1.0 / decay) * e[FALL + k]
+    if zero > 0.0:
+        _mix_zero(e, zero / lag)
+
+
+def _mix_zero(e: Array, through: float) -> None:
+    """Lets a share of what the lag has not followed yet act at once."""
+    at_once = fall_stages(float(e[JUMP_SHARE]), math.inf)
+    for k, s in enumerate((0.0, 0.5, 1.0)):  # the fourth is the lag's own
+        e[FALL + k] *= 1.0 - through
+        e[JUMP + k] += through * (at_once[k] - e[JUMP + k])
+        e[LAG_RAMP + k] += through * (s - 0.5 - e[LAG_RAMP + k])
 
 
 def _limit(e: Array, v: Values, setting: KernelSetting) -> None:
@@ -175,7 +186,7 @@ ELECTRICAL = (
         sentence="the drive follows its command with a lag or a slew limit",
         equation=(
             "y' = S tanh((s(t - d lag) - y)/((1 - d) lag S)) before the drive, S = 1/slew_time, drive's bandwidth "
-            "w (1 + bandwidth_error); d: delay_share"
+            "w (1 + bandwidth_error); d: delay_share, above 1 with a zero: the drive overshoots"
         ),
         source="Schweitzer, Maslen (ed.), Magnetic Bearings, 2009, ch. 3 (power amplifiers)",
         parameters=(
@@ -196,13 +207,14 @@ ELECTRICAL = (
                 "delay_share",
                 "",
                 0.0,
-                (0.0, 0.95),
+                (0.0, 2.0),
                 0.1,
-                "of the lag: what more than one pole do",
+                "of the lag: what more than one pole do; above 1 the drive overshoots",
                 shape=True,
                 tried=(0.3,),
                 width=0.8,
                 belongs_to="lag",
+                ends=(0.95, 2.0),
             ),
         ),
         needs=("drive lag",),

@@ -100,6 +100,7 @@ class Parameter:
     instead : of a shape, those in whose place it is tried: two forms of one effect
     optional : of a shape, whether it is tried and left at its neutral value: two forms as well
     belongs_to : of a shape, the one amount that it is about; "": all of them
+    ends : of such a shape, values at which forms are farthest from each other; none: the highest one
     alone : an amount that is tried without its effect's shapes too
     lagging : it needs a drive whose current cannot jump, though its effect does not
     of : the plant's own quantities and their powers that `scale` and `bounds` go with; stated are those of the
@@ -119,6 +120,7 @@ class Parameter:
     instead: tuple[str, ...] = ()
     optional: bool = False
     belongs_to: str = ""
+    ends: tuple[float, ...] = ()
     alone: bool = False
     lagging: bool = False
     of: tuple[tuple[Quantity, float], ...] = ()

@@ -8,6 +8,9 @@ N_STOP = 6
 """Stops of a Prandtl-Ishlinskii operator; their widths are 1, 2 ... 6 times the first."""
 NEVER = 1e9
 """Of a current at which a shape has its effect, A: it is never reached."""
+OVERSHOOT_POLE = 3.0
+OVERSHOOT_ZERO = math.sqrt(10.0)
+"""Of a drive that overshoots, in parts of its lag for each part of `delay_share` above 1; squares that differ by 1."""
 SUM_OF_WIDTHS = N_STOP * (N_STOP + 1) // 2
 """Of the stops, in units of the first."""
 
@@ -19,6 +22,19 @@ def pole_and_delay(values: Mapping[tuple[str, str], Any], effect: str) -> tuple[
     """
     lag, share = values[effect, "lag"], values[effect, "delay_share"]
     return (1.0 - share) * lag, share * lag
+
+
+def drive_lag(values: Mapping[tuple[str, str], float]) -> tuple[float, float, float]:
+    """(time constant of a pole, of a zero, delay) in s of a drive's lag, by `delay_share`.
+
+    Up to 1 a pole and a delay. Beyond, the drive overshoots, as of second order with a damping of
+    1/sqrt(2 + 2 (delay_share - 1)^2): a zero as well, so that the lag and, to the second order in frequency, the gain
+    are those of that drive.
+    """
+    lag, share = values["amplifier_bandwidth", "lag"], values["amplifier_bandwidth", "delay_share"]
+    over = max(share - 1.0, 0.0)
+    pole, zero = (max(1.0 - share, 0.0) + OVERSHOOT_POLE * over) * lag, OVERSHOOT_ZERO * over * lag
+    return pole, zero, lag - pole + zero
 
 
 def position_delay(values: Mapping[tuple[str, str], Any]) -> Any:
