@@ -45,7 +45,8 @@ class Estimate:
 def extended_belief(belief: ModelHypothesis, problem: FitProblem, found: Fit) -> ModelHypothesis:
     """The belief with everything at its fitted value: what other commands take as the model.
 
-    The sensor's gain becomes an error of the reading, the scale of the magnets and the table's error a table.
+    The sensor's gain becomes an error of the reading, the scale of the magnets and the table's error a table. A fit
+    that lacks a cause may have a gain that no sensor has: it is there to be compared with, held at the nearest allowed.
     """
     factors = found.unknowns.factors(found.z)
     table = belief.table
@@ -60,6 +61,8 @@ def extended_belief(belief: ModelHypothesis, problem: FitProblem, found: Fit) ->
     vector[place] = gain * (1.0 + vector[place]) - 1.0
     for key in _READ:
         vector[PARAMETER_INDEX[key]] *= gain
+    for key in (("position_sensor_nonlinearity", "gain_error"), *_READ):
+        vector[PARAMETER_INDEX[key]] = np.clip(vector[PARAMETER_INDEX[key]], *find_parameter(*key).allowed)
     instruments = together(belief.factors, {n: v for n, v in factors.items() if n in NUISANCES or LEVEL in n})
     kept = {name: value for name, value in instruments.items() if name in NUISANCES or LEVEL in name}
     return ModelHypothesis(fitted_actuator(belief.actuator, factors), table, effects_present(vector), kept)

@@ -41,7 +41,7 @@ HEARD = 0.02  # of the noise's density: lines where the model's readings stay be
 WINDOWED = 1.3  # a margin above the highest line that is heard
 PRIOR = 4.0
 OCTAVE = 2.0
-FEWEST = 8  # lines of the longest run that a band holds at least
+FEWEST = 8  # lines of the longest run, all its pieces together, that a band holds at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,20 +114,28 @@ def _is_flat(thirds: Sequence[Array]) -> bool:
     return max(sizes) - min(sizes) < max(FLAT, by_chance) * max(sizes)
 
 
-def make_bands(samples: Sequence[int], rate: float, *, highest: float) -> NoiseBands:
-    """Octaves below the highest frequency, the lowest one from 0."""
-    longest = max(samples) / rate
+def make_bands(samples: Sequence[int], rate: float, *, highest: float, longest: int | None = None) -> NoiseBands:
+    """Octaves below the highest frequency, the lowest one from 0.
+
+    Parameters
+    ----------
+    samples : of each piece
+    longest : samples of the longest run where pieces are parts of runs: what its pieces tell of a line counts together
+    """
+    seconds = (longest or max(samples)) / rate
     edges = [min(highest, rate / 2)]
-    while edges[-1] / OCTAVE > FEWEST / longest:
+    while edges[-1] / OCTAVE > FEWEST / seconds:
         edges.append(edges[-1] / OCTAVE)
-    grid = np.array([0.0, *edges[-1::-1]])
-    lines, band_of = [], []
-    for n in samples:
-        f = np.fft.rfftfreq(n, 1 / rate)
-        kept = int(np.searchsorted(f, grid[-1], side="right"))
-        lines.append(kept)
-        band_of.append(np.clip(np.searchsorted(grid, f[:kept], side="right") - 1, 0, grid.size - 2))
-    return NoiseBands(grid, tuple(lines), tuple(band_of))
+    every = [np.asarray(np.fft.rfftfreq(n, 1 / rate), dtype=np.float64) for n in samples]
+    spectra = [f[f <= edges[0]] for f in every]
+    octaves = np.array([0.0, *edges[-1::-1]])
+    held = np.unique(np.concatenate([_band_of(f, octaves) for f in spectra]))  # between lines of pieces there are none
+    grid = np.append(octaves[held], edges[0])
+    return NoiseBands(grid, tuple(f.size for f in spectra), tuple(_band_of(f, grid) for f in spectra))
+
+
+def _band_of(frequency: Array, edges: Array) -> NDArray[np.intp]:
+    return np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, edges.size - 2).astype(np.intp)
 
 
 def transformed(values: Array, n_line: int) -> Array:

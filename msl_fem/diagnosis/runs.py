@@ -294,7 +294,8 @@ def _likelihood(
         }
         highest = max(highest, highest_line(run, readings))
     lengths = [part.stop - part.start for _, part in problem.pieces]
-    bands = make_bands(lengths, problem.plant.rate, highest=highest)
+    counted = np.bincount([run for run, _ in problem.pieces], weights=lengths)
+    bands = make_bands(lengths, problem.plant.rate, highest=highest, longest=int(counted.max()))
     likelihood = Likelihood(problem, bands, problem.plant.substeps)
     z = np.zeros(unknowns.size)
     if at is not None:

@@ -54,6 +54,14 @@ def test_bands_are_octaves_and_hold_every_line_once() -> None:
     assert ((bands.edges[bands.band_of[0]] <= f) & (f <= bands.edges[bands.band_of[0] + 1])).all()
 
 
+def test_the_lines_of_all_pieces_of_a_run_count_together() -> None:
+    """65 lines, of which eight of one piece at least would make the lowest band."""
+    one, many = (make_bands([128] * 79, 2e4, highest=1e4, longest=longest) for longest in (None, 79 * 128))
+    assert np.unique(one.band_of[0][:16]).size == 1
+    assert np.unique(many.band_of[0][:5]).size == 4  # the mean, 1, 2 and 3, 4
+    assert np.unique(many.band_of[0]).tolist() == list(range(many.n_band))
+
+
 def test_the_density_of_coloured_noise_is_found() -> None:
     residual = np.r_[3 * np.random.default_rng(3).standard_normal(5000), np.random.default_rng(4).standard_normal(5000)]
     labels = np.repeat([0, 1], 5000)

@@ -57,6 +57,28 @@ def test_beside_a_wander_the_noise_is_what_it_is(rms: float) -> None:
     assert np.mean((values * found.root) ** 2) == pytest.approx(1.0, abs=0.1)
 
 
+def _gain_in_pieces(count: int, longest: int | None, *, seed: int) -> float:
+    """Nats of a wander beside noise of which a tenth is of first order below 20 Hz, as at 20 kHz over 79 stretches."""
+    rate, n = 20e3, 512
+    rng, pole = np.random.default_rng(seed), np.exp(-2 * np.pi * 20 / rate)
+    slow = lfilter([1.0], [1.0, -pole], np.sqrt(1 - pole**2) * rng.standard_normal(count * n + 10_000))[10_000:]
+    noise = np.sqrt(0.9) * rng.standard_normal(count * n) + np.sqrt(0.1) * slow
+    bands = make_bands([n] * count, rate, highest=rate / 2, longest=longest)
+    rows = transformed(noise.reshape(count, n), bands.lines[0])
+    values, band_of = rows.ravel(), np.tile(np.tile(bands.band_of[0], 2), count)
+    frequency = rate / np.pi * np.sin(np.pi * np.maximum(np.arange(bands.lines[0]), 0.5) / n)
+    lines = WanderLines(np.arange(values.size), np.tile(np.tile(frequency, 2), count))
+    limits = np.array([100.0, *[np.inf] * (bands.n_band - 1)])
+    plain = weights_of(values, band_of, limits)
+    return plain.nats - with_wander(plain, values, band_of, limits, np.zeros(bands.n_band), lines).nats
+
+
+def test_coloured_noise_over_stretches_is_no_wander() -> None:
+    """Where eight lines of one stretch make a band, the colour within it passes for a path."""
+    assert all(_gain_in_pieces(79, 79 * 512, seed=seed) < 5 for seed in (1, 2, 3))
+    assert _gain_in_pieces(79, None, seed=1) > 100
+
+
 def test_the_noise_that_a_report_draws_has_the_wander_in_its_lowest_octaves() -> None:
     class Channels(Likelihood):
         labels, channel_names = labels(), ["position_m"]  # type: ignore[assignment]
