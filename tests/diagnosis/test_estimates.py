@@ -3,9 +3,11 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from msl_fem.actuator import Actuator
-from msl_fem.diagnosis.estimates import believed_estimates
+from msl_fem.diagnosis.estimates import believed_estimates, extended_belief
+from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import ModelHypothesis
 from msl_fem.table.magnetic_table import MagneticTable
@@ -23,3 +25,16 @@ def test_the_lower_end_of_an_interval_stands_first_of_values_below_zero_too(
     for one in told.values():
         assert one.low < one.value < one.high
     assert told["mutual_inductance.share"].high < 0
+
+
+@pytest.mark.parametrize(("tolerances", "error"), [(10.0, 0.0204), (-300.0, -0.3), (300.0, 0.3)])
+def test_a_gain_that_no_sensor_has_is_held_at_what_one_may_have(
+    servo: Actuator, table: MagneticTable, tolerances: float, error: float
+) -> None:
+    """As of a fit that lacks a cause; it is an error of the reading in the model."""
+    unknowns = Unknowns((("position_gain", 0.002),), 0, ())
+    found = SimpleNamespace(unknowns=unknowns, z=np.array([tolerances]))
+    problem = SimpleNamespace(table_error=None)
+    model = extended_belief(ModelHypothesis(servo, table, None), problem, found)
+    assert model.effects is not None
+    assert model.effects.get("position_sensor_nonlinearity", "gain_error") == pytest.approx(error, abs=1e-3)
