@@ -32,11 +32,14 @@ CASES = (
     ("servo", "voltage", "none"),
     ("servo", "voltage", "time_delay=3%"),
     ("servo", "voltage", "eddy_currents=3%"),
+    ("servo", "voltage", "amplifier_bandwidth=3%"),
     ("servo", "current", "none"),
     ("servo", "current", "stiffness_nonlinearity=3%"),
     ("servo", "current", "magnetic_hysteresis=3%"),
     ("levitator", "current", "none"),
     ("levitator", "current", "force_offset=3%"),
+    ("levitator", "voltage", "none"),
+    ("levitator", "voltage", "force_offset=3%"),
 )
 EVERY = tuple(("servo", drive, f"{name}=3%") for drive in ("voltage", "current") for name in CATALOGUE)
 RATE = 1e4
