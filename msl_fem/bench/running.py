@@ -28,6 +28,7 @@ from msl_fem.bench.integrate import (
 from msl_fem.bench.iron import virgin_memory
 from msl_fem.bench.plant import CURRENT_DRIVE, VOLTAGE_DRIVE, Array, Bench, BenchPlant, V, X, arranged, as_record
 from msl_fem.bench.rig import Rig, magnet_surface
+from msl_fem.computing.whole_multiples import whole_multiple
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.table.magnetic_table import MagneticTable
@@ -306,8 +307,8 @@ def follow(rig: Rig, asked: Following, *, rate: float, seed: int = 0) -> Respons
 
 def _samples_between(rig: Rig, what: str, own: float, rate: float) -> int:
     """Samples of a record at `rate` from one step of a loop at its `own` rate to the next, Hz both."""
-    every = round(rate / own)
-    if every < 1 or abs(every * own / rate - 1) > 1e-9:
+    every = whole_multiple(rate, own)
+    if every is None:
         raise InputError(
             f"{rig.name}: {format_quantity(rate, 'Hz')} are no whole multiple of the {what}'s "
             f"{format_quantity(own, 'Hz')}; sample at a multiple of it"

@@ -10,6 +10,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.actuator.current_loop import CurrentLoop
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
+from msl_fem.computing.whole_multiples import whole_multiple
 from msl_fem.control.current_step import (
     ACTING,
     N_STATE,
@@ -195,8 +196,8 @@ def _periods(actuator: Actuator, asked: CurrentLoop) -> int:
     outer = actuator.controller.rate
     if asked.rate is None:
         return max(1, math.ceil(LEAST_RATE / outer - 1e-9))
-    periods = round(asked.rate / outer)
-    if periods < 1 or abs(asked.rate / outer - periods) > 1e-9 * periods:
+    periods = whole_multiple(asked.rate, outer)
+    if periods is None:
         raise InputError(
             f"{actuator.name}: drive.current_loop.rate {format_quantity(asked.rate, 'Hz')} is no whole multiple of "
             f"controller.rate {format_quantity(outer, 'Hz')}; state one, like "

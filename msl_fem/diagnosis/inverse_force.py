@@ -20,7 +20,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.plant import PlantParameters
 from msl_fem.plant.effects import MoverMotion, needed_force, values_of
-from msl_fem.plant.effects.mechanisms import drive_lag, pole_and_delay, position_delay
+from msl_fem.plant.effects.mechanisms import drive_lag, position_delay, sensor_lag
 from msl_fem.plant.instruments import instruments_of, reading_at
 from msl_fem.prediction import RunData
 from msl_fem.prediction.run_data import POSITION_COLUMN
@@ -145,7 +145,7 @@ def measured_motion(
     v, instruments = values_of(effects), instruments_of(effects, rate=data.rate)
     reading = data.measured[POSITION_COLUMN] / gain - reading_at(instruments, 0, 0.0, data.time)
     seen = _undone(reading, instruments.polynomial[0])
-    late, rate, pole = position_delay(v), data.rate, pole_and_delay(v, "position_sensor_lag")[0]
+    late, rate, pole = position_delay(v), data.rate, sensor_lag(v)[0]
     lag = pole + (0.0 if np.isinf(plant.sensor_bandwidth) else 1 / plant.sensor_bandwidth)
     share, read = v["structural_mode", "mass_share"], v["structural_mode", "load_reading"]
     natural = 2 * np.pi * v["structural_mode", "frequency"]

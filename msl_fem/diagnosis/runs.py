@@ -293,8 +293,9 @@ def _likelihood(
             name: run.measured[name] - left[0] for name, left in zip(problem.channels(n), found[n], strict=True)
         }
         highest = max(highest, highest_line(run, readings))
-    lengths = [part.stop - part.start for _, part in problem.pieces]
-    counted = np.bincount([run for run, _ in problem.pieces], weights=lengths)
+    pieces = problem.pieces
+    lengths = [part.stop - part.start for _, part in pieces]
+    counted = np.bincount([run for run, _ in pieces], weights=lengths)
     bands = make_bands(lengths, problem.plant.rate, highest=highest, longest=int(counted.max()))
     likelihood = Likelihood(problem, bands, problem.plant.substeps)
     z = np.zeros(unknowns.size)
@@ -313,8 +314,8 @@ def _alike_in_coarse_steps(likelihood: Likelihood, unknowns: Unknowns, z: Array)
     points = Points.of(unknowns, z[None])
     every = replace(points, fine=None)
     finer = replace(likelihood, substeps=FINER * likelihood.substeps).spectra(every)
-    off, fine_off = (np.sum((likelihood.spectra(one) - finer) ** 2) / 2 for one in (points, every))
-    return bool(off <= max(ALIKE, fine_off))
+    off = np.sum((likelihood.spectra(points) - finer) ** 2) / 2
+    return bool(off <= ALIKE or off <= np.sum((likelihood.spectra(every) - finer) ** 2) / 2)
 
 
 def _simulated_missed(

@@ -18,6 +18,7 @@ import numpy as np
 from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
+from msl_fem.computing.whole_multiples import whole_multiple
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import EffectValues, neutral_vector
@@ -217,8 +218,8 @@ def clock_of(controller: LoopController, *, rate: float) -> tuple[int, int]:
 
 
 def _samples_between(what: str, own: float, rate: float) -> int:
-    every = round(rate / own)
-    if every < 1 or abs(every * own / rate - 1) > 1e-9:
+    every = whole_multiple(rate, own)
+    if every is None:
         raise InputError(
             f"a run at {format_quantity(rate, 'Hz')} cannot be controlled at {format_quantity(own, 'Hz')}: "
             f"its rate must be a whole multiple of the {what}'s"

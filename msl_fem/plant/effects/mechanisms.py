@@ -15,12 +15,12 @@ SUM_OF_WIDTHS = N_STOP * (N_STOP + 1) // 2
 """Of the stops, in units of the first."""
 
 
-def pole_and_delay(values: Mapping[tuple[str, str], Any], effect: str) -> tuple[Any, Any]:
-    """(time constant, delay) in s of an effect with `lag` and `delay_share`, numbers or arrays.
+def sensor_lag(values: Mapping[tuple[str, str], Any]) -> tuple[Any, Any]:
+    """(time constant, delay) in s of a position sensor's lag by `delay_share`, numbers or arrays.
 
     One pole and a delay do what several poles do, up to the second order in frequency and, nearly, the third.
     """
-    lag, share = values[effect, "lag"], values[effect, "delay_share"]
+    lag, share = values["position_sensor_lag", "lag"], values["position_sensor_lag", "delay_share"]
     return (1.0 - share) * lag, share * lag
 
 
@@ -39,7 +39,7 @@ def drive_lag(values: Mapping[tuple[str, str], float]) -> tuple[float, float, fl
 
 def position_delay(values: Mapping[tuple[str, str], Any]) -> Any:
     """By how much the position is read late, in s, beside its sensor's pole."""
-    return values["time_delay", "position"] + pole_and_delay(values, "position_sensor_lag")[1]
+    return values["time_delay", "position"] + sensor_lag(values)[1]
 
 
 def fall_stages(share: float, decay: float) -> tuple[float, float, float, float]:

@@ -18,7 +18,7 @@ from msl_fem.plant.effects.entry import (
     Part,
     Values,
 )
-from msl_fem.plant.effects.mechanisms import pole_and_delay
+from msl_fem.plant.effects.mechanisms import sensor_lag
 from msl_fem.plant.plant import PlantParameters
 
 LAYOUT = RowLayout(after=mechanical.LAYOUT)
@@ -30,7 +30,7 @@ COIL_READING_RATE = LAYOUT.row()  # of that field's own lag, rad/s
 
 
 def _sensor_pole(e: Array, v: Values, setting: KernelSetting) -> None:
-    bandwidth, lag = setting.plant.sensor_bandwidth, pole_and_delay(v, "position_sensor_lag")[0]
+    bandwidth, lag = setting.plant.sensor_bandwidth, sensor_lag(v)[0]
     if math.isinf(bandwidth):
         e[SENSOR_BANDWIDTH] = 1.0 / lag if lag > 0 else math.inf
     else:
