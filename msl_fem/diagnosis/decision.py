@@ -17,6 +17,7 @@ from msl_fem.diagnosis.problem import FitProblem
 from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import EffectUnknown
+from msl_fem.diagnosis.variants import Variant
 from msl_fem.plant.effects import CATALOGUE
 from msl_fem.plant.plant import VOLTAGE_DRIVE
 from msl_fem.prediction import RunData
@@ -105,9 +106,17 @@ class Rule:
     several: float = ONE_OF_SEVERAL
     most: int = 4
 
-    def least(self, stages: Sequence[SearchStage]) -> float:
-        """Nats that the best effect of the stage after these has to bring at least."""
-        return self.further if stages else self.threshold
+    def needed(self, stages: Sequence[SearchStage], variant: Variant, left: Mapping[str, float]) -> float:
+        """Nats that a variant of the stage after these has to bring at least, beside a fit that leaves so many times
+        the noise in each channel."""
+        if not stages:
+            return self.threshold
+        by_itself = _bounded(variant) or any(value > LITTLE_MORE for value in left.values())
+        return max(self._further(stages, by_itself=by_itself), of_a_form(variant, stages))
+
+    def _further(self, stages: Sequence[SearchStage], *, by_itself: bool) -> float:
+        first = stages[0].best
+        return self.further if by_itself or first is None else max(self.further, self.share * first.gain)
 
     def enough(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
         """Whether the best effect of stage n brings enough; without what it leaves it brings nothing down to noise."""
@@ -116,13 +125,12 @@ class Rule:
             return False
         if n == 0:
             return best.gain >= max(self.threshold, stages[n].null.quantile(BY_CHANCE))
-        bounded = all((amount.effect, amount.name) in COINCIDING for amount in best.variant.amounts)
-        by_itself = bounded or (n + 1 < len(excesses) and quietens(*excesses[n : n + 2]))
-        return best.gain >= (self.further if by_itself else max(self.further, self.share * first.gain))
+        by_itself = _bounded(best.variant) or (n + 1 < len(excesses) and quietens(*excesses[n : n + 2]))
+        return best.gain >= self._further(stages, by_itself=by_itself)
 
-    def out_of_reach(self, stages: Sequence[SearchStage], refit: Refit) -> bool:
-        """Whether a refit that is not converged will not come to what the stage after these has to bring."""
-        return refit.reach < max(self.least(stages), of_a_form(refit, stages))
+    def out_of_reach(self, stages: Sequence[SearchStage], refit: Refit, left: Mapping[str, float]) -> bool:
+        """Whether a refit that is not converged will not come to what the stage after these has to bring (`needed`)."""
+        return refit.reach < self.needed(stages, refit.variant, left)
 
     def searches_on(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
         """Whether more is looked for beside the best effect of stage n: it may be one of several."""
@@ -144,6 +152,11 @@ class Rule:
         settles = quietens(excesses[n], excesses[n + 1])
         equal = strong(stages, n, EQUAL) and completes(excesses[n], excesses[n + 1], self.several)
         return (little or settles or equal) and share_left(excesses, n + 1) <= LEFT_OVER
+
+
+def _bounded(variant: Variant) -> bool:
+    """Whether all that a variant changes coincides with believed parameters, whose tolerances bound what it brings."""
+    return all((amount.effect, amount.name) in COINCIDING for amount in variant.amounts)
 
 
 def excess_power(excess: Mapping[str, float]) -> float:
@@ -245,15 +258,15 @@ def in_sight(problem: FitProblem, stage: SearchStage) -> SearchStage:
 
 def of_its_own(stage: SearchStage, before: Sequence[SearchStage]) -> SearchStage:
     """A stage without refits that are the small deviation of an effect before from its form."""
-    return replace(stage, refits=tuple(one for one in stage.refits if one.gain >= of_a_form(one, before)))
+    return replace(stage, refits=tuple(one for one in stage.refits if one.gain >= of_a_form(one.variant, before)))
 
 
-def of_a_form(refit: Refit, before: Sequence[SearchStage]) -> float:
-    """Nats below which a refit may be no more than the deviation of an effect of the stages before from its form:
+def of_a_form(variant: Variant, before: Sequence[SearchStage]) -> float:
+    """Nats below which a variant may be no more than the deviation of an effect of the stages before from its form:
     mutual flux over the position beside mutual flux, a little of another lag beside one whose order is not quite its
     own, remanence beside loops that no model follows to the end; minus infinity where it deviates from none."""
     gains = {one.best.variant.effect: one.best.gain for one in before if one.best is not None}
-    shares = CATALOGUE[refit.variant.effect].deviation_of
+    shares = CATALOGUE[variant.effect].deviation_of
     return max((share * gains[name] for name, share in shares.items() if name in gains), default=-np.inf)
 
 

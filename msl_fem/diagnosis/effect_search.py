@@ -28,7 +28,6 @@ from msl_fem.diagnosis.fit import STEPS_A_ROUND, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import fit_name
 from msl_fem.diagnosis.kind import Kind, about_belief
 from msl_fem.diagnosis.likelihood import QUIET, Fit
-from msl_fem.diagnosis.problem import FitProblem
 from msl_fem.diagnosis.refits import ROUGH, Refinement, Refit
 from msl_fem.diagnosis.search import SearchStage, search_stage
 from msl_fem.diagnosis.settings import DiagnosisSettings
@@ -169,9 +168,11 @@ def _forward(kind: Kind, how: DiagnosisSettings, chain: Chain) -> Chain:
             about_belief(kind, fits[n]),
             tell=how.progress,
             memory=how.memory,
-            least=rule.least(stages),
-            hopeless=partial(_hopeless, rule, tuple(stages), kind.likelihood.problem),
+            needed=partial(rule.needed, tuple(stages), left=fits[n].excess),
+            hopeless=partial(_hopeless, rule, tuple(stages), fits[n]),
+            near=stages[-1].columns if stages else None,
         )
+        stages = [replace(before, columns=None) for before in stages]
         stage = of_its_own(stage, stages)
         stage = in_sight(kind.likelihood.problem, beyond_tolerances(kind.likelihood.problem, stage))
         fits[n] = stage.base
@@ -190,9 +191,9 @@ def _forward(kind: Kind, how: DiagnosisSettings, chain: Chain) -> Chain:
     return Chain(tuple(fits), tuple(stages), doubt)
 
 
-def _hopeless(rule: Rule, stages: Sequence[SearchStage], problem: FitProblem, refit: Refit) -> bool:
-    """Whether a refit behind these stages is not worth its end."""
-    return rule.out_of_reach(stages, refit) or stays_within(problem, refit)
+def _hopeless(rule: Rule, stages: Sequence[SearchStage], base: Fit, refit: Refit) -> bool:
+    """Whether a refit behind these stages, beside a fit, is not worth its end."""
+    return rule.out_of_reach(stages, refit, base.excess) or stays_within(base.likelihood.problem, refit)
 
 
 def about_tolerances(how: DiagnosisSettings, text: str) -> None:

@@ -50,7 +50,7 @@ COOLING = 10.0
 """Times, at least, by which the heat of a round is less than that of the one before."""
 CARRIED = 1e-2, 1e2
 """Damping, least and most, with which a round goes on after another one in a fit that began with a heat; in others it
-is the least."""
+is one at most, since a kink that has raised it may be behind the new starts."""
 SANE = 20.0
 """Tolerances beyond which no number of a model without effects is what it says: a cause is missing."""
 WORTH = 0.05
@@ -114,14 +114,14 @@ def fit(
         first = posterior.heated(first, most_heat, COOLING ** (len(rounds) - n))
         model = posterior.linearised(first, nuisance_columns)
         if sane is None and posterior.heat > 1.0:
-            sane = _fit_at(likelihood, *posterior.cooled(first, model), simulations)
+            sane = _fit_at(likelihood, *posterior.cooled(first, model), simulations, damping.first)
             sane = replace(sane, columns=Columns(sane.jacobian.copy(), sane.columns.gram))  # the model goes on
         renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
         settings = DescentSettings(damping, how.enough, most_trials=trials, renewal=renewal, fresh_end=how.fresh_end)
         end = descend(posterior, first, settings, first=model)
         point, model = posterior.cooled(end.point, end.model)
         simulations += posterior.simulations
-        found = _fit_at(likelihood, point, model, simulations)
+        found = _fit_at(likelihood, point, model, simulations, end.damping)
         if sane is not None and not beyond_sanity(unknowns, point.z):
             sane = found
         if not likelihood.is_cut:
@@ -145,8 +145,8 @@ def fit(
         if idle == MOST_IDLE_ROUNDS or not np.isfinite(again):
             break
         likelihood, z = nearer, point.z
-        damping = replace(damping, first=float(np.clip(end.damping, *CARRIED)) if sane else CARRIED[0])
-    return replace(found, sane=sane, damping=end.damping)
+        damping = replace(damping, first=float(np.clip(end.damping, CARRIED[0], CARRIED[1] if sane else 1.0)))
+    return replace(found, sane=sane)
 
 
 def beyond_sanity(unknowns: Unknowns, z: Array) -> bool:
@@ -155,8 +155,8 @@ def beyond_sanity(unknowns: Unknowns, z: Array) -> bool:
     return not unknowns.effects and bool(np.any(np.abs(z[:n]) > SANE))
 
 
-def _fit_at(likelihood: Likelihood, point: "_FitPoint", model: "_FitModel", simulations: int) -> Fit:
-    """What a fit is at a point."""
+def _fit_at(likelihood: Likelihood, point: "_FitPoint", model: "_FitModel", simulations: int, damping: float) -> Fit:
+    """What a fit is at a point, from which it would go on with that damping."""
     precision = model.gram + np.diag(model.curvature)
     return Fit(
         model.unknowns,
@@ -169,6 +169,8 @@ def _fit_at(likelihood: Likelihood, point: "_FitPoint", model: "_FitModel", simu
         model.promised,
         simulations,
         likelihood,
+        damping=damping,
+        next_step=model.step(damping)[1],
     )
 
 

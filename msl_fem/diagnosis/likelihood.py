@@ -80,12 +80,13 @@ class Fit:
     residual : (n_number,) over the white sigma; `weights` belong to it
     columns : of the Jacobian; shared by all copies
     objective, log_evidence : nats
-    predicted : nats that a further step would gain
+    predicted : nats that a further step without damping would gain
     likelihood : that of the fit, the starts of its stretches those that suit it
     finished : whether it was led to its end, so that more steps are not worth trying, whatever they promise
     damping : with which further steps go on
     sane : of a fit that began so far from the record that it was heated, where it was last at numbers that a plant can
         have
+    next_step : nats that the next step would gain with its damping
     """
 
     unknowns: Unknowns
@@ -101,6 +102,11 @@ class Fit:
     finished: bool = False
     damping: float = 1.0
     sane: "Fit | None" = None
+    next_step: float = np.inf
+
+    def to_come(self, steps: int) -> float:
+        """Nats that so many steps more promise: with much damping, as along a bent valley, less than one without."""
+        return max(min(self.predicted, steps * self.next_step), 0.0)
 
     @property
     def converged(self) -> bool:
@@ -207,6 +213,11 @@ class Likelihood:
     def is_cut(self) -> bool:
         """Whether a run is followed over stretches."""
         return any(cut is not None for cut in self.problem.stretches)
+
+    @property
+    def begins(self) -> tuple[bytes, ...]:
+        """Where the stretches of each run begin: numbers are those of the same samples where these are alike."""
+        return tuple(b"" if cut is None else cut.begins.tobytes() for cut in self.problem.stretches)
 
     def followed(self, unknowns: Unknowns, z: Array) -> "Likelihood":
         """With the starts of the stretches moved to where the model at z has them."""

@@ -19,7 +19,7 @@ from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.diagnosis.fit import TINY, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import GatheredRuns
-from msl_fem.diagnosis.likelihood import CONVERGED, QUIET, Fit, Likelihood
+from msl_fem.diagnosis.likelihood import CONVERGED, QUIET, Fit, Likelihood, jacobian_columns
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.scores import Score
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -31,6 +31,7 @@ SMALL = (0.03, 0.1, 0.3)  # of z: the largest amount with which a candidate may 
 FIRST_STEPS = 20  # of a candidate that begins there
 SCREENING_STEPS = 6
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to the linear model's best at which a refit may begin
+AS_PROMISED = 0.5  # of its nats, that the linear model's best brings where a refit begins there
 REFINEMENT_STEPS = 25
 LAST_STEPS = 20
 MORE_LEGS = 6  # of as many steps, for the leader and what begins far off alone, as long as they bring what counts
@@ -65,7 +66,7 @@ class Refit:
 
     @property
     def promising(self) -> bool:
-        return self.fit.predicted >= self.enough
+        return self.fit.to_come(RACED_STEPS) >= self.enough
 
     @property
     def reach(self) -> float:
@@ -79,15 +80,19 @@ def extended(base: Unknowns, variant: Variant) -> Unknowns:
 
 
 def started(base: Fit, score: Score, likelihood: Likelihood) -> Array:
-    """Where the refit of a scored variant begins: of some points on the way to the linear model's best, the one of the
-    highest density by `likelihood`. All else moves along, since it makes up for what is alike. Small amounts are among
-    them, for beside a model that is far off the linear model's best may be none that can be simulated."""
+    """Where the refit of a scored variant begins: the linear model's best, where that brings most of what it promises;
+    else of some points on the way there the one of the highest density by `likelihood`. All else moves along, since it
+    makes up for what is alike. Small amounts are among them, for beside a model that is far off the linear model's best
+    may be none that can be simulated."""
     shapes = np.zeros(len(score.variant.shapes))
+    unknowns = extended(base.unknowns, score.variant)
+    whole = unknowns.allowed(np.concatenate([base.z + score.shift, score.guess, shapes]))
+    if objectives(likelihood, unknowns, whole[None])[0] <= base.objective - AS_PROMISED * max(score.gain, 0.0):
+        return whole
     rows = [np.concatenate([base.z + part * score.shift, part * score.guess, shapes]) for part in SHARES]
     rows += [np.concatenate([base.z, part * score.guess, shapes]) for part in SHARES]
     largest = max(float(np.abs(score.guess).max()), TINY)
     rows += [np.concatenate([base.z, size / largest * score.guess, shapes]) for size in SMALL if size < largest]
-    unknowns = extended(base.unknowns, score.variant)
     points = np.array([unknowns.allowed(row) for row in rows])
     return np.asarray(points[int(np.argmin(objectives(likelihood, unknowns, points)))])
 
@@ -178,7 +183,7 @@ class Refinement:
         others = [refit for refit in refined[1:] if refit.variant not in again]
         forms = self._other_forms(leader, others)
         for refit in [*anew, *(one for one in others if one not in forms)]:
-            is_near = refit.gain > 0 and refit.gain + refit.fit.predicted > leader.gain - margin
+            is_near = refit.gain > 0 and refit.gain + refit.fit.to_come(LAST_STEPS) > leader.gain - margin
             (near if is_near else far).append(refit)
         converged = self._together(lambda refit: self.converged(refit, leads=False), near)
         return self._led([leader, *(self.converged(form, leads=True) for form in forms), *converged], far)
@@ -192,7 +197,8 @@ class Refinement:
         if max(refits[0].fit.excess.values()) <= QUIET:
             return []
         self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(bent))}")
-        begun = self._together(self.from_small_amounts, bent)
+        far = ELIMINATED * refits[0].gain
+        begun = self._together(lambda refit: self.from_small_amounts(refit, far), bent)
         return [after for before, after in zip(bent, begun, strict=True) if after is not before]
 
     def _other_forms(self, leader: Refit, refits: Sequence[Refit]) -> list[Refit]:
@@ -238,7 +244,8 @@ class Refinement:
     def raced(self, kept: Sequence[Refit]) -> list[Refit]:
         """Candidates after rounds of a few steps, where each goes on as long as it gains, may still lead, and would
         count if it did."""
-        running, ended = [refit for refit in kept if refit.promising], [r for r in kept if not r.promising]
+        running = [refit for refit in kept if refit.promising and not self.hopeless(refit)]
+        ended = [refit for refit in kept if refit not in running]
         for _ in range(REFINEMENT_STEPS // RACED_STEPS):
             let_go(ended)
             if running:
@@ -270,45 +277,51 @@ class Refinement:
         if led is None or led.gain < refit.gain:
             led = self._refit(refit.fit, refit.variant, refit.fit.z, plan, None)
         for _ in range(MORE_LEGS if leads else 0):  # what it has left undone, whatever is beside it would collect
-            if led.gain - refit.gain < led.enough:
+            if led.gain - refit.gain < led.enough or not led.promising:
                 break
             self.tell(f"{led.variant.name}, which leads, goes on; {led.gain:.3g} nats")
             led.fit.lets_go()
             refit, led = led, self._refit(led.fit, led.variant, led.fit.z, plan, None)
         return replace(led, fit=replace(led.fit, finished=leads))
 
-    def _begun_anew(self, refit: Refit, z: Array, plan: FitPlan) -> Refit | None:
+    def _begun_anew(self, refit: Refit, z: Array, plan: FitPlan, columns: Slopes | None = None) -> Refit | None:
         """A candidate begun once more elsewhere, as where all but its effects is as believed: what the model without it
         had moved, to make up for it, may be a long way back. None where that cannot be simulated."""
         likelihood = refit.fit.likelihood
         if likelihood.is_cut:
             likelihood = likelihood.followed(refit.fit.unknowns, z)
         try:
-            return self._refit(replace(refit.fit, likelihood=likelihood), refit.variant, z, plan, None)
+            return self._refit(replace(refit.fit, likelihood=likelihood), refit.variant, z, plan, columns)
         except ComputationError:
             return None
 
-    def from_small_amounts(self, refit: Refit) -> Refit:
+    def from_small_amounts(self, refit: Refit, least: float = -np.inf) -> Refit:
         """The better of a candidate and of one begun at the belief: beside numbers that nothing can have, the amounts
         that suit them are none that lead back. Each sign of each amount is tried, in the likeliest of several sizes,
-        and what may still lead after a few steps goes on, the most promising as long as it may still: where two amounts
-        nearly balance each other, the likeliest beginning is the one whose unbalance suits, and the way is long."""
+        and what may still lead after a few steps, and come to the least nats that count, goes on, the most promising as
+        long as it may still: where two amounts nearly balance each other, the likeliest beginning is the one whose
+        unbalance suits, and the way is long."""
         unknowns, likelihood = refit.fit.unknowns, refit.fit.likelihood.gathering(self.gathered)
         n, amounts, begin = self.base.unknowns.n_nuisance, len(refit.variant.amounts), as_believed(refit.fit)
         if likelihood.is_cut:
             likelihood = likelihood.followed(unknowns, begin)
         near = replace(refit, fit=replace(refit.fit, likelihood=likelihood))
-        found = []
+        plan, found = FitPlan(most_steps=SCREENING_STEPS, enough=ROUGH, fresh_end=False), []
+        columns = self._columns_without(likelihood, begin)
         for way in product((1.0, -1.0), repeat=amounts):
             rows = np.tile(begin, (len(SMALL), 1))
             rows[:, n : n + amounts] = np.outer(SMALL, way)
             rows = np.array([unknowns.allowed(row) for row in rows])
             row = rows[int(np.argmin(objectives(likelihood, unknowns, rows)))]
-            found.append(self._begun_anew(near, row, FitPlan(most_steps=SCREENING_STEPS, enough=ROUGH)))
-        begun = [one for one in found if one is not None]
+            found.append(self._begun_anew(near, row, plan, columns))
+        begun = sorted((one for one in found if one is not None), key=_by_gain)
         let_go(begun)
-        best = max((one.gain for one in begun), default=0.0)
-        ended = [self._on(one) for one in begun if one.reach >= best]
+        ended: list[Refit] = []
+        for one in begun:
+            if any(max(other.fit.excess.values()) <= QUIET for other in ended):
+                break  # where one leaves noise alone the others have nothing to come to
+            if one.reach >= max(begun[0].gain, least):
+                ended.append(self._on(one))
         for _ in range(MORE_LEGS if ended else 0):
             far = max(ended, key=lambda one: one.reach)
             if not far.promising or far.reach <= max(refit.gain, *(one.gain for one in ended)):
@@ -317,11 +330,21 @@ class Refinement:
             ended.remove(far)
             if ended[-1].gain - far.gain < far.enough:
                 break
-        return max([refit, *ended], key=lambda one: one.gain)
+        return max([refit, *begun, *ended], key=lambda one: one.gain)
+
+    def _columns_without(self, likelihood: Likelihood, z: Array) -> Slopes | None:
+        """The nuisances' columns where a candidate is nothing, for all that begin near by; None where none can be had,
+        or stretches have starts of their own."""
+        unknowns, z = self.base.unknowns, z[: self.base.unknowns.size]
+        residual = likelihood.spectra(Points.of(unknowns, z[None]))[0].copy()
+        if likelihood.is_cut or not np.isfinite(residual).all():
+            return None
+        columns = jacobian_columns(likelihood, unknowns, z, np.arange(unknowns.n_nuisance), residual)
+        return columns.astype(np.float32)
 
     def _on(self, begun: Refit) -> Refit:
         """What began at small amounts, some steps on."""
-        plan = FitPlan(FIRST_STEPS, begun.fit.damping, enough=ROUGH)
+        plan = FitPlan(FIRST_STEPS, begun.fit.damping, enough=ROUGH, fresh_end=False)
         on = self._refit(begun.fit, begun.variant, begun.fit.z, plan, None)
         on.fit.lets_go()
         return on
@@ -358,7 +381,7 @@ def _may_lead(before: Refit, after: Refit, leader: float) -> bool:
     """Whether a candidate that went on gains, and may still come near the one that leads: by what it has gained, or by
     what its next step promises."""
     gained = after.gain - before.gain
-    to_come = max(CATCHING_UP * gained, after.fit.predicted)
+    to_come = max(CATCHING_UP * gained, after.fit.to_come(RACED_STEPS))
     return gained >= after.enough and after.gain + to_come > leader - NEAR
 
 

@@ -40,6 +40,8 @@ ROUNDS = 3
 FAR, LOSES = 10.0, 2.0
 """Times the noise that a fitted model may leave over longer stretches, or what it leaves over those before. Beyond
 both a cause is missing, and what of it piles up over a stretch is no more a small change of the model."""
+ROUGH_BEGINNING = 100.0
+"""Nats that a fit may still gain over parts of stretches: over whole ones it goes on."""
 OTHER_HOLD: Mapping[Hold, Hold] = {"zero-order": "linear", "linear": "zero-order"}
 ALIKE, FINER = 0.05, 3
 """Nats by which runs may differ in coarse steps from others, so many times finer than fine ones."""
@@ -81,6 +83,12 @@ class Runs(Kind):
             if kind.whole:
                 break
             told = partial(_of_round, tell, n + 1)
+            if n == 0 and (renewed := kind.begun(told)) is not None:
+                done = _lengths(renewed.cuts) == _lengths(kind.cuts)
+                kind = renewed
+                if done:
+                    break
+                continue
             told("fitted over stretches of the runs, which are then chosen anew")
             start = np.zeros(kind.unknowns.size) if kind.begin is None else kind.begin
             found = fit(kind.likelihood, kind.unknowns, start, plan=FitPlan(enough=ROUGH, tell=told))
@@ -88,7 +96,7 @@ class Runs(Kind):
                 kind = replace(kind, likelihood=found.likelihood, begin=found.z, sane=found.sane)
                 break
             renewed = kind.renewed(found)
-            if not renewed.whole and _largest_left(renewed, found) > max(FAR, LOSES * max(found.excess.values())):
+            if _loses(renewed, found):
                 kind = replace(kind, likelihood=found.likelihood, begin=found.z)
                 break
             done = _lengths(renewed.cuts) == _lengths(kind.cuts)
@@ -97,6 +105,23 @@ class Runs(Kind):
                 break
         return kind
 
+    def begun(self, tell: Callable[[str], None]) -> "Runs | None":
+        """With stretches chosen anew at a model that was fitted over shorter ones, in which it is nearly linear: from
+        the belief that is a short way. None where from there it does not follow the longer ones."""
+        assert self.record is not None
+        tell("fitted over parts of the stretches of the runs, which are then chosen anew")
+        problem, cuts = self.likelihood.problem, []
+        for n, cut in enumerate(problem.stretches):
+            shot = Shooting(problem, n, ModelSpread.of_tolerances(self.unknowns), substeps=self.likelihood.substeps)
+            cuts.append(None if cut is None else shot.split(cut))
+        static = map_beside(self.record, self.belief)
+        likelihood, unknowns = _likelihood(replace(problem, stretches=tuple(cuts)), self.unknowns, static)
+        found = fit(likelihood, unknowns, np.zeros(unknowns.size), plan=FitPlan(enough=ROUGH_BEGINNING, tell=tell))
+        if found.sane is not None:
+            return None
+        renewed = self.renewed(found)
+        return None if _loses(renewed, found) else renewed
+
     def renewed(self, found: Fit) -> "Runs":
         """With stretches chosen, and their starts, at a fit."""
         assert self.record is not None
@@ -104,7 +129,8 @@ class Runs(Kind):
         covariance = np.linalg.inv(found.precision)[:n, :n]
         values, vectors = np.linalg.eigh(covariance)
         moves = (vectors * np.sqrt(np.maximum(values, 0.0))).T
-        return _made(self.record, self.belief, self.recorded, found.z[:n], moves, threads=self.threads)
+        known = {run.name: cut for run, cut in zip(self.runs, self.cuts, strict=True)}
+        return _made(self.record, self.belief, self.recorded, found.z[:n], moves, threads=self.threads, known=known)
 
     def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:
         signals = []
@@ -197,9 +223,10 @@ def _made(
     moves: Array | None,
     *,
     threads: int,
+    known: Mapping[str, Stretches | None] | None = None,
 ) -> Runs:
     """The kind, its stretches chosen at numbers `at` of believed parameters and table, and `moves` of one sigma of
-    them; at the belief and its tolerances without."""
+    them; at the belief and its tolerances without. `known` are stretches by a run's name of a model near by."""
     static = map_beside(record, belief)
     problem, unknowns = _problem(belief, runs, record.tolerance, static, threads=threads)
     spread = ModelSpread.of_tolerances(unknowns)
@@ -208,7 +235,9 @@ def _made(
     substeps = problem.plant.substeps
     shots = [Shooting(problem, n, spread, substeps=substeps) for n in range(len(runs))]
     with ThreadPoolExecutor(threads) as pool:  # a run at a time fills one block of lanes
-        every: Cuts = tuple(pool.map(lambda shot: shot.chosen(with_moves=at is not None), shots))
+        every: Cuts = tuple(
+            pool.map(lambda shot: shot.chosen((known or {}).get(shot.data.name), with_moves=at is not None), shots)
+        )
     left_out = left_outside(belief, runs, every)
     inside = runs_inside(belief, runs, every)
     recorded, runs, cuts = tuple(runs), tuple(run for run, _ in inside), tuple(cut for _, cut in inside)
@@ -335,6 +364,11 @@ def _simulated_missed(
         problem, 0, ModelSpread(Unknowns((), 0, ()), np.zeros(0), np.zeros((0, 0))), substeps=plant.substeps
     )
     return shot.followed(cut)
+
+
+def _loses(renewed: Runs, found: Fit) -> bool:
+    """Whether a fitted model no longer follows the runs over the stretches that were chosen at it."""
+    return not renewed.whole and _largest_left(renewed, found) > max(FAR, LOSES * max(found.excess.values()))
 
 
 def _largest_left(kind: Runs, found: Fit) -> float:

@@ -13,7 +13,7 @@ that is unknown are: the noncentrality of an effect of given size is a'Ga (a cas
 II, 1998, ch. 6).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -29,6 +29,8 @@ from msl_fem.diagnosis.variants import Variant
 from msl_fem.plant.effects import CATALOGUE
 
 Shapes = tuple[EffectUnknown, ...]
+Amount = tuple[EffectUnknown, Shapes]
+"""An amount, and the shapes around which it acts."""
 ROUNDING = 1e-12  # of a diagonal: amounts that act alike
 ROWS = 4096  # of the columns that are taken at a time, in double precision
 AT_ONCE = 64  # amounts that are simulated together
@@ -110,13 +112,41 @@ def _held(g: Array, b: Array, one_sided: NDArray[np.bool_]) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
+class AmountColumns:
+    """Columns (n_number, n_amount) of amounts at a fit, weighted as there, and where each amount stands. They do for
+    the scores of another fit of the same stretches that leaves noise alone: an effect of some per cent changes them by
+    as much."""
+
+    places: Mapping[Amount, int]
+    weighted: Slopes
+    root: Array
+    begins: tuple[bytes, ...]
+
+    def suit(self, found: Fit) -> bool:
+        """Whether they are of the numbers of another fit."""
+        return self.begins == found.likelihood.begins and self.root.size == found.residual.size
+
+    def of(self, found: Fit, amounts: Sequence[Amount]) -> Slopes:
+        """The columns of amounts, not weighted; those of which there are none are simulated at the fit."""
+        raw = np.empty((found.residual.size, len(amounts)), dtype=np.float32)
+        new = [amount for amount in amounts if amount not in self.places]
+        old = np.array([amount in self.places for amount in amounts], dtype=bool)
+        raw[:, old] = self.weighted[:, [self.places[one] for one in amounts if one in self.places]]
+        raw[:, old] /= self.root[:, None]
+        if new:
+            raw[:, ~old] = signatures(found, new)
+        return raw
+
+
+@dataclass(frozen=True, eq=False)
 class ScoredVariants:
-    """All variants that can be seen at a fit, best first, what any of them brings by chance there, and the effects none
-    of whose variants can be simulated there."""
+    """All variants that can be seen at a fit, best first, what any of them brings by chance there, the effects none of
+    whose variants can be simulated there, and the columns of all amounts."""
 
     scores: tuple[Score, ...] = ()
     null: NullDistribution = field(default_factory=NullDistribution)
     dropped: tuple[str, ...] = ()
+    columns: AmountColumns | None = None
 
 
 def scores(found: Fit, tried: Sequence[Variant]) -> list[Score]:
@@ -124,12 +154,20 @@ def scores(found: Fit, tried: Sequence[Variant]) -> list[Score]:
     return list(scored(found, tried, null=False, with_columns=True).scores)
 
 
-def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True, with_columns: bool = False) -> ScoredVariants:
-    """The variants at a fit; `null` is what they bring by chance, `with_columns` asks for their signatures."""
+def scored(
+    found: Fit,
+    tried: Sequence[Variant],
+    *,
+    null: bool = True,
+    with_columns: bool = False,
+    near: AmountColumns | None = None,
+) -> ScoredVariants:
+    """The variants at a fit; `null` is what they bring by chance, `with_columns` asks for their signatures. `near` are
+    columns of a fit near by, that do where they are of the same stretches."""
     if not tried:
         return ScoredVariants()
     amounts = list(dict.fromkeys((amount, variant.shapes) for variant in tried for amount in variant.amounts))
-    raw = signatures(found, amounts)
+    raw = signatures(found, amounts) if near is None or not near.suit(found) else near.of(found, amounts)
     seen = seen_columns(raw)
     failed = np.array([not (shown or np.isfinite(raw[:, n]).all()) for n, shown in enumerate(seen)], dtype=bool)
     raw[:, ~seen] = 0.0
@@ -148,7 +186,8 @@ def scored(found: Fit, tried: Sequence[Variant], *, null: bool = True, with_colu
             amount_places.append(AmountPlaces(tuple(places), one_sided))
     by_chance = null_distribution(background.own, amount_places) if null else NullDistribution()
     dropped = dict.fromkeys(variant.effect for variant in tried if variant.effect not in followed)
-    return ScoredVariants(tuple(sorted(made, key=lambda s: -s.gain)), by_chance, tuple(dropped))
+    columns = AmountColumns(place, background.c, found.weights.root, found.likelihood.begins)
+    return ScoredVariants(tuple(sorted(made, key=lambda s: -s.gain)), by_chance, tuple(dropped), columns)
 
 
 def seen_columns(raw: Slopes) -> NDArray[np.bool_]:
@@ -156,7 +195,7 @@ def seen_columns(raw: Slopes) -> NDArray[np.bool_]:
     return np.array([np.isfinite(column).all() and bool(np.any(column)) for column in raw.T], dtype=bool)
 
 
-def signatures(found: Fit, amounts: Sequence[tuple[EffectUnknown, Shapes]]) -> Slopes:
+def signatures(found: Fit, amounts: Sequence[Amount]) -> Slopes:
     """(n_number, n_amount) slopes of the residual over each amount at nothing, around its shapes; nan where there is
     none. With all amounts at nothing shapes change nothing. Differences are of equal steps."""
     effects = np.tile(found.unknowns.effect_vector(found.z), (len(amounts) + 1, 1))

@@ -15,7 +15,7 @@ from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.refits import BENT, LAST_STEPS, MADE_UP, Refinement, Refit, strained
-from msl_fem.diagnosis.scores import Score, scored
+from msl_fem.diagnosis.scores import AmountColumns, Score, scored
 from msl_fem.diagnosis.variants import Variant
 
 MOST_TRIED = 7
@@ -32,12 +32,14 @@ COMPENSATED = ("gap_offset", "early_saturation", "fringing", "armature_tilt", *M
 
 @dataclass(frozen=True, eq=False)
 class SearchStage:
-    """A fit, and what one effect more would bring: all scores, and the refits, best first."""
+    """A fit, and what one effect more would bring: all scores, and the refits, best first; the columns of the scores as
+    long as they are of use."""
 
     base: Fit
     scores: tuple[Score, ...]
     refits: tuple[Refit, ...]
     null: NullDistribution = field(default_factory=NullDistribution)
+    columns: AmountColumns | None = None
 
     @property
     def best(self) -> Refit | None:
@@ -59,15 +61,26 @@ def search_stage(
     *,
     tell: Callable[[str], None],
     memory: FitMemory | None = None,
-    least: float = 0.0,
+    needed: Callable[[Variant], float] = lambda variant: 0.0,
     hopeless: Callable[[Refit], bool] = lambda refit: False,
+    near: AmountColumns | None = None,
 ) -> SearchStage:
     """What one of these variants more would bring to a fit, which is converged as far as that asks for; refits begin
-    where `memory` says that they ended. An effect needs `least` nats: where the fit leaves noise alone and the best
-    score is far below them, it alone is refitted. Refits that will not count are not led to their ends."""
+    where `memory` says that they ended. Where the fit leaves noise alone, and all scores are far below the nats that
+    their effects need, a first effect's best one alone is refitted, and none behind a first effect: there the columns
+    of the stage before, `near`, tell whether all are, and those that are go no further beside others. Refits that will
+    not count are not led to their ends."""
     tell("all effects")
     quiet = max(start.excess.values()) <= QUIET
     base = converged_base(start) if quiet else start
+
+    def worth(score: Score) -> bool:
+        return score.gain >= HOPELESS * needed(score.variant)
+
+    if quiet and near is not None and not strained(base, BENT):
+        roughly = scored(base, tried, near=near)
+        if not any(map(worth, roughly.scores)):
+            return SearchStage(base, roughly.scores, (), roughly.null)
     at_base = scored(base.sane or base, tried)
     if at_base.dropped:
         tell(f"all effects but those with which the runs cannot be simulated here: {', '.join(at_base.dropped)}")
@@ -79,8 +92,10 @@ def search_stage(
             every = at_base.scores
     candidates = ranked(every)
     candidates += peaks(every, candidates)
-    if quiet and candidates and candidates[0].gain < HOPELESS * least:
-        candidates = candidates[:1]
+    if quiet and not any(map(worth, candidates)):
+        candidates = candidates[: 0 if base.unknowns.effects else 1]
+    elif quiet and base.unknowns.effects:
+        candidates = [one for one in candidates if worth(one) or one.variant.effect in COMPENSATED]
     if strained(base, BENT):
         made_up_for = COMPENSATED if strained(base) else MADE_UP
         missing = set(made_up_for) - {score.variant.effect for score in candidates}
@@ -88,7 +103,7 @@ def search_stage(
     kept = memory or FitMemory()
     kept.ended(fit_name(base.unknowns), base.z)
     refits = Refinement(base, tell, kept, hopeless).best_first(candidates)
-    return SearchStage(base, every, tuple(refits), at_base.null)
+    return SearchStage(base, every, tuple(refits), at_base.null, at_base.columns)
 
 
 def converged_base(start: Fit) -> Fit:

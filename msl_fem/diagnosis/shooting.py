@@ -22,6 +22,7 @@ from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record.columns import Channel
 
 SHORTEST = 16  # samples of a stretch
+PARTS = 4  # of a stretch, over which a model that is not fitted yet is nearly linear
 GENTLE = 3.0  # times that a start's error may grow from the first quarter to the last, and be no growth
 MOST_GROWTH = 50.0
 REACH = 0.05  # of the nominal gap: how far from the record a model that lets errors grow is still linear
@@ -108,16 +109,15 @@ class Shooting:
         self.sigmas = START * start_sigmas(self.plant, self.data, tolerance=problem.tolerance)
         self.names = problem.channels(run)
 
-    def chosen(self, *, with_moves: bool = False) -> Stretches | None:
+    def chosen(self, known: Stretches | None = None, *, with_moves: bool = False) -> Stretches | None:
         """The stretches; None where the run is followed as a whole. Those do not count in which the model leaves its
-        table or range, or `with_moves` one that is off by a sigma."""
+        table or range, or `with_moves` one that is off by a sigma. `known` ones of a model near by are where it begins
+        if the model bears them."""
         whole = self.refined(guessed(self.plant, self.data, np.zeros(1, dtype=np.intp), self.sigmas.size))
         if self._borne(whole)[0]:
             return None
-        n = len(self.data.commands)
-        begins = np.arange(0, max(n - SHORTEST // 2, 1), SHORTEST)
-        cut = self.refined(guessed(self.plant, self.data, begins, self.sigmas.size))
-        open_ = np.ones(begins.size, dtype=bool)
+        cut = self._begun(known)
+        open_ = np.ones(cut.begins.size, dtype=bool)
         while (pairs := _pairs(open_)).size:
             behind = pairs + 1
             keep = np.delete(np.arange(cut.begins.size), behind)
@@ -127,6 +127,24 @@ class Shooting:
         cut = self.refined(cut)
         rows = self.spread.rows if with_moves else self.spread.rows[:0]
         return replace(cut, outside=~self._inside(cut, rows))
+
+    def _begun(self, known: Stretches | None) -> Stretches:
+        """Known stretches, all of which the model bears; else the shortest."""
+        n = len(self.data.commands)
+        if known is not None:
+            cut = self.refined(known)
+            if np.all(self._borne(cut) | (False if known.outside is None else known.outside)):
+                return replace(cut, outside=None)
+        begins = np.arange(0, max(n - SHORTEST // 2, 1), SHORTEST)
+        return self.refined(guessed(self.plant, self.data, begins, self.sigmas.size))
+
+    def split(self, cut: Stretches) -> Stretches:
+        """Stretches cut in `PARTS` each."""
+        lengths = np.diff([*cut.begins, len(self.data.commands)])
+        parts = np.clip(lengths // SHORTEST, 1, PARTS)
+        begins = np.concatenate([b + n * np.arange(k) // k for b, n, k in zip(cut.begins, lengths, parts, strict=True)])
+        made = self.refined(guessed(self.plant, self.data, begins, self.sigmas.size))
+        return made if cut.outside is None else replace(made, outside=np.repeat(cut.outside, parts))
 
     def _inside(self, cut: Stretches, rows: Array) -> NDArray[np.bool_]:
         """(n_stretch,) whether the model stays in table and range over each, from starts to both sides too, and models

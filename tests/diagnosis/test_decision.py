@@ -140,8 +140,22 @@ def test_a_refit_that_cannot_come_to_what_a_further_effect_needs_is_not_led_on(
 ) -> None:
     fit: Any = SimpleNamespace(predicted=predicted)
     refit = Refit(Variant("time_delay", ()), fit, gain)
-    assert Rule().out_of_reach(stages(1000.0), refit) is hopeless
-    assert not Rule().out_of_reach([], refit), "a first effect needs less"
+    assert Rule().out_of_reach(stages(1000.0), refit, LOUDER) is hopeless
+    assert not Rule().out_of_reach([], refit, LOUDER), "a first effect needs less"
+
+
+def test_an_effect_beside_noise_alone_needs_a_share_of_the_first_one_s_nats() -> None:
+    """Beside more than noise it may bring a channel down to it, and what tolerances bound needs none."""
+    offset, friction = (
+        Variant(effect, (EffectUnknown(effect, name),))
+        for effect, name in (("gap_offset", "offset"), ("coulomb_friction", "force"))
+    )
+    rule, quiet = Rule(), {"x": 1.0, "i": 1.4}
+    assert rule.needed([], friction, quiet) == rule.threshold
+    assert rule.needed(stages(50e3), friction, quiet) == pytest.approx(150.0)
+    assert rule.needed(stages(50e3), offset, quiet) == rule.further
+    assert rule.needed(stages(50e3), friction, {"x": 1.0, "i": 1.6}) == rule.further
+    assert rule.needed(stages(1e3), friction, quiet) == rule.further
 
 
 def candidate(effect: str, gain: float, loud: float) -> Any:
@@ -326,7 +340,7 @@ def test_a_refit_that_will_be_the_deviation_of_a_form_at_most_is_not_led_to_its_
     pole."""
 
     def found(effect: str, gain: float, reach: float) -> Any:
-        return SimpleNamespace(gain=gain, reach=reach, variant=SimpleNamespace(effect=effect))
+        return SimpleNamespace(gain=gain, reach=reach, variant=Variant(effect, (EffectUnknown(effect, "any"),)))
 
     for first, effect, least in (
         ("amplifier_bandwidth", "time_delay", 400.0),
@@ -337,7 +351,7 @@ def test_a_refit_that_will_be_the_deviation_of_a_form_at_most_is_not_led_to_its_
         before = [SearchStage(None, (), (found(first, 4000.0, 4000.0),))]  # type: ignore[arg-type]
         for reach, hopeless in ((least - 1.0, True), (least + 1.0, False)):
             refit = found(effect, reach - 5.0, reach)
-            assert Rule().out_of_reach(before, refit) is hopeless
+            assert Rule().out_of_reach(before, refit, {}) is hopeless
             reached = SearchStage(None, (), (found(effect, reach, reach),))  # type: ignore[arg-type]
             assert (not of_its_own(reached, before).refits) == (hopeless and effect != "squeeze_film")
 

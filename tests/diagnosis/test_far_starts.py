@@ -35,7 +35,7 @@ class CutRecord:
     shrinks: float = 1.0
     visited: list[np.ndarray] = field(default_factory=list)
     followed_at: list[np.ndarray] = field(default_factory=list)
-    is_cut = True
+    is_cut, begins = True, ()
 
     def spectra(self, points: Points) -> np.ndarray:
         self.visited.extend(points.rows)
@@ -151,6 +151,7 @@ def test_no_stretches_are_chosen_at_a_model_beyond_sanity(monkeypatch: pytest.Mo
     ended = SimpleNamespace(z=np.array([0.0, 2 * SANE]), likelihood="where it ended", sane="before that")
     monkeypatch.setattr(runs, "fit", lambda *one, **more: ended)
     monkeypatch.setattr(Runs, "renewed", lambda *one: pytest.fail("stretches are chosen anew"))
+    monkeypatch.setattr(Runs, "begun", lambda *one: None)
     kind = Runs(None, None, UNKNOWNS, (), None, (), cuts=(SimpleNamespace(),))  # type: ignore[arg-type]
     settled = kind.settled(str)
     assert settled.likelihood == "where it ended"
@@ -185,6 +186,9 @@ class Amounts:
     def gathering(self, meeting: object) -> "Amounts":
         return self
 
+    def excess(self, found: fitting.Fit) -> dict[str, float]:
+        return {"position_m": 9.0}
+
     def spectra(self, points: Points) -> np.ndarray:
         return (100 * (points.rows[:, -1:] + 0.1)).repeat(2, axis=1)
 
@@ -208,6 +212,49 @@ def test_a_candidate_begins_at_the_belief_with_the_small_amount_that_suits_it(be
     assert [z.tolist() for z in begun] == [above, below, below], "each sign, and what came furthest goes on"
     better = candidate([2 * SANE, 9.0, 5.0], 6000.0, Amounts())
     assert refinement([2 * SANE, 0.0]).from_small_amounts(better) is better
+
+
+@pytest.mark.parametrize(("left", "times"), [(1.0, 3), (9.0, 4)])
+def test_beside_one_that_leaves_noise_nothing_else_that_began_at_the_belief_goes_on(
+    monkeypatch: pytest.MonkeyPatch, left: float, times: int
+) -> None:
+    """Two signs, and those that may still lead."""
+    begun: list[np.ndarray] = []
+
+    def fitted(self: Refinement, near, variant: Variant, z: np.ndarray, plan: FitPlan, columns: object) -> Refit:
+        begun.append(z)
+        found = candidate(list(z), 4000.0 if z[-1] > 0 else 5000.0, near.likelihood)
+        return replace(found, fit=replace(found.fit, predicted=1000.0 if plan.most_steps < 20 else 0.0))
+
+    monkeypatch.setattr(Refinement, "_refit", fitted)
+    monkeypatch.setattr(fitting.Fit, "excess", {"position_m": left})
+    refinement([2 * SANE, 0.0]).from_small_amounts(candidate([2 * SANE, 9.0, 5.0], 100.0, Amounts()))
+    assert len(begun) == times
+
+
+def test_what_will_not_come_to_the_least_that_counts_goes_no_further(begun) -> None:
+    one = candidate([2 * SANE, 9.0, 5.0], 100.0, Amounts())
+    assert refinement([2 * SANE, 0.0]).from_small_amounts(one, least=6000.0).gain == 5000.0
+    assert len(begun) == 2
+
+
+def test_all_that_begin_at_the_belief_share_the_nuisances_columns(monkeypatch) -> None:
+    given: list[object] = []
+
+    def fitted(self: Refinement, near, variant: Variant, z: np.ndarray, plan: FitPlan, columns: object) -> Refit:
+        given.append(columns)
+        return candidate(list(z), 5000.0, near.likelihood)
+
+    monkeypatch.setattr(Refinement, "_refit", fitted)
+    monkeypatch.setattr(fitting.Fit, "excess", {"position_m": 1.0})
+    refinement([2 * SANE, 0.0]).from_small_amounts(candidate([2 * SANE, 9.0, 5.0], 100.0, Amounts()))
+    assert given[0] is given[1]
+    assert given[0].shape == (2, 2)  # type: ignore[union-attr]
+    assert given[2] is None, "what goes on has those of where it is"
+    monkeypatch.setattr(Amounts, "spectra", lambda self, points: np.full((len(points.rows), 2), np.nan))
+    given.clear()
+    refinement([2 * SANE, 0.0]).from_small_amounts(candidate([2 * SANE, 9.0, 5.0], 100.0, Amounts()))
+    assert given[0] is None, "none where the belief cannot be simulated"
 
 
 @pytest.mark.parametrize(
@@ -276,7 +323,7 @@ def test_what_gains_make_up_for_begins_anew_where_the_leader_leaves_more_than_no
     monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(one) for one in items])
     monkeypatch.setattr(Refinement, "screened", lambda self, score: next(screened))
     monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
-    monkeypatch.setattr(Refinement, "from_small_amounts", lambda self, one: replace(one, gain=5000.0))
+    monkeypatch.setattr(Refinement, "from_small_amounts", lambda self, one, least: replace(one, gain=20 * least))
     scored = [SimpleNamespace(variant=one, gain=100.0) for one in (CUBIC, kept)]
     found = refinement([moved, 0.0]).best_first(scored)  # type: ignore[arg-type]
     gains = [(one.variant.effect, one.gain) for one in found]

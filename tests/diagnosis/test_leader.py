@@ -29,11 +29,11 @@ BASE = Fit(
 )
 
 
-def refit(z: list[float], gain: float) -> Refit:
+def refit(z: list[float], gain: float, promised: float = 50.0) -> Refit:
     """A candidate at numbers of mass, damping and friction."""
     likelihood = SimpleNamespace(is_cut=False)
     unknowns = replace(UNKNOWNS, effects=FRICTION.unknowns)
-    numbers = (np.array(z), np.zeros(1), Columns(np.zeros((1, 3)), np.zeros((3, 3))), None, -gain, gain, 0.0, 1)
+    numbers = (np.array(z), np.zeros(1), Columns(np.zeros((1, 3)), np.zeros((3, 3))), None, -gain, gain, promised, 1)
     return Refit(FRICTION, Fit(unknowns, *numbers, likelihood), gain)
 
 
@@ -45,7 +45,7 @@ def fits(monkeypatch) -> list[np.ndarray]:
     def fitted(self: Refinement, near: Fit, variant: Variant, z: np.ndarray, *rest: object) -> Refit:
         begun.append(z)
         if abs(z[0]) > 1:
-            return refit(list(z), -near.objective + 100.0)
+            return refit(list(z), -near.objective + 100.0, near.predicted)
         return refit([0.1, 0.1, z[2]], 5000.0)
 
     monkeypatch.setattr(Refinement, "_refit", fitted)
@@ -69,6 +69,9 @@ def test_a_leader_goes_on_while_it_gains_and_others_take_one_leg(fits) -> None:
     fits.clear()
     assert led([9.0, 5.0, 0.3], leads=False).gain == 1100.0
     assert len(fits) == 1
+    fits.clear()
+    Refinement(BASE, lambda text: None, FitMemory()).converged(refit([3.0, 2.0, 0.3], 1000.0, 0.1), leads=True)
+    assert len(fits) == 1, "whose next steps promise nothing"
 
 
 def test_the_better_of_both_is_kept(fits, monkeypatch) -> None:
@@ -94,5 +97,24 @@ def test_a_candidate_whose_next_step_promises_the_lead_goes_on() -> None:
     before, after = refit([0.1, 0.1, 0.1], 848.9), refit([0.1, 0.1, 0.1], 926.8)
     promises = [replace(after, fit=replace(after.fit, predicted=nats)) for nats in (413.0, 100.0)]
     assert [_may_lead(before, one, 1189.1) for one in promises] == [True, False]
+    bent = replace(promises[0], gain=860.0, fit=replace(promises[0].fit, next_step=2.0))
+    assert not _may_lead(before, bent, 1189.1), "a promise that damping does not let it keep"
     idle = replace(promises[0], gain=before.gain + 1.0)
     assert not _may_lead(before, idle, 1189.1), "a promise alone is none"
+
+
+def test_a_candidate_whose_damping_holds_it_back_is_not_promising() -> None:
+    one = refit([0.1, 0.1, 0.1], 900.0, 413.0)
+    held = replace(one, fit=replace(one.fit, next_step=0.5))
+    assert [each.promising for each in (one, held)] == [True, False]
+    assert held.fit.to_come(3) == 1.5
+    assert replace(one.fit, predicted=-1.0).to_come(3) == 0.0
+
+
+def test_a_candidate_that_will_not_count_is_not_raced(monkeypatch) -> None:
+    one, other = refit([0.1, 0.1, 0.1], 20.0), refit([0.1, 0.1, 0.2], 30.0)
+    moved: list[float] = []
+    monkeypatch.setattr(Refinement, "refined", lambda self, each: moved.append(each.gain) or each)
+    race = Refinement(BASE, lambda text: None, FitMemory(), lambda each: each.gain < 25.0)
+    assert {each.gain for each in race.raced([one, other])} == {20.0, 30.0}
+    assert moved == [30.0]

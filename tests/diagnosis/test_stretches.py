@@ -10,6 +10,7 @@ from short_menu import cut_menu
 
 from msl_fem.actuator import load_actuator
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
+from msl_fem.diagnosis import runs as runs_module
 from msl_fem.diagnosis.noise import transformed
 from msl_fem.diagnosis.problem import FitProblem, Points, lanes
 from msl_fem.diagnosis.runs import dynamic_runs
@@ -140,6 +141,61 @@ def test_an_unstable_plant_is_cut_and_left_noise_by_the_true_model(short, table)
     assert lengths.max() >= 32
     left = shot.missed(cut)["position_m"]
     assert np.sqrt(np.mean(left**2)) == pytest.approx(levitator.POSITION_NOISE, rel=0.1)
+
+
+def test_known_stretches_that_the_model_bears_are_where_the_choice_begins(short, table, monkeypatch) -> None:
+    """Else it begins with the shortest."""
+    shot, _ = shooting(short, table, [0])
+    cut = shot.chosen()
+    tried: list[int] = []
+    plain = Shooting.refined
+    monkeypatch.setattr(
+        Shooting, "refined", lambda self, one, *more: tried.append(one.begins.size) or plain(self, one, *more)
+    )
+    again = shot.chosen(cut)
+    assert np.isin(again.begins, cut.begins).all(), "neighbours at the end that had none before may be joined"
+    assert max(tried) == cut.begins.size
+    tried.clear()
+    too_long = replace(cut, begins=cut.begins[:1], starts=cut.starts[:1])
+    assert np.array_equal(shot.chosen(too_long).begins, cut.begins)
+    assert max(tried) > cut.begins.size
+
+
+def test_stretches_are_split_into_parts_that_know_what_does_not_count(short, table) -> None:
+    shot, cut = shooting(short, table, np.array([0, 256, 264]))
+    split = shot.split(replace(cut, outside=np.array([True, False, False])))
+    n = len(shot.data.commands)
+    assert split.begins.tolist() == [0, 64, 128, 192, 256, *(264 + (n - 264) * k // 4 for k in range(4))]
+    assert split.outside.tolist() == [True] * 4 + [False] * 5
+    assert shot.split(cut).outside is None
+    left = shot.missed(split)["position_m"]
+    assert np.sqrt(np.mean(left**2)) == pytest.approx(levitator.POSITION_NOISE, rel=0.1)
+
+
+@pytest.mark.parametrize("loses", [False, True])
+def test_a_model_is_fitted_over_parts_first_and_over_the_stretches_where_it_does_not_follow_them_then(
+    base, table, monkeypatch, loses: bool
+) -> None:
+    record = levitator.record(base, levitator.Truth(inductance=0.97), seconds=0.5)
+    believed = dynamic_runs(
+        record, ModelHypothesis(record.actuator, table), [run_data(record, run) for run in record.runs]
+    )
+    lengths: list[int] = []
+    plain = runs_module.fit
+
+    def noted(likelihood, *one, **more):
+        lengths.append(likelihood.problem.stretches[0].begins.size)
+        return plain(likelihood, *one, **more)
+
+    monkeypatch.setattr(runs_module, "fit", noted)
+    if loses:
+        monkeypatch.setattr(runs_module, "_loses", lambda renewed, found: len(lengths) == 1)
+    settled = believed.settled(lambda text: None)
+    whole = believed.cuts[0].begins.size
+    assert lengths[0] > 2 * whole
+    assert (whole in lengths) == loses
+    found = plain(settled.likelihood, settled.unknowns, settled.begin)
+    assert max(found.excess.values()) < 1.1
 
 
 def test_a_stable_plant_is_followed_as_a_whole(short, table) -> None:

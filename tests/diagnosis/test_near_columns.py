@@ -1,0 +1,134 @@
+"""Columns of amounts at one fit do for the scores of another that leaves noise alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear_record import CUBIC, OFFSET, LinearRecord, record, with_effect
+
+from msl_fem.diagnosis.fit import fit
+from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.refits import started
+from msl_fem.diagnosis.scores import AmountColumns, Score, scored
+from msl_fem.diagnosis.search import search_stage
+from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
+from msl_fem.diagnosis.variants import Variant
+
+VARIANTS = [Variant(one.effect, (one,)) for one in (OFFSET, CUBIC)]
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many points were simulated, each time."""
+    found: list[int] = []
+    plain = LinearRecord.spectra
+
+    def counted(likelihood: LinearRecord, points):
+        found.append(len(points.rows))
+        return plain(likelihood, points)
+
+    monkeypatch.setattr(LinearRecord, "spectra", counted)
+    return found
+
+
+def with_offset(size: float, cubic: float = 0.0) -> tuple[Fit, Fit]:
+    """Fits of a record without its force offset and with it."""
+    it, unknowns = record(seed=7, size=size)
+    it = replace(it, data=it.data + cubic * it.of_effect["stiffness_nonlinearity"])
+    without = fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
+    return without, fit(it, with_effect(unknowns, OFFSET), np.zeros(4))  # type: ignore[arg-type]
+
+
+def columns_of(found: Fit, variants: list[Variant] = VARIANTS) -> AmountColumns:
+    columns = scored(found, variants).columns
+    assert columns is not None
+    return columns
+
+
+def test_columns_of_a_fit_score_another_without_a_simulation(asked) -> None:
+    without, beside = with_offset(0.3, cubic=0.1)
+    near = columns_of(without)
+    exact = scored(beside, VARIANTS[1:])
+    asked.clear()
+    rough = scored(beside, VARIANTS[1:], near=near)
+    assert not asked
+    assert rough.scores[0].gain == pytest.approx(exact.scores[0].gain, rel=1e-4)
+    assert rough.scores[0].guess == pytest.approx(exact.scores[0].guess, rel=1e-4)
+    assert rough.scores[0].gain > 10
+
+
+def test_amounts_of_which_there_are_no_columns_are_simulated(asked) -> None:
+    without, _ = with_offset(0.1, cubic=0.1)
+    near = columns_of(without, VARIANTS[:1])
+    asked.clear()
+    rough = scored(without, VARIANTS, near=near)
+    assert asked == [2], "the fit as it is, and the cubic spring"
+    exact = {score.variant: score.gain for score in scored(without, VARIANTS).scores}
+    assert {score.variant: score.gain for score in rough.scores} == pytest.approx(exact, rel=1e-4)
+
+
+def test_columns_over_other_stretches_do_not_do(asked) -> None:
+    without, beside = with_offset(0.3)
+    near = replace(columns_of(without), begins=(b"other",))
+    asked.clear()
+    scored(beside, VARIANTS[1:], near=near)
+    assert asked == [2]
+
+
+@pytest.mark.parametrize(("cubic", "refitted"), [(0.0, 0), (0.07, 0), (0.2, 1)])
+def test_behind_a_first_effect_that_leaves_noise_nothing_is_refitted_that_cannot_count(
+    asked, cubic: float, refitted: int
+) -> None:
+    without, beside = with_offset(0.3, cubic)
+    near = columns_of(without)
+    assert (scored(beside, VARIANTS[1:]).scores[0].gain > 2.0) == bool(cubic)
+    assert max(beside.excess.values()) < 1.05
+    asked.clear()
+    stage = search_stage(beside, VARIANTS[1:], tell=str, needed=lambda variant: 24.0, near=near)
+    assert len(stage.refits) == refitted
+    assert bool(asked) == bool(refitted)
+    assert [score.variant for score in stage.scores] == VARIANTS[1:]
+
+
+class _Steep(LinearRecord):
+    """A record in which more than a little of an amount cannot be simulated."""
+
+    def spectra(self, points):
+        found = super().spectra(points)
+        amounts = np.array([CUBIC.z_of(float(effects[CUBIC.place])) for effects in points.effects])
+        found[np.abs(amounts) > 0.15] = np.nan
+        return found
+
+
+class _Bent(LinearRecord):
+    """A record in which more than a little of an amount does harm."""
+
+    def spectra(self, points):
+        found = super().spectra(points)
+        amounts = np.array([CUBIC.z_of(float(effects[CUBIC.place])) for effects in points.effects])
+        return found + 5.0 * (np.abs(amounts) > 0.15)[:, None]
+
+
+@pytest.mark.parametrize(("kind", "times"), [(LinearRecord, [1]), (_Steep, [1, 10]), (_Bent, [1, 10])])
+def test_a_refit_begins_at_the_linear_model_s_best_where_that_holds_and_looks_around_where_not(
+    asked, kind: type[LinearRecord], times: list[int]
+) -> None:
+    it, unknowns = record(seed=7, size=0.2, of="stiffness_nonlinearity")
+    base = fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
+    [score] = scored(base, VARIANTS[1:]).scores
+    steep = kind(it.data, it.nuisances, it.of_effect)
+    asked.clear()
+    begin = started(base, score, steep)  # type: ignore[arg-type]
+    assert asked == times
+    share = begin[-1] / score.guess[0]
+    assert share == pytest.approx(1.0) if kind is LinearRecord else 0.02 < share < 0.76
+
+
+def test_the_whole_way_is_asked_at_the_bounds_of_the_amounts() -> None:
+    """A guess beyond them begins at them."""
+    unknowns = Unknowns((("moving_mass", 0.01),), 0, ())
+    friction = EffectUnknown("coulomb_friction", "force")
+    it = LinearRecord(np.random.default_rng(1).standard_normal(400), np.zeros((400, 1)), {})
+    base = fit(it, unknowns, np.zeros(1))  # type: ignore[arg-type]
+    score = Score(Variant("coulomb_friction", (friction,)), 0.0, np.array([-3.0]), np.zeros(1), np.eye(1))
+    assert started(base, score, it)[-1] >= friction.bounds[0]  # type: ignore[arg-type]
