@@ -98,11 +98,11 @@ def conclude(
     errors = [[signal.summary for signal in of_model] for of_model in signals]
     gains, worse = _held_out(signals, result)
     confirmed = [gain if bad else max(gain, 0.0) for gain, bad in zip(gains, worse, strict=True)]
-    main, (named, notes) = main_cause(result, worse), _named(result, confirmed)
+    main, (named, notes) = main_cause(result, worse), _named(kind, result, confirmed)
     compensating = named.taken > 1 and _compensating(kind, result, models[result.taken], threads=threads)
     if compensating:
         first = replace(result, taken=1)
-        main, (named, notes) = main_cause(first, worse), _named(first, confirmed)
+        main, (named, notes) = main_cause(first, worse), _named(kind, first, confirmed)
         notes.append("several effects together leave what a function of one variable explains; only the first is kept")
     result = named
     if result.unclear and result.stages[-1].best is not None:
@@ -201,18 +201,29 @@ def _compensating(kind: Kind, result: EffectSearch, model: ModelHypothesis, *, t
     return bool(ranked and last is not None and ranked[0].gain > max(WORTH_NAMING, last.gain))
 
 
-def _named(result: EffectSearch, gains: Sequence[float]) -> tuple[EffectSearch, list[str]]:
-    """The search with as many effects as are named, and why not more."""
+def _named(kind: Kind, result: EffectSearch, gains: Sequence[float]) -> tuple[EffectSearch, list[str]]:
+    """The search with as many effects as are named, and why not more.
+
+    What the fit runs leave uncertain, held-out runs may show far better: another frequency, a resonance. Where they are
+    followed worse with an effect, their predictive density decides, of which that uncertainty is a part.
+    """
     taken, effects = result.taken, result.effects
     notes = []
     too_much = too_much_left(effects, result.excesses)
     if too_much:
         notes.append(too_much)
         taken = 0
-    while taken and (gains[taken - 1] < -WORSE or _unconfirmed(result, taken - 1, gains)):
+    while taken and _refused(result, taken - 1, gains[taken - 1]):
         effect = effects[taken - 1]
         if effect in OWN_OF_A_RUN:
             notes.append(f"{effect} is of each run's own: that of the fit run says nothing of held-out runs")
+            break
+        predicted = kind.predictive_gain(*result.fits[taken - 1 : taken + 1])
+        if not _refused(result, taken - 1, predicted):
+            notes.append(
+                f"with {effect} held-out runs lose {-gains[taken - 1]:.3g} nats with all numbers as fitted, and change "
+                f"by {predicted:+.3g} with what the fit runs leave uncertain as free as they leave it, which counts"
+            )
             break
         taken -= 1
         why = (
@@ -224,11 +235,13 @@ def _named(result: EffectSearch, gains: Sequence[float]) -> tuple[EffectSearch, 
     return replace(result, taken=taken), notes
 
 
-def _unconfirmed(result: EffectSearch, n: int, gains: Sequence[float]) -> bool:
-    """Whether effect n, which does not complete those before it, brings nothing on held-out data either."""
+def _refused(result: EffectSearch, n: int, gain: float) -> bool:
+    """Whether a gain on held-out data refuses effect n its name: a loss, or none where the effect does not complete
+    those before it."""
     before, after = result.excesses[n : n + 2]
     beside_own = not OWN_OF_A_RUN.isdisjoint(result.effects)
-    return n > 0 and gains[n] <= 0 and not beside_own and not completes(before, after)
+    unconfirmed = n > 0 and gain <= 0 and not beside_own and not completes(before, after)
+    return gain < -WORSE or unconfirmed
 
 
 def _unfaithful(errors: Sequence[PredictionError], kind: Kind) -> str:

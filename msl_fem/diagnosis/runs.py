@@ -27,6 +27,7 @@ from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.table_error import Visited, table_error
 from msl_fem.diagnosis.unknowns import Unknowns, fixed_of
 from msl_fem.diagnosis.variants import variables_of
+from msl_fem.errors import ComputationError
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import ModelHypothesis, RunData, Start, free_parameters, free_run, kernel_plant, measured_start
 from msl_fem.prediction.free_run import counted, start_sigmas
@@ -157,6 +158,10 @@ class Runs(Kind):
     def rule(self, rule: Rule) -> Rule:
         return rule
 
+    def predictive_gain(self, before: Fit, after: Fit) -> float:
+        first, second = (self._evidence_of_all(fit) - fit.log_evidence for fit in (before, after))
+        return second - first
+
     def dependences(
         self, fit: Fit, belief: ModelHypothesis, *, few: bool = False, threads: int = 1
     ) -> list[Dependence]:
@@ -178,6 +183,26 @@ class Runs(Kind):
     def sizes(self, belief: ModelHypothesis, effects: Sequence[str]) -> list[Size]:
         sizes = [self._size(belief, effect) for effect in effects]
         return [size for size in sizes if size is not None]
+
+    def _evidence_of_all(self, found: Fit) -> float:
+        """Log evidence of fitted and held-out runs together under a fit's model, which goes on from there: more than
+        its own by the log of the density that it predicts for the held-out ones. Minus infinity where it does not
+        follow them."""
+        assert self.record is not None
+        of_fit, own = found.likelihood.problem, found.unknowns
+        held = [(run, cut) for run, cut in zip(self.runs, self.cuts, strict=True) if run.role != "fit"]
+        problem = replace(of_fit, runs=(*of_fit.runs, *(run for run, _ in held)))
+        fitted = (None,) * len(of_fit.runs) if not of_fit.stretches else of_fit.stretches
+        cuts = (*fitted, *(cut for _, cut in held))
+        n = len(own.believed) + own.n_table
+        static = map_beside(self.record, self.belief)
+        likelihood, every = _likelihood(_cut_problem(problem, cuts, range(len(cuts))), own, static, found.z[:n])
+        likelihood = replace(likelihood, strict=found.likelihood.strict)
+        z = np.insert(found.z, own.n_nuisance, np.zeros(every.size - own.size))
+        try:
+            return fit(likelihood, every, z, plan=FitPlan(enough=ROUGH)).log_evidence
+        except ComputationError:
+            return -np.inf
 
     def _missed(self, model: ModelHypothesis, run: RunData, cut: Stretches | None) -> Mapping[str, Array]:
         """Measured less simulated by channel; a run is followed once by each model."""
