@@ -43,6 +43,8 @@ FAR, LOSES = 10.0, 2.0
 both a cause is missing, and what of it piles up over a stretch is no more a small change of the model."""
 ROUGH_BEGINNING = 100.0
 """Nats that a fit may still gain over parts of stretches: over whole ones it goes on."""
+OF_ALL_RUNS = 0.5
+"""The same of one of fitted and held-out runs together: little beside what refuses a name."""
 OTHER_HOLD: Mapping[Hold, Hold] = {"zero-order": "linear", "linear": "zero-order"}
 ALIKE, FINER = 0.05, 3
 """Nats by which runs may differ in coarse steps from others, so many times finer than fine ones."""
@@ -200,7 +202,7 @@ class Runs(Kind):
         likelihood = replace(likelihood, strict=found.likelihood.strict)
         z = np.insert(found.z, own.n_nuisance, np.zeros(every.size - own.size))
         try:
-            return fit(likelihood, every, z, plan=FitPlan(enough=ROUGH)).log_evidence
+            return fit(likelihood, every, z, plan=FitPlan(enough=OF_ALL_RUNS)).log_evidence
         except ComputationError:
             return -np.inf
 

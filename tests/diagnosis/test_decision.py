@@ -45,6 +45,12 @@ def stages(
     return [SimpleNamespace(best=best, null=by_chance) for best in bests]
 
 
+def predicting(gain: float) -> Any:
+    """A kind whose held-out runs become so much more probable where what is uncertain may move."""
+    return SimpleNamespace(predictive_gain=lambda before, after: gain)
+
+
+NOT_ASKED = predicting(-np.inf)
 QUIET, LOUD, LOUDER = {"x": 1.02, "i": 1.0}, {"x": 3.0, "i": 1.1}, {"x": 10.0, "i": 2.0}
 
 
@@ -128,10 +134,10 @@ def test_an_effect_that_brings_a_channel_to_its_noise_counts_though_another_chan
 def test_where_more_than_noise_is_left_held_out_runs_have_to_become_better(gain: float, named: int) -> None:
     found = replace(searched(("periodic_disturbance", 1000.0), ("squeeze_film", 130.0)))
     rest = (LOUDER, {"x": 2.8, "i": 1.0}, {"x": 2.0, "i": 1.0})
-    loud, notes = _named(replace(found, excesses=rest), [50.0, gain])
+    loud, notes = _named(NOT_ASKED, replace(found, excesses=rest), [50.0, gain])
     assert loud.taken == named
     assert any("held-out" in note for note in notes) == (named < 2)
-    assert _named(found, [50.0, gain])[0].taken == 2, "to the noise chance is enough"
+    assert _named(NOT_ASKED, found, [50.0, gain])[0].taken == 2, "to the noise chance is enough"
 
 
 @pytest.mark.parametrize(("gain", "predicted", "hopeless"), [(20.0, 1.0, True), (20.0, 2.0, False), (30.0, 0.0, False)])
@@ -235,19 +241,31 @@ def test_several_effects_are_a_patchwork_where_a_function_explains_more_than_the
 
 
 def test_a_drift_is_of_each_run_s_own_so_held_out_runs_do_not_speak_against_it() -> None:
-    named, notes = _named(searched(("sensor_drift", 6000.0)), [-500.0])
+    named, notes = _named(NOT_ASKED, searched(("sensor_drift", 6000.0)), [-500.0])
     assert named.taken == 1
     assert "each run's own" in notes[0]
-    named, notes = _named(searched(("squeeze_film", 6000.0)), [-500.0])
+    named, notes = _named(NOT_ASKED, searched(("squeeze_film", 6000.0)), [-500.0])
     assert named.taken == 0
     assert "makes held-out runs worse" in notes[0]
+
+
+@pytest.mark.parametrize(("predicted", "named"), [(7.5, 2), (-9.0, 2), (-11.0, 1)])
+def test_what_held_out_runs_lose_by_the_fit_s_uncertainty_refuses_no_name(predicted: float, named: int) -> None:
+    """At a resonance that the fit runs pass by, numbers as fitted lose more than their effect brings."""
+    found = searched(("time_delay", 21435.0), ("early_saturation", 849.0))
+    told, notes = _named(predicting(predicted), found, [15545.0, -59.0])
+    assert told.taken == named
+    assert ("lose 59 nats" in notes[0] and f"{predicted:+.3g}" in notes[0]) == (named == 2)
+    loud = replace(found, excesses=(LOUDER, {"x": 2.8, "i": 1.0}, {"x": 2.0, "i": 1.0}))
+    more = _named(predicting(predicted), loud, [15545.0, -59.0])[0].taken
+    assert more == (2 if predicted > 0 else 1), "beside more than noise they have to become better"
 
 
 @pytest.mark.parametrize("effect", ["sensor_drift", "squeeze_film"])
 def test_no_effect_may_leave_a_fifth_of_the_excess_power(effect: str) -> None:
     left = {"x": 4.2, "i": 2.0}
     found = replace(searched((effect, 1385.0)), excesses=(LOUDER, left))
-    assert _named(found, [100.0])[0].taken == 0
+    assert _named(NOT_ASKED, found, [100.0])[0].taken == 0
 
 
 def followed(rms: float) -> PredictionError:
