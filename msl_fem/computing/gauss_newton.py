@@ -104,7 +104,8 @@ DAMPED_FIRST = 1
 """Trials with more damping of a stale model that failed, before it is computed anew: of both a trial is the cheaper by
 far, and as often as not the step was too long and no column too old."""
 MOST_IDLE = 2
-"""Trials in a row after that, which bring less than is enough to go on, with which a descent ends."""
+"""Trials in a row after that, or that are damped so much that they promise no more, which bring less than is enough to
+go on, with which a descent ends."""
 
 
 def halved(move: Array, mu: float) -> Array:
@@ -124,7 +125,7 @@ class DescentSettings:
     renewal : the next model is computed wholly anew where a step brings less than this share of its promise, and where
         a stale one fails or promises too little; None: never. Where steps of new models bring next to nothing of what
         they promise (`VAIN`), as at a kink, no new one helps, and what is taken over has to do, until it brings nothing
-        either (`MOST_IDLE`)
+        either; nor is anything to come where only damped steps are left that promise too little (`MOST_IDLE`)
     fresh_end : whether a stale model that promises too little is computed anew before the descent ends
     """
 
@@ -168,7 +169,8 @@ def descend(
         move, promised = model.step(mu)
         trial = objective.moved(point, move)
         gain = point.objective - trial.objective
-        idle = idle + 1 if how.renewal is not None and vain >= MOST_VAIN and not gain >= how.enough else 0
+        small = vain >= MOST_VAIN or promised < how.enough
+        idle = idle + 1 if how.renewal is not None and small and not gain >= how.enough else 0
         if idle >= MOST_IDLE:
             return Descent(point, model, "in vain", steps, mu)
         if gain > 0.0:  # not of nan

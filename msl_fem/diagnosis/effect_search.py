@@ -28,7 +28,7 @@ from msl_fem.diagnosis.fit import STEPS_A_ROUND, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import fit_name
 from msl_fem.diagnosis.kind import Kind, about_belief
 from msl_fem.diagnosis.likelihood import QUIET, Fit
-from msl_fem.diagnosis.refits import ROUGH, Refinement, Refit
+from msl_fem.diagnosis.refits import NEARLY, ROUGH, Refinement, Refit
 from msl_fem.diagnosis.search import SearchStage, search_stage
 from msl_fem.diagnosis.settings import DiagnosisSettings
 
@@ -37,9 +37,7 @@ WORSE_THAN = 1.02
 EXCHANGED = 2
 """How often a set of effects is put right and then added to."""
 BEGINNINGS = 2
-"""How often a search that leaves more than noise is begun once more, with another effect."""
-NEARLY = 0.5
-"""Of the best first gain, from which another effect is such a beginning."""
+"""How often a search that leaves more than noise is begun once more, with another effect that is `NEARLY` as good."""
 CLOSER = 1.0
 """Nats by which a set has to be more probable with another effect in one's place: more than fits are off their ends."""
 

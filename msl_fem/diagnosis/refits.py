@@ -38,6 +38,8 @@ MORE_LEGS = 6  # of as many steps, for the leader and what begins far off alone,
 RACED_STEPS = 5  # of a candidate that is kept, until it is looked at again
 CATCHING_UP = 3.0
 """Times what the last of these rounds brought, by which a candidate that goes on may still grow."""
+NEARLY = 0.5
+"""Share of the best gain, to which another refit has to come to be of interest beside it."""
 MADE_UP = ("remanent_flux",)
 """Effects that gains make up for as far as that: where more than noise is left their refits begin once more with all
 else as believed."""
@@ -45,7 +47,7 @@ STRAINED = 4.0  # tolerances by which a believed parameter of a fit has moved, w
 BENT = 2.5  # tolerances, from which what is made up for as far as `MADE_UP` may be what bends it
 NEAR = 15.0  # nats behind the best within which refits are converged
 FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the best
-ROUGHLY_CONVERGED = 0.5  # nats that a candidate which does not lead may still gain
+ROUGHLY_CONVERGED = 0.5  # nats that a candidate may still gain which does not lead, or of which much more is asked
 ROUGH = 5.0  # nats that a fit may still gain when it is scored, where the best score is far above
 Item = TypeVar("Item")
 Stepped = TypeVar("Stepped")
@@ -87,14 +89,16 @@ def started(base: Fit, score: Score, likelihood: Likelihood) -> Array:
     shapes = np.zeros(len(score.variant.shapes))
     unknowns = extended(base.unknowns, score.variant)
     whole = unknowns.allowed(np.concatenate([base.z + score.shift, score.guess, shapes]))
-    if objectives(likelihood, unknowns, whole[None])[0] <= base.objective - AS_PROMISED * max(score.gain, 0.0):
+    there = objectives(likelihood, unknowns, whole[None])[0]
+    if there <= base.objective - AS_PROMISED * max(score.gain, 0.0):
         return whole
-    rows = [np.concatenate([base.z + part * score.shift, part * score.guess, shapes]) for part in SHARES]
+    rows = [np.concatenate([base.z + part * score.shift, part * score.guess, shapes]) for part in SHARES[1:]]
     rows += [np.concatenate([base.z, part * score.guess, shapes]) for part in SHARES]
     largest = max(float(np.abs(score.guess).max()), TINY)
     rows += [np.concatenate([base.z, size / largest * score.guess, shapes]) for size in SMALL if size < largest]
     points = np.array([unknowns.allowed(row) for row in rows])
-    return np.asarray(points[int(np.argmin(objectives(likelihood, unknowns, points)))])
+    costs = objectives(likelihood, unknowns, points)
+    return whole if there <= costs.min() else np.asarray(points[int(np.argmin(costs))])
 
 
 def objectives(likelihood: Likelihood, unknowns: Unknowns, points: Array) -> Array:
@@ -169,7 +173,7 @@ class Refinement:
             kept, behind = _in_front(self._together(self.from_small_amounts, kept))
             eliminated += behind
         raced = self.raced(kept)
-        let_go(raced)
+        let_go(sorted(raced, key=_by_gain)[1:])
         eliminated += [refit for refit in raced if refit.gain > 0 and self.hopeless(refit)]
         refined = sorted((refit for refit in raced if refit not in eliminated), key=_by_gain)
         leader = self.converged(refined[0], leads=True) if refined and refined[0].gain > 0 else None
@@ -242,12 +246,14 @@ class Refinement:
             return None
 
     def raced(self, kept: Sequence[Refit]) -> list[Refit]:
-        """Candidates after rounds of a few steps, where each goes on as long as it gains, may still lead, and would
-        count if it did."""
-        running = [refit for refit in kept if refit.promising and not self.hopeless(refit)]
+        """Candidates after rounds of a few steps, where each that may come near the best goes on as long as it gains,
+        may still lead, and would count if it did."""
+        most = NEARLY * max((refit.gain for refit in kept), default=0.0)
+        running = [one for one in kept if one.promising and one.reach >= most and not self.hopeless(one)]
         ended = [refit for refit in kept if refit not in running]
-        for _ in range(REFINEMENT_STEPS // RACED_STEPS):
-            let_go(ended)
+        for _ in range(REFINEMENT_STEPS // RACED_STEPS if kept else 0):
+            best = min([*running, *ended], key=_by_gain)
+            let_go([one for one in ended if one is not best])
             if running:
                 self.tell(f"{len(running)} of them go on, {', '.join(_effects(running))}")
             moved = self._together(self.refined, running)
@@ -267,22 +273,29 @@ class Refinement:
         return on
 
     def converged(self, refit: Refit, *, leads: bool) -> Refit:
-        """A candidate in front, with all columns of its own, of which a further step would gain next to nothing."""
-        enough = CONVERGED if leads else max(ROUGHLY_CONVERGED, FRACTION * refit.gain)
+        """A candidate in front, its columns in the end those of that point, of which a further step would gain next to
+        nothing."""
+        enough = max(ROUGHLY_CONVERGED if self.base.unknowns.effects else CONVERGED, FRACTION * refit.gain)
+        enough = min(enough, ROUGHLY_CONVERGED) if leads else max(enough, ROUGHLY_CONVERGED)
         plan = FitPlan(LAST_STEPS, refit.fit.damping, enough=enough)
         led = None
         if leads and not self.base.unknowns.effects and strained(refit.fit):
             self.tell(f"{refit.variant.name}, which leads, once more with all else as believed")
             led = self._begun_anew(refit, as_believed(refit.fit), plan)
         if led is None or led.gain < refit.gain:
-            led = self._refit(refit.fit, refit.variant, refit.fit.z, plan, None)
+            led = self._refit(refit.fit, refit.variant, refit.fit.z, plan, self._columns_of(refit))
         for _ in range(MORE_LEGS if leads else 0):  # what it has left undone, whatever is beside it would collect
             if led.gain - refit.gain < led.enough or not led.promising:
                 break
             self.tell(f"{led.variant.name}, which leads, goes on; {led.gain:.3g} nats")
-            led.fit.lets_go()
-            refit, led = led, self._refit(led.fit, led.variant, led.fit.z, plan, None)
+            refit, led = led, self._refit(led.fit, led.variant, led.fit.z, plan, self._columns_of(led))
+            refit.fit.lets_go()
         return replace(led, fit=replace(led.fit, finished=leads))
+
+    def _columns_of(self, refit: Refit) -> Slopes | None:
+        """The nuisances' columns of a refit, where it has not let them go."""
+        own = refit.fit.columns.values
+        return None if own is None else own[:, : self.base.unknowns.n_nuisance]
 
     def _begun_anew(self, refit: Refit, z: Array, plan: FitPlan, columns: Slopes | None = None) -> Refit | None:
         """A candidate begun once more elsewhere, as where all but its effects is as believed: what the model without it

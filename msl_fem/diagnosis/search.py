@@ -68,7 +68,7 @@ def search_stage(
     """What one of these variants more would bring to a fit, which is converged as far as that asks for; refits begin
     where `memory` says that they ended. Where the fit leaves noise alone, and all scores are far below the nats that
     their effects need, a first effect's best one alone is refitted, and none behind a first effect: there the columns
-    of the stage before, `near`, tell whether all are, and those that are go no further beside others. Refits that will
+    of a stage before, `near`, tell which effects are, and these go no further. Refits that will
     not count are not led to their ends."""
     tell("all effects")
     quiet = max(start.excess.values()) <= QUIET
@@ -77,10 +77,13 @@ def search_stage(
     def worth(score: Score) -> bool:
         return score.gain >= HOPELESS * needed(score.variant)
 
-    if quiet and near is not None and not strained(base, BENT):
+    beside = quiet and near is not None and not strained(base, BENT)
+    if beside:
         roughly = scored(base, tried, near=near)
-        if not any(map(worth, roughly.scores)):
+        seen = {score.variant.effect for score in filter(worth, roughly.scores)}
+        if not seen:
             return SearchStage(base, roughly.scores, (), roughly.null)
+        tried = [variant for variant in tried if variant.effect in {*seen, *COMPENSATED}]
     at_base = scored(base.sane or base, tried)
     if at_base.dropped:
         tell(f"all effects but those with which the runs cannot be simulated here: {', '.join(at_base.dropped)}")
@@ -103,7 +106,7 @@ def search_stage(
     kept = memory or FitMemory()
     kept.ended(fit_name(base.unknowns), base.z)
     refits = Refinement(base, tell, kept, hopeless).best_first(candidates)
-    return SearchStage(base, every, tuple(refits), at_base.null, at_base.columns)
+    return SearchStage(base, every, tuple(refits), at_base.null, near if beside else at_base.columns)
 
 
 def converged_base(start: Fit) -> Fit:

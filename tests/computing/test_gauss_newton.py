@@ -217,6 +217,23 @@ def test_a_descent_ends_where_promises_are_not_kept() -> None:
     assert descend(Promises(), Kinked(1.0), replace(settings, enough=0.005)).ending == "no more steps"
 
 
+class Damped(Promises):
+    """Models whose step, as damped as it has to be, promises and brings little of what one without would."""
+
+    def step(self, damping: float) -> tuple[np.ndarray, float]:
+        return np.array([-0.01]), 0.01
+
+    def model(self, point: Kinked, neighbour: Promises | None) -> "Damped":
+        return Damped(stale=neighbour is not None)
+
+
+@pytest.mark.parametrize(("enough", "ending"), [(0.02, "in vain"), (0.005, "no more steps")])
+def test_a_descent_ends_where_damped_steps_promise_too_little(enough: float, ending: str) -> None:
+    end = descend(Damped(), Kinked(1.0), DescentSettings(enough=enough, renewal=0.6, most_trials=20))
+    assert end.ending == ending
+    assert end.steps == (1 if ending == "in vain" else 20)
+
+
 def test_products_made_of_some_rows_at_a_time_are_those_of_the_whole() -> None:
     chance = np.random.default_rng(2)
     n = ROWS_AT_ONCE + 100

@@ -118,3 +118,72 @@ def test_a_candidate_that_will_not_count_is_not_raced(monkeypatch) -> None:
     race = Refinement(BASE, lambda text: None, FitMemory(), lambda each: each.gain < 25.0)
     assert {each.gain for each in race.raced([one, other])} == {20.0, 30.0}
     assert moved == [30.0]
+
+
+def test_a_candidate_that_cannot_come_near_the_best_is_not_raced(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eddy currents of 32 500 nats beside a drive's lag of 77 000: three steps of 1000 nats lead nowhere."""
+    leader, behind = refit([0.1, 0.1, 0.1], 77000.0, 1000.0), refit([0.1, 0.1, 0.2], 32500.0, 1000.0)
+    nearer = refit([0.1, 0.1, 0.3], 36000.0, 1000.0)
+    moved: list[float] = []
+    monkeypatch.setattr(Refinement, "refined", lambda self, each: moved.append(each.gain) or each)
+    raced = Refinement(BASE, lambda text: None, FitMemory()).raced([leader, behind, nearer])
+    assert sorted(each.gain for each in raced) == [32500.0, 36000.0, 77000.0]
+    assert moved == [77000.0, 36000.0]
+    held = {each.gain: each.fit.columns.values is not None for each in raced}
+    assert held == {77000.0: True, 36000.0: False, 32500.0: False}, "what leads keeps its columns"
+    assert Refinement(BASE, lambda text: None, FitMemory()).raced([]) == []
+
+
+@pytest.mark.parametrize(("gain", "beside", "enough"), [(12.0, False, 0.06), (1000.0, False, 0.5), (12.0, True, 0.5)])
+def test_a_leader_is_led_as_far_as_what_is_asked_of_it_needs(
+    monkeypatch: pytest.MonkeyPatch, gain: float, beside: bool, enough: float
+) -> None:
+    plans: list[Any] = []
+
+    def fitted(self: Refinement, near: Fit, variant: Variant, z: np.ndarray, plan: Any, columns: object) -> Refit:
+        plans.append((plan.enough, columns))
+        return refit(list(z), gain, 0.0)
+
+    monkeypatch.setattr(Refinement, "_refit", fitted)
+    base = replace(BASE, unknowns=replace(UNKNOWNS, effects=FRICTION.unknowns)) if beside else BASE
+    one = refit([0.1, 0.1, 0.1], gain)
+    Refinement(base, lambda text: None, FitMemory()).converged(one, leads=True)
+    assert plans[0][0] == pytest.approx(enough)
+    assert np.shares_memory(plans[0][1], one.fit.columns.values)
+    one.fit.lets_go()
+    Refinement(base, lambda text: None, FitMemory()).converged(one, leads=True)
+    assert plans[1][1] is None
+
+
+def test_a_leader_that_goes_on_does_so_with_the_columns_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: list[Any] = []
+    made: list[Refit] = []
+
+    def fitted(self: Refinement, near: Fit, variant: Variant, z: np.ndarray, plan: object, columns: Any) -> Refit:
+        taken.append(columns)
+        made.append(refit(list(z), -near.objective + 100.0, near.predicted))
+        return made[-1]
+
+    monkeypatch.setattr(Refinement, "_refit", fitted)
+    led([0.1, 0.1, 0.3], leads=True)
+    assert len(taken) == 1 + MORE_LEGS
+    assert all(columns is not None and columns.shape[1] == UNKNOWNS.n_nuisance for columns in taken)
+    assert [one.fit.columns.values is None for one in made] == [*[True] * MORE_LEGS, False], "of the last one alone"
+
+
+def test_of_a_race_the_best_alone_keeps_its_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is led on with them; of the others each would fill the memory."""
+    columns: list[bool] = []
+    every = [refit([0.1, 0.1, n / 10], gain, 0.0) for n, gain in enumerate((900.0, 1000.0, 800.0))]
+    screened = iter(every)
+    monkeypatch.setattr(Refinement, "screened", lambda self, score: next(screened))
+    monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(item) for item in items])
+
+    def converged(self: Refinement, one: Refit, *, leads: bool) -> Refit:
+        columns.extend(each.fit.columns.values is not None for each in every)
+        return one
+
+    monkeypatch.setattr(Refinement, "converged", converged)
+    scores: Any = [SimpleNamespace(gain=1.0, variant=FRICTION)] * 3
+    Refinement(BASE, lambda text: None, FitMemory()).best_first(scores)
+    assert columns[:3] == [False, True, False]

@@ -90,6 +90,21 @@ def test_behind_a_first_effect_that_leaves_noise_nothing_is_refitted_that_cannot
     assert [score.variant for score in stage.scores] == VARIANTS[1:]
 
 
+def test_where_some_can_count_these_alone_are_scored_once_more(asked) -> None:
+    """Beside what gap, scale and gains make up for, which a score may miss; the next stage takes the columns of all."""
+    without, beside = with_offset(0.3, 0.2)
+    friction, gap = EffectUnknown("coulomb_friction", "force"), EffectUnknown("gap_offset", "offset")
+    tried = [*VARIANTS[1:], *(Variant(one.effect, (one,)) for one in (friction, gap))]
+    near = replace(columns_of(without), places={(CUBIC, ()): 1, (friction, ()): 0, (gap, ()): 0})
+    asked.clear()
+    stage = search_stage(
+        beside, tried, tell=str, needed=lambda variant: 24.0 if variant == tried[0] else 1e9, near=near
+    )
+    assert asked[0] == 3, "the fit as it is, cubic spring and gap"
+    assert stage.refits[0].variant == tried[0]
+    assert stage.columns is near
+
+
 class _Steep(LinearRecord):
     """A record in which more than a little of an amount cannot be simulated."""
 
@@ -109,7 +124,19 @@ class _Bent(LinearRecord):
         return found + 5.0 * (np.abs(amounts) > 0.15)[:, None]
 
 
-@pytest.mark.parametrize(("kind", "times"), [(LinearRecord, [1]), (_Steep, [1, 10]), (_Bent, [1, 10])])
+class _Dear(LinearRecord):
+    """A record in which any amount costs more than half of what the best one brings."""
+
+    def spectra(self, points):
+        found = super().spectra(points)
+        amounts = np.array([CUBIC.z_of(float(effects[CUBIC.place])) for effects in points.effects])
+        return found + DEAR * (amounts != 0.0)[:, None] * (-1.0) ** np.arange(found.shape[1])
+
+
+DEAR = 0.2
+
+
+@pytest.mark.parametrize(("kind", "times"), [(LinearRecord, [1]), (_Steep, [1, 9]), (_Bent, [1, 9]), (_Dear, [1, 9])])
 def test_a_refit_begins_at_the_linear_model_s_best_where_that_holds_and_looks_around_where_not(
     asked, kind: type[LinearRecord], times: list[int]
 ) -> None:
@@ -121,7 +148,7 @@ def test_a_refit_begins_at_the_linear_model_s_best_where_that_holds_and_looks_ar
     begin = started(base, score, steep)  # type: ignore[arg-type]
     assert asked == times
     share = begin[-1] / score.guess[0]
-    assert share == pytest.approx(1.0) if kind is LinearRecord else 0.02 < share < 0.76
+    assert share == pytest.approx(1.0) if kind in (LinearRecord, _Dear) else 0.02 < share < 0.76
 
 
 def test_the_whole_way_is_asked_at_the_bounds_of_the_amounts() -> None:
