@@ -137,8 +137,9 @@ class Runs(Kind):
 
     def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:
         signals = []
-        for run, cut in zip(self.runs, self.cuts, strict=True):
-            values = self._missed(belief, run, cut)
+        with ThreadPoolExecutor(self.threads) as pool:
+            every = list(pool.map(partial(self._missed, belief), self.runs, self.cuts))
+        for run, cut, values in zip(self.runs, self.cuts, every, strict=True):
             outside = None if cut is None else ~cut.counts(len(run.commands))
             signals += [ErrorSignal.of_run(run, name, values[name], outside) for name in counted(run)]
         return signals
@@ -225,8 +226,9 @@ class Runs(Kind):
             rest[effect] = dict(self.belief.effects.stated[effect])
         without = replace(extended, effects=EffectValues(rest) if rest else None)
         sizes = []
-        for run, cut in zip(self.runs, self.cuts, strict=True):
-            present, absent = self._missed(extended, run, cut), self._missed(without, run, cut)
+        with ThreadPoolExecutor(self.threads) as pool:
+            of_both = [list(pool.map(partial(self._missed, one), self.runs, self.cuts)) for one in (extended, without)]
+        for run, cut, present, absent in zip(self.runs, self.cuts, *of_both, strict=True):
             counts = slice(None) if cut is None else cut.counts(len(run.commands))
             for name in counted(run):
                 change = float(np.sqrt(np.mean((present[name] - absent[name])[counts] ** 2)))
