@@ -202,7 +202,7 @@ class Refinement:
             return []
         self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(bent))}")
         far = ELIMINATED * refits[0].gain
-        begun = self._together(lambda refit: self.from_small_amounts(refit, far), bent)
+        begun = [self.from_small_amounts(refit, far, by_itself=True) for refit in bent]
         return [after for before, after in zip(bent, begun, strict=True) if after is not before]
 
     def _other_forms(self, leader: Refit, refits: Sequence[Refit]) -> list[Refit]:
@@ -308,25 +308,29 @@ class Refinement:
         except ComputationError:
             return None
 
-    def from_small_amounts(self, refit: Refit, least: float = -np.inf) -> Refit:
+    def from_small_amounts(self, refit: Refit, least: float = -np.inf, *, by_itself: bool = False) -> Refit:
         """The better of a candidate and of one begun at the belief: beside numbers that nothing can have, the amounts
         that suit them are none that lead back. Each sign of each amount is tried, in the likeliest of several sizes,
-        and what may still lead after a few steps, and come to the least nats that count, goes on, the most promising as
-        long as it may still: where two amounts nearly balance each other, the likeliest beginning is the one whose
-        unbalance suits, and the way is long."""
+        all at the same time for a candidate `by_itself`. What may still lead after a few steps, and come to the least
+        nats that count, goes on, the most promising as long as it may still: where two amounts nearly balance each
+        other, the likeliest beginning is the one whose unbalance suits, and the way is long."""
         unknowns, likelihood = refit.fit.unknowns, refit.fit.likelihood.gathering(self.gathered)
         n, amounts, begin = self.base.unknowns.n_nuisance, len(refit.variant.amounts), as_believed(refit.fit)
         if likelihood.is_cut:
             likelihood = likelihood.followed(unknowns, begin)
         near = replace(refit, fit=replace(refit.fit, likelihood=likelihood))
-        plan, found = FitPlan(most_steps=SCREENING_STEPS, enough=ROUGH, fresh_end=False), []
+        plan = FitPlan(most_steps=SCREENING_STEPS, enough=ROUGH, fresh_end=False)
         columns = self._columns_without(likelihood, begin)
-        for way in product((1.0, -1.0), repeat=amounts):
+
+        def along(way: Sequence[float]) -> Refit | None:
             rows = np.tile(begin, (len(SMALL), 1))
             rows[:, n : n + amounts] = np.outer(SMALL, way)
             rows = np.array([unknowns.allowed(row) for row in rows])
-            row = rows[int(np.argmin(objectives(likelihood, unknowns, rows)))]
-            found.append(self._begun_anew(near, row, plan, columns))
+            costs = objectives(likelihood.gathering(self.gathered), unknowns, rows)
+            return self._begun_anew(near, rows[int(np.argmin(costs))], plan, columns)
+
+        ways = list(product((1.0, -1.0), repeat=amounts))
+        found = self._together(along, ways) if by_itself else list(map(along, ways))
         begun = sorted((one for one in found if one is not None), key=_by_gain)
         let_go(begun)
         ended: list[Refit] = []

@@ -232,6 +232,19 @@ def test_beside_one_that_leaves_noise_nothing_else_that_began_at_the_belief_goes
     assert len(begun) == times
 
 
+def test_by_itself_a_candidate_is_begun_with_all_signs_at_the_same_time(begun, monkeypatch) -> None:
+    together, counts = Refinement._together, []
+    monkeypatch.setattr(
+        Refinement, "_together", lambda self, step, items: counts.append(len(items)) or together(self, step, items)
+    )
+    race = refinement([2 * SANE, 0.0])
+    anew = race.from_small_amounts(candidate([2 * SANE, 9.0, 5.0], 100.0, Amounts()), by_itself=True)
+    assert anew.gain == 5000.0
+    assert counts == [2]
+    assert sorted(z[-1] for z in begun[:2]) == [-SMALL[1], SMALL[0]]
+    assert begun[2][-1] == -SMALL[1]
+
+
 def test_what_will_not_come_to_the_least_that_counts_goes_no_further(begun) -> None:
     one = candidate([2 * SANE, 9.0, 5.0], 100.0, Amounts())
     assert refinement([2 * SANE, 0.0]).from_small_amounts(one, least=6000.0).gain == 5000.0
@@ -323,7 +336,11 @@ def test_what_gains_make_up_for_begins_anew_where_the_leader_leaves_more_than_no
     monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(one) for one in items])
     monkeypatch.setattr(Refinement, "screened", lambda self, score: next(screened))
     monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
-    monkeypatch.setattr(Refinement, "from_small_amounts", lambda self, one, least: replace(one, gain=20 * least))
+
+    def anew(self: Refinement, one: Refit, least: float, *, by_itself: bool = False) -> Refit:
+        return replace(one, gain=20 * least) if by_itself else one
+
+    monkeypatch.setattr(Refinement, "from_small_amounts", anew)
     scored = [SimpleNamespace(variant=one, gain=100.0) for one in (CUBIC, kept)]
     found = refinement([moved, 0.0]).best_first(scored)  # type: ignore[arg-type]
     gains = [(one.variant.effect, one.gain) for one in found]
