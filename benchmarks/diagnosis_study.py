@@ -11,8 +11,8 @@ line of `diagnosis_study.jsonl`, and a run goes on where the last one stopped. A
 belongs: thresholds may be settled on even ones, rates count on odd ones. Cases come in an order in which any beginning
 is a fair share. `--seed` draws other cases: those of a seed that nobody has looked at set nothing, odd or even.
 `--missed` asks of the cases in which a hidden effect was not named what their records can show: the nats that each of
-the hidden effects brings beside the others in a search that tries nothing else, and those that a record brings for a
-single one over what was told in its place.
+the hidden effects brings beside the others in a search that tries nothing else, and those that a record brings for them
+over as many that were told in their place.
 """
 
 import argparse
@@ -187,6 +187,17 @@ class OnlyThese:
         tried = [variant for variant in about_belief(self.kind, base) if variant.effect in effects]
         return search_stage(base, tried, tell=self.how.progress, memory=self.how.memory).best
 
+    def one_after_the_other(self, effects: Collection[str]) -> list[Refit]:
+        """All of these effects, what brings most beside those before first."""
+        base, found = self.base, list[Refit]()
+        while len(found) < len(effects):
+            best = self.best(base, set(effects) - {one.variant.effect for one in found})
+            if best is None:
+                break
+            found.append(best)
+            base = best.fit
+        return found
+
 
 @one_blas_thread
 def nats_shown(case: Case) -> dict[str, float]:
@@ -195,26 +206,21 @@ def nats_shown(case: Case) -> dict[str, float]:
         search = OnlyThese(case)
     except InputError:
         return {}
-    base, found = search.base, dict[str, float]()
-    while set(search.truth) - set(found):
-        best = search.best(base, search.truth)
-        if best is None:
-            break
-        base = best.fit
-        found[best.variant.effect] = round(best.gain, 2)
-    return found
+    return {one.variant.effect: round(one.gain, 2) for one in search.one_after_the_other(search.truth)}
 
 
 @one_blas_thread
-def nats_apart(case: Case, told: str) -> float:
-    """Nats that the record brings on average for its one hidden effect over the one that was told in its place: below
-    `APART` the best judge of the record alone takes one for the other once in six times at least."""
+def nats_apart(case: Case, told: Sequence[str]) -> float:
+    """Nats that the record brings on average for its hidden effects over as many that were told in their place: below
+    `APART` the best judge of the record alone takes one set for the other once in six times at least."""
     try:
         search = OnlyThese(case)
     except InputError:
         return np.inf
-    true, other = (search.best(search.base, [effect]) for effect in (search.truth[0], told))
-    return np.inf if true is None or other is None else round(true.fit.nats_apart(other.fit), 2)
+    true, other = (search.one_after_the_other(effects) for effects in (search.truth, told))
+    if len(true) < len(search.truth) or len(other) < len(told):
+        return np.inf
+    return round(true[-1].fit.nats_apart(other[-1].fit), 2)
 
 
 def outcome(found: Diagnosis) -> Row:
@@ -282,22 +288,27 @@ def run(path: Path, portion: Portion) -> None:
 
 
 def ask_of_missed(path: Path) -> None:
-    """Adds to the cases in which a hidden effect was not named the nats that it brings, and where another was told in
-    the place of a single one how far they are apart."""
+    """Adds to the cases in which a hidden effect was not named the nats that it brings, and where others were told in
+    place of the hidden ones, as many, how far they are apart."""
     left = [
         row
         for row in done(path)
-        if EFFECTS_OF[row["kind"]] and "truth" in row and not whole(row) and "shown" not in row
+        if EFFECTS_OF[row["kind"]] and "truth" in row and not whole(row) and ("shown" not in row or unasked(row))
     ]
     with path.open("a", encoding="utf-8") as out:
         for row in left:
             case = replace(case_of(row["seed"], row["study"]), stated_hold="zero-order")  # the bench's own
-            row["shown"] = nats_shown(case)
-            if EFFECTS_OF[row["kind"]] == 1 and row["names"]:
-                row["apart"] = nats_apart(case, row["names"][0])
+            row["shown"] = row.get("shown") or nats_shown(case)
+            if unasked(row):
+                row["apart"] = nats_apart(case, row["names"][: len(row["truth"])])
             out.write(json.dumps(row) + "\n")
             out.flush()
             print(f"{row['key']}: {row['names']}, shown {row['shown']}, apart {row.get('apart')}", file=sys.stderr)
+
+
+def unasked(row: Row) -> bool:
+    """Whether others are told in place of the hidden effects, as many, and it is not known how far these are apart."""
+    return len(row["names"]) >= len(row["truth"]) and not only_true(row) and "apart" not in row
 
 
 def rate(hits: int, total: int) -> str:
