@@ -10,7 +10,7 @@ G and b as in `search`. Functions fitted through the simulation need no derivati
 is the model's own, so a variable is known but for what the model gets wrong.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,6 +20,7 @@ from scipy.interpolate import BSpline
 from scipy.signal import lfilter
 
 from msl_fem.computing.arrays import Array
+from msl_fem.computing.lanes import LANES
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.problem import states
 from msl_fem.diagnosis.stretches import Stretches
@@ -111,26 +112,36 @@ class _Trajectory:
     def __init__(self, plant: KernelPlant, run: RunData, cut: Stretches | None) -> None:
         self.plant, self.run, self.cut = plant, run, cut
         self.starts = _whole(measured_start(plant, run)) if cut is None else states(plant, run, cut.starts, {})
-        self.out = self.simulated()
+        nothing = np.zeros((1, len(run.commands)))
+        self.out = next(self.simulated(nothing, np.zeros((1, *self.commands.shape))))
 
-    def simulated(self, push: Array | None = None, more: Array | None = None) -> Array:
-        """The kernel's outputs (n_sample, N_OUT) with a force beside the magnets' and additions to the commands; nan
-        behind an early end. Over stretches that do not count lies a straight line."""
-        plant, columns = self.plant, max(self.plant.parameters.sides, 1)
-        commands = self.run.commands if more is None else self.run.commands + more
-        inputs = Inputs(commands[:, :columns], self.run.rate, 0.0 if push is None else push, self.run.hold)
-        effects = None if plant.effects is None else plant.readings[None]
+    @property
+    def commands(self) -> Array:
+        """(n_sample, n_side); in force drive (n_sample, 1)."""
+        return self.run.commands[:, : max(self.plant.parameters.sides, 1)]
+
+    def simulated(self, pushes: Array, more: Array) -> Iterator[Array]:
+        """The kernel's outputs (n_sample, N_OUT) of each case, with a force beside the magnets' (n_case, n_sample) and
+        additions to the commands (n_case, n_sample, n_side); nan behind an early end. Over stretches that do not count
+        lies a straight line."""
+        plant, run = self.plant, self.run
+        inputs = Inputs(self.commands, run.rate, 0.0, run.hold)
         begins = np.zeros(1, dtype=np.intp) if self.cut is None else self.cut.begins
-        settings = LaneSettings(effects=effects, starts=self.starts[None], begins=begins)
-        found = run_lanes(
-            plant.surface,
-            [plant_in_run(plant.parameters, self.run)],
-            inputs,
-            substeps=plant.substeps,
-            settings=settings,
-        )
-        out = found.blocks[0][:, :, 0]
-        return out if self.cut is None else bridged(out.T, np.flatnonzero(~self.cut.counts(len(out)))).T
+        for n in range(0, len(pushes), LANES):
+            own = slice(n, n + LANES)
+            count = len(pushes[own])
+            settings = LaneSettings(
+                effects=None if plant.effects is None else np.repeat(plant.readings[None], count, axis=0),
+                starts=np.repeat(self.starts[None], count, axis=0),
+                begins=begins,
+                pushes=pushes[own],
+                more=more[own],
+            )
+            plants = [plant_in_run(plant.parameters, run)] * count
+            block = run_lanes(plant.surface, plants, inputs, substeps=plant.substeps, settings=settings).blocks[0]
+            for lane in range(count):
+                out = np.ascontiguousarray(block[:, :, lane])
+                yield out if self.cut is None else bridged(out.T, np.flatnonzero(~self.cut.counts(len(out)))).T
 
     @cached_property
     def variables(self) -> dict[str, Array]:
@@ -185,7 +196,7 @@ class _FreeFunctions:
     def dependence(self, equation: str, variable: str) -> Dependence:
         """The most probable function of a variable in an equation."""
         basis, (points, shapes) = _basis(self.trajectory.variables[variable])
-        columns = np.column_stack([self._response(equation, part) for part in basis]) * self.root[:, None]
+        columns = np.column_stack(self._responses(equation, basis)) * self.root[:, None]
         absorbed = self.inverse @ (self.jacobian.T @ columns)
         own = columns - self.jacobian @ absorbed
         g = own.T @ own + absorbed.T @ (self.prior[:, None] * absorbed)
@@ -204,29 +215,35 @@ class _FreeFunctions:
     def _excess_power(self, weighted: Array) -> float:
         return float(np.sum((weighted / self.root) ** 2) - weighted.size)
 
-    def _response(self, equation: str, part: Array) -> Array:
-        """Numbers (n_number of all runs,) by which the residual changes with a coefficient of one scale."""
+    def _responses(self, equation: str, basis: Sequence[Array]) -> list[Array]:
+        """Numbers (n_number of all runs,) by which the residual changes with a coefficient of one scale of each."""
         trajectory, scale = self.trajectory, self.trajectory.scales[equation]
-        run = trajectory.run
-        zeros = [np.zeros_like(run.measured[name]) for name in self.channels]
         if equation.endswith("reading"):
-            for k, name in enumerate(self.channels):
-                channel = Channel.of(name)
-                if channel.quantity == equation.split()[0]:
-                    zeros[k] = -scale * (part if part.ndim == 1 else part[:, channel.index])
-            return self._numbers(zeros)
-        small = SMALL * scale
-        if equation == "force":
-            out = trajectory.simulated(push=small * (part if part.ndim == 1 else part[:, 0] - part[:, -1]))
-        else:
-            sides = trajectory.plant.parameters.sides
-            more = np.zeros_like(run.commands)
-            more[:, :sides] = small * (part[:, None] if part.ndim == 1 else part[:, :sides])
-            out = trajectory.simulated(more=more)
+            return [self._numbers(self._read(equation.split()[0], scale * part)) for part in basis]
+        commands = trajectory.commands
+        pushes, more = np.zeros((len(basis), len(commands))), np.zeros((len(basis), *commands.shape))
+        for n, part in enumerate(basis):
+            if equation == "force":
+                pushes[n] = SMALL * scale * (part if part.ndim == 1 else part[:, 0] - part[:, -1])
+            else:
+                more[n] = SMALL * scale * (part[:, None] if part.ndim == 1 else part[:, : commands.shape[1]])
+        return [self._numbers(self._moved(out)) for out in trajectory.simulated(pushes, more)]
+
+    def _read(self, quantity: str, error: Array) -> list[Array]:
+        """What an error of the readings of a quantity changes in each channel."""
+        channels = [(name, Channel.of(name)) for name in self.channels]
+        nothing = np.zeros(len(error))
+        return [
+            nothing if channel.quantity != quantity else -(error if error.ndim == 1 else error[:, channel.index])
+            for _, channel in channels
+        ]
+
+    def _moved(self, out: Array) -> list[Array]:
+        """What outputs change in each channel, for a coefficient of one scale; nothing where the run ended early."""
         if not np.isfinite(out).all():
-            return self._numbers(zeros)
-        moved = readings_of(trajectory.plant, run, out)
-        return self._numbers([(self.zero[name] - moved[name]) * (SMALL**-1) for name in self.channels])
+            return [np.zeros(len(out)) for _ in self.channels]
+        moved = readings_of(self.trajectory.plant, self.trajectory.run, out)
+        return [(self.zero[name] - moved[name]) / SMALL for name in self.channels]
 
     def _numbers(self, series: Sequence[Array]) -> Array:
         """Changes of the first run's channels as the likelihood orders and scales them, all other runs' nothing."""

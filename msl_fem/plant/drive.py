@@ -6,7 +6,6 @@ and end of the step.
 
 import numpy as np
 
-from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import (
     Flag,
@@ -123,9 +122,9 @@ def terminal_voltage(
 
 
 @compiled
-def take_command(p: PlantParameters, state: Rows, work: Rows, wanted: Array, ahead: Array) -> Flag:
-    """Puts what was `wanted` (2,), by the gain and zero of the input, clipped at the drive's limit and counted there,
-    into the call's command, and by what it rises until what is wanted `ahead`, a sample later.
+def take_command(p: PlantParameters, state: Rows, work: Rows, commands: Rows, now: int, ahead: int) -> Flag:
+    """Puts what is wanted, of two commands from row `now`, by the gain and zero of the input, clipped at the drive's
+    limit and counted there, into the call's command, and by what it rises until what is wanted `ahead`, a sample later.
 
     False where it is not a number. A voltage drive does not limit its current; calls that begin beyond the current
     limit are counted.
@@ -135,8 +134,8 @@ def take_command(p: PlantParameters, state: Rows, work: Rows, wanted: Array, ahe
         gain, zero = p.input_gain_1, p.input_zero_1
         if j == 1:
             gain, zero = p.input_gain_2, p.input_zero_2
-        command = choose(good, gain * wanted[j] + zero, wanted[j])
-        later = choose(good, gain * ahead[j] + zero, ahead[j])
+        command = choose(good, gain * commands[now + j] + zero, commands[now + j])
+        later = choose(good, gain * commands[ahead + j] + zero, commands[ahead + j])
         good = good & (command - command == 0.0) & (later - later == 0.0)
         if p.drive == CURRENT_DRIVE:
             count(state, AT_CURRENT_LIMIT_1 + j, size(command) > p.current_limit)

@@ -9,7 +9,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Flag, Rows, choose, every, first, keep, rows_of, size, width
+from msl_fem.computing.lanes import Flag, Rows, Value, choose, every, first, keep, rows_of, size, width
 from msl_fem.plant.drive import (
     count,
     jump,
@@ -98,20 +98,22 @@ def advance(
     memory = workspace()
     e, rows, work = rows_of(effects), rows_of(state), rows_of(memory)
     set_timing(parameters, e, step, work)
-    status = advance_rows(cells_of(surface), parameters, e, rows, work, command, disturbance, step, n_step)
+    wanted = rows_of(command)
+    status = advance_rows(cells_of(surface), parameters, e, rows, work, wanted, disturbance, step, n_step)
     for j in range(2):
         voltage_mean[j] = work[MEAN_VOLTAGE_1 + j]
     keep(memory)
+    keep(command)
     return status
 
 
 @compiled
 def advance_rows(
-    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, command: Array, disturbance: float,
+    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, command: Rows, disturbance: float,
     step: float, n_step: int,
 ) -> int:  # fmt: skip
     """`advance` on rows, with timing set for the step."""
-    return _hold(p.end_stop, cells, p, e, state, work, np.inf, command, command, disturbance, step, n_step, False)
+    return _hold(p.end_stop, cells, p, e, state, work, np.inf, command, 0, 0, disturbance, step, n_step, False)
 
 
 @compiled
@@ -157,9 +159,14 @@ def _run(
     """`run` with the end stop apart."""
     memory = workspace()
     e, rows, work, cells = rows_of(effects), rows_of(state), rows_of(memory), cells_of(surface)
-    table = rows_of(out.ravel())
-    ended = run_rows(stop, cells, parameters, e, rows, work, np.inf, commands, disturbance, step, n_sub, table, linear)
+    wanted, pushes, n_sample = commands.ravel(), disturbance.ravel(), len(out)
+    asked, pushed, table = rows_of(wanted), rows_of(pushes), rows_of(out.ravel())
+    ended = run_rows(
+        stop, cells, parameters, e, rows, work, np.inf, asked, pushed, n_sample, step, n_sub, table, linear
+    )
     keep(memory)
+    keep(wanted)
+    keep(pushes)
     keep(out)
     return ended
 
@@ -167,15 +174,16 @@ def _run(
 @compiled
 def run_rows(
     stop: EndStop | None, cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float,
-    commands: Array, disturbance: Array, step: float, n_sub: int, table: Rows, linear: bool,
+    commands: Rows, disturbance: Rows, n_sample: int, step: float, n_sub: int, table: Rows, linear: bool,
 ) -> tuple[int, int]:  # fmt: skip
-    """The time loop of `run`, for one run or for lanes, n_sample * N_OUT rows; beyond `reach` (m) a lane ends."""
+    """The time loop of `run`, for one run or for lanes, n_sample * N_OUT rows; beyond `reach` (m) a lane ends. Commands
+    (2 n_sample rows, those of a sample behind each other) and disturbance are those of all lanes, or of each."""
     set_timing(p, e, step, work)
     if e is not None:
         look_at(e, state, work)
         set_added_reading(p, e, state, work)
     status, done = OK, 0
-    while done < commands.shape[0] and status == OK:
+    while done < n_sample and status == OK:
         row = done * N_OUT
         inside = write_row(cells, p, e, state, work, table, row)
         if width(state) == 1 and not every(inside):
@@ -183,10 +191,9 @@ def run_rows(
         else:
             for n in range(4):
                 table[row + OUT_AT_CURRENT_LIMIT_1 + n] = 0.0 - state[AT_CURRENT_LIMIT_1 + n]
-            ahead = commands[done + 1 if linear and done + 1 < commands.shape[0] else done]
-            push = disturbance[done]
-            now = commands[done]
-            status = _hold(stop, cells, p, e, state, work, reach, now, ahead, push, step, n_sub, linear)
+            now, push = 2 * done, disturbance[done]
+            ahead = now + 2 if linear and done + 1 < n_sample else now
+            status = _hold(stop, cells, p, e, state, work, reach, commands, now, ahead, push, step, n_sub, linear)
             for n in range(4):
                 limit = row + OUT_AT_CURRENT_LIMIT_1 + n
                 table[limit] = table[limit] + state[AT_CURRENT_LIMIT_1 + n]
@@ -201,16 +208,16 @@ def run_rows(
 @compiled
 def _hold(
     stop: EndStop | None, cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float,
-    command: Array, ahead: Array, disturbance: float, step: float, n_step: int, linear: bool,
+    commands: Rows, now: int, ahead: int, disturbance: Value, step: float, n_step: int, linear: bool,
 ) -> int:  # fmt: skip
-    """A disturbance held over n_step steps and a command that is held, or `linear` on its way to the one `ahead`:
-    `advance`, for one run or for lanes."""
+    """A disturbance held over n_step steps and the command `now` that is held, or `linear` on its way to the one
+    `ahead`: `advance`, for one run or for lanes."""
     alone = width(state) == 1
     state[VOLT_SECONDS_1] = 0.0
     state[VOLT_SECONDS_2] = 0.0
     work[LIMITED_1] = 0.0
     work[LIMITED_2] = 0.0
-    good = take_command(p, state, work, command, ahead)
+    good = take_command(p, state, work, commands, now, ahead)
     status = NOT_FINITE if alone and not every(good) else OK
     ideal = np.isinf(first(p.bandwidth if e is None else e[electrical.BANDWIDTH]))
     if status == OK and e is not None:

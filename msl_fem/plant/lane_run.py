@@ -1,13 +1,13 @@
 """Many runs of one plant with different parameters, advanced together: for derivatives with respect to parameters.
 
 Eight runs are the lanes of one vector (`lanes.py`). Each has its own plant parameters, effects, start and, if wanted,
-its own coenergy surface; inputs, step and the plant's build (drive, sides, magnets) are the same for all. What a lane
-gives is what `kernel.run` gives alone, to the last bit.
+its own coenergy surface and additions to the inputs; step and the plant's build (drive, sides, magnets) are the same
+for all. What a lane gives is what `kernel.run` gives alone, to the last bit.
 """
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -62,12 +62,16 @@ class LaneSettings:
     begins : (n_stretch,) samples at which the runs are put to starts of their own, the first is 0; what else a state
         holds (heat, memory of iron and friction, what waits in a delay) goes on. None: one stretch
     surface_index : (n_lane,) which surface, where their coefficients have an axis more in front; None: the first
+    more : (n_lane, n_sample, n_side) added to the commands of each lane; None: nothing
+    pushes : (n_lane, n_sample) N, added to the disturbance of each lane; None: nothing
     threads : that advance blocks of eight lanes at the same time
     """
 
     effects: Array | None = None
     starts: Array = field(default_factory=lambda: np.zeros(4))
     surface_index: NDArray[np.int64] | None = None
+    more: Array | None = None
+    pushes: Array | None = None
     threads: int = 1
     begins: NDArray[np.int64] | None = None
 
@@ -75,6 +79,16 @@ class LaneSettings:
         """(4,) where a lane begins a stretch."""
         starts = self.starts if self.starts.ndim == 1 else self.starts[lane]
         return starts if starts.ndim == 1 else np.asarray(starts[stretch])
+
+    def inputs_of(self, inputs: Inputs, lane: int) -> Inputs:
+        """Those of a lane."""
+        commands = inputs.commands if self.more is None else inputs.commands + self.more[lane]
+        push = inputs.disturbance if self.pushes is None else np.asarray(inputs.disturbance) + self.pushes[lane]
+        return replace(inputs, commands=commands, disturbance=push)
+
+    @property
+    def own_inputs(self) -> bool:
+        return self.more is not None or self.pushes is not None
 
     def stretches(self, n_sample: int, *, linear: bool = False) -> list[slice]:
         """The samples of each stretch; where commands run straight from one sample to the next, and the first sample
@@ -193,7 +207,7 @@ def run_lanes(
     InputError : the plants differ in their build, or settings do not fit them
     """
     settings = settings or LaneSettings()
-    _check(surface, plants, settings)
+    _check(surface, plants, inputs, settings)
     sides = plants[0].sides
     commands, push = inputs.for_sides(max(sides, 1)), np.asarray(inputs.disturbance)
     step, linear = 1.0 / (inputs.rate * substeps), inputs.hold == "linear"
@@ -208,19 +222,25 @@ def run_lanes(
     def block_of(begin: int) -> Array:
         if begin == n_lane - 1:  # a single one is faster by itself
             lane = int(different[begin])
-            rows = _alone(surface, plants[lane], settings, lane, inputs, substeps)
+            rows = _alone(surface, plants[lane], settings, lane, settings.inputs_of(inputs, lane), substeps)
             if settings.begins is None or np.isfinite(rows[:, OUT_X]).all():  # else time has stood still in it
                 return rows[:, :, None]
         lanes = [int(different[min(begin + k, n_lane - 1)]) for k in range(LANES)]  # the last one fills up
         block = _block(surface, plants, settings, np.array(lanes), begun)
         out = np.empty((n_sample, N_OUT, LANES))
+        asked, pushed = commands.reshape(n_sample, 2), push
+        if settings.own_inputs:
+            own = [settings.inputs_of(inputs, lane) for lane in lanes]
+            asked = np.stack([one.for_sides(max(sides, 1)) for one in own], axis=-1)
+            pushed = np.stack([np.asarray(one.disturbance) for one in own], axis=-1)
         kept = block.state.copy()
         for n, part in enumerate(settings.stretches(n_sample, linear=linear)):
             if n:
                 restarted(block.state, kept, np.array([settings.start(lane, n) for lane in lanes]).T)
                 kept[:] = block.state
             rows = out[part].reshape(-1, LANES)
-            _run_block(joined, block, commands[part], push[part], step, substeps, rows, linear)
+            now = asked[part].reshape(-1, *asked.shape[2:]), pushed[part]
+            _run_block(joined, block, *now, step, substeps, rows, linear)
         return out
 
     begins = range(0, n_lane, LANES)
@@ -232,7 +252,7 @@ def run_lanes(
     for at, lane in enumerate(different):
         plant, rows = plants[lane], blocks[at // LANES][:, :, at % LANES]
         if plant.end_stop is not None and np.isnan(rows[:, OUT_X]).any():
-            rows[:] = _alone(surface, plant, settings, int(lane), inputs, substeps)
+            rows[:] = _alone(surface, plant, settings, int(lane), settings.inputs_of(inputs, int(lane)), substeps)
     effects = neutral_vector() if settings.effects is None else settings.effects
     return LaneRun(tuple(blocks), place, effects, sides, inputs.rate)
 
@@ -262,7 +282,8 @@ def _different(
         index = 0 if settings.surface_index is None else int(settings.surface_index[lane])
         later = settings.starts[lane] if settings.begins is not None else state
         parts = (np.array(_numbers(plant)), state, later, np.array([]) if effects is None else effects)
-        key = (*(part.tobytes() for part in parts), str((index, plant.end_stop)).encode())
+        own = lane if settings.own_inputs else None
+        key = (*(part.tobytes() for part in parts), str((index, plant.end_stop, own)).encode())
         if key not in seen:
             seen[key] = len(first)
             first.append(lane)
@@ -343,7 +364,7 @@ def _own_surface(surface: Surface, settings: LaneSettings, lane: int) -> Surface
     return surface._replace(coefficients=surface.coefficients[index])
 
 
-def _check(surface: Surface, plants: Sequence[PlantParameters], settings: LaneSettings) -> None:
+def _check(surface: Surface, plants: Sequence[PlantParameters], inputs: Inputs, settings: LaneSettings) -> None:
     builds = {(p.sides, p.magnets, p.drive, np.isinf(p.bandwidth), np.isinf(p.sensor_bandwidth)) for p in plants}
     if len(builds) != 1:
         raise InputError(
@@ -354,6 +375,8 @@ def _check(surface: Surface, plants: Sequence[PlantParameters], settings: LaneSe
     shapes = {
         "effects": (settings.effects, (len(plants), len(PARAMETER_INDEX))),
         "surface_index": (settings.surface_index, (len(plants),)),
+        "more": (settings.more, (len(plants), *inputs.commands.shape)),
+        "pushes": (settings.pushes, (len(plants), inputs.commands.shape[0])),
         "starts": (settings.starts if settings.starts.ndim > 1 else None, _shape_of_starts(len(plants), settings)),
     }
     for name, (given, shape) in shapes.items():
@@ -396,7 +419,8 @@ def _run_block(
     surface: Surface, block: _Block, commands: Array, disturbance: Array, step: float, n_sub: int, out: Array,
     linear: bool,
 ) -> None:  # fmt: skip
-    """`kernel.run` for eight lanes: rows n_sample * N_OUT of lanes; a lane that cannot go on is nan from there."""
+    """`kernel.run` for eight lanes: rows n_sample * N_OUT of lanes; a lane that cannot go on is nan from there.
+    Commands (2 n_sample,) and disturbance (n_sample,) are those of all, or with an axis (LANES,) more those of each."""
     e, state, work, cells = rows_of(block.effects), rows_of(block.state), rows_of(block.work), cells_of(surface)
     own = rows_of(block.numbers)
     p = PlantParameters(
@@ -426,9 +450,10 @@ def _run_block(
         own[_ROW.polarity],
         own[_ROW.inductance],
     )
-    kernel.run_rows(
-        None, cells, p, e, state, work, block.reach, commands, disturbance, step, n_sub, rows_of(out), linear
-    )
+    asked, pushed, table, n_sample = rows_of(commands), rows_of(disturbance), rows_of(out), out.shape[0] // N_OUT
+    kernel.run_rows(None, cells, p, e, state, work, block.reach, asked, pushed, n_sample, step, n_sub, table, linear)
+    keep(commands)
+    keep(disturbance)
     keep(block.numbers)
     keep(block.work)
     keep(block.effects)

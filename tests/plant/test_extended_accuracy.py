@@ -1,5 +1,8 @@
 """The extended kernel against its slow twin, its order of convergence, and its lanes against single runs."""
 
+from dataclasses import replace
+from typing import Literal
+
 import numpy as np
 import pytest
 from coupled_twin import changed
@@ -7,11 +10,12 @@ from effect_sets import ALL_EFFECTS, rough
 from extended_twin import SMOOTH, twin
 
 from msl_fem.actuator import Actuator
+from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.plant import kernel, layout
 from msl_fem.plant.effects import PARAMETER_INDEX, EffectValues, kernel_coefficients, neutral_vector
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_run import LaneSettings, run_lanes
+from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
 from msl_fem.plant.layout import (
     BASE,
     CREEP,
@@ -125,6 +129,36 @@ def test_lanes_may_have_surfaces_of_their_own(servo: Actuator, table: MagneticTa
         alone = run_lanes(single, [plant], inputs, substeps=10)
         assert np.array_equal(run.true_position[lane], alone.true_position[0])
     assert np.abs(run.true_position[1] / run.true_position[0] - 1)[-1] > 1e-3
+
+
+@pytest.mark.parametrize("hold", ["zero-order", "linear"])
+@pytest.mark.parametrize("values", [None, ALL_EFFECTS], ids=["plain", "all"])
+def test_lanes_may_have_inputs_of_their_own(
+    servo: Actuator, table: MagneticTable, values: EffectValues | None, hold: Literal["zero-order", "linear"]
+) -> None:
+    """Ten, so two blocks, one filled up, and one by itself, over two stretches; each as with these inputs alone."""
+    plant, surface, inputs = plant_parameters(servo), surface_of(table), replace(rough(120, level=0.6), hold=hold)
+    rng = np.random.default_rng(5)
+    more, pushes = rng.uniform(-0.05, 0.05, (10, 120, 2)), rng.uniform(-1.0, 1.0, (10, 120))
+    begins, starts = np.array([0, 70]), np.zeros((10, 2, 4))
+    starts[:, 1, 2] = 1e-5
+
+    def run_of(count: int, asked: Inputs, more: Array | None = None, pushes: Array | None = None) -> LaneRun:
+        effects = None if values is None else np.tile(values.vector(), (count, 1))
+        settings = LaneSettings(effects=effects, starts=starts[:count], begins=begins, more=more, pushes=pushes)
+        return run_lanes(surface, [plant] * count, asked, substeps=10, settings=settings)
+
+    together = run_of(10, inputs, more=more, pushes=pushes)
+    for lane in range(10):
+        own = replace(inputs, commands=inputs.commands + more[lane], disturbance=inputs.disturbance + pushes[lane])
+        alone = run_of(1, own)
+        assert np.array_equal(together.true_position[lane], alone.true_position[0])
+        assert np.array_equal(together.voltage[lane], alone.voltage[0])
+    single = run_of(1, inputs, more=more[:1], pushes=pushes[:1])
+    assert np.array_equal(single.true_position[0], together.true_position[0])
+    assert np.ptp(together.true_position[:, 60]) > 1e-8, "the lanes differ"
+    with pytest.raises(InputError, match=r"more has the shape \(9, 120, 2\); 10 lanes need \(10, 120, 2\)"):
+        run_of(10, inputs, more=more[:9], pushes=pushes)
 
 
 def test_threads_change_nothing_but_the_time(servo: Actuator, table: MagneticTable) -> None:
