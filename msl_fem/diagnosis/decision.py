@@ -64,6 +64,8 @@ FAR_WITHIN = 0.5
 """Share of all that, up to which a refit that is not converged will not get there."""
 PROMISING = 0.25
 """Share of its gain that the next step of such a refit promises, with which it is followed nevertheless."""
+WEAK = 0.03
+"""Share of the largest gain before, below which what a further effect may come to decides whether it is followed."""
 STRONG = 25.0  # the square of a number of standard errors at which the rest of an effect counts by itself
 COINCIDING = {
     ("gap_offset", "offset"): "nominal_gap",
@@ -135,6 +137,18 @@ class Rule:
     def searches_on(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
         """Whether more is looked for beside the best effect of stage n: it may be one of several."""
         return self.goes_on(stages, n, excesses) or completes(excesses[n], excesses[n + 1], self.several)
+
+    def leads_nowhere(self, stages: Sequence[SearchStage], refit: Refit, excesses: Excesses) -> bool:
+        """Whether a refit behind these stages is weak, and takes too little of what they leave for the search to go on
+        with it (`searches_on`), what it may still come to in proportion."""
+        gains = [stage.best.gain for stage in stages if stage.best is not None]
+        if not 0 < refit.gain <= refit.reach < WEAK * max(gains, default=0.0):
+            return False
+        before, now, share = excesses[-1], refit.fit.excess, refit.reach / refit.gain
+        powers = {name: value**2 - share * (value**2 - now[name] ** 2) for name, value in before.items()}
+        after = {name: float(np.sqrt(max(power, 0.0))) for name, power in powers.items()}
+        granted = SearchStage(refit.fit, (), (replace(refit, gain=refit.reach),))
+        return not self.searches_on([*stages, granted], len(stages), [*excesses, after])
 
     def goes_on(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
         """Whether the best effect of stage n is no spurious addition to those before: it completes them (`completes`),
@@ -306,7 +320,7 @@ def n_accepted(stages: Sequence[SearchStage], excesses: Excesses, rule: Rule) ->
     excesses : (n_stage + 1,) without any effect, with the first, and so on
     """
     taken, each_completes = 0, True
-    for n in range(len(stages)):
+    for n in range(min(len(stages), len(excesses) - 1)):
         if not rule.enough(stages, n, excesses):
             break
         each_completes &= rule.goes_on(stages, n, excesses)

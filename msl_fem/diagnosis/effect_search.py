@@ -167,7 +167,7 @@ def _forward(kind: Kind, how: DiagnosisSettings, chain: Chain) -> Chain:
             tell=how.progress,
             memory=how.memory,
             needed=partial(rule.needed, tuple(stages), left=fits[n].excess),
-            hopeless=partial(_hopeless, rule, tuple(stages), fits[n]),
+            hopeless=partial(_hopeless, rule, tuple(stages), tuple(fits)),
             near=stages[-1].columns if stages else None,
         )
         stages = [replace(before, columns=None) for before in stages]
@@ -178,7 +178,7 @@ def _forward(kind: Kind, how: DiagnosisSettings, chain: Chain) -> Chain:
         if stage.best is None:
             break
         excesses = [found.excess for found in (*fits, stage.best.fit)]
-        if not rule.enough(stages, n, excesses):
+        if not rule.enough(stages, n, excesses) or rule.leads_nowhere(stages[:-1], stage.best, excesses[:-1]):
             break
         surpassed_by = disagrees(stage, stage.base.excess)
         if surpassed_by and doubt is None:
@@ -189,9 +189,12 @@ def _forward(kind: Kind, how: DiagnosisSettings, chain: Chain) -> Chain:
     return Chain(tuple(fits), tuple(stages), doubt)
 
 
-def _hopeless(rule: Rule, stages: Sequence[SearchStage], base: Fit, refit: Refit) -> bool:
-    """Whether a refit behind these stages, beside a fit, is not worth its end."""
-    return rule.out_of_reach(stages, refit, base.excess) or stays_within(base.likelihood.problem, refit)
+def _hopeless(rule: Rule, stages: Sequence[SearchStage], fits: Sequence[Fit], refit: Refit) -> bool:
+    """Whether a refit behind these stages, beside the last of their fits, is not worth its end."""
+    base = fits[-1]
+    if rule.out_of_reach(stages, refit, base.excess) or stays_within(base.likelihood.problem, refit):
+        return True
+    return rule.leads_nowhere(stages, refit, [fit.excess for fit in fits])
 
 
 def about_tolerances(how: DiagnosisSettings, text: str) -> None:

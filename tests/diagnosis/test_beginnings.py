@@ -94,3 +94,27 @@ def test_a_search_goes_on_behind_its_first_effect_and_not_behind_none(monkeypatc
     assert effect_search._forward(kind, DiagnosisSettings(), none) is none
     assert none.ended
     assert not Chain(chain.fits[:2], chain.stages[:1]).ended
+
+
+@pytest.mark.parametrize(("left", "goes_on"), [(2.95, False), (1.05, True)], ids=["hardly less", "noise alone"])
+def test_a_search_ends_before_a_weak_effect_that_takes_too_little(
+    monkeypatch: pytest.MonkeyPatch, left: float, goes_on: bool
+) -> None:
+    """Behind 8000 nats 200 bring nothing down to noise: no set is made of them, that would have to be put right."""
+    chain = searched()
+    begun = Chain(chain.fits[:2], chain.stages[:1])
+    weak = Refit(Variant("squeeze_film", ()), fit_of("time_delay", "squeeze_film", nats=8200.0, loud=left), 200.0)
+    weak.fit.predicted, begun.fits[0].excess["x"] = 0.0, 10.0
+    begun.fits[1].likelihood = SimpleNamespace(problem=None)
+    found = SearchStage(begun.fits[1], (), (weak,))
+    monkeypatch.setattr(effect_search, "search_stage", lambda *one, **more: found)
+    monkeypatch.setattr(effect_search, "beyond_tolerances", lambda problem, found: found)
+    monkeypatch.setattr(effect_search, "in_sight", lambda problem, found: found)
+    monkeypatch.setattr(effect_search, "about_belief", lambda kind, fit: [])
+    likelihood = SimpleNamespace(problem=None)
+    kind: Any = SimpleNamespace(rule=lambda rule: replace(rule, most=2), likelihood=likelihood)
+    after = effect_search._forward(kind, DiagnosisSettings(), begun)
+    assert len(after.fits) == (3 if goes_on else 2)
+    assert after.stages[1].best is not None
+    assert after.stages[1].best.gain == 200.0, "it is told what that would bring"
+    assert after.told(replace(DiagnosisSettings().rule, most=2)).taken == (2 if goes_on else 1)

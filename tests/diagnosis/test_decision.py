@@ -150,6 +150,31 @@ def test_a_refit_that_cannot_come_to_what_a_further_effect_needs_is_not_led_on(
     assert not Rule().out_of_reach([], refit, LOUDER), "a first effect needs less"
 
 
+@pytest.mark.parametrize(
+    ("gain", "predicted", "left", "nowhere"),
+    [
+        (20.0, 0.0, 1.95, True),
+        (31.0, 0.0, 1.95, False),
+        (20.0, 3.7, 1.95, False),
+        (20.0, 0.0, 1.8, False),
+        (10.0, 0.0, 1.9, True),
+        (10.0, 6.0, 1.9, False),
+    ],
+    ids=["weak", "strong enough", "may become strong", "takes enough", "takes too little", "may take enough"],
+)
+def test_a_weak_effect_that_takes_too_little_is_not_followed(
+    gain: float, predicted: float, left: float, nowhere: bool
+) -> None:
+    """Of 2 times the noise three quarters of the excess power may be kept, which is 1.80 times the noise; an effect
+    below 3 % of 1000 nats has to come to that, what it may still take in proportion to its nats."""
+    fit: Any = SimpleNamespace(predicted=predicted, excess={"x": left, "i": 1.0})
+    refit = Refit(Variant("time_delay", ()), fit, gain)
+    excesses = [LOUDER, {"x": 2.0, "i": 1.0}]
+    assert Rule().leads_nowhere(stages(1000.0), refit, excesses) is nowhere
+    assert not Rule().leads_nowhere([], refit, [excesses[1]]), "a first effect is followed"
+    assert not Rule().leads_nowhere(stages(1000.0), refit, [LOUDER, QUIET]), "beside noise its nats count alone"
+
+
 def test_an_effect_beside_noise_alone_needs_a_share_of_the_first_one_s_nats() -> None:
     """Beside more than noise it may bring a channel down to it, and what tolerances bound needs none."""
     offset, friction = (
