@@ -33,11 +33,11 @@ class _Asked:
 
 class GatheredRuns:
     """Where `count` fits meet, each in a thread of its own: once all that have not ended wait for simulations, those of
-    one problem are run together. Between them `at_once` fits at most do their own sums: for each thread that multiplies
-    matrices meanwhile BLAS holds some 30 MB."""
+    one problem are run together. Where one ends, one of those `behind` them takes its place. Between them `at_once`
+    fits at most do their own sums: for each thread that multiplies matrices meanwhile BLAS holds some 30 MB."""
 
-    def __init__(self, count: int, *, at_once: int = 2) -> None:
-        self._running = count
+    def __init__(self, count: int, *, behind: int = 0, at_once: int = 2) -> None:
+        self._running, self._behind = count, behind
         self._turns = threading.Semaphore(at_once)
         self._asked: list[_Asked] = []
         self._condition = threading.Condition()
@@ -67,7 +67,10 @@ class GatheredRuns:
         finally:
             self._turns.release()
             with self._condition:
-                self._running -= 1
+                if self._behind:
+                    self._behind -= 1
+                else:
+                    self._running -= 1
                 self._meet()
 
     def _meet(self) -> None:

@@ -49,6 +49,9 @@ NEAR = 15.0  # nats behind the best within which refits are converged
 FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the best
 ROUGHLY_CONVERGED = 0.5  # nats that a candidate may still gain which does not lead, or of which much more is asked
 ROUGH = 5.0  # nats that a fit may still gain when it is scored, where the best score is far above
+AT_ONCE = 4
+"""Candidates that go on at the same time where each has starts of stretches of its own, which take memory, and after
+some steps no simulation in common with another."""
 Item = TypeVar("Item")
 Stepped = TypeVar("Stepped")
 
@@ -221,16 +224,17 @@ class Refinement:
         return every
 
     def _together(self, step: Callable[[Item], Stepped], items: Sequence[Item]) -> list[Stepped]:
-        """A step of each, all at the same time; the outcome is that of one after the other."""
+        """A step of each, all at the same time, over stretches `AT_ONCE`; it comes to that of one after the other."""
         if not items:
             return []
-        self.gathered = GatheredRuns(len(items))
+        count = min(len(items), AT_ONCE) if self.base.likelihood.is_cut else len(items)
+        self.gathered = GatheredRuns(count, behind=len(items) - count)
 
         def stepped(item: Item) -> Stepped:
             with self.gathered.one_of_them():
                 return step(item)
 
-        with ThreadPoolExecutor(len(items)) as pool:
+        with ThreadPoolExecutor(count) as pool:
             return list(pool.map(stepped, items))
 
     def screened(self, score: Score) -> Refit | None:
@@ -241,9 +245,12 @@ class Refinement:
         try:
             if begin is None:  # at the same time, all their runs would be in the memory together
                 begin = started(self.near, score, self.near.likelihood.gathering(self.gathered))
-            return self._refit(self.near, score.variant, begin, plan, self.nuisance_columns)
+            refit = self._refit(self.near, score.variant, begin, plan, self.nuisance_columns)
         except ComputationError:
             return None
+        if not refit.promising and self.hopeless(refit):
+            refit.fit.lets_go()
+        return refit
 
     def raced(self, kept: Sequence[Refit]) -> list[Refit]:
         """Candidates after rounds of a few steps, where each that may come near the best goes on as long as it gains,

@@ -4,16 +4,20 @@ import threading
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
 
 from msl_fem.diagnosis.gathered import GatheredRuns
+from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.problem import FitProblem, Points
+from msl_fem.diagnosis.refits import AT_ONCE, Refinement
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 
 BELIEVED = (("moving_mass", 0.01), ("stiffness", 0.01))
+UNKNOWNS = Unknowns(BELIEVED, 0, ())
 PROBLEM = cast(FitProblem, object())
 
 
@@ -49,6 +53,46 @@ def test_fits_that_ask_for_different_numbers_of_rounds_get_their_own_rows_from_c
     assert len(set(ends[0][0][:, 2])) == 3  # amounts of an effect reach the runs
 
 
+def test_where_a_fit_ends_one_that_is_behind_takes_its_place() -> None:
+    """Of five fits two go on at the same time, so that each round of the longest runs with that of another."""
+    calls: list[int] = []
+
+    def simulated(points: Points) -> np.ndarray:
+        calls.append(len(points.rows))
+        return points.rows
+
+    gathered = GatheredRuns(2, behind=3)
+    with ThreadPoolExecutor(2) as pool:
+        jobs = [
+            pool.submit(asked, gathered, rounds, None, simulated) for rounds in ((1,), (1, 1, 1, 1), (1,), (1,), (1,))
+        ]
+        for job in jobs:
+            job.result(timeout=30)
+    assert calls == [2, 2, 2, 2]
+
+
+@pytest.mark.parametrize(("is_cut", "most"), [(True, AT_ONCE), (False, 3 * AT_ONCE)])
+def test_candidates_over_stretches_go_on_a_few_at_a_time(is_cut: bool, most: int) -> None:
+    """Each holds the slopes of its own starts meanwhile; followed from start to end all go on at once."""
+    refinement = object.__new__(Refinement)
+    refinement.base = cast(Fit, SimpleNamespace(likelihood=SimpleNamespace(is_cut=is_cut)))
+    busy, seen, lock = 0, [0], threading.Lock()
+
+    def step(item: int) -> int:
+        nonlocal busy
+        with lock:
+            busy += 1
+            seen.append(busy)
+        refinement.gathered.spectra(PROBLEM, Points.of(UNKNOWNS, np.zeros((1, 2))), lambda points: points.rows)
+        with lock:
+            busy -= 1
+        return item
+
+    items = list(range(3 * AT_ONCE))
+    assert refinement._together(step, items) == items
+    assert max(seen) == most
+
+
 def test_a_failure_reaches_every_fit_that_waits() -> None:
     def failing(points: Points) -> np.ndarray:
         raise FloatingPointError(f"{len(points.rows)} rows")
@@ -64,7 +108,6 @@ def test_a_failure_reaches_every_fit_that_waits() -> None:
 @pytest.mark.parametrize("at_once", [1, 2])
 def test_so_many_fits_do_their_own_sums_at_once(at_once: int) -> None:
     gathered = GatheredRuns(6, at_once=at_once)
-    unknowns = Unknowns(BELIEVED, 0, ())
     busy, most, lock = 0, 0, threading.Lock()
 
     def summing() -> None:
@@ -80,7 +123,7 @@ def test_so_many_fits_do_their_own_sums_at_once(at_once: int) -> None:
         with gathered.one_of_them():
             for _ in range(3):
                 summing()
-                gathered.spectra(PROBLEM, Points.of(unknowns, np.zeros((1, 2))), lambda points: points.rows)
+                gathered.spectra(PROBLEM, Points.of(UNKNOWNS, np.zeros((1, 2))), lambda points: points.rows)
 
     with ThreadPoolExecutor(6) as pool:
         for job in [pool.submit(fit) for _ in range(6)]:
