@@ -21,7 +21,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -37,12 +37,14 @@ from msl_fem.computing.blas_threads import one_blas_thread
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.conclusion import APART
 from msl_fem.diagnosis.driver import kind_of
-from msl_fem.diagnosis.effect_search import without_effects
+from msl_fem.diagnosis.effect_search import search_effects
 from msl_fem.diagnosis.kind import about_belief
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.result import Diagnosis
+from msl_fem.diagnosis.runs import Runs
 from msl_fem.diagnosis.search import search_stage
+from msl_fem.diagnosis.variants import Variant
 from msl_fem.errors import ComputationError, InputError
 from msl_fem.files.quantity import parse_quantity
 from msl_fem.plant.effects import CATALOGUE
@@ -164,6 +166,21 @@ def tried(case: Case) -> Row:
     return row | {"cpu_seconds": round(time.process_time() - begin, 1), "truth": truth} | outcome(found)
 
 
+@dataclass(frozen=True, eq=False)
+class RunsOf(Runs):
+    """Runs beside which stated effects alone are tried."""
+
+    effects: frozenset[str] = frozenset()
+
+    @classmethod
+    def of(cls, runs: Runs, effects: Collection[str]) -> "RunsOf":
+        own = {one.name: getattr(runs, one.name) for one in fields(runs) if one.init and one.name != "effects"}
+        return cls(**own, effects=frozenset(effects))
+
+    def candidates(self, fit: Fit) -> list[Variant]:
+        return [variant for variant in super().candidates(fit) if variant.effect in self.effects]
+
+
 class OnlyThese:
     """A case's record at the model without effects, from which a search goes that tries stated effects alone.
 
@@ -175,23 +192,21 @@ class OnlyThese:
     def __init__(self, case: Case) -> None:
         sealed = sealed_of(case)
         self.truth = [effect["effect"] for effect in sealed.answer["effects"]]
-        self.how = DiagnosisSettings(table=rig_of(case.rig).table)
-        kind = kind_of(sealed.record, self.how)
-        if isinstance(kind, str):
-            raise InputError(kind)
-        self.kind = kind.settled(self.how.progress)
-        self.base = without_effects(self.kind, self.how)
+        how = DiagnosisSettings(table=rig_of(case.rig).table)
+        kind = kind_of(sealed.record, how)
+        if not isinstance(kind, Runs):
+            raise InputError(str(kind))
+        self.kind, self.table = kind.settled(how.progress), how.table
 
-    def best(self, base: Fit, effects: Collection[str]) -> Refit | None:
-        """What brings most beside a fit."""
-        tried = [variant for variant in about_belief(self.kind, base) if variant.effect in effects]
-        return search_stage(base, tried, tell=self.how.progress, memory=self.how.memory).best
-
-    def one_after_the_other(self, effects: Collection[str]) -> list[Refit]:
-        """All of these effects, what brings most beside those before first."""
-        base, found = self.base, list[Refit]()
+    def found(self, effects: Collection[str]) -> list[Refit]:
+        """All of these effects, as the whole search finds them where nothing else is tried; those that it leaves out
+        follow, what brings most beside those before first."""
+        how, kind = DiagnosisSettings(table=self.table), RunsOf.of(self.kind, effects)
+        searched = search_effects(kind, how)
+        found = [stage.best for stage in searched.stages[: len(searched.fits) - 1] if stage.best is not None]
+        base = searched.fits[-1]
         while len(found) < len(effects):
-            best = self.best(base, set(effects) - {one.variant.effect for one in found})
+            best = search_stage(base, about_belief(kind, base), tell=how.progress, memory=how.memory).best
             if best is None:
                 break
             found.append(best)
@@ -206,7 +221,7 @@ def nats_shown(case: Case) -> dict[str, float]:
         search = OnlyThese(case)
     except InputError:
         return {}
-    return {one.variant.effect: round(one.gain, 2) for one in search.one_after_the_other(search.truth)}
+    return {one.variant.effect: round(one.gain, 2) for one in search.found(search.truth)}
 
 
 @one_blas_thread
@@ -217,7 +232,7 @@ def nats_apart(case: Case, told: Sequence[str]) -> float:
         search = OnlyThese(case)
     except InputError:
         return np.inf
-    true, other = (search.one_after_the_other(effects) for effects in (search.truth, told))
+    true, other = search.found(search.truth), search.found(told)
     if len(true) < len(search.truth) or len(other) < len(told):
         return np.inf
     return round(true[-1].fit.nats_apart(other[-1].fit), 2)
