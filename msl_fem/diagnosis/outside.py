@@ -231,11 +231,10 @@ class _FreeFunctions:
 
     def _read(self, quantity: str, error: Array) -> list[Array]:
         """What an error of the readings of a quantity changes in each channel."""
-        channels = [(name, Channel.of(name)) for name in self.channels]
         nothing = np.zeros(len(error))
         return [
             nothing if channel.quantity != quantity else -(error if error.ndim == 1 else error[:, channel.index])
-            for _, channel in channels
+            for channel in map(Channel.of, self.channels)
         ]
 
     def _moved(self, out: Array) -> list[Array]:

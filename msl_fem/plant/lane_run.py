@@ -82,6 +82,8 @@ class LaneSettings:
 
     def inputs_of(self, inputs: Inputs, lane: int) -> Inputs:
         """Those of a lane."""
+        if not self.own_inputs:
+            return inputs
         commands = inputs.commands if self.more is None else inputs.commands + self.more[lane]
         push = inputs.disturbance if self.pushes is None else np.asarray(inputs.disturbance) + self.pushes[lane]
         return replace(inputs, commands=commands, disturbance=push)
@@ -209,9 +211,8 @@ def run_lanes(
     settings = settings or LaneSettings()
     _check(surface, plants, inputs, settings)
     sides = plants[0].sides
-    commands, push = inputs.for_sides(max(sides, 1)), np.asarray(inputs.disturbance)
     step, linear = 1.0 / (inputs.rate * substeps), inputs.hold == "linear"
-    n_sample = commands.shape[0]
+    n_sample = inputs.commands.shape[0]
 
     begun = [_begun(surface, p, settings, lane, step, substeps) for lane, p in enumerate(plants)]
     different, place = _different(plants, settings, begun)
@@ -222,24 +223,20 @@ def run_lanes(
     def block_of(begin: int) -> Array:
         if begin == n_lane - 1:  # a single one is faster by itself
             lane = int(different[begin])
-            rows = _alone(surface, plants[lane], settings, lane, settings.inputs_of(inputs, lane), substeps)
+            rows = _alone(surface, plants[lane], settings, lane, inputs, substeps)
             if settings.begins is None or np.isfinite(rows[:, OUT_X]).all():  # else time has stood still in it
                 return rows[:, :, None]
         lanes = [int(different[min(begin + k, n_lane - 1)]) for k in range(LANES)]  # the last one fills up
         block = _block(surface, plants, settings, np.array(lanes), begun)
         out = np.empty((n_sample, N_OUT, LANES))
-        asked, pushed = commands.reshape(n_sample, 2), push
-        if settings.own_inputs:
-            own = [settings.inputs_of(inputs, lane) for lane in lanes]
-            asked = np.stack([one.for_sides(max(sides, 1)) for one in own], axis=-1)
-            pushed = np.stack([np.asarray(one.disturbance) for one in own], axis=-1)
+        commands, pushes = _inputs_of_block(inputs, settings, lanes, max(sides, 1))
         kept = block.state.copy()
         for n, part in enumerate(settings.stretches(n_sample, linear=linear)):
             if n:
                 restarted(block.state, kept, np.array([settings.start(lane, n) for lane in lanes]).T)
                 kept[:] = block.state
             rows = out[part].reshape(-1, LANES)
-            now = asked[part].reshape(-1, *asked.shape[2:]), pushed[part]
+            now = commands[part].reshape(-1, *commands.shape[2:]), pushes[part]
             _run_block(joined, block, *now, step, substeps, rows, linear)
         return out
 
@@ -252,9 +249,18 @@ def run_lanes(
     for at, lane in enumerate(different):
         plant, rows = plants[lane], blocks[at // LANES][:, :, at % LANES]
         if plant.end_stop is not None and np.isnan(rows[:, OUT_X]).any():
-            rows[:] = _alone(surface, plant, settings, int(lane), settings.inputs_of(inputs, int(lane)), substeps)
+            rows[:] = _alone(surface, plant, settings, int(lane), inputs, substeps)
     effects = neutral_vector() if settings.effects is None else settings.effects
     return LaneRun(tuple(blocks), place, effects, sides, inputs.rate)
+
+
+def _inputs_of_block(inputs: Inputs, settings: LaneSettings, lanes: Sequence[int], sides: int) -> tuple[Array, Array]:
+    """Commands (n_sample, 2) and disturbance (n_sample,) of all lanes, or with an axis (LANES,) more those of each."""
+    if not settings.own_inputs:
+        return inputs.for_sides(sides), np.asarray(inputs.disturbance)
+    own = [settings.inputs_of(inputs, lane) for lane in lanes]
+    commands, pushes = ([one.for_sides(sides) for one in own], [np.asarray(one.disturbance) for one in own])
+    return np.stack(commands, axis=-1), np.stack(pushes, axis=-1)
 
 
 def told_apart(
@@ -397,6 +403,7 @@ def _alone(
     """The rows of one lane by the kernel for one run, nan from where it ended."""
     own, step = _own_surface(surface, settings, lane), 1.0 / (inputs.rate * substeps)
     state, effects = _begun(surface, plant, settings, lane, step, substeps)
+    inputs = settings.inputs_of(inputs, lane)
     commands = inputs.for_sides(max(plant.sides, 1))
     out = np.full((commands.shape[0], N_OUT), np.nan)
     push, linear = np.asarray(inputs.disturbance), inputs.hold == "linear"
