@@ -22,7 +22,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -174,7 +174,7 @@ class RunsOf(Runs):
 
     @classmethod
     def of(cls, runs: Runs, effects: Collection[str]) -> "RunsOf":
-        own = {one.name: getattr(runs, one.name) for one in fields(runs) if one.init and one.name != "effects"}
+        own = {one.name: getattr(runs, one.name) for one in fields(runs) if one.init}
         return cls(**own, effects=frozenset(effects))
 
     def candidates(self, fit: Fit) -> list[Variant]:
@@ -182,7 +182,7 @@ class RunsOf(Runs):
 
 
 class OnlyThese:
-    """A case's record at the model without effects, from which a search goes that tries stated effects alone.
+    """A case's record, in which stated effects alone are looked for.
 
     Raises
     ------
@@ -213,29 +213,34 @@ class OnlyThese:
             base = best.fit
         return found
 
+    @cached_property
+    def hidden(self) -> list[Refit]:
+        """The hidden effects."""
+        return self.found(self.truth)
+
+    def shown(self) -> dict[str, float]:
+        """Of each hidden effect the nats that it brings beside the others, where nothing else is tried."""
+        return {one.variant.effect: round(one.gain, 2) for one in self.hidden}
+
+    def apart(self, told: Sequence[str]) -> float:
+        """Nats that the record brings on average for its hidden effects over as many that were told in their place:
+        below `APART` the best judge of the record alone takes one set for the other once in six times at least."""
+        other = self.found(told)
+        if len(self.hidden) < len(self.truth) or len(other) < len(told):
+            return np.inf
+        return round(self.hidden[-1].fit.nats_apart(other[-1].fit), 2)
+
 
 @one_blas_thread
-def nats_shown(case: Case) -> dict[str, float]:
-    """Of each hidden effect the nats that it brings beside the others, where nothing else is tried."""
+def asked(row: Row) -> Row:
+    """A case that was missed with what its record shows, and how far that is from what was told in its place."""
+    case = replace(case_of(row["seed"], row["study"]), stated_hold="zero-order")  # the bench's own
     try:
         search = OnlyThese(case)
     except InputError:
-        return {}
-    return {one.variant.effect: round(one.gain, 2) for one in search.found(search.truth)}
-
-
-@one_blas_thread
-def nats_apart(case: Case, told: Sequence[str]) -> float:
-    """Nats that the record brings on average for its hidden effects over as many that were told in their place: below
-    `APART` the best judge of the record alone takes one set for the other once in six times at least."""
-    try:
-        search = OnlyThese(case)
-    except InputError:
-        return np.inf
-    true, other = search.found(search.truth), search.found(told)
-    if len(true) < len(search.truth) or len(other) < len(told):
-        return np.inf
-    return round(true[-1].fit.nats_apart(other[-1].fit), 2)
+        return row | {"shown": row.get("shown", {})} | ({"apart": np.inf} if unasked(row) else {})
+    row = row | {"shown": row.get("shown") or search.shown()}
+    return row | ({"apart": search.apart(row["names"][: len(row["truth"])])} if unasked(row) else {})
 
 
 def outcome(found: Diagnosis) -> Row:
@@ -311,11 +316,7 @@ def ask_of_missed(path: Path) -> None:
         if EFFECTS_OF[row["kind"]] and "truth" in row and not whole(row) and ("shown" not in row or unasked(row))
     ]
     with path.open("a", encoding="utf-8") as out:
-        for row in left:
-            case = replace(case_of(row["seed"], row["study"]), stated_hold="zero-order")  # the bench's own
-            row["shown"] = row.get("shown") or nats_shown(case)
-            if unasked(row):
-                row["apart"] = nats_apart(case, row["names"][: len(row["truth"])])
+        for row in map(asked, left):
             out.write(json.dumps(row) + "\n")
             out.flush()
             print(f"{row['key']}: {row['names']}, shown {row['shown']}, apart {row.get('apart')}", file=sys.stderr)
