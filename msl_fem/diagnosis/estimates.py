@@ -17,6 +17,7 @@ from msl_fem.prediction.nuisances import ADDITIVE, NUISANCES, together
 from msl_fem.prediction.scheduling import LEVEL
 
 INTERVAL = 1.96
+STEP_OF_SLOPES = 1e-4
 _READ = (
     ("position_sensor_nonlinearity", "quadratic"),
     ("position_sensor_nonlinearity", "cubic"),
@@ -115,7 +116,10 @@ def effect_estimates(found: Fit) -> dict[str, dict[str, Estimate]]:
     made: dict[str, dict[str, Estimate]] = {}
     for n, one in enumerate(found.unknowns.effects):
         row = found.unknowns.n_nuisance + n
-        low, value, high = _interval(one, float(found.z[row]), INTERVAL * float(error[row]))
+        if find_parameter(one.effect, one.name).root_of:
+            low, value, high = _interval_beside_shape(found, one)
+        else:
+            low, value, high = _interval(one, float(found.z[row]), INTERVAL * float(error[row]))
         made.setdefault(one.effect, {})[one.name] = Estimate(value, low, high)
     return made
 
@@ -123,6 +127,16 @@ def effect_estimates(found: Fit) -> dict[str, dict[str, Estimate]]:
 def _interval(one: EffectUnknown, z: float, half: float) -> tuple[float, float, float]:
     low, value, high = (float(one.value(np.array(z + k * half))) for k in (-1, 0, 1))
     return low, value, high
+
+
+def _interval_beside_shape(found: Fit, one: EffectUnknown) -> tuple[float, float, float]:
+    """Of an amount that goes with a shape: by the slopes of its value."""
+    rows = found.z + STEP_OF_SLOPES * np.eye(found.z.size)
+    value, *moved = (float(found.unknowns.effect_vector(z)[one.place]) for z in (found.z, *rows))
+    slopes = (np.array(moved) - value) / STEP_OF_SLOPES
+    half = INTERVAL * float(found.likelihood.standard_errors(found, slopes[None])[0])
+    low, high = find_parameter(one.effect, one.name).allowed
+    return max(value - half, low), value, min(value + half, high)
 
 
 def unit_of(effect: str, name: str) -> str:

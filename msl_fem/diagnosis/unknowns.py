@@ -148,6 +148,12 @@ class Unknowns:
         for n, one in enumerate(self.effects):
             value, before = one.value(z[self.n_nuisance + n]), vector[one.place]
             vector[one.place] = value if one.width or before == one.base else value + (before - one.base)
+        for one in self.effects:
+            shape = CATALOGUE[one.effect].parameter(one.name).root_of
+            for other in self.effects:
+                if shape and (other.effect, other.name) == (one.effect, shape):
+                    amount = one.base + np.sqrt(vector[other.place] / other.centre) * (vector[one.place] - one.base)
+                    vector[one.place] = min(amount, CATALOGUE[one.effect].parameter(one.name).allowed[1])
         return vector
 
     @property

@@ -38,13 +38,13 @@ def test_eddy_currents_in_sheets_follow_the_diffusion_equation(servo: Actuator, 
     assert ratio - 1 == pytest.approx(expected - 1, rel=0.02)
     alone = 1 + 2j * np.pi * frequency * tau
     assert abs(expected - alone) > 2 * abs(ratio - expected), "a single loop is another thing"
-    assert abs(run.audit.imbalance) < 1e-6
+    assert abs(run.audit.imbalance) < 5e-6, "the fastest modes change within a step"
     assert run.audit.eddy_currents > 0
 
 
 def test_the_modes_of_the_sheets_are_the_closed_form_s() -> None:
-    """3 (q coth q - 1)/q^2, q^2 = j w T, within 0.5 % of it up to w T = 10^4: five decades above the first pole."""
-    w = np.geomspace(1e-3, 1e4, 200)
+    """3 (q coth q - 1)/q^2, q^2 = j w T, within 0.5 % of it up to w T = 5 10^5: five decades above the first pole."""
+    w = np.geomspace(1e-3, 5e5, 400)
     q, poles, weights = np.sqrt(1j * w), np.array(EDDY_POLES), np.array(EDDY_WEIGHTS)
     exact = 3 * (q / np.tanh(q) - 1) / q**2
     rest = 1 - np.sum(weights / poles)

@@ -8,7 +8,7 @@ import pytest
 
 from msl_fem.plant import plant_parameters
 from msl_fem.plant.effects import EffectValues, kernel_coefficients
-from msl_fem.plant.effects.magnetic import EDDY, EDDY_MODE, EDDY_RATE, N_EDDY
+from msl_fem.plant.effects.magnetic import EDDY, EDDY_MODE, EDDY_POLES, EDDY_RATE, N_EDDY
 
 INDUCTANCE, TAU = 0.02, 1e-3
 
@@ -46,3 +46,22 @@ def test_the_modes_are_diffusion(servo) -> None:
     q = np.sqrt(0.3 * s)
     exact = 3 * TAU / (0.3 * INDUCTANCE) * (q / np.tanh(q) - 1)
     assert np.abs(current_over_flux(servo, 0.3, s) / exact - 1).max() == pytest.approx(0.0, abs=5e-3)
+
+
+def test_over_the_diffusion_time_nothing_jumps(servo) -> None:
+    """Where a mode becomes faster than the step, up to half of the sampling rate; next to T = 0 a shorted winding."""
+    step = 2e-5
+    plant = plant_parameters(servo)
+
+    def taken(diffusion: float, s: np.ndarray) -> np.ndarray:
+        values = EffectValues({"eddy_currents": {"time_constant": TAU, "diffusion_time": diffusion}})
+        e = kernel_coefficients(plant, values.vector(), inductance=INDUCTANCE, step=step, n_step=5)
+        rows = zip(e[EDDY_MODE : EDDY_MODE + N_EDDY], e[EDDY_RATE : EDDY_RATE + N_EDDY], strict=True)
+        return e[EDDY] * s + sum(mode * s / (s + rate) for mode, rate in rows)
+
+    s = 2j * np.pi * np.geomspace(1, 5000, 40)
+    for pole in EDDY_POLES:
+        before, behind = (taken(step * pole * (1 + by), s) for by in (-1e-6, 1e-6))
+        assert np.abs(behind / before - 1).max() < 1e-5
+    assert np.abs(taken(1e-9, s) / (TAU / INDUCTANCE * s) - 1).max() < 1e-3
+    assert max(taken(step * EDDY_POLES[0], s).imag) < 0.9 * max(taken(1e-9, s).imag)

@@ -102,6 +102,8 @@ class Parameter:
     belongs_to : of a shape, the one amount that it is about; "": all of them
     ends : of such a shape, values at which forms are farthest from each other; none: the highest one
     alone : an amount that is tried without its effect's shapes too
+    root_of : of an amount, a shape with whose square root it goes where most else stays as it is: a fit holds it over
+        that root, which is no bent valley
     lagging : it needs a drive whose current cannot jump, though its effect does not
     of : the plant's own quantities and their powers that `scale` and `bounds` go with; stated are those of the
         reference servo (`plant.own_scales`)
@@ -122,6 +124,7 @@ class Parameter:
     belongs_to: str = ""
     ends: tuple[float, ...] = ()
     alone: bool = False
+    root_of: str = ""
     lagging: bool = False
     of: tuple[tuple[Quantity, float], ...] = ()
 
