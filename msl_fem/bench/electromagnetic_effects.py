@@ -16,7 +16,7 @@ from msl_fem.materials.constants import MU_0
 from msl_fem.materials.material import AnalyticIron, Iron, laminated, load_iron
 
 SHEET_CONDUCTIVITY = 2.2e6  # S/m: iron with 2 to 3 % silicon (Bozorth, Ferromagnetism, 1951, ch. 4)
-MOST_STAGES = 16
+MOST_STAGES = 40
 _STRIPS = np.polynomial.legendre.leggauss(9)  # of a face: places from -1 to 1, weights
 _COIL_SHARE, _COIL_TIME, _CORE_TIME = 0.8, 0.25, 2.0  # of the whole thermal resistance; of the run's duration
 _MEAN_RISE = 0.55  # a lower bound of the coil's mean rise in a run over the final one, with these times
@@ -148,7 +148,7 @@ def _eddy_currents(setting: BenchSetting, rig: Rig, diffusion_time: float) -> Ri
     """Sheets as thick as the diffusion time says: T = mu sigma d^2/4, and G/T = 1/(3 L) with L of the iron alone."""
     conductance = diffusion_time / (3 * _iron_inductance(setting))
     ladder = Ladder(MOST_STAGES, conductance, diffusion_time)
-    while ladder.stages > 1 and fastest_ladder_rate(ladder) > 6 * setting.rate:
+    while ladder.stages > 1 and fastest_ladder_rate(ladder) > 20 * setting.rate:
         ladder = ladder._replace(stages=ladder.stages - 1)
     thickness = 2 * np.sqrt(diffusion_time / (_mean_slope(setting) * SHEET_CONDUCTIVITY))
     parameters = {"diffusion_time": diffusion_time, "conductance": conductance, "sheet_thickness": float(thickness)}
