@@ -25,10 +25,15 @@ from msl_fem.diagnosis.scores import Score
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant
 from msl_fem.errors import ComputationError
+from msl_fem.plant.effects import find_parameter
 
 ELIMINATED = 0.25  # of the gain that the best refit has made: a refit below it after screening goes no further
 SMALL = (0.03, 0.1, 0.3)  # of z: the largest amount with which a candidate may begin
 FIRST_STEPS = 20  # of a candidate that begins there
+SIZES = np.geomspace(1 / 16, 512, 15)
+"""Of the amounts of the leader that is begun at the belief, over those beside a model that has made up for it."""
+LEAST = 1 / 64  # of these amounts, with which starts of stretches are found before
+SHAPE_LEGS = 3  # of as many steps, for a leader begun at other shapes
 SCREENING_STEPS = 6
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to the linear model's best at which a refit may begin
 AS_PROMISED = 0.5  # of its nats, that the linear model's best brings where a refit begins there
@@ -156,8 +161,10 @@ class Refinement:
         tell: Callable[[str], None],
         memory: FitMemory,
         hopeless: Callable[[Refit], bool] = lambda refit: False,
+        variants: Sequence[Variant] = (),
     ) -> None:
         self.base, self.tell, self.memory, self.hopeless = base, tell, memory, hopeless
+        self.variants = variants
         self.near, self.lost = base.sane or base, base.sane is not None
         self.nuisance_columns = self.near.jacobian[:, : base.unknowns.n_nuisance]
         self.gathered = GatheredRuns(0)
@@ -179,7 +186,9 @@ class Refinement:
         let_go(sorted(raced, key=_by_gain)[1:])
         eliminated += [refit for refit in raced if refit.gain > 0 and self.hopeless(refit)]
         refined = sorted((refit for refit in raced if refit not in eliminated), key=_by_gain)
-        leader = self.converged(refined[0], leads=True) if refined and refined[0].gain > 0 else None
+        leader = None
+        if refined and refined[0].gain > 0:
+            leader = self._of_other_shapes(self.converged(refined[0], leads=True))
         if leader is None:
             return sorted([*refined, *eliminated], key=_by_gain)
         anew = self._made_up_for([leader, *refined[1:], *eliminated])
@@ -201,7 +210,7 @@ class Refinement:
         bent = [refit for refit in refits if refit.variant.effect in MADE_UP]
         if not bent or self.lost or self.base.unknowns.effects or not strained(self.base, BENT):
             return []
-        if max(refits[0].fit.excess.values()) <= QUIET:
+        if _leaves_noise(refits[0]):
             return []
         self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(bent))}")
         far = ELIMINATED * refits[0].gain
@@ -255,6 +264,8 @@ class Refinement:
     def raced(self, kept: Sequence[Refit]) -> list[Refit]:
         """Candidates after rounds of a few steps, where each that may come near the best goes on as long as it gains,
         may still lead, and would count if it did."""
+        if not self.base.unknowns.effects and strained(self.base) and len(_effects(kept)) == 1:
+            return list(kept)  # what leads begins once more
         most = NEARLY * max((refit.gain for refit in kept), default=0.0)
         running = [one for one in kept if one.promising and one.reach >= most and not self.hopeless(one)]
         ended = [refit for refit in kept if refit not in running]
@@ -288,7 +299,7 @@ class Refinement:
         led = None
         if leads and not self.base.unknowns.effects and strained(refit.fit):
             self.tell(f"{refit.variant.name}, which leads, once more with all else as believed")
-            led = self._begun_anew(refit, as_believed(refit.fit), plan)
+            led = self._as_believed(refit, refit.variant, plan)
         if led is None or led.gain < refit.gain:
             led = self._refit(refit.fit, refit.variant, refit.fit.z, plan, self._columns_of(refit))
         for _ in range(MORE_LEGS if leads else 0):  # what it has left undone, whatever is beside it would collect
@@ -298,6 +309,49 @@ class Refinement:
             refit, led = led, self._refit(led.fit, led.variant, led.fit.z, plan, self._columns_of(led))
             refit.fit.lets_go()
         return replace(led, fit=replace(led.fit, finished=leads))
+
+    def _of_other_shapes(self, leader: Refit) -> Refit:
+        """A leader that leaves more than noise beside parameters that are bent, or what one begun at another shape
+        comes to from the belief: fits have ends of their own along a shape, and a model that has made up for the effect
+        leads to the nearest."""
+        if self.base.unknowns.effects or self.lost or not strained(self.base) or _leaves_noise(leader):
+            return leader
+        shapes = [variant for variant in self.variants if _other_shape(variant, leader.variant)]
+        if not shapes:
+            return leader
+        self.tell(f"{leader.variant.effect}, which leads, begun at other shapes with all else as believed")
+        plan = FitPlan(FIRST_STEPS, enough=ROUGH, fresh_end=False)
+        begun = self._together(lambda variant: self._as_believed(leader, variant, plan), shapes)
+        going = [one for one in begun if one is not None]
+        ended: list[Refit] = [leader]
+        for _ in range(SHAPE_LEGS):
+            if not going or any(_leaves_noise(one) for one in going):
+                break
+            moved = self._together(self._on, going)
+            pairs = list(zip(going, moved, strict=True))
+            going = [new for old, new in pairs if new.promising and new.gain - old.gain >= new.enough]
+            ended += [new for _, new in pairs if new not in going]
+        best = min([*ended, *going], key=_by_gain)
+        let_go([one for one in (*ended, *going) if one is not best])
+        return leader if best is leader else self.converged(best, leads=True)
+
+    def _as_believed(self, refit: Refit, variant: Variant, plan: FitPlan) -> Refit | None:
+        """A variant that differs from a refit's in its shapes alone, begun with all else as believed, its amounts in
+        the likeliest of several sizes: beside what had made up for them they may be hundreds of times too small."""
+        unknowns, n = extended(self.base.unknowns, variant), self.base.unknowns.n_nuisance
+        amounts, z = slice(n, n + len(variant.amounts)), as_believed(refit.fit)
+        z[amounts.stop :] = 0.0
+        nearly = z.copy()
+        nearly[amounts] *= LEAST
+        likelihood = refit.fit.likelihood.gathering(self.gathered)
+        likelihood = likelihood.followed(unknowns, nearly) if likelihood.is_cut else likelihood
+        rows = np.tile(z, (len(SIZES) + 1, 1))
+        rows[1:, amounts] *= SIZES[:, None]
+        rows[0] = as_believed(refit.fit) if variant == refit.variant else z
+        rows = np.array([unknowns.allowed(row) for row in rows])
+        best = rows[int(np.argmin(objectives(likelihood, unknowns, rows)))]
+        fit = replace(refit.fit, unknowns=unknowns, likelihood=likelihood.gathering(None))
+        return self._begun_anew(Refit(variant, fit, refit.gain), best, plan)
 
     def _columns_of(self, refit: Refit) -> Slopes | None:
         """The nuisances' columns of a refit, where it has not let them go."""
@@ -399,6 +453,17 @@ def _in_front(refits: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:
 def strained(found: Fit, tolerances: float = STRAINED) -> bool:
     """Whether a believed parameter is so far off that something else must be wrong."""
     return bool(np.any(np.abs(found.z[: len(found.unknowns.believed)]) > tolerances))
+
+
+def _leaves_noise(refit: Refit) -> bool:
+    return max(refit.fit.excess.values()) <= QUIET
+
+
+def _other_shape(variant: Variant, leader: Variant) -> bool:
+    """Whether two variants of an effect differ in where a shape begins alone, with which an amount goes."""
+    names, own = ([one.name for one in each.unknowns] for each in (variant, leader))
+    goes = any(find_parameter(one.effect, one.name).root_of in names for one in leader.amounts)
+    return variant.effect == leader.effect and names == own and variant != leader and goes
 
 
 def _may_lead(before: Refit, after: Refit, leader: float) -> bool:

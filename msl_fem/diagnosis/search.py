@@ -105,7 +105,7 @@ def search_stage(
         candidates += [score for score in _best_of(every) if score.variant.effect in missing]
     kept = memory or FitMemory()
     kept.ended(fit_name(base.unknowns), base.z)
-    refits = Refinement(base, tell, kept, hopeless).best_first(candidates)
+    refits = Refinement(base, tell, kept, hopeless, tried).best_first(candidates)
     return SearchStage(base, every, tuple(refits), at_base.null, near if beside else at_base.columns)
 
 

@@ -9,10 +9,28 @@ import pytest
 
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.likelihood import Columns, Fit
-from msl_fem.diagnosis.refits import MORE_LEGS, Refinement, Refit, _may_lead
+from msl_fem.diagnosis.problem import Points
+from msl_fem.diagnosis.refits import MORE_LEGS, SIZES, Refinement, Refit, _may_lead
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
 
+
+class Sizes:
+    """A likelihood that is highest where the last number is `SUITS`."""
+
+    is_cut = False
+
+    def gathering(self, meeting: object) -> "Sizes":
+        return self
+
+    def spectra(self, points: Points) -> np.ndarray:
+        return 100 * (points.rows[:, -1:] - SUITS)
+
+    def weights(self, residual: np.ndarray, unknowns: Unknowns) -> SimpleNamespace:
+        return SimpleNamespace(nats=float(residual @ residual))
+
+
+SUITS = 0.6
 FRICTION = Variant("coulomb_friction", (EffectUnknown("coulomb_friction", "force"),))
 UNKNOWNS = Unknowns((("moving_mass", 0.01), ("damping", 0.2)), 0, ())
 BASE = Fit(
@@ -25,13 +43,13 @@ BASE = Fit(
     0.0,
     0.0,
     1,
-    SimpleNamespace(is_cut=False),
+    Sizes(),
 )
 
 
 def refit(z: list[float], gain: float, promised: float = 50.0) -> Refit:
     """A candidate at numbers of mass, damping and friction."""
-    likelihood = SimpleNamespace(is_cut=False)
+    likelihood = Sizes()
     unknowns = replace(UNKNOWNS, effects=FRICTION.unknowns)
     numbers = (np.array(z), np.zeros(1), Columns(np.zeros((1, 3)), np.zeros((3, 3))), None, -gain, gain, promised, 1)
     return Refit(FRICTION, Fit(unknowns, *numbers, likelihood), gain)
@@ -60,7 +78,9 @@ def test_a_strained_leader_begins_once_more_where_all_else_is_as_believed(fits) 
     found = led([9.0, 5.0, 0.3], leads=True)
     assert found.gain == 5000.0
     assert found.fit.finished
-    assert fits[0].tolist() == [0.0, 0.0, 0.3]
+    assert fits[0][:2].tolist() == [0.0, 0.0]
+    nearest = np.abs(np.append(0.3 * SIZES, 0.3) - SUITS).min()
+    assert abs(fits[0][2] - SUITS) == pytest.approx(nearest), "with the size of its amount that suits the belief"
 
 
 def test_a_leader_goes_on_while_it_gains_and_others_take_one_leg(fits) -> None:
@@ -187,3 +207,50 @@ def test_of_a_race_the_best_alone_keeps_its_columns(monkeypatch: pytest.MonkeyPa
     scores: Any = [SimpleNamespace(gain=1.0, variant=FRICTION)] * 3
     Refinement(BASE, lambda text: None, FitMemory()).best_first(scores)
     assert columns[:3] == [False, True, False]
+
+
+EDDIES = [
+    Variant(
+        "eddy_currents",
+        (EffectUnknown("eddy_currents", "time_constant"),),
+        (EffectUnknown("eddy_currents", "diffusion_time", centre=centre, width=1.0),),
+    )
+    for centre in (0.1, 1.0, 10.0)
+]
+
+
+@pytest.mark.parametrize(("strains", "left", "tried"), [(9.0, 4.0, 2), (0.0, 4.0, 0), (9.0, 1.0, 0)])
+def test_a_leader_that_leaves_more_than_noise_is_begun_at_other_shapes(
+    monkeypatch, strains: float, left: float, tried: int
+) -> None:
+    """Where the model without it is bent: here one of them leaves noise alone, and leads."""
+    begun: list[float] = []
+
+    def of(variant: Variant, gain: float, excess: float) -> Refit:
+        fit = replace(refit([0.0, 0.0, 0.3], gain).fit, unknowns=replace(UNKNOWNS, effects=variant.unknowns))
+        fit.__dict__["excess"] = {"position_m": excess}
+        return Refit(variant, fit, gain)
+
+    def as_believed(self: Refinement, near: Refit, variant: Variant, plan: object) -> Refit:
+        begun.append(variant.shapes[0].centre)
+        return of(variant, 9000.0, 1.05) if variant is EDDIES[2] else of(variant, 2000.0, 3.0)
+
+    monkeypatch.setattr(Refinement, "_as_believed", as_believed)
+    monkeypatch.setattr(Refinement, "_on", lambda self, one: pytest.fail("one leaves noise alone"))
+    monkeypatch.setattr(Refinement, "converged", lambda self, one, leads: one)
+    base = replace(BASE, z=np.array([strains, 0.0]))
+    race = Refinement(base, lambda text: None, FitMemory(), variants=(*EDDIES, FRICTION))
+    found = race._of_other_shapes(of(EDDIES[0], 5000.0, left))
+    assert sorted(begun) == [1.0, 10.0][:tried]
+    assert found.variant is (EDDIES[2] if tried else EDDIES[0])
+
+
+def test_where_no_amount_goes_with_a_shape_the_leader_stays(monkeypatch) -> None:
+    slide = [
+        Variant(FRICTION.effect, FRICTION.amounts, (EffectUnknown(FRICTION.effect, "presliding", at, 1.0),))
+        for at in (1e-6, 1e-5)
+    ]
+    leader = replace(refit([0.0, 0.0, 0.3], 5000.0), variant=slide[0])
+    leader.fit.__dict__["excess"] = {"position_m": 4.0}
+    race = Refinement(replace(BASE, z=np.array([9.0, 0.0])), lambda text: None, FitMemory(), variants=slide)
+    assert race._of_other_shapes(leader) is leader
