@@ -29,9 +29,9 @@ from msl_fem.computing.gauss_newton import (
     log_evidence,
     normal_equations,
 )
-from msl_fem.diagnosis.likelihood import CONVERGED, Columns, Fit, Likelihood, jacobian_columns
+from msl_fem.diagnosis.likelihood import CONVERGED, Columns, Fit, Likelihood, columns_and_start_slopes
 from msl_fem.diagnosis.noise import NoiseWeights
-from msl_fem.diagnosis.problem import Points
+from msl_fem.diagnosis.problem import Points, Starts
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.errors import ComputationError
 
@@ -39,7 +39,7 @@ STALE = 0.6
 """Share of the predicted decrease that a step has to bring for the nuisances' columns to be kept."""
 MISLED = 0.1
 """The same where columns need not be those of the fit's end."""
-STEPS_A_ROUND = 4
+STEPS_A_ROUND = 8
 MOST_IDLE_ROUNDS = 2
 """Rounds in a row that bring nothing: beside a model that cannot follow, moved starts raise what steps lower."""
 HOT = 100.0
@@ -57,6 +57,12 @@ WORTH = 0.05
 """Share of its nats that a round has to bring a model without effects beyond `SANE`, to be worth a further one."""
 RESTARTED = 0.2
 """Nats by which moving the starts of stretches may change a fit that has converged."""
+AS_GOOD = 3e-3
+"""Of the prior's sigma: a start that lies no farther from where a linear model leaves least is as good; ten times
+farther, a stretch over which errors grow tells the difference."""
+WORN = 50.0
+"""Nats that a round brings, behind which the nuisances' columns are of a place too far away."""
+MOST_LED = 3  # times that starts are moved at a point
 TINY = 1e-300  # square of a move that is none
 
 
@@ -105,9 +111,10 @@ def fit(
     simulations, z = 0, unknowns.allowed(start)
     least, idle, most_heat = np.inf, 0, np.inf
     sane: Fit | None = None
+    start_slopes: Starts = ()
     rounds = _trials(likelihood, how.most_steps)
     for n, trials in enumerate(rounds, 1):
-        posterior = _FitPosterior(likelihood, unknowns, how)
+        posterior = _FitPosterior(likelihood, unknowns, how, start_slopes)
         first = posterior.at(z)
         if not np.isfinite(first.residual).all():
             raise ComputationError("the simulation fails at the start of the fit")
@@ -120,17 +127,20 @@ def fit(
         settings = DescentSettings(damping, how.enough, most_trials=trials, renewal=renewal, fresh_end=how.fresh_end)
         end = descend(posterior, first, settings, first=model)
         point, model = posterior.cooled(end.point, end.model)
-        simulations += posterior.simulations
+        simulations, start_slopes = simulations + posterior.simulations, posterior.start_slopes
         found = _fit_at(likelihood, point, model, simulations, end.damping)
         if sane is not None and not beyond_sanity(unknowns, point.z):
             sane = found
         if not likelihood.is_cut:
             break
-        nuisance_columns = model.jacobian[:, : unknowns.n_nuisance] if posterior.heat == 1.0 else None
+        far = how.renew and first.objective - point.objective > WORN
+        nuisance_columns = model.jacobian[:, : unknowns.n_nuisance] if posterior.heat == 1.0 and not far else None
         if end.ending == "no more steps" and not end.steps:  # next to a table's end only shorter ones lead anywhere
             damping = replace(damping, first=damping.first * damping.factor**trials)
             continue
-        nearer = likelihood.followed(unknowns, point.z)
+        if n == len(rounds):
+            break
+        nearer = found.likelihood.followed(unknowns, point.z)
         again = nearer.objective(unknowns, point.z)
         most_heat = posterior.heat / COOLING
         if posterior.heat == 1.0:
@@ -168,7 +178,7 @@ def _fit_at(likelihood: Likelihood, point: "_FitPoint", model: "_FitModel", simu
         log_evidence(point.objective, precision),
         model.promised,
         simulations,
-        likelihood,
+        likelihood if point.starts is None else likelihood.starting(point.starts),
         damping=damping,
         next_step=model.step(damping)[1],
     )
@@ -178,17 +188,21 @@ def _trials(likelihood: Likelihood, most: int) -> list[int]:
     """Steps of each round of a fit; between rounds the starts of stretches are moved to where the fit is."""
     if not likelihood.is_cut:
         return [most]
-    return [STEPS_A_ROUND] * max(1, most // STEPS_A_ROUND)
+    whole, rest = divmod(most, STEPS_A_ROUND)
+    return [STEPS_A_ROUND] * whole + ([rest] if rest else [])
 
 
 @dataclass(frozen=True, eq=False)
 class _FitPoint:
-    """Unknowns with their residual, the noise's densities that suit it, and S."""
+    """Unknowns with their residual, the noise's densities that suit it, and S; where stretches begin, None: where those
+    of the likelihood do; and where they leave least to a linear model from there."""
 
     z: Array
     residual: Array
     weights: NoiseWeights
     objective: float
+    starts: Starts | None = None
+    nearer: Starts | None = None
 
 
 class _FitModel:
@@ -223,23 +237,41 @@ class _FitPosterior:
     """S of a likelihood, its data's part over a heat; counts its simulations. Its models have one Jacobian, that of the
     last of them: it is by far the largest of what a fit holds."""
 
-    def __init__(self, likelihood: Likelihood, unknowns: Unknowns, plan: FitPlan) -> None:
+    def __init__(self, likelihood: Likelihood, unknowns: Unknowns, plan: FitPlan, start_slopes: Starts = ()) -> None:
         self.likelihood, self.unknowns, self.plan = likelihood, unknowns, plan
         self.simulations, self.heat = 0, 1.0
+        self.start_slopes = start_slopes  # by how much each unknown moves the starts of stretches
         self._jacobian = np.empty((0, unknowns.size), dtype=np.float32)
 
-    def at(self, z: Array) -> _FitPoint:
-        """A point that holds the bounds; its S is inf where the simulation fails."""
-        every = self.likelihood.spectra(Points.of(self.unknowns, z[None]))
-        self.simulations += 1
-        return self._weighted(z, every[0].copy())  # alone: others' are beside it where they meet
+    def at(self, z: Array, starts: Starts | None = None) -> _FitPoint:
+        """A point that holds the bounds; its S is inf where the simulation fails. Stretches begin at `starts`, or where
+        a linear model leaves least from there, if that is elsewhere and better."""
+        if not self.likelihood.is_cut:
+            every = self.likelihood.spectra(Points.of(self.unknowns, z[None]))
+            self.simulations += 1
+            return self._weighted(z, every[0].copy(), None)  # alone: others' are beside it where they meet
+        point, nearer, far = self._from(z, starts)
+        for _ in range(MOST_LED):
+            if far <= AS_GOOD or not np.isfinite(point.objective):
+                break
+            moved, nearer, far = self._from(z, nearer)
+            if not moved.objective < point.objective:
+                break
+            point = moved
+        return point
 
-    def _weighted(self, z: Array, residual: Array) -> _FitPoint:
+    def _from(self, z: Array, starts: Starts | None) -> tuple[_FitPoint, Starts, float]:
+        """A point with given starts, starts that leave less, and how far they are apart."""
+        every, nearer, far = self.likelihood.spectra_and_starts(Points.of(self.unknowns, z[None], starts))
+        self.simulations += 1
+        return replace(self._weighted(z, every[0].copy(), starts), nearer=nearer), nearer, far
+
+    def _weighted(self, z: Array, residual: Array, starts: Starts | None) -> _FitPoint:
         weights = self.likelihood.weights(residual, self.unknowns)
         if self.heat != 1.0:
             weights = replace(weights, root=weights.root / np.sqrt(self.heat), nats=weights.nats / self.heat)
         objective = weights.nats + self.unknowns.prior(z)[0] if np.isfinite(residual).all() else np.inf
-        return _FitPoint(z, residual, weights, float(objective))
+        return _FitPoint(z, residual, weights, float(objective), starts)
 
     def heated(self, point: _FitPoint, most: float, cools: float) -> _FitPoint:
         """A point with the heat that suits what is left there, none where runs are followed as a whole; at `most` as
@@ -249,18 +281,22 @@ class _FitPosterior:
         if heat <= WARM or (most == np.inf and loud <= HOT):
             return point
         self.heat = heat
-        return self._weighted(point.z, point.residual)
+        return self._weighted(point.z, point.residual, point.starts)
 
     def cooled(self, point: _FitPoint, model: _FitModel) -> tuple[_FitPoint, _FitModel]:
         """The same without heat."""
         if self.heat == 1.0:
             return point, model
         without = _FitPosterior(self.likelihood, self.unknowns, self.plan)
-        cold = without._weighted(point.z, point.residual)
+        cold = without._weighted(point.z, point.residual, point.starts)
         return cold, _FitModel(self.unknowns, cold, model.jacobian, stale=True)
 
     def moved(self, point: _FitPoint, move: Array) -> _FitPoint:
-        return self.at(self.unknowns.allowed(point.z + move))
+        z = self.unknowns.allowed(point.z + move)
+        if not self.start_slopes or point.nearer is None:
+            return self.at(z)
+        by = [np.tensordot(z - point.z, slopes, axes=1) for slopes in self.start_slopes]
+        return self.at(z, tuple(own + b for own, b in zip(point.nearer, by, strict=True)))
 
     def model(self, point: _FitPoint, neighbour: _FitModel | None) -> _FitModel:
         if neighbour is not None:
@@ -278,8 +314,14 @@ class _FitPosterior:
         """The model at a point, the nuisances' columns as they are where they may be `stale`."""
         which = np.arange(self.unknowns.n_nuisance if stale else 0, self.unknowns.size)
         if which.size:
-            columns = jacobian_columns(self.likelihood, self.unknowns, point.z, which, point.residual)
+            columns, slopes = columns_and_start_slopes(
+                self.likelihood, self.unknowns, point.z, which, point.residual, point.starts, point.nearer
+            )
             self._jacobian[:, which] = columns
+            if slopes and not self.start_slopes:
+                self.start_slopes = tuple(np.zeros((self.unknowns.size, *own.shape[1:])) for own in slopes)
+            for every, own in zip(self.start_slopes, slopes, strict=True):
+                every[which] = own
         self.simulations += which.size
         model = _FitModel(self.unknowns, point, self._jacobian, stale=stale)
         if self.plan.tell is not None:

@@ -22,8 +22,9 @@ from msl_fem.diagnosis.noise import (
     transformed,
     weights_of,
 )
-from msl_fem.diagnosis.problem import FitProblem, Points, batches, residuals_in_parts, simulated_residuals
+from msl_fem.diagnosis.problem import FitProblem, Points, Starts, batches, residuals_in_parts, simulated_residuals
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
+from msl_fem.diagnosis.stretches import moved
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.wander import WanderLines, with_wander
 from msl_fem.record.columns import name_and_unit
@@ -44,22 +45,49 @@ def over_chance(residual: Array) -> float:
 
 
 def jacobian_columns(
-    likelihood: "Likelihood", unknowns: Unknowns, z: Array, which: NDArray[np.intp], residual: Array
+    likelihood: "Likelihood",
+    unknowns: Unknowns,
+    z: Array,
+    which: NDArray[np.intp],
+    residual: Array,
 ) -> Array:
     """Columns (n_number, n_which) of the residual's Jacobian by one-sided differences, backwards where a run fails."""
+    return columns_and_start_slopes(likelihood, unknowns, z, which, residual)[0]
+
+
+def columns_and_start_slopes(
+    likelihood: "Likelihood",
+    unknowns: Unknowns,
+    z: Array,
+    which: NDArray[np.intp],
+    residual: Array,
+    starts: Starts | None = None,
+    nearer: Starts | None = None,
+) -> tuple[Array, Starts]:
+    """`jacobian_columns` where stretches begin at `starts`, and by how much the starts that suit a point, `nearer` at
+    z, move with each unknown, (n_which, n_stretch, 4) of each run; none where no run is followed over stretches."""
     step = unknowns.steps[which]
     rows = np.tile(z, (which.size, 1))
     rows[np.arange(which.size), which] += step
-    moved = likelihood.spectra(Points.of(unknowns, rows))
+    moved, led = _numbers_and_starts(likelihood, Points.of(unknowns, rows, starts))
     failed = ~np.isfinite(moved).all(axis=1)
     if failed.any():
         step[failed] *= -1
         rows[failed, which[failed]] = z[which[failed]] + step[failed]
-        moved[failed] = likelihood.spectra(Points.of(unknowns, rows[failed]))
+        moved[failed], again = _numbers_and_starts(likelihood, Points.of(unknowns, rows[failed], starts))
+        for own, other in zip(led, again, strict=True):
+            own[failed] = other
         moved[~np.isfinite(moved).all(axis=1)] = residual  # no slope to be had: the unknown stays where it is
     moved -= residual
     moved /= step[:, None]
-    return np.asarray(moved.T)
+    slopes = [np.nan_to_num((a - b) / step[:, None, None]) for a, b in zip(led, nearer or (), strict=False)]
+    return np.asarray(moved.T), tuple(slopes)
+
+
+def _numbers_and_starts(likelihood: "Likelihood", points: Points) -> tuple[Array, Starts]:
+    if not likelihood.is_cut:
+        return likelihood.spectra(points), ()
+    return likelihood.spectra_and_starts(points)[:2]
 
 
 @dataclass(eq=False)
@@ -161,44 +189,77 @@ class Likelihood:
 
     def spectra(self, points: Points) -> Array:
         """Residuals in the frequency domain over their white sigma, (n_row, n_number); nan of a failed run."""
-        if self.gathered is not None:
-            return self.gathered.spectra(self.problem, points, self._simulated_spectra)
-        return self._simulated_spectra(points)
+        return self.spectra_and_starts(points)[0]
 
-    def _simulated_spectra(self, points: Points) -> Array:
-        found = np.empty((len(points.rows), self._labels_of_runs.size))
-        for run, own in enumerate(self._places_of_runs):
-            self._fill(found[:, own], run, points)
+    def spectra_and_starts(self, points: Points) -> tuple[Array, Starts, float]:
+        """`spectra`, the starts of stretches that leave least to a linear model, and how far the farthest of them is
+        from where it was, in units of its prior."""
+        found = self._simulated(points) if self.gathered is None else self._gathered(points)
+        n_number, starts, largest = self._labels_of_runs.size, [], 0.0
+        each = np.split(found[:, n_number:], np.cumsum(self._n_moves)[:-1], axis=1)
+        for run, (moves, own) in enumerate(zip(each, points.starts or self.problem.starts(len(found)), strict=True)):
+            by = moves.reshape(*own.shape[:2], -1) if moves.size else np.zeros((*own.shape[:2], 2))
+            starts.append(moved(own, by * self.problem.start_unit(run)[: by.shape[-1]]))
+            largest = max(largest, float(np.abs(by).max(initial=0.0)))
+        return found[:, :n_number], tuple(starts), largest
+
+    def _gathered(self, points: Points) -> Array:
+        assert self.gathered is not None
+        return self.gathered.spectra(self.problem, points, self._simulated)
+
+    @property
+    def _n_moves(self) -> list[int]:
+        """How many numbers move the starts of each run's stretches."""
+        cuts = [self.problem.cut(run) for run in range(len(self.problem.runs))]
+        return [0 if cut is None else cut.begins.size * cut.slopes.shape[1] for cut in cuts]
+
+    def _simulated(self, points: Points) -> Array:
+        """(n_row, n_number + n_move) `spectra`, and behind them the moves of the starts."""
+        n_number, n_moves = self._labels_of_runs.size, self._n_moves
+        found = np.empty((len(points.rows), n_number + sum(n_moves)))
+        ends = n_number + np.cumsum(n_moves)
+        for run, (own, end) in enumerate(zip(self._places_of_runs, ends, strict=True)):
+            self._fill(found[:, own], found[:, end - n_moves[run] : end], run, points)
         return found
 
-    def _fill(self, found: Array, run: int, points: Points) -> None:
-        """Writes a run's part of the numbers (n_row, n_own); simulated, transformed and forgotten group by group."""
+    def _fill(self, found: Array, moves: Array, run: int, points: Points) -> None:
+        """Writes a run's part of the numbers (n_row, n_own), and what moves its starts, (n_row, n_move); simulated,
+        transformed and forgotten group by group."""
         problem, substeps = replace(self.problem, threads=1), self.substeps
 
         def fill(rows: NDArray[np.intp]) -> None:
-            parts = residuals_in_parts(problem, points.only(rows), run, substeps=substeps)
-            found[rows] = np.concatenate([self._numbers_of_run(run, channels) for channels in parts])
+            numbers, by = [], []
+            for channels in residuals_in_parts(problem, points.only(rows), run, substeps=substeps):
+                over, move = self._over_noise(run, channels)
+                numbers.append(self._numbers_of_run(run, over))
+                by.append(move)
+            found[rows], moves[rows] = np.concatenate(numbers), np.concatenate(by)
 
         with ThreadPoolExecutor(self.problem.threads) as pool:
             list(pool.map(fill, batches(problem, points, run, substeps=substeps)))
 
     def transformed(self, found: list[list[Array]]) -> Array:
         """Arrays (n_row, n_sample) of every run's channels as `spectra` orders and scales them."""
-        return np.concatenate([self._numbers_of_run(run, channels) for run, channels in enumerate(found)], axis=-1)
+        over = [self._over_noise(run, channels)[0] for run, channels in enumerate(found)]
+        return np.concatenate([self._numbers_of_run(run, own) for run, own in enumerate(over)], axis=-1)
 
-    def _numbers_of_run(self, run: int, channels: list[Array]) -> Array:
-        """A run's channels (n_row, n_sample) in the frequency domain, piece by piece."""
-        over, parts = self._over_noise(run, channels), []
+    def _numbers_of_run(self, run: int, over: list[Array]) -> Array:
+        """A run's residuals over the noise (n_row, n_sample) in the frequency domain, piece by piece."""
+        parts = []
         for lines, (of, part) in zip(self.bands.lines, self.problem.pieces, strict=True):
             parts += [transformed(values[..., part], lines) for values in over] if of == run else []
         return np.concatenate(parts, axis=-1)
 
-    def _over_noise(self, run: int, channels: list[Array]) -> list[Array]:
-        """Residuals of a run's channels over their noise's sigma, without what starts of stretches account for."""
+    def _over_noise(self, run: int, channels: list[Array]) -> tuple[list[Array], Array]:
+        """Residuals of a run's channels over their noise's sigma, without what starts of stretches account for, and the
+        moves of these (n_row, n_move)."""
         data, cut = self.problem.runs[run], self.problem.cut(run)
         names = self.problem.channels(run)
         over = [values / data.noise[name].sigma for name, values in zip(names, channels, strict=True)]
-        return over if cut is None else cut.without_starts(over)
+        if cut is None:
+            return over, np.zeros((len(over[0]), 0))
+        moves = cut.moves(over)
+        return cut.without_starts(over, moves), moves.reshape(len(moves), -1)
 
     def gathering(self, runs: GatheredRuns | None) -> "Likelihood":
         """The same, its simulations run where they meet with those of other fits."""
@@ -218,6 +279,10 @@ class Likelihood:
     def begins(self) -> tuple[bytes, ...]:
         """Where the stretches of each run begin: numbers are those of the same samples where these are alike."""
         return tuple(b"" if cut is None else cut.begins.tobytes() for cut in self.problem.stretches)
+
+    def starting(self, starts: Starts) -> "Likelihood":
+        """With stretches that begin elsewhere."""
+        return replace(self, problem=self.problem.with_starts(starts))
 
     def followed(self, unknowns: Unknowns, z: Array) -> "Likelihood":
         """With the starts of the stretches moved to where the model at z has them."""
@@ -268,7 +333,7 @@ class Likelihood:
         reads: dict[str, list[NDArray[np.bool_]]] = {}
         for run, channels in enumerate(simulated):
             counts, left_out = self.problem.counts(run), self.problem.runs[run].left_out
-            for name, every in zip(self.problem.channels(run), self._over_noise(run, channels), strict=True):
+            for name, every in zip(self.problem.channels(run), self._over_noise(run, channels)[0], strict=True):
                 read = np.ones(every.shape[1], dtype=bool)
                 read[left_out.get(name, [])] = False
                 over.setdefault(name, []).append(every[0, counts])

@@ -1,7 +1,7 @@
 """The runs of a record simulated for many values of the unknowns at once: what is measured less what is simulated."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes, told_apart
 from msl_fem.plant.plant import PlantParameters
 from msl_fem.prediction import KernelPlant, RunData, Start
-from msl_fem.prediction.free_run import counted
+from msl_fem.prediction.free_run import counted, start_sigmas
 from msl_fem.prediction.hypothesis import plant_in_run, times_factors, with_factors
 from msl_fem.prediction.nuisances import line_of, together
 from msl_fem.prediction.run_data import POSITION_COLUMN, VELOCITY_COLUMN
@@ -66,6 +66,22 @@ class FitProblem:
         """The stretches of a run, None of one that is followed as a whole."""
         return self.stretches[run] if self.stretches else None
 
+    def start_unit(self, run: int) -> Array:
+        """(n_start,) one sigma of the prior of a start: position, velocity, currents that cannot jump."""
+        return START * start_sigmas(self.plant, self.runs[run], tolerance=self.tolerance)
+
+    def starts(self, n_row: int) -> "Starts":
+        """Those of the stretches, the same in each row."""
+        cuts = [self.cut(run) for run in range(len(self.runs))]
+        each = [np.zeros((0, 4)) if cut is None else cut.starts for cut in cuts]
+        return tuple(np.broadcast_to(one, (n_row, *one.shape)) for one in each)
+
+    def with_starts(self, starts: "Starts") -> "FitProblem":
+        """With stretches that begin elsewhere, (1, n_stretch, 4) of each run."""
+        cuts = [self.cut(run) for run in range(len(self.runs))]
+        moved = [None if cut is None else replace(cut, starts=own[0]) for cut, own in zip(cuts, starts, strict=True)]
+        return replace(self, stretches=tuple(moved))
+
     @property
     def pieces(self) -> list[tuple[int, slice]]:
         """(run, its samples) of all stretches of all runs that count."""
@@ -92,22 +108,29 @@ class FitProblem:
         return counted(self.runs[run])
 
 
+Starts = tuple[Array, ...]
+"""Of each run (n_row, n_stretch, 4), where its stretches begin; none of a run that is followed as a whole."""
+
+
 @dataclass(frozen=True, eq=False)
 class Points:
     """Values of the unknowns, (n_row, unknowns.size), and the effects that go with them, (n_row, N_PARAMETER); `fine`
-    says which rows want fine steps, (n_row,), None: all."""
+    says which rows want fine steps, (n_row,), None: all; `starts` where each row's stretches begin, None: those of the
+    problem."""
 
     unknowns: Unknowns
     rows: Array
     effects: Array | None
     fine: NDArray[np.bool_] | None = None
+    starts: Starts | None = None
 
     @classmethod
-    def of(cls, unknowns: Unknowns, rows: Array) -> "Points":
-        """With the effects that the rows say. What wants fine steps does so at nothing too, or differences would be of
-        different steps."""
+    def of(cls, unknowns: Unknowns, rows: Array, starts: Starts | None = None) -> "Points":
+        """With the effects that the rows say, from the starts of one row. What wants fine steps does so at nothing too,
+        or differences would be of different steps."""
         effects = None if unknowns.plain else np.array([unknowns.effect_vector(z) for z in rows])
-        return cls(unknowns, rows, effects, np.full(len(rows), unknowns.fine_steps))
+        every = None if starts is None else tuple(np.broadcast_to(own, (len(rows), *own.shape[1:])) for own in starts)
+        return cls(unknowns, rows, effects, np.full(len(rows), unknowns.fine_steps), every)
 
     @property
     def wants_fine(self) -> NDArray[np.bool_]:
@@ -122,7 +145,8 @@ class Points:
 
     def only(self, rows: slice | NDArray[np.intp]) -> "Points":
         effects = None if self.effects is None else self.effects[rows]
-        return Points(self.unknowns, self.rows[rows], effects, self.wants_fine[rows])
+        starts = None if self.starts is None else tuple(own[rows] for own in self.starts)
+        return Points(self.unknowns, self.rows[rows], effects, self.wants_fine[rows], starts)
 
 
 def simulated_residuals(problem: FitProblem, points: Points, *, substeps: int) -> list[list[Array]]:
@@ -217,7 +241,8 @@ def _lane_settings(
     if cut is None:
         starts = np.array([_start(problem, unknowns, z, run) for z in rows])
     else:
-        read = np.broadcast_to(cut.starts, (len(rows), cut.begins.size, 4))
+        known = cut.starts if own is not None or points.starts is None else points.starts[run]
+        read = np.broadcast_to(known, (len(rows), cut.begins.size, 4))
         starts = np.array([states(problem.plant, data, one, f) for one, f in zip(read, factors, strict=True)])
     surface, index = _surfaces(problem, unknowns, rows)
     settings = LaneSettings(

@@ -350,8 +350,10 @@ class Refinement:
         rows[0] = as_believed(refit.fit) if variant == refit.variant else z
         rows = np.array([unknowns.allowed(row) for row in rows])
         best = rows[int(np.argmin(objectives(likelihood, unknowns, rows)))]
-        fit = replace(refit.fit, unknowns=unknowns, likelihood=likelihood.gathering(None))
-        return self._begun_anew(Refit(variant, fit, refit.gain), best, plan)
+        try:
+            return self._refit(replace(refit.fit, likelihood=likelihood.gathering(None)), variant, best, plan, None)
+        except ComputationError:
+            return None
 
     def _columns_of(self, refit: Refit) -> Slopes | None:
         """The nuisances' columns of a refit, where it has not let them go."""

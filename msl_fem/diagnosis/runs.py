@@ -17,7 +17,7 @@ from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.next_experiment import Question, farther, separating
 from msl_fem.diagnosis.noise import highest_line, make_bands
 from msl_fem.diagnosis.outside import Dependence, dependences
-from msl_fem.diagnosis.problem import START, FitProblem, Points, simulated_residuals
+from msl_fem.diagnosis.problem import FitProblem, Points, simulated_residuals
 from msl_fem.diagnosis.refits import ROUGH
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
@@ -30,7 +30,7 @@ from msl_fem.diagnosis.variants import variables_of
 from msl_fem.errors import ComputationError
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import ModelHypothesis, RunData, Start, free_parameters, free_run, kernel_plant, measured_start
-from msl_fem.prediction.free_run import counted, start_sigmas
+from msl_fem.prediction.free_run import counted
 from msl_fem.prediction.hypothesis import closed_form_steps, plant_of_run
 from msl_fem.prediction.run_data import Hold
 from msl_fem.record import Record, Tolerance
@@ -332,7 +332,7 @@ def _cut_problem(problem: FitProblem, cuts: Cuts, kept: Sequence[int]) -> FitPro
     for n, run in zip(kept, runs, strict=True):
         whole = cuts[n] is None
         guesses.append(measured_start(problem.plant, run) if whole else Start((0.0, 0.0), 0.0, 0.0))
-        sigmas.append(START * start_sigmas(problem.plant, run, tolerance=problem.tolerance) if whole else np.zeros(0))
+        sigmas.append(problem.start_unit(n) if whole else np.zeros(0))
     stretches = tuple(cuts[n] for n in kept)
     return replace(problem, runs=runs, guesses=tuple(guesses), start_sigmas=tuple(sigmas), stretches=stretches)
 

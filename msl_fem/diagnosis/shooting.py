@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
-from msl_fem.diagnosis.problem import START, FitProblem, Points, lanes, missed
-from msl_fem.diagnosis.stretches import Stretches
+from msl_fem.diagnosis.problem import FitProblem, Points, lanes, missed
+from msl_fem.diagnosis.stretches import Stretches, moved
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.plant.excitation import Inputs
 from msl_fem.prediction import KernelPlant, RunData
-from msl_fem.prediction.free_run import read_current, start_sigmas
+from msl_fem.prediction.free_run import read_current
 from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record.columns import Channel
 
@@ -106,7 +106,7 @@ class Shooting:
     def __init__(self, problem: FitProblem, run: int, spread: ModelSpread, *, substeps: int) -> None:
         self.problem, self.run, self.spread, self.substeps = problem, run, spread, substeps
         self.data, self.plant = problem.runs[run], problem.plant
-        self.sigmas = START * start_sigmas(self.plant, self.data, tolerance=problem.tolerance)
+        self.sigmas = problem.start_unit(run)
         self.names = problem.channels(run)
 
     def chosen(self, known: Stretches | None = None, *, with_moves: bool = False) -> Stretches | None:
@@ -289,15 +289,6 @@ def guessed(plant: KernelPlant, data: RunData, begins: NDArray[np.intp], n_start
         read = data.measured.get(Channel("current", side + 1).column)
         starts[:, side] = (read_current(plant, data, side) if read is None else read)[begins]
     return Stretches(begins, starts, np.zeros((len(data.measured), n_start, x.size)))
-
-
-def moved(starts: Array, by: Array) -> Array:
-    """Starts (n_stretch, 4) moved by positions, velocities and currents (n_stretch, n_start)."""
-    by = np.broadcast_to(by, (len(starts), by.shape[-1]))
-    made = starts.copy()
-    made[:, 2:] += by[:, :2]
-    made[:, : by.shape[1] - 2] += by[:, 2:]
-    return made
 
 
 def _all(samples: NDArray[np.bool_], cut: Stretches) -> NDArray[np.bool_]:

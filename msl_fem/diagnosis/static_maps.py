@@ -21,7 +21,7 @@ from msl_fem.diagnosis.kind import ErrorSignal, Kind, without_those_of
 from msl_fem.diagnosis.likelihood import Columns, Fit, Likelihood, over_chance
 from msl_fem.diagnosis.measured_map import DENSITY, FLUX, FORCE, MeasuredMap, is_stated, measured_map, path_of
 from msl_fem.diagnosis.noise import NoiseBands, NoiseWeights
-from msl_fem.diagnosis.problem import FitProblem, Points
+from msl_fem.diagnosis.problem import FitProblem, Points, Starts
 from msl_fem.diagnosis.table_error import corrected, table_error
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import RecordFeatures, Variant, variants
@@ -251,11 +251,13 @@ class JointLikelihood(Likelihood):
 
     def of_runs(self, points: Points) -> Array:
         """`spectra` of the runs alone."""
-        return super().spectra(points)
+        return super().spectra_and_starts(points)[0]
 
-    def spectra(self, points: Points) -> Array:
-        """Residuals of the runs in the frequency domain over their white sigma, then the map's; (n_row, n_number)."""
-        return np.hstack([self.of_runs(points), self.static.spectra(points)])
+    def spectra_and_starts(self, points: Points) -> tuple[Array, Starts, float]:
+        """Residuals of the runs in the frequency domain over their white sigma, then the map's, (n_row, n_number); and
+        what is said of the runs' stretches."""
+        runs, starts, largest = super().spectra_and_starts(points)
+        return np.hstack([runs, self.static.spectra(points)]), starts, largest
 
     @property
     def labels(self) -> NDArray[np.intp]:

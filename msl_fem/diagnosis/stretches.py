@@ -63,9 +63,10 @@ class Stretches:
             slope = slope + np.stack(products, axis=-1)
         return -np.einsum("sab,rsb->rsa", self._inverse, slope)
 
-    def without_starts(self, over: Sequence[Array]) -> list[Array]:
-        """What is left of residuals over the noise, (n_row, n_sample) each, beside the starts."""
-        moves = self.moves(over)
+    def without_starts(self, over: Sequence[Array], moves: Array | None = None) -> list[Array]:
+        """What is left of residuals over the noise, (n_row, n_sample) each, beside the starts, by their `moves` where
+        they are known."""
+        moves = self.moves(over) if moves is None else moves
         lengths = np.diff([*self.begins, over[0].shape[1]])
         made = []
         for values, s in zip(over, self.slopes, strict=True):
@@ -91,3 +92,12 @@ class Stretches:
                 for b in range(n):
                     gram[:, a, b] += np.add.reduceat(s[a] * s[b], self.begins)
         return np.asarray(np.linalg.inv(gram + np.eye(n)))
+
+
+def moved(starts: Array, by: Array) -> Array:
+    """Starts (..., n_stretch, 4) moved by positions, velocities and currents (..., n_stretch, n_start)."""
+    by = np.broadcast_to(by, (*starts.shape[:-1], by.shape[-1]))
+    made = starts.copy()
+    made[..., 2:] += by[..., :2]
+    made[..., : by.shape[-1] - 2] += by[..., 2:]
+    return made

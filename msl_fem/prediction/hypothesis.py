@@ -10,7 +10,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.plant import PlantParameters, Surface, plant_parameters, surface_of
 from msl_fem.plant.believed import Belief
 from msl_fem.plant.effects import PARAMETER_INDEX, EffectValues, find_parameter, kernel_coefficients, neutral_vector
-from msl_fem.plant.plant import CURRENT_DRIVE
+from msl_fem.plant.plant import CURRENT_DRIVE, VOLTAGE_DRIVE
 from msl_fem.plant.poles import FAST
 from msl_fem.plant.preparation import check_effects, small_signal_inductance
 from msl_fem.plant.step_count import default_substeps
@@ -205,8 +205,15 @@ def with_factors(p: PlantParameters, factors: Mapping[str, float], *, ideal_curr
 
 
 def plant_in_run(p: PlantParameters, data: RunData) -> PlantParameters:
-    """The plant as it is in a run: where the mover is locked, too heavy for anything to move it."""
-    return p._replace(mass=HEAVY * p.mass, end_stop=None) if data.mover == "locked" else p
+    """The plant as it is in a run: where the mover is locked, too heavy for anything to move it; commands that were
+    recorded behind the drive's limit are not limited once more, as what reads them makes them larger than they were."""
+    if data.mover == "locked":
+        p = p._replace(mass=HEAVY * p.mass, end_stop=None)
+    if p.drive == CURRENT_DRIVE and data.are_limited(p.current_limit):
+        p = p._replace(current_limit=np.inf)
+    elif p.drive == VOLTAGE_DRIVE and data.are_limited(p.voltage_limit):
+        p = p._replace(voltage_limit=np.inf)
+    return p
 
 
 def plant_of_run(belief: ModelHypothesis, data: RunData) -> KernelPlant:

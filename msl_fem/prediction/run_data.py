@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -22,6 +23,8 @@ POSITION_COLUMN, VELOCITY_COLUMN = "position_m", "velocity_m_per_s"
 Hold = Literal["zero-order", "linear"]
 HIGHEST_BAND = 0.8  # of half the sampling rate: from here on, a channel is taken to hold noise alone
 LOWEST = 1e-9  # of a channel's span: noise below is none
+STOPPED = 3  # samples of the largest command, which say that it was a limit
+READ_OFF = 0.05  # how much larger than it was a command may be read
 _NONE = np.zeros(0, dtype=np.intp)
 
 
@@ -91,6 +94,19 @@ class RunData:
         """Channel to the samples of its readings that do not count, those that have some."""
         both = {name: self.spikes.get(name, _NONE) for name in (*self.spikes, *self.invalid)}
         return {name: np.union1d(at, self.invalid.get(name, _NONE)) for name, at in both.items()}
+
+    def are_limited(self, limit: float) -> bool:
+        """Whether the commands were recorded behind a limit (A, V): none is larger, or by no more than a reading may be
+        off, and several stop at the largest."""
+        largest, times = self._largest_command
+        return largest <= ((1.0 + READ_OFF) * limit if times >= STOPPED else limit)
+
+    @cached_property
+    def _largest_command(self) -> tuple[float, int]:
+        """The largest size of a command, and how often it is met."""
+        sizes = np.abs(self.commands)
+        largest = float(sizes.max(initial=0.0))
+        return largest, int(np.count_nonzero(sizes == largest))
 
     @property
     def held(self) -> Array:

@@ -43,6 +43,9 @@ class CutRecord:
         halves = np.stack([self.strong * z[:, 0], self.bent * z[:, 0] ** 2 + 0.5 * z[:, 1]], axis=1)
         return self.data - np.repeat(halves, 200, axis=1)
 
+    def spectra_and_starts(self, points: Points) -> tuple[np.ndarray, tuple[()], float]:
+        return self.spectra(points), (), 0.0
+
     def weights(self, residual: np.ndarray, unknowns: Unknowns):
         return weights_of(residual, np.zeros(400, dtype=np.intp), np.array([100.0]))
 
@@ -84,16 +87,16 @@ def test_a_round_goes_on_with_the_damping_of_the_one_before(monkeypatch: pytest.
         return replace(descend(objective, point, settings, **more), damping=next(last), ending="no more steps", steps=1)
 
     monkeypatch.setattr(fitting, "descend", noted)
-    fit(far(), UNKNOWNS, np.zeros(2), plan=FitPlan(most_steps=16))  # type: ignore[arg-type]
+    fit(far(), UNKNOWNS, np.zeros(2), plan=FitPlan(most_steps=32))  # type: ignore[arg-type]
     assert first == [1.0, 10.0, 1e2, 1e-2]
 
 
-@pytest.mark.parametrize(("off", "rounds"), [(5 * SANE, (5, 7)), (0.5 * SANE, (14, 15))])
+@pytest.mark.parametrize(("off", "rounds"), [(5 * SANE, (5, 7)), (0.5 * SANE, (14, 14))])
 def test_a_model_beyond_sanity_is_not_followed_for_the_last_nats(off: float, rounds: tuple[int, int]) -> None:
     """Each round of new starts takes 3 % of what is left, which no number explains."""
     data = np.concatenate([np.full(200, 10 * off), np.repeat([300.0, -300.0], 100)])
     record = CutRecord(data, strong=10.0, bent=0.0, shrinks=0.985)
-    fit(record, UNKNOWNS, np.array([off, 0.0]))  # type: ignore[arg-type]
+    fit(record, UNKNOWNS, np.array([off, 0.0]), plan=FitPlan(most_steps=120))  # type: ignore[arg-type]
     assert rounds[0] <= len(record.followed_at) <= rounds[1]
 
 

@@ -6,8 +6,9 @@ from shifted_records import in_voltage_drive
 
 from msl_fem.actuator import Actuator
 from msl_fem.comparison import nrmse
-from msl_fem.plant import Inputs, Options, simulate
+from msl_fem.plant import Inputs, Options, plant_parameters, simulate
 from msl_fem.prediction import ModelHypothesis, Start, free_run, kernel_plant, run_data
+from msl_fem.prediction.hypothesis import plant_in_run
 from msl_fem.record import Noise, Record, Run, Sampling
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -88,3 +89,27 @@ def test_currents_stand_for_commands_where_there_are_none(servo: Actuator, table
 
 def commanded(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {f"command_{j}_A": columns[f"current_{j}_A"] for j in (1, 2)}
+
+
+@pytest.mark.parametrize(
+    ("largest", "times", "acts"),
+    [(0.9, 1, False), (1.0, 1, False), (1.01, 400, False), (1.01, 1, True), (1.2, 400, True)],
+)
+@pytest.mark.parametrize("kind", ["current", "voltage"])
+def test_a_drive_limits_no_commands_that_were_recorded_behind_its_limit(
+    servo: Actuator, kind: str, largest: float, times: int, acts: bool
+) -> None:
+    """None is larger, or they stop at a largest one that its reading may make of the limit: a gain of 0.99 of what
+    reads them is no reason to hold them once more. What goes on beyond the limit was recorded before it."""
+    actuator = in_voltage_drive(servo) if kind == "voltage" else servo
+    limit = actuator.drive.voltage_limit if kind == "voltage" else actuator.drive.current_limit
+    commands = smooth(5, 0.1)[::FINE] / 2 * limit
+    commands[100 : 100 + times, 0] = largest * limit
+    unit = "V" if kind == "voltage" else "A"
+    word = "voltage" if kind == "voltage" else "command"
+    columns = {f"{word}_{j}_{unit}": commands[:, j - 1] for j in (1, 2)} | {"position_m": np.zeros(N)}
+    columns |= {f"current_{j}_A": np.zeros(N) for j in (1, 2)}
+    record = record_of(actuator, columns, "zero-order")
+    plant = plant_in_run(plant_parameters(actuator), run_data(record, record.runs[0]))
+    held = plant.voltage_limit if kind == "voltage" else plant.current_limit
+    assert held == (limit if acts else np.inf)
