@@ -34,6 +34,7 @@ SIZES = np.geomspace(1 / 16, 512, 15)
 """Of the amounts of the leader that is begun at the belief, over those beside a model that has made up for it."""
 LEAST = 1 / 64  # of these amounts, with which starts of stretches are found before
 SHAPE_LEGS = 3  # of as many steps, for a leader begun at other shapes
+SHAPES_BESIDE = 2  # of these
 SCREENING_STEPS = 6
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to the linear model's best at which a refit may begin
 AS_PROMISED = 0.5  # of its nats, that the linear model's best brings where a refit begins there
@@ -311,14 +312,17 @@ class Refinement:
         return replace(led, fit=replace(led.fit, finished=leads))
 
     def _of_other_shapes(self, leader: Refit) -> Refit:
-        """A leader that leaves more than noise beside parameters that are bent, or what one begun at another shape
-        comes to from the belief: fits have ends of their own along a shape, and a model that has made up for the effect
-        leads to the nearest."""
+        """A leader that leaves more than noise beside parameters that are bent is led to its very end; where that does
+        not help, what comes from the belief begun at the shapes next to its own: fits have ends of their own along a
+        shape, and a model that has made up for the effect leads to the nearest."""
         if self.base.unknowns.effects or self.lost or not strained(self.base) or _leaves_noise(leader):
             return leader
         shapes = [variant for variant in self.variants if _other_shape(variant, leader.variant)]
-        if not shapes:
+        if shapes:
+            leader = self._to_the_end(leader)
+        if not shapes or _leaves_noise(leader):
             return leader
+        shapes = sorted(shapes, key=lambda variant: _apart(variant, leader))[:SHAPES_BESIDE]
         self.tell(f"{leader.variant.effect}, which leads, begun at other shapes with all else as believed")
         plan = FitPlan(FIRST_STEPS, enough=ROUGH, fresh_end=False)
         begun = self._together(lambda variant: self._as_believed(leader, variant, plan), shapes)
@@ -334,6 +338,20 @@ class Refinement:
         best = min([*ended, *going], key=_by_gain)
         let_go([one for one in (*ended, *going) if one is not best])
         return leader if best is leader else self.converged(best, leads=True)
+
+    def _to_the_end(self, leader: Refit) -> Refit:
+        """A leader as long as further legs bring anything, however little of its gain that is."""
+        for _ in range(MORE_LEGS):
+            if leader.fit.to_come(RACED_STEPS) < ROUGH or _leaves_noise(leader):
+                break
+            self.tell(f"{leader.variant.name}, which leads, goes on to its end; {leader.gain:.3g} nats")
+            plan = FitPlan(LAST_STEPS, leader.fit.damping, enough=ROUGHLY_CONVERGED)
+            on = self._refit(leader.fit, leader.variant, leader.fit.z, plan, self._columns_of(leader))
+            leader.fit.lets_go()
+            before, leader = leader, replace(on, fit=replace(on.fit, finished=True))
+            if leader.gain - before.gain < ROUGH:
+                break
+        return leader
 
     def _as_believed(self, refit: Refit, variant: Variant, plan: FitPlan) -> Refit | None:
         """A variant that differs from a refit's in its shapes alone, begun with all else as believed, its amounts in
@@ -466,6 +484,12 @@ def _other_shape(variant: Variant, leader: Variant) -> bool:
     names, own = ([one.name for one in each.unknowns] for each in (variant, leader))
     goes = any(find_parameter(one.effect, one.name).root_of in names for one in leader.amounts)
     return variant.effect == leader.effect and names == own and variant != leader and goes
+
+
+def _apart(variant: Variant, leader: Refit) -> float:
+    """How far the first shape of a variant begins from where that of a leader is, as a logarithm."""
+    at = leader.fit.unknowns.effect_vector(leader.fit.z)[variant.shapes[0].place]
+    return float(abs(np.log(variant.shapes[0].centre / at)))
 
 
 def _may_lead(before: Refit, after: Refit, leader: float) -> bool:

@@ -48,6 +48,8 @@ OF_ALL_RUNS = 0.5
 OTHER_HOLD: Mapping[Hold, Hold] = {"zero-order": "linear", "linear": "zero-order"}
 ALIKE, FINER = 0.05, 3
 """Nats by which runs may differ in coarse steps from others, so many times finer than fine ones."""
+COMPARABLE = 2.0
+"""Times the nats by which runs in fine steps differ from these, by which those in coarse ones may."""
 Cuts = tuple[Stretches | None, ...]
 
 
@@ -365,15 +367,15 @@ def _likelihood(
 
 
 def _alike_in_coarse_steps(likelihood: Likelihood, unknowns: Unknowns, z: Array) -> bool:
-    """Whether the runs at numbers (unknowns.size,) are, in coarse steps, those of far finer ones, or nearer to them
-    than in fine ones."""
+    """Whether the runs at numbers (unknowns.size,) are, in coarse steps, those of far finer ones, or not much farther
+    from them than in fine ones."""
     if likelihood.problem.coarse is None:
         return True
     points = Points.of(unknowns, z[None])
     every = replace(points, fine=None)
     finer = replace(likelihood, substeps=FINER * likelihood.substeps).spectra(every)
     off = np.sum((likelihood.spectra(points) - finer) ** 2) / 2
-    return bool(off <= ALIKE or off <= np.sum((likelihood.spectra(every) - finer) ** 2) / 2)
+    return bool(off <= ALIKE or off <= COMPARABLE * np.sum((likelihood.spectra(every) - finer) ** 2) / 2)
 
 
 def _simulated_missed(

@@ -96,7 +96,15 @@ class Stepped:
 
 @pytest.mark.parametrize(
     ("coarse", "fine", "alike"),
-    [(0.1, 0.0, True), (1.0, 0.1, False), (1.0, 2.0, True), (np.nan, 0.1, False), (1.0, np.nan, False)],
+    [
+        (0.1, 0.0, True),
+        (1.0, 0.1, False),
+        (1.0, 0.6, False),
+        (1.0, 0.8, True),
+        (1.0, 2.0, True),
+        (np.nan, 0.1, False),
+        (1.0, np.nan, False),
+    ],
 )
 def test_coarse_steps_are_taken_where_the_belief_is_that_of_far_finer_ones(
     coarse: float, fine: float, alike: bool

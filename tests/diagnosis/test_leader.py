@@ -29,6 +29,9 @@ class Sizes:
     def weights(self, residual: np.ndarray, unknowns: Unknowns) -> SimpleNamespace:
         return SimpleNamespace(nats=float(residual @ residual))
 
+    def excess(self, found: Fit) -> dict[str, float]:
+        return {"position_m": 4.0}
+
 
 SUITS = 0.6
 FRICTION = Variant("coulomb_friction", (EffectUnknown("coulomb_friction", "force"),))
@@ -227,7 +230,7 @@ def test_a_leader_that_leaves_more_than_noise_is_begun_at_other_shapes(
     begun: list[float] = []
 
     def of(variant: Variant, gain: float, excess: float) -> Refit:
-        fit = replace(refit([0.0, 0.0, 0.3], gain).fit, unknowns=replace(UNKNOWNS, effects=variant.unknowns))
+        fit = replace(refit([0.0, 0.0, 0.3, 0.0], gain, 0.0).fit, unknowns=replace(UNKNOWNS, effects=variant.unknowns))
         fit.__dict__["excess"] = {"position_m": excess}
         return Refit(variant, fit, gain)
 
@@ -254,3 +257,18 @@ def test_where_no_amount_goes_with_a_shape_the_leader_stays(monkeypatch) -> None
     leader.fit.__dict__["excess"] = {"position_m": 4.0}
     race = Refinement(replace(BASE, z=np.array([9.0, 0.0])), lambda text: None, FitMemory(), variants=slide)
     assert race._of_other_shapes(leader) is leader
+
+
+def test_a_leader_that_leaves_more_than_noise_goes_on_for_nats_that_are_little_of_its_gain(fits) -> None:
+    """Each leg brings 100 nats of 300 000, and promises 50."""
+    leader = replace(refit([9.0, 0.0, 0.3], 3e5), variant=EDDIES[0])
+    leader.fit.__dict__["excess"] = {"position_m": 4.0}
+    race = Refinement(replace(BASE, z=np.array([9.0, 0.0])), lambda text: None, FitMemory(), variants=EDDIES)
+    assert leader.enough > 50.0
+    found = race._to_the_end(leader)
+    assert len(fits) == MORE_LEGS
+    assert found.gain > leader.gain
+    fits.clear()
+    leader.fit.__dict__["excess"] = {"position_m": 1.0}
+    assert race._to_the_end(leader) is leader
+    assert not fits
