@@ -135,11 +135,15 @@ class _Screening:
         self._since, self._lock = time.monotonic(), threading.Lock()
 
     def ends(self, score: Score, refit: Refit | None) -> Refit | None:
-        """Keeps what a candidate came to. All run at the same time, so the rest of them takes its share at most."""
+        """Keeps what a candidate came to; the Jacobian of one far behind the best so far goes at once. All run at the
+        same time, so the rest of them takes its share at most."""
         with self._lock:
             self._done += 1
             if refit is not None and (self._leader is None or refit.gain > self._leader.gain):
                 self._leader = refit
+            best = 0.0 if self._leader is None else self._leader.gain
+            if refit is not None and best > 0 and refit.gain < ELIMINATED * best:
+                refit.fit.lets_go()
             left = self._count - self._done
             told = f"{score.variant.name}, {self._done} of {self._count}"
             if self._leader is not None:

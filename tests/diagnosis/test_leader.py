@@ -10,7 +10,7 @@ import pytest
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.likelihood import Columns, Fit
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.refits import MORE_LEGS, SIZES, Refinement, Refit, _may_lead
+from msl_fem.diagnosis.refits import MORE_LEGS, SIZES, Refinement, Refit, _may_lead, _Screening
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
 
@@ -272,3 +272,12 @@ def test_a_leader_that_leaves_more_than_noise_goes_on_for_nats_that_are_little_o
     leader.fit.__dict__["excess"] = {"position_m": 1.0}
     assert race._to_the_end(leader) is leader
     assert not fits
+
+
+def test_while_candidates_are_screened_those_far_behind_let_their_columns_go() -> None:
+    """As soon as another one is far ahead; where none gains anything, all keep them."""
+    score: Any = SimpleNamespace(variant=FRICTION)
+    for gains, kept in ([(100.0, 20.0, 40.0), (True, False, True)], [(-1.0, -9.0), (True, True)]):
+        screening = _Screening(lambda text: None, len(gains))
+        every = [screening.ends(score, refit([0.0, 0.0, 0.3], gain)) for gain in gains]
+        assert [one is not None and one.fit.columns.values is not None for one in every] == list(kept)
