@@ -29,7 +29,14 @@ from msl_fem.computing.gauss_newton import (
     log_evidence,
     normal_equations,
 )
-from msl_fem.diagnosis.likelihood import CONVERGED, Columns, Fit, Likelihood, columns_and_start_slopes
+from msl_fem.diagnosis.likelihood import (
+    CONVERGED,
+    Columns,
+    Fit,
+    Likelihood,
+    columns_and_start_slopes,
+    numbers_and_starts,
+)
 from msl_fem.diagnosis.noise import NoiseWeights
 from msl_fem.diagnosis.problem import Points, Starts
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -246,10 +253,6 @@ class _FitPosterior:
     def at(self, z: Array, starts: Starts | None = None) -> _FitPoint:
         """A point that holds the bounds; its S is inf where the simulation fails. Stretches begin at `starts`, or where
         a linear model leaves least from there, if that is elsewhere and better."""
-        if not self.likelihood.is_cut:
-            every = self.likelihood.spectra(Points.of(self.unknowns, z[None]))
-            self.simulations += 1
-            return self._weighted(z, every[0].copy(), None)  # alone: others' are beside it where they meet
         point, nearer, far = self._from(z, starts)
         for _ in range(MOST_LED):
             if far <= AS_GOOD or not np.isfinite(point.objective):
@@ -262,9 +265,10 @@ class _FitPosterior:
 
     def _from(self, z: Array, starts: Starts | None) -> tuple[_FitPoint, Starts, float]:
         """A point with given starts, starts that leave less, and how far they are apart."""
-        every, nearer, far = self.likelihood.spectra_and_starts(Points.of(self.unknowns, z[None], starts))
+        every, nearer, far = numbers_and_starts(self.likelihood, Points.of(self.unknowns, z[None], starts))
         self.simulations += 1
-        return replace(self._weighted(z, every[0].copy(), starts), nearer=nearer), nearer, far
+        alone = every[0].copy()  # others' are beside it where they meet
+        return replace(self._weighted(z, alone, starts), nearer=nearer), nearer, far
 
     def _weighted(self, z: Array, residual: Array, starts: Starts | None) -> _FitPoint:
         weights = self.likelihood.weights(residual, self.unknowns)

@@ -69,12 +69,12 @@ def columns_and_start_slopes(
     step = unknowns.steps[which]
     rows = np.tile(z, (which.size, 1))
     rows[np.arange(which.size), which] += step
-    moved, led = _numbers_and_starts(likelihood, Points.of(unknowns, rows, starts))
+    moved, led, _ = numbers_and_starts(likelihood, Points.of(unknowns, rows, starts))
     failed = ~np.isfinite(moved).all(axis=1)
     if failed.any():
         step[failed] *= -1
         rows[failed, which[failed]] = z[which[failed]] + step[failed]
-        moved[failed], again = _numbers_and_starts(likelihood, Points.of(unknowns, rows[failed], starts))
+        moved[failed], again, _ = numbers_and_starts(likelihood, Points.of(unknowns, rows[failed], starts))
         for own, other in zip(led, again, strict=True):
             own[failed] = other
         moved[~np.isfinite(moved).all(axis=1)] = residual  # no slope to be had: the unknown stays where it is
@@ -84,10 +84,9 @@ def columns_and_start_slopes(
     return np.asarray(moved.T), tuple(slopes)
 
 
-def _numbers_and_starts(likelihood: "Likelihood", points: Points) -> tuple[Array, Starts]:
-    if not likelihood.is_cut:
-        return likelihood.spectra(points), ()
-    return likelihood.spectra_and_starts(points)[:2]
+def numbers_and_starts(likelihood: "Likelihood", points: Points) -> tuple[Array, Starts, float]:
+    """What `spectra_and_starts` says; of runs that are followed as a whole no starts, which are nowhere else."""
+    return likelihood.spectra_and_starts(points) if likelihood.is_cut else (likelihood.spectra(points), (), 0.0)
 
 
 @dataclass(eq=False)
@@ -194,32 +193,32 @@ class Likelihood:
     def spectra_and_starts(self, points: Points) -> tuple[Array, Starts, float]:
         """`spectra`, the starts of stretches that leave least to a linear model, and how far the farthest of them is
         from where it was, in units of its prior."""
-        found = self._simulated(points) if self.gathered is None else self._gathered(points)
-        n_number, starts, largest = self._labels_of_runs.size, [], 0.0
-        each = np.split(found[:, n_number:], np.cumsum(self._n_moves)[:-1], axis=1)
-        for run, (moves, own) in enumerate(zip(each, points.starts or self.problem.starts(len(found)), strict=True)):
+        if self.gathered is None:
+            found = self._simulated(points)
+        else:
+            found = self.gathered.spectra(self.problem, points, self._simulated)
+        starts, largest = [], 0.0
+        every = zip(self._moves_in(found), points.starts or self.problem.starts(len(found)), strict=True)
+        for run, (moves, own) in enumerate(every):
             by = moves.reshape(*own.shape[:2], -1) if moves.size else np.zeros((*own.shape[:2], 2))
             starts.append(moved(own, by * self.problem.start_unit(run)[: by.shape[-1]]))
             largest = max(largest, float(np.abs(by).max(initial=0.0)))
-        return found[:, :n_number], tuple(starts), largest
-
-    def _gathered(self, points: Points) -> Array:
-        assert self.gathered is not None
-        return self.gathered.spectra(self.problem, points, self._simulated)
+        return found[:, : self._labels_of_runs.size], tuple(starts), largest
 
     @property
     def _n_moves(self) -> list[int]:
         """How many numbers move the starts of each run's stretches."""
-        cuts = [self.problem.cut(run) for run in range(len(self.problem.runs))]
-        return [0 if cut is None else cut.begins.size * cut.slopes.shape[1] for cut in cuts]
+        return [0 if cut is None else cut.begins.size * cut.slopes.shape[1] for cut in self.problem.cuts]
+
+    def _moves_in(self, found: Array) -> list[Array]:
+        """Of each run, the part (n_row, n_move) of what `_simulated` makes that moves its starts."""
+        return np.split(found[:, self._labels_of_runs.size :], np.cumsum(self._n_moves)[:-1], axis=1)
 
     def _simulated(self, points: Points) -> Array:
         """(n_row, n_number + n_move) `spectra`, and behind them the moves of the starts."""
-        n_number, n_moves = self._labels_of_runs.size, self._n_moves
-        found = np.empty((len(points.rows), n_number + sum(n_moves)))
-        ends = n_number + np.cumsum(n_moves)
-        for run, (own, end) in enumerate(zip(self._places_of_runs, ends, strict=True)):
-            self._fill(found[:, own], found[:, end - n_moves[run] : end], run, points)
+        found = np.empty((len(points.rows), self._labels_of_runs.size + sum(self._n_moves)))
+        for run, (own, moves) in enumerate(zip(self._places_of_runs, self._moves_in(found), strict=True)):
+            self._fill(found[:, own], moves, run, points)
         return found
 
     def _fill(self, found: Array, moves: Array, run: int, points: Points) -> None:

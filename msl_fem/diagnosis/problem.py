@@ -62,9 +62,14 @@ class FitProblem:
         """What goes with a second input, as the first run has it."""
         return self.runs[0].schedules if self.runs else ()
 
+    @property
+    def cuts(self) -> tuple[Stretches | None, ...]:
+        """The stretches of each run, None of one that is followed as a whole."""
+        return self.stretches or (None,) * len(self.runs)
+
     def cut(self, run: int) -> Stretches | None:
         """The stretches of a run, None of one that is followed as a whole."""
-        return self.stretches[run] if self.stretches else None
+        return self.cuts[run]
 
     def start_unit(self, run: int) -> Array:
         """(n_start,) one sigma of the prior of a start: position, velocity, currents that cannot jump."""
@@ -72,15 +77,13 @@ class FitProblem:
 
     def starts(self, n_row: int) -> "Starts":
         """Those of the stretches, the same in each row."""
-        cuts = [self.cut(run) for run in range(len(self.runs))]
-        each = [np.zeros((0, 4)) if cut is None else cut.starts for cut in cuts]
+        each = [np.zeros((0, 4)) if cut is None else cut.starts for cut in self.cuts]
         return tuple(np.broadcast_to(one, (n_row, *one.shape)) for one in each)
 
     def with_starts(self, starts: "Starts") -> "FitProblem":
         """With stretches that begin elsewhere, (1, n_stretch, 4) of each run."""
-        cuts = [self.cut(run) for run in range(len(self.runs))]
-        moved = [None if cut is None else replace(cut, starts=own[0]) for cut, own in zip(cuts, starts, strict=True)]
-        return replace(self, stretches=tuple(moved))
+        each = zip(self.cuts, starts, strict=True)
+        return replace(self, stretches=tuple(None if cut is None else replace(cut, starts=own[0]) for cut, own in each))
 
     @property
     def pieces(self) -> list[tuple[int, slice]]:

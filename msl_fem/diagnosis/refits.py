@@ -311,8 +311,7 @@ class Refinement:
             if led.gain - refit.gain < led.enough or not led.promising:
                 break
             self.tell(f"{led.variant.name}, which leads, goes on; {led.gain:.3g} nats")
-            refit, led = led, self._refit(led.fit, led.variant, led.fit.z, plan, self._columns_of(led))
-            refit.fit.lets_go()
+            refit, led = led, self._leg(led, plan)
         return replace(led, fit=replace(led.fit, finished=leads))
 
     def _of_other_shapes(self, leader: Refit) -> Refit:
@@ -343,6 +342,12 @@ class Refinement:
         let_go([one for one in (*ended, *going) if one is not best])
         return leader if best is leader else self.converged(best, leads=True)
 
+    def _leg(self, led: Refit, plan: FitPlan) -> Refit:
+        """A candidate some steps on, from where it is and with the columns that it has."""
+        on = self._refit(led.fit, led.variant, led.fit.z, plan, self._columns_of(led))
+        led.fit.lets_go()
+        return on
+
     def _to_the_end(self, leader: Refit) -> Refit:
         """A leader as long as further legs bring anything, however little of its gain that is."""
         for _ in range(MORE_LEGS):
@@ -350,8 +355,7 @@ class Refinement:
                 break
             self.tell(f"{leader.variant.name}, which leads, goes on to its end; {leader.gain:.3g} nats")
             plan = FitPlan(LAST_STEPS, leader.fit.damping, enough=ROUGHLY_CONVERGED)
-            on = self._refit(leader.fit, leader.variant, leader.fit.z, plan, self._columns_of(leader))
-            leader.fit.lets_go()
+            on = self._leg(leader, plan)
             before, leader = leader, replace(on, fit=replace(on.fit, finished=True))
             if leader.gain - before.gain < ROUGH:
                 break
@@ -372,10 +376,7 @@ class Refinement:
         rows[0] = as_believed(refit.fit) if variant == refit.variant else z
         rows = np.array([unknowns.allowed(row) for row in rows])
         best = rows[int(np.argmin(objectives(likelihood, unknowns, rows)))]
-        try:
-            return self._refit(replace(refit.fit, likelihood=likelihood.gathering(None)), variant, best, plan, None)
-        except ComputationError:
-            return None
+        return self._tried(replace(refit.fit, likelihood=likelihood.gathering(None)), variant, best, plan)
 
     def _columns_of(self, refit: Refit) -> Slopes | None:
         """The nuisances' columns of a refit, where it has not let them go."""
@@ -388,8 +389,14 @@ class Refinement:
         likelihood = refit.fit.likelihood
         if likelihood.is_cut:
             likelihood = likelihood.followed(refit.fit.unknowns, z)
+        return self._tried(replace(refit.fit, likelihood=likelihood), refit.variant, z, plan, columns)
+
+    def _tried(
+        self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Slopes | None = None
+    ) -> Refit | None:
+        """A refit; None where it cannot be simulated."""
         try:
-            return self._refit(replace(refit.fit, likelihood=likelihood), refit.variant, z, plan, columns)
+            return self._refit(near, variant, z, plan, columns)
         except ComputationError:
             return None
 

@@ -249,10 +249,6 @@ class JointLikelihood(Likelihood):
     def highest_at_rest(self) -> float:
         return float(np.abs(self.static.measured.rows.current).max())
 
-    def of_runs(self, points: Points) -> Array:
-        """`spectra` of the runs alone."""
-        return super().spectra_and_starts(points)[0]
-
     def spectra_and_starts(self, points: Points) -> tuple[Array, Starts, float]:
         """Residuals of the runs in the frequency domain over their white sigma, then the map's, (n_row, n_number); and
         what is said of the runs' stretches."""

@@ -149,11 +149,11 @@ class Unknowns:
             value, before = one.value(z[self.n_nuisance + n]), vector[one.place]
             vector[one.place] = value if one.width or before == one.base else value + (before - one.base)
         for one in self.effects:
-            shape = CATALOGUE[one.effect].parameter(one.name).root_of
-            for other in self.effects:
-                if shape and (other.effect, other.name) == (one.effect, shape):
-                    amount = one.base + np.sqrt(vector[other.place] / other.centre) * (vector[one.place] - one.base)
-                    vector[one.place] = min(amount, CATALOGUE[one.effect].parameter(one.name).allowed[1])
+            parameter = CATALOGUE[one.effect].parameter(one.name)
+            shape = next((s for s in self.effects if (s.effect, s.name) == (one.effect, parameter.root_of)), None)
+            if shape is not None:
+                amount = one.base + np.sqrt(vector[shape.place] / shape.centre) * (vector[one.place] - one.base)
+                vector[one.place] = min(amount, parameter.allowed[1])
         return vector
 
     @property
