@@ -15,6 +15,9 @@ from msl_fem.computing.operator_types import remember_operators_of
 
 _DOUBLE, _INDEX = ir.DoubleType(), ir.IntType(32)
 _VECTOR, _BITS = ir.VectorType(_DOUBLE, LANES), ir.VectorType(ir.IntType(1), LANES)
+_BITS_OF_ONE, _BITS_OF_LANES = ir.IntType(64), ir.VectorType(ir.IntType(64), LANES)
+_MANTISSA, _BIAS = 52, 1023  # bits of a number's fraction, what its exponent is stored with
+_BITS_OF_ROUNDER = 0x4338000000000000  # of 1.5 2^52
 
 
 class LanesType(types.Type):
@@ -152,16 +155,42 @@ def size(context: Any, a: Any) -> Any:
     return _result(a)(a), _call("fabs", 1)
 
 
-@intrinsic
-def exponential(context: Any, a: Any) -> Any:
-    """exp(a)"""
-    return _result(a)(a), _call("exp", 1)
+def _by_bits(emit: Any) -> Any:
+    """`emit` of the builder, the value, its type, and a maker of constants of its bits, for a number or for lanes."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        if isinstance(sig.return_type, LanesType):
+            return emit(builder, args[0], _VECTOR, lambda n: ir.Constant(_BITS_OF_LANES, [n] * LANES))
+        value = context.cast(builder, args[0], sig.args[0], types.float64)
+        return emit(builder, value, _DOUBLE, lambda n: ir.Constant(_BITS_OF_ONE, n))
+
+    return generate
+
+
+def _power_of_two(builder: Any, value: Any, kind: Any, bits: Any) -> Any:
+    """The last bits of the value and 1.5 2^52 are those of the whole number; they become an exponent."""
+    shifted = builder.fadd(value, builder.bitcast(bits(_BITS_OF_ROUNDER), kind))
+    whole = builder.sub(builder.bitcast(shifted, bits(0).type), bits(_BITS_OF_ROUNDER))
+    return builder.bitcast(builder.shl(builder.add(whole, bits(_BIAS)), bits(_MANTISSA)), kind)
+
+
+def _exponent_of(builder: Any, value: Any, kind: Any, bits: Any) -> Any:
+    """The exponent becomes the last bits of a number beside 1.5 2^52, which is taken away again."""
+    exponent = builder.sub(builder.lshr(builder.bitcast(value, bits(0).type), bits(_MANTISSA)), bits(_BIAS))
+    rounder = builder.bitcast(bits(_BITS_OF_ROUNDER), kind)
+    return builder.fsub(builder.bitcast(builder.add(exponent, bits(_BITS_OF_ROUNDER)), kind), rounder)
 
 
 @intrinsic
-def logarithm(context: Any, a: Any) -> Any:
-    """Natural, of a positive number."""
-    return _result(a)(a), _call("log", 1)
+def power_of_two(context: Any, a: Any) -> Any:
+    """2^a, of a whole number from -1022 to 1023."""
+    return _result(a)(a), _by_bits(_power_of_two)
+
+
+@intrinsic
+def exponent_of(context: Any, a: Any) -> Any:
+    """The largest n with 2^n <= a, of a number above 2^-1022."""
+    return _result(a)(a), _by_bits(_exponent_of)
 
 
 @intrinsic

@@ -7,12 +7,20 @@ function computes on numbers. Rows count no references: the array must outlive t
 calls `keep` behind its last use.
 """
 
+import math
 from importlib import import_module
 from typing import Any
 
 from msl_fem.computing.compiled import compiled
 
 LANES = 8
+_LOG2_E = 1.4426950408889634
+_LN2_HIGH, _LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10  # the first times an exponent is exact
+_ROUNDER = 6755399441055744.0  # 1.5 2^52: added to a number and taken away again it leaves the nearest whole one
+_OVERFLOW, _UNDERFLOW, _LARGEST = 710.0, -746.0, 1.7976931348623157e308
+_LEAST_NORMAL, _ROOT_OF_TWO = 2.2250738585072014e-308, 1.4142135623730951
+_E3, _E4, _E5, _E6, _E7, _E8, _E9, _E10, _E11, _E12, _E13 = (1.0 / math.factorial(k) for k in range(3, 14))
+_L3, _L5, _L7, _L9, _L11, _L13, _L15, _L17, _L19, _L21, _L23 = (2.0 / k for k in range(3, 24, 2))
 Value = Any  # a number, or one a lane
 Flag = Any  # a truth value, or one a lane
 Rows = Any  # the rows of an array, by its address
@@ -55,10 +63,10 @@ fma: Any = _Generated("fma")
 """a b + c, rounded once where the machine can, whatever surrounds it: equal in every function that says it."""
 size: Any = _Generated("size")
 """|a|"""
-exponential: Any = _Generated("exponential")
-"""exp(a)"""
-logarithm: Any = _Generated("logarithm")
-"""Natural, of a positive number."""
+power_of_two: Any = _Generated("power_of_two")
+"""2^a, of a whole number from -1022 to 1023."""
+exponent_of: Any = _Generated("exponent_of")
+"""The largest n with 2^n <= a, of a number from 2^-1022 on."""
 square_root: Any = _Generated("square_root")
 """Of a number that is not negative."""
 sine_of: Any = _Generated("sine_of")
@@ -107,6 +115,44 @@ def within(value: Value, reach: Value) -> Value:
 def sign_of(value: Value) -> Value:
     """1, 0 or -1; nan of nan."""
     return choose(value > 0.0, 1.0, choose(value < 0.0, 0.0 - 1.0, value))
+
+
+@compiled
+def exponential(value: Value) -> Value:
+    """exp, within an ulp: 2^n e^r with |r| <= log(2)/2 (Cody and Waite, Software Manual for the Elementary Functions,
+    1980, chapter 6), e^r by its series up to r^13. A library's would be called lane by lane."""
+    x = choose(value > _OVERFLOW, _OVERFLOW, value)
+    x = choose(x < _UNDERFLOW, _UNDERFLOW, x)
+    n = fma(x, _LOG2_E, _ROUNDER) - _ROUNDER
+    r = fma(n, 0.0 - _LN2_LOW, fma(n, 0.0 - _LN2_HIGH, x))
+    square = r * r
+    even = fma(square, fma(square, fma(square, fma(square, fma(square, _E12, _E10), _E8), _E6), _E4), 0.5)
+    odd = fma(square, fma(square, fma(square, fma(square, fma(square, _E13, _E11), _E9), _E7), _E5), _E3)
+    found = 1.0 + fma(square, fma(r, odd, even), r)
+    half = fma(n, 0.5, _ROUNDER) - _ROUNDER
+    return found * power_of_two(half) * power_of_two(n - half)
+
+
+@compiled
+def logarithm(value: Value) -> Value:
+    """Natural, within an ulp; minus infinity of 0, nan of what is below. n log(2) + log(1 + f) with 1 + f from the root
+    of 1/2 to that of 2, and log(1 + f) = f - s (f - R) with s = f/(2 + f), R by the series of log((1 + s)/(1 - s)) up
+    to s^23 (Cody and Waite, chapter 5)."""
+    small, large = value < _LEAST_NORMAL, value > 1.0
+    x = choose(small, value * 18014398509481984.0, choose(large, 0.25 * value, value))
+    n = exponent_of(x)
+    x = x * power_of_two(0.0 - n)
+    above = x > _ROOT_OF_TWO
+    f = choose(above, 0.5 * x, x) - 1.0
+    n = choose(above, n + 1.0, n) - choose(small, 54.0, choose(large, 0.0 - 2.0, 0.0))
+    s = f / (2.0 + f)
+    z = s * s
+    w = z * z
+    even = fma(w, fma(w, fma(w, fma(w, fma(w, _L23, _L19), _L15), _L11), _L7), _L3)
+    odd = fma(w, fma(w, fma(w, fma(w, _L21, _L17), _L13), _L9), _L5)
+    found = fma(n, _LN2_HIGH, f - fma(s, f - z * fma(z, odd, even), 0.0 - n * _LN2_LOW))
+    found = choose(value > _LARGEST, value, found)
+    return choose(value > 0.0, found, choose(value < 0.0, square_root(value), 0.0 - 1.0 / size(value)))
 
 
 @compiled

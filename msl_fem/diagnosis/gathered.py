@@ -2,9 +2,11 @@
 costs alone."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,6 +16,8 @@ from msl_fem.plant.effects import neutral_vector
 
 Simulated = Callable[[Points], Array]
 """Points to spectra (n_row, n_number)."""
+Item = TypeVar("Item")
+Stepped = TypeVar("Stepped")
 
 
 @dataclass(eq=False)
@@ -33,16 +37,18 @@ class _Asked:
 
 class GatheredRuns:
     """Where `count` fits meet, each in a thread of its own: once all that have not ended wait for simulations, those of
-    one problem are run together. Where one ends, one of those `behind` them takes its place. Between them `at_once`
-    fits at most do their own sums: for each thread that multiplies matrices meanwhile BLAS holds some 30 MB."""
+    one problem are run together, by so many `threads`. Between them `at_once` fits at most do their own sums: for each
+    thread that multiplies matrices meanwhile BLAS holds some 30 MB. `by_itself` is for what a fit simulates on its own:
+    of one fit at a time, for the memory's sake."""
 
-    def __init__(self, count: int, *, behind: int = 0, at_once: int = 2) -> None:
-        self._running, self._behind = count, behind
+    def __init__(
+        self, count: int, *, at_once: int = 2, threads: int = 1, by_itself: "threading.Lock | None" = None
+    ) -> None:
+        self._running, self.threads = count, threads
         self._turns = threading.Semaphore(at_once)
         self._asked: list[_Asked] = []
         self._condition = threading.Condition()
-        self.by_itself = threading.Lock()
-        """For what a fit simulates on its own: of one fit at a time, for the memory's sake."""
+        self.by_itself = by_itself or threading.Lock()
 
     def spectra(self, problem: FitProblem, points: Points, simulated: Simulated) -> Array:
         """What `simulated` makes of these points, together with those of the other fits."""
@@ -60,17 +66,14 @@ class GatheredRuns:
 
     @contextmanager
     def one_of_them(self) -> Iterator[None]:
-        """A fit, from its begin to where it asks for nothing more."""
+        """A fit, or one after the other, from its begin to where it asks for nothing more."""
         self._turns.acquire()
         try:
             yield
         finally:
             self._turns.release()
             with self._condition:
-                if self._behind:
-                    self._behind -= 1
-                else:
-                    self._running -= 1
+                self._running -= 1
                 self._meet()
 
     def _meet(self) -> None:
@@ -80,6 +83,49 @@ class GatheredRuns:
         for problem in {id(asked.problem): asked.problem for asked in waiting}.values():
             _answer([asked for asked in waiting if asked.problem is problem])
         self._condition.notify_all()
+
+
+_here = threading.local()
+
+
+def gathered_here() -> GatheredRuns | None:
+    """Where the fit of this thread meets others; None where it is alone."""
+    return getattr(_here, "gathered", None)
+
+
+def together(step: Callable[[Item], Stepped], items: Sequence[Item], *, at_once: int, threads: int) -> list[Stepped]:
+    """A step of each item, so many of them at the same time; it comes to that of one after the other.
+
+    They meet in as many places as there are threads: while those of one do their sums, others are simulated.
+    """
+    count = min(len(items), at_once)
+    places = max(min(count, threads), 1)
+    by_itself, taking = threading.Lock(), threading.Lock()
+    waiting = iter(range(len(items)))
+    found: dict[int, Stepped] = {}
+
+    def go_on(gathered: GatheredRuns) -> None:
+        _here.gathered = gathered
+        with gathered.one_of_them():
+            while True:
+                with taking:
+                    n = next(waiting, None)
+                if n is None:
+                    return
+                found[n] = step(items[n])
+
+    each = [
+        GatheredRuns(
+            len(range(place, count, places)),
+            at_once=2 if places == 1 else 1,
+            threads=threads // places,
+            by_itself=by_itself,
+        )
+        for place in range(places)
+    ]
+    with ThreadPoolExecutor(max(count, 1)) as pool:
+        list(pool.map(go_on, [each[n % places] for n in range(count)]))
+    return [found[n] for n in range(len(items))]
 
 
 def _answer(waiting: list[_Asked]) -> None:

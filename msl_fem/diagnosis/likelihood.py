@@ -225,6 +225,7 @@ class Likelihood:
         """Writes a run's part of the numbers (n_row, n_own), and what moves its starts, (n_row, n_move); simulated,
         transformed and forgotten group by group."""
         problem, substeps = replace(self.problem, threads=1), self.substeps
+        threads = self.problem.threads if self.gathered is None else self.gathered.threads
 
         def fill(rows: NDArray[np.intp]) -> None:
             numbers, by = [], []
@@ -234,8 +235,8 @@ class Likelihood:
                 by.append(move)
             found[rows], moves[rows] = np.concatenate(numbers), np.concatenate(by)
 
-        with ThreadPoolExecutor(self.problem.threads) as pool:
-            list(pool.map(fill, batches(problem, points, run, substeps=substeps)))
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(fill, batches(problem, points, run, substeps=substeps, threads=threads)))
 
     def transformed(self, found: list[list[Array]]) -> Array:
         """Arrays (n_row, n_sample) of every run's channels as `spectra` orders and scales them."""

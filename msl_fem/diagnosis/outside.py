@@ -138,9 +138,9 @@ class _Trajectory:
                 more=more[own],
             )
             plants = [plant_in_run(plant.parameters, run)] * count
-            block = run_lanes(plant.surface, plants, inputs, substeps=plant.substeps, settings=settings).blocks[0]
+            found = run_lanes(plant.surface, plants, inputs, substeps=plant.substeps, settings=settings)
             for lane in range(count):
-                out = np.ascontiguousarray(block[:, :, lane])
+                out = np.ascontiguousarray(found.rows(lane))
                 yield out if self.cut is None else bridged(out.T, np.flatnonzero(~self.cut.counts(len(out)))).T
 
     @cached_property

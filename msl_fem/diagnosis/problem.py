@@ -15,7 +15,7 @@ from msl_fem.errors import InputError
 from msl_fem.plant import Surface
 from msl_fem.plant.effects import neutral_vector
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes, told_apart
+from msl_fem.plant.lane_run import FEW, LaneRun, LaneSettings, run_lanes, told_apart
 from msl_fem.plant.plant import PlantParameters
 from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.free_run import counted, start_sigmas
@@ -157,9 +157,12 @@ def simulated_residuals(problem: FitProblem, points: Points, *, substeps: int) -
     return [residuals_of_run(problem, points, run, substeps=substeps) for run in range(len(problem.runs))]
 
 
-def batches(problem: FitProblem, points: Points, run: int, *, substeps: int) -> list[NDArray[np.intp]]:
+def batches(
+    problem: FitProblem, points: Points, run: int, *, substeps: int, threads: int = 1
+) -> list[NDArray[np.intp]]:
     """The rows in groups of equal steps, each of as many runs as the kernel advances at a time: what bounds the memory.
-    Rows that it sees as alike, since what instruments read alone differs, are in one group."""
+    Rows that it sees as alike, since what instruments read alone differs, are in one group. A few runs left over are
+    shared among threads that have nothing else to do."""
     fine = points.wants_fine | (problem.coarse is None)
     found = []
     for rows in filter(len, (np.flatnonzero(~fine), np.flatnonzero(fine))):
@@ -170,7 +173,13 @@ def batches(problem: FitProblem, points: Points, run: int, *, substeps: int) -> 
             place = told_apart(surface, plants, rate=problem.runs[run].rate, substeps=steps, settings=settings)
         except InputError:  # see `residuals_of_run`
             place = np.arange(len(rows))
-        found += [rows[place // LANES == group] for group in range(int(place.max()) // LANES + 1)]
+        whole, over = divmod(int(place.max()) + 1, LANES)
+        idle = threads - whole % threads
+        group = place // LANES
+        if over <= FEW * idle:
+            left = place >= whole * LANES
+            group[left] += place[left] % LANES % idle
+        found += [rows[group == n] for n in np.unique(group)]
     return found
 
 

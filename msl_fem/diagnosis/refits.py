@@ -8,17 +8,15 @@ no prospect of leading any more is stopped. All that run ask for their simulatio
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TypeVar
 
 import numpy as np
 
 from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.diagnosis.fit import TINY, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
-from msl_fem.diagnosis.gathered import GatheredRuns
+from msl_fem.diagnosis.gathered import Item, Stepped, gathered_here, together
 from msl_fem.diagnosis.likelihood import CONVERGED, QUIET, Fit, Likelihood, jacobian_columns
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.scores import Score
@@ -58,8 +56,6 @@ ROUGH = 5.0  # nats that a fit may still gain when it is scored, where the best 
 AT_ONCE = 4
 """Candidates that go on at the same time where each has starts of stretches of its own, which take memory, and after
 some steps no simulation in common with another."""
-Item = TypeVar("Item")
-Stepped = TypeVar("Stepped")
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +168,6 @@ class Refinement:
         self.variants = variants
         self.near, self.lost = base.sane or base, base.sane is not None
         self.nuisance_columns = self.near.jacobian[:, : base.unknowns.n_nuisance]
-        self.gathered = GatheredRuns(0)
 
     def best_first(self, candidates: Sequence[Score]) -> list[Refit]:
         """All refits by their gain."""
@@ -239,17 +234,9 @@ class Refinement:
 
     def _together(self, step: Callable[[Item], Stepped], items: Sequence[Item]) -> list[Stepped]:
         """A step of each, all at the same time, over stretches `AT_ONCE`; it comes to that of one after the other."""
-        if not items:
-            return []
-        count = min(len(items), AT_ONCE) if self.base.likelihood.is_cut else len(items)
-        self.gathered = GatheredRuns(count, behind=len(items) - count)
-
-        def stepped(item: Item) -> Stepped:
-            with self.gathered.one_of_them():
-                return step(item)
-
-        with ThreadPoolExecutor(count) as pool:
-            return list(pool.map(stepped, items))
+        likelihood = self.base.likelihood
+        at_once = AT_ONCE if likelihood.is_cut else len(items)
+        return together(step, items, at_once=at_once, threads=likelihood.problem.threads)
 
     def screened(self, score: Score) -> Refit | None:
         """A candidate after its first steps; None where it cannot be simulated."""
@@ -258,7 +245,7 @@ class Refinement:
         begin = self.memory.end_of(fit_name(self.base.unknowns, score.variant.name), unknowns)
         try:
             if begin is None:  # at the same time, all their runs would be in the memory together
-                begin = started(self.near, score, self.near.likelihood.gathering(self.gathered))
+                begin = started(self.near, score, self.near.likelihood.gathering(gathered_here()))
             refit = self._refit(self.near, score.variant, begin, plan, self.nuisance_columns)
         except ComputationError:
             return None
@@ -369,7 +356,7 @@ class Refinement:
         z[amounts.stop :] = 0.0
         nearly = z.copy()
         nearly[amounts] *= LEAST
-        likelihood = refit.fit.likelihood.gathering(self.gathered)
+        likelihood = refit.fit.likelihood.gathering(gathered_here())
         likelihood = likelihood.followed(unknowns, nearly) if likelihood.is_cut else likelihood
         rows = np.tile(z, (len(SIZES) + 1, 1))
         rows[1:, amounts] *= SIZES[:, None]
@@ -406,7 +393,7 @@ class Refinement:
         all at the same time for a candidate `by_itself`. What may still lead after a few steps, and come to the least
         nats that count, goes on, the most promising as long as it may still: where two amounts nearly balance each
         other, the likeliest beginning is the one whose unbalance suits, and the way is long."""
-        unknowns, likelihood = refit.fit.unknowns, refit.fit.likelihood.gathering(self.gathered)
+        unknowns, likelihood = refit.fit.unknowns, refit.fit.likelihood.gathering(gathered_here())
         n, amounts, begin = self.base.unknowns.n_nuisance, len(refit.variant.amounts), as_believed(refit.fit)
         if likelihood.is_cut:
             likelihood = likelihood.followed(unknowns, begin)
@@ -418,7 +405,7 @@ class Refinement:
             rows = np.tile(begin, (len(SMALL), 1))
             rows[:, n : n + amounts] = np.outer(SMALL, way)
             rows = np.array([unknowns.allowed(row) for row in rows])
-            costs = objectives(likelihood.gathering(self.gathered), unknowns, rows)
+            costs = objectives(likelihood.gathering(gathered_here()), unknowns, rows)
             return self._begun_anew(near, rows[int(np.argmin(costs))], plan, columns)
 
         ways = list(product((1.0, -1.0), repeat=amounts))
@@ -460,7 +447,7 @@ class Refinement:
 
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Slopes | None) -> Refit:
         unknowns = extended(self.base.unknowns, variant)
-        likelihood = near.likelihood.gathering(self.gathered)
+        likelihood = near.likelihood.gathering(gathered_here())
         found = fit(likelihood, unknowns, z, plan=plan, nuisance_columns=columns)
         own = near.likelihood if found.likelihood is likelihood else found.likelihood.gathering(None)
         found = replace(found, likelihood=own)

@@ -31,8 +31,7 @@ _FUNCTIONS = {
     np.nextafter: "nextafter", math.exp: "exp", math.log: "log", math.expm1: "expm1", math.asinh: "asinh",
     math.cos: "cos", math.sin: "sin", math.sqrt: "sqrt", math.floor: "floor", np.floor: "floor", np.ceil: "ceil",
 }  # fmt: skip
-_GENERATED = {"size": "fabs", "exponential": "exp", "logarithm": "log", "square_root": "sqrt",
-              "sine_of": "sin", "cosine_of": "cos"}  # fmt: skip
+_GENERATED = {"size": "fabs", "square_root": "sqrt", "sine_of": "sin", "cosine_of": "cos", "exponent_of": "logb"}
 _SAME = ("every", "some", "first", "rows_of")
 
 
@@ -62,6 +61,8 @@ class Calls(Expressions):
             return constant(1)
         if name == "fma":
             return Expression(REAL, f"printed_fma({', '.join(v.text for v in values)})")
+        if name == "power_of_two":
+            return Expression(REAL, f"ldexp(1.0, (int){values[0].at(ATOM)})")
         if name in _GENERATED:
             known = {"constant": abs(values[0].constant)} if name == "size" and values[0].known else {}
             return Expression(REAL, f"{_GENERATED[name]}({values[0].text})", **known)

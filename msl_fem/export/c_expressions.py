@@ -61,8 +61,8 @@ _BY_VALUE: dict[str, Callable[..., Any]] = {
 _RESERVED = {
     "auto", "break", "case", "char", "const", "default", "do", "double", "enum", "extern", "float", "goto", "inline",
     "int", "long", "register", "restrict", "short", "signed", "sizeof", "static", "struct", "switch", "typedef",
-    "union", "unsigned", "void", "volatile", "cos", "exp", "expm1", "fabs", "log",
-    "rint", "sin", "sqrt",
+    "union", "unsigned", "void", "volatile", "cos", "exp", "expm1", "fabs", "ldexp",
+    "log", "logb", "rint", "sin", "sqrt",
 }  # fmt: skip
 
 

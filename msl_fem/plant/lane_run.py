@@ -49,6 +49,9 @@ from msl_fem.plant.preparation import small_signal_inductance, start_effects
 from msl_fem.plant.restart import restarted
 from msl_fem.plant.side import cells_of
 
+FEW = 2
+"""Lanes that are faster one by one: eight together cost as much as two and a half to four alone."""
+
 
 @dataclass(frozen=True, eq=False)
 class LaneSettings:
@@ -108,8 +111,9 @@ class LaneRun:
 
     Attributes
     ----------
-    blocks : of eight different lanes each, (n_sample, N_OUT, LANES) as the kernel wrote them; a last one may be of one
-    place : (n_lane,) where each lane stands in them
+    blocks : of eight different lanes each, (n_sample, N_OUT, LANES) as the kernel wrote them; the last ones may be of
+        one each
+    place : (n_lane,) where each lane stands in them, LANES times the block and the lane there
     effects : (n_lane, n_parameter), or (n_parameter,) neutral ones of all
     position : (n_lane, n_sample) m, as the sensor reads it
     current, voltage, flux_linkage : (n_lane, n_sample, n_side) A, V, Wb; voltages are means until the next sample
@@ -127,6 +131,11 @@ class LaneRun:
         """Some of the lanes, of the same blocks."""
         effects = self.effects if self.effects.ndim == 1 else self.effects[lanes]
         return LaneRun(self.blocks, self.place[lanes], effects, self.sides, self.rate)
+
+    def rows(self, lane: int) -> Array:
+        """(n_sample, N_OUT) of a lane as the kernel wrote them."""
+        block, column = divmod(int(self.place[lane]), LANES)
+        return self.blocks[block][:, :, column]
 
     @cached_property
     def position(self) -> Array:
@@ -186,8 +195,7 @@ class LaneRun:
         found = np.empty((count, self.n_lane, self.blocks[0].shape[0]))
         for k, rows in enumerate(self.blocks):
             own = np.flatnonzero(self.place // LANES == k)
-            for j in range(count):
-                found[j, own] = rows[:, n + j].T[self.place[own] % LANES]
+            _take(rows, n, self.place[own] % LANES, own, found)
         return np.moveaxis(found, 0, -1)
 
 
@@ -216,17 +224,17 @@ def run_lanes(
 
     begun = [_begun(surface, p, settings, lane, step, substeps) for lane, p in enumerate(plants)]
     different, place = _different(plants, settings, begun)
-    n_lane = different.size
+    groups = _groups(different)
     shape = surface.coefficients.shape
     joined = surface._replace(coefficients=surface.coefficients.reshape(-1, *shape[-3:]))  # compiled once, one or many
 
-    def block_of(begin: int) -> Array:
-        if begin == n_lane - 1:  # a single one is faster by itself
-            lane = int(different[begin])
+    def block_of(group: Array) -> Array:
+        if group.size == 1:
+            lane = int(group[0])
             rows = _alone(surface, plants[lane], settings, lane, inputs, substeps)
             if settings.begins is None or np.isfinite(rows[:, OUT_X]).all():  # else time has stood still in it
                 return rows[:, :, None]
-        lanes = [int(different[min(begin + k, n_lane - 1)]) for k in range(LANES)]  # the last one fills up
+        lanes = [int(group[min(k, group.size - 1)]) for k in range(LANES)]  # the last one fills up
         block = _block(surface, plants, settings, np.array(lanes), begun)
         out = np.empty((n_sample, N_OUT, LANES))
         commands, pushes = _inputs_of_block(inputs, settings, lanes, max(sides, 1))
@@ -240,18 +248,26 @@ def run_lanes(
             _run_block(joined, block, *now, step, substeps, rows, linear)
         return out
 
-    begins = range(0, n_lane, LANES)
-    if settings.threads > 1 and len(begins) > 1:
+    if settings.threads > 1 and len(groups) > 1:
         with ThreadPoolExecutor(settings.threads) as pool:
-            blocks = list(pool.map(block_of, begins))
+            blocks = list(pool.map(block_of, groups))
     else:
-        blocks = [block_of(begin) for begin in begins]
-    for at, lane in enumerate(different):
-        plant, rows = plants[lane], blocks[at // LANES][:, :, at % LANES]
-        if plant.end_stop is not None and np.isnan(rows[:, OUT_X]).any():
-            rows[:] = _alone(surface, plant, settings, int(lane), inputs, substeps)
+        blocks = [block_of(group) for group in groups]
+    for group, block in zip(groups, blocks, strict=True):
+        for column, lane in enumerate(group):
+            rows = block[:, :, column]
+            if plants[lane].end_stop is not None and np.isnan(rows[:, OUT_X]).any():
+                rows[:] = _alone(surface, plants[lane], settings, int(lane), inputs, substeps)
     effects = neutral_vector() if settings.effects is None else settings.effects
-    return LaneRun(tuple(blocks), place, effects, sides, inputs.rate)
+    stands = np.concatenate([LANES * k + np.arange(group.size) for k, group in enumerate(groups)])
+    return LaneRun(tuple(blocks), stands[place], effects, sides, inputs.rate)
+
+
+def _groups(lanes: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """Lanes that are run together, eight each; of those left over a `FEW` one by one."""
+    over = lanes.size % LANES
+    together = lanes.size - (over if over <= FEW else 0)
+    return [*(lanes[n : n + LANES] for n in range(0, together, LANES)), *lanes[together:, None]]
 
 
 def _inputs_of_block(inputs: Inputs, settings: LaneSettings, lanes: Sequence[int], sides: int) -> tuple[Array, Array]:
@@ -419,6 +435,16 @@ def _alone(
             rows[done:] = np.nan
             state[X] = np.nan
     return out
+
+
+@compiled
+def _take(rows: Array, first: int, lanes: NDArray[np.intp], own: NDArray[np.intp], found: Array) -> None:
+    """Writes columns from `first` of some lanes of a block (n_sample, N_OUT, LANES) to the lanes `own` of `found`,
+    (n_column, n_lane, n_sample); sample by sample, since those of one lane are far apart in memory."""
+    for n in range(found.shape[2]):
+        for j in range(found.shape[0]):
+            for k in range(own.size):
+                found[j, own[k], n] = rows[n, first + j, lanes[k]]
 
 
 @compiled

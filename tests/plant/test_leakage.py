@@ -66,7 +66,7 @@ def test_lanes_change_no_bit_and_neutral_effects_nothing(
     assert neutral[:, OUT_VOLTAGE_1] == pytest.approx(out[:, OUT_VOLTAGE_1], rel=1e-9)
     for column in (OUT_X, OUT_I1, OUT_I1 + 1, OUT_FLUX_1, OUT_VOLTAGE_1):
         assert np.allclose(out[:, column], neutral[:, column], rtol=1e-11, atol=1e-20)
-        assert np.array_equal(out[:, column], lanes.blocks[0][:, column, 0])
+        assert np.array_equal(out[:, column], lanes.rows(0)[:, column])
 
 
 def test_lanes_that_differ_in_readings_alone_are_run_once(servo: Actuator, table: MagneticTable) -> None:

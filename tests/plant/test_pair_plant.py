@@ -114,7 +114,7 @@ def test_lanes_change_no_bit_and_neutral_effects_nothing(servo: Actuator, pair: 
     lanes = run_lanes(surface_of(pair), plants, inputs, substeps=5, settings=LaneSettings())
     for column in (layout.OUT_X, layout.OUT_I1, layout.OUT_I2, FLUX, layout.OUT_VOLTAGE_1):
         assert np.allclose(out[:, column], neutral[:, column], rtol=1e-9, atol=1e-20)
-        assert np.array_equal(out[:, column], lanes.blocks[0][:, column, 0])
+        assert np.array_equal(out[:, column], lanes.rows(0)[:, column])
 
 
 def test_lanes_with_effects_change_no_bit(servo: Actuator, pair: MagneticTable) -> None:
@@ -123,7 +123,7 @@ def test_lanes_with_effects_change_no_bit(servo: Actuator, pair: MagneticTable) 
     rows = np.array([ALL_EFFECTS.vector(), EffectValues().vector()])
     lanes = run_lanes(surface_of(pair), [plant, plant], inputs, substeps=5, settings=LaneSettings(effects=rows))
     for column in (layout.OUT_X, layout.OUT_I1, FLUX, layout.OUT_VOLTAGE_1):
-        assert np.array_equal(out[:, column], lanes.blocks[0][:, column, 0])
+        assert np.array_equal(out[:, column], lanes.rows(0)[:, column])
 
 
 def test_force_and_its_slopes_at_a_point_are_those_of_the_kernel(servo: Actuator, pair: MagneticTable) -> None:
