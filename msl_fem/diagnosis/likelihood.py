@@ -225,7 +225,7 @@ class Likelihood:
         """Writes a run's part of the numbers (n_row, n_own), and what moves its starts, (n_row, n_move); simulated,
         transformed and forgotten group by group."""
         problem, substeps = replace(self.problem, threads=1), self.substeps
-        threads = self.problem.threads if self.gathered is None else self.gathered.threads
+        threads = self.threads if self.gathered is None else self.gathered.threads
 
         def fill(rows: NDArray[np.intp]) -> None:
             numbers, by = [], []
@@ -269,6 +269,11 @@ class Likelihood:
     def highest_at_rest(self) -> float:
         """The highest current (A) of the rows of a map beside the runs; 0 without one."""
         return 0.0
+
+    @property
+    def threads(self) -> int:
+        """That simulate."""
+        return self.problem.threads
 
     @property
     def is_cut(self) -> bool:

@@ -234,9 +234,8 @@ class Refinement:
 
     def _together(self, step: Callable[[Item], Stepped], items: Sequence[Item]) -> list[Stepped]:
         """A step of each, all at the same time, over stretches `AT_ONCE`; it comes to that of one after the other."""
-        likelihood = self.base.likelihood
-        at_once = AT_ONCE if likelihood.is_cut else len(items)
-        return together(step, items, at_once=at_once, threads=likelihood.problem.threads)
+        at_once = AT_ONCE if self.base.likelihood.is_cut else len(items)
+        return together(step, items, at_once=at_once, threads=self.base.likelihood.threads)
 
     def screened(self, score: Score) -> Refit | None:
         """A candidate after its first steps; None where it cannot be simulated."""

@@ -77,6 +77,7 @@ from msl_fem.plant.side import Cells, side_flux, side_gap
 Three = tuple[Value, Value, Value]
 _STEEP = 20.0  # above it asinh(e^w/2) is w
 _FEW = 0.01  # below it series of a few terms are exact
+_SIXTH = 1.0 / 6.0
 _NO_CORNER = 1e-30  # A, V or N: a limit that sets in at once
 
 
@@ -273,7 +274,7 @@ def _output(state: Rows, work: Rows, j: int, target: Three, ideal: bool) -> Thre
     if ideal:
         work[OUTPUT_END_1 + j] = end
         return begin, middle, end
-    slope, mean = end - begin, middle + (begin - 2.0 * middle + end) / 6.0
+    slope, mean = end - begin, middle + (begin - 2.0 * middle + end) * _SIXTH
     away = state[OUTPUT_1 + j] - mean
     work[OUTPUT_END_1 + j] = fma(work[DRIVE_FALL + 3], away, mean) + slope * work[DRIVE_RAMP + 3]
     return (
@@ -288,11 +289,11 @@ def set_ramps(p: PlantParameters, e: Rows, work: Rows, duration: float) -> None:
     """What the currents of an ideal drive rise by, A/s, over a sample of `duration` s; nought of other drives."""
     ideal = p.drive == CURRENT_DRIVE and np.isinf(first(p.bandwidth))
     for j in range(2):
-        ramp = work[RISE_1 + j] / duration
-        if e is not None:
-            ramp = ramp + e[magnetic.SHARE] * (work[RISE_1 + 1 - j] / duration)
-        if not ideal:
-            ramp = ramp - ramp
+        ramp = work[RISE_1 + j] - work[RISE_1 + j]
+        if ideal:
+            ramp = work[RISE_1 + j] / duration
+            if e is not None:
+                ramp = ramp + e[magnetic.SHARE] * (work[RISE_1 + 1 - j] / duration)
         _put(work, RAMP_1 + j, (ramp, ramp, ramp))
 
 
@@ -330,10 +331,12 @@ def _amplifier(e: Rows, state: Rows, work: Rows, j: int, n: int, part: float, st
     old, new = choose(late, before, choose(jumps, before, after)), choose(late, before, after)
     share = choose(jumps, e[electrical.JUMP_SHARE], 0.0)
     early = share * step
-    held, missing = _slew(state[SLEW_1 + j], old, early, e[electrical.SLEW_TIME])
-    held, more = _slew(held, new, step - early, e[electrical.SLEW_TIME])
+    held, offset = new, new - new
+    if some(e[electrical.SLEW_TIME] > 0.0):
+        held, missing = _slew(state[SLEW_1 + j], old, early, e[electrical.SLEW_TIME])
+        held, more = _slew(held, new, step - early, e[electrical.SLEW_TIME])
+        offset = 0.0 - (missing + more) / step
     work[SLEW_END_1 + j] = held
-    offset = 0.0 - (missing + more) / step
     away, jump = state[LAG_1 + j] - old, old - new
     begin, middle, end, last = (
         _lagged(e, 0, new, away, jump, offset, jumps), _lagged(e, 1, new, away, jump, offset, jumps),
@@ -371,7 +374,7 @@ def _straight(work: Rows, j: int, behind: Value, part: float) -> tuple[Value, Va
     """(mean, rise) of the command of side j from `behind` samples after the one that acts on, `part` of a sample."""
     begin, end = _between_samples(work, j, behind), _between_samples(work, j, behind + part)
     middle = _between_samples(work, j, behind + 0.5 * part)
-    return middle + (begin - 2.0 * middle + end) / 6.0, end - begin
+    return middle + (begin - 2.0 * middle + end) * _SIXTH, end - begin
 
 
 @compiled

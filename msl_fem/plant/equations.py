@@ -136,6 +136,9 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
     drop_1, drop_2 = r_1 * i_1 + e_1 + u_1, r_2 * i_2 + e_2 + u_2
     t_1, t_2 = work[inputs + TARGET_1], work[inputs + TARGET_1 + 1]
     v_1, v_2 = work[inputs + OUTPUT_OF_1], work[inputs + OUTPUT_OF_1 + 1]
+    from_2 = from_1 = e_1 - e_1
+    if some(size(share) > 0.0):
+        from_2, from_1 = share * e_2 / l_1, share * e_1 / l_2
     if p.drive != CURRENT_DRIVE:
         a_1, a_2 = _current_slopes(
             e,
@@ -144,8 +147,8 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
             l_2,
             r_1,
             r_2,
-            (v_1 - drop_1) / l_1 - share * e_2 / l_1,
-            (v_2 - drop_2) / l_2 - share * e_1 / l_2,
+            (v_1 - drop_1) / l_1 - from_2,
+            (v_2 - drop_2) / l_2 - from_1,
         )
         _put_circuits(work, a_1, a_2, v_1, v_2)
     elif np.isinf(first(e[electrical.BANDWIDTH])):
@@ -155,7 +158,7 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
         _put_circuits(work, a_1, a_2, v_1, v_2)
     else:
         w = e[electrical.BANDWIDTH]
-        b_1, b_2 = w * (t_1 - i_1) - share * e_2 / l_1, w * (t_2 - i_2) - share * e_1 / l_2
+        b_1, b_2 = w * (t_1 - i_1) - from_2, w * (t_2 - i_2) - from_1
         a_1, a_2 = _current_slopes(e, work, l_1, l_2, w * l_1, w * l_2, b_1, b_2)
         d_1, d_2 = l_1 * a_1 + mutual * a_2, l_2 * a_2 + mutual * a_1
         c_1 = i_1 + unmix * (eddy * d_1 - share * eddy * d_2)
@@ -166,8 +169,8 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
         if some(over_1) or some(over_2):
             v_1 = choose(over_1, choose(v_1 < 0.0, 0.0 - p.voltage_limit, p.voltage_limit), v_1)
             v_2 = choose(over_2, choose(v_2 < 0.0, 0.0 - p.voltage_limit, p.voltage_limit), v_2)
-            b_1 = choose(over_1, (v_1 - drop_1) / l_1 - share * e_2 / l_1, b_1)
-            b_2 = choose(over_2, (v_2 - drop_2) / l_2 - share * e_1 / l_2, b_2)
+            b_1 = choose(over_1, (v_1 - drop_1) / l_1 - from_2, b_1)
+            b_2 = choose(over_2, (v_2 - drop_2) / l_2 - from_1, b_2)
             a_1, a_2 = _current_slopes(
                 e, work, l_1, l_2, choose(over_1, r_1, w * l_1), choose(over_2, r_2, w * l_2), b_1, b_2
             )
@@ -189,9 +192,14 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
 def _current_slopes(
     e: Rows, work: Rows, l_1: Value, l_2: Value, rho_1: Value, rho_2: Value, b_1: Value, b_2: Value
 ) -> tuple[Value, Value]:
-    """(a_1, a_2) of the two rows, by Cramer's rule."""
-    row_1, row_2 = coupled_rows(e, work, l_1, l_2, rho_1, rho_2)
-    return _both_slopes(work, b_1, b_2, row_1, row_2)
+    """(a_1, a_2) of the two rows, by Cramer's rule; b where no side sees the other, and none has eddy currents."""
+    if some(size(e[magnetic.SHARE]) > 0.0) or some(e[magnetic.EDDY] > 0.0):
+        row_1, row_2 = coupled_rows(e, work, l_1, l_2, rho_1, rho_2)
+        return _both_slopes(work, b_1, b_2, row_1, row_2)
+    if some(size(work[MUTUAL]) > 0.0):
+        row_1, row_2 = coupled_rows(None, work, l_1, l_2, rho_1, rho_2)
+        return _both_slopes(work, b_1, b_2, row_1, row_2)
+    return b_1, b_2
 
 
 @compiled
@@ -336,8 +344,9 @@ def rates_with_effects(
         inside = inside & found
         force = force + toward * pull
         magnets = magnets + toward * pull
-        closeness = e[mechanical.FILM_GAP] / gap
-        film = film + closeness * closeness * closeness
+        if some(size(e[mechanical.FILM]) > 0.0):
+            closeness = e[mechanical.FILM_GAP] / gap
+            film = film + closeness * closeness * closeness
         circuit = CIRCUIT_1 + j * N_CIRCUIT
         motion = 0.0 - flux_slope * toward
         if p.sides == 2:
@@ -417,6 +426,8 @@ def knee(e: Rows, square: Value) -> Value:
 @compiled
 def remanence(e: Rows, j: int, flux: Value) -> Value:
     """The current (A) that a side's remanence stands for at its flux, see remanent_flux."""
+    if not some(size(e[stray_flux.REMANENT_1 + j]) > 0.0):
+        return flux - flux
     return e[stray_flux.REMANENT_1 + j] / (1.0 + e[stray_flux.REMANENCE_FADES] * flux * flux)
 
 

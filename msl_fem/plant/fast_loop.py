@@ -40,6 +40,7 @@ from msl_fem.plant.layout import (
     KNOWN_VALUE,
     LIMITED_1,
     MMF,
+    MUTUAL,
     N_CIRCUIT,
     N_KNOWN,
     SHARED_BEFORE,
@@ -66,6 +67,7 @@ from msl_fem.plant.poles import (
 from msl_fem.plant.side import Cells, side_flux, side_gap
 
 _ITERATIONS = 5
+_SIXTH = 1.0 / 6.0
 
 
 @compiled
@@ -158,7 +160,7 @@ def _target(work: Rows, j: int) -> tuple[Value, Value]:
     """(mean, rise) over a step of what the loop of side j aims at."""
     begin, middle = work[INPUTS_BEGIN + TARGET_1 + j], work[INPUTS_MIDDLE + TARGET_1 + j]
     end = work[INPUTS_END + TARGET_1 + j]
-    return middle + (begin - 2.0 * middle + end) / 6.0, end - begin
+    return middle + (begin - 2.0 * middle + end) * _SIXTH, end - begin
 
 
 @compiled
@@ -167,9 +169,10 @@ def _rate(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
     if e is None:
         return p.bandwidth + (work[Y] - work[Y])
     else:
-        inductance = work[CIRCUIT_1 + j * N_CIRCUIT + INDUCTANCE]
-        w, loop = e[electrical.BANDWIDTH], e[magnetic.UNMIX] * e[magnetic.EDDY]
-        return w / (1.0 + w * inductance * loop)
+        w = e[electrical.BANDWIDTH]
+        if some(e[magnetic.EDDY] > 0.0):
+            w = w / (1.0 + w * work[CIRCUIT_1 + j * N_CIRCUIT + INDUCTANCE] * (e[magnetic.UNMIX] * e[magnetic.EDDY]))
+        return w
 
 
 @compiled
@@ -179,8 +182,10 @@ def _missing(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
     if e is not None:
         share = e[magnetic.SHARE]
         own, other = work[CIRCUIT_1 + j * N_CIRCUIT + MMF], work[CIRCUIT_2 - j * N_CIRCUIT + MMF]
-        inductance, of_other = work[CIRCUIT_1 + j * N_CIRCUIT + INDUCTANCE], work[CIRCUIT_2 - j * N_CIRCUIT + EMF]
-        current = e[magnetic.UNMIX] * (own - share * other) + share * of_other / (e[electrical.BANDWIDTH] * inductance)
+        current = e[magnetic.UNMIX] * (own - share * other)
+        if some(size(share) > 0.0):
+            inductance, of_other = work[CIRCUIT_1 + j * N_CIRCUIT + INDUCTANCE], work[CIRCUIT_2 - j * N_CIRCUIT + EMF]
+            current = current + share * of_other / (e[electrical.BANDWIDTH] * inductance)
     return current - _target(work, j)[0]
 
 
@@ -209,9 +214,11 @@ def _set_side(p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, abov
     z, rise, slope = rate * step, _target(work, j)[1], work[SLOPES + I1 + j]
     away = above + rise * (0.5 + 1.0 / z)
     limited = work[LIMITED_1 + j] > 0.0
-    later = work[row + KNOWN_CORNER]
-    line, corner = limited_line(away, 0.5 * (slope + later) * step, later * step, z)
-    line, corner = choose(limited, line, 0.0), choose(limited, corner, 1.0)
+    line, corner = z - z, 1.0 + (z - z)
+    if some(limited):
+        later = work[row + KNOWN_CORNER]
+        line, corner = limited_line(away, 0.5 * (slope + later) * step, later * step, z)
+        line, corner = choose(limited, line, 0.0), choose(limited, corner, 1.0)
     known = (z > FAST) & (line < 1.0)
     work[LIMITED_1 + j] = work[row + KNOWN_LIMITED]
     work[row] = choose(known, 1.0, 0.0)
@@ -230,23 +237,29 @@ def _put_fall(
     m_0, square, m_s, last = fall
     begin, middle, end = fall_for_squares(m_0, square, m_s, away + last)
     b, m, n = slopes_of_fall(away, m_0, m_s, last)
-    value, slope = row + KNOWN_VALUE, row + KNOWN_SLOPES
+    value, slope, rate = row + KNOWN_VALUE, row + KNOWN_SLOPES, 1.0 / step
     work[value] = choose(where, goal + begin, work[value])
     work[value + 1] = choose(where, goal + middle + 0.5 * rise, work[value + 1])
     work[value + 2] = choose(where, goal + end + rise, work[value + 2])
-    work[slope] = choose(where, (rise - b) / step, work[slope])
-    work[slope + 1] = choose(where, (rise - m) / step, work[slope + 1])
-    work[slope + 2] = choose(where, (rise - n) / step, work[slope + 2])
+    work[slope] = choose(where, (rise - b) * rate, work[slope])
+    work[slope + 1] = choose(where, (rise - m) * rate, work[slope + 1])
+    work[slope + 2] = choose(where, (rise - n) * rate, work[slope + 2])
     work[row + KNOWN_LAST] = choose(where, goal + last + rise, work[row + KNOWN_LAST])
 
 
 @compiled
 def _couple_sides(p: PlantParameters, e: Rows, state: Rows, work: Rows, free: Flag, step: float) -> None:
-    """The rows of both sides where mutual flux couples them: both known, and no voltage limit in the way.
+    """The rows of both sides where mutual flux, or currents, couple them: both known, no voltage limit in the way.
 
     Their loops make D du/dt = w (targets - i), D the rows of `coupled_rows`.
     """
     second = KNOWN_1 + N_KNOWN
+    coupled = size(work[MUTUAL]) > 0.0
+    if e is not None:
+        coupled = size(work[MUTUAL]) + size(e[magnetic.SHARE]) > 0.0
+    free = free & coupled
+    if not some(free):
+        return
     z_11, z_12, z_21, z_22 = _rates_together(p, e, work, step)
     determinant = z_11 * z_22 - z_12 * z_21
     rise_1, rise_2 = _target(work, 0)[1], _target(work, 1)[1]

@@ -20,6 +20,7 @@ from msl_fem.computing.lanes import Rows, Value, choose, exponential, larger, se
 FAST = 0.5
 """A step times a current loop's bandwidth above which its current is known and not integrated."""
 _SMALL = 0.1  # below it moments by parts cancel, and a signal's values have them
+_THIRD = 1.0 / 3.0
 Four = tuple[Value, Value, Value, Value]
 
 
@@ -79,12 +80,12 @@ def lag_weights(bandwidth: float, step: float, rows: Rows, start: int, lane: int
 def fall_moments(z: Value, line: Value, corner: Value) -> Four:
     """(integral of f, of f^2, of s f over a step, f behind it) of a fall that is straight until s = `line`, where
     f = `corner`, and exponential from there; `line` 0 and `corner` 1 without a limit."""
-    rest = 1.0 - line
+    rest, per = 1.0 - line, 1.0 / z
     kept = exponential(0.0 - z * rest)
-    m_0 = 0.5 * line * (1.0 + corner) + corner * (1.0 - kept) / z
-    square = line * (1.0 + corner + corner * corner) / 3.0 + corner * corner * (1.0 - kept * kept) / (2.0 * z)
-    straight = line * line * (1.0 + 2.0 * corner) / 6.0
-    tail = line * (1.0 - kept) / z + (1.0 - kept * (1.0 + z * rest)) / (z * z)
+    m_0 = 0.5 * line * (1.0 + corner) + corner * (1.0 - kept) * per
+    square = line * (1.0 + corner + corner * corner) * _THIRD + corner * corner * (1.0 - kept * kept) * (0.5 * per)
+    straight = line * line * (1.0 + 2.0 * corner) * (0.5 * _THIRD)
+    tail = line * (1.0 - kept) * per + (1.0 - kept * (1.0 + z * rest)) * (per * per)
     return m_0, square, straight + corner * tail, corner * kept
 
 

@@ -25,7 +25,7 @@ class LinearRecord:
     data: Array
     nuisances: Array
     of_effect: dict[str, Array]
-    is_cut, begins = False, ()
+    is_cut, begins, threads = False, (), 1
     strict = False
 
     def gathering(self, runs: GatheredRuns | None) -> "LinearRecord":

@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from msl_fem.diagnosis.gathered import GatheredRuns
+from msl_fem.diagnosis.gathered import GatheredRuns, gathered_here, together
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.problem import FitProblem, Points
 from msl_fem.diagnosis.refits import AT_ONCE, Refinement
@@ -53,29 +53,48 @@ def test_fits_that_ask_for_different_numbers_of_rounds_get_their_own_rows_from_c
     assert len(set(ends[0][0][:, 2])) == 3  # amounts of an effect reach the runs
 
 
-def test_where_a_fit_ends_one_that_is_behind_takes_its_place() -> None:
-    """Of five fits two go on at the same time, so that each round of the longest runs with that of another."""
+@pytest.mark.parametrize("threads", [1, 2])
+def test_where_a_fit_ends_one_that_is_behind_takes_its_place(threads: int) -> None:
+    """Of five fits two go on at the same time, so that with one thread each round of the longest runs with that of
+    another; with two they meet nobody."""
     calls: list[int] = []
 
     def simulated(points: Points) -> np.ndarray:
         calls.append(len(points.rows))
+        time.sleep(0.05)
         return points.rows
 
-    gathered = GatheredRuns(2, behind=3)
-    with ThreadPoolExecutor(2) as pool:
-        jobs = [
-            pool.submit(asked, gathered, rounds, None, simulated) for rounds in ((1,), (1, 1, 1, 1), (1,), (1,), (1,))
-        ]
-        for job in jobs:
-            job.result(timeout=30)
-    assert calls == [2, 2, 2, 2]
+    def fit(rounds: int) -> int:
+        for _ in range(rounds):
+            gathered = gathered_here()
+            assert gathered is not None
+            gathered.spectra(PROBLEM, Points.of(UNKNOWNS, np.zeros((1, 2))), simulated)
+        return rounds
+
+    assert together(fit, [1, 4, 1, 1, 1], at_once=2, threads=threads) == [1, 4, 1, 1, 1]
+    assert calls == ([2, 2, 2, 2] if threads == 1 else [1] * 8)
+
+
+def test_fits_meet_in_as_many_places_as_there_are_threads_and_each_is_simulated_by_its_own() -> None:
+    places: dict[int, list[int]] = {}
+
+    def fit(item: int) -> None:
+        gathered = gathered_here()
+        assert gathered is not None
+        places.setdefault(id(gathered), []).append(gathered.threads)
+        time.sleep(0.01)
+
+    together(fit, list(range(8)), at_once=8, threads=2)
+    assert sorted(len(every) for every in places.values()) == [4, 4]
+    assert {n for every in places.values() for n in every} == {1}
+    assert gathered_here() is None
 
 
 @pytest.mark.parametrize(("is_cut", "most"), [(True, AT_ONCE), (False, 3 * AT_ONCE)])
 def test_candidates_over_stretches_go_on_a_few_at_a_time(is_cut: bool, most: int) -> None:
     """Each holds the slopes of its own starts meanwhile; followed from start to end all go on at once."""
     refinement = object.__new__(Refinement)
-    refinement.base = cast(Fit, SimpleNamespace(likelihood=SimpleNamespace(is_cut=is_cut)))
+    refinement.base = cast(Fit, SimpleNamespace(likelihood=SimpleNamespace(is_cut=is_cut, threads=1)))
     busy, seen, lock = 0, [0], threading.Lock()
 
     def step(item: int) -> int:
@@ -83,7 +102,9 @@ def test_candidates_over_stretches_go_on_a_few_at_a_time(is_cut: bool, most: int
         with lock:
             busy += 1
             seen.append(busy)
-        refinement.gathered.spectra(PROBLEM, Points.of(UNKNOWNS, np.zeros((1, 2))), lambda points: points.rows)
+        gathered = gathered_here()
+        assert gathered is not None
+        gathered.spectra(PROBLEM, Points.of(UNKNOWNS, np.zeros((1, 2))), lambda points: points.rows)
         with lock:
             busy -= 1
         return item

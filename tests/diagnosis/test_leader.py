@@ -18,7 +18,7 @@ from msl_fem.diagnosis.variants import Variant
 class Sizes:
     """A likelihood that is highest where the last number is `SUITS`."""
 
-    is_cut = False
+    is_cut, threads = False, 1
 
     def gathering(self, meeting: object) -> "Sizes":
         return self
