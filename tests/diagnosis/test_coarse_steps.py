@@ -64,6 +64,31 @@ def test_rows_of_different_steps_are_in_groups_of_their_own(monkeypatch: pytest.
     assert [group.tolist() for group in groups] == [[1, 3, 4], [0, 2, 5]]
 
 
+@pytest.mark.parametrize(
+    ("count", "threads", "groups"),
+    [
+        (8, 2, [8]),
+        (3, 1, [3]),
+        (3, 2, [2, 1]),  # one by one, on both threads
+        (4, 2, [2, 2]),
+        (5, 2, [5]),  # eight together are as fast
+        (11, 2, [8, 3]),  # beside the eight of the other thread
+        (19, 2, [8, 8, 2, 1]),
+        (19, 3, [8, 8, 3]),
+    ],
+)
+def test_runs_left_over_are_shared_among_threads_that_have_nothing_else(
+    monkeypatch: pytest.MonkeyPatch, count: int, threads: int, groups: list[int]
+) -> None:
+    monkeypatch.setattr("msl_fem.diagnosis.problem._lane_settings", lambda *_: (None, None, None))
+    monkeypatch.setattr("msl_fem.diagnosis.problem.told_apart", lambda *_, **more: np.arange(count))
+    problem = FitProblem(None, (SimpleNamespace(rate=RATE),), (), (), None)  # type: ignore[arg-type]
+    points = Points(Unknowns((), 0, ()), np.zeros((count, 0)), None)
+    found = batches(problem, points, 0, substeps=11, threads=threads)
+    assert [group.size for group in found] == groups
+    assert np.sort(np.concatenate(found)).tolist() == list(range(count))
+
+
 def test_differences_are_of_equal_steps() -> None:
     """Of a likelihood whose numbers are by 1000 larger in fine steps."""
 

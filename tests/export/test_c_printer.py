@@ -164,6 +164,8 @@ def _divides_by_zero(function, arguments):
 KERNEL = {
     lanes.within: "rr",
     _between: "rrrrr",
+    lanes.exponential: "r",
+    lanes.logarithm: "r",
     lanes.hyperbolic_sine: "r",
     lanes.hyperbolic_cosine: "r",
     lanes.inverse_hyperbolic_sine: "r",
