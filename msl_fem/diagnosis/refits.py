@@ -189,6 +189,7 @@ class Refinement:
         leader = None
         if refined and refined[0].gain > 0:
             leader = self._of_other_shapes(self.converged(refined[0], leads=True))
+            leader = self._fuller(leader, [*refined[1:], *eliminated])
         if leader is None:
             return sorted([*refined, *eliminated], key=_by_gain)
         anew = self._made_up_for([leader, *refined[1:], *eliminated])
@@ -327,6 +328,25 @@ class Refinement:
         best = min([*ended, *going], key=_by_gain)
         let_go([one for one in (*ended, *going) if one is not best])
         return leader if best is leader else self.converged(best, leads=True)
+
+    def _fuller(self, leader: Refit, others: Sequence[Refit]) -> Refit:
+        """A leader that leaves more than noise, or the better of it and another candidate of its effect with further
+        amounts begun where it is: of what acts beyond a threshold they find the way beside it alone."""
+        first = self.base.unknowns.size
+        led = {one.place: leader.fit.z[n] for n, one in enumerate(leader.variant.unknowns, first)}
+        own = {amount.place for amount in leader.variant.amounts}
+        more = [one for one in others if own < {amount.place for amount in one.variant.amounts}]
+        if self.lost or not more or _leaves_noise(leader):
+            return leader
+        variant = max(more, key=lambda one: one.gain).variant
+        self.tell(f"{leader.variant.effect}, which leads, with further amounts: {variant.name}")
+        begin = [led[one.place] if one in variant.amounts and one.place in own else 0.0 for one in variant.unknowns]
+        z = np.concatenate([leader.fit.z[:first], begin])
+        on = self._tried(leader.fit, variant, z, FitPlan(LAST_STEPS, enough=ROUGH))
+        if on is None or on.gain <= leader.gain:
+            return leader
+        leader.fit.lets_go()
+        return self.converged(on, leads=True)
 
     def _leg(self, led: Refit, plan: FitPlan) -> Refit:
         """A candidate some steps on, from where it is and with the columns that it has."""

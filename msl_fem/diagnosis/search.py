@@ -5,7 +5,7 @@ variants of all effects and judged by the evidence of their own converged fits.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.signal import find_peaks
@@ -14,7 +14,7 @@ from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.null import NullDistribution
-from msl_fem.diagnosis.refits import BENT, LAST_STEPS, MADE_UP, Refinement, Refit, strained
+from msl_fem.diagnosis.refits import BENT, LAST_STEPS, MADE_UP, Refinement, Refit, extended, objectives, strained
 from msl_fem.diagnosis.scores import AmountColumns, Score, scored
 from msl_fem.diagnosis.variants import Variant
 
@@ -24,6 +24,7 @@ SHARE = 0.03  # of the best score: effects below are not refitted
 VARIANTS = 2  # of an effect that are refitted
 STANDS_OUT = 5.0
 """Nats of its neighbours on the grid of a shape, by which a score is a peak of its own."""
+FINITE = (0.03, 0.1, 0.3, 1.0)  # of z: sizes in which an amount that may act beyond a threshold is tried
 FAR_ABOVE = 40.0
 HOPELESS = 1 / 3  # of the nats that an effect needs, below which linear scores beside noise are taken at their word
 COMPENSATED = ("gap_offset", "early_saturation", "fringing", "armature_tilt", *MADE_UP)
@@ -95,6 +96,8 @@ def search_stage(
             every = at_base.scores
     candidates = ranked(every)
     candidates += peaks(every, candidates)
+    if not quiet and base.sane is None:
+        candidates += beyond_thresholds(base, every, candidates)
     if quiet and not any(map(worth, candidates)):
         candidates = candidates[: 0 if base.unknowns.effects else 1]
     elif quiet and base.unknowns.effects:
@@ -107,6 +110,42 @@ def search_stage(
     kept.ended(fit_name(base.unknowns), base.z)
     refits = Refinement(base, tell, kept, hopeless, tried).best_first(candidates)
     return SearchStage(base, every, tuple(refits), at_base.null, near if beside else at_base.columns)
+
+
+def beyond_thresholds(base: Fit, every: Sequence[Score], chosen: Sequence[Score]) -> list[Score]:
+    """Of effects that are chosen the variants with an amount that the chosen ones lack, with which as it is, in one of
+    some sizes, the record is likelier than the best linear score promises: the slope at nothing says little of what
+    acts beyond a threshold, as a slew limit does. Such amounts are one-sided."""
+    effects = {score.variant.effect for score in chosen}
+    had = {amount.place for score in chosen for amount in score.variant.amounts}
+    found: list[Score] = []
+    for score in every:
+        [amount, *more] = score.variant.amounts
+        if more or score.variant.effect not in effects or amount.place in had or not amount.one_sided:
+            continue
+        had.add(amount.place)
+        shapes = np.zeros(len(score.variant.shapes))
+        rows = np.array([np.concatenate([base.z, [size], shapes]) for size in FINITE])
+        costs = objectives(base.likelihood, extended(base.unknowns, score.variant), rows)
+        gain, size = float(base.objective - costs.min()), FINITE[int(np.argmin(costs))]
+        if gain > every[0].gain:
+            for one in (score, *_fullest(every, score)):
+                guess = np.array([size if own.place == amount.place else 0.0 for own in one.variant.amounts])
+                found.append(replace(one, gain=gain, guess=guess, shift=np.zeros_like(one.shift)))
+    return found
+
+
+def _fullest(every: Sequence[Score], single: Score) -> list[Score]:
+    """The variant of an effect with most amounts beside a single one; none where it has none beside it."""
+    [amount] = single.variant.amounts
+    more = [
+        one
+        for one in every
+        if one.variant.effect == single.variant.effect
+        and amount.place in [own.place for own in one.variant.amounts]
+        and len(one.variant.amounts) > 1
+    ]
+    return sorted(more, key=lambda one: -len(one.variant.amounts))[:1]
 
 
 def converged_base(start: Fit) -> Fit:

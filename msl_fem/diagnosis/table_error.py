@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from msl_fem.computing.arrays import Array
+from msl_fem.errors import TableError
 from msl_fem.prediction import KernelPlant, RunData
 from msl_fem.prediction.run_data import POSITION_COLUMN
 from msl_fem.record.columns import Channel
@@ -103,9 +104,21 @@ def table_error(table: MagneticTable, visited: Visited, *, tolerance: float) -> 
 
 
 def corrected(table: MagneticTable, error: TableErrorModes, numbers: Array, *, scale: float) -> MagneticTable:
-    """The table with an error of these numbers (n_mode,), its coenergy multiplied by `scale`."""
-    nodes = {name: scale * (table.nodes[name] + np.tensordot(numbers, error.nodes[name], axes=1)) for name in NODES}
-    return _with_nodes(table, nodes)
+    """The table with an error of these numbers (n_mode,), its coenergy multiplied by `scale`.
+
+    A fit that lacks a cause may have an error with which it is no magnet's table any more, as with a force that repels:
+    it is there to be compared with, so of that error the largest share in tenths with which it is one.
+    """
+    for tenths in range(10, 0, -1):
+        nodes = {
+            name: scale * (table.nodes[name] + tenths / 10 * np.tensordot(numbers, error.nodes[name], axes=1))
+            for name in NODES
+        }
+        try:
+            return _with_nodes(table, nodes)
+        except TableError:
+            continue
+    return scaled(table, scale)
 
 
 def scaled(table: MagneticTable, scale: float) -> MagneticTable:

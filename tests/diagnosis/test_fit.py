@@ -25,6 +25,7 @@ from msl_fem.diagnosis.noise import (
     weights_of,
 )
 from msl_fem.diagnosis.problem import Points
+from msl_fem.diagnosis.refits import Refinement
 from msl_fem.diagnosis.scores import Score, scores
 from msl_fem.diagnosis.search import converged_base, peaks, ranked, search_stage
 from msl_fem.diagnosis.unknowns import CAUCHY, EffectUnknown, Unknowns, factor
@@ -194,11 +195,20 @@ def test_simulations_of_candidates_are_asked_for_where_those_of_all_meet(monkeyp
     def gathering(likelihood: LinearRecord, runs: GatheredRuns | None) -> LinearRecord:
         return it if runs is None else Meeting(it.data, it.nuisances, it.of_effect)
 
+    together = Refinement._together
+
+    def alone_before(self: Refinement, step: Any, items: Any) -> Any:
+        before = len(apart)
+        found = together(self, step, items)
+        assert len(apart) == before, "of candidates, nothing apart"
+        return found
+
     monkeypatch.setattr(LinearRecord, "spectra", counted)
     monkeypatch.setattr(LinearRecord, "gathering", gathering)
+    monkeypatch.setattr(Refinement, "_together", alone_before)
     search_stage(base, variants, tell=str)
-    assert len(apart) == 1, "what all candidates bring in the linear model"
-    assert met
+    assert apart[0] == 3, "what all candidates bring in the linear model"
+    assert len(met) > 3
 
 
 def test_the_best_refit_alone_is_led_to_its_end_and_no_further_later() -> None:

@@ -281,3 +281,41 @@ def test_while_candidates_are_screened_those_far_behind_let_their_columns_go() -
         screening = _Screening(lambda text: None, len(gains))
         every = [screening.ends(score, refit([0.0, 0.0, 0.3], gain)) for gain in gains]
         assert [one is not None and one.fit.columns.values is not None for one in every] == list(kept)
+
+
+LAG, SLEW = (EffectUnknown("amplifier_bandwidth", name) for name in ("lag", "slew_time"))
+DETUNED = EffectUnknown("amplifier_bandwidth", "bandwidth_error")
+DRIVES = {name: Variant("amplifier_bandwidth", amounts) for name, amounts in
+          {"slew": (SLEW,), "both": (LAG, SLEW), "detuned": (DETUNED,)}.items()}  # fmt: skip
+
+
+def drive(name: str, z: list[float], gain: float) -> Refit:
+    """A candidate of a drive at numbers of mass, damping and its own."""
+    variant = DRIVES[name]
+    unknowns, n = replace(UNKNOWNS, effects=variant.unknowns), len(z)
+    numbers = (np.array(z), np.zeros(1), Columns(np.zeros((1, n)), np.zeros((n, n))), None, -gain, gain, 50.0, 1)
+    return Refit(variant, Fit(unknowns, *numbers, Sizes()), gain)
+
+
+@pytest.mark.parametrize(("comes_to", "kept"), [(9500.0, "both"), (8000.0, "slew")])
+@pytest.mark.parametrize("left", [4.0, 1.0])
+def test_a_leader_is_begun_with_further_amounts_where_it_is(monkeypatch, comes_to: float, kept: str, left: float):
+    """A slew limit leads; beside it the lag has a way that it had not at nothing."""
+    begun: list[list[float]] = []
+
+    def fitted(self: Refinement, near: Fit, variant: Variant, z: np.ndarray, *rest: object) -> Refit:
+        begun.append(z.tolist())
+        return drive("both", z.tolist(), comes_to)
+
+    monkeypatch.setattr(Refinement, "_refit", fitted)
+    monkeypatch.setattr(Refinement, "converged", lambda self, refit, *, leads: refit)
+    monkeypatch.setattr(Sizes, "excess", lambda self, found: {"voltage_V": left})
+    leader = drive("slew", [0.1, 0.2, 0.3], 9000.0)
+    others = [drive("both", [5.0, 5.0, 0.0, 0.9], 8500.0), drive("detuned", [0.0, 0.0, 1.0], 700.0)]
+    found = Refinement(BASE, lambda text: None, FitMemory())._fuller(leader, others)
+    if left == 1.0:
+        assert (found, begun) == (leader, [])  # noise alone is left
+    else:
+        assert begun == [[0.1, 0.2, 0.0, 0.3]]
+        assert found.variant == DRIVES[kept]
+    assert Refinement(BASE, lambda text: None, FitMemory())._fuller(leader, others[1:]) is leader

@@ -1,11 +1,15 @@
 """A smooth error of the table: its size, its smoothness, and that force and flux stay derivatives of one coenergy."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from diagnosed import TABLE
 
 from msl_fem.diagnosis.table_error import Visited, corrected, scaled, table_error
+from msl_fem.errors import TableError
 from msl_fem.maps import operating_map
+from msl_fem.table import MagneticTable
 
 VISITED = Visited((0.3, 1.2), (4.5e-4, 7.5e-4))
 
@@ -30,6 +34,29 @@ def test_a_corrected_table_gives_a_map_as_the_believed_one_does() -> None:
     assert operating_map(table, levels=(1.0,))
     twice = scaled(TABLE, 2.0)
     assert twice.extras[name] == pytest.approx(2 * TABLE.extras[name])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_of_an_error_with_which_it_is_no_table_the_largest_share_counts_with_which_it_is_one(sign: float) -> None:
+    """A fit that lacks a cause may bend a table until its magnets repel: it is compared all the same."""
+    error = table_error(TABLE, VISITED, tolerance=0.05)
+    numbers = sign * 40.0 * np.ones(len(error.modes))
+
+    def bent(share: float) -> MagneticTable:
+        moves = {name: np.tensordot(numbers, error.nodes[name], axes=1) for name in error.nodes}
+        return replace(TABLE, nodes={name: TABLE.nodes[name] + share * move for name, move in moves.items()})
+
+    with pytest.raises(TableError):
+        bent(1.0)
+    found = corrected(TABLE, error, numbers, scale=1.0)
+    moved = found.nodes["force"] - TABLE.nodes["force"]
+    wanted = np.tensordot(numbers, error.nodes["force"], axes=1)
+    share = float(moved.ravel() @ wanted.ravel() / (wanted.ravel() @ wanted.ravel()))
+    assert share == pytest.approx(round(10 * share) / 10, abs=1e-9)
+    assert 0.0 <= share < 1.0
+    assert moved == pytest.approx(share * wanted, rel=1e-9, abs=1e-12)
+    with pytest.raises(TableError):
+        bent(share + 0.1)
 
 
 def test_force_and_flux_stay_reciprocal() -> None:
