@@ -93,7 +93,9 @@ def gathered_here() -> GatheredRuns | None:
     return getattr(_here, "gathered", None)
 
 
-def together(step: Callable[[Item], Stepped], items: Sequence[Item], *, at_once: int, threads: int) -> list[Stepped]:
+def in_gatherings(
+    step: Callable[[Item], Stepped], items: Sequence[Item], *, at_once: int, threads: int
+) -> list[Stepped]:
     """A step of each item, so many of them at the same time; it comes to that of one after the other.
 
     They meet in as many places as there are threads: while those of one do their sums, others are simulated.

@@ -16,7 +16,7 @@ import numpy as np
 from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.diagnosis.fit import TINY, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
-from msl_fem.diagnosis.gathered import Item, Stepped, gathered_here, together
+from msl_fem.diagnosis.gathered import Item, Stepped, gathered_here, in_gatherings
 from msl_fem.diagnosis.likelihood import CONVERGED, QUIET, Fit, Likelihood, jacobian_columns
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.scores import Score
@@ -236,7 +236,7 @@ class Refinement:
     def _together(self, step: Callable[[Item], Stepped], items: Sequence[Item]) -> list[Stepped]:
         """A step of each, all at the same time, over stretches `AT_ONCE`; it comes to that of one after the other."""
         at_once = AT_ONCE if self.base.likelihood.is_cut else len(items)
-        return together(step, items, at_once=at_once, threads=self.base.likelihood.threads)
+        return in_gatherings(step, items, at_once=at_once, threads=self.base.likelihood.threads)
 
     def screened(self, score: Score) -> Refit | None:
         """A candidate after its first steps; None where it cannot be simulated."""
@@ -330,15 +330,16 @@ class Refinement:
         return leader if best is leader else self.converged(best, leads=True)
 
     def _fuller(self, leader: Refit, others: Sequence[Refit]) -> Refit:
-        """A leader that leaves more than noise, or the better of it and another candidate of its effect with further
-        amounts begun where it is: of what acts beyond a threshold they find the way beside it alone."""
+        """A leader, or the better of it and another candidate of its effect with further amounts begun where it is.
+        Such a one is, at its best, no more than a few nats behind: where it is further, it has lost its way."""
         first = self.base.unknowns.size
         led = {one.place: leader.fit.z[n] for n, one in enumerate(leader.variant.unknowns, first)}
         own = {amount.place for amount in leader.variant.amounts}
         more = [one for one in others if own < {amount.place for amount in one.variant.amounts}]
-        if self.lost or not more or _leaves_noise(leader):
+        best = max(more, key=lambda one: one.gain, default=leader)
+        if self.lost or best is leader or best.gain > leader.gain - NEAR:
             return leader
-        variant = max(more, key=lambda one: one.gain).variant
+        variant = best.variant
         self.tell(f"{leader.variant.effect}, which leads, with further amounts: {variant.name}")
         begin = [led[one.place] if one in variant.amounts and one.place in own else 0.0 for one in variant.unknowns]
         z = np.concatenate([leader.fit.z[:first], begin])

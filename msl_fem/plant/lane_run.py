@@ -228,7 +228,7 @@ def run_lanes(
     shape = surface.coefficients.shape
     joined = surface._replace(coefficients=surface.coefficients.reshape(-1, *shape[-3:]))  # compiled once, one or many
 
-    def block_of(group: Array) -> Array:
+    def block_of(group: NDArray[np.intp]) -> Array:
         if group.size == 1:
             lane = int(group[0])
             rows = _alone(surface, plants[lane], settings, lane, inputs, substeps)

@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from msl_fem.diagnosis.gathered import GatheredRuns, gathered_here, together
+from msl_fem.diagnosis.gathered import GatheredRuns, gathered_here, in_gatherings
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.problem import FitProblem, Points
 from msl_fem.diagnosis.refits import AT_ONCE, Refinement
@@ -71,7 +71,7 @@ def test_where_a_fit_ends_one_that_is_behind_takes_its_place(threads: int) -> No
             gathered.spectra(PROBLEM, Points.of(UNKNOWNS, np.zeros((1, 2))), simulated)
         return rounds
 
-    assert together(fit, [1, 4, 1, 1, 1], at_once=2, threads=threads) == [1, 4, 1, 1, 1]
+    assert in_gatherings(fit, [1, 4, 1, 1, 1], at_once=2, threads=threads) == [1, 4, 1, 1, 1]
     assert calls == ([2, 2, 2, 2] if threads == 1 else [1] * 8)
 
 
@@ -84,7 +84,7 @@ def test_fits_meet_in_as_many_places_as_there_are_threads_and_each_is_simulated_
         places.setdefault(id(gathered), []).append(gathered.threads)
         time.sleep(0.01)
 
-    together(fit, list(range(8)), at_once=8, threads=2)
+    in_gatherings(fit, list(range(8)), at_once=8, threads=2)
     assert sorted(len(every) for every in places.values()) == [4, 4]
     assert {n for every in places.values() for n in every} == {1}
     assert gathered_here() is None

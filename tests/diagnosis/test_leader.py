@@ -298,9 +298,9 @@ def drive(name: str, z: list[float], gain: float) -> Refit:
 
 
 @pytest.mark.parametrize(("comes_to", "kept"), [(9500.0, "both"), (8000.0, "slew")])
-@pytest.mark.parametrize("left", [4.0, 1.0])
-def test_a_leader_is_begun_with_further_amounts_where_it_is(monkeypatch, comes_to: float, kept: str, left: float):
-    """A slew limit leads; beside it the lag has a way that it had not at nothing."""
+@pytest.mark.parametrize("came_to", [8500.0, 8995.0])
+def test_a_leader_is_begun_with_further_amounts_where_it_is(monkeypatch, comes_to: float, kept: str, came_to: float):
+    """A slew limit leads; beside it the lag has a way that it had not at nothing. Where both came near, it is left."""
     begun: list[list[float]] = []
 
     def fitted(self: Refinement, near: Fit, variant: Variant, z: np.ndarray, *rest: object) -> Refit:
@@ -309,12 +309,11 @@ def test_a_leader_is_begun_with_further_amounts_where_it_is(monkeypatch, comes_t
 
     monkeypatch.setattr(Refinement, "_refit", fitted)
     monkeypatch.setattr(Refinement, "converged", lambda self, refit, *, leads: refit)
-    monkeypatch.setattr(Sizes, "excess", lambda self, found: {"voltage_V": left})
     leader = drive("slew", [0.1, 0.2, 0.3], 9000.0)
-    others = [drive("both", [5.0, 5.0, 0.0, 0.9], 8500.0), drive("detuned", [0.0, 0.0, 1.0], 700.0)]
+    others = [drive("both", [5.0, 5.0, 0.0, 0.9], came_to), drive("detuned", [0.0, 0.0, 1.0], 700.0)]
     found = Refinement(BASE, lambda text: None, FitMemory())._fuller(leader, others)
-    if left == 1.0:
-        assert (found, begun) == (leader, [])  # noise alone is left
+    if came_to == 8995.0:
+        assert (found, begun) == (leader, [])
     else:
         assert begun == [[0.1, 0.2, 0.0, 0.3]]
         assert found.variant == DRIVES[kept]
