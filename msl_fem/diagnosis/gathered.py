@@ -100,8 +100,10 @@ def in_gatherings(
 
     They meet in as many places as there are threads: while those of one do their sums, others are simulated.
     """
+    if not items:
+        return []
     count = min(len(items), at_once)
-    places = max(min(count, threads), 1)
+    places = min(count, threads)
     by_itself, taking = threading.Lock(), threading.Lock()
     waiting = iter(range(len(items)))
     found: dict[int, Stepped] = {}
@@ -125,7 +127,7 @@ def in_gatherings(
         )
         for place in range(places)
     ]
-    with ThreadPoolExecutor(max(count, 1)) as pool:
+    with ThreadPoolExecutor(count) as pool:
         list(pool.map(go_on, [each[n % places] for n in range(count)]))
     return [found[n] for n in range(len(items))]
 

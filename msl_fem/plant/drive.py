@@ -71,13 +71,12 @@ from msl_fem.plant.layout import (
 )
 from msl_fem.plant.mutual_flux import set_mutual_flux
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE, PlantParameters
-from msl_fem.plant.poles import fall_rows, lag_weights
+from msl_fem.plant.poles import fall_rows, lag_weights, mean_and_rise
 from msl_fem.plant.side import Cells, side_flux, side_gap
 
 Three = tuple[Value, Value, Value]
 _STEEP = 20.0  # above it asinh(e^w/2) is w
 _FEW = 0.01  # below it series of a few terms are exact
-_SIXTH = 1.0 / 6.0
 _NO_CORNER = 1e-30  # A, V or N: a limit that sets in at once
 
 
@@ -274,7 +273,7 @@ def _output(state: Rows, work: Rows, j: int, target: Three, ideal: bool) -> Thre
     if ideal:
         work[OUTPUT_END_1 + j] = end
         return begin, middle, end
-    slope, mean = end - begin, middle + (begin - 2.0 * middle + end) * _SIXTH
+    mean, slope = mean_and_rise(begin, middle, end)
     away = state[OUTPUT_1 + j] - mean
     work[OUTPUT_END_1 + j] = fma(work[DRIVE_FALL + 3], away, mean) + slope * work[DRIVE_RAMP + 3]
     return (
@@ -374,7 +373,7 @@ def _straight(work: Rows, j: int, behind: Value, part: float) -> tuple[Value, Va
     """(mean, rise) of the command of side j from `behind` samples after the one that acts on, `part` of a sample."""
     begin, end = _between_samples(work, j, behind), _between_samples(work, j, behind + part)
     middle = _between_samples(work, j, behind + 0.5 * part)
-    return middle + (begin - 2.0 * middle + end) * _SIXTH, end - begin
+    return mean_and_rise(begin, middle, end)
 
 
 @compiled

@@ -61,13 +61,13 @@ from msl_fem.plant.poles import (
     fall_moments,
     falls_together,
     limited_line,
+    mean_and_rise,
     moments_together,
     slopes_of_fall,
 )
 from msl_fem.plant.side import Cells, side_flux, side_gap
 
 _ITERATIONS = 5
-_SIXTH = 1.0 / 6.0
 
 
 @compiled
@@ -160,7 +160,7 @@ def _target(work: Rows, j: int) -> tuple[Value, Value]:
     """(mean, rise) over a step of what the loop of side j aims at."""
     begin, middle = work[INPUTS_BEGIN + TARGET_1 + j], work[INPUTS_MIDDLE + TARGET_1 + j]
     end = work[INPUTS_END + TARGET_1 + j]
-    return middle + (begin - 2.0 * middle + end) * _SIXTH, end - begin
+    return mean_and_rise(begin, middle, end)
 
 
 @compiled

@@ -20,7 +20,7 @@ from msl_fem.computing.lanes import Rows, Value, choose, exponential, larger, se
 FAST = 0.5
 """A step times a current loop's bandwidth above which its current is known and not integrated."""
 _SMALL = 0.1  # below it moments by parts cancel, and a signal's values have them
-_THIRD = 1.0 / 3.0
+_THIRD, _SIXTH = 1.0 / 3.0, 1.0 / 6.0
 Four = tuple[Value, Value, Value, Value]
 
 
@@ -74,6 +74,12 @@ def lag_weights(bandwidth: float, step: float, rows: Rows, start: int, lane: int
     set_lane(rows, start + 2, lane, step * (i_1 - 2.0 * i_2 + i_3))
     set_lane(rows, start + 3, lane, 3.0 * i_2 - 2.0 * i_3)
     set_lane(rows, start + 4, lane, step * (i_3 - i_2))
+
+
+@compiled
+def mean_and_rise(begin: Value, middle: Value, end: Value) -> tuple[Value, Value]:
+    """Of a signal over a step, by Simpson's rule."""
+    return middle + (begin - 2.0 * middle + end) * _SIXTH, end - begin
 
 
 @compiled
