@@ -193,13 +193,16 @@ def _current_slopes(
     e: Rows, work: Rows, l_1: Value, l_2: Value, rho_1: Value, rho_2: Value, b_1: Value, b_2: Value
 ) -> tuple[Value, Value]:
     """(a_1, a_2) of the two rows, by Cramer's rule; b where no side sees the other, and none has eddy currents."""
-    if some(size(e[magnetic.SHARE]) > 0.0) or some(e[magnetic.EDDY] > 0.0):
-        row_1, row_2 = coupled_rows(e, work, l_1, l_2, rho_1, rho_2)
-        return _both_slopes(work, b_1, b_2, row_1, row_2)
-    if some(size(work[MUTUAL]) > 0.0):
-        row_1, row_2 = coupled_rows(None, work, l_1, l_2, rho_1, rho_2)
-        return _both_slopes(work, b_1, b_2, row_1, row_2)
-    return b_1, b_2
+    if not (_are_tied(e) or some(size(work[MUTUAL]) > 0.0)):
+        return b_1, b_2
+    row_1, row_2 = coupled_rows(e, work, l_1, l_2, rho_1, rho_2)
+    return _both_slopes(work, b_1, b_2, row_1, row_2)
+
+
+@compiled
+def _are_tied(e: Rows) -> bool:
+    """Whether a circuit has a share of the other one's current or eddy currents, in one lane at least."""
+    return some(size(e[magnetic.SHARE]) > 0.0) or some(e[magnetic.EDDY] > 0.0)
 
 
 @compiled
@@ -211,6 +214,8 @@ def coupled_rows(
     if e is None:
         return (1.0 + 0.0 * m_1, m_1), (1.0 + 0.0 * m_2, m_2)
     else:
+        if not _are_tied(e):
+            return (1.0 + 0.0 * m_1, m_1), (1.0 + 0.0 * m_2, m_2)
         share, loop = e[magnetic.SHARE], e[magnetic.UNMIX] * e[magnetic.EDDY]
         loop_1, loop_2 = rho_1 * loop, rho_2 * loop
         own_1 = 1.0 + share * m_1 + loop_1 * (1.0 - share * m_1)
