@@ -26,10 +26,10 @@ from msl_fem.diagnosis.problem import states
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.plant import layout
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_run import LaneSettings, run_lanes
+from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
 from msl_fem.plant.plant import FORCE_DRIVE
 from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, Start, measured_start
-from msl_fem.prediction.free_run import readings_of
+from msl_fem.prediction.free_run import by_channel
 from msl_fem.prediction.hypothesis import plant_in_run, plant_of_run
 from msl_fem.record.columns import Channel
 from msl_fem.record.validity import bridged
@@ -113,17 +113,23 @@ class _Trajectory:
         self.plant, self.run, self.cut = plant, run, cut
         self.starts = _whole(measured_start(plant, run)) if cut is None else states(plant, run, cut.starts, {})
         nothing = np.zeros((1, len(run.commands)))
-        self.out = next(self.simulated(nothing, np.zeros((1, *self.commands.shape))))
+        [found] = self._simulated(nothing, np.zeros((1, *self.commands.shape)))
+        self.out = self._bridged(found.rows(0))
+        self.readings = self._readings(found, 0)
 
     @property
     def commands(self) -> Array:
         """(n_sample, n_side); in force drive (n_sample, 1)."""
         return self.run.commands[:, : max(self.plant.parameters.sides, 1)]
 
-    def simulated(self, pushes: Array, more: Array) -> Iterator[Array]:
-        """The kernel's outputs (n_sample, N_OUT) of each case, with a force beside the magnets' (n_case, n_sample) and
-        additions to the commands (n_case, n_sample, n_side); nan behind an early end. Over stretches that do not count
-        lies a straight line."""
+    def moved(self, pushes: Array, more: Array) -> Iterator[dict[str, Array]]:
+        """Channel to (n_sample,) what is read in each case, with a force beside the magnets' (n_case, n_sample) and
+        additions to the commands (n_case, n_sample, n_side); nan behind an early end."""
+        quantities = frozenset(channel.quantity for channel in self.run.channels.values())
+        for found in self._simulated(pushes, more, quantities):
+            yield from (self._readings(found, lane) for lane in range(found.n_lane))
+
+    def _simulated(self, pushes: Array, more: Array, quantities: frozenset[str] | None = None) -> Iterator[LaneRun]:
         plant, run = self.plant, self.run
         inputs = Inputs(self.commands, run.rate, 0.0, run.hold)
         begins = np.zeros(1, dtype=np.intp) if self.cut is None else self.cut.begins
@@ -136,12 +142,29 @@ class _Trajectory:
                 begins=begins,
                 pushes=pushes[own],
                 more=more[own],
+                quantities=quantities,
             )
             plants = [plant_in_run(plant.parameters, run)] * count
-            found = run_lanes(plant.surface, plants, inputs, substeps=plant.substeps, settings=settings)
-            for lane in range(count):
-                out = np.ascontiguousarray(found.rows(lane))
-                yield out if self.cut is None else bridged(out.T, np.flatnonzero(~self.cut.counts(len(out)))).T
+            yield run_lanes(plant.surface, plants, inputs, substeps=plant.substeps, settings=settings)
+
+    def _readings(self, found: LaneRun, lane: int) -> dict[str, Array]:
+        """Channel to (n_sample,) what is read in a lane."""
+        plant, run, sides = self.plant, self.run, self.plant.parameters.sides
+        nothing = np.zeros((len(run.commands), 0))
+        asked = {channel.quantity for channel in run.channels.values()}
+        readings = by_channel(
+            plant,
+            run,
+            plant.gain * found.position[lane] if "position" in asked else nothing,
+            found.current[lane] if "current" in asked and sides else nothing,
+            found.voltage[lane] if "voltage" in asked else nothing,
+            found.velocity[lane] if "velocity" in asked else nothing,
+        )
+        return {name: self._bridged(values) for name, values in readings.items()}
+
+    def _bridged(self, out: Array) -> Array:
+        """(n_sample, ...) with a straight line over stretches that do not count."""
+        return out if self.cut is None else bridged(out.T, np.flatnonzero(~self.cut.counts(len(out)))).T
 
     @cached_property
     def variables(self) -> dict[str, Array]:
@@ -191,7 +214,6 @@ class _FreeFunctions:
         self.prior = fit.unknowns.prior(fit.z)[2]
         self.inverse = np.linalg.inv(self.jacobian.T @ self.jacobian + np.diag(self.prior))
         self.channels = likelihood.problem.channels(0)
-        self.zero = readings_of(trajectory.plant, trajectory.run, trajectory.out)
 
     def dependence(self, equation: str, variable: str) -> Dependence:
         """The most probable function of a variable in an equation."""
@@ -227,7 +249,7 @@ class _FreeFunctions:
                 pushes[n] = SMALL * scale * (part if part.ndim == 1 else part[:, 0] - part[:, -1])
             else:
                 more[n] = SMALL * scale * (part[:, None] if part.ndim == 1 else part[:, : commands.shape[1]])
-        return [self._numbers(self._moved(out)) for out in trajectory.simulated(pushes, more)]
+        return [self._numbers(self._moved(readings)) for readings in trajectory.moved(pushes, more)]
 
     def _read(self, quantity: str, error: Array) -> list[Array]:
         """What an error of the readings of a quantity changes in each channel."""
@@ -237,12 +259,12 @@ class _FreeFunctions:
             for channel in map(Channel.of, self.channels)
         ]
 
-    def _moved(self, out: Array) -> list[Array]:
-        """What outputs change in each channel, for a coefficient of one scale; nothing where the run ended early."""
-        if not np.isfinite(out).all():
-            return [np.zeros(len(out)) for _ in self.channels]
-        moved = readings_of(self.trajectory.plant, self.trajectory.run, out)
-        return [(self.zero[name] - moved[name]) / SMALL for name in self.channels]
+    def _moved(self, moved: Mapping[str, Array]) -> list[Array]:
+        """What readings change in each channel, for a coefficient of one scale; nothing where the run ended early."""
+        zero = self.trajectory.readings
+        changes = [(zero[name] - moved[name]) / SMALL for name in self.channels]
+        ended = not all(np.isfinite(change).all() for change in changes)
+        return [np.zeros_like(change) for change in changes] if ended else changes
 
     def _numbers(self, series: Sequence[Array]) -> Array:
         """Changes of the first run's channels as the likelihood orders and scales them, all other runs' nothing."""

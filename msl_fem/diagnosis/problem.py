@@ -263,6 +263,7 @@ def _lane_settings(
         surface_index=index,
         threads=problem.threads,
         begins=None if cut is None else cut.begins,
+        quantities=frozenset(data.channels[name].quantity for name in problem.channels(run)),
     )
     return surface, plants, settings
 

@@ -178,13 +178,31 @@ def run_rows(
 ) -> tuple[int, int]:  # fmt: skip
     """The time loop of `run`, for one run or for lanes, n_sample * N_OUT rows; beyond `reach` (m) a lane ends. Commands
     (2 n_sample rows, those of a sample behind each other) and disturbance are those of all lanes, or of each."""
+    begin_rows(p, e, state, work, step)
+    return rows_between(
+        stop, cells, p, e, state, work, reach, commands, disturbance, n_sample, 0, n_sample, step, n_sub, table, linear
+    )
+
+
+@compiled
+def begin_rows(p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float) -> None:
+    """Makes a run's begin ready for `rows_between`."""
     set_timing(p, e, step, work)
     if e is not None:
         look_at(e, state, work)
         set_added_reading(p, e, state, work)
-    status, done = OK, 0
-    while done < n_sample and status == OK:
-        row = done * N_OUT
+
+
+@compiled
+def rows_between(
+    stop: EndStop | None, cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float,
+    commands: Rows, disturbance: Rows, n_sample: int, begin: int, end: int, step: float, n_sub: int, table: Rows,
+    linear: bool,
+) -> tuple[int, int]:  # fmt: skip
+    """The samples from `begin` to `end` of `run_rows`, the first into the first N_OUT rows of `table`."""
+    status, done = OK, begin
+    while done < end and status == OK:
+        row = (done - begin) * N_OUT
         inside = write_row(cells, p, e, state, work, table, row)
         if width(state) == 1 and not every(inside):
             status = OUTSIDE_TABLE

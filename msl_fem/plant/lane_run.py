@@ -49,6 +49,8 @@ from msl_fem.plant.preparation import small_signal_inductance, start_effects
 from msl_fem.plant.restart import restarted
 from msl_fem.plant.side import cells_of
 
+AT_A_TIME = 512
+"""Samples of eight lanes that the kernel writes before they are put where they stay: 0.6 MB."""
 FEW = 2
 """Lanes that are faster one by one: eight together cost as much as two and a half to four alone."""
 
@@ -68,6 +70,7 @@ class LaneSettings:
     more : (n_lane, n_sample, n_side) added to the commands of each lane; None: nothing
     pushes : (n_lane, n_sample) N, added to the disturbance of each lane; None: nothing
     threads : that advance blocks of eight lanes at the same time
+    quantities : which of "position", "velocity", "current", "voltage" are kept; None: all that the kernel tells
     """
 
     effects: Array | None = None
@@ -77,6 +80,7 @@ class LaneSettings:
     pushes: Array | None = None
     threads: int = 1
     begins: NDArray[np.int64] | None = None
+    quantities: frozenset[str] | None = None
 
     def start(self, lane: int, stretch: int = 0) -> Array:
         """(4,) where a lane begins a stretch."""
@@ -111,9 +115,9 @@ class LaneRun:
 
     Attributes
     ----------
-    blocks : of eight different lanes each, (n_sample, N_OUT, LANES) as the kernel wrote them; the last ones may be of
-        one each
-    place : (n_lane,) where each lane stands in them, LANES times the block and the lane there
+    blocks : of eight different lanes each, (n_column, LANES, n_sample); the last ones may be of one each
+    columns : (n_column,) which of the kernel's columns they are, in ascending order
+    place : (n_lane,) where each lane stands in the blocks, LANES times the block and the lane there
     effects : (n_lane, n_parameter), or (n_parameter,) neutral ones of all
     position : (n_lane, n_sample) m, as the sensor reads it
     current, voltage, flux_linkage : (n_lane, n_sample, n_side) A, V, Wb; voltages are means until the next sample
@@ -122,6 +126,7 @@ class LaneRun:
     """
 
     blocks: tuple[Array, ...]
+    columns: NDArray[np.intp]
     place: NDArray[np.intp]
     effects: Array
     sides: int
@@ -130,12 +135,12 @@ class LaneRun:
     def only(self, lanes: slice) -> "LaneRun":
         """Some of the lanes, of the same blocks."""
         effects = self.effects if self.effects.ndim == 1 else self.effects[lanes]
-        return LaneRun(self.blocks, self.place[lanes], effects, self.sides, self.rate)
+        return replace(self, place=self.place[lanes], effects=effects)
 
     def rows(self, lane: int) -> Array:
-        """(n_sample, N_OUT) of a lane as the kernel wrote them."""
-        block, column = divmod(int(self.place[lane]), LANES)
-        return self.blocks[block][:, :, column]
+        """(n_sample, n_column) of a lane as the kernel wrote them."""
+        block, own = divmod(int(self.place[lane]), LANES)
+        return self.blocks[block][:, own].T
 
     @cached_property
     def position(self) -> Array:
@@ -179,12 +184,10 @@ class LaneRun:
 
     @property
     def _late(self) -> bool:
-        """Whether a reading is delayed: nothing else looks at slopes."""
-        values = {key: np.asarray(self.effects)[..., n] for key, n in PARAMETER_INDEX.items()}
-        return bool(np.any(position_delay(values)) or np.any(values["time_delay", "current"]))
+        return _is_late(self.effects)
 
     def _nothing(self, columns: int) -> Array:
-        return np.broadcast_to(0.0, (self.n_lane, self.blocks[0].shape[0], columns))
+        return np.broadcast_to(0.0, (self.n_lane, self.blocks[0].shape[2], columns))
 
     def _of_lanes(self, n: int) -> Array:
         return self._of_sides(n, 1)[..., 0]
@@ -192,11 +195,35 @@ class LaneRun:
     def _of_sides(self, n: int, columns: int | None = None) -> Array:
         """Columns from n of the kernel's rows, (n_lane, n_sample, columns)."""
         count = self.sides if columns is None else columns
-        found = np.empty((count, self.n_lane, self.blocks[0].shape[0]))
-        for k, rows in enumerate(self.blocks):
+        at = np.searchsorted(self.columns, np.arange(n, n + count))
+        found = np.empty((count, self.n_lane, self.blocks[0].shape[2]))
+        for k, block in enumerate(self.blocks):
             own = np.flatnonzero(self.place // LANES == k)
-            _take(rows, n, self.place[own] % LANES, own, found)
+            for j in range(count):
+                found[j, own] = block[at[j], self.place[own] % LANES]
         return np.moveaxis(found, 0, -1)
+
+
+def _is_late(effects: Array) -> bool:
+    """Whether a reading is delayed: nothing else looks at slopes."""
+    values = {key: np.asarray(effects)[..., n] for key, n in PARAMETER_INDEX.items()}
+    return bool(np.any(position_delay(values)) or np.any(values["time_delay", "current"]))
+
+
+def _columns(quantities: frozenset[str] | None, sides: int, *, late: bool) -> NDArray[np.intp]:
+    """The kernel's columns of which these quantities are made, in ascending order, the position among them."""
+    if quantities is None:
+        return np.arange(N_OUT)
+    each = range(max(sides, 1))
+    columns = {
+        "position": [OUT_SENSOR, *([OUT_SENSOR_SLOPE] if late else [])],
+        "velocity": [OUT_V],
+        "voltage": [OUT_VOLTAGE_1 + j for j in each],
+        "current": [OUT_I1 + j for j in each],
+    }
+    if late:
+        columns["current"] += [first + j for first in (OUT_SLOPE_AFTER_1, OUT_SLOPE_BEFORE_1) for j in each]
+    return np.array(sorted({OUT_X}.union(*(columns[name] for name in quantities))))
 
 
 def run_lanes(
@@ -225,6 +252,8 @@ def run_lanes(
     begun = [_begun(surface, p, settings, lane, step, substeps) for lane, p in enumerate(plants)]
     different, place = _different(plants, settings, begun)
     groups = _groups(different)
+    effects = neutral_vector() if settings.effects is None else settings.effects
+    columns = _columns(settings.quantities, sides, late=_is_late(effects))
     shape = surface.coefficients.shape
     joined = surface._replace(coefficients=surface.coefficients.reshape(-1, *shape[-3:]))  # compiled once, one or many
 
@@ -233,19 +262,18 @@ def run_lanes(
             lane = int(group[0])
             rows = _alone(surface, plants[lane], settings, lane, inputs, substeps)
             if settings.begins is None or np.isfinite(rows[:, OUT_X]).all():  # else time has stood still in it
-                return rows[:, :, None]
+                return rows.T[columns][:, None]
         lanes = [int(group[min(k, group.size - 1)]) for k in range(LANES)]  # the last one fills up
         block = _block(surface, plants, settings, np.array(lanes), begun)
-        out = np.empty((n_sample, N_OUT, LANES))
+        out = np.empty((columns.size, LANES, n_sample))
         commands, pushes = _inputs_of_block(inputs, settings, lanes, max(sides, 1))
         kept = block.state.copy()
         for n, part in enumerate(settings.stretches(n_sample, linear=linear)):
             if n:
                 restarted(block.state, kept, np.array([settings.start(lane, n) for lane in lanes]).T)
                 kept[:] = block.state
-            rows = out[part].reshape(-1, LANES)
             now = commands[part].reshape(-1, *commands.shape[2:]), pushes[part]
-            _run_block(joined, block, *now, step, substeps, rows, linear)
+            _run_block(joined, block, *now, step, substeps, columns, out, part.start, part.stop, linear)
         return out
 
     if settings.threads > 1 and len(groups) > 1:
@@ -255,12 +283,11 @@ def run_lanes(
         blocks = [block_of(group) for group in groups]
     for group, block in zip(groups, blocks, strict=True):
         for column, lane in enumerate(group):
-            rows = block[:, :, column]
-            if plants[lane].end_stop is not None and np.isnan(rows[:, OUT_X]).any():
-                rows[:] = _alone(surface, plants[lane], settings, int(lane), inputs, substeps)
-    effects = neutral_vector() if settings.effects is None else settings.effects
+            x = block[np.searchsorted(columns, OUT_X), column]
+            if plants[lane].end_stop is not None and np.isnan(x).any():
+                block[:, column] = _alone(surface, plants[lane], settings, int(lane), inputs, substeps).T[columns]
     stands = np.concatenate([LANES * k + np.arange(group.size) for k, group in enumerate(groups)])
-    return LaneRun(tuple(blocks), stands[place], effects, sides, inputs.rate)
+    return LaneRun(tuple(blocks), columns, stands[place], effects, sides, inputs.rate)
 
 
 def _groups(lanes: NDArray[np.intp]) -> list[NDArray[np.intp]]:
@@ -438,22 +465,13 @@ def _alone(
 
 
 @compiled
-def _take(rows: Array, first: int, lanes: NDArray[np.intp], own: NDArray[np.intp], found: Array) -> None:
-    """Writes columns from `first` of some lanes of a block (n_sample, N_OUT, LANES) to the lanes `own` of `found`,
-    (n_column, n_lane, n_sample); sample by sample, since those of one lane are far apart in memory."""
-    for n in range(found.shape[2]):
-        for j in range(found.shape[0]):
-            for k in range(own.size):
-                found[j, own[k], n] = rows[n, first + j, lanes[k]]
-
-
-@compiled
 def _run_block(
-    surface: Surface, block: _Block, commands: Array, disturbance: Array, step: float, n_sub: int, out: Array,
-    linear: bool,
+    surface: Surface, block: _Block, commands: Array, disturbance: Array, step: float, n_sub: int,
+    columns: NDArray[np.intp], out: Array, begin: int, end: int, linear: bool,
 ) -> None:  # fmt: skip
-    """`kernel.run` for eight lanes: rows n_sample * N_OUT of lanes; a lane that cannot go on is nan from there.
-    Commands (2 n_sample,) and disturbance (n_sample,) are those of all, or with an axis (LANES,) more those of each."""
+    """`kernel.run` for eight lanes: the samples from `begin` to `end` of `out` (n_column, LANES, n_sample), some of the
+    kernel's columns; a lane that cannot go on is nan from there. Commands (2 (end - begin),) and disturbance are those
+    of all, or with an axis (LANES,) more those of each. What the kernel writes stays in the cache."""
     e, state, work, cells = rows_of(block.effects), rows_of(block.state), rows_of(block.work), cells_of(surface)
     own = rows_of(block.numbers)
     p = PlantParameters(
@@ -483,8 +501,35 @@ def _run_block(
         own[_ROW.polarity],
         own[_ROW.inductance],
     )
-    asked, pushed, table, n_sample = rows_of(commands), rows_of(disturbance), rows_of(out), out.shape[0] // N_OUT
-    kernel.run_rows(None, cells, p, e, state, work, block.reach, asked, pushed, n_sample, step, n_sub, table, linear)
+    n_sample = end - begin
+    written = np.empty((min(n_sample, AT_A_TIME) * N_OUT, LANES))
+    asked, pushed, table = rows_of(commands), rows_of(disturbance), rows_of(written)
+    kernel.begin_rows(p, e, state, work, step)
+    for first in range(0, n_sample, AT_A_TIME):
+        last = min(first + AT_A_TIME, n_sample)
+        kernel.rows_between(
+            None,
+            cells,
+            p,
+            e,
+            state,
+            work,
+            block.reach,
+            asked,
+            pushed,
+            n_sample,
+            first,
+            last,
+            step,
+            n_sub,
+            table,
+            linear,
+        )
+        for n in range(last - first):
+            for j in range(columns.size):
+                for k in range(LANES):
+                    out[j, k, begin + first + n] = written[n * N_OUT + columns[j], k]
+    keep(written)
     keep(commands)
     keep(disturbance)
     keep(block.numbers)

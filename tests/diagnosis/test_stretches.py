@@ -12,7 +12,7 @@ from msl_fem.actuator import load_actuator
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis import runs as runs_module
 from msl_fem.diagnosis.noise import transformed
-from msl_fem.diagnosis.problem import FitProblem, Points, lanes
+from msl_fem.diagnosis.problem import FitProblem, Points, _lane_settings, lanes
 from msl_fem.diagnosis.runs import dynamic_runs
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting, guessed
 from msl_fem.diagnosis.static_maps import MAP_BESIDE
@@ -21,6 +21,7 @@ from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import RecordFeatures, variants
 from msl_fem.plant import plant_parameters
 from msl_fem.plant.excitation import Inputs
+from msl_fem.plant.lane_run import run_lanes
 from msl_fem.prediction import ModelHypothesis, free_parameters, kernel_plant, run_data
 from msl_fem.record import StaticMap
 
@@ -91,8 +92,9 @@ def test_a_run_over_stretches_begins_each_at_its_start_and_is_whole_where_there_
     inputs, points = Inputs(data.commands[:60, :1], data.rate), Points(Unknowns((), 0, ()), np.zeros((1, 0)), None)
 
     def rows(cut: Stretches) -> np.ndarray:
-        found = lanes(shot.problem, points, 0, inputs=inputs, substeps=shot.substeps, own=cut)
-        return found.blocks[0][:, :, 0]
+        surface, plants, settings = _lane_settings(shot.problem, points, 0, cut)
+        settings = replace(settings, quantities=None)  # the velocity too
+        return run_lanes(surface, plants, inputs, substeps=shot.substeps, settings=settings).rows(0)
 
     whole = rows(replace(one, starts=one.starts[None]))
     starts = np.concatenate([one.starts, [[whole[40, 0], 0.0, whole[40, 2], whole[40, 3]]]])

@@ -50,7 +50,7 @@ def test_a_few_lanes_left_over_are_run_one_by_one(servo: Actuator, table: Magnet
     plant, inputs = drive_of(servo, "current")
     plants = [plant._replace(mass=plant.mass * (1 + 0.01 * n)) for n in range(LANES + over)]
     found = run_lanes(surface_of(table), [*plants, plants[3]], inputs, substeps=5, settings=LaneSettings(threads=2))
-    widths = [block.shape[2] for block in found.blocks]
+    widths = [block.shape[1] for block in found.blocks]
     assert widths == ([LANES] + [1] * over if over <= FEW else [LANES, LANES])
     assert found.place[-1] == found.place[3]  # alike, so run once
     for lane, one in enumerate(plants):
