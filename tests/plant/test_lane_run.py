@@ -1,5 +1,6 @@
 """Lanes of `run_lanes` beside lanes of other kinds, and those left over: each is the run that it is alone."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from effect_sets import ALL_EFFECTS, rough
 from msl_fem.actuator import Actuator
 from msl_fem.computing.lanes import LANES
 from msl_fem.plant.effects import EffectValues, neutral_vector
-from msl_fem.plant.lane_run import FEW, LaneSettings, run_lanes
+from msl_fem.plant.lane_run import AT_A_TIME, FEW, LaneSettings, run_lanes
+from msl_fem.plant.layout import N_OUT
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -58,3 +60,33 @@ def test_a_few_lanes_left_over_are_run_one_by_one(servo: Actuator, table: Magnet
         assert np.array_equal(found.rows(lane), alone.rows(0))
         assert np.array_equal(found.true_position[lane], alone.true_position[0])
         assert np.array_equal(found.voltage[lane], alone.voltage[0])
+
+
+@pytest.mark.parametrize("over", [1, 3])
+@pytest.mark.parametrize("late", [False, True])
+@pytest.mark.parametrize("hold", ["zero-order", "linear"])
+def test_what_is_asked_for_alone_is_kept(
+    servo: Actuator, table: MagneticTable, over: int, late: bool, hold: Any
+) -> None:
+    """Of runs of several parts that stay in the cache, in a block, where the last lanes run by themselves and where
+    they do not."""
+    plant, n_sample = drive_of(servo, "current")[0], 2 * AT_A_TIME + 60
+    inputs = replace(rough(n_sample, level=0.6), hold=hold)
+    each = [1 + 0.01 * n for n in range(LANES + over)]
+    plants = [plant._replace(mass=plant.mass * more, bandwidth=plant.bandwidth * more) for more in each]
+    delays = EffectValues({"time_delay": {"position": 1.7e-4, "current": 0.6e-4}}) if late else EffectValues({})
+    effects = np.tile(delays.vector(), (len(plants), 1))
+    every = run_lanes(surface_of(table), plants, inputs, substeps=5, settings=LaneSettings(effects=effects))
+    assert every.columns.size == N_OUT
+    assert every.done.tolist() == [n_sample] * len(plants)
+    for name in ("position", "velocity", "current", "voltage"):
+        settings = LaneSettings(effects=effects, quantities=frozenset({name}))
+        found = run_lanes(surface_of(table), plants, inputs, substeps=5, settings=settings)
+        assert np.array_equal(getattr(found, name), getattr(every, name))
+        assert np.ptp(getattr(every, name)[:, -30], axis=0).max() > 0, "the lanes differ"
+        assert found.columns.size < 8
+        assert np.array_equal(found.true_position, every.true_position)
+    for lane in (0, LANES - 1):
+        own = LaneSettings(effects=effects[:1])
+        alone = run_lanes(surface_of(table), plants[lane : lane + 1], inputs, substeps=5, settings=own)
+        assert np.array_equal(every.rows(lane), alone.rows(0))
