@@ -246,9 +246,22 @@ class Likelihood:
     def _numbers_of_run(self, run: int, over: list[Array]) -> Array:
         """A run's residuals over the noise (n_row, n_sample) in the frequency domain, piece by piece."""
         parts = []
-        for lines, (of, part) in zip(self.bands.lines, self.problem.pieces, strict=True):
-            parts += [transformed(values[..., part], lines) for values in over] if of == run else []
+        for samples, count, lines in self._alike[run]:
+            each = [transformed(values[:, samples].reshape(len(values), count, -1), lines) for values in over]
+            parts.append(np.concatenate(each, axis=-1).reshape(len(over[0]), -1))
         return np.concatenate(parts, axis=-1)
+
+    @cached_property
+    def _alike(self) -> list[list[tuple[slice, int, int]]]:
+        """Of each run, pieces of equal length behind each other: (their samples, how many, lines of each)."""
+        found: list[list[tuple[slice, int, int]]] = [[] for _ in self.problem.runs]
+        for lines, (run, part) in zip(self.bands.lines, self.problem.pieces, strict=True):
+            before, count, _ = found[run][-1] if found[run] else (slice(-1, -1), 1, 0)
+            if before.stop == part.start and before.stop - before.start == count * (part.stop - part.start):
+                found[run][-1] = (slice(before.start, part.stop), count + 1, lines)
+            else:
+                found[run].append((part, 1, lines))
+        return found
 
     def _over_noise(self, run: int, channels: list[Array]) -> tuple[list[Array], Array]:
         """Residuals of a run's channels over their noise's sigma, without what starts of stretches account for, and the
