@@ -122,6 +122,12 @@ class AmountColumns:
     root: Array
     begins: tuple[bytes, ...]
 
+    def without(self, others: "AmountColumns") -> "AmountColumns":
+        """Those of amounts that others have not."""
+        own = [amount for amount in self.places if amount not in others.places]
+        weighted = self.weighted[:, [self.places[amount] for amount in own]]
+        return replace(self, places={amount: n for n, amount in enumerate(own)}, weighted=weighted)
+
     def suit(self, found: Fit) -> bool:
         """Whether they are of the numbers of another fit."""
         return self.begins == found.likelihood.begins and self.root.size == found.residual.size

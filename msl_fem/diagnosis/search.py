@@ -4,7 +4,7 @@ Forward with all parameters fitted anew at each stage; a stage's candidates are 
 variants of all effects and judged by the evidence of their own converged fits.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,11 +15,13 @@ from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.refits import BENT, LAST_STEPS, MADE_UP, Refinement, Refit, extended, objectives, strained
-from msl_fem.diagnosis.scores import AmountColumns, Score, scored
+from msl_fem.diagnosis.scores import AmountColumns, Score, ScoredVariants, scored
 from msl_fem.diagnosis.variants import Variant
 
 MOST_TRIED = 7
 FEWEST_TRIED = 3
+LIKELY = 10
+"""Effects that are best by columns of a stage before, and so are scored exactly: more than are refitted."""
 SHARE = 0.03  # of the best score: effects below are not refitted
 VARIANTS = 2  # of an effect that are refitted
 STANDS_OUT = 5.0
@@ -69,11 +71,11 @@ def search_stage(
     """What one of these variants more would bring to a fit, which is converged as far as that asks for; refits begin
     where `memory` says that they ended. Where the fit leaves noise alone, and all scores are far below the nats that
     their effects need, a first effect's best one alone is refitted, and none behind a first effect: there the columns
-    of a stage before, `near`, tell which effects are, and these go no further. Refits that will
-    not count are not led to their ends."""
+    of a stage before, `near`, tell which effects are, and these go no further. Elsewhere they tell which are scored
+    exactly. Refits that will not count are not led to their ends."""
     tell("all effects")
     quiet = max(start.excess.values()) <= QUIET
-    base = converged_base(start) if quiet else start
+    base, known = converged_base(start) if quiet else start, near
 
     def worth(score: Score) -> bool:
         return score.gain >= HOPELESS * needed(score.variant)
@@ -84,15 +86,16 @@ def search_stage(
         seen = {score.variant.effect for score in filter(worth, roughly.scores)}
         if not seen:
             return SearchStage(base, roughly.scores, (), roughly.null)
-        tried = [variant for variant in tried if variant.effect in {*seen, *COMPENSATED}]
-    at_base = scored(base.sane or base, tried)
+        tried = _of_effects({*seen, *COMPENSATED}, tried)
+        near = None
+    at_base = scored_where_likely(base, tried, near)
     if at_base.dropped:
         tell(f"all effects but those with which the runs cannot be simulated here: {', '.join(at_base.dropped)}")
     every = at_base.scores
     if not base.converged and not quiet and not (every and every[0].gain > FAR_ABOVE + 10 * base.predicted):
         base = converged_base(start)
         if base is not start:
-            at_base = scored(base, tried)
+            at_base = scored_where_likely(base, tried, near)
             every = at_base.scores
     candidates = ranked(every)
     candidates += peaks(every, candidates)
@@ -109,7 +112,27 @@ def search_stage(
     kept = memory or FitMemory()
     kept.ended(fit_name(base.unknowns), base.z)
     refits = Refinement(base, tell, kept, hopeless, tried).best_first(candidates)
-    return SearchStage(base, every, tuple(refits), at_base.null, near if beside else at_base.columns)
+    return SearchStage(base, every, tuple(refits), at_base.null, known if beside else at_base.columns)
+
+
+def scored_where_likely(base: Fit, tried: Sequence[Variant], near: AmountColumns | None) -> ScoredVariants:
+    """The variants at a fit that leaves more than noise. Columns of a stage before, where they are of its stretches,
+    tell which effects are not among the best: of these they are taken, the others are simulated."""
+    if near is None or base.sane is not None or not near.suit(base):
+        return scored(base.sane or base, tried)
+    roughly = scored(base, tried, near=near)
+    assert roughly.columns is not None
+    best = dict.fromkeys(score.variant.effect for score in roughly.scores)
+    likely = {*list(best)[:LIKELY], *COMPENSATED}
+    exact = scored(base, _of_effects(likely, tried), null=False, near=roughly.columns.without(near))
+    others = [score for score in roughly.scores if score.variant.effect not in likely]
+    scores = sorted([*exact.scores, *others], key=lambda score: -score.gain)
+    dropped = dict.fromkeys((*exact.dropped, *roughly.dropped))
+    return ScoredVariants(tuple(scores), roughly.null, tuple(dropped), near)
+
+
+def _of_effects(effects: Collection[str], tried: Sequence[Variant]) -> list[Variant]:
+    return [variant for variant in tried if variant.effect in effects]
 
 
 def beyond_thresholds(base: Fit, every: Sequence[Score], chosen: Sequence[Score]) -> list[Score]:

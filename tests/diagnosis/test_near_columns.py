@@ -10,7 +10,7 @@ from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.refits import started
 from msl_fem.diagnosis.scores import AmountColumns, Score, scored
-from msl_fem.diagnosis.search import search_stage
+from msl_fem.diagnosis.search import scored_where_likely, search_stage
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
 
@@ -103,6 +103,38 @@ def test_where_some_can_count_these_alone_are_scored_once_more(asked) -> None:
     assert asked[0] == 3, "the fit as it is, cubic spring and gap"
     assert stage.refits[0].variant == tried[0]
     assert stage.columns is near
+
+
+def test_where_more_than_noise_is_left_what_is_not_among_the_best_keeps_its_rough_score(asked, monkeypatch) -> None:
+    """And what gap, scale and gains nearly make up for is scored exactly whatever its place: here it shows nothing."""
+    monkeypatch.setattr("msl_fem.diagnosis.search.LIKELY", 1)
+    without, beside = with_offset(0.3, cubic=0.1)
+    friction, gap = EffectUnknown("coulomb_friction", "force"), EffectUnknown("gap_offset", "offset")
+    tried = [*VARIANTS[1:], *(Variant(one.effect, (one,)) for one in (friction, gap))]
+    near = replace(columns_of(without), places={(CUBIC, ()): 1, (friction, ()): 0, (gap, ()): 0})
+    rough = {score.variant: score.gain for score in scored(beside, tried, near=near).scores}
+    [exact] = scored(beside, tried).scores
+    asked.clear()
+    found = scored_where_likely(beside, tried, near)
+    assert asked == [3], "the fit as it is, cubic spring and gap"
+    assert found.columns is near
+    cubic, of_friction = found.scores
+    assert (cubic.variant, cubic.gain) == (exact.variant, exact.gain)
+    assert (of_friction.variant, of_friction.gain) == (tried[1], rough[tried[1]])
+    assert cubic.gain != rough[tried[0]]
+    asked.clear()
+    assert len(scored_where_likely(beside, tried, replace(near, begins=(b"other",))).scores) == 1
+    assert asked == [1 + len(tried)]
+
+
+def test_what_is_simulated_for_a_rough_score_is_not_simulated_once_more(asked) -> None:
+    without, beside = with_offset(0.3, cubic=0.1)
+    near = columns_of(without, VARIANTS[:1])
+    asked.clear()
+    found = scored_where_likely(beside, VARIANTS, near)
+    assert asked == [2, 2], "the cubic spring, then the offset"
+    exact = {score.variant: score.gain for score in scored(beside, VARIANTS).scores}
+    assert {score.variant: score.gain for score in found.scores} == pytest.approx(exact, rel=1e-4)
 
 
 class _Steep(LinearRecord):
