@@ -34,6 +34,8 @@ LEAST = 1 / 64  # of these amounts, with which starts of stretches are found bef
 SHAPE_LEGS = 3  # of as many steps, for a leader begun at other shapes
 SHAPES_BESIDE = 2  # of these
 SCREENING_STEPS = 6
+FIRST_LOOK = 2  # of these, behind which a candidate that is hopeless, or far behind, goes no further
+FAR_BEHIND = 0.1  # of the gain that the best has made then, to which a candidate has to come with what it promises
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to the linear model's best at which a refit may begin
 AS_PROMISED = 0.5  # of its nats, that the linear model's best brings where a refit begins there
 REFINEMENT_STEPS = 25
@@ -77,8 +79,8 @@ class Refit:
 
     @property
     def reach(self) -> float:
-        """Nats that it may come to: further steps bring `CATCHING_UP` times what the next one promises."""
-        return self.gain + CATCHING_UP * max(self.fit.predicted, 0.0)
+        """Nats that it may come to: `CATCHING_UP` times what some steps promise more, as damped as they have to be."""
+        return self.gain + CATCHING_UP * self.fit.to_come(RACED_STEPS)
 
 
 def extended(base: Unknowns, variant: Variant) -> Unknowns:
@@ -123,14 +125,16 @@ def as_believed(found: Fit) -> Array:
 
 
 class _Screening:
-    """What is told while candidates are screened: how many are left, which leads, how long it may take."""
+    """What is told while candidates are looked at: how many are left, which leads, how long it may take."""
 
-    def __init__(self, tell: Callable[[str], None], count: int) -> None:
-        self._tell, self._count, self._done = tell, count, 0
+    def __init__(
+        self, tell: Callable[[str], None], count: int, what: str, behind: Callable[[Refit, float], bool]
+    ) -> None:
+        self._tell, self._count, self._done, self._what, self._behind = tell, count, 0, what, behind
         self._leader: Refit | None = None
         self._since, self._lock = time.monotonic(), threading.Lock()
 
-    def ends(self, score: Score, refit: Refit | None) -> Refit | None:
+    def ends(self, variant: Variant, refit: Refit | None) -> Refit | None:
         """Keeps what a candidate came to; the Jacobian of one far behind the best so far goes at once. All run at the
         same time, so the rest of them takes its share at most."""
         with self._lock:
@@ -138,15 +142,15 @@ class _Screening:
             if refit is not None and (self._leader is None or refit.gain > self._leader.gain):
                 self._leader = refit
             best = 0.0 if self._leader is None else self._leader.gain
-            if refit is not None and best > 0 and refit.gain < ELIMINATED * best:
+            if refit is not None and self._behind(refit, best):
                 refit.fit.lets_go()
             left = self._count - self._done
-            told = f"{score.variant.name}, {self._done} of {self._count}"
+            told = f"{variant.name}, {self._done} of {self._count}"
             if self._leader is not None:
                 told += f"; best so far {self._leader.variant.effect}, {self._leader.gain:.3g} nats"
             if left:
                 seconds = (time.monotonic() - self._since) * left / self._count
-                told += f"; about {seconds:.0f} s left for screening"
+                told += f"; about {seconds:.0f} s left for {self._what}"
             self._tell(told)
         return refit
 
@@ -174,9 +178,13 @@ class Refinement:
         if self.lost:  # where no gain over the base means anything
             most = max((score.gain for score in candidates), default=0.0)
             candidates = [score for score in candidates if score.gain >= ELIMINATED * most]
-        told = _Screening(self.tell, len(candidates))
-        first = self._together(lambda score: told.ends(score, self.screened(score)), candidates)
-        kept, eliminated = _in_front([refit for refit in first if refit is not None])
+        told = _Screening(self.tell, len(candidates), "a first look", _far_behind)
+        first = self._together(lambda score: told.ends(score.variant, self.screened(score)), candidates)
+        going, ended = self._worth_more([refit for refit in first if refit is not None])
+        let_go(ended)
+        told = _Screening(self.tell, len(going), "screening", _is_behind)
+        further = self._together(lambda refit: told.ends(refit.variant, self.screened_on(refit)), going)
+        kept, eliminated = _in_front([*(refit for refit in further if refit is not None), *ended])
         let_go(eliminated)
         if self.lost:
             self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(kept))}")
@@ -239,16 +247,34 @@ class Refinement:
         return in_gatherings(step, items, at_once=at_once, threads=self.base.likelihood.threads)
 
     def screened(self, score: Score) -> Refit | None:
-        """A candidate after its first steps; None where it cannot be simulated."""
-        plan = FitPlan(most_steps=SCREENING_STEPS, renew=False)
+        """A candidate after a first look; None where it cannot be simulated."""
+        plan = FitPlan(most_steps=FIRST_LOOK, enough=ROUGHLY_CONVERGED, renew=False)
         unknowns = extended(self.base.unknowns, score.variant)
         begin = self.memory.end_of(fit_name(self.base.unknowns, score.variant.name), unknowns)
         try:
             if begin is None:  # at the same time, all their runs would be in the memory together
                 begin = started(self.near, score, self.near.likelihood.gathering(gathered_here()))
-            refit = self._refit(self.near, score.variant, begin, plan, self.nuisance_columns)
+            return self._refit(self.near, score.variant, begin, plan, self.nuisance_columns)
         except ComputationError:
             return None
+
+    def _worth_more(self, first: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:
+        """Of candidates after a first look those that are screened further, and those that end there: what is hopeless,
+        or far behind, even if it comes to what it promises."""
+        best = max((refit.gain for refit in first), default=0.0)
+        hopeless = [] if self.lost else list(filter(self.hopeless, first))
+        going = [refit for refit in first if not _far_behind(refit, best) and refit not in hopeless]
+        return going, [refit for refit in first if refit not in going]
+
+    def screened_on(self, refit: Refit) -> Refit | None:
+        """A candidate after all steps by which it is screened; None where it cannot be simulated."""
+        if refit.fit.predicted >= ROUGHLY_CONVERGED:
+            plan = FitPlan(SCREENING_STEPS - FIRST_LOOK, refit.fit.damping, enough=ROUGHLY_CONVERGED, renew=False)
+            on = self._tried(refit.fit, refit.variant, refit.fit.z, plan, self._columns_of(refit))
+            if on is None:
+                return None
+            refit.fit.lets_go()
+            refit = on
         if not refit.promising and self.hopeless(refit):
             refit.fit.lets_go()
         return refit
@@ -484,8 +510,18 @@ def let_go(refits: Sequence[Refit]) -> None:
 def _in_front(refits: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:
     """Those that go on, and those too far behind the best."""
     best = max((refit.gain for refit in refits), default=0.0)
-    behind = [refit for refit in refits if best > 0 and refit.gain < ELIMINATED * best]
+    behind = [refit for refit in refits if _is_behind(refit, best)]
     return [refit for refit in refits if refit not in behind], behind
+
+
+def _is_behind(refit: Refit, best: float) -> bool:
+    """Whether a candidate that was screened is too far behind the best gain."""
+    return best > 0 and refit.gain < ELIMINATED * best
+
+
+def _far_behind(refit: Refit, best: float) -> bool:
+    """Whether one after a first look is, even if it comes to what it promises."""
+    return best > 0 and refit.reach < FAR_BEHIND * best
 
 
 def strained(found: Fit, tolerances: float = STRAINED) -> bool:

@@ -304,6 +304,7 @@ def test_candidates_begin_anew_beside_a_base_beyond_sanity_alone(begun, monkeypa
     screened = candidate([0.0, 0.0, 5.0], 100.0, Amounts())
     race = refinement([2 * SANE, 0.0], sane=sane)
     monkeypatch.setattr(Refinement, "screened", lambda self, score: screened)
+    monkeypatch.setattr(Refinement, "screened_on", lambda self, refit: refit)
     monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
     found = race.best_first([SimpleNamespace(variant=CUBIC, gain=100.0)])  # type: ignore[list-item]
     assert len(begun) == times
@@ -316,6 +317,7 @@ def test_what_lags_behind_after_it_began_anew_goes_no_further(begun, monkeypatch
     anew = iter([candidate([0.0, 0.0, 5.0], gain, Amounts()) for gain in (9000.0, 100.0)])
     race = refinement([2 * SANE, 0.0], sane=base_at([1.0, 0.0]))
     monkeypatch.setattr(Refinement, "screened", lambda self, score: candidate([0.0, 0.0, 5.0], -10.0, Amounts()))
+    monkeypatch.setattr(Refinement, "screened_on", lambda self, refit: refit)
     monkeypatch.setattr(Refinement, "from_small_amounts", lambda self, refit: next(anew))
     raced: list[float] = []
     monkeypatch.setattr(Refinement, "raced", lambda self, kept: raced.extend(one.gain for one in kept) or list(kept))
@@ -338,6 +340,7 @@ def test_what_gains_make_up_for_begins_anew_where_the_leader_leaves_more_than_no
     screened = iter([leader, replace(candidate([moved, 9.0, 5.0], 10.0, Amounts()), variant=kept)])
     monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(one) for one in items])
     monkeypatch.setattr(Refinement, "screened", lambda self, score: next(screened))
+    monkeypatch.setattr(Refinement, "screened_on", lambda self, refit: refit)
     monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
 
     def anew(self: Refinement, one: Refit, least: float, *, by_itself: bool = False) -> Refit:

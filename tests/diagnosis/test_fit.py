@@ -164,8 +164,9 @@ def test_of_two_effects_the_one_that_is_there_wins_and_nothing_costs_evidence() 
     told: list[str] = []
     found = search_stage(base, variants, tell=told.append)
     assert "1 of 2; best so far " in told[1]
-    assert told[1].endswith(" s left for screening")
+    assert told[1].endswith(" s left for a first look")
     assert "2 of 2; best so far stiffness_nonlinearity, " in told[2]
+    assert "1 of 1; best so far stiffness_nonlinearity, " in told[3], "the other one is far behind"
     assert found.best is not None
     assert found.best.variant.effect == "stiffness_nonlinearity"
     assert found.refits[1].gain < -2

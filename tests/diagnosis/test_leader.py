@@ -10,7 +10,19 @@ import pytest
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.likelihood import Columns, Fit
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.refits import MORE_LEGS, SIZES, Refinement, Refit, _may_lead, _Screening
+from msl_fem.diagnosis.refits import (
+    CATCHING_UP,
+    FIRST_LOOK,
+    MORE_LEGS,
+    RACED_STEPS,
+    SCREENING_STEPS,
+    SIZES,
+    Refinement,
+    Refit,
+    _is_behind,
+    _may_lead,
+    _Screening,
+)
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
 
@@ -200,6 +212,7 @@ def test_of_a_race_the_best_alone_keeps_its_columns(monkeypatch: pytest.MonkeyPa
     every = [refit([0.1, 0.1, n / 10], gain, 0.0) for n, gain in enumerate((900.0, 1000.0, 800.0))]
     screened = iter(every)
     monkeypatch.setattr(Refinement, "screened", lambda self, score: next(screened))
+    monkeypatch.setattr(Refinement, "screened_on", lambda self, refit: refit)
     monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(item) for item in items])
 
     def converged(self: Refinement, one: Refit, *, leads: bool) -> Refit:
@@ -276,11 +289,53 @@ def test_a_leader_that_leaves_more_than_noise_goes_on_for_nats_that_are_little_o
 
 def test_while_candidates_are_screened_those_far_behind_let_their_columns_go() -> None:
     """As soon as another one is far ahead; where none gains anything, all keep them."""
-    score: Any = SimpleNamespace(variant=FRICTION)
     for gains, kept in ([(100.0, 20.0, 40.0), (True, False, True)], [(-1.0, -9.0), (True, True)]):
-        screening = _Screening(lambda text: None, len(gains))
-        every = [screening.ends(score, refit([0.0, 0.0, 0.3], gain)) for gain in gains]
+        screening = _Screening(lambda text: None, len(gains), "screening", _is_behind)
+        every = [screening.ends(FRICTION, refit([0.0, 0.0, 0.3], gain)) for gain in gains]
         assert [one is not None and one.fit.columns.values is not None for one in every] == list(kept)
+
+
+@pytest.mark.parametrize(
+    ("gains", "promised", "hopeless", "further"),
+    [
+        ([1000.0, 90.0, 90.0], [0.1, 1.0, 5.0], (), [0, 2]),  # the second stays below a tenth of the best
+        ([1000.0, 90.0, 500.0], [9.0, 9.0, 9.0], (2,), [0, 1]),
+        ([-5.0, -90.0, -1.0], [0.1, 0.1, 0.1], (), [0, 1, 2]),  # which none is where nothing gains
+    ],
+)
+def test_what_is_hopeless_or_far_behind_after_a_first_look_is_screened_no_further(
+    monkeypatch, gains: list[float], promised: list[float], hopeless: tuple[int, ...], further: list[int]
+) -> None:
+    plans: list[Any] = []
+    first = [refit([0.1, 0.1, n / 10], gain, more) for n, (gain, more) in enumerate(zip(gains, promised, strict=True))]
+    begun = iter(first)
+
+    def fitted(self: Refinement, near: Fit, variant: Variant, z: np.ndarray, plan: Any, columns: object) -> Refit:
+        assert columns is not None
+        plans.append((round(10 * z[2]), plan.most_steps))
+        return next(begun) if plan.most_steps == FIRST_LOOK else refit(list(z), -near.objective, near.predicted)
+
+    monkeypatch.setattr(Refinement, "_refit", fitted)
+    monkeypatch.setattr(Refinement, "raced", lambda self, kept: list(kept))
+    monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
+    monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(item) for item in items])
+    monkeypatch.setattr("msl_fem.diagnosis.refits.started", lambda near, score, likelihood: np.zeros(3))
+    scores: Any = [SimpleNamespace(gain=1.0, variant=FRICTION)] * len(gains)
+    hopeless_ones = [first[n] for n in hopeless]
+    race = Refinement(BASE, lambda text: None, FitMemory(), lambda one: one in hopeless_ones)
+    found = race.best_first(scores)
+    went_on = [n for n in further if promised[n] >= 0.5]  # what promises less has been screened
+    assert [plan for plan in plans if plan[1] != FIRST_LOOK] == [(n, SCREENING_STEPS - FIRST_LOOK) for n in went_on]
+    assert len(found) == len(gains)
+    assert all(one.fit.columns.values is None for n, one in enumerate(first) if n not in further)
+
+
+def test_a_promise_counts_as_far_as_the_damping_lets_it_be_kept() -> None:
+    """Along a bent valley steps are short."""
+    free = refit([0.1, 0.1, 0.3], 50.0, 24.0)
+    damped = replace(free, fit=replace(free.fit, next_step=1.3))
+    assert free.reach == 50.0 + CATCHING_UP * 24.0
+    assert damped.reach == 50.0 + CATCHING_UP * 1.3 * RACED_STEPS
 
 
 LAG, SLEW = (EffectUnknown("amplifier_bandwidth", name) for name in ("lag", "slew_time"))
