@@ -115,7 +115,10 @@ def conclude(
     if extended is None:
         notes.append(NO_EXTENDED_MODEL)
     unfaithful = _unfaithful(errors[n], kind) if n else ""
-    explained = white(result.excesses[n]) and not compensating
+    faint = _faint(kind, result, models[n], threads=threads)
+    explained = white(result.excesses[n]) and not compensating and not faint
+    if faint:
+        notes.append(faint)
     notes += kind.above_noise(result.final) if explained else []
     schedules = kind.likelihood.problem.schedules
     scheduling = scheduled_estimates(kind.belief, result.final, schedules)
@@ -201,6 +204,19 @@ def _compensating(kind: Kind, result: EffectSearch, model: ModelHypothesis, *, t
     return bool(ranked and last is not None and ranked[0].gain > max(WORTH_NAMING, last.gain))
 
 
+def _faint(kind: Kind, result: EffectSearch, model: ModelHypothesis, *, threads: int) -> str:
+    """What a function of one variable brings though the residuals look like noise and no effect is named, in words;
+    empty where it is not worth it."""
+    if result.taken or not white(result.excesses[0]):
+        return ""
+    ranked = kind.dependences(result.final, model, few=True, threads=threads)
+    if not ranked or ranked[0].gain < WORTH_NAMING:
+        return ""
+    best = ranked[0]
+    told = f"a {best.equation} that is a function of the {best.variable} brings {best.gain:.3g} nats"
+    return f"the residuals are no larger than the noise, but {told}, and no effect of the catalogue as many"
+
+
 def _named(kind: Kind, result: EffectSearch, gains: Sequence[float]) -> tuple[EffectSearch, list[str]]:
     """The search with as many effects as are named, and why not more.
 
@@ -271,7 +287,8 @@ def _left(
 ) -> tuple[Unexplained, list[Dependence]]:
     """What no effect accounts for, and on which variables it depends."""
     ranked = kind.dependences(result.final, model, threads=threads)
-    equation, variables = named_dependence(ranked)
+    quiet = white(result.excesses[result.taken])
+    equation, variables = named_dependence(ranked, share=0.0) if quiet else named_dependence(ranked)
     share = share_left(result.excesses, result.taken)
     return Unexplained(share, variables, equation, kind.look_further(variables)), ranked
 

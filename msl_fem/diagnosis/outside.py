@@ -1,8 +1,9 @@
 """What no effect of the catalogue accounts for: in which equation it stands, and on which variable it depends.
 
-A force, a voltage or an error of a reading is taken as an unknown function of one variable, a sum of cubic B-splines
-with independent normal coefficients of a common size, and simulated through the plant: for small functions the readings
-are linear in the coefficients. All that the fit does not know stays unknown. The log evidence, the highest over s, is
+A force, a voltage or an error of a reading is taken as an unknown function of one variable, a straight line or a sum of
+cubic B-splines with independent normal coefficients of a common size, and simulated through the plant: for small
+functions the readings are linear in the coefficients. All that the fit does not know stays unknown. The log evidence,
+the highest over s and of both forms, is
 
     b'(G + 1/s^2)^-1 b/2 - log det(1 + s^2 G)/2,
 
@@ -97,9 +98,9 @@ def dependences(
     return sorted(found, key=lambda dependence: -dependence.gain)
 
 
-def named_dependence(ranked: Sequence[Dependence]) -> tuple[str, tuple[str, ...]]:
-    """(equation, variables) that what is left depends on; empty where none stands out."""
-    if not ranked or ranked[0].gain < WORTH_NAMING or ranked[0].share < EXPLAINED:
+def named_dependence(ranked: Sequence[Dependence], *, share: float = EXPLAINED) -> tuple[str, tuple[str, ...]]:
+    """(equation, variables) that what is left depends on; empty where none stands out, or explains that share of it."""
+    if not ranked or ranked[0].gain < WORTH_NAMING or ranked[0].share < share:
         return "", ()
     best = ranked[0]
     level = [d.variable for d in ranked if d.equation == best.equation and best.gain - d.gain <= LEVEL]
@@ -203,6 +204,18 @@ def _tried(trajectory: _Trajectory) -> Mapping[str, list[str]]:
     return tried
 
 
+class _Form:
+    """Functions that are sums of some columns `of` (n_spline, n_column) of a basis, with the basis' G and b."""
+
+    def __init__(self, of: Array, g: Array, b: Array) -> None:
+        own, slope = of.T @ g @ of, of.T @ b
+        gains = [_evidence(own, slope, size) for size in SIZES]
+        size = float(SIZES[int(np.argmax(gains))])
+        inverse = np.linalg.inv(own + np.eye(len(slope)) / size**2)
+        self.gain = float(max(gains))
+        self.coefficients, self.covariance = of @ (inverse @ slope), of @ inverse @ of.T
+
+
 class _FreeFunctions:
     """Free functions of one variable beside all that a fit does not know."""
 
@@ -217,22 +230,20 @@ class _FreeFunctions:
 
     def dependence(self, equation: str, variable: str) -> Dependence:
         """The most probable function of a variable in an equation."""
-        basis, (points, shapes) = _basis(self.trajectory.variables[variable])
+        basis, line, (points, shapes) = _basis(self.trajectory.variables[variable])
         columns = np.column_stack(self._responses(equation, basis)) * self.root[:, None]
         absorbed = self.inverse @ (self.jacobian.T @ columns)
         own = columns - self.jacobian @ absorbed
         g = own.T @ own + absorbed.T @ (self.prior[:, None] * absorbed)
-        b = -own.T @ self.residual
-        gains = [_evidence(g, b, size) for size in SIZES]
-        size = float(SIZES[int(np.argmax(gains))])
-        matrix = g + np.eye(len(b)) / size**2
-        coefficients = np.linalg.solve(matrix, b)
-        after = self.residual + own @ coefficients
+        forms = [_Form(of, g, -own.T @ self.residual) for of in (line[:, None], np.eye(len(line)))]
+        best = max(forms, key=lambda form: form.gain)
+        after = self.residual + own @ best.coefficients
         excess, left = self._excess_power(self.residual), self._excess_power(after)
         share = 1 - left / excess if excess > 0 else 0.0
         scale = self.trajectory.scales[equation]
-        band = scale * np.sqrt(np.einsum("nk,kl,nl->n", shapes, np.linalg.inv(matrix), shapes))
-        return Dependence(equation, variable, float(max(gains)), share, points, scale * (shapes @ coefficients), band)
+        variance = np.maximum(np.einsum("nk,kl,nl->n", shapes, best.covariance, shapes), 0.0)
+        value = scale * (shapes @ best.coefficients)
+        return Dependence(equation, variable, best.gain, share, points, value, scale * np.sqrt(variance))
 
     def _excess_power(self, weighted: Array) -> float:
         return float(np.sum((weighted / self.root) ** 2) - weighted.size)
@@ -295,8 +306,9 @@ def _variables(plant: KernelPlant, data: RunData, out: Array) -> dict[str, Array
     return found
 
 
-def _basis(z: Array) -> tuple[list[Array], tuple[Array, Array]]:
-    """Splines at the samples, each of the shape of z; and where to show the function, with their values there."""
+def _basis(z: Array) -> tuple[list[Array], Array, tuple[Array, Array]]:
+    """Splines at the samples, each of the shape of z; their coefficients (n_spline,) that make a straight line from -1
+    to 1 (Greville's abscissae); and where to show the function, with the splines' values there."""
     flat = z.ravel()
     low, high = np.quantile(flat, (0.002, 0.998))
     if not high > low:
@@ -309,7 +321,9 @@ def _basis(z: Array) -> tuple[list[Array], tuple[Array, Array]]:
         return np.asarray(BSpline.design_matrix(np.clip(at, low, high), knots, 3).toarray())
 
     every = values(flat)
-    return [every[:, k].reshape(z.shape) for k in range(every.shape[1])], (points, values(points))
+    line = np.convolve(knots[1:-1], np.full(3, 2 / 3), mode="valid") - low - high
+    each = [every[:, k].reshape(z.shape) for k in range(every.shape[1])]
+    return each, line / (high - low), (points, values(points))
 
 
 def _evidence(g: Array, b: Array, size: float) -> float:

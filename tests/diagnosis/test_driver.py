@@ -126,6 +126,37 @@ def test_an_unexplained_rest_is_looked_into_by_the_kind() -> None:
     assert (found.unexplained.equation, found.unexplained.depends_on) == ("force", ("velocity",))
 
 
+class Quiet(LinearRecord):
+    """With next to nothing of the effect in its readings."""
+
+    def __init__(self, unknown: EffectUnknown) -> None:
+        super().__init__(unknown)
+        self.data -= self.column
+
+
+@pytest.mark.parametrize(("gain", "verdict"), [(21.0, "unexplained"), (19.0, "nothing-found")])
+def test_what_is_no_larger_than_noise_is_unexplained_where_a_function_of_one_variable_is_worth_it(
+    gain: float, verdict: str
+) -> None:
+    asked: list[bool] = []
+
+    class Faint(ToyKind):
+        def dependences(self, fit: Fit, belief: Any, *, few: bool = False, threads: int = 1) -> list[Dependence]:
+            asked.append(few)
+            curve = np.zeros(3)
+            return [Dependence("force", "current product", gain, 0.06, curve, curve, curve)]
+
+    likelihood: Any = Quiet(EffectUnknown("force_offset", "force"))
+    made = Faint(SimpleNamespace(), likelihood, Unknowns((), 2, (0,)))  # type: ignore[arg-type]
+    found = diagnosis_of(made, DiagnosisSettings(threads=2))
+    assert (found.verdict, found.names) == (verdict, ())
+    assert asked == ([True, False] if verdict == "unexplained" else [True]), "first of a few variables, then of all"
+    told = [note for note in found.notes if "a force that is a function of the current product brings 21 nats" in note]
+    assert len(told) == (verdict == "unexplained")
+    depends = ("current product",) if told else ()
+    assert found.unexplained.depends_on == depends
+
+
 def test_no_model_is_handed_on_that_follows_held_out_data_worse_than_the_belief() -> None:
     class Misled(ToyKind):
         """Whose fit is worse than the belief, with or without an effect."""
