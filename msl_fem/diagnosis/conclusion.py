@@ -214,7 +214,7 @@ def _faint(kind: Kind, result: EffectSearch, model: ModelHypothesis, *, threads:
         return ""
     best = ranked[0]
     told = f"a {best.equation} that is a function of the {best.variable} brings {best.gain:.3g} nats"
-    return f"the residuals are no larger than the noise, but {told}, and no effect of the catalogue as many"
+    return f"the residuals are no larger than the noise, but {told}"
 
 
 def _named(kind: Kind, result: EffectSearch, gains: Sequence[float]) -> tuple[EffectSearch, list[str]]:
