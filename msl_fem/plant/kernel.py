@@ -6,6 +6,7 @@ others go on.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
@@ -71,6 +72,7 @@ from msl_fem.plant.layout import (
 )
 from msl_fem.plant.mutual_flux import set_mutual_flux
 from msl_fem.plant.plant import CURRENT_DRIVE, EndStop, PlantParameters, Surface
+from msl_fem.plant.restart import restart
 from msl_fem.plant.side import Cells, cells_of, side_flux, side_gap
 from msl_fem.plant.step import keep_step, look_at, seen, slopes, step_with_stop, try_step
 from msl_fem.plant.user_laws import set_added_reading
@@ -169,6 +171,51 @@ def _run(
     keep(pushes)
     keep(out)
     return ended
+
+
+def run_stretches(
+    surface: Surface, parameters: PlantParameters, effects: Array | None, state: Array, commands: Array,
+    disturbance: Array, step: float, n_sub: int, out: Array, linear: bool, parts: NDArray[np.int64], starts: Array,
+) -> None:  # fmt: skip
+    """`run` over stretches, the samples `parts` (n_stretch, 2) from and to; all but the first are put to starts of
+    their own (n_stretch, 4), and rows are nan behind where a stretch ends early."""
+    stop, others = parameters.end_stop, parameters._replace(end_stop=None)
+    _run_stretches(
+        stop, surface, others, effects, state, commands, disturbance, step, n_sub, out, linear, parts, starts
+    )
+
+
+@compiled
+def _run_stretches(
+    stop: EndStop | None, surface: Surface, parameters: PlantParameters, effects: Rows, state: Array, commands: Array,
+    disturbance: Array, step: float, n_sub: int, out: Array, linear: bool, parts: NDArray[np.int64], starts: Array,
+) -> None:  # fmt: skip
+    """`run_stretches` with the end stop apart."""
+    memory, before = workspace(), state.copy()
+    e, rows, kept, work, cells = (
+        rows_of(effects), rows_of(state), rows_of(before), rows_of(memory), cells_of(surface),
+    )  # fmt: skip
+    wanted, pushes, every, each = commands.ravel(), disturbance.ravel(), out.ravel(), starts.ravel()
+    asked, pushed = rows_of(wanted), rows_of(pushes)
+    for n in range(len(parts)):
+        begin, end = parts[n, 0], parts[n, 1]
+        if n:
+            restart(rows, kept, rows_of(each[4 * n :]))
+            before[:] = state
+        begin_rows(parameters, e, rows, work, step)
+        status, done = rows_between(
+            stop, cells, parameters, e, rows, work, np.inf, asked, pushed, end, begin, end, step, n_sub,
+            rows_of(every[begin * N_OUT :]), linear,
+        )  # fmt: skip
+        if status != OK:
+            out[done:end] = np.nan
+            state[X] = np.nan
+    keep(memory)
+    keep(before)
+    keep(wanted)
+    keep(pushes)
+    keep(every)
+    keep(each)
 
 
 @compiled

@@ -28,7 +28,6 @@ from msl_fem.plant.layout import (
     BLOCK_2,
     N_BLOCK,
     N_OUT,
-    OK,
     OUT_FLUX_1,
     OUT_I1,
     OUT_SENSOR,
@@ -40,13 +39,12 @@ from msl_fem.plant.layout import (
     OUT_X,
     SURFACE_START,
     TILTED,
-    X,
     initial_state,
     lane_workspace,
 )
 from msl_fem.plant.plant import PlantParameters, Surface
 from msl_fem.plant.preparation import small_signal_inductance, start_effects
-from msl_fem.plant.restart import restarted
+from msl_fem.plant.restart import restart
 from msl_fem.plant.side import cells_of
 
 AT_A_TIME = 512
@@ -82,10 +80,9 @@ class LaneSettings:
     begins: NDArray[np.int64] | None = None
     quantities: frozenset[str] | None = None
 
-    def start(self, lane: int, stretch: int = 0) -> Array:
-        """(4,) where a lane begins a stretch."""
-        starts = self.starts if self.starts.ndim == 1 else self.starts[lane]
-        return starts if starts.ndim == 1 else np.asarray(starts[stretch])
+    def starts_of(self, lane: int) -> Array:
+        """(n_stretch, 4) where a lane begins its stretches."""
+        return np.atleast_2d(self.starts if self.starts.ndim == 1 else self.starts[lane])
 
     def inputs_of(self, inputs: Inputs, lane: int) -> Inputs:
         """Those of a lane."""
@@ -99,13 +96,12 @@ class LaneSettings:
     def own_inputs(self) -> bool:
         return self.more is not None or self.pushes is not None
 
-    def stretches(self, n_sample: int, *, linear: bool = False) -> list[slice]:
-        """The samples of each stretch; where commands run straight from one sample to the next, and the first sample
-        behind it, which the next stretch writes anew."""
+    def stretches(self, n_sample: int, *, linear: bool = False) -> NDArray[np.int64]:
+        """(n_stretch, 2) the samples from and to of each stretch; where commands run straight from one sample to the
+        next, and the first sample behind it, which the next stretch writes anew."""
         if self.begins is None:
-            return [slice(0, n_sample)]
-        ends = [*(self.begins[1:] + linear), n_sample]
-        return [slice(int(begin), int(end)) for begin, end in zip(self.begins, ends, strict=True)]
+            return np.array([[0, n_sample]])
+        return np.column_stack([self.begins, [*(self.begins[1:] + linear), n_sample]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,13 +263,10 @@ def run_lanes(
         block = _block(surface, plants, settings, np.array(lanes), begun)
         out = np.empty((columns.size, LANES, n_sample))
         commands, pushes = _inputs_of_block(inputs, settings, lanes, max(sides, 1))
-        kept = block.state.copy()
-        for n, part in enumerate(settings.stretches(n_sample, linear=linear)):
-            if n:
-                restarted(block.state, kept, np.array([settings.start(lane, n) for lane in lanes]).T)
-                kept[:] = block.state
-            now = commands[part].reshape(-1, *commands.shape[2:]), pushes[part]
-            _run_block(joined, block, *now, step, substeps, columns, out, part.start, part.stop, linear)
+        starts = np.ascontiguousarray(np.array([settings.starts_of(lane) for lane in lanes]).transpose(1, 2, 0))
+        parts = settings.stretches(n_sample, linear=linear)
+        commands = commands.reshape(-1, *commands.shape[2:])
+        _run_block(joined, block, commands, pushes, step, substeps, columns, out, parts, starts, linear)
         return out
 
     if settings.threads > 1 and len(groups) > 1:
@@ -396,7 +389,7 @@ def _block(
 def _begun(
     surface: Surface, plant: PlantParameters, settings: LaneSettings, lane: int, step: float, substeps: int
 ) -> _Begun:  # fmt: skip
-    state = initial_state(plant, *map(float, settings.start(lane)))
+    state = initial_state(plant, *map(float, settings.starts_of(lane)[0]))
     if settings.effects is None:
         return state, None
     own = _own_surface(surface, settings, lane)
@@ -448,30 +441,22 @@ def _alone(
     state, effects = _begun(surface, plant, settings, lane, step, substeps)
     inputs = settings.inputs_of(inputs, lane)
     commands = inputs.for_sides(max(plant.sides, 1))
-    out = np.full((commands.shape[0], N_OUT), np.nan)
+    out = np.empty((commands.shape[0], N_OUT))
     push, linear = np.asarray(inputs.disturbance), inputs.hold == "linear"
-    kept = state.copy()
-    for n, part in enumerate(settings.stretches(len(out), linear=linear)):
-        if n:
-            restarted(state, kept, settings.start(lane, n))
-            kept[:] = state
-        rows = out[part]
-        now = commands[part], push[part]
-        status, done = kernel.run(own, plant, effects, state, *now, step, substeps, rows, linear)
-        if status != OK:
-            rows[done:] = np.nan
-            state[X] = np.nan
+    parts, starts = settings.stretches(len(out), linear=linear), settings.starts_of(lane)
+    kernel.run_stretches(own, plant, effects, state, commands, push, step, substeps, out, linear, parts, starts)
     return out
 
 
 @compiled
 def _run_block(
     surface: Surface, block: _Block, commands: Array, disturbance: Array, step: float, n_sub: int,
-    columns: NDArray[np.intp], out: Array, begin: int, end: int, linear: bool,
+    columns: NDArray[np.intp], out: Array, parts: NDArray[np.int64], starts: Array, linear: bool,
 ) -> None:  # fmt: skip
-    """`kernel.run` for eight lanes: the samples from `begin` to `end` of `out` (n_column, LANES, n_sample), some of the
-    kernel's columns; a lane that cannot go on is nan from there. Commands (2 (end - begin),) and disturbance are those
-    of all, or with an axis (LANES,) more those of each. What the kernel writes stays in the cache."""
+    """`kernel.run_stretches` for eight lanes, with starts (n_stretch, 4, LANES): into `out` (n_column, LANES, n_sample)
+    some of the kernel's columns; a lane that cannot go on is nan from there. Commands (2 n_sample,) and disturbance
+    (n_sample,) are those of all, or with an axis (LANES,) more those of each. What the kernel writes stays in the
+    cache."""
     e, state, work, cells = rows_of(block.effects), rows_of(block.state), rows_of(block.work), cells_of(surface)
     own = rows_of(block.numbers)
     p = PlantParameters(
@@ -501,34 +486,25 @@ def _run_block(
         own[_ROW.polarity],
         own[_ROW.inductance],
     )
-    n_sample = end - begin
-    written = np.empty((min(n_sample, AT_A_TIME) * N_OUT, LANES))
-    asked, pushed, table = rows_of(commands), rows_of(disturbance), rows_of(written)
-    kernel.begin_rows(p, e, state, work, step)
-    for first in range(0, n_sample, AT_A_TIME):
-        last = min(first + AT_A_TIME, n_sample)
-        kernel.rows_between(
-            None,
-            cells,
-            p,
-            e,
-            state,
-            work,
-            block.reach,
-            asked,
-            pushed,
-            n_sample,
-            first,
-            last,
-            step,
-            n_sub,
-            table,
-            linear,
-        )
-        for n in range(last - first):
-            for j in range(columns.size):
-                for k in range(LANES):
-                    out[j, k, begin + first + n] = written[n * N_OUT + columns[j], k]
+    written, before = np.empty((AT_A_TIME * N_OUT, LANES)), block.state.copy()
+    asked, pushed, table, kept = rows_of(commands), rows_of(disturbance), rows_of(written), rows_of(before)
+    for m in range(len(parts)):
+        if m:
+            restart(state, kept, rows_of(starts[m]))
+            before[:] = block.state
+        kernel.begin_rows(p, e, state, work, step)
+        end = parts[m, 1]
+        for begin in range(parts[m, 0], end, AT_A_TIME):
+            upto = min(begin + AT_A_TIME, end)
+            kernel.rows_between(
+                None, cells, p, e, state, work, block.reach, asked, pushed, end, begin, upto, step, n_sub, table, linear
+            )
+            for n in range(upto - begin):
+                for j in range(columns.size):
+                    for k in range(LANES):
+                        out[j, k, begin + n] = written[n * N_OUT + columns[j], k]
+    keep(before)
+    keep(starts)
     keep(written)
     keep(commands)
     keep(disturbance)
