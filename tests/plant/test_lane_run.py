@@ -11,7 +11,8 @@ from effect_sets import ALL_EFFECTS, rough
 from msl_fem.actuator import Actuator
 from msl_fem.computing.lanes import LANES
 from msl_fem.plant.effects import EffectValues, neutral_vector
-from msl_fem.plant.lane_run import AT_A_TIME, FEW, LaneSettings, run_lanes
+from msl_fem.plant.excitation import Inputs
+from msl_fem.plant.lane_run import AT_A_TIME, FEW, LaneRun, LaneSettings, run_lanes
 from msl_fem.plant.layout import N_OUT
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.table.magnetic_table import MagneticTable
@@ -90,3 +91,31 @@ def test_what_is_asked_for_alone_is_kept(
         own = LaneSettings(effects=effects[:1])
         alone = run_lanes(surface_of(table), plants[lane : lane + 1], inputs, substeps=5, settings=own)
         assert np.array_equal(every.rows(lane), alone.rows(0))
+
+
+@pytest.mark.parametrize("count", [1, LANES])
+def test_what_a_stretch_that_leaves_the_table_has_done_is_forgotten(
+    servo: Actuator, table: MagneticTable, count: int
+) -> None:
+    """One by one and in a block: the heat behind it is that before it, as if it had not been."""
+    plant, part = drive_of(servo, "voltage")[0]._replace(bandwidth=np.inf), 200
+    inputs = Inputs(rough(3 * part, level=0.6).commands, 1e4)
+    heat = EffectValues({"coil_heating": {"rise_per_joule": 20.0, "cooling_rate": 0.1}})
+    effects = np.tile(heat.vector(), (count, 1))
+    starts = np.zeros((count, 3, 4))
+    starts[:, 1, 3] = 0.5  # m/s: out of the gap within the stretch
+    plants = [plant._replace(mass=plant.mass * (1 + 0.01 * n)) for n in range(count)]
+
+    def run_of(inputs: Inputs, begins: list[int], starts: np.ndarray) -> LaneRun:
+        settings = LaneSettings(effects=effects, starts=starts, begins=np.array(begins))
+        return run_lanes(surface_of(table), plants, inputs, substeps=5, settings=settings)
+
+    through = run_of(inputs, [0, part, 2 * part], starts)
+    assert np.isfinite(through.true_position[:, part : part + 5]).all()
+    assert np.isnan(through.true_position[:, 2 * part - 1]).all(), "it has left"
+    rest = np.r_[0:part, 2 * part : 3 * part]
+    without = run_of(Inputs(inputs.commands[rest], inputs.rate), [0, part], starts[:, [0, 2]])
+    fresh = run_of(Inputs(inputs.commands[2 * part :], inputs.rate), [0], starts[:, [2]])
+    behind = through.current[:, 2 * part :]
+    assert behind == pytest.approx(without.current[:, part:], rel=1e-9, abs=1e-12)
+    assert np.abs(behind - fresh.current).max() > 1e-3 * np.abs(behind).max(), "heat shows"
