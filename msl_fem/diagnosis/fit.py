@@ -285,7 +285,7 @@ class _FitPosterior:
         if heat <= WARM or (most == np.inf and loud <= HOT):
             return point
         self.heat = heat
-        return self._weighted(point.z, point.residual, point.starts)
+        return replace(self._weighted(point.z, point.residual, point.starts), nearer=point.nearer)
 
     def cooled(self, point: _FitPoint, model: _FitModel) -> tuple[_FitPoint, _FitModel]:
         """The same without heat."""

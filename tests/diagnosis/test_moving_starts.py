@@ -122,3 +122,17 @@ def test_fits_that_meet_begin_each_at_its_own_starts(kind) -> None:
     for n, points in enumerate(every):
         assert np.array_equal(together[n], likelihood.spectra(points))
     assert not np.array_equal(together[0], together[1])
+
+
+def test_a_point_that_is_heated_keeps_the_starts_that_leave_less(kind) -> None:
+    """A round that begins with a heat has slopes of the starts from the round before, and takes new ones."""
+    likelihood, unknowns, z = kind.likelihood, kind.unknowns, np.zeros(kind.unknowns.size)
+    z[scale_of(kind)] = -20.0
+    slopes = tuple(np.zeros((z.size, *cut.starts.shape)) for cut in likelihood.problem.stretches)
+    posterior = fitting._FitPosterior(likelihood, unknowns, FitPlan(), slopes)
+    point = posterior.at(z)
+    heated = posterior.heated(point, 5.0, 100.0)
+    assert posterior.heat > 1.0
+    assert heated.nearer is point.nearer is not None
+    posterior.linearised(heated, None)
+    assert all(np.abs(own).max() > 0 for own in posterior.start_slopes)
