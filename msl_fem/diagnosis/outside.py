@@ -30,7 +30,7 @@ from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
 from msl_fem.plant.plant import FORCE_DRIVE
 from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, Start, measured_start
-from msl_fem.prediction.free_run import by_channel
+from msl_fem.prediction.free_run import readings_by_channel
 from msl_fem.prediction.hypothesis import plant_in_run, plant_of_run
 from msl_fem.record.columns import Channel
 from msl_fem.record.validity import bridged
@@ -153,7 +153,7 @@ class _Trajectory:
         plant, run, sides = self.plant, self.run, self.plant.parameters.sides
         nothing = np.zeros((len(run.commands), 0))
         asked = {channel.quantity for channel in run.channels.values()}
-        readings = by_channel(
+        readings = readings_by_channel(
             plant,
             run,
             plant.gain * found.position[lane] if "position" in asked else nothing,

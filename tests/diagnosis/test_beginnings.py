@@ -104,7 +104,7 @@ def test_a_search_ends_before_a_weak_effect_that_takes_too_little(
     chain = searched()
     begun = Chain(chain.fits[:2], chain.stages[:1])
     weak = Refit(Variant("squeeze_film", ()), fit_of("time_delay", "squeeze_film", nats=8200.0, loud=left), 200.0)
-    weak.fit.predicted, begun.fits[0].excess["x"] = 0.0, 10.0
+    weak.fit.to_come, begun.fits[0].excess["x"] = lambda steps: 0.0, 10.0
     begun.fits[1].likelihood = SimpleNamespace(problem=None)
     found = SearchStage(begun.fits[1], (), (weak,))
     monkeypatch.setattr(effect_search, "search_stage", lambda *one, **more: found)
