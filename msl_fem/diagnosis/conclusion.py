@@ -27,7 +27,7 @@ from msl_fem.diagnosis.kind import (
     worse_than_belief,
 )
 from msl_fem.diagnosis.likelihood import Fit
-from msl_fem.diagnosis.outside import WORTH_NAMING, Dependence, named_dependence
+from msl_fem.diagnosis.outside import EXPLAINED, WORTH_NAMING, Dependence, named_dependence
 from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.result import (
     Accuracy,
@@ -288,7 +288,7 @@ def _left(
     """What no effect accounts for, and on which variables it depends."""
     ranked = kind.dependences(result.final, model, threads=threads)
     quiet = white(result.excesses[result.taken])
-    equation, variables = named_dependence(ranked, share=0.0) if quiet else named_dependence(ranked)
+    equation, variables = named_dependence(ranked, share=0.0 if quiet else EXPLAINED)
     share = share_left(result.excesses, result.taken)
     return Unexplained(share, variables, equation, kind.look_further(variables)), ranked
 

@@ -23,14 +23,13 @@ from scipy.signal import lfilter
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.lanes import LANES
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
-from msl_fem.diagnosis.problem import states
+from msl_fem.diagnosis.problem import instrument_line, reading, states
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.plant import layout
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
 from msl_fem.plant.plant import FORCE_DRIVE
 from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, Start, measured_start
-from msl_fem.prediction.free_run import readings_by_channel
 from msl_fem.prediction.hypothesis import plant_in_run, plant_of_run
 from msl_fem.record.columns import Channel
 from msl_fem.record.validity import bridged
@@ -98,7 +97,7 @@ def dependences(
     return sorted(found, key=lambda dependence: -dependence.gain)
 
 
-def named_dependence(ranked: Sequence[Dependence], *, share: float = EXPLAINED) -> tuple[str, tuple[str, ...]]:
+def named_dependence(ranked: Sequence[Dependence], *, share: float) -> tuple[str, tuple[str, ...]]:
     """(equation, variables) that what is left depends on; empty where none stands out, or explains that share of it."""
     if not ranked or ranked[0].gain < WORTH_NAMING or ranked[0].share < share:
         return "", ()
@@ -116,7 +115,7 @@ class _Trajectory:
         nothing = np.zeros((1, len(run.commands)))
         [found] = self._simulated(nothing, np.zeros((1, *self.commands.shape)))
         self.out = self._bridged(found.rows(0))
-        self.readings = self._readings(found, 0)
+        [self.readings] = self._readings(found)
 
     @property
     def commands(self) -> Array:
@@ -128,7 +127,7 @@ class _Trajectory:
         additions to the commands (n_case, n_sample, n_side); nan behind an early end."""
         quantities = frozenset(channel.quantity for channel in self.run.channels.values())
         for found in self._simulated(pushes, more, quantities):
-            yield from (self._readings(found, lane) for lane in range(found.n_lane))
+            yield from self._readings(found)
 
     def _simulated(self, pushes: Array, more: Array, quantities: frozenset[str] | None = None) -> Iterator[LaneRun]:
         plant, run = self.plant, self.run
@@ -148,20 +147,13 @@ class _Trajectory:
             plants = [plant_in_run(plant.parameters, run)] * count
             yield run_lanes(plant.surface, plants, inputs, substeps=plant.substeps, settings=settings)
 
-    def _readings(self, found: LaneRun, lane: int) -> dict[str, Array]:
-        """Channel to (n_sample,) what is read in a lane."""
-        plant, run, sides = self.plant, self.run, self.plant.parameters.sides
-        nothing = np.zeros((len(run.commands), 0))
-        asked = {channel.quantity for channel in run.channels.values()}
-        readings = readings_by_channel(
-            plant,
-            run,
-            plant.gain * found.position[lane] if "position" in asked else nothing,
-            found.current[lane] if "current" in asked and sides else nothing,
-            found.voltage[lane] if "voltage" in asked else nothing,
-            found.velocity[lane] if "velocity" in asked else nothing,
-        )
-        return {name: self._bridged(values) for name, values in readings.items()}
+    def _readings(self, found: LaneRun) -> Iterator[dict[str, Array]]:
+        """Of each lane, channel to (n_sample,) what is read."""
+        lines = {name: instrument_line(self.plant, name, {}) for name in self.run.channels}
+        for lane in range(found.n_lane):
+            yield {
+                name: self._bridged(gain * reading(found, name)[lane] + zero) for name, (gain, zero) in lines.items()
+            }
 
     def _bridged(self, out: Array) -> Array:
         """(n_sample, ...) with a straight line over stretches that do not count."""

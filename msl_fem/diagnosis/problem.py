@@ -220,7 +220,7 @@ def missed(problem: FitProblem, points: Points, run: int, found: LaneRun) -> lis
     data, residuals = problem.runs[run], []
     left_out = data.left_out
     for name in problem.channels(run):
-        lines = np.array([_line(problem.plant, name, f) for f in factors])
+        lines = np.array([instrument_line(problem.plant, name, f) for f in factors])
         values = data.measured[name] - (lines[:, :1] * reading(found, name) + lines[:, 1:])
         residuals.append(bridged(values, left_out[name]) if name in left_out else values)
     return residuals
@@ -271,17 +271,17 @@ def _lane_settings(
 def states(plant: KernelPlant, data: RunData, starts: Array, factors: Mapping[str, float]) -> Array:
     """(n_stretch, 4) where stretches begin in truth, by a plant whose instruments have these factors beside its own."""
     found = starts.copy()
-    gain, zero = _line(plant, POSITION_COLUMN, factors)
+    gain, zero = instrument_line(plant, POSITION_COLUMN, factors)
     found[:, 2], found[:, 3] = (starts[:, 2] - zero) / gain, starts[:, 3] / gain
     for side in range(plant.parameters.sides):
         column = Channel("current", side + 1).column
         if column in data.measured:
-            gain, zero = _line(plant, column, factors)
+            gain, zero = instrument_line(plant, column, factors)
             found[:, side] = (starts[:, side] - zero) / gain
     return found
 
 
-def _line(plant: KernelPlant, column: str, factors: Mapping[str, float]) -> tuple[float, float]:
+def instrument_line(plant: KernelPlant, column: str, factors: Mapping[str, float]) -> tuple[float, float]:
     """(gain, zero) of a reading by a plant whose instruments have these factors beside its own."""
     gain, zero = line_of(column, together(plant.instruments, factors))
     return (plant.gain * factors.get("position_gain", 1.0) if column == POSITION_COLUMN else gain), zero

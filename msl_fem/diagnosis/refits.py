@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 
@@ -124,6 +125,9 @@ def as_believed(found: Fit) -> Array:
     return z
 
 
+LookedAt = TypeVar("LookedAt", bound=Refit | None)
+
+
 class _Screening:
     """What is told while candidates are looked at: how many are left, which leads, how long it may take."""
 
@@ -134,7 +138,7 @@ class _Screening:
         self._leader: Refit | None = None
         self._since, self._lock = time.monotonic(), threading.Lock()
 
-    def ends(self, variant: Variant, refit: Refit | None) -> Refit | None:
+    def ends(self, variant: Variant, refit: LookedAt) -> LookedAt:
         """Keeps what a candidate came to; the Jacobian of one far behind the best so far goes at once. All run at the
         same time, so the rest of them takes its share at most."""
         with self._lock:
@@ -184,7 +188,7 @@ class Refinement:
         let_go(ended)
         told = _Screening(self.tell, len(going), "screening", _is_behind)
         further = self._together(lambda refit: told.ends(refit.variant, self.screened_on(refit)), going)
-        kept, eliminated = _in_front([*(refit for refit in further if refit is not None), *ended])
+        kept, eliminated = _in_front([*further, *ended])
         let_go(eliminated)
         if self.lost:
             self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(kept))}")
@@ -262,19 +266,14 @@ class Refinement:
         """Of candidates after a first look those that are screened further, and those that end there: what is hopeless,
         or far behind, even if it comes to what it promises."""
         best = max((refit.gain for refit in first), default=0.0)
-        hopeless = [] if self.lost else list(filter(self.hopeless, first))
-        going = [refit for refit in first if not _far_behind(refit, best) and refit not in hopeless]
+        going = [one for one in first if not _far_behind(one, best) and (self.lost or not self.hopeless(one))]
         return going, [refit for refit in first if refit not in going]
 
-    def screened_on(self, refit: Refit) -> Refit | None:
-        """A candidate after all steps by which it is screened; None where it cannot be simulated."""
+    def screened_on(self, refit: Refit) -> Refit:
+        """A candidate after all steps by which it is screened."""
         if refit.fit.predicted >= ROUGHLY_CONVERGED:
             plan = FitPlan(SCREENING_STEPS - FIRST_LOOK, refit.fit.damping, enough=ROUGHLY_CONVERGED, renew=False)
-            on = self._tried(refit.fit, refit.variant, refit.fit.z, plan, self._columns_of(refit))
-            if on is None:
-                return None
-            refit.fit.lets_go()
-            refit = on
+            refit = self._leg(refit, plan)
         if not refit.promising and self.hopeless(refit):
             refit.fit.lets_go()
         return refit

@@ -75,7 +75,7 @@ def search_stage(
     exactly. Refits that will not count are not led to their ends."""
     tell("all effects")
     quiet = max(start.excess.values()) <= QUIET
-    base, known = converged_base(start) if quiet else start, near
+    base = converged_base(start) if quiet else start
 
     def worth(score: Score) -> bool:
         return score.gain >= HOPELESS * needed(score.variant)
@@ -87,15 +87,15 @@ def search_stage(
         if not seen:
             return SearchStage(base, roughly.scores, (), roughly.null)
         tried = _of_effects({*seen, *COMPENSATED}, tried)
-        near = None
-    at_base = scored_where_likely(base, tried, near)
+    telling = None if beside else near
+    at_base = scored_where_likely(base, tried, telling)
     if at_base.dropped:
         tell(f"all effects but those with which the runs cannot be simulated here: {', '.join(at_base.dropped)}")
     every = at_base.scores
     if not base.converged and not quiet and not (every and every[0].gain > FAR_ABOVE + 10 * base.predicted):
         base = converged_base(start)
         if base is not start:
-            at_base = scored_where_likely(base, tried, near)
+            at_base = scored_where_likely(base, tried, telling)
             every = at_base.scores
     candidates = ranked(every)
     candidates += peaks(every, candidates)
@@ -112,7 +112,7 @@ def search_stage(
     kept = memory or FitMemory()
     kept.ended(fit_name(base.unknowns), base.z)
     refits = Refinement(base, tell, kept, hopeless, tried).best_first(candidates)
-    return SearchStage(base, every, tuple(refits), at_base.null, known if beside else at_base.columns)
+    return SearchStage(base, every, tuple(refits), at_base.null, near if beside else at_base.columns)
 
 
 def scored_where_likely(base: Fit, tried: Sequence[Variant], near: AmountColumns | None) -> ScoredVariants:

@@ -109,11 +109,9 @@ def corrected(table: MagneticTable, error: TableErrorModes, numbers: Array, *, s
     A fit that lacks a cause may have an error with which it is no magnet's table any more, as with a force that repels:
     it is there to be compared with, so of that error the largest share in tenths with which it is one.
     """
+    whole = {name: np.tensordot(numbers, error.nodes[name], axes=1) for name in NODES}
     for tenths in range(10, 0, -1):
-        nodes = {
-            name: scale * (table.nodes[name] + tenths / 10 * np.tensordot(numbers, error.nodes[name], axes=1))
-            for name in NODES
-        }
+        nodes = {name: scale * (table.nodes[name] + tenths / 10 * whole[name]) for name in NODES}
         try:
             return _with_nodes(table, nodes)
         except TableError:

@@ -254,10 +254,10 @@ def readings_of(plant: KernelPlant, data: RunData, out: Array) -> dict[str, Arra
     if plant.parameters.sides:
         currents = currents_before_noise(channels, plant.readings, rate=data.rate)
     voltages = out[:, layout.OUT_VOLTAGE_1 : layout.OUT_VOLTAGE_1 + 2]
-    return readings_by_channel(plant, data, position, currents, voltages, out[:, layout.OUT_V])
+    return _by_channel(plant, data, position, currents, voltages, out[:, layout.OUT_V])
 
 
-def readings_by_channel(
+def _by_channel(
     plant: KernelPlant, data: RunData, position: Array, currents: Array, voltages: Array, velocity: Array
 ) -> dict[str, Array]:
     """Channel to (n_sample,) of what is measured: position and velocity (n_sample,), currents and voltages
@@ -310,7 +310,7 @@ def closed_run(plant: KernelPlant, data: RunData, start: Start, law: CallableLaw
         status, done = _run_linear(looped, data.law, state, history, data.held, data.read, out)
     out[done:] = np.nan
     nowhere = np.full(len(out), np.nan)  # a loop's velocity is no reading
-    return _ended(readings_by_channel(plant, data, out[:, 0], out[:, 1:3], out[:, _VOLTAGES], nowhere), status, done)
+    return _ended(_by_channel(plant, data, out[:, 0], out[:, 1:3], out[:, _VOLTAGES], nowhere), status, done)
 
 
 def _in_loop(plant: KernelPlant) -> SampledPlant:
