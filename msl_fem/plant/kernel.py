@@ -142,64 +142,41 @@ def rates_at(
 def run(
     surface: Surface, parameters: PlantParameters, effects: Array | None, state: Array, commands: Array,
     disturbance: Array, step: float, n_sub: int, out: Array, linear: bool,
+    stretches: tuple[NDArray[np.int64], Array] | None = None,
 ) -> tuple[int, int]:  # fmt: skip
     """(status, whole samples done) of an open-loop run of n samples of n_sub steps each.
 
     commands (n, 2) and disturbance (n,) are held over their samples, with `linear` the commands run straight from one
     to the next, the last one is held; out (n, N_OUT) receives a row a sample (the
     OUT_ columns), taken before the sample's command acts. The state ends where the last good step ended.
+
+    Of stretches (samples (n_stretch, 2) from and to, starts (n_stretch, 4)) all but the first are put to starts of
+    their own; rows are nan behind where one before the last ends early, and what is told is of the last.
     """
     stop, others = parameters.end_stop, parameters._replace(end_stop=None)  # what asks for no stop is compiled once
-    return _run(stop, surface, others, effects, state, commands, disturbance, step, n_sub, out, linear)
+    parts, starts = (np.array([[0, len(out)]]), np.zeros((1, 4))) if stretches is None else stretches
+    return _run(stop, surface, others, effects, state, commands, disturbance, step, n_sub, out, linear, parts, starts)
 
 
 @compiled
 def _run(
     stop: EndStop | None, surface: Surface, parameters: PlantParameters, effects: Rows, state: Array, commands: Array,
-    disturbance: Array, step: float, n_sub: int, out: Array, linear: bool,
+    disturbance: Array, step: float, n_sub: int, out: Array, linear: bool, parts: NDArray[np.int64], starts: Array,
 ) -> tuple[int, int]:  # fmt: skip
     """`run` with the end stop apart."""
-    memory = workspace()
-    e, rows, work, cells = rows_of(effects), rows_of(state), rows_of(memory), cells_of(surface)
-    wanted, pushes, n_sample = commands.ravel(), disturbance.ravel(), len(out)
-    asked, pushed, table = rows_of(wanted), rows_of(pushes), rows_of(out.ravel())
-    ended = run_rows(
-        stop, cells, parameters, e, rows, work, np.inf, asked, pushed, n_sample, step, n_sub, table, linear
-    )
-    keep(memory)
-    keep(wanted)
-    keep(pushes)
-    keep(out)
-    return ended
-
-
-def run_stretches(
-    surface: Surface, parameters: PlantParameters, effects: Array | None, state: Array, commands: Array,
-    disturbance: Array, step: float, n_sub: int, out: Array, linear: bool, parts: NDArray[np.int64], starts: Array,
-) -> None:  # fmt: skip
-    """`run` over stretches, the samples `parts` (n_stretch, 2) from and to; all but the first are put to starts of
-    their own (n_stretch, 4), and rows are nan behind where a stretch ends early."""
-    stop, others = parameters.end_stop, parameters._replace(end_stop=None)
-    _run_stretches(
-        stop, surface, others, effects, state, commands, disturbance, step, n_sub, out, linear, parts, starts
-    )
-
-
-@compiled
-def _run_stretches(
-    stop: EndStop | None, surface: Surface, parameters: PlantParameters, effects: Rows, state: Array, commands: Array,
-    disturbance: Array, step: float, n_sub: int, out: Array, linear: bool, parts: NDArray[np.int64], starts: Array,
-) -> None:  # fmt: skip
-    """`run_stretches` with the end stop apart."""
     memory, before = workspace(), state.copy()
     e, rows, kept, work, cells = (
         rows_of(effects), rows_of(state), rows_of(before), rows_of(memory), cells_of(surface),
     )  # fmt: skip
     wanted, pushes, every, each = commands.ravel(), disturbance.ravel(), out.ravel(), starts.ravel()
     asked, pushed = rows_of(wanted), rows_of(pushes)
+    status, done = OK, 0
     for n in range(len(parts)):
         begin, end = parts[n, 0], parts[n, 1]
         if n:
+            if status != OK:
+                out[done:begin] = np.nan
+                state[X] = np.nan
             restart(rows, kept, rows_of(each[4 * n :]))
             before[:] = state
         begin_rows(parameters, e, rows, work, step)
@@ -207,28 +184,13 @@ def _run_stretches(
             stop, cells, parameters, e, rows, work, np.inf, asked, pushed, end, begin, end, step, n_sub,
             rows_of(every[begin * N_OUT :]), linear,
         )  # fmt: skip
-        if status != OK:
-            out[done:end] = np.nan
-            state[X] = np.nan
     keep(memory)
     keep(before)
     keep(wanted)
     keep(pushes)
     keep(every)
     keep(each)
-
-
-@compiled
-def run_rows(
-    stop: EndStop | None, cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float,
-    commands: Rows, disturbance: Rows, n_sample: int, step: float, n_sub: int, table: Rows, linear: bool,
-) -> tuple[int, int]:  # fmt: skip
-    """The time loop of `run`, for one run or for lanes, n_sample * N_OUT rows; beyond `reach` (m) a lane ends. Commands
-    (2 n_sample rows, those of a sample behind each other) and disturbance are those of all lanes, or of each."""
-    begin_rows(p, e, state, work, step)
-    return rows_between(
-        stop, cells, p, e, state, work, reach, commands, disturbance, n_sample, 0, n_sample, step, n_sub, table, linear
-    )
+    return status, done
 
 
 @compiled
@@ -246,7 +208,9 @@ def rows_between(
     commands: Rows, disturbance: Rows, n_sample: int, begin: int, end: int, step: float, n_sub: int, table: Rows,
     linear: bool,
 ) -> tuple[int, int]:  # fmt: skip
-    """The samples from `begin` to `end` of `run_rows`, the first into the first N_OUT rows of `table`."""
+    """(status, samples done) of the time loop of `run` from the sample `begin` to `end` of n_sample, for one run or for
+    lanes, the first into the first N_OUT rows of `table`; beyond `reach` (m) a lane ends. Commands (2 n_sample rows,
+    those of a sample behind each other) and disturbance are those of all lanes, or of each."""
     status, done = OK, begin
     while done < end and status == OK:
         row = (done - begin) * N_OUT

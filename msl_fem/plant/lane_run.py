@@ -443,8 +443,9 @@ def _alone(
     commands = inputs.for_sides(max(plant.sides, 1))
     out = np.empty((commands.shape[0], N_OUT))
     push, linear = np.asarray(inputs.disturbance), inputs.hold == "linear"
-    parts, starts = settings.stretches(len(out), linear=linear), settings.starts_of(lane)
-    kernel.run_stretches(own, plant, effects, state, commands, push, step, substeps, out, linear, parts, starts)
+    stretches = settings.stretches(len(out), linear=linear), settings.starts_of(lane)
+    _, done = kernel.run(own, plant, effects, state, commands, push, step, substeps, out, linear, stretches)
+    out[done:] = np.nan
     return out
 
 
@@ -453,10 +454,10 @@ def _run_block(
     surface: Surface, block: _Block, commands: Array, disturbance: Array, step: float, n_sub: int,
     columns: NDArray[np.intp], out: Array, parts: NDArray[np.int64], starts: Array, linear: bool,
 ) -> None:  # fmt: skip
-    """`kernel.run_stretches` for eight lanes, with starts (n_stretch, 4, LANES): into `out` (n_column, LANES, n_sample)
-    some of the kernel's columns; a lane that cannot go on is nan from there. Commands (2 n_sample,) and disturbance
-    (n_sample,) are those of all, or with an axis (LANES,) more those of each. What the kernel writes stays in the
-    cache."""
+    """`kernel.run` over stretches for eight lanes, with starts (n_stretch, 4, LANES): into `out` (n_column, LANES,
+    n_sample) some of the kernel's columns; a lane that cannot go on is nan from there. Commands (2 n_sample,) and
+    disturbance (n_sample,) are those of all, or with an axis (LANES,) more those of each. What the kernel writes stays
+    in the cache."""
     e, state, work, cells = rows_of(block.effects), rows_of(block.state), rows_of(block.work), cells_of(surface)
     own = rows_of(block.numbers)
     p = PlantParameters(
