@@ -197,7 +197,10 @@ class Expressions:
     def _subscript(self, node: ast.Subscript) -> Expression:
         base = self.expression(node.value)
         if base.type == FIXED:
-            return constant(base.constant[self.expression(node.slice).constant])
+            index = self.expression(node.slice)
+            if index.known or not (isinstance(node.value, ast.Name) and isinstance(base.constant, np.ndarray)):
+                return constant(base.constant[index.constant])
+            return self.element(node, self._printer.array(base.constant, node.value.id.lower()))
         if isinstance(base.type, Several):
             index = self.expression(node.slice)
             if not index.known:

@@ -3,6 +3,7 @@
 from typing import Any
 
 from msl_fem.export.c_printer import Printer
+from msl_fem.export.c_text import c_rows
 from msl_fem.export.c_types import REAL, WHOLE, Pointer, RecordType, Values
 from msl_fem.plant import kernel, layout, preparation, sampled_plant, user_laws
 from msl_fem.plant.drive import set_timing
@@ -98,7 +99,8 @@ def plant_source(plant: PlantParameters, *, effects: bool, pair: bool = False) -
         printer.add(side_pull, common | {"work": ROWS} | at)
     if effects:
         _add_effects(printer, p, cells)
-    return {"plant_records.h": printer.declarations, "plant_functions.h": printer.definitions}
+    arrays = [f"static const double {name}[] = {{\n{c_rows(values)}\n}};\n" for name, values in printer.arrays]
+    return {"plant_records.h": printer.declarations, "plant_functions.h": "".join([*arrays, printer.definitions])}
 
 
 def _add_effects(printer: Printer, p: RecordType, cells: RecordType) -> None:

@@ -86,10 +86,12 @@ from msl_fem.plant.layout import (
     I1,
     INDUCTANCE,
     KNOWN_1,
+    KNOWN_MEAN,
     KNOWN_SLOPE,
     LIMITED_1,
     MMF,
     MODE,
+    MODE_FOLLOWS_NOW,
     MODE_LOSS,
     MODE_RATE,
     MUTUAL,
@@ -449,7 +451,7 @@ def _eddy_modes(e: Rows, state: Rows, work: Rows, j: int, flux: Value, dy: int) 
         settled = state[ANCHORED] > 0.0
         state[row] = choose(settled, state[row], flux)
         work[Y + row] = choose(settled, work[Y + row], flux)
-        behind = flux - work[Y + row]
+        behind = flux - (work[Y + row] + work[MODE_FOLLOWS_NOW + k] * flux)
         taken = taken + e[magnetic.EDDY_MODE + k] * behind
         lost = lost + e[magnetic.EDDY_MODE + k] * e[magnetic.EDDY_RATE + k] * behind * behind
         work[dy + row] = e[magnetic.EDDY_RATE + k] * behind
@@ -464,6 +466,7 @@ def _electrical_rates(p: PlantParameters, e: Rows, work: Rows, dy: int) -> None:
     for j in range(p.sides):
         circuit = CIRCUIT_1 + j * N_CIRCUIT
         current, voltage = work[circuit + COIL_CURRENT], work[circuit + VOLTAGE]
+        current = choose(work[KNOWN_1 + j * N_KNOWN] > 1.0, work[KNOWN_1 + j * N_KNOWN + KNOWN_MEAN], current)
         loss = work[circuit + RESISTANCE] * current * current
         mutual = work[MUTUAL] * work[CIRCUIT_2 - j * N_CIRCUIT + SLOPE]
         change = work[circuit + INDUCTANCE] * work[circuit + SLOPE] + mutual + work[circuit + EMF]

@@ -2,10 +2,11 @@
 
 Within its voltage limit the loop makes di/dt = w (target - i), whatever circuit and motion do. With effects the same
 holds of what the loop sees: the magnetising currents u go to where the coils' currents are their targets, at the rate
-w/(1 + w L G) that eddy currents leave of w. What couples two sides couples their loops, D du/dt = w (target - i) with
-the matrix D of `coupled_rows`: two exponentials a side, in steps in which no voltage limit acts. The limit acts in a
-straight line first, at the mean of the slopes that it allows when the step begins and where it will cease to act: an
-error of the step's third order, once for each such event.
+w/(1 + w L G) that eddy currents leave of w, times 1 + h where iron takes h of the current on the way.
+What eddy currents in sheets change of it stands in `sheet_modes.py`. What couples two sides couples their loops,
+D du/dt = w (target - i) with the matrix D of `coupled_rows`: two exponentials a side, in steps in which no voltage limit
+acts. The limit acts in a straight line first, at the mean of the slopes that it allows when the step begins and where it
+will cease to act: an error of the step's third order, once for each such event.
 
 Volt-seconds and electrical energy of a step are those of resistance and motion, and the changes of flux linkage and
 field energy, as in an ideal drive whose current jumps.
@@ -14,7 +15,7 @@ field energy, as in an ideal drive whose current jumps.
 import numpy as np
 
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, size, some
+from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, larger, size, some
 from msl_fem.plant.effects import electrical, magnetic
 from msl_fem.plant.equations import coupled_rows, hysteresis, series_iron
 from msl_fem.plant.layout import (
@@ -28,12 +29,16 @@ from msl_fem.plant.layout import (
     INPUTS_END,
     INPUTS_MIDDLE,
     KNOWN_1,
+    KNOWN_2,
     KNOWN_ABOVE,
     KNOWN_CORNER,
     KNOWN_FIELD,
     KNOWN_FLUX,
     KNOWN_LAST,
     KNOWN_LIMITED,
+    KNOWN_MEAN,
+    KNOWN_MEMORY,
+    KNOWN_MISSING,
     KNOWN_SHARED,
     KNOWN_SLOPE,
     KNOWN_SLOPES,
@@ -65,21 +70,32 @@ from msl_fem.plant.poles import (
     moments_together,
     slopes_of_fall,
 )
+from msl_fem.plant.sheet_modes import (
+    beside_modes,
+    end_modes,
+    forget_modes,
+    have_modes,
+    put_beside_modes,
+    put_modes,
+    set_mode_weights,
+    solve_nodes,
+)
 from msl_fem.plant.side import Cells, side_flux, side_gap
 
 _ITERATIONS = 5
+_NO_WAY = 1e-12  # A
 
 
 @compiled
 def is_fast(p: PlantParameters, e: Rows, step: float) -> bool:
-    """Whether a current loop is fast against the step, in one lane at least."""
+    """Whether a current loop is fast against the step, or modes are known in closed form, in one lane at least."""
     if p.drive != CURRENT_DRIVE:
         return False
     if e is None:
         return not np.isinf(first(p.bandwidth)) and some(p.bandwidth * step > FAST)
     else:
         w = e[electrical.BANDWIDTH]
-        return not np.isinf(first(w)) and some(w * step > FAST)
+        return not np.isinf(first(w)) and (some(w * step > FAST) or have_modes(e))
 
 
 @compiled
@@ -91,13 +107,33 @@ def set_aside_limits(work: Rows) -> None:
 
 
 @compiled
-def begin_corners(p: PlantParameters, e: Rows, work: Rows) -> None:
+def keep_begin(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float) -> None:
+    """Keeps flux linkages and field energies of a step's begin, Y = `state`."""
+    if e is not None:
+        set_mode_weights(e, work, step)
+    if p.sides == 2:
+        set_mutual_flux(cells, p, e, work, state[I1], state[I1 + 1])
+        work[SHARED_BEFORE] = work[SHARED_ENERGY]
+    for j in range(p.sides):
+        row = KNOWN_1 + j * N_KNOWN
+        _, flux, stored = side_flux(cells, p, e, work, j, state[I1 + j], side_gap(p, e, work, j))
+        if p.sides == 2:
+            own = work[CIRCUIT_1 + j * N_CIRCUIT + SHARED_FLUX]
+            flux = flux + own
+            work[row + KNOWN_SHARED] = own
+        work[row + KNOWN_FLUX] = flux
+        work[row + KNOWN_FIELD] = stored
+
+
+@compiled
+def begin_corners(p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
     """Into the rows of each side where its current goes and at what rate, from Y = the step's begin, and the slope of
     the begin as that where its voltage limit ceases to act, to begin with."""
     for j in range(p.sides):
         row = KNOWN_1 + j * N_KNOWN
-        work[row + KNOWN_VALUE] = work[Y + I1 + j] - _missing(p, e, work, j)
-        work[row + KNOWN_VALUE + 1] = _rate(p, e, work, j)
+        above, rate = beside_modes(e, state, work, j, _missing(p, e, work, j), _rate(p, e, work, j))
+        work[row + KNOWN_VALUE] = work[Y + I1 + j] - above
+        work[row + KNOWN_VALUE + 1] = rate
         work[row + KNOWN_CORNER] = work[SLOPES + I1 + j]
 
 
@@ -115,10 +151,11 @@ def put_corner_currents(p: PlantParameters, state: Rows, work: Rows, step: float
 
 @compiled
 def keep_corner_slopes(p: PlantParameters, work: Rows) -> None:
-    """The slopes of the fourth stage's rows as those where voltage limits cease to act, where they act."""
+    """The slopes of the fourth stage's rows as those where voltage limits cease to act, where they act: to the side to
+    which they do at the step's begin."""
     for j in range(p.sides):
-        row = KNOWN_1 + j * N_KNOWN + KNOWN_CORNER
-        work[row] = choose(work[LIMITED_1 + j] > 0.0, work[SLOPES_4 + I1 + j], work[row])
+        row, found = KNOWN_1 + j * N_KNOWN + KNOWN_CORNER, work[SLOPES_4 + I1 + j]
+        work[row] = choose((work[LIMITED_1 + j] > 0.0) & (found * work[SLOPES + I1 + j] > 0.0), found, work[row])
 
 
 @compiled
@@ -127,31 +164,28 @@ def set_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, w
     whether the voltage limit acts there."""
     if p.sides == 2:
         set_mutual_flux(cells, p, e, work, state[I1], state[I1 + 1])
-        work[SHARED_BEFORE] = work[SHARED_ENERGY]
+    for j in range(p.sides):
+        above = _above(p, e, work, j)
+        work[KNOWN_1 + j * N_KNOWN + KNOWN_MISSING] = above
+        if e is not None:
+            above = _with_memory(cells, p, e, state, work, j, above)
+            _heed_limit(e, state, work, j, above, step)
+        work[KNOWN_1 + j * N_KNOWN + KNOWN_ABOVE] = above
     free = (work[LIMITED_1] + work[LIMITED_1 + 1]) == 0.0
     for j in range(p.sides):
-        above = _above(cells, p, e, state, work, j)
-        _set_side(p, e, state, work, j, above, step)
-        row = KNOWN_1 + j * N_KNOWN
-        work[row + KNOWN_ABOVE] = above
-        _, flux, stored = side_flux(cells, p, e, work, j, state[I1 + j], side_gap(p, e, work, j))
-        if p.sides == 2:
-            own = work[CIRCUIT_1 + j * N_CIRCUIT + SHARED_FLUX]
-            flux = flux + own
-            work[row + KNOWN_SHARED] = own
-        work[row + KNOWN_FLUX] = flux
-        work[row + KNOWN_FIELD] = stored
+        _set_side(p, e, state, work, j, free, step)
     if p.sides == 2:
         _couple_sides(p, e, state, work, free, step)
+    if e is not None:
+        _with_modes(p, e, state, work, free, step)
 
 
 @compiled
-def _above(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int) -> Value:
+def _above(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
     """What the magnetising current of side j is above where it goes, at the mean target of the step."""
     above = _missing(p, e, work, j)
     if e is not None:
         above = above + e[magnetic.SHARE] * _missing(p, e, work, 1 - j)
-        above = _with_memory(cells, p, e, state, work, j, above)
     return above
 
 
@@ -193,6 +227,8 @@ def _missing(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
 def _with_memory(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, above: Value) -> Value:
     """What the magnetising current of side j is above where it goes: there, memory and iron in series take another
     part of the coil's current than here. Fixed-point iteration; that part is a small share of the current."""
+    row = KNOWN_1 + j * N_KNOWN + KNOWN_MEMORY
+    work[row] = 0.0
     if not (some(e[magnetic.HYSTERESIS_SLOPE] > 0.0) or some(e[magnetic.IRON_LOW] + e[magnetic.IRON_KNEE] > 0.0)):
         return above
     u, gap, moved = work[Y + I1 + j], side_gap(p, e, work, j), above
@@ -204,22 +240,40 @@ def _with_memory(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: R
             taken = part
         else:
             moved = choose(inside, above + (part - taken), moved)
+    moves = size(moved) > _NO_WAY
+    work[row] = choose(moves, larger((above - moved) / choose(moves, moved, 1.0), 0.0), 0.0)
     return moved
 
 
 @compiled
-def _set_side(p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, above: Value, step: float) -> None:
-    """The rows of side j, whose current is `above` the mean target."""
+def _heed_limit(e: Rows, state: Rows, work: Rows, j: int, above: Value, step: float) -> None:
+    """Lets the voltage limit of side j be, where modes of eddy currents fade: the current, which is hardly off, has to
+    go the other way."""
+    stays, rate = beside_modes(e, state, work, j, above, e[electrical.BANDWIDTH])
+    away = stays + _target(work, j)[1] * (0.5 + 1.0 / (rate * step))
+    lets = (e[magnetic.EDDY_EXACT] > 0.0) & (work[SLOPES + I1 + j] * away >= 0.0)
+    work[LIMITED_1 + j] = choose(lets, 0.0, work[LIMITED_1 + j])
+
+
+@compiled
+def _set_side(p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, free: Flag, step: float) -> None:
+    """The rows of side j, for itself; `free` where no voltage limit is in the way of any."""
     row, rate = KNOWN_1 + j * N_KNOWN, _rate(p, e, work, j)
-    z, rise, slope = rate * step, _target(work, j)[1], work[SLOPES + I1 + j]
+    above, fast = work[row + KNOWN_ABOVE], choose(rate * step > FAST, 1.0, 0.0)
+    if e is not None:
+        rate = rate * (1.0 + work[row + KNOWN_MEMORY])
+        among, stiffer = beside_modes(e, state, work, j, above, rate)
+        above, rate = choose(free, above, among), choose(free, rate, stiffer)
+        fast = choose(free & (e[magnetic.EDDY_EXACT] > 0.0), 1.0, fast)
+    rise, slope, limited = _target(work, j)[1], work[SLOPES + I1 + j], work[LIMITED_1 + j] > 0.0
+    z = rate * step
     away = above + rise * (0.5 + 1.0 / z)
-    limited = work[LIMITED_1 + j] > 0.0
     line, corner = z - z, 1.0 + (z - z)
     if some(limited):
         later = work[row + KNOWN_CORNER]
         line, corner = limited_line(away, 0.5 * (slope + later) * step, later * step, z)
         line, corner = choose(limited, line, 0.0), choose(limited, corner, 1.0)
-    known = (z > FAST) & (line < 1.0)
+    known = (fast > 0.0) & (line < 1.0)
     work[LIMITED_1 + j] = work[row + KNOWN_LIMITED]
     work[row] = choose(known, 1.0, 0.0)
     m_0, square, m_s, last = fall_moments(z, line, corner)
@@ -277,6 +331,34 @@ def _couple_sides(p: PlantParameters, e: Rows, state: Rows, work: Rows, free: Fl
 
 
 @compiled
+def _with_modes(p: PlantParameters, e: Rows, state: Rows, work: Rows, free: Flag, step: float) -> None:
+    """Into the rows of the sides what eddy currents in sheets change, no voltage limit in the way."""
+    if not have_modes(e):
+        return
+    solve_nodes(p, e, state, work, step)
+    where = free & (e[magnetic.EDDY_EXACT] > 0.0)
+    for j in range(p.sides):
+        put_beside_modes(e, state, work, j, where, step)
+    for j in range(p.sides):
+        row = KNOWN_1 + j * N_KNOWN
+        work[row] = choose(where, 2.0, work[row])
+        work[row + KNOWN_MEAN] = _mean_current(p, e, state, work, j, step)
+
+
+@compiled
+def _mean_current(p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, step: float) -> Value:
+    """Of the coil of side j over the step, by what its loop makes of the magnetising currents (A)."""
+    share, own, other = e[magnetic.SHARE], KNOWN_1 + j * N_KNOWN, KNOWN_2 - j * N_KNOWN
+    inductance, mutual = work[CIRCUIT_1 + j * N_CIRCUIT + INDUCTANCE], work[MUTUAL]
+    moved = (1.0 + share * (mutual / inductance)) * (work[own + KNOWN_LAST] - state[I1 + j])
+    if p.sides == 2:
+        of_other = work[CIRCUIT_2 - j * N_CIRCUIT + INDUCTANCE]
+        moved = moved + (mutual + share * of_other) / inductance * (work[other + KNOWN_LAST] - state[I1 + 1 - j])
+        moved = moved + share * work[CIRCUIT_2 - j * N_CIRCUIT + EMF] / inductance * step
+    return _target(work, j)[0] - moved / (e[electrical.BANDWIDTH] * step)
+
+
+@compiled
 def _rates_together(p: PlantParameters, e: Rows, work: Rows, step: float) -> Four:
     """Z of both sides, d(u)/ds = -Z (u - where it goes) over a step, its rows one after the other."""
     l_1, l_2 = work[CIRCUIT_1 + INDUCTANCE], work[CIRCUIT_2 + INDUCTANCE]
@@ -287,12 +369,19 @@ def _rates_together(p: PlantParameters, e: Rows, work: Rows, step: float) -> Fou
     scale = w * step * unmix / (own_1 * own_2 - other_1 * other_2)
     z_11, z_12 = own_2 + share * other_1, 0.0 - (other_1 + share * own_2)
     z_21, z_22 = 0.0 - (other_2 + share * own_1), own_1 + share * other_2
-    return scale * z_11, scale * z_12, scale * z_21, scale * z_22
+    if e is None:
+        return scale * z_11, scale * z_12, scale * z_21, scale * z_22
+    else:
+        by_1, by_2 = scale * (1.0 + work[KNOWN_1 + KNOWN_MEMORY]), scale * (1.0 + work[KNOWN_2 + KNOWN_MEMORY])
+        return by_1 * z_11, by_2 * z_12, by_1 * z_21, by_2 * z_22
 
 
 @compiled
-def put_known_currents(p: PlantParameters, work: Rows, instant: int) -> None:
-    """The currents of begin, middle or end (0, 1, 2) of a step into Y, where they are known."""
+def put_known_currents(p: PlantParameters, e: Rows, state: Rows, work: Rows, instant: int) -> None:
+    """The currents of begin, middle or end (0, 1, 2) of a step into Y, where they are known, and the modes of eddy
+    currents."""
+    if e is not None:
+        put_modes(p, e, state, work, instant)
     for j in range(p.sides):
         row = KNOWN_1 + j * N_KNOWN
         work[Y + I1 + j] = choose(work[row] > 0.0, work[row + KNOWN_VALUE + instant], work[Y + I1 + j])
@@ -303,6 +392,8 @@ def put_known_currents(p: PlantParameters, work: Rows, instant: int) -> None:
 def end_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> Flag:
     """Puts the known currents of the step's end into Y, and what they add to volt-seconds and energy."""
     inside = work[Y] == work[Y]
+    if e is not None:
+        put_modes(p, e, state, work, 2)
     for j in range(p.sides):
         row = KNOWN_1 + j * N_KNOWN
         work[Y + I1 + j] = choose(work[row] > 0.0, work[row + KNOWN_LAST], work[Y + I1 + j])
@@ -321,10 +412,14 @@ def end_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, w
         if e is not None and p.sides == 2:
             other = Y + VOLT_SECONDS_1 + 1 - j
             work[other] = work[other] + e[magnetic.SHARE] * change
-        energy = choose(known, stored - work[row + KNOWN_FIELD], 0.0)
+        energy = stored - work[row + KNOWN_FIELD]
+        if e is not None:
+            energy = energy + end_modes(e, state, work, j, flux)
+        energy = choose(known, energy, 0.0)
         work[Y + ENERGY_ELECTRICAL] = work[Y + ENERGY_ELECTRICAL] + energy
         work[LIMITED_1 + j] = choose(known, work[row + KNOWN_LIMITED], work[LIMITED_1 + j])
         work[row] = 0.0
+    forget_modes(work)
     return inside
 
 

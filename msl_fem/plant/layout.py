@@ -107,20 +107,34 @@ STEPS_DONE = _WORK.row()  # of the last call
 SENSOR_WEIGHTS = _WORK.row(5)
 COIL_READING_WEIGHTS = _WORK.row(5)  # the same of the coils' field on its way to the position sensor
 DRIVE_FALL, DRIVE_RAMP = _WORK.rows(2, 4)
-# Currents of a loop that is fast against the step (`fast_loop.py`), side 1, then side 2: whether they are known (0 or
-# 1), then their values at begin, middle and end of a step and behind it, what stands for their slopes (A/s), the one
+# Currents of a loop that is fast against the step (`fast_loop.py`), side 1, then side 2: whether they are known (0, 1
+# or 2), then their values at begin, middle and end of a step and behind it, what stands for their slopes (A/s), the one
 # of the stage; flux linkage (Wb) and field energy (J) at the step's begin, whether the limit had been met before
-N_KNOWN = 15
+N_KNOWN = 18
 KNOWN_1, KNOWN_2 = _WORK.rows(2, N_KNOWN)
 KNOWN_VALUE, KNOWN_LAST, KNOWN_SLOPES, KNOWN_SLOPE, KNOWN_FLUX, KNOWN_FIELD, KNOWN_LIMITED = 1, 4, 5, 8, 9, 10, 11
 KNOWN_SHARED = 12  # what of that flux linkage the sides have in common (Wb)
 KNOWN_CORNER = 13  # slope (A/s) where a voltage limit will cease to act, without one that of the step's begin
 KNOWN_ABOVE = 14  # what the current is above where it goes (A)
+# The same but for what memory and iron in series take on the way, and what they take over the way
+KNOWN_MISSING, KNOWN_MEMORY = 15, 16
+KNOWN_MEAN = 17  # of the coil's current over the step (A), beside modes of eddy currents: there known is 2
 CIRCUIT_1, CIRCUIT_2 = _WORK.rows(2, N_CIRCUIT)
 TILTED = _WORK.row(4 * N_BLOCK)  # cells at either end of a tilted face: side 1's lower and upper gap, then side 2's
 SHARED = _WORK.row(N_MUTUAL)  # the cell of the coenergy of both sides
 # Of that coenergy: mutual inductance (H), force along +x (N), field energy (J), that at the begin of a step
 MUTUAL, SHARED_PULL, SHARED_ENERGY, SHARED_BEFORE = _WORK.rows(4)
+# Eddy currents in sheets over such a step (`sheet_modes.py`): its length for which weights are there; what is left of
+# a mode at each instant; what modes take together at a node, of a unit slope at each; at end and middle what a mode
+# answers to unevenly rising flux, and to an even rise, which follows the flux of that instant, and the share that does
+# so now; slopes of currents (A) and flux linkages (Wb) at the nodes of each side, equations of these
+N_NODE = 3
+MODE_STEP = _WORK.row()
+MODE_DECAY = _WORK.row((N_NODE + 1) * N_EDDY)
+MODE_SUM = _WORK.row(N_NODE * N_NODE)
+MODE_EVEN, MODE_FOLLOWS, MODE_FOLLOWS_NOW = (_WORK.row(n * N_EDDY) for n in (2 * N_NODE, 2, 1))
+MODE_NODES_1, MODE_NODES_2, MODE_STILL_1, MODE_STILL_2, MODE_RISE_1, MODE_RISE_2 = _WORK.rows(6, N_NODE)
+MODE_MATRIX = _WORK.row(2 * N_NODE * (2 * N_NODE + 1))
 N_WORK = _WORK.size
 
 _OUT = RowLayout()

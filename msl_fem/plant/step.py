@@ -22,6 +22,7 @@ from msl_fem.plant.fast_loop import (
     begin_corners,
     end_known_currents,
     is_fast,
+    keep_begin,
     keep_corner_slopes,
     put_corner_currents,
     put_known_currents,
@@ -108,7 +109,7 @@ def _find_corners(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: 
     """The slopes where voltage limits will cease to act, by fixed-point iteration; Y and its circuits are those of the
     step's begin, before and behind."""
     inside = state[X] == state[X]
-    begin_corners(p, e, work)
+    begin_corners(p, e, state, work)
     for _ in range(_CORNERS):
         put_corner_currents(p, state, work, step)
         inside = inside & slopes(cells, p, e, state, work, 3, 0, False)
@@ -127,6 +128,7 @@ def try_step(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows,
     if fast:
         set_aside_limits(work)
         inside = inside & slopes(cells, p, e, state, work, 0, 0, True)
+        keep_begin(cells, p, e, state, work, step)
         if some(work[LIMITED_1] + work[LIMITED_1 + 1] > 0.0):
             inside = inside & _find_corners(cells, p, e, state, work, step)
         set_known_currents(cells, p, e, state, work, step)
@@ -137,7 +139,7 @@ def try_step(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows,
             for n in range(n_integrated):
                 work[Y + n] = fma(share, work[before + n], state[n])
         if fast:
-            put_known_currents(p, work, (stage + 1) // 2)
+            put_known_currents(p, e, state, work, (stage + 1) // 2)
         inside = inside & slopes(cells, p, e, state, work, stage, (stage + 1) // 2, stage == 0 and not fast)
     for n in range(n_integrated):
         middle = work[SLOPES_2 + n] + work[SLOPES_3 + n]

@@ -16,6 +16,8 @@ from msl_fem.plant.effects.entry import (
     bending_current,
 )
 from msl_fem.plant.effects.mechanisms import N_STOP, NEVER
+from msl_fem.plant.plant import CURRENT_DRIVE
+from msl_fem.plant.poles import FAST
 
 EDDY_POLES = (10.17067, 56.01754, 259.6983, 1207.056, 5630.229, 26236.98, 121623.5, 640639.6)
 EDDY_WEIGHTS = (6.440684, 11.03928, 23.59937, 51.05253, 110.3756, 237.6201, 512.1397, 1530.075)
@@ -30,6 +32,7 @@ TILT = LAYOUT.row()  # from the middle to the outer points of a face, m
 SHARE, UNMIX = LAYOUT.rows(2)  # share of the other side's current; 1/(1 - share^2)
 EDDY = LAYOUT.row()  # conductance of the eddy loop, 1/ohm
 EDDY_MODE, EDDY_RATE = LAYOUT.rows(2, N_EDDY)  # modes of the eddy currents: current over flux, A/Wb; rates, 1/s
+EDDY_EXACT = LAYOUT.row()  # whether they are known in closed form over a step (0 or 1): beside a fast current loop
 HYSTERESIS_SLOPE, HYSTERESIS_WIDTH = LAYOUT.rows(2, N_STOP)  # of the stops, A/Wb; their widths, Wb
 HYSTERESIS_STRETCH = LAYOUT.row()  # of what the stops follow: y = lambda + stretch lambda^3, Wb^-2
 HYSTERESIS_BROADENING = LAYOUT.row()  # and of y: z = asinh(gamma y)/gamma, 1/Wb
@@ -103,11 +106,15 @@ def _eddy_currents(e: Array, v: Values, setting: KernelSetting) -> None:
     together as late as the mode: over T nothing jumps."""
     conductance = v["eddy_currents", "time_constant"] / setting.inductance
     diffusion = v["eddy_currents", "diffusion_time"]
+    bandwidth = setting.plant.bandwidth * (1.0 + v["amplifier_bandwidth", "bandwidth_error"])
+    fast = setting.plant.drive == CURRENT_DRIVE and FAST < bandwidth * setting.step < math.inf
+    exact = fast and conductance > 0.0 and diffusion > 0.0
+    e[EDDY_EXACT] = 1.0 if exact else 0.0
     at_once = 1.0
     for k, (pole, weight) in enumerate(zip(EDDY_POLES, EDDY_WEIGHTS, strict=True)):
         steps = diffusion / (pole * setting.step)
         if conductance and diffusion:
-            share, rate = (1.0, pole / diffusion) if steps > 1.0 else (steps, 1.0 / setting.step)
+            share, rate = (1.0, pole / diffusion) if exact or steps > 1.0 else (steps, 1.0 / setting.step)
             e[EDDY_MODE + k] = share * weight / pole * conductance * rate
             e[EDDY_RATE + k] = rate
             at_once -= share * weight / pole
