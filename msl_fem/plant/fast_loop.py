@@ -2,11 +2,11 @@
 
 Within its voltage limit the loop makes di/dt = w (target - i), whatever circuit and motion do. With effects the same
 holds of what the loop sees: the magnetising currents u go to where the coils' currents are their targets, at the rate
-w/(1 + w L G) that eddy currents leave of w, times 1 + h where iron takes h of the current on the way.
-What eddy currents in sheets change of it stands in `sheet_modes.py`. What couples two sides couples their loops,
-D du/dt = w (target - i) with the matrix D of `coupled_rows`: two exponentials a side, in steps in which no voltage limit
-acts. The limit acts in a straight line first, at the mean of the slopes that it allows when the step begins and where it
-will cease to act: an error of the step's third order, once for each such event.
+w/(1 + w L G) that eddy currents leave of w, times 1 + h where iron takes h of the current on the way. What eddy
+currents in sheets change of it stands in `sheet_modes.py`. What couples two sides couples their loops,
+D du/dt = w (target - i) with the matrix D of `coupled_rows`: two exponentials a side, in steps in which no voltage
+limit acts. The limit acts in a straight line first, at the mean of the slopes that it allows when the step begins and
+where it will cease to act: an error of the step's third order, once for each such event.
 
 Volt-seconds and electrical energy of a step are those of resistance and motion, and the changes of flux linkage and
 field energy, as in an ideal drive whose current jumps.
@@ -162,8 +162,6 @@ def keep_corner_slopes(p: PlantParameters, work: Rows) -> None:
 def set_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float) -> None:
     """Currents of a step into the rows of each side, from Y = `state` with its slopes in the first stage's rows and
     whether the voltage limit acts there."""
-    if p.sides == 2:
-        set_mutual_flux(cells, p, e, work, state[I1], state[I1 + 1])
     for j in range(p.sides):
         above = _above(p, e, work, j)
         work[KNOWN_1 + j * N_KNOWN + KNOWN_MISSING] = above
