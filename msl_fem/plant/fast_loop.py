@@ -25,9 +25,6 @@ from msl_fem.plant.layout import (
     ENERGY_ELECTRICAL,
     I1,
     INDUCTANCE,
-    INPUTS_BEGIN,
-    INPUTS_END,
-    INPUTS_MIDDLE,
     KNOWN_1,
     KNOWN_2,
     KNOWN_ABOVE,
@@ -53,7 +50,6 @@ from msl_fem.plant.layout import (
     SHARED_FLUX,
     SLOPES,
     SLOPES_4,
-    TARGET_1,
     VOLT_SECONDS_1,
     Y,
 )
@@ -66,7 +62,6 @@ from msl_fem.plant.poles import (
     fall_moments,
     falls_together,
     limited_line,
-    mean_and_rise,
     moments_together,
     slopes_of_fall,
 )
@@ -75,6 +70,7 @@ from msl_fem.plant.sheet_modes import (
     end_modes,
     forget_modes,
     have_modes,
+    mean_target,
     put_beside_modes,
     put_modes,
     set_mode_weights,
@@ -188,14 +184,6 @@ def _above(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
 
 
 @compiled
-def _target(work: Rows, j: int) -> tuple[Value, Value]:
-    """(mean, rise) over a step of what the loop of side j aims at."""
-    begin, middle = work[INPUTS_BEGIN + TARGET_1 + j], work[INPUTS_MIDDLE + TARGET_1 + j]
-    end = work[INPUTS_END + TARGET_1 + j]
-    return mean_and_rise(begin, middle, end)
-
-
-@compiled
 def _rate(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
     """The rate in 1/s at which the current of side j goes to its target."""
     if e is None:
@@ -218,7 +206,7 @@ def _missing(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
         if some(size(share) > 0.0):
             inductance, of_other = work[CIRCUIT_1 + j * N_CIRCUIT + INDUCTANCE], work[CIRCUIT_2 - j * N_CIRCUIT + EMF]
             current = current + share * of_other / (e[electrical.BANDWIDTH] * inductance)
-    return current - _target(work, j)[0]
+    return current - mean_target(work, j)[0]
 
 
 @compiled
@@ -247,8 +235,10 @@ def _with_memory(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: R
 def _heed_limit(e: Rows, state: Rows, work: Rows, j: int, above: Value, step: float) -> None:
     """Lets the voltage limit of side j be, where modes of eddy currents fade: the current, which is hardly off, has to
     go the other way."""
+    if not have_modes(e):
+        return
     stays, rate = beside_modes(e, state, work, j, above, e[electrical.BANDWIDTH])
-    away = stays + _target(work, j)[1] * (0.5 + 1.0 / (rate * step))
+    away = stays + mean_target(work, j)[1] * (0.5 + 1.0 / (rate * step))
     lets = (e[magnetic.EDDY_EXACT] > 0.0) & (work[SLOPES + I1 + j] * away >= 0.0)
     work[LIMITED_1 + j] = choose(lets, 0.0, work[LIMITED_1 + j])
 
@@ -263,7 +253,7 @@ def _set_side(p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, free
         among, stiffer = beside_modes(e, state, work, j, above, rate)
         above, rate = choose(free, above, among), choose(free, rate, stiffer)
         fast = choose(free & (e[magnetic.EDDY_EXACT] > 0.0), 1.0, fast)
-    rise, slope, limited = _target(work, j)[1], work[SLOPES + I1 + j], work[LIMITED_1 + j] > 0.0
+    rise, slope, limited = mean_target(work, j)[1], work[SLOPES + I1 + j], work[LIMITED_1 + j] > 0.0
     z = rate * step
     away = above + rise * (0.5 + 1.0 / z)
     line, corner = z - z, 1.0 + (z - z)
@@ -314,7 +304,7 @@ def _couple_sides(p: PlantParameters, e: Rows, state: Rows, work: Rows, free: Fl
         return
     z_11, z_12, z_21, z_22 = _rates_together(p, e, work, step)
     determinant = z_11 * z_22 - z_12 * z_21
-    rise_1, rise_2 = _target(work, 0)[1], _target(work, 1)[1]
+    rise_1, rise_2 = mean_target(work, 0)[1], mean_target(work, 1)[1]
     away_1 = work[KNOWN_1 + KNOWN_ABOVE] + 0.5 * rise_1 + (z_22 * rise_1 - z_12 * rise_2) / determinant
     away_2 = work[second + KNOWN_ABOVE] + 0.5 * rise_2 + (z_11 * rise_2 - z_21 * rise_1) / determinant
     faster, slower, (p_1, q_1, p_2, q_2) = falls_together((z_11, z_12, z_21, z_22), away_1, away_2)
@@ -353,7 +343,7 @@ def _mean_current(p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, 
         of_other = work[CIRCUIT_2 - j * N_CIRCUIT + INDUCTANCE]
         moved = moved + (mutual + share * of_other) / inductance * (work[other + KNOWN_LAST] - state[I1 + 1 - j])
         moved = moved + share * work[CIRCUIT_2 - j * N_CIRCUIT + EMF] / inductance * step
-    return _target(work, j)[0] - moved / (e[electrical.BANDWIDTH] * step)
+    return mean_target(work, j)[0] - moved / (e[electrical.BANDWIDTH] * step)
 
 
 @compiled
@@ -417,7 +407,8 @@ def end_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, w
         work[Y + ENERGY_ELECTRICAL] = work[Y + ENERGY_ELECTRICAL] + energy
         work[LIMITED_1 + j] = choose(known, work[row + KNOWN_LIMITED], work[LIMITED_1 + j])
         work[row] = 0.0
-    forget_modes(work)
+    if e is not None:
+        forget_modes(e, work)
     return inside
 
 

@@ -61,7 +61,7 @@ _ROOT_6 = 6.0**0.5
 NODES = np.array([0.4 - 0.1 * _ROOT_6, 0.4 + 0.1 * _ROOT_6, 1.0])
 """Of Radau's rule with three, as shares of a step."""
 INSTANTS = np.array([*NODES, 0.5])
-END, MIDDLE = 2, 3  # of these
+END = 2  # of these
 _FALLING = 20  # terms of a series of moments, for a mode that decays by less than e over the time
 
 
@@ -261,16 +261,17 @@ def beside_modes(e: Rows, state: Rows, work: Rows, j: int, above: Value, rate: V
 @compiled
 def _target_rise(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
     """What the target of side j, and its share of the other one's, rises by over the step, in A."""
-    rise = _rise(work, j)
+    rise = mean_target(work, j)[1]
     if p.sides == 2:
-        rise = rise + e[magnetic.SHARE] * _rise(work, 1 - j)
+        rise = rise + e[magnetic.SHARE] * mean_target(work, 1 - j)[1]
     return rise
 
 
 @compiled
-def _rise(work: Rows, j: int) -> Value:
+def mean_target(work: Rows, j: int) -> tuple[Value, Value]:
+    """(mean, rise) over a step of what the loop of side j aims at."""
     begin, middle = work[INPUTS_BEGIN + TARGET_1 + j], work[INPUTS_MIDDLE + TARGET_1 + j]
-    return mean_and_rise(begin, middle, work[INPUTS_END + TARGET_1 + j])[1]
+    return mean_and_rise(begin, middle, work[INPUTS_END + TARGET_1 + j])
 
 
 @compiled
@@ -330,8 +331,10 @@ def end_modes(e: Rows, state: Rows, work: Rows, j: int, flux: Value) -> Value:
 
 
 @compiled
-def forget_modes(work: Rows) -> None:
+def forget_modes(e: Rows, work: Rows) -> None:
     """Behind a step, nothing is known of the modes but where they are."""
+    if not have_modes(e):
+        return
     for k in range(N_EDDY):
         work[MODE_FOLLOWS_NOW + k] = 0.0
 
