@@ -7,7 +7,8 @@ white noise and a normal prior of d the starts are eliminated,
 
     d = -(S'S + 1)^-1 S'r,   what is left is r + S d
 
-(the Schur complement of their block). What else the state holds goes on from stretch to stretch.
+(the Schur complement of their block). What else the state holds goes on from stretch to stretch
+(`plant.restart`).
 """
 
 from collections.abc import Sequence

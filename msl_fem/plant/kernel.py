@@ -177,7 +177,8 @@ def _run(
             if status != OK:
                 out[done:begin] = np.nan
                 state[X] = np.nan
-            restart(rows, kept, rows_of(each[4 * n :]))
+            length = (begin - parts[n - 1, 0]) * n_sub * step
+            restart(cells, parameters, e, rows, kept, rows_of(each[4 * n :]), work, length)
             before[:] = state
         begin_rows(parameters, e, rows, work, step)
         status, done = rows_between(

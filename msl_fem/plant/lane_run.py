@@ -491,7 +491,8 @@ def _run_block(
     asked, pushed, table, kept = rows_of(commands), rows_of(disturbance), rows_of(written), rows_of(before)
     for m in range(len(parts)):
         if m:
-            restart(state, kept, rows_of(starts[m]))
+            length = (parts[m, 0] - parts[m - 1, 0]) * n_sub * step
+            restart(cells, p, e, state, kept, rows_of(starts[m]), work, length)
             before[:] = block.state
         kernel.begin_rows(p, e, state, work, step)
         end = parts[m, 1]

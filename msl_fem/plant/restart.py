@@ -3,16 +3,27 @@
 import numpy as np
 
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Rows, choose
+from msl_fem.computing.lanes import Rows, Value, choose, exponential, some
+from msl_fem.plant.effects import magnetic
 from msl_fem.plant.effects.electrical import N_QUEUE
+from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.layout import (
     ANCHOR_X,
+    BASE,
+    CIRCUIT_1,
     COIL_1,
     COIL_2,
+    EDDY_FLUX_1,
     HELD,
     I1,
+    KNOWN_1,
+    KNOWN_FLUX,
+    KNOWN_VALUE,
     LAG_1,
     LAG_2,
+    MODE_FOLLOWS_NOW,
+    N_CIRCUIT,
+    N_KNOWN,
     N_STATE,
     OUTPUT_1,
     OUTPUT_2,
@@ -21,12 +32,18 @@ from msl_fem.plant.layout import (
     QUEUE_1,
     QUEUE_2,
     SENSOR,
+    SHARED_FLUX,
     SLEW_1,
     SLEW_2,
     V,
     X,
+    Y,
 )
+from msl_fem.plant.mutual_flux import set_mutual_flux
+from msl_fem.plant.plant import PlantParameters
+from msl_fem.plant.side import Cells, side_gap, side_with_effects
 
+_ITERATIONS = 3
 _OF_TIME = np.zeros(N_STATE, dtype=bool)
 """Rows that time and commands alone move."""
 _OF_TIME[[PHASE_COSINE, PHASE_SINE, OUTPUT_1, OUTPUT_2, SLEW_1, SLEW_2, LAG_1, LAG_2]] = True
@@ -35,8 +52,11 @@ for _begin in (QUEUE_1, QUEUE_2):
 
 
 @compiled
-def restart(state: Rows, kept: Rows, starts: Rows) -> None:
-    """Puts a state (N_STATE rows) to a start (4 rows): currents, position, velocity.
+def restart(
+    cells: Cells, p: PlantParameters, e: Rows, state: Rows, kept: Rows, starts: Rows, work: Rows, length: float
+) -> None:  # fmt: skip
+    """Puts a state (N_STATE rows) to a start (4 rows), `length` seconds behind the one before: currents, position,
+    velocity.
 
     Where a stretch has left table or range, its state is taken from `kept`, the state at the begin of that stretch;
     phases and commands that wait have gone on. Sensor and friction's memory are moved with the position, for which that
@@ -49,13 +69,90 @@ def restart(state: Rows, kept: Rows, starts: Rows) -> None:
         if _OF_TIME[n]:
             value = choose(state[n] - state[n] == 0.0, state[n], value)
         state[n] = value
+    if e is not None:
+        _keep_modes(cells, p, e, state, work, length)
     for side in range(2):
         by = starts[side] - state[COIL_1 + side]
         state[I1 + side] = state[I1 + side] + by
         state[COIL_1 + side] = state[COIL_1 + side] + by
+        work[KNOWN_1 + side * N_KNOWN + KNOWN_VALUE] = work[KNOWN_1 + side * N_KNOWN + KNOWN_VALUE] + by
     by = starts[2] - state[X]
     state[SENSOR] = state[SENSOR] + by
     state[ANCHOR_X] = state[ANCHOR_X] + by
     state[X] = starts[2]
     state[V] = starts[3]
     state[HELD] = 0.0
+    if e is not None:
+        _carry_modes(cells, p, e, state, work)
+
+
+@compiled
+def _keep_modes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, length: float) -> None:
+    """Flux linkages (Wb) and currents with what the modes of eddy currents take (A) before a state is moved; and which
+    share of a flux linkage that was reached evenly within `length` seconds these follow: psi' = r (Lambda t/length -
+    psi) ends at (1 - (1 - exp(-z))/z) Lambda, z = r length."""
+    if not some(e[magnetic.EDDY_MODE] > 0.0):
+        return
+    _look(cells, p, e, state, work)
+    for k in range(N_EDDY):
+        z = e[magnetic.EDDY_RATE + k] * length
+        work[MODE_FOLLOWS_NOW + k] = 1.0 - (1.0 - exponential(0.0 - z)) / z
+    for j in range(p.sides):
+        row = KNOWN_1 + j * N_KNOWN
+        flux, _ = _linkage(cells, p, e, state, work, j)
+        work[row + KNOWN_FLUX] = flux
+        work[row + KNOWN_VALUE] = state[I1 + j] + _taken(e, state, work, j, flux)
+
+
+@compiled
+def _carry_modes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
+    """Moves the modes of eddy currents as if what the flux linkage was off had grown evenly: fast ones have followed,
+    slow ones hardly have. The magnetising current is what these leave of the coil's: Newton's iteration."""
+    if not some(e[magnetic.EDDY_MODE] > 0.0):
+        return
+    for _ in range(_ITERATIONS):
+        _look(cells, p, e, state, work)
+        for j in range(p.sides):
+            row = KNOWN_1 + j * N_KNOWN
+            flux, inductance = _linkage(cells, p, e, state, work, j)
+            missed = state[I1 + j] + _taken(e, state, work, j, flux) - work[row + KNOWN_VALUE]
+            stiff = inductance - inductance
+            for k in range(N_EDDY):
+                stiff = stiff + e[magnetic.EDDY_MODE + k] * (1.0 - work[MODE_FOLLOWS_NOW + k])
+            state[I1 + j] = state[I1 + j] - missed / (1.0 + inductance * stiff)
+    _look(cells, p, e, state, work)
+    for j in range(p.sides):
+        moved = _linkage(cells, p, e, state, work, j)[0] - work[KNOWN_1 + j * N_KNOWN + KNOWN_FLUX]
+        for k in range(N_EDDY):
+            row = EDDY_FLUX_1 + j * N_EDDY + k
+            state[row] = state[row] + work[MODE_FOLLOWS_NOW + k] * moved
+    for k in range(N_EDDY):
+        work[MODE_FOLLOWS_NOW + k] = 0.0
+
+
+@compiled
+def _look(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
+    """What the gaps follow from into Y, and what the sides have in common there."""
+    work[Y + X] = state[X]
+    work[Y + BASE] = state[BASE]
+    if p.sides == 2:
+        set_mutual_flux(cells, p, e, work, state[I1], state[I1 + 1])
+
+
+@compiled
+def _linkage(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int) -> tuple[Value, Value]:
+    """(flux linkage in Wb, incremental inductance in H) of side j."""
+    _, _, inductance, _, flux, _ = side_with_effects(cells, p, e, work, j, state[I1 + j], side_gap(p, e, work, j))
+    if p.sides == 2:
+        flux = flux + work[CIRCUIT_1 + j * N_CIRCUIT + SHARED_FLUX]
+    return flux, inductance
+
+
+@compiled
+def _taken(e: Rows, state: Rows, work: Rows, j: int, flux: Value) -> Value:
+    """The current (A) that the modes of side j take at a flux linkage which they follow from the one that is kept."""
+    moved, taken = flux - work[KNOWN_1 + j * N_KNOWN + KNOWN_FLUX], flux - flux
+    for k in range(N_EDDY):
+        behind = flux - work[MODE_FOLLOWS_NOW + k] * moved - state[EDDY_FLUX_1 + j * N_EDDY + k]
+        taken = taken + e[magnetic.EDDY_MODE + k] * behind
+    return taken

@@ -119,3 +119,29 @@ def test_what_a_stretch_that_leaves_the_table_has_done_is_forgotten(
     behind = through.current[:, 2 * part :]
     assert behind == pytest.approx(without.current[:, part:], rel=1e-9, abs=1e-12)
     assert np.abs(behind - fresh.current).max() > 1e-3 * np.abs(behind).max(), "heat shows"
+
+
+@pytest.mark.parametrize("count", [1, LANES])
+@pytest.mark.parametrize("diffusion_time", [1e-4, 2e-3, 0.05, 5.0])
+def test_eddy_currents_behind_a_stretch_that_went_astray_are_those_of_one_that_did_not(
+    servo: Actuator, table: MagneticTable, count: int, diffusion_time: float
+) -> None:
+    """A mover that nothing moves drifts evenly through a stretch; the next one begins where it is in truth. Fast modes
+    have followed the drift and slow ones have not: the voltage there is that of a mover that has stood still."""
+    fast = changed(servo, drive={"bandwidth": 1e4})
+    plant, part, rate, steps = plant_parameters(fast)._replace(mass=1e9), 50, 1e4, 10
+    plants = [plant._replace(mass=plant.mass * (1 + 0.01 * n)) for n in range(count)]
+    commands = np.tile([0.9, 0.6], (2 * part, 1)) + np.linspace(0.0, 0.1, 2 * part)[:, None]
+    sheets = EffectValues({"eddy_currents": {"time_constant": 4e-4, "diffusion_time": diffusion_time}})
+
+    def run_of(speed: float, currents: np.ndarray) -> LaneRun:
+        starts = np.tile([0.9, 0.6, 0.0, 0.0], (count, 2, 1))
+        starts[:, 1, :2], starts[:, 0, 3] = currents, speed
+        effects = np.tile(sheets.vector(), (count, 1))
+        settings = LaneSettings(effects=effects, starts=starts, begins=np.array([0, part]))
+        return run_lanes(surface_of(table), plants, Inputs(commands, rate), substeps=steps, settings=settings)
+
+    there = run_of(0.0, np.array([0.9, 0.6])).current[:, part]
+    still, drifting = run_of(0.0, there), run_of(2e-3, there)
+    astray = np.abs(drifting.voltage - still.voltage).max(axis=(0, 2))
+    assert astray[part:].max() < 0.15 * astray[:part].max()
