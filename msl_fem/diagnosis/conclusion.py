@@ -108,6 +108,10 @@ def conclude(
     if result.unclear and result.stages[-1].best is not None:
         probable = result.stages[-1].best.variant.effect
         notes.append(f"unclear: {probable} is most probable, {result.unclear} takes most of what is in excess of noise")
+    faint = _faint(kind, result, models[result.taken], threads=threads)
+    explained = white(result.excesses[result.taken]) and not compensating and not faint
+    if not explained:
+        result, main = _without_wander(result, main, notes)
     n = result.taken
     believed = [signal.summary for signal in nominal]
     accuracy = tuple(Accuracy(*three, kind.prediction) for three in zip(believed, errors[0], errors[n], strict=True))
@@ -115,8 +119,6 @@ def conclude(
     if extended is None:
         notes.append(NO_EXTENDED_MODEL)
     unfaithful = _unfaithful(errors[n], kind) if n else ""
-    faint = _faint(kind, result, models[n], threads=threads)
-    explained = white(result.excesses[n]) and not compensating and not faint
     if faint:
         notes.append(faint)
     notes += kind.above_noise(result.final) if explained else []
@@ -249,6 +251,22 @@ def _named(kind: Kind, result: EffectSearch, gains: Sequence[float]) -> tuple[Ef
         )
         notes.append(f"{effect} {why} and is not named")
     return replace(result, taken=taken), notes
+
+
+def _without_wander(
+    result: EffectSearch, main: MainCause | None, notes: list[str]
+) -> tuple[EffectSearch, MainCause | None]:
+    """The search with the effects before a zero that wanders, and the main cause if it is another one, where more than
+    noise is left: a density of the noise takes what any cause that is missing leaves in that reading, and no other one,
+    so it is a name where it completes what is known. Why is noted."""
+    n = next((n for n, effect in enumerate(result.effects) if effect in OWN_OF_A_RUN), result.taken)
+    if main is not None and main.effect in OWN_OF_A_RUN:
+        main = None
+    if n < result.taken:
+        main = main and replace(main, rest=share_left(result.excesses, n))
+        name = result.effects[n]
+        notes.append(f"{name} takes what any missing cause leaves in its reading, and a cause is missing: not named")
+    return replace(result, taken=n), main
 
 
 def _refused(result: EffectSearch, n: int, gain: float) -> bool:

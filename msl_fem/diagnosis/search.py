@@ -118,7 +118,7 @@ def search_stage(
 def scored_where_likely(base: Fit, tried: Sequence[Variant], near: AmountColumns | None) -> ScoredVariants:
     """The variants at a fit that leaves more than noise. Columns of a stage before, where they are of its stretches,
     tell which effects are not among the best: of these they are taken, the others are simulated."""
-    if near is None or base.sane is not None or not near.suit(base):
+    if near is None or not tried or base.sane is not None or not near.suit(base):
         return scored(base.sane or base, tried)
     roughly = scored(base, tried, near=near)
     assert roughly.columns is not None

@@ -134,6 +134,30 @@ class Quiet(LinearRecord):
         self.data -= self.column
 
 
+@pytest.mark.parametrize("effect", ["sensor_drift", "force_offset"])
+@pytest.mark.parametrize("missing", [0.0, 0.5])
+def test_a_zero_that_wanders_is_a_name_where_nothing_but_noise_is_left_beside_it(effect: str, missing: float) -> None:
+    """Of another effect what is left beside it says nothing."""
+
+    class Confirmed(ToyKind):
+        def errors(self, belief: Any, fit: Fit | None) -> list[ErrorSignal]:
+            return super().errors(belief, None)
+
+        def predictive_gain(self, before: Fit, after: Fit) -> float:
+            return 1.0
+
+    unknown = EffectUnknown(effect, "rate" if effect == "sensor_drift" else "force")
+    likelihood: Any = LinearRecord(unknown)
+    likelihood.data += 2 * likelihood.column + missing * np.random.default_rng(8).standard_normal(N)
+    made = Confirmed(SimpleNamespace(), likelihood, Unknowns((), 2, (0,)))  # type: ignore[arg-type]
+    found = diagnosis_of(made, DiagnosisSettings(threads=2))
+    named = effect == "force_offset" or not missing
+    assert found.names == ((effect,) if named else ())
+    assert (found.main_cause is not None) == named
+    assert ("unexplained" in found.verdict) == bool(missing)
+    assert any("a cause is missing" in note for note in found.notes) == (not named)
+
+
 @pytest.mark.parametrize(("gain", "verdict"), [(21.0, "unexplained"), (19.0, "nothing-found")])
 def test_what_is_no_larger_than_noise_is_unexplained_where_a_function_of_one_variable_is_worth_it(
     gain: float, verdict: str
