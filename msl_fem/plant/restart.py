@@ -96,7 +96,8 @@ def _keep_modes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Ro
     _look(cells, p, e, state, work)
     for k in range(N_EDDY):
         z = e[magnetic.EDDY_RATE + k] * length
-        work[MODE_FOLLOWS_NOW + k] = 1.0 - (1.0 - exponential(0.0 - z)) / z
+        acts = z > 0.0
+        work[MODE_FOLLOWS_NOW + k] = choose(acts, 1.0 - (1.0 - exponential(0.0 - z)) / choose(acts, z, 1.0), 0.0)
     for j in range(p.sides):
         row = KNOWN_1 + j * N_KNOWN
         flux, _ = _linkage(cells, p, e, state, work, j)

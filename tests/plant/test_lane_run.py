@@ -144,4 +144,26 @@ def test_eddy_currents_behind_a_stretch_that_went_astray_are_those_of_one_that_d
     there = run_of(0.0, np.array([0.9, 0.6])).current[:, part]
     still, drifting = run_of(0.0, there), run_of(2e-3, there)
     astray = np.abs(drifting.voltage - still.voltage).max(axis=(0, 2))
+    assert np.isfinite(astray).all()
     assert astray[part:].max() < 0.15 * astray[:part].max()
+
+
+def test_stretches_of_lanes_with_eddy_currents_beside_others_are_what_they_are_alone(
+    servo: Actuator, table: MagneticTable
+) -> None:
+    plant, commands = plant_parameters(servo), rough(60, level=0.6).commands
+    sheets = {"time_constant": 4e-4, "diffusion_time": 0.05}
+    values = [EffectValues({"eddy_currents": sheets}), EffectValues({}), EffectValues({"coil_heating": {}})]
+    rows = np.array([one.vector() for one in values])
+    starts = np.tile([0.9, 0.6, 2e-6, 0.0], (3, 2, 1))
+
+    def run_of(which: slice) -> np.ndarray:
+        settings = LaneSettings(effects=rows[which], starts=starts[which], begins=np.array([0, 30]))
+        return run_lanes(
+            surface_of(table), [plant] * len(rows[which]), Inputs(commands, 1e4), substeps=5, settings=settings
+        ).current
+
+    together = run_of(slice(0, 3))
+    assert np.isfinite(together).all()
+    for lane in range(3):
+        assert np.array_equal(run_of(slice(lane, lane + 1))[0], together[lane])
