@@ -4,7 +4,7 @@ import numpy as np
 
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Rows, Value, choose, exponential, some
-from msl_fem.plant.effects import magnetic
+from msl_fem.plant.effects import magnetic, mechanical
 from msl_fem.plant.effects.electrical import N_QUEUE
 from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.layout import (
@@ -13,6 +13,7 @@ from msl_fem.plant.layout import (
     CIRCUIT_1,
     COIL_1,
     COIL_2,
+    CREEP,
     EDDY_FLUX_1,
     HELD,
     I1,
@@ -60,7 +61,9 @@ def restart(
 
     Where a stretch has left table or range, its state is taken from `kept`, the state at the begin of that stretch;
     phases and commands that wait have gone on. Sensor and friction's memory are moved with the position, for which that
-    is no motion; magnetising currents with those of the coils.
+    is no motion; magnetising currents with those of the coils. Eddy currents and a flexure's relaxation go on as if
+    what flux linkage and position were off had grown evenly since the start before: fast ones have followed it, slow
+    ones hardly have.
     """
     known = state[X] + state[V] + state[COIL_1] + state[COIL_2]
     stands = known - known == 0.0
@@ -79,6 +82,8 @@ def restart(
     by = starts[2] - state[X]
     state[SENSOR] = state[SENSOR] + by
     state[ANCHOR_X] = state[ANCHOR_X] + by
+    if e is not None:
+        state[CREEP] = state[CREEP] + _followed(e[mechanical.CREEP_RATE] * length) * by
     state[X] = starts[2]
     state[V] = starts[3]
     state[HELD] = 0.0
@@ -87,17 +92,22 @@ def restart(
 
 
 @compiled
+def _followed(z: Value) -> Value:
+    """Which share of a quantity that rose evenly its lag of the rate r has followed, z = r times the time that it took:
+    y' = r (s/time - y) ends at 1 - (1 - exp(-z))/z."""
+    lags = z > 0.0
+    return choose(lags, 1.0 - (1.0 - exponential(0.0 - z)) / choose(lags, z, 1.0), 0.0)
+
+
+@compiled
 def _keep_modes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, length: float) -> None:
     """Flux linkages (Wb) and currents with what the modes of eddy currents take (A) before a state is moved; and which
-    share of a flux linkage that was reached evenly within `length` seconds these follow: psi' = r (Lambda t/length -
-    psi) ends at (1 - (1 - exp(-z))/z) Lambda, z = r length."""
+    share of a flux linkage that was reached evenly within `length` seconds these follow."""
     if not some(e[magnetic.EDDY_MODE] > 0.0):
         return
     _look(cells, p, e, state, work)
     for k in range(N_EDDY):
-        z = e[magnetic.EDDY_RATE + k] * length
-        acts = z > 0.0
-        work[MODE_FOLLOWS_NOW + k] = choose(acts, 1.0 - (1.0 - exponential(0.0 - z)) / choose(acts, z, 1.0), 0.0)
+        work[MODE_FOLLOWS_NOW + k] = _followed(e[magnetic.EDDY_RATE + k] * length)
     for j in range(p.sides):
         row = KNOWN_1 + j * N_KNOWN
         flux, _ = _linkage(cells, p, e, state, work, j)
@@ -107,8 +117,8 @@ def _keep_modes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Ro
 
 @compiled
 def _carry_modes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
-    """Moves the modes of eddy currents as if what the flux linkage was off had grown evenly: fast ones have followed,
-    slow ones hardly have. The magnetising current is what these leave of the coil's: Newton's iteration."""
+    """Moves what the modes of eddy currents follow by their share of what the flux linkage is moved by. The magnetising
+    current is what these leave of the coil's: Newton's iteration."""
     if not some(e[magnetic.EDDY_MODE] > 0.0):
         return
     for _ in range(_ITERATIONS):

@@ -148,6 +148,24 @@ def test_eddy_currents_behind_a_stretch_that_went_astray_are_those_of_one_that_d
     assert astray[part:].max() < 0.15 * astray[:part].max()
 
 
+@pytest.mark.parametrize("time_constant", [1e-4, 2e-3, 1.0])
+def test_a_flexure_behind_a_stretch_that_went_astray_is_relaxed_as_behind_one_that_did_not(
+    servo: Actuator, table: MagneticTable, time_constant: float
+) -> None:
+    """What it presses with would move the mover in the next stretch."""
+    stiffness, mass, part = 1e6, 1e6, 50  # so heavy that the spring does not brake it
+    plant = plant_parameters(servo)._replace(stiffness=stiffness, mass=mass)
+    inputs = Inputs(np.zeros((2 * part, 2)), 1e4)
+    creep = EffectValues({"flexure_relaxation": {"strength": 0.5, "time_constant": time_constant}}).vector()[None]
+    starts = np.zeros((1, 2, 4))
+    starts[0, 0, 3] = 1e-3
+    settings = LaneSettings(effects=creep, starts=starts, begins=np.array([0, part]))
+    position = run_lanes(surface_of(table), [plant], inputs, substeps=10, settings=settings).true_position[0]
+    assert position[part - 1] == pytest.approx(4.9e-6, rel=1e-3)
+    pressed = 0.5 * stiffness * 4.9e-6 * (part / 1e4) ** 2 / (2 * mass)
+    assert abs(position[-1]) < 0.01 * pressed
+
+
 def test_stretches_of_lanes_with_eddy_currents_beside_others_are_what_they_are_alone(
     servo: Actuator, table: MagneticTable
 ) -> None:
