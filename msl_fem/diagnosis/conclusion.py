@@ -110,7 +110,7 @@ def conclude(
         notes.append(f"unclear: {probable} is most probable, {result.unclear} takes most of what is in excess of noise")
     faint = _faint(kind, result, models[result.taken], threads=threads)
     explained = white(result.excesses[result.taken]) and not compensating and not faint
-    if not explained:
+    if compensating or faint or _left_elsewhere(result):
         result, main = _without_wander(result, main, notes)
     n = result.taken
     believed = [signal.summary for signal in nominal]
@@ -253,12 +253,18 @@ def _named(kind: Kind, result: EffectSearch, gains: Sequence[float]) -> tuple[Ef
     return replace(result, taken=taken), notes
 
 
+def _left_elsewhere(result: EffectSearch) -> bool:
+    """Whether more than noise is left in a reading whose zero does not wander by what is taken."""
+    wanders = result.final.unknowns.wanders
+    return not white({name: value for name, value in result.excesses[result.taken].items() if name != wanders})
+
+
 def _without_wander(
     result: EffectSearch, main: MainCause | None, notes: list[str]
 ) -> tuple[EffectSearch, MainCause | None]:
-    """The search with the effects before a zero that wanders, and the main cause if it is another one, where more than
-    noise is left: a density of the noise takes what any cause that is missing leaves in that reading, and no other one,
-    so it is a name where it completes what is known. Why is noted."""
+    """The search with the effects before a zero that wanders, and the main cause if it is another one, where a cause is
+    missing: one that moves the mover shows in other readings too, and a density of the noise takes what it leaves in
+    the one that wanders. Why is noted."""
     n = next((n for n, effect in enumerate(result.effects) if effect in OWN_OF_A_RUN), result.taken)
     if main is not None and main.effect in OWN_OF_A_RUN:
         main = None

@@ -134,10 +134,24 @@ class Quiet(LinearRecord):
         self.data -= self.column
 
 
+class Shaken(LinearRecord):
+    """With a large effect beside what is left in the position, and in a current."""
+
+    def __init__(self, unknown: EffectUnknown, missing: float, elsewhere: float) -> None:
+        super().__init__(unknown)
+        self.data += 2 * self.column + missing * np.random.default_rng(8).standard_normal(N)
+        self.elsewhere = elsewhere
+
+    def excess(self, fit: Fit) -> dict[str, float]:
+        return super().excess(fit) | {"current_1_A": self.elsewhere}
+
+
 @pytest.mark.parametrize("effect", ["sensor_drift", "force_offset"])
-@pytest.mark.parametrize("missing", [0.0, 0.5])
-def test_a_zero_that_wanders_is_a_name_where_nothing_but_noise_is_left_beside_it(effect: str, missing: float) -> None:
-    """Of another effect what is left beside it says nothing."""
+@pytest.mark.parametrize(("missing", "elsewhere"), [(0.0, 1.0), (0.5, 1.0), (0.0, 1.2)])
+def test_a_zero_that_wanders_is_no_name_where_more_than_noise_is_left_in_other_readings(
+    effect: str, missing: float, elsewhere: float
+) -> None:
+    """Of another effect what is left there says nothing, of a wander what is left in its own reading does not."""
 
     class Confirmed(ToyKind):
         def errors(self, belief: Any, fit: Fit | None) -> list[ErrorSignal]:
@@ -147,14 +161,13 @@ def test_a_zero_that_wanders_is_a_name_where_nothing_but_noise_is_left_beside_it
             return 1.0
 
     unknown = EffectUnknown(effect, "rate" if effect == "sensor_drift" else "force")
-    likelihood: Any = LinearRecord(unknown)
-    likelihood.data += 2 * likelihood.column + missing * np.random.default_rng(8).standard_normal(N)
+    likelihood: Any = Shaken(unknown, missing, elsewhere)
     made = Confirmed(SimpleNamespace(), likelihood, Unknowns((), 2, (0,)))  # type: ignore[arg-type]
     found = diagnosis_of(made, DiagnosisSettings(threads=2))
-    named = effect == "force_offset" or not missing
+    named = effect == "force_offset" or elsewhere == 1.0
     assert found.names == ((effect,) if named else ())
     assert (found.main_cause is not None) == named
-    assert ("unexplained" in found.verdict) == bool(missing)
+    assert ("unexplained" in found.verdict) == (missing > 0 or elsewhere > 1.0)
     assert any("a cause is missing" in note for note in found.notes) == (not named)
 
 
