@@ -9,7 +9,6 @@ from msl_fem.plant.effects.electrical import N_QUEUE
 from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.layout import (
     ANCHOR_X,
-    BASE,
     CIRCUIT_1,
     COIL_1,
     COIL_2,
@@ -38,11 +37,11 @@ from msl_fem.plant.layout import (
     SLEW_2,
     V,
     X,
-    Y,
 )
 from msl_fem.plant.mutual_flux import set_mutual_flux
 from msl_fem.plant.plant import PlantParameters
 from msl_fem.plant.side import Cells, side_gap, side_with_effects
+from msl_fem.plant.step import look_at
 
 _ITERATIONS = 3
 _OF_TIME = np.zeros(N_STATE, dtype=bool)
@@ -143,9 +142,8 @@ def _carry_modes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: R
 
 @compiled
 def _look(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
-    """What the gaps follow from into Y, and what the sides have in common there."""
-    work[Y + X] = state[X]
-    work[Y + BASE] = state[BASE]
+    """The state into Y, and what the sides have in common there."""
+    look_at(e, state, work)
     if p.sides == 2:
         set_mutual_flux(cells, p, e, work, state[I1], state[I1 + 1])
 
