@@ -3,10 +3,11 @@
 import numpy as np
 
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Rows, Value, choose, exponential, some
-from msl_fem.plant.effects import magnetic, mechanical
+from msl_fem.computing.lanes import Rows, Value, choose, exponential, size, some
+from msl_fem.plant.effects import magnetic, mechanical, stray_flux
 from msl_fem.plant.effects.electrical import N_QUEUE
 from msl_fem.plant.effects.magnetic import N_EDDY
+from msl_fem.plant.equations import hysteresis, remanence, series_iron
 from msl_fem.plant.layout import (
     ANCHOR_X,
     CIRCUIT_1,
@@ -18,6 +19,7 @@ from msl_fem.plant.layout import (
     I1,
     KNOWN_1,
     KNOWN_FLUX,
+    KNOWN_MEMORY,
     KNOWN_VALUE,
     LAG_1,
     LAG_2,
@@ -72,7 +74,7 @@ def restart(
             value = choose(state[n] - state[n] == 0.0, state[n], value)
         state[n] = value
     if e is not None:
-        _keep_modes(cells, p, e, state, work, length)
+        _keep_currents(cells, p, e, state, work, length)
     for side in range(2):
         by = starts[side] - state[COIL_1 + side]
         state[I1 + side] = state[I1 + side] + by
@@ -87,7 +89,7 @@ def restart(
     state[V] = starts[3]
     state[HELD] = 0.0
     if e is not None:
-        _carry_modes(cells, p, e, state, work)
+        _carry_currents(cells, p, e, state, work)
 
 
 @compiled
@@ -99,10 +101,10 @@ def _followed(z: Value) -> Value:
 
 
 @compiled
-def _keep_modes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, length: float) -> None:
-    """Flux linkages (Wb) and currents with what the modes of eddy currents take (A) before a state is moved; and which
-    share of a flux linkage that was reached evenly within `length` seconds these follow."""
-    if not some(e[magnetic.EDDY_MODE] > 0.0):
+def _keep_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, length: float) -> None:
+    """Flux linkages (Wb) and currents with what iron takes of them (A) before a state is moved; and which share of a
+    flux linkage that was reached evenly within `length` seconds the modes of eddy currents follow."""
+    if not _iron_takes(e):
         return
     _look(cells, p, e, state, work)
     for k in range(N_EDDY):
@@ -111,24 +113,25 @@ def _keep_modes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Ro
         row = KNOWN_1 + j * N_KNOWN
         flux, _ = _linkage(cells, p, e, state, work, j)
         work[row + KNOWN_FLUX] = flux
-        work[row + KNOWN_VALUE] = state[I1 + j] + _taken(e, state, work, j, flux)
+        work[row + KNOWN_MEMORY] = _taken(e, state, work, j, flux)
+        work[row + KNOWN_VALUE] = state[I1 + j] + work[row + KNOWN_MEMORY]
 
 
 @compiled
-def _carry_modes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
-    """Moves what the modes of eddy currents follow by their share of what the flux linkage is moved by. The magnetising
-    current is what these leave of the coil's: Newton's iteration."""
-    if not some(e[magnetic.EDDY_MODE] > 0.0):
+def _carry_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
+    """Magnetising currents are what iron leaves of the coils': Newton's iteration, with the chord from the flux linkage
+    before. The modes of eddy currents are moved by their share of what the flux linkage is moved by."""
+    if not _iron_takes(e):
         return
     for _ in range(_ITERATIONS):
         _look(cells, p, e, state, work)
         for j in range(p.sides):
             row = KNOWN_1 + j * N_KNOWN
             flux, inductance = _linkage(cells, p, e, state, work, j)
-            missed = state[I1 + j] + _taken(e, state, work, j, flux) - work[row + KNOWN_VALUE]
-            stiff = inductance - inductance
-            for k in range(N_EDDY):
-                stiff = stiff + e[magnetic.EDDY_MODE + k] * (1.0 - work[MODE_FOLLOWS_NOW + k])
+            taken, moved = _taken(e, state, work, j, flux), flux - work[row + KNOWN_FLUX]
+            missed = state[I1 + j] + taken - work[row + KNOWN_VALUE]
+            moves = size(moved) > 0.0
+            stiff = choose(moves, (taken - work[row + KNOWN_MEMORY]) / choose(moves, moved, 1.0), 0.0)
             state[I1 + j] = state[I1 + j] - missed / (1.0 + inductance * stiff)
     _look(cells, p, e, state, work)
     for j in range(p.sides):
@@ -138,6 +141,17 @@ def _carry_modes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: R
             state[row] = state[row] + work[MODE_FOLLOWS_NOW + k] * moved
     for k in range(N_EDDY):
         work[MODE_FOLLOWS_NOW + k] = 0.0
+
+
+@compiled
+def _iron_takes(e: Rows) -> bool:
+    """Whether a part of any coil's current goes with its flux linkage."""
+    return (
+        some(e[magnetic.EDDY_MODE] > 0.0)
+        or some(e[magnetic.HYSTERESIS_SLOPE] > 0.0)
+        or some(e[magnetic.IRON_LOW] + e[magnetic.IRON_KNEE] > 0.0)
+        or some(size(e[stray_flux.REMANENT_1]) + size(e[stray_flux.REMANENT_1 + 1]) > 0.0)
+    )
 
 
 @compiled
@@ -159,8 +173,10 @@ def _linkage(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows,
 
 @compiled
 def _taken(e: Rows, state: Rows, work: Rows, j: int, flux: Value) -> Value:
-    """The current (A) that the modes of side j take at a flux linkage which they follow from the one that is kept."""
-    moved, taken = flux - work[KNOWN_1 + j * N_KNOWN + KNOWN_FLUX], flux - flux
+    """The current (A) that the iron of side j takes at a flux linkage, which the modes of its eddy currents follow from
+    the one that is kept."""
+    moved = flux - work[KNOWN_1 + j * N_KNOWN + KNOWN_FLUX]
+    taken = hysteresis(e, state, j, flux, False) + series_iron(e, flux) - remanence(e, j, flux)
     for k in range(N_EDDY):
         behind = flux - work[MODE_FOLLOWS_NOW + k] * moved - state[EDDY_FLUX_1 + j * N_EDDY + k]
         taken = taken + e[magnetic.EDDY_MODE + k] * behind

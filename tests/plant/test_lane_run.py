@@ -148,6 +148,33 @@ def test_eddy_currents_behind_a_stretch_that_went_astray_are_those_of_one_that_d
     assert astray[part:].max() < 0.15 * astray[:part].max()
 
 
+@pytest.mark.parametrize("count", [1, LANES])
+@pytest.mark.parametrize(
+    ("effect", "most"), [("magnetic_hysteresis", 3e-6), ("early_saturation", 1e-8), ("remanent_flux", 1e-8)]
+)
+def test_a_coil_s_current_behind_a_stretch_that_went_astray_is_that_of_the_start(
+    servo: Actuator, table: MagneticTable, count: int, effect: str, most: float
+) -> None:
+    """Where the mover is put back, the flux linkage and with it what iron takes of the current change, and the
+    magnetising current by as much the other way."""
+    plant, part = plant_parameters(changed(servo, drive={"bandwidth": 1e3}))._replace(mass=1e9), 50
+    plants = [plant._replace(mass=plant.mass * (1 + 0.01 * n)) for n in range(count)]
+    commands = np.tile([0.9, 0.6], (2 * part, 1)) + np.linspace(0.0, 0.1, 2 * part)[:, None]
+    effects = np.tile(EffectValues({effect: dict(ALL_EFFECTS.stated[effect])}).vector(), (count, 1))
+
+    def run_of(speed: float, currents: np.ndarray) -> LaneRun:
+        starts = np.tile([0.9, 0.6, 0.0, 0.0], (count, 2, 1))
+        starts[:, 1, :2], starts[:, 0, 3] = currents, speed
+        settings = LaneSettings(effects=effects, starts=starts, begins=np.array([0, part]))
+        return run_lanes(surface_of(table), plants, Inputs(commands, 1e5), substeps=2, settings=settings)
+
+    there = run_of(0.0, np.array([0.9, 0.6])).current[:, part]
+    still, drifting = run_of(0.0, there), run_of(5e-2, there)
+    astray = np.abs(drifting.current - still.current).max(axis=(0, 2))
+    assert astray[:part].max() > 0.0
+    assert astray[part + 1] < most
+
+
 @pytest.mark.parametrize("time_constant", [1e-4, 2e-3, 1.0])
 def test_a_flexure_behind_a_stretch_that_went_astray_is_relaxed_as_behind_one_that_did_not(
     servo: Actuator, table: MagneticTable, time_constant: float
@@ -166,12 +193,12 @@ def test_a_flexure_behind_a_stretch_that_went_astray_is_relaxed_as_behind_one_th
     assert abs(position[-1]) < 0.01 * pressed
 
 
-def test_stretches_of_lanes_with_eddy_currents_beside_others_are_what_they_are_alone(
-    servo: Actuator, table: MagneticTable
+@pytest.mark.parametrize("effect", ["eddy_currents", "magnetic_hysteresis", "early_saturation", "remanent_flux"])
+def test_stretches_of_lanes_in_whose_iron_something_goes_on_beside_others_are_what_they_are_alone(
+    servo: Actuator, table: MagneticTable, effect: str
 ) -> None:
     plant, commands = plant_parameters(servo), rough(60, level=0.6).commands
-    sheets = {"time_constant": 4e-4, "diffusion_time": 0.05}
-    values = [EffectValues({"eddy_currents": sheets}), EffectValues({})] * (LANES // 2)
+    values = [EffectValues({effect: dict(ALL_EFFECTS.stated[effect])}), EffectValues({})] * (LANES // 2)
     rows = np.array([one.vector() for one in values])
     plants = [plant._replace(mass=plant.mass * (1 + 0.01 * n)) for n in range(LANES)]
     starts = np.tile([0.9, 0.6, 2e-6, 0.0], (LANES, 2, 1))
