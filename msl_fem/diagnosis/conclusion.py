@@ -254,9 +254,12 @@ def _named(kind: Kind, result: EffectSearch, gains: Sequence[float]) -> tuple[Ef
 
 
 def _left_elsewhere(result: EffectSearch) -> bool:
-    """Whether more than noise is left in a reading whose zero does not wander by what is taken."""
-    wanders = result.final.unknowns.wanders
-    return not white({name: value for name, value in result.excesses[result.taken].items() if name != wanders})
+    """Whether more than noise is left in readings whose zero does not wander by what is taken, of which the wander has
+    not taken most: a fit without it errs there too, where it follows that zero with numbers of the plant."""
+    wanders, every = result.final.unknowns.wanders, result.excesses
+    n = next((n for n, effect in enumerate(result.effects) if effect in OWN_OF_A_RUN), 0)
+    before, left = ({name: x for name, x in of.items() if name != wanders} for of in (every[n], every[result.taken]))
+    return not white(left) and excess_power(left) > (1 - MOST_OF_IT) * excess_power(before)
 
 
 def _without_wander(

@@ -137,21 +137,25 @@ class Quiet(LinearRecord):
 class Shaken(LinearRecord):
     """With a large effect beside what is left in the position, and in a current."""
 
-    def __init__(self, unknown: EffectUnknown, missing: float, elsewhere: float) -> None:
+    def __init__(self, unknown: EffectUnknown, missing: float, elsewhere: float, before: float) -> None:
         super().__init__(unknown)
         self.data += 2 * self.column + missing * np.random.default_rng(8).standard_normal(N)
-        self.elsewhere = elsewhere
+        self.elsewhere, self.before = elsewhere, before
 
     def excess(self, fit: Fit) -> dict[str, float]:
-        return super().excess(fit) | {"current_1_A": self.elsewhere}
+        elsewhere = self.elsewhere if fit.unknowns.effects else max(self.before, self.elsewhere)
+        return super().excess(fit) | {"current_1_A": elsewhere}
 
 
 @pytest.mark.parametrize("effect", ["sensor_drift", "force_offset"])
-@pytest.mark.parametrize(("missing", "elsewhere"), [(0.0, 1.0), (0.5, 1.0), (0.0, 1.2)])
+@pytest.mark.parametrize(
+    ("missing", "elsewhere", "before"), [(0.0, 1.0, 1.0), (0.5, 1.0, 1.0), (0.0, 1.2, 1.0), (0.0, 1.2, 2.0)]
+)
 def test_a_zero_that_wanders_is_no_name_where_more_than_noise_is_left_in_other_readings(
-    effect: str, missing: float, elsewhere: float
+    effect: str, missing: float, elsewhere: float, before: float
 ) -> None:
-    """Of another effect what is left there says nothing, of a wander what is left in its own reading does not."""
+    """Of another effect what is left there says nothing, of a wander what is left in its own reading does not, nor what
+    is little of what a fit without it has left."""
 
     class Confirmed(ToyKind):
         def errors(self, belief: Any, fit: Fit | None) -> list[ErrorSignal]:
@@ -161,10 +165,10 @@ def test_a_zero_that_wanders_is_no_name_where_more_than_noise_is_left_in_other_r
             return 1.0
 
     unknown = EffectUnknown(effect, "rate" if effect == "sensor_drift" else "force")
-    likelihood: Any = Shaken(unknown, missing, elsewhere)
+    likelihood: Any = Shaken(unknown, missing, elsewhere, before)
     made = Confirmed(SimpleNamespace(), likelihood, Unknowns((), 2, (0,)))  # type: ignore[arg-type]
     found = diagnosis_of(made, DiagnosisSettings(threads=2))
-    named = effect == "force_offset" or elsewhere == 1.0
+    named = effect == "force_offset" or elsewhere == 1.0 or before == 2.0
     assert found.names == ((effect,) if named else ())
     assert (found.main_cause is not None) == named
     assert ("unexplained" in found.verdict) == (missing > 0 or elsewhere > 1.0)
