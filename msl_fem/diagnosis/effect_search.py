@@ -38,6 +38,9 @@ EXCHANGED = 2
 """How often a set of effects is put right and then added to."""
 BEGINNINGS = 2
 """How often a search that leaves more than noise is begun once more, with another effect that is `NEARLY` as good."""
+ROUGHLY = 1e-3
+"""Share of the nats by which a model without effects is worse than the noise, that it may still gain: beside what a
+missing cause costs it is little."""
 CLOSER = 1.0
 """Nats by which a set has to be more probable with another effect in one's place: more than fits are off their ends."""
 
@@ -136,7 +139,7 @@ def without_effects(kind: Kind, how: DiagnosisSettings) -> Fit:
     known = how.memory.end_of(fit_name(kind.unknowns), kind.unknowns)
     begin = begin if known is None else known
     steps = STEPS_A_ROUND if kind.sane else FitPlan.most_steps
-    plan = FitPlan(most_steps=steps, enough=ROUGH, tell=partial(about_tolerances, how))
+    plan = FitPlan(most_steps=steps, enough=ROUGH, share=ROUGHLY, tell=partial(about_tolerances, how))
     first = not_worse(kind, begin, fit(kind.likelihood, kind.unknowns, begin, plan=plan), plan)
     return replace(first, finished=kind.sane is not None, sane=kind.sane)
 

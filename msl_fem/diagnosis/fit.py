@@ -82,6 +82,7 @@ class FitPlan:
     most_steps : accepted or not
     damping : the first mu
     enough : nats that a further step would gain, at which it ends
+    share : of what is above the stated noise, S, that is enough where it is more
     renew : whether the nuisances' columns may be computed anew; they are where a step brings less than it promised
     fresh_end : whether they are those of the point where the fit ends
     tell : is told at every model of the objective what a further step promises
@@ -90,6 +91,7 @@ class FitPlan:
     most_steps: int = 60
     damping: float = 1.0
     enough: float = CONVERGED
+    share: float = 0.0
     renew: bool = True
     fresh_end: bool = True
     tell: Callable[[str], None] | None = None
@@ -102,12 +104,15 @@ def fit(
     *,
     plan: FitPlan | None = None,
     nuisance_columns: Slopes | None = None,
+    goes_on: Fit | None = None,
 ) -> Fit:
     """The most probable unknowns next to a start.
 
     Parameters
     ----------
     nuisance_columns : (n_number, n_nuisance) known from a neighbouring fit; None: they are computed
+    goes_on : a fit of this likelihood and these unknowns that has ended at the start, with its columns; None: there is
+        none, and what it knows is computed
 
     Raises
     ------
@@ -115,44 +120,46 @@ def fit(
     """
     how = plan or FitPlan()
     damping = Damping(first=how.damping, least=1e-4, rise=1e-2, most=1e8)
-    simulations, z = 0, unknowns.allowed(start)
+    simulations, z, stale = 0, unknowns.allowed(start), True
     least, idle, most_heat = np.inf, 0, np.inf
     sane: Fit | None = None
     start_slopes: Starts = ()
     rounds = _trials(likelihood, how.most_steps)
     for n, trials in enumerate(rounds, 1):
-        posterior = _FitPosterior(likelihood, unknowns, how, start_slopes)
-        first = posterior.at(z)
+        begun = goes_on if n == 1 else None
+        posterior = _FitPosterior(likelihood, unknowns, how, start_slopes if begun is None else begun.start_slopes)
+        first = posterior.at(z) if begun is None else _point_of(begun)
         if not np.isfinite(first.residual).all():
             raise ComputationError("the simulation fails at the start of the fit")
         first = posterior.heated(first, most_heat, COOLING ** (len(rounds) - n))
-        model = posterior.linearised(first, nuisance_columns)
+        model = posterior.linearised(first, nuisance_columns if begun is None else begun.jacobian, stale=stale)
         if sane is None and posterior.heat > 1.0:
-            sane = _fit_at(likelihood, *posterior.cooled(first, model), simulations, damping.first)
+            sane = _fit_at(posterior, *posterior.cooled(first, model), simulations, damping.first)
             sane = replace(sane, columns=Columns(sane.jacobian.copy(), sane.columns.gram))  # the model goes on
         renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
-        settings = DescentSettings(damping, how.enough, most_trials=trials, renewal=renewal, fresh_end=how.fresh_end)
+        settings = DescentSettings(damping, how.enough, how.share, trials, None, renewal, how.fresh_end)
         end = descend(posterior, first, settings, first=model)
         point, model = posterior.cooled(end.point, end.model)
         simulations, start_slopes = simulations + posterior.simulations, posterior.start_slopes
-        found = _fit_at(likelihood, point, model, simulations, end.damping)
+        found = _fit_at(posterior, point, model, simulations, end.damping)
         if sane is not None and not beyond_sanity(unknowns, point.z):
             sane = found
         if not likelihood.is_cut:
             break
-        far = how.renew and first.objective - point.objective > WORN
+        stale = model.stale
+        far = how.renew and stale and first.objective - point.objective > WORN
         nuisance_columns = model.jacobian[:, : unknowns.n_nuisance] if posterior.heat == 1.0 and not far else None
         if end.ending == "no more steps" and not end.steps:  # next to a table's end only shorter ones lead anywhere
             damping = replace(damping, first=damping.first * damping.factor**trials)
             continue
-        if n == len(rounds):
+        if n == len(rounds) or (n > 1 and end.ending == "converged" and not end.steps):  # starts suit this very point
             break
         nearer = found.likelihood.followed(unknowns, point.z)
         again = nearer.objective(unknowns, point.z)
         most_heat = posterior.heat / COOLING
         if posterior.heat == 1.0:
             settled = end.ending in {"converged", "in vain"}
-            if settled and abs(again - point.objective) < max(RESTARTED, how.enough):
+            if settled and abs(again - point.objective) < max(RESTARTED, how.enough, how.share * point.objective):
                 break
             worth = how.enough
             if sane is not None and least < np.inf and beyond_sanity(unknowns, point.z):
@@ -172,8 +179,16 @@ def beyond_sanity(unknowns: Unknowns, z: Array) -> bool:
     return not unknowns.effects and bool(np.any(np.abs(z[:n]) > SANE))
 
 
-def _fit_at(likelihood: Likelihood, point: "_FitPoint", model: "_FitModel", simulations: int, damping: float) -> Fit:
+def _point_of(found: Fit) -> "_FitPoint":
+    """Where a fit has ended."""
+    return _FitPoint(found.z, found.residual, found.weights, found.objective, nearer=found.nearer)
+
+
+def _fit_at(
+    posterior: "_FitPosterior", point: "_FitPoint", model: "_FitModel", simulations: int, damping: float
+) -> Fit:
     """What a fit is at a point, from which it would go on with that damping."""
+    likelihood = posterior.likelihood
     precision = model.gram + np.diag(model.curvature)
     return Fit(
         model.unknowns,
@@ -188,6 +203,8 @@ def _fit_at(likelihood: Likelihood, point: "_FitPoint", model: "_FitModel", simu
         likelihood if point.starts is None else likelihood.starting(point.starts),
         damping=damping,
         next_step=model.step(damping)[1],
+        nearer=point.nearer,
+        start_slopes=posterior.start_slopes,
     )
 
 
@@ -247,20 +264,26 @@ class _FitPosterior:
     def __init__(self, likelihood: Likelihood, unknowns: Unknowns, plan: FitPlan, start_slopes: Starts = ()) -> None:
         self.likelihood, self.unknowns, self.plan = likelihood, unknowns, plan
         self.simulations, self.heat = 0, 1.0
-        self.start_slopes = start_slopes  # by how much each unknown moves the starts of stretches
+        self.start_slopes = tuple(
+            own.copy() for own in start_slopes
+        )  # by how much each unknown moves the starts of stretches
         self._jacobian = np.empty((0, unknowns.size), dtype=np.float32)
 
-    def at(self, z: Array, starts: Starts | None = None) -> _FitPoint:
+    def at(self, z: Array, starts: Starts | None = None, most: float = np.inf) -> _FitPoint:
         """A point that holds the bounds; its S is inf where the simulation fails. Stretches begin at `starts`, or where
-        a linear model leaves least from there, if that is elsewhere and better."""
+        a linear model leaves least from there, if that is elsewhere and better. A point that will not come below the
+        `most` is left as soon as that shows, for each time less is to be gained."""
         point, nearer, far = self._from(z, starts)
         for _ in range(MOST_LED):
             if far <= AS_GOOD or not np.isfinite(point.objective):
                 break
             moved, nearer, far = self._from(z, nearer)
-            if not moved.objective < point.objective:
+            gained = point.objective - moved.objective
+            if not gained > 0.0:
                 break
             point = moved
+            if point.objective - gained > most:
+                break
         return point
 
     def _from(self, z: Array, starts: Starts | None) -> tuple[_FitPoint, Starts, float]:
@@ -298,25 +321,27 @@ class _FitPosterior:
     def moved(self, point: _FitPoint, move: Array) -> _FitPoint:
         z = self.unknowns.allowed(point.z + move)
         if not self.start_slopes or point.nearer is None:
-            return self.at(z)
+            return self.at(z, most=point.objective)
         by = [np.tensordot(z - point.z, slopes, axes=1) for slopes in self.start_slopes]
-        return self.at(z, tuple(own + b for own, b in zip(point.nearer, by, strict=True)))
+        return self.at(z, tuple(own + b for own, b in zip(point.nearer, by, strict=True)), point.objective)
 
     def model(self, point: _FitPoint, neighbour: _FitModel | None) -> _FitModel:
         if neighbour is not None:
             neighbour.move_to(point)
-        return self._model(point, stale=neighbour is not None)
+        return self._model(point, 0 if neighbour is None else self.unknowns.n_nuisance, stale=neighbour is not None)
 
-    def linearised(self, point: _FitPoint, nuisance_columns: Slopes | None) -> _FitModel:
-        """The first model, at a point; the nuisances' columns are computed where they are not given."""
+    def linearised(self, point: _FitPoint, columns: Slopes | None, *, stale: bool = True) -> _FitModel:
+        """The first model, at a point, with columns that are known, those of the nuisances or all, and may be `stale`;
+        the others are computed."""
         self._jacobian = np.empty((point.residual.size, point.z.size), dtype=np.float32)
-        if nuisance_columns is not None:
-            self._jacobian[:, : self.unknowns.n_nuisance] = nuisance_columns
-        return self._model(point, stale=nuisance_columns is not None)
+        known = 0 if columns is None else columns.shape[1]
+        if columns is not None:
+            self._jacobian[:, :known] = columns
+        return self._model(point, known, stale=stale and columns is not None)
 
-    def _model(self, point: _FitPoint, *, stale: bool) -> _FitModel:
-        """The model at a point, the nuisances' columns as they are where they may be `stale`."""
-        which = np.arange(self.unknowns.n_nuisance if stale else 0, self.unknowns.size)
+    def _model(self, point: _FitPoint, known: int, *, stale: bool) -> _FitModel:
+        """The model at a point, so many columns as they are."""
+        which = np.arange(known, self.unknowns.size)
         if which.size:
             columns, slopes = columns_and_start_slopes(
                 self.likelihood, self.unknowns, point.z, which, point.residual, point.starts, point.nearer

@@ -114,6 +114,8 @@ class Fit:
     sane : of a fit that began so far from the record that it was heated, where it was last at numbers that a plant can
         have
     next_step : nats that the next step would gain with its damping
+    nearer : starts of stretches that suit it still better to a linear model
+    start_slopes : by how much each unknown moves the starts of stretches, (n_unknown, n_stretch, 4) of each run
     """
 
     unknowns: Unknowns
@@ -130,6 +132,8 @@ class Fit:
     damping: float = 1.0
     sane: "Fit | None" = None
     next_step: float = np.inf
+    nearer: Starts | None = None
+    start_slopes: Starts = ()
 
     def to_come(self, steps: int) -> float:
         """Nats that so many steps more promise: with much damping, as along a bent valley, less than one without."""

@@ -37,6 +37,7 @@ SHAPES_BESIDE = 2  # of these
 SCREENING_STEPS = 6
 FIRST_LOOK = 2  # of these, behind which a candidate that is hopeless, or far behind, goes no further
 FAR_BEHIND = 0.1  # of the gain that the best has made then, to which a candidate has to come with what it promises
+FRONT = 0.25  # of the best linear score: candidates that are looked at before the others
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to the linear model's best at which a refit may begin
 AS_PROMISED = 0.5  # of its nats, that the linear model's best brings where a refit begins there
 REFINEMENT_STEPS = 25
@@ -182,12 +183,7 @@ class Refinement:
         if self.lost:  # where no gain over the base means anything
             most = max((score.gain for score in candidates), default=0.0)
             candidates = [score for score in candidates if score.gain >= ELIMINATED * most]
-        told = _Screening(self.tell, len(candidates), "a first look", _far_behind)
-        first = self._together(lambda score: told.ends(score.variant, self.screened(score)), candidates)
-        going, ended = self._worth_more([refit for refit in first if refit is not None])
-        let_go(ended)
-        told = _Screening(self.tell, len(going), "screening", _is_behind)
-        further = self._together(lambda refit: told.ends(refit.variant, self.screened_on(refit)), going)
+        further, ended = self._screened(candidates)
         kept, eliminated = _in_front([*further, *ended])
         let_go(eliminated)
         if self.lost:
@@ -262,12 +258,31 @@ class Refinement:
         except ComputationError:
             return None
 
-    def _worth_more(self, first: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:
-        """Of candidates after a first look those that are screened further, and those that end there: what is hopeless,
-        or far behind, even if it comes to what it promises."""
-        best = max((refit.gain for refit in first), default=0.0)
+    def _screened(self, candidates: Sequence[Score]) -> tuple[list[Refit], list[Refit]]:
+        """Candidates that were screened, and those that ended after a first look. Where one of those in `FRONT` by
+        their linear scores leaves noise alone, and bends no believed parameter, the others have nothing to come to."""
+        most = max((score.gain for score in candidates), default=0.0)
+        every = self.lost or max(self.base.excess.values()) <= QUIET
+        front = [score for score in candidates if every or score.gain >= FRONT * most]
+        behind = [score for score in candidates if score not in front]
+        further, ended = self._screened_beside([], front)
+        if any(not strained(refit.fit) and _leaves_noise(refit) for refit in sorted(further, key=_by_gain)):
+            return further, ended
+        more, also = self._screened_beside(further, behind)
+        return [*further, *more], [*ended, *also]
+
+    def _screened_beside(self, others: Sequence[Refit], candidates: Sequence[Score]) -> tuple[list[Refit], list[Refit]]:
+        """The candidates that are screened, and those that end after a first look: what is hopeless, or so far behind
+        the best of these and others that it is so even if it comes to what it promises."""
+        told = _Screening(self.tell, len(candidates), "a first look", _far_behind)
+        looked_at = self._together(lambda score: told.ends(score.variant, self.screened(score)), candidates)
+        first = [refit for refit in looked_at if refit is not None]
+        best = max((refit.gain for refit in [*others, *first]), default=0.0)
         going = [one for one in first if not _far_behind(one, best) and (self.lost or not self.hopeless(one))]
-        return going, [refit for refit in first if refit not in going]
+        ended = [refit for refit in first if refit not in going]
+        let_go(ended)
+        told = _Screening(self.tell, len(going), "screening", _is_behind)
+        return self._together(lambda refit: told.ends(refit.variant, self.screened_on(refit)), going), ended
 
     def screened_on(self, refit: Refit) -> Refit:
         """A candidate after all steps by which it is screened."""
@@ -302,10 +317,7 @@ class Refinement:
     def refined(self, refit: Refit) -> Refit:
         """A candidate a few steps on; the nuisances' columns are those of a point nearby."""
         plan = FitPlan(RACED_STEPS, refit.fit.damping, enough=refit.enough, fresh_end=False)
-        columns = refit.fit.jacobian[:, : self.base.unknowns.n_nuisance]
-        on = self._refit(refit.fit, refit.variant, refit.fit.z, plan, columns)
-        refit.fit.lets_go()
-        return on
+        return self._leg(refit, plan)
 
     def converged(self, refit: Refit, *, leads: bool) -> Refit:
         """A candidate in front, its columns in the end those of that point, of which a further step would gain next to
@@ -318,7 +330,7 @@ class Refinement:
             self.tell(f"{refit.variant.name}, which leads, once more with all else as believed")
             led = self._as_believed(refit, refit.variant, plan)
         if led is None or led.gain < refit.gain:
-            led = self._refit(refit.fit, refit.variant, refit.fit.z, plan, self._columns_of(refit))
+            led = self._on_from(refit, plan)
         for _ in range(MORE_LEGS if leads else 0):  # what it has left undone, whatever is beside it would collect
             if led.gain - refit.gain < led.enough or not led.promising:
                 break
@@ -375,10 +387,14 @@ class Refinement:
         return self.converged(on, leads=True)
 
     def _leg(self, led: Refit, plan: FitPlan) -> Refit:
-        """A candidate some steps on, from where it is and with the columns that it has."""
-        on = self._refit(led.fit, led.variant, led.fit.z, plan, self._columns_of(led))
+        """A candidate some steps on, whose columns are of no further use."""
+        on = self._on_from(led, plan)
         led.fit.lets_go()
         return on
+
+    def _on_from(self, refit: Refit, plan: FitPlan) -> Refit:
+        """A candidate some steps on, from where it is with the columns that it has."""
+        return self._refit(refit.fit, refit.variant, refit.fit.z, plan, None)
 
     def _to_the_end(self, leader: Refit) -> Refit:
         """A leader as long as further legs bring anything, however little of its gain that is."""
@@ -409,11 +425,6 @@ class Refinement:
         rows = np.array([unknowns.allowed(row) for row in rows])
         best = rows[int(np.argmin(objectives(likelihood, unknowns, rows)))]
         return self._tried(replace(refit.fit, likelihood=likelihood.gathering(None)), variant, best, plan)
-
-    def _columns_of(self, refit: Refit) -> Slopes | None:
-        """The nuisances' columns of a refit, where it has not let them go."""
-        own = refit.fit.columns.values
-        return None if own is None else own[:, : self.base.unknowns.n_nuisance]
 
     def _begun_anew(self, refit: Refit, z: Array, plan: FitPlan, columns: Slopes | None = None) -> Refit | None:
         """A candidate begun once more elsewhere, as where all but its effects is as believed: what the model without it
@@ -486,14 +497,16 @@ class Refinement:
     def _on(self, begun: Refit) -> Refit:
         """What began at small amounts, some steps on."""
         plan = FitPlan(FIRST_STEPS, begun.fit.damping, enough=ROUGH, fresh_end=False)
-        on = self._refit(begun.fit, begun.variant, begun.fit.z, plan, None)
+        on = self._on_from(begun, plan)
         on.fit.lets_go()
         return on
 
     def _refit(self, near: Fit, variant: Variant, z: Array, plan: FitPlan, columns: Slopes | None) -> Refit:
+        """A variant fitted from z; where a fit of it has ended there and has its columns, that goes on."""
         unknowns = extended(self.base.unknowns, variant)
         likelihood = near.likelihood.gathering(gathered_here())
-        found = fit(likelihood, unknowns, z, plan=plan, nuisance_columns=columns)
+        goes_on = near if z is near.z and near.columns.values is not None else None
+        found = fit(likelihood, unknowns, z, plan=plan, nuisance_columns=columns, goes_on=goes_on)
         own = near.likelihood if found.likelihood is likelihood else found.likelihood.gathering(None)
         found = replace(found, likelihood=own)
         self.memory.ended(fit_name(self.base.unknowns, variant.name), found.z)

@@ -140,7 +140,7 @@ class Runs(Kind):
     def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:
         signals = []
         with ThreadPoolExecutor(self.threads) as pool:
-            every = list(pool.map(partial(self._missed, belief), self.runs, self.cuts))
+            every = list(pool.map(partial(self._missed, belief, fit=fit), self.runs, self.cuts))
         for run, cut, values in zip(self.runs, self.cuts, every, strict=True):
             outside = None if cut is None else ~cut.counts(len(run.commands))
             signals += [ErrorSignal.of_run(run, name, values[name], outside) for name in counted(run)]
@@ -209,11 +209,18 @@ class Runs(Kind):
         except ComputationError:
             return -np.inf
 
-    def _missed(self, model: ModelHypothesis, run: RunData, cut: Stretches | None) -> Mapping[str, Array]:
-        """Measured less simulated by channel; a run is followed once by each model."""
-        if (key := (model, run, cut)) not in self._followed:
-            coarse = self.likelihood.problem.coarse
-            self._followed[key] = _simulated_missed(model, run, cut, self.tolerance, coarse=coarse)
+    def _missed(
+        self, model: ModelHypothesis, run: RunData, cut: Stretches | None, fit: Fit | None = None
+    ) -> Mapping[str, Array]:
+        """Measured less simulated by channel; a run is followed once by each model, one that was fitted from the starts
+        that its `fit` came to."""
+        if (key := (model, run)) not in self._followed:
+            problem = self.likelihood.problem
+            names = [one.name for one in problem.runs]
+            fitted = None if fit is None else dict(zip(names, fit.likelihood.problem.cuts, strict=True)).get(run.name)
+            self._followed[key] = _simulated_missed(
+                model, run, fitted or cut, self.tolerance, coarse=problem.coarse, settled=fitted is not None
+            )
         return self._followed[key]
 
     @property
@@ -379,10 +386,17 @@ def _alike_in_coarse_steps(likelihood: Likelihood, unknowns: Unknowns, z: Array)
 
 
 def _simulated_missed(
-    model: ModelHypothesis, run: RunData, cut: Stretches | None, tolerance: Tolerance | None, *, coarse: int | None
+    model: ModelHypothesis,
+    run: RunData,
+    cut: Stretches | None,
+    tolerance: Tolerance | None,
+    *,
+    coarse: int | None,
+    settled: bool = False,
 ) -> Mapping[str, Array]:
     """Channel to (n_sample,) measured less simulated: from a measured start, or over stretches with starts that suit
-    the model, in coarse steps where there are such and no effect of it wants others."""
+    the model, next to theirs where these are `settled`; in coarse steps where there are such and no effect of it wants
+    others."""
     plant = plant_of_run(model, run)
     if cut is None:
         readings = free_run(plant, run, measured_start(plant, run)).readings
@@ -394,7 +408,7 @@ def _simulated_missed(
     shot = Shooting(
         problem, 0, ModelSpread(Unknowns((), 0, ()), np.zeros(0), np.zeros((0, 0))), substeps=plant.substeps
     )
-    return shot.followed(cut)
+    return shot.missed(shot.refined(cut)) if settled else shot.followed(cut)
 
 
 def _loses(renewed: Runs, found: Fit) -> bool:

@@ -134,7 +134,7 @@ class AmountColumns:
 
     def of(self, found: Fit, amounts: Sequence[Amount]) -> Slopes:
         """The columns of amounts, not weighted; those of which there are none are simulated at the fit."""
-        raw = np.empty((found.residual.size, len(amounts)), dtype=np.float32)
+        raw = np.empty((len(amounts), found.residual.size), dtype=np.float32).T  # column by column, as simulated ones
         new = [amount for amount in amounts if amount not in self.places]
         old = np.array([amount in self.places for amount in amounts], dtype=bool)
         raw[:, old] = self.weighted[:, [self.places[one] for one in amounts if one in self.places]]

@@ -10,11 +10,23 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.signal import find_peaks
 
+from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
+from msl_fem.diagnosis.gathered import gathered_here, in_gatherings
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.null import NullDistribution
-from msl_fem.diagnosis.refits import BENT, LAST_STEPS, MADE_UP, Refinement, Refit, extended, objectives, strained
+from msl_fem.diagnosis.refits import (
+    AT_ONCE,
+    BENT,
+    LAST_STEPS,
+    MADE_UP,
+    Refinement,
+    Refit,
+    extended,
+    objectives,
+    strained,
+)
 from msl_fem.diagnosis.scores import AmountColumns, Score, ScoredVariants, scored
 from msl_fem.diagnosis.variants import Variant
 
@@ -141,15 +153,24 @@ def beyond_thresholds(base: Fit, every: Sequence[Score], chosen: Sequence[Score]
     acts beyond a threshold, as a slew limit does. Such amounts are one-sided."""
     effects = {score.variant.effect for score in chosen}
     had = {amount.place for score in chosen for amount in score.variant.amounts}
-    found: list[Score] = []
+    lacking: list[Score] = []
     for score in every:
         [amount, *more] = score.variant.amounts
         if more or score.variant.effect not in effects or amount.place in had or not amount.one_sided:
             continue
         had.add(amount.place)
+        lacking.append(score)
+
+    def costs_of(score: Score) -> Array:
         shapes = np.zeros(len(score.variant.shapes))
         rows = np.array([np.concatenate([base.z, [size], shapes]) for size in FINITE])
-        costs = objectives(base.likelihood, extended(base.unknowns, score.variant), rows)
+        likelihood = base.likelihood.gathering(gathered_here())
+        return objectives(likelihood, extended(base.unknowns, score.variant), rows)
+
+    found: list[Score] = []
+    every_cost = in_gatherings(costs_of, lacking, at_once=AT_ONCE, threads=base.likelihood.threads)
+    for score, costs in zip(lacking, every_cost, strict=True):
+        [amount] = score.variant.amounts
         gain, size = float(base.objective - costs.min()), FINITE[int(np.argmin(costs))]
         if gain > every[0].gain:
             for one in (score, *_fullest(every, score)):

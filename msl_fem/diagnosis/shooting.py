@@ -5,7 +5,7 @@ begins with the shortest stretches; neighbours are joined as long as the model, 
 the record from a start that suits both of them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,8 @@ SHORTEST = 16  # samples of a stretch
 PARTS = 4  # of a stretch, over which a model that is not fitted yet is nearly linear
 GENTLE = 3.0  # times that a start's error may grow from the first quarter to the last, and be no growth
 MOST_GROWTH = 50.0
+MOST_LOG = 100.0  # of a growth, to which it is told
+HOPELESS = 2.0  # times `MOST_GROWTH`, above which at a first guess no other start is looked for
 REACH = 0.05  # of the nominal gap: how far from the record a model that lets errors grow is still linear
 CURRENT_REACH = 0.3  # of the RMS current
 STEP = 1e-4  # of the starts, in units of their prior
@@ -32,7 +34,7 @@ REFINED = 6  # Gauss-Newton steps of the starts, at most
 LONG = 15  # of them, where a model is judged that is not fitted
 MARGIN = 0.5  # of a start's position, in units of its prior, within which a stretch has to stay inside
 LOST = 1e6  # times the noise, that stand for a stretch that left table or range
-SETTLED = 1e-3  # moves of the starts, in units of their prior, that are none
+SETTLED = 2e-3  # moves of the starts, in units of their prior, that are none
 NEAR_BY = 0.3  # moves of the starts behind which slopes are those before
 LOOKED_AT = 9  # samples of the parabola that gives the first guess of a start
 
@@ -68,8 +70,10 @@ class _Followed:
 class _Refinement:
     """Starts of stretches on their way to those that leave least."""
 
-    def __init__(self, cut: Stretches, sigmas: Array) -> None:
+    def __init__(self, cut: Stretches, sigmas: Array, growth_of: Callable[[Stretches], Array] | None = None) -> None:
+        """`growth_of` tells how an error of each start grows, where stretches with too much of it need no starts."""
         self.cut = self.best = cut
+        self._growth_of = growth_of
         self.settled = self.near_by = False
         self._sigmas, self._kept = sigmas, [np.zeros(0)]
         self._least, self._part = np.full(cut.begins.size, np.inf), np.ones(cut.begins.size)
@@ -80,7 +84,7 @@ class _Refinement:
         cut, first = self.cut, np.isinf(self._least).all()
         cost = np.add.reduceat(sum(np.nan_to_num(values, nan=LOST) ** 2 for values in base), cut.begins)
         better = cost < self._least
-        self._part = np.where(better, 1.0, self._part / 2)
+        self._part = np.where(better & (self._part > 0.0), 1.0, self._part / 2)
         self._least = np.where(better, cost, self._least)
         starts = np.where(better[:, None], cut.starts, self.best.starts)
         base = [np.nan_to_num(values) for values in base]
@@ -91,6 +95,8 @@ class _Refinement:
             base = [np.where(now, new, old) for new, old in zip(base, self._kept, strict=True)]
             slopes = np.where(now, slopes, self.best.slopes)
         self._kept, self.best = base, replace(cut, starts=starts, slopes=slopes)
+        if first and self._growth_of is not None:
+            self._part[self._growth_of(self.best) > HOPELESS * MOST_GROWTH] = 0.0
 
     def move(self) -> None:
         """A Gauss-Newton step of the starts, or a part of it."""
@@ -113,15 +119,15 @@ class Shooting:
         """The stretches; None where the run is followed as a whole. Those do not count in which the model leaves its
         table or range, or `with_moves` one that is off by a sigma. `known` ones of a model near by are where it begins
         if the model bears them."""
-        whole = self.refined(guessed(self.plant, self.data, np.zeros(1, dtype=np.intp), self.sigmas.size))
-        if self._borne(whole)[0]:
+        whole = guessed(self.plant, self.data, np.zeros(1, dtype=np.intp), self.sigmas.size)
+        if self._borne(self._tried(whole))[0]:
             return None
         cut = self._begun(known)
         open_ = np.ones(cut.begins.size, dtype=bool)
         while (pairs := _pairs(open_)).size:
             behind = pairs + 1
             keep = np.delete(np.arange(cut.begins.size), behind)
-            joined = self.refined(replace(cut, begins=cut.begins[keep], starts=cut.starts[keep]))
+            joined = self._tried(replace(cut, begins=cut.begins[keep], starts=cut.starts[keep]))
             borne = self._borne(joined)[np.searchsorted(keep, pairs)]
             cut, open_ = _after(cut, joined, keep, pairs[borne])
         cut = self.refined(cut)
@@ -166,11 +172,14 @@ class Shooting:
 
         A stretch whose step does not lead down goes back and takes half of it.
         """
-        return self._refined_together([cut], steps)[0]
+        return self._refined_together([_Refinement(cut, self.sigmas)], steps)[0]
 
-    def _refined_together(self, cuts: Sequence[Stretches], steps: int) -> list[Stretches]:
-        """Each of the stretches refined, all of them cut alike: lanes that one of them leaves idle serve another."""
-        every = [_Refinement(cut, self.sigmas) for cut in cuts]
+    def _tried(self, cut: Stretches) -> Stretches:
+        """The same of stretches that the model may not bear: those over which errors grow too much are left alone."""
+        return self._refined_together([_Refinement(cut, self.sigmas, self._growth)], REFINED)[0]
+
+    def _refined_together(self, every: Sequence[_Refinement], steps: int) -> list[Stretches]:
+        """The stretches of each, refined, all of them cut alike: lanes that one of them leaves idle serve another."""
         for n in range(steps + 1):
             going = [one for one in every if not one.settled]
             if not going:
@@ -189,7 +198,8 @@ class Shooting:
         """Channel to (n_sample,) measured less simulated, SI units, from starts that suit the model: the better ones
         of those reached from the stretches' own and from what was measured; nan where none is borne."""
         anew = guessed(self.plant, self.data, cut.begins, self.sigmas.size)
-        tried = [self.missed(each) for each in self._refined_together([cut, anew], LONG)]
+        every = [_Refinement(each, self.sigmas) for each in (cut, anew)]
+        tried = [self.missed(each) for each in self._refined_together(every, LONG)]
         lengths = np.diff([*cut.begins, len(self.data.commands)])
         costs = [self._cost(left, cut) for left in tried]
         second = np.repeat(costs[1] < costs[0], lengths)
@@ -243,9 +253,7 @@ class Shooting:
         """(n_stretch,) whether the model and its moves stay near the record over each."""
         [(base, slopes)] = self._simulated([cut])
         finite = self._inside(cut, self.spread.rows[:0])
-        growth = np.ones(cut.begins.size)
-        if self.data.mover != "locked":
-            growth = _growth(slopes[self.names.index(POSITION_COLUMN)], cut, base[0].size)
+        growth = self._growth(replace(cut, slopes=slopes))
         gentle = growth <= GENTLE
         if np.all(gentle | ~finite):
             return finite
@@ -261,6 +269,23 @@ class Shooting:
             spread = [s + np.sum(c**2, axis=0) for s, c in zip(spread, changes, strict=True)]
         near &= _all(self._near([np.sqrt(values) for values in spread]), cut)
         return finite & (gentle | (near & (growth <= MOST_GROWTH)))
+
+    def _growth(self, cut: Stretches) -> Array:
+        """(n_stretch,) by which the position's answer to a start's position grows over each, RMS of the last quarter
+        over that of the first; where the model leaves its table or range on the way, as if it grew on alike."""
+        found = np.ones(cut.begins.size)
+        if self.data.mover == "locked":
+            return found
+        answer = cut.slopes[self.names.index(POSITION_COLUMN), 0]
+        for n, part in enumerate(cut.parts(answer.size)):
+            own = np.trim_zeros(answer[part], "b")
+            quarter = max(1, own.size // 4)
+            if not np.any(own[:quarter]):
+                found[n] = np.inf
+                continue
+            rate = np.log(np.mean(own[-quarter:] ** 2) / np.mean(own[:quarter] ** 2)) / (2 * own.size)
+            found[n] = np.exp(min(rate * (part.stop - part.start), MOST_LOG))
+        return found
 
     def _near(self, over: list[Array]) -> NDArray[np.bool_]:
         """(n_sample,) whether differences over the noise are small enough for a linear model."""
@@ -293,18 +318,6 @@ def guessed(plant: KernelPlant, data: RunData, begins: NDArray[np.intp], n_start
 
 def _all(samples: NDArray[np.bool_], cut: Stretches) -> NDArray[np.bool_]:
     return np.asarray(np.logical_and.reduceat(samples, cut.begins))
-
-
-def _growth(slopes: Array, cut: Stretches, n_sample: int) -> Array:
-    """(n_stretch,) by which the position's answer (n_start, n_sample) to a start's position grows, RMS of the last
-    quarter over that of the first."""
-    found = np.ones(cut.begins.size)
-    for n, part in enumerate(cut.parts(n_sample)):
-        own = slopes[0, part]
-        quarter = max(1, own.size // 4)
-        first, last = np.mean(own[:quarter] ** 2), np.mean(own[-quarter:] ** 2)
-        found[n] = np.sqrt(last / first) if first > 0 else np.inf
-    return found
 
 
 def _pairs(open_: NDArray[np.bool_]) -> NDArray[np.intp]:

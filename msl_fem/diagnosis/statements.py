@@ -15,6 +15,7 @@ from msl_fem.diagnosis.decision import QUIET, TIE
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.kind import Kind
 from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.refits import CATCHING_UP
 from msl_fem.errors import ComputationError
 
 NEARLY = 0.05
@@ -36,8 +37,9 @@ def in_doubt(kind: Kind, fits: Sequence[Fit]) -> Kind | None:
         return None
     least = last.log_evidence - NEARLY * (last.log_evidence - bare.log_evidence)
     for other in kind.restatements():
-        alone = _evidence(other, bare)
-        if alone > bare.log_evidence + TIE and (alone > least or _evidence(other, last) > least):
+        better = bare.log_evidence + TIE
+        alone = _evidence(other, bare, better)
+        if alone > better and (alone > least or _evidence(other, last, least) > least):
             return other
     return None
 
@@ -57,12 +59,15 @@ def restated(kind: Kind, fits: Sequence[Fit]) -> Kind | None:
         return None
     gains = [after.log_evidence - before.log_evidence for before, after in pairwise(fits)]
     for other in kind.restatements():
-        turned = [_evidence(other, last, without=name) for name in _effects(last)]
-        if any(nats > last.log_evidence - NEARLY * gain for nats, gain in zip(turned, gains, strict=True)):
+        least = [last.log_evidence - NEARLY * gain for gain in gains]
+        every = zip(_effects(last), least, strict=True)
+        turned = [_evidence(other, last, nats, without=name) for name, nats in every]
+        if any(nats > needed for nats, needed in zip(turned, least, strict=True)):
             return other
-        alone = _evidence(other, bare)
-        if alone > bare.log_evidence + TIE:
-            turned += [alone, _evidence(other, last)]
+        better = bare.log_evidence + TIE
+        alone = _evidence(other, bare, better)
+        if alone > better:
+            turned += [alone, _evidence(other, last, last.log_evidence + TIE)]
         if max(turned, default=-np.inf) > last.log_evidence + TIE:
             return other
     return None
@@ -73,9 +78,10 @@ def _effects(found: Fit) -> list[str]:
     return list(dict.fromkeys(one.effect for one in found.unknowns.effects))
 
 
-def _evidence(other: Kind, found: Fit, *, without: str = "") -> float:
+def _evidence(other: Kind, found: Fit, least: float, *, without: str = "") -> float:
     """Log evidence of the record turned round, fitted from where a fit of the record as stated ended, `without` one of
-    its effects; minus infinity where that cannot be simulated."""
+    its effects; minus infinity where that cannot be simulated. A fit of which the first step shows that it does not
+    come to the `least` nats that count ends there."""
     kept = np.array([one.effect != without for one in found.unknowns.effects], dtype=bool)
     n = found.unknowns.n_nuisance
     unknowns = replace(
@@ -83,8 +89,13 @@ def _evidence(other: Kind, found: Fit, *, without: str = "") -> float:
     )
     start = found.z[np.concatenate([np.ones(n, dtype=bool), kept])]
     likelihood = replace(other.likelihood, strict=True) if found.likelihood.strict else other.likelihood
-    plan = FitPlan(most_steps=STEPS, renew=False)
+    plan = FitPlan(most_steps=1, renew=False)
     try:
-        return fit(likelihood, unknowns, start, plan=plan, nuisance_columns=found.jacobian[:, :n]).log_evidence
+        begun = fit(likelihood, unknowns, start, plan=plan, nuisance_columns=found.jacobian[:, :n])
+        if begun.log_evidence + CATCHING_UP * begun.to_come(STEPS) < least:
+            return begun.log_evidence
+        plan = FitPlan(most_steps=STEPS, damping=begun.damping, renew=False)
+        columns = begun.jacobian[:, :n]
+        return fit(begun.likelihood, unknowns, begun.z, plan=plan, nuisance_columns=columns).log_evidence
     except ComputationError:  # so it leaves the table where the record as stated does not
         return -np.inf

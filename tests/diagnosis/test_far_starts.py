@@ -91,6 +91,54 @@ def test_a_round_goes_on_with_the_damping_of_the_one_before(monkeypatch: pytest.
     assert first == [1.0, 10.0, 1e2, 1e-2]
 
 
+def test_a_fit_goes_on_where_one_has_ended_with_what_that_knows() -> None:
+    """To the same end as one that begins there with its columns, and nothing is simulated there once more."""
+    data = np.concatenate([np.full(200, 3e3), np.repeat([30.0, -30.0], 100)]) + far().data - 1e4
+    record = CutRecord(data, bent=30.0)
+    begun = fit(record, UNKNOWNS, np.zeros(2), plan=FitPlan(most_steps=1))  # type: ignore[arg-type]
+    record.visited.clear()
+    on = fit(record, UNKNOWNS, begun.z, plan=FitPlan(fresh_end=False), goes_on=begun)  # type: ignore[arg-type]
+    assert not any(np.array_equal(z[:2], begun.z) for z in record.visited)
+    columns = begun.jacobian[:, :2]
+    anew = fit(record, UNKNOWNS, begun.z, plan=FitPlan(fresh_end=False), nuisance_columns=columns)  # type: ignore[arg-type]
+    assert any(np.array_equal(z[:2], begun.z) for z in record.visited)
+    assert np.array_equal(on.z, anew.z)
+    assert on.objective < begun.objective
+
+
+def test_columns_of_the_very_point_where_a_round_ended_are_kept_for_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A model that is not stale has them; a round ends with such a one, unless it has no more steps."""
+    models: list[tuple[str, int, bool]] = []
+    plain_model, plain_followed = fitting._FitPosterior._model, CutRecord.followed
+
+    def model(self, point, known: int, *, stale: bool):
+        models.append(("model", known, stale))
+        return plain_model(self, point, known, stale=stale)
+
+    def followed(self, unknowns: Unknowns, z: np.ndarray) -> CutRecord:
+        models.append(("followed", 0, False))
+        return plain_followed(self, unknowns, z)
+
+    monkeypatch.setattr(fitting._FitPosterior, "_model", model)
+    monkeypatch.setattr(CutRecord, "followed", followed)
+    data = np.concatenate([np.full(200, 4.0), np.repeat([9.0, -5.0], 100)])
+    fit(CutRecord(data, strong=1.0, bent=1.0, shrinks=0.9), UNKNOWNS, np.zeros(2))  # type: ignore[arg-type]
+    ends = [n for n, (what, *_) in enumerate(models[:-1]) if what == "followed"]
+    fresh = [n for n in ends if not models[n - 1][2]]
+    assert fresh
+    assert [models[n + 1][1:] for n in fresh] == [(2, False)] * len(fresh)
+    assert all(models[n + 1][1:] in {(0, False), (2, True)} for n in ends if n not in fresh)
+
+
+def test_beside_what_a_missing_cause_costs_the_last_nats_are_left() -> None:
+    data = np.concatenate([np.full(200, 4.0), np.repeat([9.0, -5.0], 100)])
+    record = CutRecord(data, strong=1.0, bent=1.0)
+    whole = fit(record, UNKNOWNS, np.zeros(2))  # type: ignore[arg-type]
+    sooner = fit(record, UNKNOWNS, np.zeros(2), plan=FitPlan(share=0.1))  # type: ignore[arg-type]
+    assert whole.predicted < 0.05 < sooner.predicted < 0.1 * sooner.objective
+    assert sooner.simulations < whole.simulations
+
+
 @pytest.mark.parametrize(("off", "rounds"), [(5 * SANE, (5, 7)), (0.5 * SANE, (14, 14))])
 def test_a_model_beyond_sanity_is_not_followed_for_the_last_nats(off: float, rounds: tuple[int, int]) -> None:
     """Each round of new starts takes 3 % of what is left, which no number explains."""

@@ -176,7 +176,7 @@ def test_a_leader_is_led_as_far_as_what_is_asked_of_it_needs(
     plans: list[Any] = []
 
     def fitted(self: Refinement, near: Fit, variant: Variant, z: np.ndarray, plan: Any, columns: object) -> Refit:
-        plans.append((plan.enough, columns))
+        plans.append((plan.enough, near, z))
         return refit(list(z), gain, 0.0)
 
     monkeypatch.setattr(Refinement, "_refit", fitted)
@@ -184,10 +184,8 @@ def test_a_leader_is_led_as_far_as_what_is_asked_of_it_needs(
     one = refit([0.1, 0.1, 0.1], gain)
     Refinement(base, lambda text: None, FitMemory()).converged(one, leads=True)
     assert plans[0][0] == pytest.approx(enough)
-    assert np.shares_memory(plans[0][1], one.fit.columns.values)
-    one.fit.lets_go()
-    Refinement(base, lambda text: None, FitMemory()).converged(one, leads=True)
-    assert plans[1][1] is None
+    assert plans[0][1] is one.fit
+    assert plans[0][2] is one.fit.z, "so that it goes on there"
 
 
 def test_a_leader_that_goes_on_does_so_with_the_columns_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -195,14 +193,14 @@ def test_a_leader_that_goes_on_does_so_with_the_columns_it_has(monkeypatch: pyte
     made: list[Refit] = []
 
     def fitted(self: Refinement, near: Fit, variant: Variant, z: np.ndarray, plan: object, columns: Any) -> Refit:
-        taken.append(columns)
+        taken.append(near.columns.values is not None and z is near.z)
         made.append(refit(list(z), -near.objective + 100.0, near.predicted))
         return made[-1]
 
     monkeypatch.setattr(Refinement, "_refit", fitted)
     led([0.1, 0.1, 0.3], leads=True)
     assert len(taken) == 1 + MORE_LEGS
-    assert all(columns is not None and columns.shape[1] == UNKNOWNS.n_nuisance for columns in taken)
+    assert all(taken)
     assert [one.fit.columns.values is None for one in made] == [*[True] * MORE_LEGS, False], "of the last one alone"
 
 
@@ -311,7 +309,7 @@ def test_what_is_hopeless_or_far_behind_after_a_first_look_is_screened_no_furthe
     begun = iter(first)
 
     def fitted(self: Refinement, near: Fit, variant: Variant, z: np.ndarray, plan: Any, columns: object) -> Refit:
-        assert columns is not None
+        assert columns is not None or (z is near.z and near.columns.values is not None)
         plans.append((round(10 * z[2]), plan.most_steps))
         return next(begun) if plan.most_steps == FIRST_LOOK else refit(list(z), -near.objective, near.predicted)
 
@@ -328,6 +326,38 @@ def test_what_is_hopeless_or_far_behind_after_a_first_look_is_screened_no_furthe
     assert [plan for plan in plans if plan[1] != FIRST_LOOK] == [(n, SCREENING_STEPS - FIRST_LOOK) for n in went_on]
     assert len(found) == len(gains)
     assert all(one.fit.columns.values is None for n, one in enumerate(first) if n not in further)
+
+
+@pytest.mark.parametrize(
+    ("leaves_noise", "bends", "left", "lost", "looked_at"),
+    [
+        (True, 0.1, 4.0, False, [10.0, 6.0]),
+        (False, 0.1, 4.0, False, [10.0, 6.0, 2.0, 1.0]),
+        (True, 9.0, 4.0, False, [10.0, 6.0, 2.0, 1.0]),
+        (True, 0.1, 1.05, False, [10.0, 6.0, 2.0, 1.0]),
+        (True, 0.1, 4.0, True, [10.0, 6.0, 2.0, 1.0]),
+    ],
+)
+def test_beside_one_in_front_that_leaves_noise_and_bends_nothing_no_other_is_looked_at(
+    monkeypatch, leaves_noise: bool, bends: float, left: float, lost: bool, looked_at: list[float]
+) -> None:
+    """Where the base leaves more than noise: else a linear score tells which are better by a little."""
+    seen: list[float] = []
+
+    def screened(self: Refinement, score: Any) -> Refit:
+        seen.append(score.gain)
+        return refit([bends, 0.1, 0.1], 100.0 * score.gain, 0.0)
+
+    monkeypatch.setattr(Refinement, "screened", screened)
+    monkeypatch.setattr(Refinement, "screened_on", lambda self, one: one)
+    monkeypatch.setattr("msl_fem.diagnosis.refits._leaves_noise", lambda one: leaves_noise)
+    monkeypatch.setattr(Sizes, "excess", lambda self, found: {"position_m": left})
+    race = Refinement(replace(BASE), lambda text: None, FitMemory())
+    race.lost = lost
+    scores: Any = [SimpleNamespace(gain=gain, variant=FRICTION) for gain in (10.0, 6.0, 2.0, 1.0)]
+    further, ended = race._screened(scores)
+    assert sorted(seen, reverse=True) == looked_at
+    assert len(further) + len(ended) == len(looked_at)
 
 
 def test_a_promise_counts_as_far_as_the_damping_lets_it_be_kept() -> None:

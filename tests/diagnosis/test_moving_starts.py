@@ -15,6 +15,7 @@ from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.likelihood import Likelihood, columns_and_start_slopes
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.runs import Runs, dynamic_runs
+from msl_fem.diagnosis.shooting import Shooting
 from msl_fem.prediction import ModelHypothesis, run_data
 from msl_fem.record import Record
 
@@ -103,6 +104,37 @@ def test_a_fit_comes_to_the_same_end_in_fewer_rounds(kind, monkeypatch) -> None:
     assert ends[0].z == pytest.approx(ends[1].z, abs=0.05)
     assert ends[0].objective <= ends[1].objective + 0.5
     assert rounds[0] <= rounds[1]
+
+
+def test_a_fitted_model_is_judged_from_the_starts_of_its_fit(kind, monkeypatch) -> None:
+    """It leaves what its fit has left; others look for starts of their own."""
+    found = fit(kind.likelihood, kind.unknowns, np.zeros(kind.unknowns.size))
+    looked_for: list[str] = []
+
+    def noted(self: Shooting, *args: object) -> dict[str, np.ndarray]:
+        looked_for.append(self.data.role)
+        return followed(self, *args)
+
+    followed = Shooting.followed
+    monkeypatch.setattr(Shooting, "followed", noted)
+    every = kind.errors(kind.extend(found), found)
+    for signal in (one for one in every if one.role == "fit"):
+        sigma = kind.runs[0].noise[signal.channel].sigma
+        assert signal.summary.rms / sigma == pytest.approx(found.excess[signal.channel], rel=0.02)
+    assert "fit" not in looked_for
+    kind.errors(kind.belief, None)
+    assert "fit" in looked_for
+
+
+def test_a_point_that_will_not_do_is_left_as_soon_as_that_shows(kind) -> None:
+    posterior = fitting._FitPosterior(kind.likelihood, kind.unknowns, FitPlan())
+    z = np.zeros(kind.unknowns.size)
+    z[scale_of(kind)] = -20.0
+    whole = posterior.at(z)
+    taken = posterior.simulations
+    left = posterior.at(z, most=whole.objective - 100.0)
+    assert posterior.simulations - taken < taken
+    assert left.objective >= whole.objective
 
 
 def test_fits_that_meet_begin_each_at_its_own_starts(kind) -> None:

@@ -10,13 +10,13 @@ from diagnosed import TABLE, bench_record
 from linear_record import CUBIC, OFFSET, LinearRecord, record, with_effect
 from scipy.optimize import brentq
 
-from msl_fem.diagnosis import driver
+from msl_fem.diagnosis import driver, statements
 from msl_fem.diagnosis.decision import TIE
 from msl_fem.diagnosis.driver import DiagnosisSettings
-from msl_fem.diagnosis.fit import fit
+from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.runs import Runs, dynamic_runs
-from msl_fem.diagnosis.statements import in_doubt, restated
+from msl_fem.diagnosis.statements import STEPS, in_doubt, restated
 from msl_fem.prediction import ModelHypothesis, run_data
 
 
@@ -61,6 +61,30 @@ def test_an_effect_that_makes_up_for_a_statement_gives_way_to_it_and_one_that_is
     assert np.var(bent.data) < 0.5 * np.var(hidden.data), "without effects the record as stated explains more"
     assert turned_of(bent, hidden)
     assert not turned_of(bent, replace(hidden, data=hidden.data + 2 * rest))
+
+
+@pytest.mark.parametrize(("off", "steps"), [(0.0, [1, STEPS, 1, STEPS]), (50.0, [1])])
+def test_a_statement_that_explains_far_less_turned_round_is_fitted_no_further(
+    monkeypatch: pytest.MonkeyPatch, off: float, steps: list[int]
+) -> None:
+    """What no number of the model explains shows behind one step."""
+    true, unknowns = record(size=5.0)
+    cubic = true.of_effect["stiffness_nonlinearity"]
+    wrong = replace(true, data=true.data + 5 * cubic)
+    fits = [fit(wrong, with_effect(unknowns, *every), np.zeros(3 + len(every))) for every in ((), (CUBIC,))]
+    taken: list[int] = []
+
+    def noted(*args: Any, plan: FitPlan, **more: Any) -> Any:
+        taken.append(plan.most_steps)
+        return fit(*args, plan=plan, **more)
+
+    monkeypatch.setattr(statements, "fit", noted)
+    astray = off * np.random.default_rng(7).standard_normal(cubic.size)
+    other: Any = SimpleNamespace(likelihood=replace(true, data=true.data + astray))
+    kind: Any = SimpleNamespace(restatements=lambda: (other,))
+    assert (in_doubt(kind, fits) is other) == (off == 0.0)
+    assert taken == steps[: len(taken)]
+    assert len(taken) == (1 if off else 2)
 
 
 @pytest.mark.parametrize(("share", "given_way"), [(0.03, True), (0.08, False)])

@@ -11,10 +11,11 @@ from short_menu import cut_menu
 from msl_fem.actuator import load_actuator
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis import runs as runs_module
+from msl_fem.diagnosis import shooting as shooting_module
 from msl_fem.diagnosis.noise import transformed
 from msl_fem.diagnosis.problem import FitProblem, Points, _lane_settings, lanes
 from msl_fem.diagnosis.runs import dynamic_runs
-from msl_fem.diagnosis.shooting import ModelSpread, Shooting, guessed
+from msl_fem.diagnosis.shooting import HOPELESS, MOST_GROWTH, ModelSpread, Shooting, _Refinement, guessed
 from msl_fem.diagnosis.static_maps import MAP_BESIDE
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -125,11 +126,32 @@ def test_lanes_over_stretches_are_single_runs_over_stretches(short, table) -> No
 def test_starts_refined_beside_others_are_those_refined_alone(short, table) -> None:
     shot, cut = shooting(short, table, np.arange(0, 960, 32))
     aside = replace(cut, starts=cut.starts + np.array([0.0, 0.0, 2e-4, 0.0]))
-    for one, beside in zip((cut, aside), shot._refined_together([cut, aside], 3), strict=True):
+    together = shot._refined_together([_Refinement(each, shot.sigmas) for each in (cut, aside)], 3)
+    for one, beside in zip((cut, aside), together, strict=True):
         alone = shot.refined(one, 3)
         assert np.array_equal(beside.starts, alone.starts)
         assert np.array_equal(beside.slopes, alone.slopes)
         assert not np.array_equal(alone.starts, one.starts)
+
+
+def test_where_errors_grow_too_much_no_start_is_looked_for(short, table, monkeypatch) -> None:
+    """Over the whole run of an unstable plant that leaves its table early, as it grows until there; over short
+    stretches they are."""
+    shot, whole = shooting(short, table, [0])
+    simulated: list[int] = []
+
+    def noted(*args, **more):
+        simulated.append(len(args[1].rows))
+        return lanes(*args, **more)
+
+    monkeypatch.setattr(shooting_module, "lanes", noted)
+    tried = shot._tried(whole)
+    assert len(simulated) == 1
+    assert np.array_equal(tried.starts, whole.starts)
+    assert shot._growth(tried)[0] > HOPELESS * MOST_GROWTH
+    shot, cut = shooting(short, table, np.arange(0, 960, 32))
+    assert shot._growth(shot._tried(cut)).max() < MOST_GROWTH
+    assert np.array_equal(shot._tried(cut).starts, shot.refined(cut).starts)
 
 
 def test_an_unstable_plant_is_cut_and_left_noise_by_the_true_model(short, table) -> None:

@@ -30,8 +30,13 @@ EVERY = [DETUNED_DRIVE, BOTH, SLEWING, LAGGING, FRICTIONAL]
 class Slewing:
     """A likelihood that falls by `depth` where a slew limit has one size, and by half of it where friction has any."""
 
+    threads = 1
+
     def __init__(self, depth: float) -> None:
         self.depth = depth
+
+    def gathering(self, runs: object) -> "Slewing":
+        return self
 
     def spectra(self, points: Points) -> np.ndarray:
         assert points.effects is not None
