@@ -253,12 +253,17 @@ def _named(kind: Kind, result: EffectSearch, gains: Sequence[float]) -> tuple[Ef
     return replace(result, taken=taken), notes
 
 
+def _before_wander(result: EffectSearch) -> int:
+    """How many effects were taken before a zero that wanders: all, where none does."""
+    return next((n for n, effect in enumerate(result.effects) if effect in OWN_OF_A_RUN), result.taken)
+
+
 def _left_elsewhere(result: EffectSearch) -> bool:
     """Whether more than noise is left in readings whose zero does not wander by what is taken, of which the wander has
     not taken most: a fit without it errs there too, where it follows that zero with numbers of the plant."""
     wanders, every = result.final.unknowns.wanders, result.excesses
-    n = next((n for n, effect in enumerate(result.effects) if effect in OWN_OF_A_RUN), 0)
-    before, left = ({name: x for name, x in of.items() if name != wanders} for of in (every[n], every[result.taken]))
+    fits = every[_before_wander(result)], every[result.taken]
+    before, left = ({name: x for name, x in of.items() if name != wanders} for of in fits)
     return not white(left) and excess_power(left) > (1 - MOST_OF_IT) * excess_power(before)
 
 
@@ -268,7 +273,7 @@ def _without_wander(
     """The search with the effects before a zero that wanders, and the main cause if it is another one, where a cause is
     missing: one that moves the mover shows in other readings too, and a density of the noise takes what it leaves in
     the one that wanders. Why is noted."""
-    n = next((n for n, effect in enumerate(result.effects) if effect in OWN_OF_A_RUN), result.taken)
+    n = _before_wander(result)
     if main is not None and main.effect in OWN_OF_A_RUN:
         main = None
     if n < result.taken:

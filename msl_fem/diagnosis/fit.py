@@ -264,9 +264,8 @@ class _FitPosterior:
     def __init__(self, likelihood: Likelihood, unknowns: Unknowns, plan: FitPlan, start_slopes: Starts = ()) -> None:
         self.likelihood, self.unknowns, self.plan = likelihood, unknowns, plan
         self.simulations, self.heat = 0, 1.0
-        self.start_slopes = tuple(
-            own.copy() for own in start_slopes
-        )  # by how much each unknown moves the starts of stretches
+        # by how much each unknown moves the starts of stretches
+        self.start_slopes = tuple(own.copy() for own in start_slopes)
         self._jacobian = np.empty((0, unknowns.size), dtype=np.float32)
 
     def at(self, z: Array, starts: Starts | None = None, most: float = np.inf) -> _FitPoint:

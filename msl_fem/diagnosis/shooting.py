@@ -58,15 +58,6 @@ class ModelSpread:
         return self.z + self.moves
 
 
-@dataclass(frozen=True, eq=False)
-class _Followed:
-    """A run over stretches: residuals over the noise as they are, (n_sample,), and by one sigma, beside the starts."""
-
-    cut: Stretches
-    left: list[Array]
-    by_moves: list[Array]
-
-
 class _Refinement:
     """Starts of stretches on their way to those that leave least."""
 

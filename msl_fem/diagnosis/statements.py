@@ -95,7 +95,6 @@ def _evidence(other: Kind, found: Fit, least: float, *, without: str = "") -> fl
         if begun.log_evidence + CATCHING_UP * begun.to_come(STEPS) < least:
             return begun.log_evidence
         plan = FitPlan(most_steps=STEPS, damping=begun.damping, renew=False)
-        columns = begun.jacobian[:, :n]
-        return fit(begun.likelihood, unknowns, begun.z, plan=plan, nuisance_columns=columns).log_evidence
+        return fit(begun.likelihood, unknowns, begun.z, plan=plan, goes_on=begun).log_evidence
     except ComputationError:  # so it leaves the table where the record as stated does not
         return -np.inf
