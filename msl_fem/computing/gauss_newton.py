@@ -103,6 +103,12 @@ MOST_VAIN = 2
 DAMPED_FIRST = 1
 """Trials with more damping of a stale model that failed, before it is computed anew: of both a trial is the cheaper by
 far, and as often as not the step was too long and no column too old."""
+PATTERN = 3
+"""Steps behind which a descent that goes on slowly tries the same way again."""
+MOST_PATTERNS = 2  # times that it does so, twice as far each
+SLOWLY = 0.25
+"""Share of the first of these steps' gains that the last one brings, from which a descent is slow: near an end that a
+model is right about each step leaves much less than the one before."""
 MOST_IDLE = 2
 """Trials in a row after that, or that are damped so much that they promise no more, which bring less than is enough to
 go on, with which a descent ends."""
@@ -119,7 +125,8 @@ class DescentSettings:
 
     Attributes
     ----------
-    enough, enough_share : a promised decrease of the objective, and a share of it, below which it has converged
+    enough, enough_share : a promised decrease of the objective, and a share of what is above the `least` that can be
+        left, below which it has converged
     most_trials : steps, accepted or not
     most_steps : accepted steps; None: as many as trials
     renewal : the next model is computed wholly anew where a step brings less than this share of its promise, and where
@@ -136,6 +143,7 @@ class DescentSettings:
     most_steps: int | None = None
     renewal: float | None = None
     fresh_end: bool = True
+    least: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,15 +159,27 @@ class Descent(Generic[P, M]):
 
 
 def descend(
-    objective: Objective[P, M], start: P, settings: DescentSettings, *, first: M | None = None
+    objective: Objective[P, M],
+    start: P,
+    settings: DescentSettings,
+    *,
+    first: M | None = None,
+    further: Callable[[P, P], P] | None = None,
 ) -> Descent[P, M]:
-    """The descent from a start with a finite objective; `first` is the model there where it is known."""
+    """The descent from a start with a finite objective; `first` is the model there where it is known.
+
+    `further` makes of two points the one as far again beyond the second. Along a bent valley, or where what is left is
+    large and bends as it is lowered, models take each step for nearly the last one; the way of some of them is then
+    tried again, twice as far each time as it leads down (the pattern move of Hooke and Jeeves, J. ACM 8, 1961,
+    212-229).
+    """
     how, point, steps = settings, start, 0
+    since, gains = start, list[float]()
     model = first or objective.model(start, None)
     mu = settings.damping.first
     renewal, vain, idle, failed = how.renewal, 0, 0, 0
     for _ in range(how.most_trials):
-        if model.promised < max(how.enough, how.enough_share * point.objective):
+        if model.promised < max(how.enough, how.enough_share * (point.objective - how.least)):
             if how.renewal is None or not model.stale or not how.fresh_end:
                 return Descent(point, model, "converged", steps, mu)
             model = objective.model(point, None)
@@ -178,6 +198,11 @@ def descend(
                 vain = 0 if gain >= VAIN * promised else vain + 1
                 renewal = None if vain >= MOST_VAIN else renewal
             fruitful = renewal is None or gain >= renewal * promised
+            gains.append(gain)
+            if further is not None and len(gains) == PATTERN:
+                if gain >= SLOWLY * gains[0]:
+                    trial, fruitful = _as_far_again(further, since, trial), renewal is None
+                since, gains = trial, []
             model = objective.model(trial, model if fruitful else None)
             point = trial
             mu = how.damping.after_success(mu, raised=failed > 0)
@@ -189,6 +214,16 @@ def descend(
         else:
             mu, failed = how.damping.after_failure(mu), failed + 1
     return Descent(point, model, "no more steps", steps, mu)
+
+
+def _as_far_again(further: Callable[[P, P], P], since: P, point: P) -> P:
+    """The last point on the way from one to another, and on, that is lower than the one before."""
+    for _ in range(MOST_PATTERNS):
+        beyond = further(since, point)
+        if not beyond.objective < point.objective:
+            break
+        point = beyond
+    return point
 
 
 def normal_equations(jacobian: Array | Slopes, root: Array, residual: Array | None = None) -> tuple[Array, Array]:

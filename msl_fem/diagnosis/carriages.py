@@ -90,6 +90,10 @@ class InverseLikelihood(Likelihood):
         """Of what inverse dynamics leave, which is no white noise: see `robust_errors`."""
         return robust_errors(found, self.bands.lines, np.eye(found.z.size) if along is None else along)
 
+    def nats_of_noise(self, unknowns: Unknowns, z: Array) -> float:
+        """None: what is missed of a force has the noise of its sigma."""
+        return 0.0
+
     def excess(self, found: Fit) -> dict[str, float]:
         """RMS missing force in the equation's band over what the instruments' noise makes there, and chance of so few
         lines."""

@@ -1,6 +1,7 @@
 """What a search says: the verdict, the causes that are named, what held-out data say of them, and what is left."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 from msl_fem.diagnosis.correlation import correlation_of
@@ -93,8 +94,9 @@ def conclude(
     tell : is told what is looked at
     """
     models = [kind.extend(fit) for fit in result.fits[: result.taken + 1]]
-    of_models = [kind.errors(model, fit) for model, fit in zip(models, result.fits, strict=False)]
-    nominal, *signals = on_common_ground([kind.errors(kind.belief, None), *of_models])
+    with ThreadPoolExecutor(threads) as pool:  # what a fit has come to takes longest to follow
+        *of_models, nominal = pool.map(kind.errors, [*models, kind.belief], [*result.fits[: len(models)], None])
+    nominal, *signals = on_common_ground([nominal, *of_models])
     errors = [[signal.summary for signal in of_model] for of_model in signals]
     gains, worse = _held_out(signals, result)
     confirmed = [gain if bad else max(gain, 0.0) for gain, bad in zip(gains, worse, strict=True)]

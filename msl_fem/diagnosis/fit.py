@@ -70,6 +70,7 @@ farther, a stretch over which errors grow tells the difference."""
 WORN = 50.0
 """Nats that a round brings, behind which the nuisances' columns are of a place too far away."""
 MOST_LED = 3  # times that starts are moved at a point
+LED = 0.01  # of what a step has brought, that moving them has to bring to be worth another time
 TINY = 1e-300  # square of a move that is none
 
 
@@ -82,9 +83,9 @@ class FitPlan:
     most_steps : accepted or not
     damping : the first mu
     enough : nats that a further step would gain, at which it ends
-    share : of what is above the stated noise, S, that is enough where it is more
+    share : of what is above white noise as loud as the instruments show it, that is enough where it is more
     renew : whether the nuisances' columns may be computed anew; they are where a step brings less than it promised
-    fresh_end : whether they are those of the point where the fit ends
+    fresh_begin, fresh_end : whether they, and all others, are those of the point where the fit goes on, and ends
     tell : is told at every model of the objective what a further step promises
     """
 
@@ -93,6 +94,7 @@ class FitPlan:
     enough: float = CONVERGED
     share: float = 0.0
     renew: bool = True
+    fresh_begin: bool = False
     fresh_end: bool = True
     tell: Callable[[str], None] | None = None
 
@@ -132,13 +134,15 @@ def fit(
         if not np.isfinite(first.residual).all():
             raise ComputationError("the simulation fails at the start of the fit")
         first = posterior.heated(first, most_heat, COOLING ** (len(rounds) - n))
-        model = posterior.linearised(first, nuisance_columns if begun is None else begun.jacobian, stale=stale)
+        known = nuisance_columns if begun is None else None if how.fresh_begin else begun.jacobian
+        model = posterior.linearised(first, known, stale=stale)
+        noise = likelihood.nats_of_noise(unknowns, z) if how.share else 0.0
         if sane is None and posterior.heat > 1.0:
             sane = _fit_at(posterior, *posterior.cooled(first, model), simulations, damping.first)
             sane = replace(sane, columns=Columns(sane.jacobian.copy(), sane.columns.gram))  # the model goes on
         renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
-        settings = DescentSettings(damping, how.enough, how.share, trials, None, renewal, how.fresh_end)
-        end = descend(posterior, first, settings, first=model)
+        settings = DescentSettings(damping, how.enough, how.share, trials, None, renewal, how.fresh_end, noise)
+        end = descend(posterior, first, settings, first=model, further=posterior.further)
         point, model = posterior.cooled(end.point, end.model)
         simulations, start_slopes = simulations + posterior.simulations, posterior.start_slopes
         found = _fit_at(posterior, point, model, simulations, end.damping)
@@ -158,8 +162,8 @@ def fit(
         again = nearer.objective(unknowns, point.z)
         most_heat = posterior.heat / COOLING
         if posterior.heat == 1.0:
-            settled = end.ending in {"converged", "in vain"}
-            if settled and abs(again - point.objective) < max(RESTARTED, how.enough, how.share * point.objective):
+            alike = max(RESTARTED, how.enough, how.share * (point.objective - noise))
+            if end.ending in {"converged", "in vain"} and abs(again - point.objective) < alike:
                 break
             worth = how.enough
             if sane is not None and least < np.inf and beyond_sanity(unknowns, point.z):
@@ -271,7 +275,7 @@ class _FitPosterior:
     def at(self, z: Array, starts: Starts | None = None, most: float = np.inf) -> _FitPoint:
         """A point that holds the bounds; its S is inf where the simulation fails. Stretches begin at `starts`, or where
         a linear model leaves least from there, if that is elsewhere and better. A point that will not come below the
-        `most` is left as soon as that shows, for each time less is to be gained."""
+        `most` is left as soon as that shows, for each time less is to be gained; one that does where little is."""
         point, nearer, far = self._from(z, starts)
         for _ in range(MOST_LED):
             if far <= AS_GOOD or not np.isfinite(point.objective):
@@ -281,7 +285,7 @@ class _FitPosterior:
             if not gained > 0.0:
                 break
             point = moved
-            if point.objective - gained > most:
+            if point.objective - gained > most or (most < np.inf and gained < LED * (most - point.objective)):
                 break
         return point
 
@@ -323,6 +327,10 @@ class _FitPosterior:
             return self.at(z, most=point.objective)
         by = [np.tensordot(z - point.z, slopes, axes=1) for slopes in self.start_slopes]
         return self.at(z, tuple(own + b for own, b in zip(point.nearer, by, strict=True)), point.objective)
+
+    def further(self, before: _FitPoint, point: _FitPoint) -> _FitPoint:
+        """As far again beyond a point as from the one before."""
+        return self.moved(point, point.z - before.z)
 
     def model(self, point: _FitPoint, neighbour: _FitModel | None) -> _FitModel:
         if neighbour is not None:

@@ -161,6 +161,11 @@ class Fit:
         """Channel to RMS residual over the noise's sigma; simulated once, since search and verdict ask often."""
         return self.likelihood.excess(self)
 
+    @cached_property
+    def nats_of_noise(self) -> float:
+        """S of white noise as loud as the runs' instruments show it."""
+        return self.likelihood.nats_of_noise(self.unknowns, self.z)
+
     def nats_apart(self, other: "Fit") -> float:
         """Nats that the record brings on average for this fit over another one, if this is true: half the square of how
         far their simulations lie from each other, over the noise."""
@@ -346,8 +351,18 @@ class Likelihood:
 
     def loudness(self, found: Fit) -> dict[str, float]:
         """Channel to how many times as loud as stated its instrument is, as far as a fit's residuals show it."""
-        points = Points.of(found.unknowns, found.z[None])
+        return self._loudness_at(found.unknowns, found.z)
+
+    def _loudness_at(self, unknowns: Unknowns, z: Array) -> dict[str, float]:
+        points = Points.of(unknowns, z[None])
         return self._over_and_loudness(simulated_residuals(self.problem, points, substeps=self.substeps))[1]
+
+    def nats_of_noise(self, unknowns: Unknowns, z: Array) -> float:
+        """S of white noise as loud as the runs' instruments show it at z."""
+        loud, names = self._loudness_at(unknowns, z), self.channel_names
+        own = np.bincount(self._labels_of_runs, minlength=self.bands.n_band * len(names))
+        count = (own - self.spent[: own.size]).reshape(len(names), -1).sum(axis=1)
+        return float(np.log([loud[name] for name in names]) @ count)
 
     def _over_and_loudness(self, simulated: list[list[Array]]) -> tuple[dict[str, list[Array]], dict[str, float]]:
         """By channel residuals over the noise's sigma of each run where they count (n_sample,), and the loudness."""

@@ -38,7 +38,10 @@ SCREENING_STEPS = 6
 FIRST_LOOK = 2  # of these, behind which a candidate that is hopeless, or far behind, goes no further
 FAR_BEHIND = 0.1  # of the gain that the best has made then, to which a candidate has to come with what it promises
 FRONT = 0.25  # of the best linear score: candidates that are looked at before the others
-SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to the linear model's best at which a refit may begin
+NEARLY_ALL = 0.15
+"""Of the nats above white noise as loud as the instruments show it, that a candidate leaves where the others have next
+to nothing to come to."""
+SHARES = (1.0, 0.4, 0.1)  # of the way to the linear model's best at which a refit may begin
 AS_PROMISED = 0.5  # of its nats, that the linear model's best brings where a refit begins there
 REFINEMENT_STEPS = 25
 LAST_STEPS = 20
@@ -55,6 +58,7 @@ STRAINED = 4.0  # tolerances by which a believed parameter of a fit has moved, w
 BENT = 2.5  # tolerances, from which what is made up for as far as `MADE_UP` may be what bends it
 NEAR = 15.0  # nats behind the best within which refits are converged
 FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the best
+LED = 1e-5  # the same of the one that leads
 ROUGHLY_CONVERGED = 0.5  # nats that a candidate may still gain which does not lead, or of which much more is asked
 ROUGH = 5.0  # nats that a fit may still gain when it is scored, where the best score is far above
 AT_ONCE = 4
@@ -260,13 +264,14 @@ class Refinement:
 
     def _screened(self, candidates: Sequence[Score]) -> tuple[list[Refit], list[Refit]]:
         """Candidates that were screened, and those that ended after a first look. Where one of those in `FRONT` by
-        their linear scores leaves noise alone, and bends no believed parameter, the others have nothing to come to."""
+        their linear scores leaves nearly noise alone, and bends no believed parameter, the others have nothing to come
+        to."""
         most = max((score.gain for score in candidates), default=0.0)
         every = self.lost or max(self.base.excess.values()) <= QUIET
         front = [score for score in candidates if every or score.gain >= FRONT * most]
         behind = [score for score in candidates if score not in front]
         further, ended = self._screened_beside([], front)
-        if any(not strained(refit.fit) and _leaves_noise(refit) for refit in sorted(further, key=_by_gain)):
+        if further and self._takes_all(min(further, key=_by_gain)):
             return further, ended
         more, also = self._screened_beside(further, behind)
         return [*further, *more], [*ended, *also]
@@ -284,9 +289,18 @@ class Refinement:
         told = _Screening(self.tell, len(going), "screening", _is_behind)
         return self._together(lambda refit: told.ends(refit.variant, self.screened_on(refit)), going), ended
 
+    def _takes_all(self, refit: Refit) -> bool:
+        """Whether a candidate leaves nearly noise alone and bends no believed parameter."""
+        if self.lost or strained(refit.fit):
+            return False
+        if _leaves_noise(refit) or not self.base.likelihood.is_cut:
+            return _leaves_noise(refit)
+        noise = refit.fit.nats_of_noise
+        return refit.fit.objective - noise <= NEARLY_ALL * (self.base.objective - noise)
+
     def screened_on(self, refit: Refit) -> Refit:
-        """A candidate after all steps by which it is screened."""
-        if refit.fit.predicted >= ROUGHLY_CONVERGED:
+        """A candidate after all steps by which it is screened, where they promise anything."""
+        if refit.promising or self.lost:
             plan = FitPlan(SCREENING_STEPS - FIRST_LOOK, refit.fit.damping, enough=ROUGHLY_CONVERGED, renew=False)
             refit = self._leg(refit, plan)
         if not refit.promising and self.hopeless(refit):
@@ -298,8 +312,13 @@ class Refinement:
         may still lead, and would count if it did."""
         if not self.base.unknowns.effects and strained(self.base) and len(_effects(kept)) == 1:
             return list(kept)  # what leads begins once more
-        most = NEARLY * max((refit.gain for refit in kept), default=0.0)
+        first = min(kept, key=_by_gain, default=None)
+        most = NEARLY * max(first.gain, 0.0) if first else 0.0
         running = [one for one in kept if one.promising and one.reach >= most and not self.hopeless(one)]
+        if first and self._takes_all(first):  # whose model is that of those that began at other shapes
+            own = [unknown.place for unknown in first.variant.unknowns]
+            other = [one for one in running if [unknown.place for unknown in one.variant.unknowns] != own]
+            running = [one for one in other if one.reach > first.gain - NEAR]
         ended = [refit for refit in kept if refit not in running]
         for _ in range(REFINEMENT_STEPS // RACED_STEPS if kept else 0):
             best = min([*running, *ended], key=_by_gain)
@@ -323,8 +342,9 @@ class Refinement:
         """A candidate in front, its columns in the end those of that point, of which a further step would gain next to
         nothing."""
         enough = max(ROUGHLY_CONVERGED if self.base.unknowns.effects else CONVERGED, FRACTION * refit.gain)
-        enough = min(enough, ROUGHLY_CONVERGED) if leads else max(enough, ROUGHLY_CONVERGED)
-        plan = FitPlan(LAST_STEPS, refit.fit.damping, enough=enough)
+        ended = max(ROUGHLY_CONVERGED, LED * refit.gain)
+        enough = min(enough, ended) if leads else max(enough, ROUGHLY_CONVERGED)
+        plan = FitPlan(LAST_STEPS, refit.fit.damping, enough=enough, fresh_begin=leads)
         led = None
         if leads and not self.base.unknowns.effects and strained(refit.fit):
             self.tell(f"{refit.variant.name}, which leads, once more with all else as believed")

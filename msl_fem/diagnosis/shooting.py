@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
+from msl_fem.computing.lanes import LANES
 from msl_fem.diagnosis.problem import FitProblem, Points, lanes, missed
 from msl_fem.diagnosis.stretches import Stretches, moved
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -34,6 +35,7 @@ REFINED = 6  # Gauss-Newton steps of the starts, at most
 LONG = 15  # of them, where a model is judged that is not fitted
 MARGIN = 0.5  # of a start's position, in units of its prior, within which a stretch has to stay inside
 LOST = 1e6  # times the noise, that stand for a stretch that left table or range
+FAR_MORE = 2.0  # times what another start leaves over a stretch, with which one has lost its way
 SETTLED = 2e-3  # moves of the starts, in units of their prior, that are none
 NEAR_BY = 0.3  # moves of the starts behind which slopes are those before
 LOOKED_AT = 9  # samples of the parabola that gives the first guess of a start
@@ -89,6 +91,16 @@ class _Refinement:
         if first and self._growth_of is not None:
             self._part[self._growth_of(self.best) > HOPELESS * MOST_GROWTH] = 0.0
 
+    def give_up(self, least: Array) -> None:
+        """Lets stretches stay that leave far more than the least known, (n_stretch,), of which something else is
+        nearer to what suits them."""
+        self._part = np.where(self._least > FAR_MORE * least, 0.0, self._part)
+
+    @property
+    def least(self) -> Array:
+        """(n_stretch,) sums of squares of the residuals over the noise from the best starts so far."""
+        return self._least
+
     def move(self) -> None:
         """A Gauss-Newton step of the starts, or a part of it."""
         moves = self._part[:, None] * np.nan_to_num(self.best.moves([values[None] for values in self._kept])[0])
@@ -105,6 +117,7 @@ class Shooting:
         self.data, self.plant = problem.runs[run], problem.plant
         self.sigmas = problem.start_unit(run)
         self.names = problem.channels(run)
+        self._at_once = LANES * problem.threads
 
     def chosen(self, known: Stretches | None = None, *, with_moves: bool = False) -> Stretches | None:
         """The stretches; None where the run is followed as a whole. Those do not count in which the model leaves its
@@ -149,8 +162,8 @@ class Shooting:
         aside = np.eye(self.sigmas.size)[:1] * MARGIN * self.sigmas
         around = np.array([moved(cut.starts, by * aside) for by in (0.0, 1.0, -1.0)])
         tried = [(np.tile(self.spread.z, (3, 1)), around)]
-        for at in range(0, len(rows), 8):
-            part = rows[at : at + 8]
+        for at in range(0, len(rows), self._at_once):
+            part = rows[at : at + self._at_once]
             tried.append((part, np.tile(cut.starts, (len(part), 1, 1))))
         inside = np.ones(cut.begins.size, dtype=bool)
         for models, starts in tried:
@@ -169,8 +182,9 @@ class Shooting:
         """The same of stretches that the model may not bear: those over which errors grow too much are left alone."""
         return self._refined_together([_Refinement(cut, self.sigmas, self._growth)], REFINED)[0]
 
-    def _refined_together(self, every: Sequence[_Refinement], steps: int) -> list[Stretches]:
-        """The stretches of each, refined, all of them cut alike: lanes that one of them leaves idle serve another."""
+    def _refined_together(self, every: Sequence[_Refinement], steps: int, *, rivals: bool = False) -> list[Stretches]:
+        """The stretches of each, refined, all of them cut alike: lanes that one of them leaves idle serve another. Of
+        `rivals`, of which the best of each stretch is wanted, what falls far behind there after some steps stays."""
         for n in range(steps + 1):
             going = [one for one in every if not one.settled]
             if not going:
@@ -180,6 +194,10 @@ class Shooting:
                 one.take(base, None)
             for one, (base, slopes) in zip(far, self._simulated([one.cut for one in far]), strict=True):
                 one.take(base, slopes)
+            if rivals and n >= REFINED // 2:
+                least = np.min([one.least for one in every], axis=0)
+                for one in going:
+                    one.give_up(least)
             if n < steps:
                 for one in going:
                     one.move()
@@ -190,7 +208,7 @@ class Shooting:
         of those reached from the stretches' own and from what was measured; nan where none is borne."""
         anew = guessed(self.plant, self.data, cut.begins, self.sigmas.size)
         every = [_Refinement(each, self.sigmas) for each in (cut, anew)]
-        tried = [self.missed(each) for each in self._refined_together(every, LONG)]
+        tried = [self.missed(each) for each in self._refined_together(every, LONG, rivals=True)]
         lengths = np.diff([*cut.begins, len(self.data.commands)])
         costs = [self._cost(left, cut) for left in tried]
         second = np.repeat(costs[1] < costs[0], lengths)
@@ -252,8 +270,8 @@ class Shooting:
         left = whole.without_starts([np.nan_to_num(values)[None] for values in base])
         near = _all(self._near([values[0] for values in left]), cut)
         spread = [np.zeros_like(values) for values in base]
-        for at in range(0, len(self.spread.rows), 8):
-            rows = self.spread.rows[at : at + 8]
+        for at in range(0, len(self.spread.rows), self._at_once):
+            rows = self.spread.rows[at : at + self._at_once]
             over = self._residuals(rows, replace(cut, starts=cut.starts))
             finite &= _all(np.isfinite(sum(values.sum(axis=0) for values in over)), cut)
             changes = whole.without_starts([np.nan_to_num(v - b) for v, b in zip(over, base, strict=True)])

@@ -105,6 +105,10 @@ class StaticLikelihood(Likelihood):
     def channel_names(self) -> list[str]:
         return list(self.measured.sigmas)
 
+    def nats_of_noise(self, unknowns: Unknowns, z: Array) -> float:
+        """None: rows have the noise that is stated."""
+        return 0.0
+
     def excess(self, found: Fit) -> dict[str, float]:
         """Channel to RMS residual of the counted rows over the noise and what chance makes of so few."""
         names = enumerate(self.measured.sigmas)

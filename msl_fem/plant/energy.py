@@ -10,7 +10,7 @@ from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import keep, rows_of
 from msl_fem.plant.effects import magnetic, mechanical, stray_flux
 from msl_fem.plant.effects.magnetic import N_EDDY
-from msl_fem.plant.effects.mechanisms import N_STOP
+from msl_fem.plant.effects.mechanisms import N_IRON_STOP, N_STOP
 from msl_fem.plant.layout import (
     ANCHOR_1,
     ANCHOR_2,
@@ -134,24 +134,24 @@ def _stored(surface: Surface, p: PlantParameters, e: Array | None, state: Array)
     moving = 0.5 * e[mechanical.MODE_KEPT] * p.mass * v**2 + 0.5 * e[mechanical.MODE_MASS] * (v + state[MODE_RATE]) ** 2
     spring = 0.5 * p.stiffness * x**2 + e[mechanical.QUADRATIC] * x**3 / 3 + e[mechanical.CUBIC] * x**4 / 4
     spring += 0.5 * e[mechanical.CREEP_STIFFNESS] * (x - state[CREEP]) ** 2
-    spring += _in_stops(e, state, mechanical.FRICTION_SLOPE, STOPS_X)
+    spring += _in_stops(e, state, mechanical.FRICTION_SLOPE, STOPS_X, N_STOP)
     link = 0.5 * e[mechanical.MODE_MASS] * e[mechanical.MODE_STIFFNESS] * state[MODE] ** 2
     base = 0.5 * (e[mechanical.COMPLIANCE] * state[BASE] ** 2 + e[mechanical.BASE_INERTIA] * state[BASE_RATE] ** 2)
     return field, float(moving + spring + link + base)
 
 
-def _in_stops(e: Array, state: Array, slopes: int, start: int) -> float:
-    """What stops store that stand in the state from row `start` on, in J."""
-    return 0.5 * float(np.sum(e[slopes : slopes + N_STOP] * state[start : start + N_STOP] ** 2))
+def _in_stops(e: Array, state: Array, slopes: int, start: int, count: int) -> float:
+    """What `count` stops store that stand in the state from row `start` on, in J."""
+    return 0.5 * float(np.sum(e[slopes : slopes + count] * state[start : start + count] ** 2))
 
 
 def _in_iron(e: Array, state: Array, anchor: int, start: int) -> float:
     """What the stops of a side's iron store, in J: s_k times the integral of e dy, y = sinh(gamma z)/gamma, from e = 0
     to where they stand."""
-    gamma, z, stop = e[magnetic.HYSTERESIS_BROADENING], state[anchor], state[start : start + N_STOP]
+    gamma, z, stop = e[magnetic.HYSTERESIS_BROADENING], state[anchor], state[start : start + N_IRON_STOP]
     if gamma == 0.0:
-        return _in_stops(e, state, magnetic.HYSTERESIS_SLOPE, start)
-    slopes = e[magnetic.HYSTERESIS_SLOPE : magnetic.HYSTERESIS_SLOPE + N_STOP]
+        return _in_stops(e, state, magnetic.HYSTERESIS_SLOPE, start, N_IRON_STOP)
+    slopes = e[magnetic.HYSTERESIS_SLOPE : magnetic.HYSTERESIS_SLOPE + N_IRON_STOP]
     middle, half = np.sinh(gamma * (z - 0.5 * stop)) / gamma, np.sinh(0.5 * gamma * stop) / gamma
     return float(np.sum(slopes * (stop * np.sinh(gamma * z) / gamma - 2.0 * middle * half)))
 

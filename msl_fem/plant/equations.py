@@ -60,7 +60,7 @@ from msl_fem.plant.drive import terminal_voltage
 from msl_fem.plant.effects import electrical, magnetic, mechanical, stray_flux
 from msl_fem.plant.effects.expressions import LAW_VOLTAGE_1, LAW_VOLTAGE_2
 from msl_fem.plant.effects.magnetic import N_EDDY
-from msl_fem.plant.effects.mechanisms import N_STOP
+from msl_fem.plant.effects.mechanisms import N_IRON_STOP, N_STOP
 from msl_fem.plant.layout import (
     ANCHOR_1,
     ANCHOR_X,
@@ -396,17 +396,17 @@ def hysteresis(e: Rows, state: Rows, j: int, flux: Value, settle: bool) -> Value
     gamma = e[magnetic.HYSTERESIS_BROADENING]
     if some(gamma > 0.0):
         followed = choose(gamma > 0.0, inverse_hyperbolic_sine(gamma * followed) / gamma, followed)
-    slopes, widths, first = magnetic.HYSTERESIS_SLOPE, magnetic.HYSTERESIS_WIDTH, STOPS_1 + j * N_STOP
+    slopes, widths, first = magnetic.HYSTERESIS_SLOPE, magnetic.HYSTERESIS_WIDTH, STOPS_1 + j * N_IRON_STOP
     change = followed - state[ANCHOR_1 + j]
     if settle:
         if some(gamma > 0.0):
             lost = settle_broadened_stops(e, state, gamma, first, change, followed)
         else:
-            lost = settle_stops(e, state, slopes, widths, first, change)
+            lost = settle_stops(e, state, slopes, widths, first, N_IRON_STOP, change)
         state[ENERGY_HYSTERESIS] = state[ENERGY_HYSTERESIS] + lost
         state[ANCHOR_1 + j] = followed
         change = flux - flux
-    return (1.0 + 3.0 * stretch) * stop_sum(e, state, slopes, widths, first, change)
+    return (1.0 + 3.0 * stretch) * stop_sum(e, state, slopes, widths, first, N_IRON_STOP, change)
 
 
 @compiled
@@ -498,13 +498,13 @@ def _suspension(e: Rows, state: Rows, work: Rows, settle: bool) -> tuple[Value, 
         return spring + creep, x - x
     change = x - state[ANCHOR_X]
     if settle:
-        lost = settle_stops(e, state, slopes, widths, STOPS_X, change)
+        lost = settle_stops(e, state, slopes, widths, STOPS_X, N_STOP, change)
         state[ENERGY_FRICTION] = state[ENERGY_FRICTION] + lost
         state[ANCHOR_X] = x
         change = x - x
     v = work[Y + V]
     more = e[mechanical.STRIBECK_RISE] / (1.0 + e[mechanical.STRIBECK_FALL] * v * v)
-    stops = stop_sum(e, state, slopes, widths, STOPS_X, change)
+    stops = stop_sum(e, state, slopes, widths, STOPS_X, N_STOP, change)
     return spring + creep + stops, more * stops + _smooth_friction(e, v) * (1.0 + more)
 
 
@@ -543,22 +543,22 @@ def _motion(p: PlantParameters, e: Rows, work: Rows, dy: int, force: Value, own:
 
 
 @compiled
-def stop_sum(e: Rows, state: Rows, slopes: int, widths: int, start: int, change: Value) -> Value:
-    """Sum of slope times stop after a `change` of what the stops follow that is not kept.
+def stop_sum(e: Rows, state: Rows, slopes: int, widths: int, start: int, count: int, change: Value) -> Value:
+    """Sum of slope times stop, `count` of them, after a `change` of what they follow that is not kept.
 
     Slopes and widths stand in the coefficients from those rows on, the stops in the state from row `start` on.
     """
     total = change - change
-    for k in range(N_STOP):
+    for k in range(count):
         total = total + e[slopes + k] * within(state[start + k] + change, e[widths + k])
     return total
 
 
 @compiled
-def settle_stops(e: Rows, state: Rows, slopes: int, widths: int, start: int, change: Value) -> Value:
+def settle_stops(e: Rows, state: Rows, slopes: int, widths: int, start: int, count: int, change: Value) -> Value:
     """Moves the stops, given as in `stop_sum`, by a `change` of what they follow; the loss in J, s_k r_k |slip_k|."""
     lost = change - change
-    for k in range(N_STOP):
+    for k in range(count):
         moved = state[start + k] + change
         kept = within(moved, e[widths + k])
         lost = lost + e[slopes + k] * e[widths + k] * size(moved - kept)
@@ -574,7 +574,7 @@ def settle_broadened_stops(e: Rows, state: Rows, gamma: Value, start: int, chang
     """
     slopes, widths = magnetic.HYSTERESIS_SLOPE, magnetic.HYSTERESIS_WIDTH
     lost = change - change
-    for k in range(N_STOP):
+    for k in range(N_IRON_STOP):
         moved = state[start + k] + change
         kept = within(moved, e[widths + k])
         slip = moved - kept

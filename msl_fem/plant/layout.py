@@ -14,7 +14,7 @@ from msl_fem.computing.quintic_cell import N_CELL, PADDED
 from msl_fem.plant.effects import expressions
 from msl_fem.plant.effects.electrical import N_QUEUE
 from msl_fem.plant.effects.magnetic import N_EDDY
-from msl_fem.plant.effects.mechanisms import N_STOP
+from msl_fem.plant.effects.mechanisms import N_IRON_STOP, N_STOP
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, PlantParameters
 
 # What `advance` and `run` return
@@ -53,7 +53,8 @@ ADDED_READING = _STATE.row()  # what laws add to the position reading, m
 # Memory: where the stops stand that follow (Wb, Wb, m), losses of hysteresis and friction (J), whether the eddy
 # currents have settled at the start (0 before the first evaluation), then the stops
 ANCHOR_1, ANCHOR_2, ANCHOR_X, ENERGY_HYSTERESIS, ENERGY_FRICTION, ANCHORED = _STATE.rows(6)
-STOPS_1, STOPS_2, STOPS_X = _STATE.rows(3, N_STOP)
+STOPS_1, STOPS_2 = _STATE.rows(2, N_IRON_STOP)
+STOPS_X = _STATE.row(N_STOP)
 QUEUE_1, QUEUE_2 = _STATE.rows(2, N_QUEUE + 1)  # commands that have not acted yet, the latest first
 N_STATE = _STATE.size
 

@@ -18,7 +18,7 @@ from msl_fem.plant.effects import (
     thermal,
 )
 from msl_fem.plant.effects.expressions import LAWS
-from msl_fem.plant.effects.mechanisms import N_STOP
+from msl_fem.plant.effects.mechanisms import N_IRON_STOP
 from msl_fem.plant.equations import remanence, series_iron
 from msl_fem.plant.layout import COIL_1, COIL_READING, CORE_1, HEAT_1, I1, SENSOR, workspace
 from msl_fem.plant.plant import PlantParameters, Surface, drive_lags
@@ -106,7 +106,7 @@ def begin_effects(e: Array, state: Array) -> None:
 def coercive_current(e: Rows) -> float:
     """What all stops of an iron's memory take of a current, in A, at small flux."""
     pinned = 0.0
-    for k in range(N_STOP):
+    for k in range(N_IRON_STOP):
         pinned = pinned + e[magnetic.HYSTERESIS_SLOPE + k] * e[magnetic.HYSTERESIS_WIDTH + k]
     return pinned
 

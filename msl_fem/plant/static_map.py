@@ -8,7 +8,7 @@ from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Rows, keep, rows_of
 from msl_fem.errors import InputError, OutOfTable
 from msl_fem.plant.effects import EffectValues, kernel_coefficients, magnetic, stray_flux
-from msl_fem.plant.effects.mechanisms import N_STOP
+from msl_fem.plant.effects.mechanisms import N_IRON_STOP
 from msl_fem.plant.equations import hysteresis, remanence, series_iron
 from msl_fem.plant.layout import STOPS_1, workspace
 from msl_fem.plant.plant import PlantParameters, Surface
@@ -64,7 +64,7 @@ def _follow(
     force: Array, flux: Array,
 ) -> int:  # fmt: skip
     """Number of rows done; what the iron remembers stands in an array like the state's."""
-    work_array, memory = workspace(), np.zeros(STOPS_1 + N_STOP)
+    work_array, memory = workspace(), np.zeros(STOPS_1 + N_IRON_STOP)
     e, work, state, cells = rows_of(coefficients), rows_of(work_array), rows_of(memory), cells_of(surface)
     k = 0
     while k < gap.size:

@@ -3,7 +3,7 @@
     i = r(lambda) + p'(lambda) sum_k s_k e_k,   p(lambda) = lambda (1 + widening (lambda/lambda_r)^2)
 
 e_k is a stop of width R_k of p(lambda) (Brokate, Sprekels, Hysteresis and Phase Transitions, 1996, ch. 2), R_k =
-p(lambda_r (k/6)^spacing), and its slope s_k goes with R_k^-fall: Rayleigh's loops, the width of the major one and its
+p(lambda_r (k/16)^spacing), and its slope s_k goes with R_k^-fall: Rayleigh's loops, the width of the major one and its
 growth with the flux have a number each. r is a sum of odd rising functions. The memory takes energy on every closed
 path, s_k R_k |slip_k|, whatever the path.
 """
@@ -16,7 +16,7 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 
-STOPS = 6
+STOPS = 16
 BENDS = (0.03, 0.1)  # of the bent parts of the reversible curve, over the largest flux linkage
 POWERS = (1, 3, 5, 9, 17, 35, 70, 140, 280)  # of its other parts: the highest are knees as sharp as flux can be read
 LEAST_SLOPE = 1e-3  # of the reversible curve at no flux, over the largest current by the largest flux linkage

@@ -309,3 +309,68 @@ def test_a_stale_model_whose_step_was_too_long_is_damped_before_it_is_made_anew(
         assert descend(valley, Height(1.0), settings).point.x == pytest.approx(0.0, abs=1e-5)
         fresh.append(valley.models.count(False))
     assert fresh[1] < fresh[0]
+
+
+class Stiff:
+    """x^2/2 with models that take it for `times` as stiff, as beside a large rest that bends."""
+
+    stale = False
+
+    def __init__(self, times: float = 20.0) -> None:
+        self.times, self.moves, self.tried, self.models = times, 0, [], []
+
+    def moved(self, point: Height, move: np.ndarray) -> Height:
+        self.moves += 1
+        return Parabola(point.x + float(move[0]))
+
+    def further(self, before: Height, point: Height) -> Height:
+        self.tried.append((before.x, point.x))
+        return Parabola(2 * point.x - before.x)
+
+    def model(self, point: Height, neighbour: "Stiffly | None") -> "Stiffly":
+        self.models.append(neighbour is not None)
+        return Stiffly(point.x, self.times, stale=neighbour is not None)
+
+
+class Parabola(Height):
+    @property
+    def objective(self) -> float:
+        return self.x**2 / 2
+
+
+class Stiffly:
+    def __init__(self, x: float, times: float, *, stale: bool) -> None:
+        self.x, self.stale, self.times = x, stale, times
+        self.promised = x**2 / self.times / 2
+
+    def step(self, damping: float) -> tuple[np.ndarray, float]:
+        return np.array([-self.x / self.times]), self.promised
+
+
+def test_where_each_step_is_nearly_as_good_as_the_last_the_way_is_tried_again() -> None:
+    """Twice as far each time as it leads down; models are new then, for taken over ones may be why."""
+    settings = DescentSettings(Damping(first=0.0), enough=1e-6, most_trials=500, renewal=0.1)
+    slow, fast = Stiff(), Stiff()
+    assert descend(slow, Parabola(1.0), settings).ending == "converged"
+    end = descend(fast, Parabola(1.0), settings, further=fast.further)
+    assert end.ending == "converged"
+    assert fast.moves + len(fast.tried) < slow.moves / 2
+    three = 0.95**3
+    assert fast.tried[0] == (1.0, pytest.approx(three))
+    assert fast.tried[1] == (1.0, pytest.approx(2 * three - 1.0)), "twice as far"
+    assert len(fast.tried) < 2 * fast.moves / 3 + 1, "twice at most behind three steps"
+    assert fast.models[:4] == [False, True, True, False]
+
+
+def test_a_descent_that_is_not_slow_tries_nothing_further() -> None:
+    quick = Stiff(times=1.5)
+    end = descend(quick, Parabola(1.0), DescentSettings(Damping(first=0.0), enough=1e-9), further=quick.further)
+    assert end.steps > 6
+    assert not quick.tried
+
+
+def test_a_share_counts_of_what_is_above_the_least_that_can_be_left() -> None:
+    """A step promises a twentieth of what is left: less than a share of all of it, more than of what is above 0.4."""
+    settings = DescentSettings(Damping(first=0.0), 1e-3, 0.06, renewal=0.1)
+    assert descend(Stiff(), Parabola(1.0), settings).steps == 0
+    assert descend(Stiff(), Parabola(1.0), replace(settings, least=0.4)).steps > 10

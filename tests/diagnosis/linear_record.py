@@ -31,6 +31,9 @@ class LinearRecord:
     def gathering(self, runs: GatheredRuns | None) -> "LinearRecord":
         return self
 
+    def nats_of_noise(self, unknowns: Unknowns, z: Array) -> float:
+        return 0.0
+
     def excess(self, found: Fit) -> dict[str, float]:
         return {"reading": float(np.sqrt(np.mean(found.residual**2)))}
 

@@ -58,6 +58,9 @@ class LinearRecord:
     def standard_errors(self, found: Fit) -> np.ndarray:
         return np.sqrt(np.diag(np.linalg.inv(found.precision)))
 
+    def nats_of_noise(self, unknowns: Unknowns, z: np.ndarray) -> float:
+        return 0.0
+
     def excess(self, fit: Fit) -> dict[str, float]:
         return {"position_m": float(np.sqrt(np.mean(fit.residual**2)))}
 

@@ -49,6 +49,9 @@ class CutRecord:
     def weights(self, residual: np.ndarray, unknowns: Unknowns):
         return weights_of(residual, np.zeros(400, dtype=np.intp), np.array([100.0]))
 
+    def nats_of_noise(self, unknowns: Unknowns, z: np.ndarray) -> float:
+        return 0.0
+
     def followed(self, unknowns: Unknowns, z: np.ndarray) -> "CutRecord":
         self.followed_at.append(z)
         return replace(self, data=self.shrinks * self.data)

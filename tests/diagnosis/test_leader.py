@@ -109,6 +109,21 @@ def test_a_leader_goes_on_while_it_gains_and_others_take_one_leg(fits) -> None:
     assert len(fits) == 1, "whose next steps promise nothing"
 
 
+@pytest.mark.parametrize(("leads", "gain", "enough"), [(True, 1e6, 10.0), (True, 1e3, 0.5), (False, 1e3, 5.0)])
+def test_a_leader_begins_with_new_columns_and_is_led_nearly_to_its_end(
+    monkeypatch, leads: bool, gain: float, enough: float
+) -> None:
+    plans: list[Any] = []
+
+    def fitted(self: Refinement, near: Fit, variant: Variant, z: np.ndarray, plan: Any, columns: object) -> Refit:
+        plans.append(plan)
+        return refit(list(z), gain, 0.0)
+
+    monkeypatch.setattr(Refinement, "_refit", fitted)
+    Refinement(BASE, lambda text: None, FitMemory()).converged(refit([0.1, 0.1, 0.3], gain), leads=leads)
+    assert [(one.fresh_begin, one.enough) for one in plans] == [(leads, pytest.approx(enough))]
+
+
 def test_the_better_of_both_is_kept(fits, monkeypatch) -> None:
     monkeypatch.setattr("msl_fem.diagnosis.refits.MORE_LEGS", 0)
     begin = refit([9.0, 5.0, 0.3], 6000.0)
@@ -322,7 +337,7 @@ def test_what_is_hopeless_or_far_behind_after_a_first_look_is_screened_no_furthe
     hopeless_ones = [first[n] for n in hopeless]
     race = Refinement(BASE, lambda text: None, FitMemory(), lambda one: one in hopeless_ones)
     found = race.best_first(scores)
-    went_on = [n for n in further if promised[n] >= 0.5]  # what promises less has been screened
+    went_on = [n for n in further if promised[n] >= 5.0]  # what promises less has been screened
     assert [plan for plan in plans if plan[1] != FIRST_LOOK] == [(n, SCREENING_STEPS - FIRST_LOOK) for n in went_on]
     assert len(found) == len(gains)
     assert all(one.fit.columns.values is None for n, one in enumerate(first) if n not in further)
@@ -358,6 +373,46 @@ def test_beside_one_in_front_that_leaves_noise_and_bends_nothing_no_other_is_loo
     further, ended = race._screened(scores)
     assert sorted(seen, reverse=True) == looked_at
     assert len(further) + len(ended) == len(looked_at)
+
+
+@pytest.mark.parametrize(
+    ("left", "bends", "cut", "takes_all"),
+    [
+        (-700.0, 0.1, True, True),
+        (-600.0, 0.1, True, False),
+        (-700.0, 9.0, True, False),
+        (-700.0, 0.1, False, False),
+    ],
+)
+def test_a_candidate_may_take_nearly_all_before_it_leaves_noise(
+    monkeypatch, left: float, bends: float, cut: bool, takes_all: bool
+) -> None:
+    """Of 1800 nats above noise, which is at -900, by an instrument that is quieter than stated: 200 or 300 are left."""
+    monkeypatch.setattr(Sizes, "nats_of_noise", lambda self, unknowns, z: -900.0, raising=False)
+    monkeypatch.setattr(Sizes, "is_cut", cut)
+    race = Refinement(replace(BASE, objective=900.0), lambda text: None, FitMemory())
+    one = refit([bends, 0.1, 0.1], 100.0)
+    assert race._takes_all(replace(one, fit=replace(one.fit, objective=left))) is takes_all
+
+
+@pytest.mark.parametrize(("takes_all", "running"), [(True, ["near"]), (False, ["far", "near", "other shape"])])
+def test_beside_one_that_takes_nearly_all_what_may_come_near_it_goes_on_and_no_other_beginning_of_it(
+    monkeypatch, takes_all: bool, running: list[str]
+) -> None:
+    moved: list[Refit] = []
+    monkeypatch.setattr(Refinement, "refined", lambda self, one: moved.append(one) or one)
+    monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(item) for item in items])
+    monkeypatch.setattr(Refinement, "_takes_all", lambda self, one: takes_all)
+    friction, other = Variant("force_offset", DRIVES["both"].unknowns), Variant("gap_offset", DRIVES["slew"].unknowns)
+    every = {
+        "leader": refit([0.1, 0.1, 0.3], 1000.0, 2.0),
+        "other shape": refit([0.1, 0.1, 0.5], 990.0),
+        "near": replace(refit([0.1, 0.1, 0.3], 900.0, 100.0), variant=friction),
+        "far": replace(refit([0.1, 0.1, 0.3], 800.0, 20.0), variant=other),
+    }
+    Refinement(BASE, lambda text: None, FitMemory()).raced(list(every.values()))
+    names = {id(one): name for name, one in every.items()}
+    assert sorted(names[id(one)] for one in moved) == running
 
 
 def test_a_promise_counts_as_far_as_the_damping_lets_it_be_kept() -> None:

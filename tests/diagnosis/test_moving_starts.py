@@ -15,7 +15,7 @@ from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.likelihood import Likelihood, columns_and_start_slopes
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.runs import Runs, dynamic_runs
-from msl_fem.diagnosis.shooting import Shooting
+from msl_fem.diagnosis.shooting import REFINED, ModelSpread, Shooting, _Refinement
 from msl_fem.prediction import ModelHypothesis, run_data
 from msl_fem.record import Record
 
@@ -168,3 +168,80 @@ def test_a_point_that_is_heated_keeps_the_starts_that_leave_less(kind) -> None:
     assert heated.nearer is point.nearer is not None
     posterior.linearised(heated, None)
     assert all(np.abs(own).max() > 0 for own in posterior.start_slopes)
+
+
+@pytest.mark.parametrize(("gained", "times"), [(0.5, 2), (20.0, 4)])
+def test_starts_are_moved_again_where_that_brings_some_of_what_the_step_has_brought(
+    kind, monkeypatch, gained: float, times: int
+) -> None:
+    """Each time brings so much; the step was one of a thousand nats."""
+    told: list[object] = []
+
+    def posterior_from(self, z, starts):
+        told.append(starts)
+        point = fitting._FitPoint(z, np.zeros(1), None, -gained * len(told))
+        return point, (np.zeros(1),), 1.0
+
+    monkeypatch.setattr(fitting._FitPosterior, "_from", posterior_from)
+    posterior = fitting._FitPosterior(kind.likelihood, kind.unknowns, FitPlan())
+    posterior.at(np.zeros(kind.unknowns.size), most=1000.0)
+    assert len(told) == times
+    told.clear()
+    posterior.at(np.zeros(kind.unknowns.size))
+    assert len(told) == 4, "without a step before it, as often as it may be"
+
+
+def test_what_has_lost_its_way_over_a_stretch_stays_there(kind) -> None:
+    """Of two beginnings one is far behind over two stretches: the other goes on over all of them."""
+    problem = kind.likelihood.problem
+    cut, n_channel = problem.stretches[0], len(problem.channels(0))
+    here, there = (_Refinement(cut, np.ones(cut.slopes.shape[1])) for _ in range(2))
+    left = np.ones(cut.slopes.shape[-1])
+    here.take([left] * n_channel, cut.slopes)
+    there.take([np.where(np.arange(left.size) < cut.begins[2], 3.0, left)] * n_channel, cut.slopes)
+    least = np.minimum(here.least, there.least)
+    for one in (here, there):
+        one.give_up(least)
+    assert np.all(here._part > 0)
+    assert (there._part == 0).nonzero()[0].tolist() == [0, 1]
+
+
+def test_one_of_two_beginnings_is_given_up_where_the_better_one_is_wanted(kind, monkeypatch) -> None:
+    """After some steps: before, the one that will be better may be far behind."""
+    asked: list[int] = []
+    shot = Shooting(kind.likelihood.problem, 0, ModelSpread.of_tolerances(kind.unknowns), substeps=4)
+    cut, steps = kind.likelihood.problem.stretches[0], []
+    plain = _Refinement.take
+    monkeypatch.setattr(_Refinement, "take", lambda self, *one: steps.append(id(self)) or plain(self, *one))
+    monkeypatch.setattr(_Refinement, "give_up", lambda self, least: asked.append(len(steps)))
+    shot.refined(cut)
+    assert not asked
+    steps.clear()
+    shot.followed(cut)
+    before = steps[: asked[0]]
+    assert max(map(before.count, before)) == REFINED // 2 + 1
+
+
+def test_s_of_noise_is_that_of_white_noise_as_loud_as_its_instruments(kind, monkeypatch) -> None:
+    """Twice as loud in the position, as stated in the rest; but for what chance makes of each band's density."""
+    likelihood = kind.likelihood
+    names, n_band = likelihood.channel_names, likelihood.bands.n_band
+    loud = dict.fromkeys(names, 1.0) | {"position_m": 2.0}
+    monkeypatch.setattr(Likelihood, "_loudness_at", lambda self, unknowns, z: loud)
+    told = likelihood.nats_of_noise(kind.unknowns, np.zeros(kind.unknowns.size))
+    noise = np.random.default_rng(11).standard_normal(likelihood.labels.size)
+    spent = np.sqrt(1.0 - likelihood.spent / np.bincount(likelihood.labels))[likelihood.labels]
+    made = noise * spent * np.array([loud[names[label // n_band]] for label in likelihood.labels])
+    own = np.array([names[label // n_band] == "position_m" for label in range(likelihood.spent.size)])
+    count = (np.bincount(likelihood.labels) - likelihood.spent)[own].sum()
+    assert told == pytest.approx(np.log(2.0) * count), "numbers that went into starts are none"
+    assert likelihood.plain_weights(made).nats == pytest.approx(told, abs=6 * np.sqrt(noise.size / 2) + 5 * n_band)
+
+
+def test_a_fit_may_go_on_with_columns_of_where_it_is(kind) -> None:
+    """Those that it has may be of places before."""
+    begun = fit(kind.likelihood, kind.unknowns, np.zeros(kind.unknowns.size), plan=FitPlan(3))
+    for fresh in (False, True):
+        plan = FitPlan(1, enough=1e9, fresh_begin=fresh, fresh_end=False)
+        on = fit(begun.likelihood, kind.unknowns, begun.z, plan=plan, goes_on=begun)
+        assert on.simulations == (kind.unknowns.size if fresh else 0)

@@ -183,8 +183,8 @@ KERNEL = {
     side.cell_values: "Rnrr",
     side.cell_slopes: "Rnrr",
     equations.series_iron: "Rr",
-    equations.stop_sum: "RRnnnr",
-    equations.settle_stops: "RRnnnr",
+    equations.stop_sum: "RRnnnnr",
+    equations.settle_stops: "RRnnnnr",
     equations.settle_broadened_stops: "RRrnrr",
 }
 """Functions that take numbers and rows alone; those above them are compared in whole runs."""

@@ -236,7 +236,7 @@ def test_a_rise_of_demagnetised_iron_and_the_fall_after_it_have_a_closed_form(se
     values = broad(broadening, spacing=spacing, fall=fall, widening=widening)
     current = np.r_[np.linspace(0.0, 2.0, n), np.linspace(2.0, -0.5, n)]
     flux = flux_of(servo, current, values)
-    y, place = flux / (OF_ONE * REVERSAL), (np.arange(1, 7) / 6) ** spacing
+    y, place = flux / (OF_ONE * REVERSAL), (np.arange(1, 17) / 16) ** spacing
     followed, widths = (np.arcsinh(broadening * (q + widening * q**3)) / broadening for q in (y, place))
     slopes = widths**-fall
     slopes *= COERCIVE / (slopes @ widths)

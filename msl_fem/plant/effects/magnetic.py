@@ -15,7 +15,7 @@ from msl_fem.plant.effects.entry import (
     Values,
     bending_current,
 )
-from msl_fem.plant.effects.mechanisms import N_STOP, NEVER
+from msl_fem.plant.effects.mechanisms import N_IRON_STOP, NEVER
 from msl_fem.plant.plant import CURRENT_DRIVE
 from msl_fem.plant.poles import FAST
 
@@ -33,7 +33,7 @@ SHARE, UNMIX = LAYOUT.rows(2)  # share of the other side's current; 1/(1 - share
 EDDY = LAYOUT.row()  # conductance of the eddy loop, 1/ohm
 EDDY_MODE, EDDY_RATE = LAYOUT.rows(2, N_EDDY)  # modes of the eddy currents: current over flux, A/Wb; rates, 1/s
 EDDY_EXACT = LAYOUT.row()  # whether they are known in closed form over a step (0 or 1): beside a fast current loop
-HYSTERESIS_SLOPE, HYSTERESIS_WIDTH = LAYOUT.rows(2, N_STOP)  # of the stops, A/Wb; their widths, Wb
+HYSTERESIS_SLOPE, HYSTERESIS_WIDTH = LAYOUT.rows(2, N_IRON_STOP)  # of the stops, A/Wb; their widths, Wb
 HYSTERESIS_STRETCH = LAYOUT.row()  # of what the stops follow: y = lambda + stretch lambda^3, Wb^-2
 HYSTERESIS_BROADENING = LAYOUT.row()  # and of y: z = asinh(gamma y)/gamma, 1/Wb
 STEEPNESS = 7.0  # of the exponential, at the knee's current
@@ -87,15 +87,15 @@ def _hysteresis(e: Array, v: Values, setting: KernelSetting) -> None:
     e[HYSTERESIS_STRETCH] = widening / (widest * widest)
     e[HYSTERESIS_BROADENING] = gamma
     reach = 0.0
-    for k in range(N_STOP):
-        place = math.exp(v["magnetic_hysteresis", "spacing"] * math.log((k + 1.0) / N_STOP))
+    for k in range(N_IRON_STOP):
+        place = math.exp(v["magnetic_hysteresis", "spacing"] * math.log((k + 1.0) / N_IRON_STOP))
         e[HYSTERESIS_WIDTH + k] = widest * place * (1.0 + widening * place * place)
         if gamma > 0.0:
             e[HYSTERESIS_WIDTH + k] = math.asinh(gamma * e[HYSTERESIS_WIDTH + k]) / gamma
         wider = e[HYSTERESIS_WIDTH + k] / widest
         e[HYSTERESIS_SLOPE + k] = math.exp(0.0 - v["magnetic_hysteresis", "fall"] * math.log(wider))
         reach = reach + e[HYSTERESIS_SLOPE + k] * e[HYSTERESIS_WIDTH + k]
-    for k in range(N_STOP):
+    for k in range(N_IRON_STOP):
         e[HYSTERESIS_SLOPE + k] = e[HYSTERESIS_SLOPE + k] * (v["magnetic_hysteresis", "coercive_current"] / reach)
 
 
@@ -298,10 +298,9 @@ MAGNETIC = (
                 1.0,
                 (0.3, 6.0),
                 0.5,
-                "a: the stops' widths are those of the fluxes (k/6)^a lambda_r",
+                "a: the stops' widths are those of the fluxes (k/16)^a lambda_r",
                 shape=True,
                 tried=(1.5,),
-                over="loops",
                 width=0.7,
             ),
             Parameter(
@@ -313,6 +312,7 @@ MAGNETIC = (
                 "b: slopes of the stops go with their widths to the power -b: how early minor loops lose energy",
                 shape=True,
                 tried=(0.3,),
+                over="loops",
                 width=1.5,
             ),
             Parameter(

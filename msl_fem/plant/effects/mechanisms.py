@@ -5,7 +5,9 @@ from collections.abc import Mapping
 from typing import Any
 
 N_STOP = 6
-"""Stops of a Prandtl-Ishlinskii operator; their widths are 1, 2 ... 6 times the first."""
+"""Stops of friction, a Prandtl-Ishlinskii operator; their widths are 1, 2 ... 6 times the first."""
+N_IRON_STOP = 16
+"""Stops of iron: its branches bend so gently that with six of them a long record shows where each begins to slip."""
 NEVER = 1e9
 """Of a current at which a shape has its effect, A: it is never reached."""
 OVERSHOOT_POLE = 3.0
