@@ -42,6 +42,7 @@ CASES = (
     ("levitator", "voltage", "force_offset=3%"),
     ("levitator", "current", "eddy_currents=3%"),
     ("levitator", "voltage", "eddy_currents=3%"),
+    ("levitator", "current", "magnetic_hysteresis=3%"),
 )
 EVERY = tuple(("servo", drive, f"{name}=3%") for drive in ("voltage", "current") for name in CATALOGUE)
 RATE = 1e4
