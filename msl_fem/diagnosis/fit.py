@@ -134,7 +134,9 @@ def fit(
         if not np.isfinite(first.residual).all():
             raise ComputationError("the simulation fails at the start of the fit")
         first = posterior.heated(first, most_heat, COOLING ** (len(rounds) - n))
-        known = nuisance_columns if begun is None else None if how.fresh_begin else begun.jacobian
+        known = nuisance_columns
+        if begun is not None:
+            known, stale = None if how.fresh_begin and begun.stale else begun.jacobian, begun.stale
         model = posterior.linearised(first, known, stale=stale)
         noise = likelihood.nats_of_noise(unknowns, z) if how.share else 0.0
         if sane is None and posterior.heat > 1.0:
@@ -209,6 +211,7 @@ def _fit_at(
         next_step=model.step(damping)[1],
         nearer=point.nearer,
         start_slopes=posterior.start_slopes,
+        stale=model.stale,
     )
 
 

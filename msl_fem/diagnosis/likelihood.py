@@ -116,6 +116,7 @@ class Fit:
     next_step : nats that the next step would gain with its damping
     nearer : starts of stretches that suit it still better to a linear model
     start_slopes : by how much each unknown moves the starts of stretches, (n_unknown, n_stretch, 4) of each run
+    stale : whether some columns were taken over from a neighbouring point
     """
 
     unknowns: Unknowns
@@ -134,6 +135,7 @@ class Fit:
     next_step: float = np.inf
     nearer: Starts | None = None
     start_slopes: Starts = ()
+    stale: bool = True
 
     def to_come(self, steps: int) -> float:
         """Nats that so many steps more promise: with much damping, as along a bent valley, less than one without."""

@@ -69,16 +69,16 @@ class _Refinement:
         self._growth_of = growth_of
         self.settled = self.near_by = False
         self._sigmas, self._kept = sigmas, [np.zeros(0)]
-        self._least, self._part = np.full(cut.begins.size, np.inf), np.ones(cut.begins.size)
+        self.least, self._part = np.full(cut.begins.size, np.inf), np.ones(cut.begins.size)
 
     def take(self, base: list[Array], slopes: Array | None) -> None:
         """Residuals over the noise, and slopes of the starts, at `cut`: the better ones of each stretch are kept.
         Without slopes those before are kept."""
-        cut, first = self.cut, np.isinf(self._least).all()
+        cut, first = self.cut, np.isinf(self.least).all()
         cost = np.add.reduceat(sum(np.nan_to_num(values, nan=LOST) ** 2 for values in base), cut.begins)
-        better = cost < self._least
+        better = cost < self.least
         self._part = np.where(better & (self._part > 0.0), 1.0, self._part / 2)
-        self._least = np.where(better, cost, self._least)
+        self.least = np.where(better, cost, self.least)
         starts = np.where(better[:, None], cut.starts, self.best.starts)
         base = [np.nan_to_num(values) for values in base]
         if slopes is None:
@@ -94,12 +94,7 @@ class _Refinement:
     def give_up(self, least: Array) -> None:
         """Lets stretches stay that leave far more than the least known, (n_stretch,), of which something else is
         nearer to what suits them."""
-        self._part = np.where(self._least > FAR_MORE * least, 0.0, self._part)
-
-    @property
-    def least(self) -> Array:
-        """(n_stretch,) sums of squares of the residuals over the noise from the best starts so far."""
-        return self._least
+        self._part = np.where(self.least > FAR_MORE * least, 0.0, self._part)
 
     def move(self) -> None:
         """A Gauss-Newton step of the starts, or a part of it."""
@@ -117,7 +112,6 @@ class Shooting:
         self.data, self.plant = problem.runs[run], problem.plant
         self.sigmas = problem.start_unit(run)
         self.names = problem.channels(run)
-        self._at_once = LANES * problem.threads
 
     def chosen(self, known: Stretches | None = None, *, with_moves: bool = False) -> Stretches | None:
         """The stretches; None where the run is followed as a whole. Those do not count in which the model leaves its
@@ -162,14 +156,17 @@ class Shooting:
         aside = np.eye(self.sigmas.size)[:1] * MARGIN * self.sigmas
         around = np.array([moved(cut.starts, by * aside) for by in (0.0, 1.0, -1.0)])
         tried = [(np.tile(self.spread.z, (3, 1)), around)]
-        for at in range(0, len(rows), self._at_once):
-            part = rows[at : at + self._at_once]
-            tried.append((part, np.tile(cut.starts, (len(part), 1, 1))))
+        tried += [(part, np.tile(cut.starts, (len(part), 1, 1))) for part in self._at_once(rows)]
         inside = np.ones(cut.begins.size, dtype=bool)
         for models, starts in tried:
             over = self._residuals(models, replace(cut, starts=starts))
             inside &= _all(np.isfinite(sum(values.sum(axis=0) for values in over)), cut)
         return inside
+
+    def _at_once(self, rows: Array) -> list[Array]:
+        """Models in parts, as many as all threads simulate at the same time."""
+        count = LANES * self.problem.threads
+        return [rows[at : at + count] for at in range(0, len(rows), count)]
 
     def refined(self, cut: Stretches, steps: int = REFINED) -> Stretches:
         """The stretches with starts that leave least, and the slopes there; where a stretch fails it stays.
@@ -270,8 +267,7 @@ class Shooting:
         left = whole.without_starts([np.nan_to_num(values)[None] for values in base])
         near = _all(self._near([values[0] for values in left]), cut)
         spread = [np.zeros_like(values) for values in base]
-        for at in range(0, len(self.spread.rows), self._at_once):
-            rows = self.spread.rows[at : at + self._at_once]
+        for rows in self._at_once(self.spread.rows):
             over = self._residuals(rows, replace(cut, starts=cut.starts))
             finite &= _all(np.isfinite(sum(values.sum(axis=0) for values in over)), cut)
             changes = whole.without_starts([np.nan_to_num(v - b) for v, b in zip(over, base, strict=True)])
