@@ -15,9 +15,10 @@ field energy, as in an ideal drive whose current jumps.
 import numpy as np
 
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, larger, size, some
+from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, size, some
 from msl_fem.plant.effects import electrical, magnetic
-from msl_fem.plant.equations import coupled_rows, hysteresis, series_iron
+from msl_fem.plant.iron_beside_loop import NO_WAY, no_eddies, put_beside_iron, with_memory
+from msl_fem.plant.known_currents import put_fall, rates_together
 from msl_fem.plant.layout import (
     CIRCUIT_1,
     CIRCUIT_2,
@@ -28,23 +29,30 @@ from msl_fem.plant.layout import (
     KNOWN_1,
     KNOWN_2,
     KNOWN_ABOVE,
+    KNOWN_ACTS,
     KNOWN_CORNER,
     KNOWN_FIELD,
     KNOWN_FLUX,
     KNOWN_LAST,
     KNOWN_LIMITED,
+    KNOWN_LINE,
     KNOWN_MEAN,
     KNOWN_MEMORY,
     KNOWN_MISSING,
+    KNOWN_RISES,
     KNOWN_SHARED,
     KNOWN_SLOPE,
     KNOWN_SLOPES,
+    KNOWN_TAKEN,
+    KNOWN_TOOK,
+    KNOWN_TURN,
     KNOWN_VALUE,
     LIMITED_1,
     MMF,
     MUTUAL,
     N_CIRCUIT,
     N_KNOWN,
+    RESISTANCE,
     SHARED_BEFORE,
     SHARED_ENERGY,
     SHARED_FLUX,
@@ -57,13 +65,10 @@ from msl_fem.plant.mutual_flux import set_mutual_flux
 from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
 from msl_fem.plant.poles import (
     FAST,
-    Four,
-    fall_for_squares,
     fall_moments,
     falls_together,
     limited_line,
     moments_together,
-    slopes_of_fall,
 )
 from msl_fem.plant.sheet_modes import (
     beside_modes,
@@ -75,11 +80,9 @@ from msl_fem.plant.sheet_modes import (
     put_modes,
     set_mode_weights,
     solve_nodes,
+    target_rise,
 )
 from msl_fem.plant.side import Cells, side_flux, side_gap
-
-_ITERATIONS = 5
-_NO_WAY = 1e-12  # A
 
 
 @compiled
@@ -131,6 +134,12 @@ def begin_corners(p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
         work[row + KNOWN_VALUE] = work[Y + I1 + j] - above
         work[row + KNOWN_VALUE + 1] = rate
         work[row + KNOWN_CORNER] = work[SLOPES + I1 + j]
+        work[row + KNOWN_LINE] = work[SLOPES + I1 + j]
+        work[row + KNOWN_RISES] = work[CIRCUIT_1 + j * N_CIRCUIT + INDUCTANCE] * work[SLOPES + I1 + j]
+        work[row + KNOWN_TURN] = work[Y + I1 + j]
+        work[row + KNOWN_TOOK] = work[CIRCUIT_1 + j * N_CIRCUIT + MMF] - work[Y + I1 + j]
+        work[row + KNOWN_TAKEN] = 0.0
+        work[row + KNOWN_ACTS] = work[LIMITED_1 + j]
 
 
 @compiled
@@ -139,30 +148,57 @@ def put_corner_currents(p: PlantParameters, state: Rows, work: Rows, step: float
     what is missing to the target is the slope there over the loop's rate."""
     for j in range(p.sides):
         row = KNOWN_1 + j * N_KNOWN
-        at_corner = work[row + KNOWN_VALUE] - work[row + KNOWN_CORNER] / work[row + KNOWN_VALUE + 1]
+        goes = work[row + KNOWN_VALUE] - work[row + KNOWN_TAKEN]
+        at_corner = goes - work[row + KNOWN_CORNER] / work[row + KNOWN_VALUE + 1]
         moved, whole = at_corner - state[I1 + j], step * work[SLOPES + I1 + j]
-        within_step = (moved * whole > 0.0) & (size(moved) < size(whole)) & (work[LIMITED_1 + j] > 0.0)
+        within_step = (moved * whole > 0.0) & (size(moved) < size(whole)) & (work[row + KNOWN_ACTS] > 0.0)
         work[Y + I1 + j] = choose(within_step, at_corner, state[I1 + j])
+        work[LIMITED_1 + j] = 0.0
 
 
 @compiled
-def keep_corner_slopes(p: PlantParameters, work: Rows) -> None:
+def keep_corner_slopes(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
     """The slopes of the fourth stage's rows as those where voltage limits cease to act, where they act: to the side to
-    which they do at the step's begin."""
+    which they do at the step's begin. Beyond it they are what the resistance leaves of the slope at the begin.
+
+    Up to there the flux linkage goes nearly in a straight line, and of the current the table tells it: its mean slope
+    is the mean of what it makes the flux linkage rise by over the inductance between both ends. Where the limit ceases
+    to act iron takes another part of the coil's current than at the begin.
+    """
     for j in range(p.sides):
-        row, found = KNOWN_1 + j * N_KNOWN + KNOWN_CORNER, work[SLOPES_4 + I1 + j]
-        work[row] = choose((work[LIMITED_1 + j] > 0.0) & (found * work[SLOPES + I1 + j] > 0.0), found, work[row])
+        row, circuit = KNOWN_1 + j * N_KNOWN, CIRCUIT_1 + j * N_CIRCUIT
+        inductance, moved = work[circuit + INDUCTANCE], work[Y + I1 + j] - state[I1 + j]
+        more, resistance = moved - moved, p.resistance + (moved - moved)
+        if e is not None:
+            more = choose(no_eddies(e), work[circuit + MMF] - work[Y + I1 + j] - work[row + KNOWN_TOOK], 0.0)
+            resistance = work[circuit + RESISTANCE]
+        rises = work[row + KNOWN_RISES] - resistance * (moved + more)
+        beyond = work[LIMITED_1 + j] == 0.0
+        found = choose(beyond, rises / inductance, work[SLOPES_4 + I1 + j])
+        work[LIMITED_1 + j] = work[row + KNOWN_ACTS]
+        acts = (work[row + KNOWN_ACTS] > 0.0) & (found * work[SLOPES + I1 + j] > 0.0)
+        work[row + KNOWN_CORNER] = choose(acts, found, work[row + KNOWN_CORNER])
+        inside, flux, _ = side_flux(cells, p, e, work, j, work[Y + I1 + j], side_gap(p, e, work, j))
+        before = work[row + KNOWN_FLUX]
+        if p.sides == 2:
+            before = before - work[row + KNOWN_SHARED]
+        moves = acts & inside & (size(moved) > NO_WAY)
+        mean = 0.5 * (work[row + KNOWN_RISES] + inductance * found) * moved / choose(moves, flux - before, 1.0)
+        work[row + KNOWN_LINE] = choose(moves, mean, 0.5 * (work[SLOPES + I1 + j] + work[row + KNOWN_CORNER]))
+        work[row + KNOWN_TURN] = choose(moves, work[Y + I1 + j], work[row + KNOWN_TURN])
+        work[row + KNOWN_TAKEN] = choose(moves, more, 0.0)
 
 
 @compiled
 def set_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float) -> None:
     """Currents of a step into the rows of each side, from Y = `state` with its slopes in the first stage's rows and
     whether the voltage limit acts there."""
+    free = (work[LIMITED_1] + work[LIMITED_1 + 1]) == 0.0
     for j in range(p.sides):
         above = _above(p, e, work, j)
         work[KNOWN_1 + j * N_KNOWN + KNOWN_MISSING] = above
         if e is not None:
-            above = _with_memory(cells, p, e, state, work, j, above)
+            above = with_memory(cells, p, e, state, work, j, above, free)
             _heed_limit(e, state, work, j, above, step)
         work[KNOWN_1 + j * N_KNOWN + KNOWN_ABOVE] = above
     free = (work[LIMITED_1] + work[LIMITED_1 + 1]) == 0.0
@@ -172,6 +208,7 @@ def set_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, w
         _couple_sides(p, e, state, work, free, step)
     if e is not None:
         _with_modes(p, e, state, work, free, step)
+        put_beside_iron(cells, p, e, state, work, free, step)
 
 
 @compiled
@@ -210,28 +247,6 @@ def _missing(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
 
 
 @compiled
-def _with_memory(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, above: Value) -> Value:
-    """What the magnetising current of side j is above where it goes: there, memory and iron in series take another
-    part of the coil's current than here. Fixed-point iteration; that part is a small share of the current."""
-    row = KNOWN_1 + j * N_KNOWN + KNOWN_MEMORY
-    work[row] = 0.0
-    if not (some(e[magnetic.HYSTERESIS_SLOPE] > 0.0) or some(e[magnetic.IRON_LOW] + e[magnetic.IRON_KNEE] > 0.0)):
-        return above
-    u, gap, moved = work[Y + I1 + j], side_gap(p, e, work, j), above
-    taken = above - above
-    for n in range(_ITERATIONS):
-        inside, flux, _ = side_flux(cells, p, e, work, j, u if n == 0 else u - moved, gap)
-        part = hysteresis(e, state, j, flux, False) + series_iron(e, flux)
-        if n == 0:
-            taken = part
-        else:
-            moved = choose(inside, above + (part - taken), moved)
-    moves = size(moved) > _NO_WAY
-    work[row] = choose(moves, larger((above - moved) / choose(moves, moved, 1.0), 0.0), 0.0)
-    return moved
-
-
-@compiled
 def _heed_limit(e: Rows, state: Rows, work: Rows, j: int, above: Value, step: float) -> None:
     """Lets the voltage limit of side j be, where modes of eddy currents fade: the current, which is hardly off, has to
     go the other way."""
@@ -253,40 +268,19 @@ def _set_side(p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, free
         among, stiffer = beside_modes(e, state, work, j, above, rate)
         above, rate = choose(free, above, among), choose(free, rate, stiffer)
         fast = choose(free & (e[magnetic.EDDY_EXACT] > 0.0), 1.0, fast)
-    rise, slope, limited = mean_target(work, j)[1], work[SLOPES + I1 + j], work[LIMITED_1 + j] > 0.0
+    rise, limited = target_rise(p, e, work, j), work[LIMITED_1 + j] > 0.0
     z = rate * step
     away = above + rise * (0.5 + 1.0 / z)
     line, corner = z - z, 1.0 + (z - z)
     if some(limited):
-        later = work[row + KNOWN_CORNER]
-        line, corner = limited_line(away, 0.5 * (slope + later) * step, later * step, z)
+        line, corner = limited_line(away, work[row + KNOWN_LINE] * step, work[row + KNOWN_CORNER] * step, z)
         line, corner = choose(limited, line, 0.0), choose(limited, corner, 1.0)
     known = (fast > 0.0) & (line < 1.0)
     work[LIMITED_1 + j] = work[row + KNOWN_LIMITED]
     work[row] = choose(known, 1.0, 0.0)
     m_0, square, m_s, last = fall_moments(z, line, corner)
     fall = away * m_0, away * away * square, away * m_s, away * last
-    _put_fall(state, work, j, known, away, rise, fall, step)
-
-
-@compiled
-def _put_fall(
-    state: Rows, work: Rows, j: int, where: Flag, away: Value, rise: Value, fall: Four, step: float
-) -> None:  # fmt: skip
-    """The current of side j into its rows, in some lanes: a straight line that rises by `rise`, from which it begins
-    `away` and to which it falls with those moments."""
-    row, goal = KNOWN_1 + j * N_KNOWN, state[I1 + j] - away
-    m_0, square, m_s, last = fall
-    begin, middle, end = fall_for_squares(m_0, square, m_s, away + last)
-    b, m, n = slopes_of_fall(away, m_0, m_s, last)
-    value, slope, rate = row + KNOWN_VALUE, row + KNOWN_SLOPES, 1.0 / step
-    work[value] = choose(where, goal + begin, work[value])
-    work[value + 1] = choose(where, goal + middle + 0.5 * rise, work[value + 1])
-    work[value + 2] = choose(where, goal + end + rise, work[value + 2])
-    work[slope] = choose(where, (rise - b) * rate, work[slope])
-    work[slope + 1] = choose(where, (rise - m) * rate, work[slope + 1])
-    work[slope + 2] = choose(where, (rise - n) * rate, work[slope + 2])
-    work[row + KNOWN_LAST] = choose(where, goal + last + rise, work[row + KNOWN_LAST])
+    put_fall(state, work, j, known, away, rise, z - z, fall, step)
 
 
 @compiled
@@ -302,9 +296,9 @@ def _couple_sides(p: PlantParameters, e: Rows, state: Rows, work: Rows, free: Fl
     free = free & coupled
     if not some(free):
         return
-    z_11, z_12, z_21, z_22 = _rates_together(p, e, work, step)
+    z_11, z_12, z_21, z_22 = rates_together(p, e, work, step)
     determinant = z_11 * z_22 - z_12 * z_21
-    rise_1, rise_2 = mean_target(work, 0)[1], mean_target(work, 1)[1]
+    rise_1, rise_2 = target_rise(p, e, work, 0), target_rise(p, e, work, 1)
     away_1 = work[KNOWN_1 + KNOWN_ABOVE] + 0.5 * rise_1 + (z_22 * rise_1 - z_12 * rise_2) / determinant
     away_2 = work[second + KNOWN_ABOVE] + 0.5 * rise_2 + (z_11 * rise_2 - z_21 * rise_1) / determinant
     faster, slower, (p_1, q_1, p_2, q_2) = falls_together((z_11, z_12, z_21, z_22), away_1, away_2)
@@ -314,8 +308,8 @@ def _couple_sides(p: PlantParameters, e: Rows, state: Rows, work: Rows, free: Fl
     none = slower - slower
     fast, slow = fall_moments(faster, none, 1.0 + none), fall_moments(slower, none, 1.0 + none)
     between = (1.0 - (fast[3] * slow[3])) / (faster + slower)
-    _put_fall(state, work, 0, both, away_1, rise_1, moments_together(fast, slow, between, p_1, q_1), step)
-    _put_fall(state, work, 1, both, away_2, rise_2, moments_together(fast, slow, between, p_2, q_2), step)
+    put_fall(state, work, 0, both, away_1, rise_1, none, moments_together(fast, slow, between, p_1, q_1), step)
+    put_fall(state, work, 1, both, away_2, rise_2, none, moments_together(fast, slow, between, p_2, q_2), step)
 
 
 @compiled
@@ -344,24 +338,6 @@ def _mean_current(p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, 
         moved = moved + (mutual + share * of_other) / inductance * (work[other + KNOWN_LAST] - state[I1 + 1 - j])
         moved = moved + share * work[CIRCUIT_2 - j * N_CIRCUIT + EMF] / inductance * step
     return mean_target(work, j)[0] - moved / (e[electrical.BANDWIDTH] * step)
-
-
-@compiled
-def _rates_together(p: PlantParameters, e: Rows, work: Rows, step: float) -> Four:
-    """Z of both sides, d(u)/ds = -Z (u - where it goes) over a step, its rows one after the other."""
-    l_1, l_2 = work[CIRCUIT_1 + INDUCTANCE], work[CIRCUIT_2 + INDUCTANCE]
-    w, share, unmix = p.bandwidth + (l_1 - l_1), l_1 - l_1, 1.0 + (l_1 - l_1)
-    if e is not None:
-        w, share, unmix = e[electrical.BANDWIDTH], e[magnetic.SHARE], e[magnetic.UNMIX]
-    (own_1, other_1), (own_2, other_2) = coupled_rows(e, work, l_1, l_2, w * l_1, w * l_2)
-    scale = w * step * unmix / (own_1 * own_2 - other_1 * other_2)
-    z_11, z_12 = own_2 + share * other_1, 0.0 - (other_1 + share * own_2)
-    z_21, z_22 = 0.0 - (other_2 + share * own_1), own_1 + share * other_2
-    if e is None:
-        return scale * z_11, scale * z_12, scale * z_21, scale * z_22
-    else:
-        by_1, by_2 = scale * (1.0 + work[KNOWN_1 + KNOWN_MEMORY]), scale * (1.0 + work[KNOWN_2 + KNOWN_MEMORY])
-        return by_1 * z_11, by_2 * z_12, by_1 * z_21, by_2 * z_22
 
 
 @compiled

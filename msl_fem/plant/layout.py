@@ -111,7 +111,7 @@ DRIVE_FALL, DRIVE_RAMP = _WORK.rows(2, 4)
 # Currents of a loop that is fast against the step (`fast_loop.py`), side 1, then side 2: whether they are known (0, 1
 # or 2), then their values at begin, middle and end of a step and behind it, what stands for their slopes (A/s), the one
 # of the stage; flux linkage (Wb) and field energy (J) at the step's begin, whether the limit had been met before
-N_KNOWN = 18
+N_KNOWN = 28
 KNOWN_1, KNOWN_2 = _WORK.rows(2, N_KNOWN)
 KNOWN_VALUE, KNOWN_LAST, KNOWN_SLOPES, KNOWN_SLOPE, KNOWN_FLUX, KNOWN_FIELD, KNOWN_LIMITED = 1, 4, 5, 8, 9, 10, 11
 KNOWN_SHARED = 12  # what of that flux linkage the sides have in common (Wb)
@@ -120,6 +120,12 @@ KNOWN_ABOVE = 14  # what the current is above where it goes (A)
 # The same but for what memory and iron in series take on the way, and what they take over the way
 KNOWN_MISSING, KNOWN_MEMORY = 15, 16
 KNOWN_MEAN = 17  # of the coil's current over the step (A), beside modes of eddy currents: there known is 2
+# The magnetising current at middle and end, less that of the begin, and what iron takes there beyond its share (A)
+KNOWN_MOVED, KNOWN_BEYOND = 18, 20
+# Whether a voltage limit acts at the begin (0 or 1); what the current's own flux linkage rises by there (V), and what
+# iron takes (A); the current's mean slope up to where the limit ceases to act (A/s), the current there, and what iron
+# takes more (A)
+KNOWN_ACTS, KNOWN_RISES, KNOWN_TOOK, KNOWN_LINE, KNOWN_TURN, KNOWN_TAKEN = 22, 23, 24, 25, 26, 27
 CIRCUIT_1, CIRCUIT_2 = _WORK.rows(2, N_CIRCUIT)
 TILTED = _WORK.row(4 * N_BLOCK)  # cells at either end of a tilted face: side 1's lower and upper gap, then side 2's
 SHARED = _WORK.row(N_MUTUAL)  # the cell of the coenergy of both sides

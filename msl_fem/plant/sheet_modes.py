@@ -229,7 +229,7 @@ def _left(
 ) -> Value:  # fmt: skip
     """What the current of side j, with what its modes take, would be above where it goes at a node, were u to stand
     still: in A."""
-    left = work[KNOWN_1 + j * N_KNOWN + KNOWN_MISSING] - (NODES[i] - 0.5) * _target_rise(p, e, work, j)
+    left = work[KNOWN_1 + j * N_KNOWN + KNOWN_MISSING] - (NODES[i] - 0.5) * target_rise(p, e, work, j)
     sums, emf = MODE_SUM + i * N_NODE, work[CIRCUIT_1 + j * N_CIRCUIT + EMF]
     left = left + taking * step * emf * (work[sums] + work[sums + 1] + work[sums + 2])
     flux = work[KNOWN_1 + j * N_KNOWN + KNOWN_FLUX]
@@ -259,10 +259,10 @@ def beside_modes(e: Rows, state: Rows, work: Rows, j: int, above: Value, rate: V
 
 
 @compiled
-def _target_rise(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
+def target_rise(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
     """What the target of side j, and its share of the other one's, rises by over the step, in A."""
     rise = mean_target(work, j)[1]
-    if p.sides == 2:
+    if e is not None and p.sides == 2:
         rise = rise + e[magnetic.SHARE] * mean_target(work, 1 - j)[1]
     return rise
 

@@ -113,7 +113,7 @@ def _find_corners(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: 
     for _ in range(_CORNERS):
         put_corner_currents(p, state, work, step)
         inside = inside & slopes(cells, p, e, state, work, 3, 0, False)
-        keep_corner_slopes(p, work)
+        keep_corner_slopes(cells, p, e, state, work)
     look_at(e, state, work)
     return inside & slopes(cells, p, e, state, work, 0, 0, False)
 

@@ -45,8 +45,10 @@ def test_a_current_loop_takes_few_steps(one_sided: Actuator) -> None:
 
 def test_what_changes_a_loop_or_its_target_wants_fine_steps_at_nothing_too() -> None:
     wants = {name for name, effect in CATALOGUE.items() if effect.fine_steps}
-    assert {"eddy_currents", "magnetic_hysteresis", "structural_mode", "time_delay"} <= wants
-    assert wants.isdisjoint({"coulomb_friction", "position_sensor_lag", "leakage_inductance", "mutual_inductance"})
+    assert {"eddy_currents", "structural_mode", "time_delay"} <= wants
+    assert wants.isdisjoint(
+        {"coulomb_friction", "early_saturation", "leakage_inductance", "magnetic_hysteresis", "mutual_inductance"}
+    )
     for one, fine in ((DELAY, True), (FRICTION, False)):
         points = Points.of(Unknowns((), 0, (), (one,)), np.zeros((2, 1)))
         assert points.wants_fine.tolist() == [fine, fine]

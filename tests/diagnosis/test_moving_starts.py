@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 
 import levitator
 import numpy as np
@@ -135,6 +136,20 @@ def test_a_point_that_will_not_do_is_left_as_soon_as_that_shows(kind) -> None:
     left = posterior.at(z, most=whole.objective - 100.0)
     assert posterior.simulations - taken < taken
     assert left.objective >= whole.objective
+
+
+@pytest.mark.parametrize(("most", "looks"), [(np.inf, 4), (1.0, 4), (50.0, 1), (-50.0, 1)])
+def test_starts_that_are_nearly_as_good_do_where_the_step_is_clear(kind, monkeypatch, most: float, looks: int) -> None:
+    """A point far below the one before, or far above it, is not looked at again for a hundredth of a sigma."""
+    posterior, asked = fitting._FitPosterior(kind.likelihood, kind.unknowns, FitPlan()), []
+
+    def near_by(z: np.ndarray, starts: object) -> tuple[SimpleNamespace, tuple[()], float]:
+        asked.append(starts)
+        return SimpleNamespace(objective=-0.1 * len(asked)), (), 0.01
+
+    monkeypatch.setattr(posterior, "_from", near_by)
+    posterior.at(np.zeros(kind.unknowns.size), most=most)
+    assert len(asked) == looks
 
 
 def test_fits_that_meet_begin_each_at_its_own_starts(kind) -> None:

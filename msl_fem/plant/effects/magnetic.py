@@ -228,7 +228,6 @@ MAGNETIC = (
         sets=(("knee_shift",), ("low_field_current", "knee_excess"), ("knee_excess",)),
         separating="a map up to twice the largest current, where the iron saturates",
         deviation_of={"magnetic_hysteresis": 0.14},
-        fine_steps=True,
     ),
     Effect(
         name="fringing",
@@ -346,7 +345,6 @@ MAGNETIC = (
         static=Part(("coercive_current",)),
         advice="anneal the sheets or take a better grade; demagnetise before each run",
         separating="loops of the current up and down at one gap, in an ascending series of amplitudes",
-        fine_steps=True,
     ),
     Effect(
         name="eddy_currents",
