@@ -150,6 +150,18 @@ class Shooting:
         made = self.refined(guessed(self.plant, self.data, begins, self.sigmas.size))
         return made if cut.outside is None else replace(made, outside=np.repeat(cut.outside, parts))
 
+    def _between_margins(self, cut: Stretches) -> tuple[list[Array], Array, NDArray[np.bool_]]:
+        """(residuals over the noise, slopes of the starts, (n_stretch,) whether the model stays in table and range over
+        each, from starts to both sides too), all in one block of lanes."""
+        n = self.sigmas.size
+        aside = np.eye(n)[:1] * MARGIN
+        moves = np.concatenate([np.zeros((1, n)), STEP * np.eye(n), aside, -aside]) * self.sigmas
+        starts = np.array([moved(cut.starts, move) for move in moves])
+        over = self._residuals(np.tile(self.spread.z, (len(starts), 1)), replace(cut, starts=starts))
+        slopes = np.array([(values[1 : n + 1] - values[0]) / STEP for values in over])
+        inside = _all(np.isfinite(sum(np.delete(values, np.s_[1 : n + 1], axis=0).sum(axis=0) for values in over)), cut)
+        return [values[0] for values in over], np.nan_to_num(slopes), inside
+
     def _inside(self, cut: Stretches, rows: Array) -> NDArray[np.bool_]:
         """(n_stretch,) whether the model stays in table and range over each, from starts to both sides too, and models
         (n_row, unknowns.size). Next to the end of a table a start cannot go where it suits best."""
@@ -257,8 +269,7 @@ class Shooting:
 
     def _borne(self, cut: Stretches) -> NDArray[np.bool_]:
         """(n_stretch,) whether the model and its moves stay near the record over each."""
-        [(base, slopes)] = self._simulated([cut])
-        finite = self._inside(cut, self.spread.rows[:0])
+        base, slopes, finite = self._between_margins(cut)
         growth = self._growth(replace(cut, slopes=slopes))
         gentle = growth <= GENTLE
         if np.all(gentle | ~finite):
