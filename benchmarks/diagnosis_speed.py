@@ -3,8 +3,9 @@
     python benchmarks/diagnosis_speed.py [--threads N] [--every] [--docs]
 
 Eight seconds of noise to fit, four of a swept sine held out, on the reference actuator and on a levitator under its
-controller, one effect of 3 % or none hidden; with --every each effect of the catalogue in turn on the reference
-actuator. Each record is diagnosed in a process of its own. With --docs the table takes its place in docs/diagnosis.md.
+controller, one effect of 3 % or none hidden; with --every each effect of the catalogue in turn on the rigs that --rigs
+names (the levitator's records alone take a minute each to be made). Each record is diagnosed in a process of its own.
+With --docs the table takes its place in docs/diagnosis.md.
 """
 
 import argparse
@@ -43,8 +44,19 @@ CASES = (
     ("levitator", "current", "eddy_currents=3%"),
     ("levitator", "voltage", "eddy_currents=3%"),
     ("levitator", "current", "magnetic_hysteresis=3%"),
+    ("levitator", "current", "fringing=3%"),
+    ("levitator", "current", "coil_heating=3%"),
+    ("levitator", "current", "amplifier_bandwidth=3%"),
+    ("levitator", "current", "coulomb_friction=3%"),
+    ("levitator", "voltage", "magnetic_hysteresis=3%"),
+    ("levitator", "voltage", "coulomb_friction=3%"),
 )
-EVERY = tuple(("servo", drive, f"{name}=3%") for drive in ("voltage", "current") for name in CATALOGUE)
+EVERY = tuple(
+    (rig, drive, f"{name}=3%")
+    for rig in ("servo", "levitator")
+    for drive in ("voltage", "current")
+    for name in CATALOGUE
+)
 RATE = 1e4
 
 
@@ -81,13 +93,14 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--one", nargs=3, metavar=("RIG", "DRIVE", "HIDDEN"), help="one record, as JSON")
     parser.add_argument("--every", action="store_true", help="every effect of the catalogue")
+    parser.add_argument("--rigs", default="servo", help="of --every, with commas between them: servo, levitator")
     parser.add_argument("--docs", action="store_true")
     options = parser.parse_args()
     if options.one:
         measured(*options.one, options.threads)
         return
     rows = []
-    for rig, drive, hidden in EVERY if options.every else CASES:
+    for rig, drive, hidden in [one for one in EVERY if one[0] in options.rigs.split(",")] if options.every else CASES:
         command = [sys.executable, __file__, "--threads", str(options.threads), "--one", rig, drive, hidden]
         made = subprocess.run(command, check=True, capture_output=True, text=True)
         row = {"drive": drive, "hidden": hidden, "rig": rig} | json.loads(made.stdout.splitlines()[-1])
@@ -116,18 +129,18 @@ def line_of(row: Row) -> str:
 
 
 def totals(rows: Sequence[Row], threads: int) -> list[str]:
-    """A table of the median and of the slowest by drive, and how often the hidden effect came first."""
+    """A table of the median and of the slowest by rig and drive, and how often the hidden effect came first."""
     lines = [
-        f"| servo, every effect ({threads} threads) | median | slowest | within 40 s | most memory | named first |",
+        f"| every effect ({threads} threads) | median | slowest | within 40 s | most memory | named first |",
         "| --- | ---: | --- | ---: | --- | ---: |",
     ]
-    for drive in dict.fromkeys(row["drive"] for row in rows):
-        own = [row for row in rows if row["drive"] == drive]
+    for rig, drive in dict.fromkeys((row["rig"], row["drive"]) for row in rows):
+        own = [row for row in rows if (row["rig"], row["drive"]) == (rig, drive)]
         slow, fat = (max(own, key=lambda row, what=what: float(row[what])) for what in ("wall", "memory"))
         first = sum(row["names"][:1] == [effect_of(row)] for row in own)
         within, middle = sum(row["wall"] <= 40 for row in own), median(row["wall"] for row in own)
         lines.append(
-            f"| {drive} drive | {middle:.0f} s | {slow['wall']:.0f} s ({effect_of(slow)}) | "
+            f"| {rig}, {drive} drive | {middle:.0f} s | {slow['wall']:.0f} s ({effect_of(slow)}) | "
             f"{within} of {len(own)} | {fat['memory']:.0f} MB ({effect_of(fat)}) | {first} of {len(own)} |"
         )
     return lines

@@ -70,8 +70,7 @@ farther, a stretch over which errors grow tells the difference."""
 WORN = 50.0
 """Nats that a round brings, behind which the nuisances' columns are of a place too far away."""
 NEARLY_AS_GOOD, TELLS = 0.03, 10.0
-"""The same of a point that is so many nats above or below that of the step before: there it changes neither whether the
-step is taken nor much of what it brings."""
+"""The same of a point that is so many nats above that of the step before, and will not come below it."""
 MOST_LED = 3  # times that starts are moved at a point
 LED = 0.01  # of what a step has brought, that moving them has to bring to be worth another time
 TINY = 1e-300  # square of a move that is none
@@ -284,8 +283,8 @@ class _FitPosterior:
         `most` is left as soon as that shows, for each time less is to be gained; one that does where little is."""
         point, nearer, far = self._from(z, starts)
         for _ in range(MOST_LED):
-            is_told = most < np.inf and abs(point.objective - most) > TELLS
-            if far <= (NEARLY_AS_GOOD if is_told else AS_GOOD) or not np.isfinite(point.objective):
+            lost = point.objective - most > TELLS
+            if far <= (NEARLY_AS_GOOD if lost else AS_GOOD) or not np.isfinite(point.objective):
                 break
             moved, nearer, far = self._from(z, nearer)
             gained = point.objective - moved.objective
