@@ -138,7 +138,7 @@ def test_a_point_that_will_not_do_is_left_as_soon_as_that_shows(kind) -> None:
     assert left.objective >= whole.objective
 
 
-@pytest.mark.parametrize(("most", "looks"), [(np.inf, 4), (1.0, 4), (50.0, 4), (-50.0, 1)])
+@pytest.mark.parametrize(("most", "looks"), [(np.inf, 4), (1.0, 4), (50.0, 2), (-50.0, 1)])
 def test_starts_that_are_nearly_as_good_do_where_a_step_has_failed(kind, monkeypatch, most: float, looks: int) -> None:
     """A point far above the one before is not looked at again for a hundredth of a sigma."""
     posterior, asked = fitting._FitPosterior(kind.likelihood, kind.unknowns, FitPlan()), []
