@@ -65,6 +65,16 @@ def test_one_step_is_as_good_as_many(
         assert off(few[1], many[1]) < most[1]
 
 
+def test_sides_that_share_current_rise_together(servo: Actuator, table: MagneticTable) -> None:
+    """Without iron, where commands run straight: a target is that of both sides."""
+    actuator, values = changed(servo, drive={"bandwidth": 2e3}), EffectValues({"cross_coupling": {"share": 0.1}})
+    one, many = (
+        simulate(actuator, table, wandering(200, "linear"), effects=values, options=Options(substeps=steps))
+        for steps in (1, 60)
+    )
+    assert off(one.current, many.current) < 2e-4
+
+
 def test_a_moving_gap_changes_what_iron_takes(servo: Actuator, table: MagneticTable) -> None:
     """At one step, as at many: position and current of a mover that swings."""
     actuator = changed(servo, drive={"bandwidth": 2e3})
