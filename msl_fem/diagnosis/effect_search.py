@@ -128,7 +128,8 @@ def _beginnings(chain: Chain) -> list[tuple[int, Refit]]:
 def _begun_with(other: Refit, chain: Chain, n: int, how: DiagnosisSettings) -> Chain:
     """A search up to stage n, its effect another one, which is led to its end."""
     stage = chain.stages[n]
-    led = Refinement(stage.base, how.progress, how.memory).converged(other, leads=True)
+    refinement = Refinement(stage.base, how.progress, how.memory)
+    led = refinement.converged(refinement.over_all(other), leads=True)
     begun = replace(stage, refits=(led, *(one for one in stage.refits if one is not other)))
     return Chain((*chain.fits[: n + 1], led.fit), (*chain.stages[:n], begun))
 

@@ -58,6 +58,8 @@ COOLING = 10.0
 CARRIED = 1e-2, 1e2
 """Damping, least and most, with which a round goes on after another one in a fit that began with a heat; in others it
 is one at most, since a kink that has raised it may be behind the new starts."""
+STUCK = 2
+"""Trials at least, none of which leads down, behind which a fit is stuck."""
 SANE = 20.0
 """Tolerances beyond which no number of a model without effects is what it says: a cause is missing."""
 WORTH = 0.05
@@ -150,6 +152,7 @@ def fit(
         point, model = posterior.cooled(end.point, end.model)
         simulations, start_slopes = simulations + posterior.simulations, posterior.start_slopes
         found = _fit_at(posterior, point, model, simulations, end.damping)
+        found = replace(found, stuck=not end.steps and end.ending == "no more steps" and trials >= STUCK)
         if sane is not None and not beyond_sanity(unknowns, point.z):
             sane = found
         if not likelihood.is_cut:
@@ -179,6 +182,13 @@ def fit(
         likelihood, z = nearer, point.z
         damping = replace(damping, first=float(np.clip(end.damping, CARRIED[0], CARRIED[1] if sane else 1.0)))
     return replace(found, sane=sane)
+
+
+def fit_there(likelihood: Likelihood, unknowns: Unknowns, z: Array, jacobian: Slopes) -> Fit:
+    """A fit that has not gone anywhere yet: at numbers where the columns of all unknowns are known."""
+    posterior = _FitPosterior(likelihood, unknowns, FitPlan())
+    point = posterior.at(z)
+    return _fit_at(posterior, point, posterior.linearised(point, jacobian), posterior.simulations, FitPlan.damping)
 
 
 def beyond_sanity(unknowns: Unknowns, z: Array) -> bool:

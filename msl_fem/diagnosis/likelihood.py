@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +118,7 @@ class Fit:
     nearer : starts of stretches that suit it still better to a linear model
     start_slopes : by how much each unknown moves the starts of stretches, (n_unknown, n_stretch, 4) of each run
     stale : whether some columns were taken over from a neighbouring point
+    stuck : whether none of its last steps led down, of some at least
     """
 
     unknowns: Unknowns
@@ -136,6 +138,7 @@ class Fit:
     nearer: Starts | None = None
     start_slopes: Starts = ()
     stale: bool = True
+    stuck: bool = False
 
     def to_come(self, steps: int) -> float:
         """Nats that so many steps more promise: with much damping, as along a bent valley, less than one without."""
@@ -284,6 +287,22 @@ class Likelihood:
             return over, np.zeros((len(over[0]), 0))
         moves = cut.moves(over)
         return cut.without_starts(over, moves), moves.reshape(len(moves), -1)
+
+    def first(self, samples: int) -> tuple["Likelihood", NDArray[np.bool_]]:
+        """That of the first stretches alone (`FitProblem.first`), and which of the numbers, (n_number,), are its."""
+        problem = self.problem.first(samples)
+        kept = [part.stop <= len(problem.runs[run].commands) for run, part in self.problem.pieces]
+        lines, band_of = (tuple(compress(each, kept)) for each in (self.bands.lines, self.bands.band_of))
+        sizes = [2 * lines * len(self.problem.channels(run)) for lines, run in self._lines_and_runs]
+        numbers = np.repeat(kept, sizes)
+        beside = np.ones(self.labels.size - numbers.size, dtype=bool)  # a map's rows
+        bands = replace(self.bands, lines=lines, band_of=band_of)
+        return replace(self, problem=problem, bands=bands), np.concatenate([numbers, beside])
+
+    @property
+    def _lines_and_runs(self) -> list[tuple[int, int]]:
+        """(lines, run) of each piece."""
+        return [(lines, run) for lines, (run, _) in zip(self.bands.lines, self.problem.pieces, strict=True)]
 
     def gathering(self, runs: GatheredRuns | None) -> "Likelihood":
         """The same, its simulations run where they meet with those of other fits."""

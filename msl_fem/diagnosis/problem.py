@@ -85,6 +85,18 @@ class FitProblem:
         each = zip(self.cuts, starts, strict=True)
         return replace(self, stretches=tuple(None if cut is None else replace(cut, starts=own[0]) for cut, own in each))
 
+    def first(self, samples: int) -> "FitProblem":
+        """With the first stretches alone of each run that is followed over such, in which so many samples of all runs
+        together lie, or nearly."""
+        share = samples / sum(len(run.commands) for run in self.runs)
+        runs, stretches = list(self.runs), list(self.cuts)
+        for n, cut in enumerate(self.cuts):
+            count = 0 if cut is None else int(np.searchsorted(cut.begins, share * len(runs[n].commands)))
+            if cut is not None and 0 < count < cut.begins.size:
+                end = int(cut.begins[count])
+                runs[n], stretches[n] = runs[n].first(end), cut.first(count, end)
+        return replace(self, runs=tuple(runs), stretches=tuple(stretches))
+
     @property
     def pieces(self) -> list[tuple[int, slice]]:
         """(run, its samples) of all stretches of all runs that count."""

@@ -7,7 +7,7 @@ no prospect of leading any more is stopped. All that run ask for their simulatio
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TypeVar
@@ -58,7 +58,7 @@ STRAINED = 4.0  # tolerances by which a believed parameter of a fit has moved, w
 BENT = 2.5  # tolerances, from which what is made up for as far as `MADE_UP` may be what bends it
 NEAR = 15.0  # nats behind the best within which refits are converged
 FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the best
-LED = 1e-5  # the same of the one that leads
+LED = 1e-4  # the same of the one that leads, `ROUGH` at most
 ROUGHLY_CONVERGED = 0.5  # nats that a candidate may still gain which does not lead, or of which much more is asked
 ROUGH = 5.0  # nats that a fit may still gain when it is scored, where the best score is far above
 AT_ONCE = 4
@@ -85,7 +85,12 @@ class Refit:
 
     @property
     def reach(self) -> float:
-        """Nats that it may come to: `CATCHING_UP` times what some steps promise more, as damped as they have to be."""
+        """Nats that it may come to: what it has where none of its last steps led down, whatever they promised."""
+        return self.gain if self.fit.stuck else self.promised
+
+    @property
+    def promised(self) -> float:
+        """Nats with `CATCHING_UP` times what some steps promise more, as damped as they have to be."""
         return self.gain + CATCHING_UP * self.fit.to_come(RACED_STEPS)
 
 
@@ -176,9 +181,11 @@ class Refinement:
         memory: FitMemory,
         hopeless: Callable[[Refit], bool] = lambda refit: False,
         variants: Sequence[Variant] = (),
+        ends: Mapping[Variant, Array] | None = None,
     ) -> None:
+        """`ends` are numbers to which candidates have come over a part of the record."""
         self.base, self.tell, self.memory, self.hopeless = base, tell, memory, hopeless
-        self.variants = variants
+        self.variants, self.ends = variants, ends or {}
         self.near, self.lost = base.sane or base, base.sane is not None
         self.nuisance_columns = self.near.jacobian[:, : base.unknowns.n_nuisance]
 
@@ -230,6 +237,12 @@ class Refinement:
         begun = [self.from_small_amounts(refit, far, by_itself=True) for refit in bent]
         return [after for before, after in zip(bent, begun, strict=True) if after is not before]
 
+    def over_all(self, refit: Refit) -> Refit:
+        """One that was fitted over a part of the record alone, over all of it if that can be simulated."""
+        if refit.fit.residual.size == self.base.residual.size:
+            return refit
+        return self._tried(self.base, refit.variant, refit.fit.z, FitPlan(FIRST_STEPS, enough=ROUGH)) or refit
+
     def _other_forms(self, leader: Refit, refits: Sequence[Refit]) -> list[Refit]:
         """Of the leader's effect, beside a model that is lost: which of them leads on the way there is chance."""
         if not self.lost:
@@ -256,11 +269,27 @@ class Refinement:
         unknowns = extended(self.base.unknowns, score.variant)
         begin = self.memory.end_of(fit_name(self.base.unknowns, score.variant.name), unknowns)
         try:
-            if begin is None:  # at the same time, all their runs would be in the memory together
-                begin = started(self.near, score, self.near.likelihood.gathering(gathered_here()))
-            return self._refit(self.near, score.variant, begin, plan, self.nuisance_columns)
+            near, known = (self.near, begin) if begin is not None else self._known_of_part(score.variant)
+            if known is None:  # at the same time, all their runs would be in the memory together
+                known = started(near, score, near.likelihood.gathering(gathered_here()))
+            return self._refit(near, score.variant, known, plan, self.nuisance_columns)
         except ComputationError:
             return None
+
+    def _known_of_part(self, variant: Variant) -> tuple[Fit, Array | None]:
+        """Where a candidate begins that was fitted over a part of the record, and what it begins beside: where it ended
+        there, with stretches that begin where they do beside the fit without it, or else where they suit it. None where
+        neither is better than that fit."""
+        z, unknowns = self.ends.get(variant), extended(self.base.unknowns, variant)
+        if z is None:
+            return self.near, None
+        likelihood = self.near.likelihood.gathering(gathered_here())
+        if likelihood.objective(unknowns, z) < self.near.objective:
+            return self.near, z
+        likelihood = likelihood.followed(unknowns, z)
+        if likelihood.objective(unknowns, z) < self.near.objective:
+            return replace(self.near, likelihood=likelihood.gathering(None)), z
+        return self.near, None
 
     def _screened(self, candidates: Sequence[Score]) -> tuple[list[Refit], list[Refit]]:
         """Candidates that were screened, and those that ended after a first look. Where one of those in `FRONT` by
@@ -271,7 +300,7 @@ class Refinement:
         front = [score for score in candidates if every or score.gain >= FRONT * most]
         behind = [score for score in candidates if score not in front]
         further, ended = self._screened_beside([], front)
-        if further and self._takes_all(min(further, key=_by_gain)):
+        if further and self.takes_all(min(further, key=_by_gain)):
             return further, ended
         more, also = self._screened_beside(further, behind)
         return [*further, *more], [*ended, *also]
@@ -289,7 +318,7 @@ class Refinement:
         told = _Screening(self.tell, len(going), "screening", _is_behind)
         return self._together(lambda refit: told.ends(refit.variant, self.screened_on(refit)), going), ended
 
-    def _takes_all(self, refit: Refit) -> bool:
+    def takes_all(self, refit: Refit) -> bool:
         """Whether a candidate leaves nearly noise alone and bends no believed parameter."""
         if self.lost or strained(refit.fit):
             return False
@@ -314,11 +343,11 @@ class Refinement:
             return list(kept)  # what leads begins once more
         first = min(kept, key=_by_gain, default=None)
         most = NEARLY * max(first.gain, 0.0) if first else 0.0
-        running = [one for one in kept if one.promising and one.reach >= most and not self.hopeless(one)]
-        if first and self._takes_all(first):  # whose model is that of those that began at other shapes
+        running = [one for one in kept if one.promising and one.promised >= most and not self.hopeless(one)]
+        if first and self.takes_all(first):  # whose model is that of those that began at other shapes
             own = [unknown.place for unknown in first.variant.unknowns]
             other = [one for one in running if [unknown.place for unknown in one.variant.unknowns] != own]
-            running = [one for one in other if one.reach > first.gain - NEAR]
+            running = [one for one in other if one.promised > first.gain - NEAR]
         ended = [refit for refit in kept if refit not in running]
         for _ in range(REFINEMENT_STEPS // RACED_STEPS if kept else 0):
             best = min([*running, *ended], key=_by_gain)
@@ -331,6 +360,8 @@ class Refinement:
             running = [new for old, new in pairs if new.promising and _may_lead(old, new, leader)]
             running = [new for new in running if not self.hopeless(new)]
             ended += [new for new in moved if new not in running]
+            if len(running) == 1 and running[0].gain >= leader:
+                break  # it is led to its end
         return [*running, *ended]
 
     def refined(self, refit: Refit) -> Refit:
@@ -342,7 +373,7 @@ class Refinement:
         """A candidate in front, its columns in the end those of that point, of which a further step would gain next to
         nothing."""
         enough = max(ROUGHLY_CONVERGED if self.base.unknowns.effects else CONVERGED, FRACTION * refit.gain)
-        ended = max(ROUGHLY_CONVERGED, LED * refit.gain)
+        ended = max(ROUGHLY_CONVERGED, min(LED * refit.gain, ROUGH))
         enough = min(enough, ended) if leads else max(enough, ROUGHLY_CONVERGED)
         plan = FitPlan(LAST_STEPS, refit.fit.damping, enough=enough, fresh_begin=leads)
         led = None
@@ -492,11 +523,11 @@ class Refinement:
         for one in begun:
             if any(max(other.fit.excess.values()) <= QUIET for other in ended):
                 break  # where one leaves noise alone the others have nothing to come to
-            if one.reach >= max(begun[0].gain, least):
+            if one.promised >= max(begun[0].gain, least):
                 ended.append(self._on(one))
         for _ in range(MORE_LEGS if ended else 0):
-            far = max(ended, key=lambda one: one.reach)
-            if not far.promising or far.reach <= max(refit.gain, *(one.gain for one in ended)):
+            far = max(ended, key=lambda one: one.promised)
+            if not far.promising or far.promised <= max(refit.gain, *(one.gain for one in ended)):
                 break
             ended.append(self._on(far))
             ended.remove(far)
@@ -553,7 +584,7 @@ def _is_behind(refit: Refit, best: float) -> bool:
 
 def _far_behind(refit: Refit, best: float) -> bool:
     """Whether one after a first look is, even if it comes to what it promises."""
-    return best > 0 and refit.reach < FAR_BEHIND * best
+    return best > 0 and refit.promised < FAR_BEHIND * best
 
 
 def strained(found: Fit, tolerances: float = STRAINED) -> bool:

@@ -18,9 +18,9 @@ from msl_fem.diagnosis.next_experiment import Question, farther, separating
 from msl_fem.diagnosis.noise import highest_line, make_bands
 from msl_fem.diagnosis.outside import Dependence, dependences
 from msl_fem.diagnosis.problem import FitProblem, Points, simulated_residuals
-from msl_fem.diagnosis.refits import ROUGH
+from msl_fem.diagnosis.refits import FIRST_LOOK, ROUGH
 from msl_fem.diagnosis.search import SearchStage
-from msl_fem.diagnosis.shooting import ModelSpread, Shooting
+from msl_fem.diagnosis.shooting import SHORT, ModelSpread, Shooting
 from msl_fem.diagnosis.spikes import about_spikes, without_spikes
 from msl_fem.diagnosis.static_maps import MAP_BESIDE, StaticLikelihood, joined, map_beside, own_of_map
 from msl_fem.diagnosis.stretches import Stretches
@@ -164,8 +164,12 @@ class Runs(Kind):
         return rule
 
     def predictive_gain(self, before: Fit, after: Fit) -> float:
-        first, second = (self._evidence_of_all(fit) - fit.log_evidence for fit in (before, after))
-        return second - first
+        without = self._evidence_of_all(before, FitPlan(enough=OF_ALL_RUNS)) - before.log_evidence
+        for plan in (FitPlan(FIRST_LOOK, enough=OF_ALL_RUNS), FitPlan(enough=OF_ALL_RUNS)):  # more steps bring more
+            gain = self._evidence_of_all(after, plan) - after.log_evidence - without
+            if gain > 0.0:
+                break
+        return gain
 
     def dependences(
         self, fit: Fit, belief: ModelHypothesis, *, few: bool = False, threads: int = 1
@@ -189,7 +193,7 @@ class Runs(Kind):
         sizes = [self._size(belief, effect) for effect in effects]
         return [size for size in sizes if size is not None]
 
-    def _evidence_of_all(self, found: Fit) -> float:
+    def _evidence_of_all(self, found: Fit, plan: FitPlan) -> float:
         """Log evidence of fitted and held-out runs together under a fit's model, which goes on from there: more than
         its own by the log of the density that it predicts for the held-out ones. Minus infinity where it does not
         follow them."""
@@ -205,7 +209,7 @@ class Runs(Kind):
         likelihood = replace(likelihood, strict=found.likelihood.strict)
         z = np.insert(found.z, own.n_nuisance, np.zeros(every.size - own.size))
         try:
-            return fit(likelihood, every, z, plan=FitPlan(enough=OF_ALL_RUNS)).log_evidence
+            return fit(likelihood, every, z, plan=plan).log_evidence
         except ComputationError:
             return -np.inf
 
@@ -408,7 +412,7 @@ def _simulated_missed(
     shot = Shooting(
         problem, 0, ModelSpread(Unknowns((), 0, ()), np.zeros(0), np.zeros((0, 0))), substeps=plant.substeps
     )
-    return shot.missed(shot.refined(cut)) if settled else shot.followed(cut)
+    return shot.missed(shot.refined(cut, SHORT)) if settled else shot.followed(cut)
 
 
 def _loses(renewed: Runs, found: Fit) -> bool:

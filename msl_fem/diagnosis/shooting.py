@@ -33,10 +33,12 @@ CURRENT_REACH = 0.3  # of the RMS current
 STEP = 1e-4  # of the starts, in units of their prior
 REFINED = 6  # Gauss-Newton steps of the starts, at most
 LONG = 15  # of them, where a model is judged that is not fitted
+SHORT = 2  # of them, next to starts to which a fit has come
 MARGIN = 0.5  # of a start's position, in units of its prior, within which a stretch has to stay inside
 LOST = 1e6  # times the noise, that stand for a stretch that left table or range
 FAR_MORE = 2.0  # times what another start leaves over a stretch, with which one has lost its way
 SETTLED = 2e-3  # moves of the starts, in units of their prior, that are none
+LITTLE, MOST_IDLE = 1.0, 2  # squares that moves bring, all stretches together, and how often in a row they may
 NEAR_BY = 0.3  # moves of the starts behind which slopes are those before
 LOOKED_AT = 9  # samples of the parabola that gives the first guess of a start
 
@@ -68,6 +70,7 @@ class _Refinement:
         self.cut = self.best = cut
         self._growth_of = growth_of
         self.settled = self.near_by = False
+        self._idle = 0
         self._sigmas, self._kept = sigmas, [np.zeros(0)]
         self.least, self._part = np.full(cut.begins.size, np.inf), np.ones(cut.begins.size)
 
@@ -77,6 +80,8 @@ class _Refinement:
         cut, first = self.cut, np.isinf(self.least).all()
         cost = np.add.reduceat(sum(np.nan_to_num(values, nan=LOST) ** 2 for values in base), cut.begins)
         better = cost < self.least
+        brings_little = not first and float(np.sum((self.least - cost)[better])) < LITTLE
+        self._idle = self._idle + 1 if brings_little else 0
         self._part = np.where(better & (self._part > 0.0), 1.0, self._part / 2)
         self.least = np.where(better, cost, self.least)
         starts = np.where(better[:, None], cut.starts, self.best.starts)
@@ -100,7 +105,7 @@ class _Refinement:
         """A Gauss-Newton step of the starts, or a part of it."""
         moves = self._part[:, None] * np.nan_to_num(self.best.moves([values[None] for values in self._kept])[0])
         largest = float(np.abs(moves).max())
-        self.settled, self.near_by = largest < SETTLED, largest < NEAR_BY
+        self.settled, self.near_by = largest < SETTLED or self._idle >= MOST_IDLE, largest < NEAR_BY
         self.cut = replace(self.best, starts=moved(self.best.starts, moves * self._sigmas))
 
 

@@ -56,6 +56,11 @@ class Stretches:
             counts[part] = True
         return counts
 
+    def first(self, n: int, samples: int) -> "Stretches":
+        """The first n of them, which have so many samples together."""
+        outside = None if self.outside is None else self.outside[:n]
+        return Stretches(self.begins[:n], self.starts[:n], self.slopes[:, :, :samples], outside)
+
     def moves(self, over: Sequence[Array]) -> Array:
         """(n_row, n_stretch, n_start) that leave least of residuals over the noise, (n_row, n_sample) each."""
         slope = np.zeros(())

@@ -56,8 +56,10 @@ def test_what_takes_most_where_another_is_most_probable_is_the_first_beginning()
 def test_a_beginning_is_led_to_its_end_and_stands_first(monkeypatch: pytest.MonkeyPatch) -> None:
     chain = searched()
     led = Refit(Variant("force_offset", ()), fit_of("time_delay", "force_offset", nats=8190.0), 190.0)
+    over_all: list[Refit] = []
     monkeypatch.setattr(Refinement, "__init__", lambda self, *one: None)
-    monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: led if leads else one)
+    monkeypatch.setattr(Refinement, "over_all", lambda self, one: over_all.append(one) or one)
+    monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: led if leads and over_all else one)
     begun = _begun_with(chain.stages[1].refits[1], chain, 1, DiagnosisSettings())
     assert begun.fits == (*chain.fits[:2], led.fit)
     assert begun.stages[0] is chain.stages[0]
@@ -104,7 +106,7 @@ def test_a_search_ends_before_a_weak_effect_that_takes_too_little(
     chain = searched()
     begun = Chain(chain.fits[:2], chain.stages[:1])
     weak = Refit(Variant("squeeze_film", ()), fit_of("time_delay", "squeeze_film", nats=8200.0, loud=left), 200.0)
-    weak.fit.to_come, begun.fits[0].excess["x"] = lambda steps: 0.0, 10.0
+    weak.fit.to_come, weak.fit.stuck, begun.fits[0].excess["x"] = lambda steps: 0.0, False, 10.0
     begun.fits[1].likelihood = SimpleNamespace(problem=None)
     found = SearchStage(begun.fits[1], (), (weak,))
     monkeypatch.setattr(effect_search, "search_stage", lambda *one, **more: found)

@@ -144,7 +144,7 @@ def test_where_more_than_noise_is_left_held_out_runs_have_to_become_better(gain:
 def test_a_refit_that_cannot_come_to_what_a_further_effect_needs_is_not_led_on(
     gain: float, predicted: float, hopeless: bool
 ) -> None:
-    fit: Any = SimpleNamespace(predicted=predicted, to_come=lambda steps: predicted)
+    fit: Any = SimpleNamespace(predicted=predicted, to_come=lambda steps: predicted, stuck=False)
     refit = Refit(Variant("time_delay", ()), fit, gain)
     assert Rule().out_of_reach(stages(1000.0), refit, LOUDER) is hopeless
     assert not Rule().out_of_reach([], refit, LOUDER), "a first effect needs less"
@@ -167,7 +167,7 @@ def test_a_weak_effect_that_takes_too_little_is_not_followed(
 ) -> None:
     """Of 2 times the noise three quarters of the excess power may be kept, which is 1.80 times the noise; an effect
     below 3 % of 1000 nats has to come to that, what it may still take in proportion to its nats."""
-    fit: Any = SimpleNamespace(to_come=lambda steps: predicted, excess={"x": left, "i": 1.0})
+    fit: Any = SimpleNamespace(to_come=lambda steps: predicted, stuck=False, excess={"x": left, "i": 1.0})
     refit = Refit(Variant("time_delay", ()), fit, gain)
     excesses = [LOUDER, {"x": 2.0, "i": 1.0}]
     assert Rule().leads_nowhere(stages(1000.0), refit, excesses) is nowhere

@@ -109,7 +109,7 @@ def test_a_leader_goes_on_while_it_gains_and_others_take_one_leg(fits) -> None:
     assert len(fits) == 1, "whose next steps promise nothing"
 
 
-@pytest.mark.parametrize(("leads", "gain", "enough"), [(True, 1e6, 10.0), (True, 1e3, 0.5), (False, 1e3, 5.0)])
+@pytest.mark.parametrize(("leads", "gain", "enough"), [(True, 1e6, 5.0), (True, 2e4, 2.0), (True, 1e3, 0.5), (False, 1e3, 5.0)])
 def test_a_leader_begins_with_new_columns_and_is_led_nearly_to_its_end(
     monkeypatch, leads: bool, gain: float, enough: float
 ) -> None:
@@ -392,7 +392,7 @@ def test_a_candidate_may_take_nearly_all_before_it_leaves_noise(
     monkeypatch.setattr(Sizes, "is_cut", cut)
     race = Refinement(replace(BASE, objective=900.0), lambda text: None, FitMemory())
     one = refit([bends, 0.1, 0.1], 100.0)
-    assert race._takes_all(replace(one, fit=replace(one.fit, objective=left))) is takes_all
+    assert race.takes_all(replace(one, fit=replace(one.fit, objective=left))) is takes_all
 
 
 @pytest.mark.parametrize(("takes_all", "running"), [(True, ["near"]), (False, ["far", "near", "other shape"])])
@@ -402,7 +402,7 @@ def test_beside_one_that_takes_nearly_all_what_may_come_near_it_goes_on_and_no_o
     moved: list[Refit] = []
     monkeypatch.setattr(Refinement, "refined", lambda self, one: moved.append(one) or one)
     monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(item) for item in items])
-    monkeypatch.setattr(Refinement, "_takes_all", lambda self, one: takes_all)
+    monkeypatch.setattr(Refinement, "takes_all", lambda self, one: takes_all)
     friction, other = Variant("force_offset", DRIVES["both"].unknowns), Variant("gap_offset", DRIVES["slew"].unknowns)
     every = {
         "leader": refit([0.1, 0.1, 0.3], 1000.0, 2.0),
@@ -458,3 +458,28 @@ def test_a_leader_is_begun_with_further_amounts_where_it_is(monkeypatch, comes_t
         assert begun == [[0.1, 0.2, 0.0, 0.3]]
         assert found.variant == DRIVES[kept]
     assert Refinement(BASE, lambda text: None, FitMemory())._fuller(leader, others[1:]) is leader
+
+
+@pytest.mark.parametrize(("stuck", "reach"), [(True, 100.0), (False, 100.0 + 50.0 * CATCHING_UP)])
+def test_a_candidate_none_of_whose_steps_led_down_comes_no_further(stuck: bool, reach: float) -> None:
+    """Whatever it is promised, as beside a mover that sticks."""
+    found = refit([0.1, 0.1, 0.1], 100.0)
+    assert replace(found, fit=replace(found.fit, stuck=stuck)).reach == reach
+
+
+def test_the_race_ends_where_one_alone_goes_on_and_leads(fits, monkeypatch) -> None:
+    """It is led to its end anyway; one that is behind another goes on."""
+    steps: list[float] = []
+
+    def refined(self: Refinement, one: Refit) -> Refit:
+        steps.append(one.gain)
+        return replace(one, gain=one.gain + 500.0)
+
+    monkeypatch.setattr(Refinement, "refined", refined)
+    race = Refinement(BASE, lambda text: None, FitMemory())
+    assert race.raced([refit([3.0, 2.0, 0.3], 5000.0)])[0].gain == 5500.0
+    assert len(steps) == 1
+    steps.clear()
+    still = replace(refit([3.0, 2.0, 0.2], 6700.0, 0.1), variant=Variant("structural_mode", ()))
+    race.raced([refit([3.0, 2.0, 0.3], 5000.0), still])
+    assert steps == [5000.0, 5500.0, 6000.0, 6500.0]

@@ -99,4 +99,24 @@ def test_a_model_that_cannot_follow_the_held_out_runs_foretells_nothing(monkeypa
         raise ComputationError("the simulation fails at the start of the fit")
 
     monkeypatch.setattr(runs_module, "fit", failing)
-    assert kind._evidence_of_all(before) == -np.inf
+    assert kind._evidence_of_all(before, FitPlan()) == -np.inf
+
+
+@pytest.mark.parametrize(("gains", "asked", "told"), [([40.0], 2, 40.0), ([-30.0, 20.0], 3, 20.0), ([-30.0, -25.0], 3, -25.0)])
+def test_a_few_steps_do_where_they_confirm_an_effect(
+    monkeypatch: pytest.MonkeyPatch, gains: list[float], asked: int, told: float
+) -> None:
+    """More steps make the held-out runs more probable, never less."""
+    kind, before, after = fitted(HIDDEN)
+    plans: list[int] = []
+    evidences = iter([before.log_evidence + 5.0, *(after.log_evidence + 5.0 + gain for gain in gains)])
+
+    def evidence(self: Runs, found: Fit, plan: FitPlan) -> float:
+        plans.append(plan.most_steps)
+        return next(evidences)
+
+    monkeypatch.setattr(Runs, "_evidence_of_all", evidence)
+    assert kind.predictive_gain(before, after) == pytest.approx(told)
+    assert len(plans) == asked
+    assert plans[1] < plans[0]
+    assert set(plans[2:]) <= {plans[0]}

@@ -1,0 +1,62 @@
+"""Candidates looked at over the first part of a long record.
+
+What a cause of some per cent leaves in a record of many seconds is hundreds of times what names it, and each look at a
+candidate costs as much as the record is long. So all are looked at over the first stretches: which lead there is looked
+at before the others over the whole record, and begins where it has come to. The whole record decides alone: where what
+leads leaves more than a little of it, the others are looked at as well.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from msl_fem.diagnosis.fit import FitPlan, fit, fit_there
+from msl_fem.diagnosis.fit_memory import FitMemory
+from msl_fem.diagnosis.likelihood import QUIET, Fit
+from msl_fem.diagnosis.refits import LAST_STEPS, NEAR, ROUGH, Refinement, Refit, let_go
+from msl_fem.diagnosis.scores import Score
+
+SAMPLES = 20_000
+"""Of all runs together, that are looked at first."""
+LONGER = 2.0
+"""Times as many, from which a record is long."""
+PLENTY = 1_000.0
+"""Nats of these samples above those of noise, from which they tell causes apart."""
+
+
+def best_first(base: Fit, candidates: Sequence[Score], beside: Callable[..., Refinement], memory: FitMemory) -> list[Refit]:
+    """The refits of candidates `beside` a fit over a record, best first. Of a long one whose first part says what leads,
+    the others are those over that part, their gains behind as if the rest were like it."""
+    first = None if base.unknowns.effects else _over_first_part(base)
+    if first is None:
+        return beside(base, memory=memory).best_first(candidates)
+    there = beside(first, memory=memory.part("its first part"))
+    refits = there.best_first(candidates)
+    let_go(refits)
+    whole = beside(base, memory=memory, ends={one.variant: one.fit.z for one in refits})
+    if refits and there.takes_all(refits[0]):
+        near = {one.variant for one in refits if one.gain > refits[0].gain - NEAR}
+        led = whole.best_first([score for score in candidates if score.variant in near])
+        if led and whole.takes_all(led[0]):
+            share = first.residual.size / base.residual.size
+            gains = ((one, led[0].gain - (refits[0].gain - one.gain) / share) for one in refits)
+            return [*led, *(replace(one, gain=gain) for one, gain in gains if one.variant not in near)]
+        let_go(led)
+    return whole.best_first(candidates)
+
+
+def _over_first_part(base: Fit) -> Fit | None:
+    """A fit led to its end over the first part of a long record; None where that is not worth it."""
+    whole = base.likelihood
+    if not whole.is_cut or max(base.excess.values()) <= QUIET:
+        return None
+    samples = sum(len(run.commands) for run in whole.problem.runs)
+    if samples < LONGER * SAMPLES:
+        return None
+    if base.objective - base.nats_of_noise < PLENTY * samples / SAMPLES:
+        return None
+    likelihood, numbers = whole.first(SAMPLES)
+    there = fit_there(likelihood, base.unknowns, base.z, base.jacobian[numbers])
+    if base.sane is not None:
+        sane = fit_there(likelihood, base.unknowns, base.sane.z, base.sane.jacobian[numbers])
+        return replace(there, sane=sane)
+    return fit(likelihood, base.unknowns, base.z, plan=FitPlan(LAST_STEPS, enough=ROUGH), goes_on=there)

@@ -1,0 +1,208 @@
+"""Candidates looked at over the first part of a long record, and what of it the whole record takes over."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import levitator
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from msl_fem.actuator import load_actuator
+from msl_fem.diagnosis import first_part, search
+from msl_fem.diagnosis.effect_search import without_effects
+from msl_fem.diagnosis.fit import FitPlan, fit, fit_there
+from msl_fem.diagnosis.fit_memory import FitMemory
+from msl_fem.diagnosis.kind import about_belief
+from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.problem import Points
+from msl_fem.diagnosis.refits import NEAR, Refinement, Refit
+from msl_fem.diagnosis.runs import Runs, dynamic_runs
+from msl_fem.diagnosis.settings import DiagnosisSettings
+from msl_fem.diagnosis.variants import Variant
+from msl_fem.prediction import ModelHypothesis, run_data
+
+PART = 1000  # samples
+
+
+@pytest.fixture(scope="module")
+def kind() -> Runs:
+    """A ball that rubs, over 2 s in closed loop."""
+    base = load_actuator(ROOT / "measurements" / "levitation_rig" / "actuator.toml")
+    record = levitator.record(base, levitator.Truth(friction=0.01 * levitator.WEIGHT), seconds=2.0)
+    runs = [run_data(record, run) for run in record.runs]
+    made = dynamic_runs(record, ModelHypothesis(record.actuator, levitator.table()), runs)
+    return made.settled(str)
+
+
+@pytest.fixture(scope="module")
+def base(kind) -> Fit:
+    return without_effects(kind, DiagnosisSettings())
+
+
+@pytest.fixture
+def long(monkeypatch) -> None:
+    """The record counts as one."""
+    monkeypatch.setattr(first_part, "SAMPLES", PART)
+    monkeypatch.setattr(first_part, "PLENTY", 10.0)
+
+
+def test_the_numbers_of_the_first_stretches_are_those_of_the_whole(kind) -> None:
+    """Whatever comes behind; bit by bit, of moved starts as well."""
+    whole, unknowns = kind.likelihood, kind.unknowns
+    part, numbers = whole.first(PART)
+    [run], [cut] = part.problem.runs, part.problem.stretches
+    assert 0.7 * PART <= len(run.commands) <= 1.3 * PART
+    assert cut is not None
+    assert len(run.commands) in kind.likelihood.problem.stretches[0].begins
+    rows = np.zeros((2, unknowns.size))
+    rows[1, 0] = 1.0
+    starts = tuple(own + 1e-5 for own in whole.problem.starts(1))
+    own = tuple(one[:, : cut.begins.size] for one in starts)
+    for of_all, of_part in ((None, None), (starts, own)):
+        every = whole.spectra(Points.of(unknowns, rows, of_all))
+        assert np.array_equal(part.spectra(Points.of(unknowns, rows, of_part)), every[:, numbers])
+    assert numbers.sum() == part.labels.size < 0.5 * numbers.size
+    assert np.array_equal(part.labels, whole.labels[numbers])
+
+
+def test_a_fit_that_has_not_gone_anywhere(kind, base) -> None:
+    """Is at its numbers, with the columns that it was given, and knows what a step promises."""
+    there = fit_there(base.likelihood, base.unknowns, base.z, base.jacobian)
+    assert np.array_equal(there.z, base.z)
+    assert there.objective == pytest.approx(base.likelihood.objective(base.unknowns, base.z), abs=1.0)
+    assert np.array_equal(there.jacobian, base.jacobian)
+    on = fit(base.likelihood, base.unknowns, base.z, plan=FitPlan(1, enough=1e9, fresh_end=False), goes_on=there)
+    assert on.simulations == 0
+
+
+@pytest.mark.parametrize("short", ["samples", "nats", "noise", "stretches"])
+def test_a_short_record_or_one_that_tells_little_is_looked_at_as_a_whole(base, long, monkeypatch, short: str) -> None:
+    assert first_part._over_first_part(base) is not None
+    if short == "samples":
+        monkeypatch.setattr(first_part, "SAMPLES", 3000)
+    if short == "nats":
+        monkeypatch.setattr(first_part, "PLENTY", 1e5)
+    if short == "noise":
+        base = replace(base)
+        base.__dict__["excess"] = {"position_m": 1.05}
+    if short == "stretches":
+        monkeypatch.setattr(Likelihood, "is_cut", False)
+    assert first_part._over_first_part(base) is None
+
+
+def test_the_fit_over_the_first_part_is_at_its_end_there(base, long) -> None:
+    """And so is what a lost one was last at that a plant can have: that stays where it was."""
+    found = first_part._over_first_part(base)
+    assert found is not None
+    assert found.predicted < 10.0
+    assert found.sane is None
+    lost = first_part._over_first_part(replace(base, sane=base))
+    assert lost is not None
+    assert lost.sane is not None
+    assert np.array_equal(lost.sane.z, base.z)
+    assert lost.sane.residual.size == lost.residual.size == found.residual.size
+
+
+def test_a_cause_is_the_same_by_either_way(kind, base, long, monkeypatch) -> None:
+    """Its gain too, but for what a further step would bring."""
+    names = ("coulomb_friction", "stiffness_nonlinearity", "fringing")
+    tried = [one for one in about_belief(kind, base) if one.effect in names]
+    sizes: list[int] = []
+    plain = Refinement.screened
+
+    def noted(self: Refinement, score: Any) -> Any:
+        sizes.append(self.base.residual.size)
+        return plain(self, score)
+
+    monkeypatch.setattr(Refinement, "screened", noted)
+    by_part = search.search_stage(base, tried, tell=str)
+    small, large = min(sizes), max(sizes)
+    assert small < large == base.residual.size
+    assert sizes.count(small) > sizes.count(large) > 0, "all over the part, those that lead over all of it"
+    sizes.clear()
+    monkeypatch.setattr(first_part, "SAMPLES", 10**6)
+    as_a_whole = search.search_stage(base, tried, tell=str)
+    assert set(sizes) == {large}
+    best, other = by_part.best, as_a_whole.best
+    assert best is not None
+    assert other is not None
+    assert best.variant.effect == other.variant.effect == "coulomb_friction"
+    assert best.gain == pytest.approx(other.gain, abs=6.0)
+    assert best.fit.residual.size == large
+    told = {one.variant for one in by_part.refits}
+    assert {one.variant for one in as_a_whole.refits if one.gain > 0.5 * other.gain} <= told
+
+
+FRICTION, MODE, LAG = (Variant(name, ()) for name in ("coulomb_friction", "structural_mode", "time_delay"))
+
+
+class Asked:
+    """A refinement that makes of candidates what it is told, and notes of which it was asked."""
+
+    def __init__(self, gains: dict[Variant, float], *, takes: bool) -> None:
+        self.gains, self.takes, self.asked = gains, takes, list[list[Variant]]()
+        self.told: dict[str, Any] = {}
+
+    def best_first(self, candidates: list[Any]) -> list[Refit]:
+        self.asked.append([one.variant for one in candidates])
+        fits: Any = [SimpleNamespace(z=np.zeros(1), lets_go=lambda: None) for _ in candidates]
+        every = zip(candidates, fits, strict=True)
+        return sorted((Refit(one.variant, own, self.gains[one.variant]) for one, own in every), key=lambda one: -one.gain)
+
+    def takes_all(self, refit: Refit) -> bool:
+        return self.takes
+
+
+@pytest.mark.parametrize(("part_takes", "whole_takes"), [(True, True), (True, False), (False, True)])
+def test_what_leads_over_the_part_is_asked_first_and_the_whole_decides(
+    monkeypatch, part_takes: bool, whole_takes: bool
+) -> None:
+    gains = {FRICTION: 1000.0, MODE: 1000.0 - NEAR / 2, LAG: 600.0}
+    part = Asked(gains, takes=part_takes)
+    whole = Asked({name: 4 * gain for name, gain in gains.items()}, takes=whole_takes)
+    monkeypatch.setattr(first_part, "_over_first_part", lambda base: SimpleNamespace(residual=np.zeros(25)))
+    base: Any = SimpleNamespace(residual=np.zeros(100), unknowns=SimpleNamespace(effects=()))
+
+    def beside(found: Any, **told: Any) -> Any:
+        own = part if found is not base else whole
+        own.told = told
+        return own
+
+    candidates: Any = [SimpleNamespace(variant=one) for one in (LAG, MODE, FRICTION)]
+    found = first_part.best_first(base, candidates, beside, FitMemory())
+    every, near = [LAG, MODE, FRICTION], [MODE, FRICTION]
+    assert part.asked == [every]
+    assert set(whole.told["ends"]) == set(every)
+    assert whole.asked == ([near] if part_takes and whole_takes else [near, every] if part_takes else [every])
+    assert [one.variant for one in found] == [FRICTION, MODE, LAG]
+    behind = 4000.0 - 4 * 400.0 if part_takes and whole_takes else 2400.0
+    assert found[2].gain == pytest.approx(behind), "as if the rest of the record were like its part"
+
+
+def test_a_candidate_begins_where_it_came_to_over_the_part_if_that_is_better(base, monkeypatch) -> None:
+    """Beside stretches that begin as they do, else where they suit it; from its score where neither is."""
+    variant = Variant("gap_offset", ())
+    refinement = Refinement(base, str, FitMemory(), ends={variant: base.z})
+    costs = iter([base.objective - 1.0])
+    moved: list[int] = []
+
+    def followed(self: Likelihood, unknowns: Any, z: np.ndarray) -> Likelihood:
+        moved.append(1)
+        return self
+
+    monkeypatch.setattr(Likelihood, "objective", lambda self, unknowns, z: next(costs))
+    monkeypatch.setattr(Likelihood, "followed", followed)
+    near, z = refinement._known_of_part(variant)
+    assert near is base
+    assert z is base.z
+    assert not moved
+    costs = iter([np.inf, base.objective - 1.0])
+    near, z = refinement._known_of_part(variant)
+    assert near is not base
+    assert z is base.z
+    assert moved
+    costs = iter([np.inf, base.objective + 1.0])
+    assert refinement._known_of_part(variant) == (base, None)
+    assert refinement._known_of_part(Variant("fringing", ())) == (base, None)
