@@ -1,4 +1,4 @@
-"""Candidates looked at over the first part of a long record.
+"""What the first part of a long record tells at once: where its stretches may be cut, and which candidates lead.
 
 What a cause of some per cent leaves in a record of many seconds is hundreds of times what names it, and each look at a
 candidate costs as much as the record is long. So all are looked at over the first stretches: which lead there is looked
@@ -9,9 +9,12 @@ leads leaves more than a little of it, the others are looked at as well.
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from msl_fem.diagnosis.fit import FitPlan, fit, fit_there
 from msl_fem.diagnosis.fit_memory import FitMemory
-from msl_fem.diagnosis.likelihood import QUIET, Fit
+from msl_fem.diagnosis.likelihood import QUIET, Fit, Likelihood
 from msl_fem.diagnosis.refits import LAST_STEPS, NEAR, ROUGH, Refinement, Refit, let_go
 from msl_fem.diagnosis.scores import Score
 
@@ -23,9 +26,11 @@ PLENTY = 1_000.0
 """Nats of these samples above those of noise, from which they tell causes apart."""
 
 
-def best_first(base: Fit, candidates: Sequence[Score], beside: Callable[..., Refinement], memory: FitMemory) -> list[Refit]:
-    """The refits of candidates `beside` a fit over a record, best first. Of a long one whose first part says what leads,
-    the others are those over that part, their gains behind as if the rest were like it."""
+def best_first(
+    base: Fit, candidates: Sequence[Score], beside: Callable[..., Refinement], memory: FitMemory
+) -> list[Refit]:
+    """The refits of candidates `beside` a fit over a record, best first. Of a long one whose first part says what
+    leads, the others are those over that part, their gains behind as if the rest were like it."""
     first = None if base.unknowns.effects else _over_first_part(base)
     if first is None:
         return beside(base, memory=memory).best_first(candidates)
@@ -44,17 +49,21 @@ def best_first(base: Fit, candidates: Sequence[Score], beside: Callable[..., Ref
     return whole.best_first(candidates)
 
 
+def first_part(whole: Likelihood) -> tuple[Likelihood, NDArray[np.bool_]]:
+    """That of the first stretches of a long record, all of another, and which of the numbers, (n_number,), are its."""
+    samples = sum(len(run.commands) for run in whole.problem.runs) if whole.is_cut else 0
+    if samples < LONGER * SAMPLES:
+        return whole, np.ones(0, dtype=bool)
+    return whole.first(SAMPLES)
+
+
 def _over_first_part(base: Fit) -> Fit | None:
     """A fit led to its end over the first part of a long record; None where that is not worth it."""
-    whole = base.likelihood
-    if not whole.is_cut or max(base.excess.values()) <= QUIET:
+    likelihood, numbers = first_part(base.likelihood)
+    if likelihood is base.likelihood or max(base.excess.values()) <= QUIET:
         return None
-    samples = sum(len(run.commands) for run in whole.problem.runs)
-    if samples < LONGER * SAMPLES:
+    if base.objective - base.nats_of_noise < PLENTY * base.residual.size / np.count_nonzero(numbers):
         return None
-    if base.objective - base.nats_of_noise < PLENTY * samples / SAMPLES:
-        return None
-    likelihood, numbers = whole.first(SAMPLES)
     there = fit_there(likelihood, base.unknowns, base.z, base.jacobian[numbers])
     if base.sane is not None:
         sane = fit_there(likelihood, base.unknowns, base.sane.z, base.sane.jacobian[numbers])

@@ -292,7 +292,7 @@ class Likelihood:
         """That of the first stretches alone (`FitProblem.first`), and which of the numbers, (n_number,), are its."""
         problem = self.problem.first(samples)
         kept = [part.stop <= len(problem.runs[run].commands) for run, part in self.problem.pieces]
-        lines, band_of = (tuple(compress(each, kept)) for each in (self.bands.lines, self.bands.band_of))
+        lines, band_of = tuple(compress(self.bands.lines, kept)), tuple(compress(self.bands.band_of, kept))
         sizes = [2 * lines * len(self.problem.channels(run)) for lines, run in self._lines_and_runs]
         numbers = np.repeat(kept, sizes)
         beside = np.ones(self.labels.size - numbers.size, dtype=bool)  # a map's rows

@@ -10,10 +10,11 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.decision import Rule
+from msl_fem.diagnosis.first_part import first_part
 from msl_fem.diagnosis.fit import FitPlan, beyond_sanity, fit
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, Size
 from msl_fem.diagnosis.left_out import about_invalid, left_outside, runs_inside
-from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.likelihood import Columns, Fit, Likelihood
 from msl_fem.diagnosis.next_experiment import Question, farther, separating
 from msl_fem.diagnosis.noise import highest_line, make_bands
 from msl_fem.diagnosis.outside import Dependence, dependences
@@ -29,7 +30,16 @@ from msl_fem.diagnosis.unknowns import Unknowns, fixed_of
 from msl_fem.diagnosis.variants import variables_of
 from msl_fem.errors import ComputationError
 from msl_fem.plant.effects import EffectValues
-from msl_fem.prediction import ModelHypothesis, RunData, Start, free_parameters, free_run, kernel_plant, measured_start
+from msl_fem.prediction import (
+    KernelPlant,
+    ModelHypothesis,
+    RunData,
+    Start,
+    free_parameters,
+    free_run,
+    kernel_plant,
+    measured_start,
+)
 from msl_fem.prediction.free_run import counted
 from msl_fem.prediction.hypothesis import closed_form_steps, plant_of_run
 from msl_fem.prediction.run_data import Hold
@@ -48,6 +58,8 @@ OF_ALL_RUNS = 0.5
 OTHER_HOLD: Mapping[Hold, Hold] = {"zero-order": "linear", "linear": "zero-order"}
 ALIKE, FINER = 0.05, 3
 """Nats by which runs may differ in coarse steps from others, so many times finer than fine ones."""
+STEPS_A_TURN = 40.0
+"""Coarse steps in which a second resonance turns once at least; the method of fourth order errs by 2e-4 of it then."""
 COMPARABLE = 2.0
 """Times the nats by which runs in fine steps differ from these, by which those in coarse ones may."""
 Cuts = tuple[Stretches | None, ...]
@@ -121,9 +133,13 @@ class Runs(Kind):
             cuts.append(None if cut is None else shot.split(cut))
         static = map_beside(self.record, self.belief)
         likelihood, unknowns = _likelihood(replace(problem, stretches=tuple(cuts)), self.unknowns, static)
-        found = fit(likelihood, unknowns, np.zeros(unknowns.size), plan=FitPlan(enough=ROUGH_BEGINNING, tell=tell))
+        first, numbers = first_part(likelihood)
+        found = fit(first, unknowns, np.zeros(unknowns.size), plan=FitPlan(enough=ROUGH_BEGINNING, tell=tell))
         if found.sane is not None:
             return None
+        if first is not likelihood:  # all of it tells as much more
+            told = Columns(None, found.columns.gram * numbers.size / np.count_nonzero(numbers))
+            found = replace(found, columns=told)
         renewed = self.renewed(found)
         return None if _loses(renewed, found) else renewed
 
@@ -333,9 +349,14 @@ def _problem(
     believed = free_parameters(belief, tolerance, runs=runs)
     if static is not None:
         believed |= own_of_map(static.measured, tolerance)
-    return problem, Unknowns(
-        tuple(believed.items()), 0 if error is None else len(error.modes), (), fixed=fixed_of(belief)
-    )
+    n_table = 0 if error is None else len(error.modes)
+    slow = slow_turns(plant, coarse)
+    return problem, Unknowns(tuple(believed.items()), n_table, (), fixed=fixed_of(belief), slow=slow)
+
+
+def slow_turns(plant: KernelPlant, coarse: int | None) -> float:
+    """Hz, up to which what turns does with coarse steps; 0 where there are none."""
+    return 0.0 if coarse is None else plant.rate * coarse / STEPS_A_TURN
 
 
 def _cut_problem(problem: FitProblem, cuts: Cuts, kept: Sequence[int]) -> FitProblem:
@@ -406,7 +427,7 @@ def _simulated_missed(
         readings = free_run(plant, run, measured_start(plant, run)).readings
         missed = {name: run.measured[name] - readings[name] for name in run.measured}
         return missed | {name: bridged(missed[name], at) for name, at in run.left_out.items()}
-    if Unknowns((), 0, (), fixed=fixed_of(model)).fine_steps:
+    if Unknowns((), 0, (), fixed=fixed_of(model), slow=slow_turns(plant, coarse)).fine_steps:
         coarse = None
     problem = FitProblem(plant, (run,), (), (), None, tolerance=tolerance, coarse=coarse)
     shot = Shooting(

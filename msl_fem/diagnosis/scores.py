@@ -26,7 +26,6 @@ from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribu
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.unknowns import CAUCHY, STEP_OF_AMOUNTS, EffectUnknown
 from msl_fem.diagnosis.variants import Variant
-from msl_fem.plant.effects import CATALOGUE
 
 Shapes = tuple[EffectUnknown, ...]
 Amount = tuple[EffectUnknown, Shapes]
@@ -210,7 +209,8 @@ def signatures(found: Fit, amounts: Sequence[Amount]) -> Slopes:
         for shape in shapes:
             effects[n, shape.place] = shape.centre
         effects[n, one.place] = one.value(np.array(STEP_OF_AMOUNTS))
-        fine[n] = found.unknowns.fine_steps or CATALOGUE[one.effect].fine_steps
+        centres = {(shape.effect, shape.name): shape.centre for shape in shapes}
+        fine[n] = found.unknowns.fine_steps or found.unknowns.wants_fine(one.effect, centres)
     points = Points(found.unknowns, np.tile(found.z, (len(effects), 1)), effects, fine)
     columns = np.empty((len(amounts), found.residual.size), dtype=np.float32)
     in_fine_steps = found.residual

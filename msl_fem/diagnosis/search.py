@@ -12,8 +12,8 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from msl_fem.computing.arrays import Array
-from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.first_part import best_first
+from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import gathered_here, in_gatherings
 from msl_fem.diagnosis.likelihood import QUIET, Fit
@@ -125,7 +125,6 @@ def search_stage(
         candidates += [score for score in _best_of(every) if score.variant.effect in missing]
     kept = memory or FitMemory()
     kept.ended(fit_name(base.unknowns), base.z)
-
     refits = best_first(base, candidates, partial(Refinement, tell=tell, hopeless=hopeless, variants=tried), kept)
     return SearchStage(base, every, tuple(refits), at_base.null, near if beside else at_base.columns)
 

@@ -6,6 +6,7 @@ distribution: an effect may be far larger than usual at the cost of a few nats. 
 z), z standard normal.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -108,6 +109,7 @@ class Unknowns:
     effects : parameters searched for
     fixed : values of further parameters of effects, by place: those believed before anything is measured, times the
         factor of the believed parameter that has their name, "effect.parameter"
+    slow : Hz, up to which an effect that turns does without fine steps
     """
 
     believed: tuple[tuple[str, float], ...]
@@ -115,6 +117,7 @@ class Unknowns:
     starts: tuple[int, ...]
     effects: tuple[EffectUnknown, ...] = ()
     fixed: tuple[tuple[int, float], ...] = field(default=())
+    slow: float = 0.0
 
     @property
     def n_nuisance(self) -> int:
@@ -168,9 +171,16 @@ class Unknowns:
     @property
     def fine_steps(self) -> bool:
         """Whether an effect that is searched for or believed wants fine steps."""
-        fixed = {place for place, _ in self.fixed}
-        believed = {effect for (effect, _), place in PARAMETER_INDEX.items() if place in fixed}
-        return any(CATALOGUE[name].fine_steps for name in believed | {one.effect for one in self.effects})
+        fixed = dict(self.fixed)
+        believed = {(effect, name): fixed[at] for (effect, name), at in PARAMETER_INDEX.items() if at in fixed}
+        shapes = believed | {(one.effect, one.name): one.centre for one in self.effects if one.width}
+        effects = {effect for effect, _ in believed} | {one.effect for one in self.effects}
+        return any(self.wants_fine(effect, shapes) for effect in effects)
+
+    def wants_fine(self, effect: str, shapes: Mapping[tuple[str, str], float]) -> bool:
+        """Whether an effect does, by the centres of shapes, (effect, name) to SI value."""
+        entry = CATALOGUE[effect]
+        return entry.fine_steps and not shapes.get((effect, entry.turns), np.inf) <= self.slow
 
     @property
     def amounts(self) -> NDArray[np.intp]:

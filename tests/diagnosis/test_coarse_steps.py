@@ -163,6 +163,8 @@ def test_the_steps_of_stretches_chosen_anew_are_asked_for_where_the_fit_is(
         (None, 2),
         (EffectValues({"time_delay": {"command": 1e-4}}), None),
         (EffectValues({"force_offset": {"force": 1e-4}}), 2),
+        (EffectValues({"structural_mode": {"mass_share": 0.01, "frequency": 90.0}}), 2),
+        (EffectValues({"structural_mode": {"mass_share": 0.01, "frequency": 110.0}}), None),
     ],
 )
 def test_what_a_model_misses_on_a_run_is_told_in_the_steps_that_its_effects_want(
@@ -179,3 +181,34 @@ def test_what_a_model_misses_on_a_run_is_told_in_the_steps_that_its_effects_want
     monkeypatch.setattr(Shooting, "followed", lambda shot, cut: asked.append(shot.problem.coarse) or {})
     _simulated_missed(belief, replace(voltages, commands=currents), cut, record.tolerance, coarse=2)
     assert asked == [steps]
+
+
+@pytest.mark.parametrize(("frequency", "fine"), [(99.0, False), (101.0, True)])
+def test_what_turns_slowly_does_without_fine_steps(frequency: float, fine: bool) -> None:
+    """Searched for, scored or believed, by where its frequency begins."""
+    mode, share = (
+        EffectUnknown("structural_mode", "frequency", frequency, 0.15),
+        EffectUnknown("structural_mode", "mass_share"),
+    )
+    slow = Unknowns((), 0, (), slow=100.0)
+    assert replace(slow, effects=(share, mode)).fine_steps == fine
+    assert replace(slow, effects=(share, mode, DELAY)).fine_steps
+    assert replace(slow, fixed=((mode.place, frequency), (share.place, 0.01))).fine_steps == fine
+    assert Unknowns((), 0, (), (share, mode)).fine_steps
+    asked: list[np.ndarray] = []
+
+    def spectra(points: Points) -> np.ndarray:
+        asked.append(points.wants_fine)
+        return np.zeros((len(points.rows), 1))
+
+    found: Any = SimpleNamespace(
+        unknowns=slow, z=np.zeros(0), residual=np.zeros(1), likelihood=SimpleNamespace(spectra=spectra)
+    )
+    signatures(found, [(share, (mode,)), (FRICTION, ())])
+    assert asked[0].tolist() == [True, fine, False]
+
+
+def test_coarse_steps_are_those_in_which_a_turn_takes_forty(one_sided: Actuator) -> None:
+    plant = kernel_plant(ModelHypothesis(one_sided, levitator.table()), rate=RATE)
+    assert runs.slow_turns(plant, 2) == 250.0
+    assert runs.slow_turns(plant, None) == 0.0

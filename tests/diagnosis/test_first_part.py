@@ -148,8 +148,8 @@ class Asked:
     def best_first(self, candidates: list[Any]) -> list[Refit]:
         self.asked.append([one.variant for one in candidates])
         fits: Any = [SimpleNamespace(z=np.zeros(1), lets_go=lambda: None) for _ in candidates]
-        every = zip(candidates, fits, strict=True)
-        return sorted((Refit(one.variant, own, self.gains[one.variant]) for one, own in every), key=lambda one: -one.gain)
+        every = [Refit(one.variant, own, self.gains[one.variant]) for one, own in zip(candidates, fits, strict=True)]
+        return sorted(every, key=lambda one: -one.gain)
 
     def takes_all(self, refit: Refit) -> bool:
         return self.takes

@@ -95,7 +95,8 @@ def test_a_term_is_led_to_its_end_where_it_may_be_worth_it(
 ) -> None:
     """Nats that the next step promises bring it to the nats or to the share of the excess that a first term takes."""
     before: Any = SimpleNamespace(excess={"force_N": 3.0})
-    fit: Any = SimpleNamespace(excess={"force_N": left}, predicted=predicted, to_come=lambda steps: predicted, stuck=False)
+    fit: Any = SimpleNamespace(excess={"force_N": left}, predicted=predicted, stuck=False)
+    fit.to_come = lambda steps: predicted
     law = expression("root", "force", "-a*v", {"a": "0..9 N s/m"})
     refit = Refit(Variant("root", ()), fit, gain)
     assert formula_search._hopeless(before, () if first else (law,), 12.0, refit) is hopeless

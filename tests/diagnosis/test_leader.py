@@ -109,7 +109,9 @@ def test_a_leader_goes_on_while_it_gains_and_others_take_one_leg(fits) -> None:
     assert len(fits) == 1, "whose next steps promise nothing"
 
 
-@pytest.mark.parametrize(("leads", "gain", "enough"), [(True, 1e6, 5.0), (True, 2e4, 2.0), (True, 1e3, 0.5), (False, 1e3, 5.0)])
+@pytest.mark.parametrize(
+    ("leads", "gain", "enough"), [(True, 1e6, 5.0), (True, 2e4, 2.0), (True, 1e3, 0.5), (False, 1e3, 5.0)]
+)
 def test_a_leader_begins_with_new_columns_and_is_led_nearly_to_its_end(
     monkeypatch, leads: bool, gain: float, enough: float
 ) -> None:

@@ -102,7 +102,9 @@ def test_a_model_that_cannot_follow_the_held_out_runs_foretells_nothing(monkeypa
     assert kind._evidence_of_all(before, FitPlan()) == -np.inf
 
 
-@pytest.mark.parametrize(("gains", "asked", "told"), [([40.0], 2, 40.0), ([-30.0, 20.0], 3, 20.0), ([-30.0, -25.0], 3, -25.0)])
+@pytest.mark.parametrize(
+    ("gains", "asked", "told"), [([40.0], 2, 40.0), ([-30.0, 20.0], 3, 20.0), ([-30.0, -25.0], 3, -25.0)]
+)
 def test_a_few_steps_do_where_they_confirm_an_effect(
     monkeypatch: pytest.MonkeyPatch, gains: list[float], asked: int, told: float
 ) -> None:

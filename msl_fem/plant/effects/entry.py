@@ -200,6 +200,8 @@ class Effect:
         what they bring up to which it is no cause of its own
     fine_steps : whether it wants the steps by which a current loop is integrated, where without it the loop is known in
         closed form: it changes how the loop settles or when its target comes, or moves as fast
+    turns : the shape that says how often a second it does (Hz), "": it has none; where that is slow against a step it
+        does without fine ones
     """
 
     name: str
@@ -221,6 +223,7 @@ class Effect:
     wanders: str = ""
     deviation_of: Mapping[str, float] = field(default_factory=dict)
     fine_steps: bool = False
+    turns: str = ""
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; KeyError where there is none."""

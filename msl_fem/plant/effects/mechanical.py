@@ -311,6 +311,7 @@ MECHANICAL = (
         sets=(("mass_share",), ("mass_share", "load_reading")),
         deviation_of={"position_sensor_crosstalk": 0.02},
         fine_steps=True,
+        turns="frequency",
     ),
     Effect(
         name="flexure_relaxation",
