@@ -32,7 +32,7 @@ Amount = tuple[EffectUnknown, Shapes]
 """An amount, and the shapes around which it acts."""
 ROUNDING = 1e-12  # of a diagonal: amounts that act alike
 ROWS = 4096  # of the columns that are taken at a time, in double precision
-AT_ONCE = 64  # amounts that are simulated together
+AT_ONCE = 32  # amounts that are simulated together
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,10 +214,14 @@ def signatures(found: Fit, amounts: Sequence[Amount]) -> Slopes:
     points = Points(found.unknowns, np.tile(found.z, (len(effects), 1)), effects, fine)
     columns = np.empty((len(amounts), found.residual.size), dtype=np.float32)
     in_fine_steps = found.residual
-    for at in range(0, len(effects), AT_ONCE):
-        moved = found.likelihood.spectra(points.only(slice(at, at + AT_ONCE)))
+    rows = np.append(0, 1 + np.argsort(fine[1:], kind="stable"))  # those of equal steps run together
+    for at in range(0, rows.size, AT_ONCE):
+        own = rows[at : at + AT_ONCE]
+        moved = found.likelihood.spectra(points.only(own))
         if at == 0:
             in_fine_steps = moved[0].copy()
-        for n in range(max(at, 1), at + len(moved)):
-            columns[n - 1] = (moved[n - at] - (in_fine_steps if fine[n] else found.residual)) / STEP_OF_AMOUNTS
+        for n, one in zip(own, moved, strict=True):
+            if n:
+                columns[n - 1] = (one - (in_fine_steps if fine[n] else found.residual)) / STEP_OF_AMOUNTS
+        del moved
     return columns.T

@@ -205,7 +205,7 @@ def test_what_turns_slowly_does_without_fine_steps(frequency: float, fine: bool)
         unknowns=slow, z=np.zeros(0), residual=np.zeros(1), likelihood=SimpleNamespace(spectra=spectra)
     )
     signatures(found, [(share, (mode,)), (FRICTION, ())])
-    assert asked[0].tolist() == [True, fine, False]
+    assert asked[0].tolist() == [True, False, fine], "those of equal steps together"
 
 
 def test_coarse_steps_are_those_in_which_a_turn_takes_forty(one_sided: Actuator) -> None:
